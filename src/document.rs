@@ -1,0 +1,474 @@
+//! Files that a person writes, read so that every mistake has a place and a way out.
+//!
+//! `robot.toml`, `mission.toml`, `world.toml` and their like are TOML. A [`Document`] is parsed once;
+//! a builder then asks its [`Section`]s for the keys it knows and gets typed values or, for each thing
+//! that is wrong, a [`Finding`]: file, line, column, a caret under the place, a nearest name. Reading goes
+//! on after a mistake, so that one look shows them all.
+//!
+//! # Not here
+//!
+//! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O: the caller
+//! has read the bytes.
+//!
+//! # What we count on
+//!
+//! - Keys come back in the order of the file (the parser sorts them; their places put them back).
+//! - A file is at most [`Document::MAX_BYTES`] long, so that a caret's line and column stay small numbers.
+
+use std::cell::RefCell;
+use std::fmt;
+use std::ops::{Range, RangeInclusive};
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+mod finding;
+
+pub use finding::{Finding, Findings, Severity, nearest};
+
+/// One file as a person wrote it.
+#[derive(Debug, Clone)]
+pub struct Document {
+    name: String,
+    text: String,
+}
+
+impl Document {
+    /// The longest file that is read, in bytes; ten thousand states of a mission fit four times over.
+    pub const MAX_BYTES: usize = 4 << 20;
+
+    /// Takes the bytes of a file; `name` is what findings call it.
+    ///
+    /// # Errors
+    ///
+    /// One finding where the bytes are too many or not UTF-8.
+    pub fn new(name: &str, bytes: &[u8]) -> Result<Self, Findings> {
+        let refuse = |place: usize, message: String, hint: &str| {
+            let text = String::from_utf8_lossy(&bytes[..place]).into_owned();
+            let document = Self { name: name.to_owned(), text };
+            let finding = document.finding(place..place, Severity::Error, message).with_hint(hint);
+            Findings::from(vec![finding])
+        };
+        if bytes.len() > Self::MAX_BYTES {
+            let message = format!("the file has {} bytes; at most {} are read", bytes.len(), Self::MAX_BYTES);
+            return Err(refuse(0, message, "is this the file you meant?"));
+        }
+        match std::str::from_utf8(bytes) {
+            Ok(text) => Ok(Self { name: name.to_owned(), text: text.to_owned() }),
+            Err(error) => Err(refuse(
+                error.valid_up_to(),
+                "this is not text (not UTF-8 from here on)".to_owned(),
+                "save the file as UTF-8 text",
+            )),
+        }
+    }
+
+    /// The name that findings use.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The file's text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Parses the file and lets `build` take it apart.
+    ///
+    /// `build` returns `None` where something it cannot do without was missing or wrong; it must have said so
+    /// through the section. Warnings come back beside the value.
+    ///
+    /// # Errors
+    ///
+    /// All findings, if at least one of them is an error.
+    pub fn read<T>(&self, build: impl FnOnce(&Section<'_>) -> Option<T>) -> Result<(T, Findings), Findings> {
+        let (root, errors) = DeTable::parse_recoverable(&self.text);
+        if !errors.is_empty() {
+            let syntax = errors.iter().map(|error| {
+                let place = error.span().unwrap_or(0..0);
+                self.finding(place, Severity::Error, error.message().to_owned())
+            });
+            return Err(Findings::from(syntax.collect::<Vec<_>>()));
+        }
+        let findings = RefCell::new(Vec::new());
+        let place = root.span().start..root.span().start;
+        let source = Source { document: self, findings: &findings };
+        let value = build(&Section { source, table: root.get_ref(), place, path: String::new() });
+        let findings = Findings::from(findings.into_inner());
+        match value {
+            Some(value) if !findings.has_errors() => Ok((value, findings)),
+            _ if findings.has_errors() => Err(findings),
+            _ => Err(Findings::from(vec![self.finding(
+                0..0,
+                Severity::Error,
+                "the file could not be read as what it should be".to_owned(),
+            )])),
+        }
+    }
+
+    /// A finding at a byte range of this document.
+    pub fn finding(&self, place: Range<usize>, severity: Severity, message: String) -> Finding {
+        Finding::new(&self.name, &self.text, place, severity, message)
+    }
+}
+
+/// Where findings go: the document and its list, shared by all of its sections.
+#[derive(Clone, Copy)]
+struct Source<'d> {
+    document: &'d Document,
+    findings: &'d RefCell<Vec<Finding>>,
+}
+
+/// A table of a document: keys and values in the order of the file.
+#[derive(Clone)]
+pub struct Section<'d> {
+    source: Source<'d>,
+    table: &'d DeTable<'d>,
+    place: Range<usize>,
+    path: String,
+}
+
+impl fmt::Debug for Section<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Section").field("path", &self.path).finish_non_exhaustive()
+    }
+}
+
+impl<'d> Section<'d> {
+    /// Says which keys there may be: every other key becomes a finding with the nearest of them.
+    pub fn allow(&self, keys: &[&str]) {
+        for item in self.items() {
+            if !keys.contains(&item.key()) {
+                item.error_at_key(format!("unknown key `{}`{}", item.key(), self.within())).hint(
+                    nearest(item.key(), keys.iter().copied())
+                        .unwrap_or_else(|| format!("known here: {}", keys.join(", "))),
+                );
+            }
+        }
+    }
+
+    /// All keys with their values, in the order of the file.
+    pub fn items(&self) -> Vec<Item<'d>> {
+        let mut items: Vec<Item<'d>> =
+            self.table.iter().map(|(key, value)| self.item(key.get_ref(), key.span(), value)).collect();
+        items.sort_by_key(|item| item.key_place.start);
+        items
+    }
+
+    /// The value of a key, if it is there.
+    pub fn get(&self, key: &str) -> Option<Item<'d>> {
+        let (name, value) = self.table.get_key_value(key)?;
+        Some(self.item(name.get_ref(), name.span(), value))
+    }
+
+    /// The value of a key; a finding where it is not there.
+    pub fn require(&self, key: &str) -> Option<Item<'d>> {
+        let found = self.get(key);
+        if found.is_none() {
+            self.error(format!("`{key}` is missing{}", self.within()));
+        }
+        found
+    }
+
+    /// The table under a key, if it is there.
+    pub fn section(&self, key: &str) -> Option<Section<'d>> {
+        self.get(key)?.section()
+    }
+
+    /// Adds an error at the table's own place.
+    pub fn error(&self, message: String) -> Noted<'d> {
+        note(self.source, self.place.clone(), Severity::Error, message)
+    }
+
+    /// The byte range where the table's name stands, or its first brace.
+    pub fn place(&self) -> Range<usize> {
+        self.place.clone()
+    }
+
+    /// Adds a finding at any byte range of the document: for checks that span several keys.
+    pub fn note(&self, place: Range<usize>, severity: Severity, message: String) -> Noted<'d> {
+        note(self.source, place, severity, message)
+    }
+
+    /// The table's name with its parents, such as `machine.drive`; empty for the whole file.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    fn within(&self) -> String {
+        if self.path.is_empty() { String::new() } else { format!(" in [{}]", self.path) }
+    }
+
+    fn item(&self, key: &'d str, key_place: Range<usize>, value: &'d Spanned<DeValue<'d>>) -> Item<'d> {
+        let path = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
+        Item { source: self.source, key, key_place, value, path }
+    }
+}
+
+/// A value of a document, with its key and its place.
+#[derive(Clone)]
+pub struct Item<'d> {
+    source: Source<'d>,
+    key: &'d str,
+    key_place: Range<usize>,
+    value: &'d Spanned<DeValue<'d>>,
+    path: String,
+}
+
+impl fmt::Debug for Item<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Item").field("path", &self.path).finish_non_exhaustive()
+    }
+}
+
+impl<'d> Item<'d> {
+    /// The key under which the value stands; for an element of an array, the array's key.
+    pub fn key(&self) -> &'d str {
+        self.key
+    }
+
+    /// Key and parents, such as `head.gear`.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// The value's byte range.
+    pub fn place(&self) -> Range<usize> {
+        self.value.span()
+    }
+
+    /// The key's byte range.
+    pub fn key_place(&self) -> Range<usize> {
+        self.key_place.clone()
+    }
+
+    /// The byte range of a part of a string value, `part` counted in bytes of the string. Where the string has escapes
+    /// the two do not run in step, and the whole value is the place.
+    pub fn place_within(&self, part: Range<usize>) -> Range<usize> {
+        let whole = self.value.span();
+        let Some(content) = self.value.get_ref().as_str() else { return whole };
+        let raw = &self.source.document.text[whole.clone()];
+        let quotes = if raw.starts_with("\"\"\"") || raw.starts_with("'''") { 3 } else { 1 };
+        match raw.get(quotes..quotes + content.len()) {
+            Some(same) if same == content => {
+                let start = whole.start + quotes;
+                start + part.start..start + part.end
+            }
+            _ => whole,
+        }
+    }
+
+    /// Adds an error at the value.
+    pub fn error(&self, message: String) -> Noted<'d> {
+        note(self.source, self.value.span(), Severity::Error, message)
+    }
+
+    /// Adds a warning at the value.
+    pub fn warning(&self, message: String) -> Noted<'d> {
+        note(self.source, self.value.span(), Severity::Warning, message)
+    }
+
+    /// Adds an error at the key.
+    pub fn error_at_key(&self, message: String) -> Noted<'d> {
+        note(self.source, self.key_place.clone(), Severity::Error, message)
+    }
+
+    /// The value as text.
+    pub fn text(&self) -> Option<&'d str> {
+        self.typed(self.value.get_ref().as_str(), "text in quotes")
+    }
+
+    /// The value as one of a few words, each with its meaning.
+    pub fn word<T: Copy>(&self, words: &[(&str, T)]) -> Option<T> {
+        let text = self.text()?;
+        let found = words.iter().find(|(word, _)| *word == text).map(|(_, meaning)| *meaning);
+        if found.is_none() {
+            let list = words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
+            self.error(format!("`{}` is \"{text}\"; it can be {list}", self.path))
+                .hint(nearest(text, words.iter().map(|(word, _)| *word)).unwrap_or_default());
+        }
+        found
+    }
+
+    /// The value as `true` or `false`.
+    pub fn flag(&self) -> Option<bool> {
+        self.typed(self.value.get_ref().as_bool(), "true or false")
+    }
+
+    /// The value as a finite number within `range`, given as a whole or a decimal number.
+    pub fn number(&self, range: RangeInclusive<f64>) -> Option<f64> {
+        let number = match self.value.get_ref() {
+            DeValue::Float(float) => float.as_str().parse().ok(),
+            #[expect(clippy::cast_precision_loss, reason = "a number of a person's, far below 2^53")]
+            DeValue::Integer(_) => self.whole().map(|whole| whole as f64),
+            _ => None,
+        };
+        let number: f64 = self.typed(number, "a number")?;
+        if range.contains(&number) {
+            return Some(number);
+        }
+        let (low, high) = (range.start(), range.end());
+        self.error(format!("`{}` is {number}; it can be {low} to {high}", self.path));
+        None
+    }
+
+    /// The value as a whole number within `range`.
+    pub fn integer(&self, range: RangeInclusive<i64>) -> Option<i64> {
+        let number = self.typed(self.whole(), "a whole number")?;
+        if range.contains(&number) {
+            return Some(number);
+        }
+        let (low, high) = (range.start(), range.end());
+        self.error(format!("`{}` is {number}; it can be {low} to {high}", self.path));
+        None
+    }
+
+    /// The value as a table.
+    pub fn section(&self) -> Option<Section<'d>> {
+        let table = self.typed(self.value.get_ref().as_table(), "a table")?;
+        Some(Section { source: self.source, table, place: self.key_place.clone(), path: self.path.clone() })
+    }
+
+    /// The value as a list.
+    pub fn list(&self) -> Option<Vec<Item<'d>>> {
+        let array = self.typed(self.value.get_ref().as_array(), "a list in [ ]")?;
+        let element = |(index, value): (usize, &'d Spanned<DeValue<'d>>)| Item {
+            source: self.source,
+            key: self.key,
+            key_place: value.span(),
+            value,
+            path: format!("{}[{index}]", self.path),
+        };
+        Some(array.iter().enumerate().map(element).collect())
+    }
+
+    /// The value as a list of exactly `N` numbers, each within `range`.
+    pub fn numbers<const N: usize>(&self, range: RangeInclusive<f64>) -> Option<[f64; N]> {
+        let list = self.list()?;
+        let numbers: Vec<f64> = list.iter().filter_map(|item| item.number(range.clone())).collect();
+        if list.len() != N {
+            self.error(format!("`{}` has {} values; it takes {N}", self.path, list.len()));
+            return None;
+        }
+        numbers.try_into().ok()
+    }
+
+    /// True where the value is text: for keys that take a number or an expression.
+    pub fn is_text(&self) -> bool {
+        self.value.get_ref().is_str()
+    }
+
+    /// True where the value is a table: for keys that come in a short and a long form.
+    pub fn is_table(&self) -> bool {
+        self.value.get_ref().is_table()
+    }
+
+    fn whole(&self) -> Option<i64> {
+        let integer = self.value.get_ref().as_integer()?;
+        i64::from_str_radix(integer.as_str(), integer.radix()).ok()
+    }
+
+    fn typed<T>(&self, value: Option<T>, expected: &str) -> Option<T> {
+        if value.is_none() {
+            let found = self.value.get_ref().type_str();
+            self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path));
+        }
+        value
+    }
+}
+
+/// A finding that was just added; a hint can still be put to it.
+#[derive(Debug)]
+pub struct Noted<'d> {
+    findings: &'d RefCell<Vec<Finding>>,
+    index: usize,
+}
+
+impl Noted<'_> {
+    /// Puts the way out to the finding; an empty hint is none.
+    pub fn hint(self, hint: impl Into<String>) {
+        let hint = hint.into();
+        if let Some(finding) = self.findings.borrow_mut().get_mut(self.index)
+            && !hint.is_empty()
+        {
+            finding.hint = Some(hint);
+        }
+    }
+}
+
+fn note<'d>(source: Source<'d>, place: Range<usize>, severity: Severity, message: String) -> Noted<'d> {
+    let finding = source.document.finding(place, severity, message);
+    let mut findings = source.findings.borrow_mut();
+    findings.push(finding);
+    Noted { findings: source.findings, index: findings.len() - 1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read<T>(text: &str, build: impl FnOnce(&Section<'_>) -> Option<T>) -> Result<T, String> {
+        let document = Document::new("robot.toml", text.as_bytes()).map_err(|f| f.to_string())?;
+        document.read(build).map(|(value, _)| value).map_err(|findings| findings.to_string())
+    }
+
+    #[test]
+    fn keys_come_in_the_order_of_the_file() {
+        let keys = read("zebra = 1\napple = 2\n[b]\n[a]\n", |root| {
+            Some(root.items().iter().map(|item| item.key().to_owned()).collect::<Vec<_>>())
+        });
+        assert_eq!(keys.unwrap(), ["zebra", "apple", "b", "a"]);
+    }
+
+    #[test]
+    fn an_unknown_key_has_its_place_and_the_nearest_name() {
+        let text = "name = \"x\"\n\n[drive]\ntrack_widht_m = 0.1\n";
+        let error = read(text, |root| {
+            root.section("drive")?.allow(&["track_width_m", "max_dps"]);
+            Some(())
+        })
+        .unwrap_err();
+        let expected = "error: unknown key `track_widht_m` in [drive]\n  --> robot.toml:4:1\n   |\n 4 | track_widht_m = 0.1\n   | ^^^^^^^^^^^^^ did you mean `track_width_m`?\n";
+        assert_eq!(error, expected);
+    }
+
+    #[test]
+    fn several_mistakes_are_found_in_one_go() {
+        let text = "a = \"one\"\nb = 5\nc = nan\n";
+        let error = read(text, |root| {
+            let a = root.require("a")?.number(0.0..=1.0);
+            let b = root.require("b")?.number(0.0..=1.0);
+            let c = root.require("c")?.number(0.0..=1.0);
+            let d = root.require("d").map(|item| item.place());
+            Some((a?, b?, c?, d?))
+        })
+        .unwrap_err();
+        assert_eq!(error.matches("error: ").count(), 4, "{error}");
+        assert!(error.contains("`a` must be a number, not a TOML string"), "{error}");
+        assert!(error.contains("`b` is 5; it can be 0 to 1"), "{error}");
+        assert!(error.contains("`c` is NaN; it can be 0 to 1"), "{error}");
+        assert!(error.contains("`d` is missing"), "{error}");
+    }
+
+    #[test]
+    fn a_place_inside_a_string_is_found_unless_escapes_shift_it() {
+        let text = "when = \"range_m < foo\"\nother = \"a\\tb < foo\"\n";
+        let places = read(text, |root| {
+            Some((root.get("when")?.place_within(10..13), root.get("other")?.place_within(5..8)))
+        })
+        .unwrap();
+        assert_eq!(&text[places.0], "foo");
+        assert_eq!(&text[places.1], "\"a\\tb < foo\"");
+    }
+
+    #[test]
+    fn what_is_not_toml_or_not_text_says_where() {
+        assert!(read("a = [1,\n", |_| Some(())).unwrap_err().contains("robot.toml:"));
+        let error = Document::new("robot.toml", b"a = 1\nb = \xff\xfe").unwrap_err().to_string();
+        assert!(error.contains("robot.toml:2:5"), "{error}");
+        let error = Document::new("big", &vec![b'#'; Document::MAX_BYTES + 1]).unwrap_err().to_string();
+        assert!(error.contains("at most"), "{error}");
+        assert!(read("a = 1\na = 2\n", |_| Some(())).unwrap_err().contains("robot.toml:2:1"));
+        assert!(read("", |root| root.require("name").map(|_| ())).unwrap_err().contains("`name` is missing"));
+    }
+}

@@ -1,0 +1,140 @@
+//! Where attribute files are: the machine's own file system below some root, or a simulated brick.
+//!
+//! This is the seed's abstract node. Motors and sensors know only a [`Tree`] and the [`AttributeFile`]s it opens, so the
+//! same bindings drive a real brick, a mounted simulation and the simulation inside this process.
+//!
+//! # What we count on
+//!
+//! - A read at offset 0 makes the driver produce the text anew; a write is one complete store, its offset ignored.
+//! - A kept file of a device that is gone answers ENODEV, and its path ENOENT.
+//! - Plain files are not sysfs: a short value leaves the tail of a longer one. [`LocalTree`] therefore ends what it
+//!   writes with a newline, and readers look at the first line only; one code path serves both.
+
+use std::fmt::Debug;
+use std::fs::{File, OpenOptions};
+use std::os::fd::AsFd;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+
+/// What a file is opened for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// Reading only.
+    Read,
+    /// Writing only.
+    Write,
+    /// Both.
+    ReadWrite,
+}
+
+/// The files below a brick's root. Paths are relative to it: `sys/class/tacho-motor/motor0/position`.
+pub trait Tree: Debug + Send + Sync {
+    /// The names in a folder, in no particular order.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT where there is no such folder: on a brick without a device of that class the class's folder may be missing.
+    fn list(&self, folder: &str) -> Result<Vec<String>, Errno>;
+
+    /// Opens a file, to be kept.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT, EACCES (wrong direction; also in the first moments after a device was plugged in), and what else the kernel says.
+    fn open(&self, path: &str, access: Access) -> Result<Box<dyn AttributeFile>, Errno>;
+
+    /// Where the tree is, for messages: the root's path, or a name for a simulation.
+    fn root(&self) -> &Path;
+}
+
+/// An open attribute: each call is one system call, and none allocates.
+pub trait AttributeFile: Debug + Send {
+    /// Reads the attribute anew, from offset 0; returns how many bytes there are.
+    ///
+    /// # Errors
+    ///
+    /// What the driver answers; ENODEV once its device is gone.
+    fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno>;
+
+    /// Stores a value, all of it at once; returns how many bytes were taken.
+    ///
+    /// # Errors
+    ///
+    /// What the driver answers: EINVAL, ERANGE, EOPNOTSUPP, ENODEV and others.
+    fn write(&self, value: &[u8]) -> Result<usize, Errno>;
+
+    /// Waits until the driver says that the attribute has changed since the last [`AttributeFile::read`] (POLLPRI), or until `timeout` is
+    /// over; true if it has. Only `state` of tacho motors and `value0` of touch sensors ever say so.
+    ///
+    /// # Errors
+    ///
+    /// What `poll` answers.
+    fn wait_changed(&self, timeout: Duration) -> Result<bool, Errno>;
+}
+
+/// The machine's own file system below a root: `/` on the brick, a mount point or a folder of plain files elsewhere.
+#[derive(Debug, Clone)]
+pub struct LocalTree {
+    root: PathBuf,
+}
+
+impl LocalTree {
+    /// The tree below `root`.
+    pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+}
+
+impl Tree for LocalTree {
+    fn list(&self, folder: &str) -> Result<Vec<String>, Errno> {
+        let entries = std::fs::read_dir(self.root.join(folder)).map_err(errno)?;
+        entries
+            .map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()).map_err(errno))
+            .collect()
+    }
+
+    fn open(&self, path: &str, access: Access) -> Result<Box<dyn AttributeFile>, Errno> {
+        let file = OpenOptions::new()
+            .read(access != Access::Write)
+            .write(access != Access::Read)
+            // A program that we start must not inherit a motor; a device node must not block or become our terminal.
+            .custom_flags(nix::libc::O_CLOEXEC | nix::libc::O_NONBLOCK | nix::libc::O_NOCTTY)
+            .open(self.root.join(path))
+            .map_err(errno)?;
+        Ok(Box::new(LocalFile { file }))
+    }
+
+    fn root(&self) -> &Path {
+        &self.root
+    }
+}
+
+#[derive(Debug)]
+struct LocalFile {
+    file: File,
+}
+
+impl AttributeFile for LocalFile {
+    fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
+        self.file.read_at(buffer, 0).map_err(errno)
+    }
+
+    fn write(&self, value: &[u8]) -> Result<usize, Errno> {
+        self.file.write_at(value, 0).map_err(errno)
+    }
+
+    fn wait_changed(&self, timeout: Duration) -> Result<bool, Errno> {
+        let mut watched = [PollFd::new(self.file.as_fd(), PollFlags::POLLPRI)];
+        let timeout = PollTimeout::try_from(timeout).unwrap_or(PollTimeout::MAX);
+        poll(&mut watched, timeout)?;
+        Ok(watched[0].revents().is_some_and(|events| events.contains(PollFlags::POLLPRI)))
+    }
+}
+
+fn errno(error: std::io::Error) -> Errno {
+    error.raw_os_error().map_or(Errno::EIO, Errno::from_raw)
+}

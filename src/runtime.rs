@@ -1,0 +1,3 @@
+//! A run: control loop, recorder, replay.
+
+pub mod recording;

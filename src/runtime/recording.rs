@@ -1,0 +1,1 @@
+//! `run.mcap`: what a run recorded, and how it is written and read.

@@ -1,0 +1,84 @@
+//! What the simulated drivers ask of the world around them.
+//!
+//! The drivers (`sim::driver`) know files, commands and regulators; the world (`sim::world`) knows walls, bodies and motors. This
+//! trait is all that they share, so that a driver test can put a motor model of its own under the drivers.
+
+use std::fmt::Debug;
+
+/// What a motor's bridge does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Bridge {
+    /// Both inputs low: no current.
+    #[default]
+    Coast,
+    /// Both inputs high: windings shorted.
+    Brake,
+    /// Pulse width in percent, −100 to 100; the off-phase shorts the windings.
+    Duty(i32),
+}
+
+/// The motors there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MotorKind {
+    /// `lego-ev3-l-motor`.
+    Large,
+    /// `lego-ev3-m-motor`.
+    Medium,
+    /// `act-l12-ev3-50`.
+    Linear50,
+    /// `act-l12-ev3-100`.
+    Linear100,
+    /// `rcx-motor`: no encoder, on a port in mode `dc-motor`.
+    Rcx,
+}
+
+/// The sensors there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SensorKind {
+    /// `lego-ev3-touch`.
+    Touch,
+    /// `lego-ev3-color`.
+    Colour,
+    /// `lego-ev3-us`.
+    Ultrasonic,
+    /// `lego-ev3-gyro`.
+    Gyro,
+    /// `lego-ev3-ir`.
+    Infrared,
+}
+
+/// What is plugged into a robot's ports: outA to outD, in1 to in4.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Plug {
+    /// By output port.
+    pub motors: [Option<MotorKind>; 4],
+    /// By input port.
+    pub sensors: [Option<SensorKind>; 4],
+}
+
+/// Motors, bodies and what sensors see, for every robot in one world.
+pub trait Physics: Debug + Send {
+    /// How many robots there are.
+    fn robots(&self) -> usize;
+
+    /// What is plugged into a robot at the start.
+    fn plug(&self, robot: usize) -> Plug;
+
+    /// Lets [`STEP_NS`] pass; `bridges` has one row a robot, one entry an output port.
+    fn step(&mut self, bridges: &[[Bridge; 4]]);
+
+    /// The co-processor's count of quadrature edges on an output port: 720 a turn of a rotary motor, positive is the motor's own
+    /// positive direction.
+    fn edges(&self, robot: usize, out: usize) -> i64;
+
+    /// What the sensor on an input port measures now in a mode, as the integers of its data frame (`value0`, `value1`, …).
+    ///
+    /// Called once for each frame the sensor sends, which is how often there is a new value; noise is drawn here.
+    fn measure(&mut self, robot: usize, input: usize, mode: &str) -> [i32; 8];
+
+    /// Battery voltage and current, volts and amperes.
+    fn battery(&self, robot: usize) -> (f64, f64);
+}
+
+/// The time that one step takes, in nanoseconds: the period of the motor drivers' regulation.
+pub const STEP_NS: i64 = 2_000_000;

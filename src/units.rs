@@ -1,0 +1,64 @@
+//! Quantities: newtypes for numbers with a legal range, and angles.
+//!
+//! Inside the program a quantity is an `f64` in metres, seconds or radians, and its name says so (`range_m`,
+//! `heading_rad`). A newtype stands where a number has a legal range or where two kinds of number would be
+//! mixed up: at the border to the kernel's files.
+
+use std::f64::consts::PI;
+
+/// Degrees as radians.
+#[must_use]
+pub fn radians(degrees: f64) -> f64 {
+    degrees * (PI / 180.0)
+}
+
+/// Radians as degrees.
+#[must_use]
+pub fn degrees(radians: f64) -> f64 {
+    radians * (180.0 / PI)
+}
+
+/// The same angle in −π < angle ≤ π. An angle that is not finite comes back as NaN.
+///
+/// Computed with remainders only, so that it repeats bit for bit everywhere.
+#[must_use]
+pub fn wrap_rad(angle_rad: f64) -> f64 {
+    let turn = 2.0 * PI;
+    let rest = angle_rad % turn;
+    if rest > PI {
+        rest - turn
+    } else if rest <= -PI {
+        rest + turn
+    } else {
+        rest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_wrapped_angle_lies_in_one_turn_and_points_the_same_way(angle in -1e6..1e6) {
+            let wrapped = wrap_rad(angle);
+            prop_assert!(wrapped > -PI && wrapped <= PI, "{angle} became {wrapped}");
+            prop_assert!((libm::cos(angle) - libm::cos(wrapped)).abs() < 1e-6);
+            prop_assert!((libm::sin(angle) - libm::sin(wrapped)).abs() < 1e-6);
+        }
+
+        #[test]
+        fn degrees_and_radians_are_inverse(angle in -1e6..1e6) {
+            prop_assert!((degrees(radians(angle)) - angle).abs() <= 1e-9 * angle.abs());
+        }
+    }
+
+    #[test]
+    fn half_a_turn_is_positive() {
+        assert!((wrap_rad(-PI) - PI).abs() < 1e-15);
+        assert!((wrap_rad(3.0 * PI) - PI).abs() < 1e-12);
+        assert!(wrap_rad(f64::NAN).is_nan());
+        assert!(wrap_rad(f64::INFINITY).is_nan());
+    }
+}

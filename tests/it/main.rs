@@ -1,0 +1,19 @@
+//! Tests of the parts together, as their users use them: one binary, so that it links once.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::float_cmp,
+    reason = "tests stop by panicking, print what they measured, and compare bits"
+)]
+
+mod behavior;
+mod ev3dev;
+mod mapping;
+mod recording;
+mod report;
+mod sim_drivers;
+mod sim_world;
