@@ -1,2 +1,7 @@
-//! The program
-fn main() {}
+//! The program: parse arguments, call one command, set the exit code.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    onbrick::cli::main(std::env::args_os())
+}

@@ -1,3 +1,240 @@
-//! A run: control loop, recorder, replay.
+//! A run: one execution of a mission, from the checks before anything moves to the recording that is left.
+//!
+//! [`execute`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
+//! robot stands still and is in order (`prepare`), ticks (`control`), and leaves every motor stopped whichever way the run ends. The
+//! tick's thinking is the [`Pilot`]'s, which [`replay`] drives with recorded senses.
+//!
+//! ```text
+//! prepare ─▶ control: robot ─▶ pilot ─▶ robot        every tick
+//!                        └───────┴─▶ recorder ─▶ run.mcap
+//!            replay:  run.mcap ─▶ pilot ─▶ compared with run.mcap
+//! ```
+//!
+//! # Not here
+//!
+//! No network: what runs on the tick's path knows no sockets. No pictures: they are made of finished runs (`report`).
 
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::mapping::Pose;
+use crate::robot::Channel;
+
+mod control;
+mod execute;
+mod lock;
+mod pilot;
+mod prepare;
 pub mod recording;
+mod replay;
+mod stall;
+
+pub use control::{Control, STALL_NS, StopFlags};
+pub use execute::{Refused, execute};
+pub use lock::{HardwareLock, LockError, Owner};
+pub use pilot::{Pilot, PilotError, PilotState, Step};
+pub use prepare::{NotReady, prepare};
+pub use replay::{Difference, Replayed, replay};
+
+/// A file as it was read, with the name that findings use.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Source {
+    /// What findings call it.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// All that a run needs to know.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Job {
+    /// The mission.
+    pub mission: Source,
+    /// The robot.
+    pub robot: Source,
+    /// Where the robot's files are.
+    pub brick: Brick,
+    /// The robot's pose at the start.
+    pub start: Pose,
+    /// The mission's own numbers that are set otherwise for this run.
+    pub set: Vec<(String, f64)>,
+    /// Where the recording goes.
+    pub file: PathBuf,
+    /// How often the recording is brought to the disk, nanoseconds: at most what came since is lost in a power cut.
+    pub sync_ns: i64,
+}
+
+/// Where a robot's attribute files are.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Brick {
+    /// Below a folder: `/` on the brick, a mount point elsewhere.
+    Local(PathBuf),
+    /// A simulated brick inside this process.
+    Simulated {
+        /// The world's file.
+        world: Source,
+        /// What all chance comes from.
+        seed: u64,
+        /// Keeps step with the wall clock; otherwise time passes as fast as the machine allows.
+        realtime: bool,
+    },
+}
+
+/// How a run is going, for whoever started it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// Something is waited for before the run can start.
+    Preparing {
+        /// What a person should do.
+        what: String,
+    },
+    /// The robot drives.
+    Driving {
+        /// The recording.
+        file: PathBuf,
+    },
+    /// How it is going.
+    Status(recording::Status),
+    /// The run did not start.
+    Refused {
+        /// Why, and what to do.
+        message: String,
+    },
+    /// The run is over.
+    Ended(Ended),
+}
+
+/// How a run went.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ended {
+    /// One word: see [`StopReason::word`].
+    pub word: String,
+    /// Why it ended, for people.
+    pub reason: String,
+    /// It ended as the mission or a person wanted it.
+    pub wanted: bool,
+    /// Every motor took the command to stop.
+    pub stopped: bool,
+    /// How many ticks there were.
+    pub ticks: u64,
+    /// The run's length, seconds.
+    pub time_s: f64,
+    /// Metres driven.
+    pub travelled_m: f64,
+    /// Points of the map.
+    pub points: u64,
+    /// Ticks that came later than a whole period.
+    pub overruns: u64,
+    /// The latest tick, seconds after its deadline.
+    pub latest_s: f64,
+    /// The recording.
+    pub file: PathBuf,
+    /// What is wrong with the recording, if anything is.
+    pub recording: Option<String>,
+}
+
+impl std::fmt::Display for Ended {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{}, after {:.1} s: {:.2} m driven, {} points, {} ticks ({} overruns, the latest {:.1} ms late)",
+            self.reason,
+            self.time_s,
+            self.travelled_m,
+            self.points,
+            self.ticks,
+            self.overruns,
+            self.latest_s * 1e3
+        )?;
+        if let Some(recording) = &self.recording {
+            write!(f, "\nthe recording is not complete: {recording}")?;
+        }
+        if !self.stopped {
+            write!(f, "\nnot every motor took the command to stop; their leases end after 0.3 s")?;
+        }
+        Ok(())
+    }
+}
+
+/// Who is told, tick by tick, that the loop is alive.
+pub trait Heartbeat: std::fmt::Debug + Send {
+    /// One tick is done. Must not wait.
+    fn beat(&mut self);
+}
+
+/// Nobody listens: for tests and for simulations that run in virtual time.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoHeartbeat;
+
+impl Heartbeat for NoHeartbeat {
+    fn beat(&mut self) {}
+}
+
+/// Why a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopReason {
+    /// The mission came to its end.
+    Finished,
+    /// The mission's time is over.
+    TimeLimit,
+    /// Somebody pressed Enter or Back on the brick.
+    Button,
+    /// SIGINT, SIGTERM or SIGHUP.
+    Signal,
+    /// Whoever started the run is gone.
+    Abandoned,
+    /// A device is gone, or cannot be read any more.
+    Lost(Channel),
+    /// A wheel that was told to turn did not.
+    Stalled,
+    /// The loop was away for longer than [`STALL_NS`].
+    Late,
+    /// The recording cannot be written.
+    Recording,
+    /// The program itself failed.
+    Panicked,
+}
+
+impl StopReason {
+    /// A word for programs.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Finished => "finished",
+            Self::TimeLimit => "time limit",
+            Self::Button => "button",
+            Self::Signal => "signal",
+            Self::Abandoned => "abandoned",
+            Self::Lost(_) => "lost",
+            Self::Stalled => "stalled",
+            Self::Late => "late",
+            Self::Recording => "recording",
+            Self::Panicked => "panicked",
+        }
+    }
+
+    /// True where the run ended as the mission or a person wanted it.
+    #[must_use]
+    pub const fn is_wanted(self) -> bool {
+        matches!(self, Self::Finished | Self::TimeLimit | Self::Button | Self::Signal)
+    }
+}
+
+impl std::fmt::Display for StopReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Finished => f.write_str("the mission is finished"),
+            Self::TimeLimit => f.write_str("the mission's time limit"),
+            Self::Button => f.write_str("stopped by a button on the brick"),
+            Self::Signal => f.write_str("stopped by a signal"),
+            Self::Abandoned => f.write_str("whoever started the run is gone"),
+            Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
+            Self::Stalled => f.write_str("a wheel is blocked"),
+            Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
+            Self::Recording => f.write_str("the recording cannot be written"),
+            Self::Panicked => f.write_str("the program failed; please report it"),
+        }
+    }
+}

@@ -1,5 +1,7 @@
 //! One tick's readings, in SI units, each with its two ages.
 
+use std::fmt;
+
 /// A quantity that the robot senses. Its discriminant is its place in [`Senses`] and in a recording, so it never changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
@@ -55,6 +57,27 @@ impl Channel {
 
     /// The named motors' channels.
     pub const MOTORS: [Self; 4] = [Self::Motor0, Self::Motor1, Self::Motor2, Self::Motor3];
+}
+
+impl fmt::Display for Channel {
+    /// What people call it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Left => "left wheel",
+            Self::Right => "right wheel",
+            Self::Head => "head",
+            Self::Range => "range sensor",
+            Self::Gyro => "gyro",
+            Self::Touch => "touch sensor",
+            Self::Colour | Self::Reflect => "colour sensor",
+            Self::Remote => "remote",
+            Self::Battery => "battery",
+            Self::Motor0 => "first named motor",
+            Self::Motor1 => "second named motor",
+            Self::Motor2 => "third named motor",
+            Self::Motor3 => "fourth named motor",
+        })
+    }
 }
 
 /// A value that was read, with what is known of its age: a sensor has no sequence number, so a value that did not change may be

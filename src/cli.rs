@@ -1,0 +1,109 @@
+//! The command line: one file a command, and the only place that prints.
+//!
+//! A command takes its arguments and an [`Output`] and says how it ended: `Ok`, or a [`Failure`] with an exit code, a message that
+//! names the place, and a way out.
+//!
+//! | exit code | means |
+//! |---|---|
+//! | 0 | done |
+//! | 1 | failed |
+//! | 2 | wrong usage |
+//! | 3 | refused: a check failed before anything moved |
+//! | 4 | no answer in time |
+//! | 5 | some bricks failed |
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+mod check;
+mod common;
+mod control;
+mod devices;
+mod graph;
+mod halt;
+mod new;
+mod output;
+mod run;
+
+#[cfg(feature = "host")]
+mod export;
+#[cfg(feature = "host")]
+mod plot;
+mod replay;
+
+#[cfg(all(feature = "sim", feature = "host"))]
+mod demo;
+
+pub use output::{Exit, Failure, Output};
+
+/// Runs LEGO EV3 robots under ev3dev: missions, maps, and a simulated brick to try them on.
+#[derive(Debug, Parser)]
+#[command(name = "onbrick", version, propagate_version = true, max_term_width = 110)]
+struct Arguments {
+    /// Print JSON instead of text, one value a line.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Say more (-v what happens, -vv every detail).
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[cfg(all(feature = "sim", feature = "host"))]
+    Demo(demo::Arguments),
+    Run(run::Arguments),
+    Check(check::Arguments),
+    Graph(graph::Arguments),
+    New(new::Arguments),
+    Devices(devices::Arguments),
+    Halt(halt::Arguments),
+    #[cfg(feature = "host")]
+    Plot(plot::Arguments),
+    #[cfg(feature = "host")]
+    Export(export::Arguments),
+    Replay(replay::Arguments),
+    #[command(hide = true)]
+    Control(control::Arguments),
+}
+
+/// Parses the arguments, runs the one command they name, and gives its exit code.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage 2.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    let level = [log::LevelFilter::Warn, log::LevelFilter::Info, log::LevelFilter::Debug];
+    let level = level.get(usize::from(arguments.verbose)).copied().unwrap_or(log::LevelFilter::Trace);
+    env_logger::Builder::new().filter_level(level).format_timestamp(None).init();
+
+    let mut output = Output::new(arguments.json);
+    let ended = match arguments.command {
+        #[cfg(all(feature = "sim", feature = "host"))]
+        Command::Demo(arguments) => demo::run(&arguments, &mut output),
+        Command::Run(arguments) => run::run(&arguments, &mut output),
+        Command::Check(arguments) => check::run(&arguments, &mut output),
+        Command::Graph(arguments) => graph::run(&arguments, &mut output),
+        Command::New(arguments) => new::run(&arguments, &mut output),
+        Command::Devices(arguments) => devices::run(&arguments, &mut output),
+        Command::Halt(arguments) => halt::run(&arguments, &mut output),
+        #[cfg(feature = "host")]
+        Command::Plot(arguments) => plot::run(&arguments, &mut output),
+        #[cfg(feature = "host")]
+        Command::Export(arguments) => export::run(&arguments, &mut output),
+        Command::Replay(arguments) => replay::run(&arguments, &mut output),
+        Command::Control(arguments) => control::run(&arguments, &mut output),
+    };
+    match ended {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => output.fail(&failure),
+    }
+}

@@ -1,0 +1,56 @@
+//! `onbrick check`: is a mission in order?
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::common::{load_mission, load_robot, read_source};
+use super::{Failure, Output};
+use crate::behavior::Capabilities;
+use crate::document::Finding;
+
+/// Check missions: names, conditions, states that cannot be reached or left.
+///
+/// Example: onbrick check map my-mission.toml --robot robot.toml
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// Mission files, or names of shipped missions.
+    #[arg(required = true)]
+    missions: Vec<PathBuf>,
+    /// The robot they are for; without it, a mission may use any device there is.
+    #[arg(long)]
+    robot: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Checked<'f> {
+    mission: String,
+    ok: bool,
+    findings: Vec<&'f Finding>,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let capabilities = match &arguments.robot {
+        Some(path) => load_robot(Some(path), output)?.config.capabilities(),
+        None => Capabilities::all(),
+    };
+    let mut broken = 0;
+    for path in &arguments.missions {
+        let source = read_source(path, crate::behavior::shipped)?;
+        let (mission, findings) = match load_mission(&source, &capabilities) {
+            Ok((mission, warnings)) => (Some(mission), warnings),
+            Err(findings) => (None, findings),
+        };
+        broken += usize::from(mission.is_none());
+        let checked =
+            Checked { mission: source.name.clone(), ok: mission.is_some(), findings: findings.iter().collect() };
+        let verdict = mission.map_or_else(|| "broken".to_owned(), |mission| mission.summary());
+        output.show(format!("{findings}{}: {verdict}", source.name), &checked);
+    }
+    match broken {
+        0 => Ok(()),
+        1 => Err(Failure::refused("1 mission is not in order")),
+        more => Err(Failure::refused(format!("{more} missions are not in order"))),
+    }
+}

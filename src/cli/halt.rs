@@ -1,0 +1,92 @@
+//! `onbrick halt`: stop every motor now.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use serde::Serialize;
+
+use super::{Exit, Failure, Output};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use crate::ev3dev::{LocalTree, Tree};
+use crate::robot::{Halted, halt, watch_still};
+use crate::runtime::HardwareLock;
+
+/// Stop the run that drives, then every motor, and watch for a second that nothing moves.
+///
+/// Example: onbrick halt
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The folder under which sys/class is found.
+    #[arg(long, default_value = "/")]
+    brick: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Report {
+    stopped_run: Option<crate::runtime::Owner>,
+    motors: Vec<Halted>,
+    still: bool,
+}
+
+/// How long a run has to stop by itself before it is killed, nanoseconds; its leases end after 300 ms.
+const PATIENCE_NS: i64 = SECOND_NS / 2;
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let clock = MonotonicClock;
+    let stopped_run = stop_owner(arguments, &clock)?;
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    let failed = |error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Failed, "cannot stop the motors", error)
+            .hint("unplug the motors' cables, or take out the battery")
+    };
+    let motors = halt(&tree).map_err(|error| failed(&error))?;
+    let moving = watch_still(&tree, &clock, SECOND_NS).map_err(|error| failed(&error))?;
+    if let Some(owner) = &stopped_run {
+        output.line(format!("stopped {} (process {})", owner.doing, owner.pid));
+    }
+    for motor in &motors {
+        output.line(format!("{}: {} stopped", motor.address, motor.driver_name));
+    }
+    if motors.is_empty() {
+        output.line(format!("there are no motors below {}", arguments.brick.display()));
+    }
+    output.value(&Report { stopped_run, motors, still: moving.is_empty() });
+    if moving.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::new(Exit::Failed, format!("still turning: {}", moving.join(", ")))
+        .hint("something else commands these motors, or a hand turns them; unplug their cables"))
+}
+
+/// Asks the run that owns the motors to stop, and kills it where it does not listen.
+fn stop_owner(
+    arguments: &Arguments,
+    clock: &dyn Clock,
+) -> Result<Option<crate::runtime::Owner>, Failure> {
+    let owner = || {
+        HardwareLock::owner(&arguments.brick).map_err(|error| {
+            Failure::from_error(Exit::Failed, "cannot see who drives", &error)
+        })
+    };
+    let Some(found) = owner()? else { return Ok(None) };
+    if found.pid <= 0 {
+        return Ok(Some(found));
+    }
+    let pid = Pid::from_raw(found.pid);
+    for signal in [Signal::SIGTERM, Signal::SIGKILL] {
+        // A process that has just gone is as good as one that obeys; one of another user's keeps its lock, and shows below.
+        let _ = kill(pid, signal);
+        let deadline_ns = clock.now_ns() + PATIENCE_NS;
+        while clock.now_ns() < deadline_ns {
+            if owner()?.is_none() {
+                return Ok(Some(found));
+            }
+            clock.sleep_until_ns(clock.now_ns() + 10 * MILLISECOND_NS);
+        }
+    }
+    Err(Failure::new(Exit::Failed, format!("{} (process {}) does not stop", found.doing, found.pid))
+        .hint("run onbrick halt as the same user, or as root"))
+}

@@ -1,0 +1,56 @@
+//! `onbrick new`: a commented file to start from.
+
+use std::path::PathBuf;
+
+use super::{Exit, Failure, Output};
+
+/// Write a commented template: a mission, a robot or a world.
+///
+/// Example: onbrick new mission my-mission.toml
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// What to write.
+    what: What,
+    /// Where to write it; without it, to the terminal.
+    file: Option<PathBuf>,
+    /// For a mission: which shipped one to start from.
+    #[arg(long, default_value = "bump")]
+    from: String,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum What {
+    Mission,
+    Robot,
+    #[cfg(feature = "sim")]
+    World,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let text = match arguments.what {
+        What::Robot => crate::robot::DEFAULT_ROBOT,
+        #[cfg(feature = "sim")]
+        What::World => crate::sim::World::template(),
+        What::Mission => crate::behavior::shipped(&arguments.from).ok_or_else(|| {
+            let names = crate::behavior::shipped_names().collect::<Vec<_>>().join(", ");
+            Failure::new(Exit::Usage, format!("there is no shipped mission `{}`", arguments.from))
+                .hint(format!("one of {names}"))
+        })?,
+    };
+    let Some(path) = &arguments.file else {
+        output.raw(text);
+        return Ok(());
+    };
+    let written = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
+    written.and_then(|mut file| std::io::Write::write_all(&mut file, text.as_bytes())).map_err(|error| {
+        let failure = Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), &error);
+        if error.kind() == std::io::ErrorKind::AlreadyExists {
+            failure.hint("another name: a file that is there is never overwritten")
+        } else {
+            failure
+        }
+    })?;
+    output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
+    Ok(())
+}

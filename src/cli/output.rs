@@ -1,0 +1,140 @@
+//! What a command prints, and how it ends.
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::io::{self, IsTerminal, Write};
+use std::process::ExitCode;
+
+use serde::Serialize;
+
+/// How a command ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// It went wrong while it was being done.
+    Failed = 1,
+    /// The arguments make no sense.
+    Usage = 2,
+    /// A check failed before anything moved.
+    Refused = 3,
+    /// Nobody answered in time.
+    NoAnswer = 4,
+    /// It worked on some bricks and not on others.
+    SomeFailed = 5,
+}
+
+/// Why a command did not do what it was asked to.
+#[derive(Debug)]
+pub struct Failure {
+    /// The exit code.
+    pub exit: Exit,
+    /// What went wrong, with its causes.
+    pub message: String,
+    /// The way out, where one is known.
+    pub hint: Option<String>,
+}
+
+impl Failure {
+    /// A failure with this message.
+    pub fn new(exit: Exit, message: impl Into<String>) -> Self {
+        Self { exit, message: message.into(), hint: None }
+    }
+
+    /// A check failed before anything moved.
+    pub fn refused(message: impl Into<String>) -> Self {
+        Self::new(Exit::Refused, message)
+    }
+
+    /// An error with all its causes, after what was being done.
+    pub fn from_error(exit: Exit, doing: &str, error: &dyn Error) -> Self {
+        let mut message = format!("{doing}: {error}");
+        let mut cause = error.source();
+        while let Some(error) = cause {
+            let _ = write!(message, ": {error}");
+            cause = error.source();
+        }
+        Self::new(exit, message)
+    }
+
+    /// The same failure with a way out.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+/// Where a command prints to.
+#[derive(Debug)]
+pub struct Output {
+    json: bool,
+}
+
+impl Output {
+    /// Text for people, or JSON for programs.
+    #[must_use]
+    pub fn new(json: bool) -> Self {
+        Self { json }
+    }
+
+    /// True where a program reads the output.
+    #[must_use]
+    pub fn is_json(&self) -> bool {
+        self.json
+    }
+
+    /// True where a person watches: progress is worth showing.
+    #[must_use]
+    pub fn is_watched(&self) -> bool {
+        !self.json && io::stderr().is_terminal()
+    }
+
+    /// Prints a line of text for people; nothing where a program reads.
+    pub fn line(&mut self, text: impl AsRef<str>) {
+        if !self.json {
+            print(text.as_ref());
+        }
+    }
+
+    /// Prints a value for programs; nothing where a person reads.
+    pub fn value(&mut self, value: &impl Serialize) {
+        if self.json {
+            // Values of ours are plain structs; what cannot be JSON would be a mistake in the program, and is said as such.
+            print(&serde_json::to_string(value).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}")));
+        }
+    }
+
+    /// Prints the same thing to whoever reads it.
+    pub fn show(&mut self, text: impl AsRef<str>, value: &impl Serialize) {
+        self.line(text);
+        self.value(value);
+    }
+
+    /// Prints text as it is, whoever reads it: a file's contents.
+    pub fn raw(&mut self, text: &str) {
+        print(text.trim_end_matches('\n'));
+    }
+
+    /// Says on the error stream why a command failed, and gives its exit code.
+    pub fn fail(&mut self, failure: &Failure) -> ExitCode {
+        #[derive(Serialize)]
+        struct Said<'f> {
+            error: &'f str,
+            hint: Option<&'f str>,
+            exit: u8,
+        }
+        let exit = failure.exit as u8;
+        self.value(&Said { error: &failure.message, hint: failure.hint.as_deref(), exit });
+        let message = failure.message.trim_end();
+        // Findings say "error:" themselves, once each.
+        let prefix = if message.starts_with("error:") || message.starts_with("warning:") { "" } else { "error: " };
+        let hint = failure.hint.as_ref().map(|hint| format!("\n  try: {hint}")).unwrap_or_default();
+        let _ = writeln!(io::stderr(), "{prefix}{message}{hint}");
+        ExitCode::from(exit)
+    }
+}
+
+/// A reader that has gone away (`onbrick … | head`) is no failure.
+fn print(text: &str) {
+    let _ = writeln!(io::stdout().lock(), "{text}");
+}

@@ -1,0 +1,196 @@
+//! `onbrick run`: a mission, here and now, in the foreground.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use super::common::{load_mission, load_robot, pose, read_source, setting, warn};
+use super::{Exit, Failure, Output};
+use crate::behavior::Mission;
+use crate::clock::nanoseconds;
+use crate::mapping::Pose;
+use crate::runtime::{Brick, Ended, Event, Job};
+use crate::units::radians;
+
+/// Run a mission here, in the foreground, and record it.
+///
+/// Examples:
+///   onbrick run map                        on the brick, with the robot of robot.toml
+///   onbrick run my-mission.toml --sim arena --out first-try
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// A mission file, or the name of a shipped mission.
+    mission: PathBuf,
+    /// The robot's file; without it the shipped one, which fits the simulated brick.
+    #[arg(long)]
+    robot: Option<PathBuf>,
+    /// The folder under which sys/class is found.
+    #[arg(long, default_value = "/", conflicts_with = "sim")]
+    brick: PathBuf,
+    /// Run on a simulated brick in this world: a file, or the name of a built-in world.
+    #[cfg(feature = "sim")]
+    #[arg(long, value_name = "WORLD")]
+    sim: Option<PathBuf>,
+    /// What all chance in the simulation comes from.
+    #[cfg(feature = "sim")]
+    #[arg(long, default_value_t = 1, requires = "sim")]
+    seed: u64,
+    /// Let the simulation keep step with the clock on the wall.
+    #[cfg(feature = "sim")]
+    #[arg(long, requires = "sim")]
+    realtime: bool,
+    /// The robot's pose at the start: metres, metres, degrees; in a simulation, the world says it.
+    #[arg(long, value_parser = pose, value_name = "X,Y,DEG", allow_hyphen_values = true)]
+    pose: Option<[f64; 3]>,
+    /// Give one of the mission's own numbers another value; can be repeated.
+    #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
+    set: Vec<(String, f64)>,
+    /// Folder for the recording, run.mcap; without it, the next free one under onbrick-runs.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Seconds between two syncs: at most so much of the recording is lost in a power cut.
+    #[arg(long, default_value_t = 1.0, value_parser = sync_period)]
+    sync_s: f64,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let robot = load_robot(arguments.robot.as_deref(), output)?;
+    let source = read_source(&arguments.mission, crate::behavior::shipped)?;
+    let (mission, warnings) = load_mission(&source, &robot.config.capabilities())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    warn(&warnings);
+    let (brick, start) = brick(arguments)?;
+    let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose { x_m, y_m, heading_rad: radians(deg) });
+    let file = recording(arguments.out.as_deref(), mission.name())?;
+    let job = Job {
+        mission: source,
+        robot: robot.source,
+        brick,
+        start,
+        set: arguments.set.clone(),
+        file: file.clone(),
+        sync_ns: nanoseconds(arguments.sync_s),
+    };
+    let ended = drive(&job, &mission, output)?;
+    output.show(format!("{ended}\nrecorded in {}", file.display()), &ended);
+    if ended.wanted {
+        Ok(())
+    } else {
+        Err(Failure::new(Exit::Failed, ended.reason).hint(format!("onbrick replay {}", file.display())))
+    }
+}
+
+fn sync_period(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.1..=60.0).contains(&seconds) { Ok(seconds) } else { Err("it can be 0.1 to 60".to_owned()) }
+}
+
+#[cfg(feature = "sim")]
+fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
+    let Some(path) = &arguments.sim else { return Ok((Brick::Local(arguments.brick.clone()), Pose::default())) };
+    let (world, start) = super::common::load_world(path)?;
+    Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start))
+}
+
+#[cfg(not(feature = "sim"))]
+fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
+    Ok((Brick::Local(arguments.brick.clone()), Pose::default()))
+}
+
+/// The recording's path in a folder of its own; a recording that is there is never written over.
+fn recording(out: Option<&Path>, mission: &str) -> Result<PathBuf, Failure> {
+    let failed = |folder: &Path, error: &std::io::Error| {
+        Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
+            .hint("--out with a folder that can be written to")
+    };
+    let folder = match out {
+        Some(folder) => folder.to_owned(),
+        None => next_free(Path::new("onbrick-runs"), mission),
+    };
+    std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
+    let file = folder.canonicalize().map_err(|error| failed(&folder, &error))?.join("run.mcap");
+    if file.exists() {
+        return Err(Failure::refused(format!("{} is there already", file.display())).hint("another folder for --out"));
+    }
+    Ok(file)
+}
+
+/// `onbrick-runs/map-1`, `map-2` and so on: a brick's clock may stand at 1970, so no dates.
+fn next_free(folder: &Path, mission: &str) -> PathBuf {
+    let plain: String = mission
+        .chars()
+        .map(|letter| if letter.is_alphanumeric() || letter == '-' { letter } else { '_' })
+        .collect();
+    let mut number = 1_u32;
+    loop {
+        let candidate = folder.join(format!("{plain}-{number}"));
+        if !candidate.exists() {
+            return candidate;
+        }
+        number += 1;
+    }
+}
+
+/// Starts control, hands it the job, and follows it to its end.
+fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Failure> {
+    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    let program = std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
+    let mut control = Command::new(program)
+        .arg("control")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .map_err(|error| failed("cannot start control", &error))?;
+    forward_signals(&control)?;
+    // Kept to the end: closing it tells control that we are gone.
+    let mut pipe = control.stdin.take();
+    let mut line = serde_json::to_vec(job).map_err(|error| failed("cannot write the job", &error))?;
+    line.push(b'\n');
+    if let Some(pipe) = &mut pipe {
+        pipe.write_all(&line).map_err(|error| failed("control did not take its job", &error))?;
+    }
+    let last = follow(&mut control, mission, output);
+    let status = control.wait().map_err(|error| failed("cannot wait for control", &error))?;
+    drop(pipe);
+    match last {
+        Some(Event::Ended(ended)) => Ok(ended),
+        Some(Event::Refused { message }) => Err(Failure::refused(message)),
+        _ => Err(Failure::new(Exit::Failed, format!("control ended without a word ({status})"))
+            .hint("onbrick halt, to be sure that the motors are still")),
+    }
+}
+
+/// Shows what control says until it says nothing more; its last word.
+fn follow(control: &mut Child, mission: &Mission, output: &mut Output) -> Option<Event> {
+    let mut progress = super::common::Progress::new(mission, output);
+    let mut last = None;
+    for line in BufReader::new(control.stdout.take()?).lines() {
+        let Ok(line) = line else { break };
+        // An empty line is the heartbeat. The guard will listen to it; a person sees the status.
+        let Ok(event) = serde_json::from_str::<Event>(&line) else { continue };
+        progress.show(&event, output);
+        last = Some(event);
+    }
+    progress.finish();
+    last
+}
+
+/// Whoever stops us means the run. From a terminal control hears it as well, and hearing it twice does no harm.
+fn forward_signals(control: &Child) -> Result<(), Failure> {
+    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot listen to signals", error);
+    let pid = Pid::from_raw(i32::try_from(control.id()).map_err(|error| failed(&error))?);
+    let mut signals =
+        signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|error| failed(&error))?;
+    std::thread::spawn(move || {
+        for _ in signals.forever() {
+            // A control that is gone needs no telling.
+            let _ = kill(pid, Signal::SIGTERM);
+        }
+    });
+    Ok(())
+}

@@ -1,0 +1,389 @@
+//! `robot.toml`: which port is what, and the robot's measures.
+//!
+//! # Not here
+//!
+//! Nothing is looked up on a brick: whether something is plugged in where the file says shows when the robot is bound.
+
+use std::f64::consts::PI;
+
+use crate::document::{Document, Findings, Item, Section};
+use crate::ev3dev::PortAddress;
+use crate::units::radians;
+
+/// The shipped `robot.toml`: the seed's robot.
+pub const DEFAULT_ROBOT: &str = include_str!("../../brick-image/robot.toml");
+
+/// A robot as its file describes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotConfig {
+    /// The robot's name.
+    pub name: String,
+    /// How old a reading may be before it counts as lost, nanoseconds.
+    pub max_age_ns: i64,
+    /// The left wheel's motor.
+    pub left: MotorRole,
+    /// The right wheel's motor.
+    pub right: MotorRole,
+    /// Metres driven in one turn of a wheel.
+    pub wheel_circumference_m: f64,
+    /// Metres between the two wheels' points of contact.
+    pub track_width_m: f64,
+    /// The fastest that a wheel may turn, radians per second at its axle.
+    pub max_wheel_rad_s: f64,
+    /// What turns the range sensor.
+    pub head: Option<HeadRole>,
+    /// What measures the range.
+    pub range: Option<RangeRole>,
+    /// The gyro sensor's port.
+    pub gyro: Option<SensorRole>,
+    /// The touch sensor's port.
+    pub touch: Option<SensorRole>,
+    /// The colour sensor's port.
+    pub colour: Option<SensorRole>,
+    /// The port of the infrared sensor that listens to the remote.
+    pub remote: Option<SensorRole>,
+    /// Further motors, which missions know by their names; at most [`RobotConfig::MAX_MOTORS`].
+    pub motors: Vec<NamedMotor>,
+}
+
+/// A motor that a role is bound to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotorRole {
+    /// Where it is plugged in; `None` where only one motor fits.
+    pub port: Option<PortAddress>,
+    /// Turns of the axle for one turn of the motor: negative where the gears or `inverted` turn it round.
+    pub ratio: f64,
+}
+
+/// The motor that turns the range sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeadRole {
+    /// The motor.
+    pub motor: MotorRole,
+    /// How fast the head turns, radians per second.
+    pub speed_rad_s: f64,
+    /// How far the head may turn to either side, radians.
+    pub limit_rad: f64,
+}
+
+/// The sensor that measures the range.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RangeRole {
+    /// Where it is plugged in; `None` where only one sensor fits.
+    pub port: Option<PortAddress>,
+    /// Metres from the middle of the axle to the sensor, ahead.
+    pub ahead_m: f64,
+    /// Readings from here on make no point of the map, metres.
+    pub max_m: f64,
+    /// Metres for one percent of the infrared sensor's proximity: LEGO says 100 % is about 0.7 m.
+    pub infrared_m_per_pct: f64,
+}
+
+/// A sensor that a role is bound to.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SensorRole {
+    /// Where it is plugged in; `None` where only one sensor fits.
+    pub port: Option<PortAddress>,
+}
+
+/// A motor with a name of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedMotor {
+    /// The name that missions use.
+    pub name: String,
+    /// The motor.
+    pub motor: MotorRole,
+    /// The fastest that it may turn, radians per second at its axle.
+    pub max_rad_s: f64,
+}
+
+impl RobotConfig {
+    /// How many named motors a robot can have: as many as [`crate::robot::Channel::MOTORS`].
+    pub const MAX_MOTORS: usize = crate::robot::Channel::MOTORS.len();
+
+    /// Reads a robot's file; `name` is what findings call it.
+    ///
+    /// # Errors
+    ///
+    /// Everything that is wrong in it, each with its place.
+    pub fn load(name: &str, bytes: &[u8]) -> Result<(Self, Findings), Findings> {
+        Document::new(name, bytes)?.read(robot)
+    }
+}
+
+/// The longest name, in bytes: it is shown in tables and on the brick's screen.
+const LONGEST_NAME: usize = 64;
+
+/// Speeds beyond this are slips of the pen: the fastest motor does 1560 degrees a second, geared up tenfold.
+const FASTEST_DPS: f64 = 15_600.0;
+
+fn robot(root: &Section<'_>) -> Option<RobotConfig> {
+    root.allow(&[
+        "name", "max_age_s", "drive", "head", "range", "gyro", "touch", "colour", "remote", "motor",
+    ]);
+    let name = root.require("name").and_then(|item| name_of(&item));
+    let max_age_s = root.get("max_age_s").map_or(Some(0.3), |item| item.number(0.05..=10.0));
+    let drive = root.require("drive").and_then(|item| item.section()).and_then(|section| drive(&section));
+    let head = optional(root, "head", head);
+    let range = optional(root, "range", range);
+    let [gyro, touch, colour, remote] =
+        ["gyro", "touch", "colour", "remote"].map(|role| optional(root, role, sensor));
+    let motors = named_motors(root);
+    let drive = drive?;
+    let config = RobotConfig {
+        name: name?,
+        max_age_ns: crate::clock::nanoseconds(max_age_s?),
+        left: drive.left,
+        right: drive.right,
+        wheel_circumference_m: drive.wheel_circumference_m,
+        track_width_m: drive.track_width_m,
+        max_wheel_rad_s: drive.max_wheel_rad_s,
+        head: head?,
+        range: range?,
+        gyro: gyro?,
+        touch: touch?,
+        colour: colour?,
+        remote: remote?,
+        motors: motors?,
+    };
+    ports_are_taken_once(root, &config);
+    Some(config)
+}
+
+/// `Some(None)` where the section is not there, `None` where it is wrong.
+#[expect(clippy::option_option, reason = "absent and wrong are different")]
+fn optional<T>(
+    root: &Section<'_>,
+    key: &str,
+    read: impl FnOnce(&Section<'_>) -> Option<T>,
+) -> Option<Option<T>> {
+    match root.get(key) {
+        None => Some(None),
+        Some(item) => read(&item.section()?).map(Some),
+    }
+}
+
+fn name_of(item: &Item<'_>) -> Option<String> {
+    let name = item.text()?;
+    if name.is_empty() || name.len() > LONGEST_NAME || name.chars().any(char::is_control) {
+        item.error(format!("`{}` must be 1 to {LONGEST_NAME} bytes of text on one line", item.path()));
+        return None;
+    }
+    Some(name.to_owned())
+}
+
+struct Drive {
+    left: MotorRole,
+    right: MotorRole,
+    wheel_circumference_m: f64,
+    track_width_m: f64,
+    max_wheel_rad_s: f64,
+}
+
+fn drive(section: &Section<'_>) -> Option<Drive> {
+    section.allow(&["left", "right", "wheel_circumference_m", "track_width_m", "max_dps"]);
+    let wheel = |key| {
+        let wheel = section.require(key)?.section()?;
+        wheel.allow(&["port", "inverted", "gear"]);
+        motor_role(&wheel)
+    };
+    let left = wheel("left");
+    let right = wheel("right");
+    let wheel_circumference_m = section.require("wheel_circumference_m").and_then(|item| item.number(0.01..=2.0));
+    let track_width_m = section.require("track_width_m").and_then(|item| item.number(0.01..=2.0));
+    let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
+    Some(Drive {
+        left: left?,
+        right: right?,
+        wheel_circumference_m: wheel_circumference_m?,
+        track_width_m: track_width_m?,
+        max_wheel_rad_s: radians(max_dps?),
+    })
+}
+
+fn motor_role(section: &Section<'_>) -> Option<MotorRole> {
+    let port = port(section);
+    let inverted = section.get("inverted").map_or(Some(false), |item| item.flag());
+    let gear = section.get("gear").map_or(Some(1.0), |item| gear(&item));
+    let direction = if inverted? { -1.0 } else { 1.0 };
+    Some(MotorRole { port: port?, ratio: gear? * direction })
+}
+
+/// Teeth on the motor and on what it turns; a minus turns it round.
+fn gear(item: &Item<'_>) -> Option<f64> {
+    const MOST_TEETH: f64 = 1000.0;
+    let [motor, driven] = item.numbers::<2>(-MOST_TEETH..=MOST_TEETH)?;
+    if motor.abs() < 1.0 || driven.abs() < 1.0 {
+        item.error(format!("`{}` counts teeth: each number is at least 1", item.path()))
+            .hint("such as [12, 36]: 12 teeth on the motor turn a wheel of 36");
+        return None;
+    }
+    Some(motor / driven)
+}
+
+#[expect(clippy::option_option, reason = "absent and wrong are different")]
+fn port(section: &Section<'_>) -> Option<Option<PortAddress>> {
+    let Some(item) = section.get("port") else { return Some(None) };
+    match item.text()?.parse() {
+        Ok(port) => Some(Some(port)),
+        Err(error) => {
+            item.error(format!("{error}")).hint("such as \"outA\", \"in1\" or \"spi0.1:MB\"");
+            None
+        }
+    }
+}
+
+fn head(section: &Section<'_>) -> Option<HeadRole> {
+    section.allow(&["port", "inverted", "gear", "speed_dps", "limit_deg"]);
+    let motor = motor_role(section);
+    let speed_dps = section.require("speed_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
+    let limit_deg = section.get("limit_deg").map_or(Some(90.0), |item| item.number(1.0..=360.0));
+    Some(HeadRole { motor: motor?, speed_rad_s: radians(speed_dps?), limit_rad: radians(limit_deg?) })
+}
+
+fn range(section: &Section<'_>) -> Option<RangeRole> {
+    section.allow(&["port", "ahead_m", "max_m", "infrared_m_per_pct"]);
+    let port = port(section);
+    let ahead_m = section.get("ahead_m").map_or(Some(0.0), |item| item.number(-1.0..=1.0));
+    let max_m = section.get("max_m").map_or(Some(2.0), |item| item.number(0.05..=2.55));
+    let infrared = section.get("infrared_m_per_pct").map_or(Some(0.007), |item| item.number(0.0001..=0.1));
+    Some(RangeRole { port: port?, ahead_m: ahead_m?, max_m: max_m?, infrared_m_per_pct: infrared? })
+}
+
+fn sensor(section: &Section<'_>) -> Option<SensorRole> {
+    section.allow(&["port"]);
+    Some(SensorRole { port: port(section)? })
+}
+
+fn named_motors(root: &Section<'_>) -> Option<Vec<NamedMotor>> {
+    let Some(motors) = root.get("motor") else { return Some(Vec::new()) };
+    let items = motors.section()?.items();
+    if items.len() > RobotConfig::MAX_MOTORS {
+        motors.error_at_key(format!(
+            "{} named motors; a robot can have {}",
+            items.len(),
+            RobotConfig::MAX_MOTORS
+        ));
+        return None;
+    }
+    items.iter().map(named_motor).collect()
+}
+
+fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
+    let section = item.section()?;
+    section.allow(&["port", "inverted", "gear", "max_dps"]);
+    let name = item.key();
+    let plain = name.starts_with(|first: char| first.is_ascii_alphabetic())
+        && name.len() <= LONGEST_NAME
+        && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
+    if !plain {
+        item.error_at_key(format!("`{name}` is no name for a motor"))
+            .hint("a letter, then letters, digits and _: conditions use it");
+    }
+    let motor = motor_role(&section);
+    let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
+    let named = NamedMotor { name: name.to_owned(), motor: motor?, max_rad_s: max_dps? * (PI / 180.0) };
+    plain.then_some(named)
+}
+
+/// Two roles cannot share a port, but range and remote may both be named for the one infrared sensor only to be told why not.
+fn ports_are_taken_once(root: &Section<'_>, config: &RobotConfig) {
+    let sensor = |role: &Option<SensorRole>| role.as_ref().and_then(|role| role.port.clone());
+    let mut taken: Vec<(String, Option<PortAddress>)> = vec![
+        ("drive.left".to_owned(), config.left.port.clone()),
+        ("drive.right".to_owned(), config.right.port.clone()),
+        ("head".to_owned(), config.head.as_ref().and_then(|head| head.motor.port.clone())),
+        ("range".to_owned(), config.range.as_ref().and_then(|range| range.port.clone())),
+        ("gyro".to_owned(), sensor(&config.gyro)),
+        ("touch".to_owned(), sensor(&config.touch)),
+        ("colour".to_owned(), sensor(&config.colour)),
+        ("remote".to_owned(), sensor(&config.remote)),
+    ];
+    taken.extend(config.motors.iter().map(|motor| (format!("motor.{}", motor.name), motor.motor.port.clone())));
+    for (index, (role, port)) in taken.iter().enumerate() {
+        let Some(port) = port else { continue };
+        if let Some((other, _)) = taken[..index].iter().find(|(_, other)| other.as_ref() == Some(port)) {
+            root.note(
+                place_of_port(root, role),
+                crate::document::Severity::Error,
+                format!("`{role}` and `{other}` are both on {port}"),
+            )
+            .hint("one device has one role; a sensor gives one kind of value at a time");
+        }
+    }
+}
+
+fn place_of_port(root: &Section<'_>, role: &str) -> std::ops::Range<usize> {
+    let mut section = root.clone();
+    for key in role.split('.') {
+        let Some(next) = section.section(key) else { return section.place() };
+        section = next;
+    }
+    section.get("port").map_or_else(|| section.place(), |port| port.place())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn findings(text: &str) -> String {
+        RobotConfig::load("robot.toml", text.as_bytes()).expect_err("this robot has a mistake").to_string()
+    }
+
+    /// The shipped file with one piece of text replaced.
+    fn changed(from: &str, to: &str) -> String {
+        assert!(DEFAULT_ROBOT.contains(from), "the shipped robot.toml has no `{from}`");
+        DEFAULT_ROBOT.replacen(from, to, 1)
+    }
+
+    #[test]
+    fn the_shipped_robot_is_the_seeds() {
+        let (robot, warnings) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap();
+        assert!(warnings.is_empty(), "{warnings}");
+        assert!((robot.wheel_circumference_m - 37.2 * 0.0254 / 5.0).abs() < 1e-9);
+        assert!((robot.track_width_m - 4.5 * 0.0254).abs() < 1e-9);
+        let head = robot.head.unwrap();
+        assert!((head.motor.ratio + 12.0 / 36.0).abs() < 1e-12);
+        assert!((head.speed_rad_s - radians(130.0 / 3.0)).abs() < 1e-3, "130 counts a second through 12:36");
+        assert!((robot.range.unwrap().ahead_m - 2.0 * 0.0254).abs() < 1e-9);
+    }
+
+    #[test]
+    fn every_role_but_the_wheels_may_be_missing() {
+        let text = "name = \"two wheels\"\n[drive]\nleft = { port = \"outB\" }\nright = { port = \"outC\", inverted = true }\n\
+                    wheel_circumference_m = 0.2\ntrack_width_m = 0.1\nmax_dps = 300\n";
+        let (robot, _) = RobotConfig::load("robot.toml", text.as_bytes()).unwrap();
+        assert!(robot.head.is_none() && robot.range.is_none() && robot.gyro.is_none());
+        assert_eq!((robot.left.ratio, robot.right.ratio), (1.0, -1.0));
+    }
+
+    #[test]
+    fn mistakes_have_a_place_and_a_way_out() {
+        let cases = [
+            ("track_width_m", "track_widht_m", "did you mean `track_width_m`?"),
+            ("gear = [-12, 36]", "gear = [0, 36]", "each number is at least 1"),
+            ("gear = [-12, 36]", "gear = [-12]", "has 1 values; it takes 2"),
+            ("max_dps = 360", "max_dps = nan", "`drive.max_dps` is NaN"),
+            ("max_dps = 360", "max_dps = -5", "it can be 1 to 15600"),
+            ("port = \"in4\"", "port = \"in1\"", "`gyro` and `range` are both on in1"),
+            ("port = \"in4\"", "port = \"out Z\"", "such as \"outA\""),
+            ("name = \"mapper\"", "name = \"\"", "must be 1 to 64 bytes"),
+            ("name = \"mapper\"", "", "`name` is missing"),
+        ];
+        for (from, to, expected) in cases {
+            let found = findings(&changed(from, to));
+            assert!(found.contains(expected), "`{to}` should say `{expected}`:\n{found}");
+            assert!(found.contains("--> robot.toml:"), "{found}");
+        }
+    }
+
+    #[test]
+    fn a_named_motor_has_a_plain_name_and_a_limit() {
+        let good = format!("{DEFAULT_ROBOT}\n[motor.arm]\nport = \"outC\"\nmax_dps = 200\n");
+        let (robot, _) = RobotConfig::load("robot.toml", good.as_bytes()).unwrap();
+        assert_eq!(robot.motors[0].name, "arm");
+        let bad = format!("{DEFAULT_ROBOT}\n[motor.\"an arm\"]\nport = \"outC\"\n");
+        let found = findings(&bad);
+        assert!(found.contains("`an arm` is no name") && found.contains("`max_dps` is missing"), "{found}");
+    }
+}

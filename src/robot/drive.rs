@@ -1,0 +1,109 @@
+//! What the wheels are to do: from a mission's demand to wheel speeds within the robot's limits.
+
+use std::f64::consts::PI;
+
+use super::RobotConfig;
+use crate::behavior::{Capabilities, Drive};
+use crate::mapping::{Geometry, GeometryError, RangeMount};
+
+impl RobotConfig {
+    /// What a mission can ask of this robot.
+    #[must_use]
+    pub fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            head: self.head.is_some(),
+            range: self.range.is_some(),
+            gyro: self.gyro.is_some(),
+            touch: self.touch.is_some(),
+            colour: self.colour.is_some(),
+            remote: self.remote.is_some(),
+            motors: Some(self.motors.iter().map(|motor| motor.name.clone()).collect()),
+            ..Capabilities::default()
+        }
+    }
+
+    /// The measures that odometry and mapping need.
+    ///
+    /// # Errors
+    ///
+    /// A measure that makes no sense, though it passed when the file was read.
+    pub fn geometry(&self) -> Result<Geometry, GeometryError> {
+        let range = self.range.as_ref().map(|range| RangeMount {
+            ahead_m: range.ahead_m,
+            max_m: range.max_m,
+            on_head: self.head.is_some(),
+            ..RangeMount::default()
+        });
+        Geometry::new(self.wheel_circumference_m, self.track_width_m, range.unwrap_or_default())
+    }
+
+    /// The speeds of the left and the right wheel for a demand, radians per second at the axle.
+    ///
+    /// Where one would be too fast, both are scaled down, so that the robot keeps its curve. No demand, a stop, and a demand that is
+    /// not finite are no speed.
+    #[must_use]
+    pub fn wheel_speeds(&self, drive: Option<Drive>) -> [f64; 2] {
+        let wanted = match drive {
+            None | Some(Drive::Stop(_)) => [0.0; 2],
+            Some(Drive::Wheels { left_rad_s, right_rad_s }) => [left_rad_s, right_rad_s],
+            Some(Drive::Twist { forward_m_s, turn_rad_s }) => {
+                let metres_per_rad = self.wheel_circumference_m / (2.0 * PI);
+                let turning_m_s = turn_rad_s * self.track_width_m / 2.0;
+                [(forward_m_s - turning_m_s) / metres_per_rad, (forward_m_s + turning_m_s) / metres_per_rad]
+            }
+        };
+        let fastest = wanted[0].abs().max(wanted[1].abs());
+        if !wanted.iter().all(|speed| speed.is_finite()) {
+            [0.0; 2]
+        } else if fastest > self.max_wheel_rad_s {
+            wanted.map(|speed| speed * (self.max_wheel_rad_s / fastest))
+        } else {
+            wanted
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::DEFAULT_ROBOT;
+    use proptest::prelude::*;
+
+    fn robot() -> RobotConfig {
+        RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap().0
+    }
+
+    #[test]
+    fn a_turn_on_the_spot_turns_the_wheels_against_each_other() {
+        let [left, right] = robot().wheel_speeds(Some(Drive::Twist { forward_m_s: 0.0, turn_rad_s: 1.0 }));
+        assert!((left + right).abs() < 1e-12 && right > 0.0, "anticlockwise: the right wheel goes ahead: {left} {right}");
+        let expected = 0.1143 / 2.0 / (0.188_976 / (2.0 * PI));
+        assert!((right - expected).abs() < 1e-9, "{right} instead of {expected}");
+    }
+
+    #[test]
+    fn too_fast_keeps_the_curve() {
+        let robot = robot();
+        let [left, right] = robot.wheel_speeds(Some(Drive::Wheels { left_rad_s: 100.0, right_rad_s: -50.0 }));
+        assert!((left - robot.max_wheel_rad_s).abs() < 1e-9 && (right + robot.max_wheel_rad_s / 2.0).abs() < 1e-9);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_demanded_stays_within_the_limit(
+            left_rad_s in proptest::num::f64::ANY,
+            right_rad_s in proptest::num::f64::ANY,
+            twist in any::<bool>(),
+        ) {
+            let robot = robot();
+            let drive = if twist {
+                Drive::Twist { forward_m_s: left_rad_s, turn_rad_s: right_rad_s }
+            } else {
+                Drive::Wheels { left_rad_s, right_rad_s }
+            };
+            for speed in robot.wheel_speeds(Some(drive)) {
+                prop_assert!(speed.abs() <= robot.max_wheel_rad_s * (1.0 + 1e-12), "{drive:?} gave {speed}");
+            }
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! The tick: sense, estimate, map, decide, act, record, on one thread, from one monotonic time.
+//!
+//! A tick allocates nothing, waits for no disk, socket or lock, reads each attribute with one system call and the clock once, and
+//! writes only what changed and the leases that are due.
+//!
+//! Deadlines are a whole number of periods after the start, so they do not drift. A tick that comes late is counted; where whole
+//! periods were missed they are left out, never caught up with. One that comes later than [`STALL_NS`] ends the run: a loop that
+//! was away for that long has not been looking where it drives.
+
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use arrayvec::{ArrayString, ArrayVec};
+
+use crate::behavior::{Demands, MAX_MACHINES, Taken};
+use crate::clock::Clock;
+use crate::ev3dev::StopAction;
+use crate::robot::{Channel, Robot, Senses};
+
+use super::pilot::{Pilot, Step};
+use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
+use super::{Heartbeat, StopReason};
+
+/// A tick this late ends the run, nanoseconds.
+pub const STALL_NS: i64 = 200_000_000;
+
+/// How often the pilot's state goes into the recording, nanoseconds.
+const CHECKPOINT_NS: i64 = 1_000_000_000;
+
+/// What asks a run to stop from outside the tick.
+#[derive(Debug, Clone, Default)]
+pub struct StopFlags {
+    /// SIGINT, SIGTERM or SIGHUP came.
+    pub signal: Arc<AtomicBool>,
+    /// Whoever started the run is gone.
+    pub abandoned: Arc<AtomicBool>,
+}
+
+impl StopFlags {
+    /// True where anything asks to stop.
+    #[must_use]
+    pub fn is_raised(&self) -> bool {
+        self.reason().is_some()
+    }
+
+    fn reason(&self) -> Option<StopReason> {
+        if self.signal.load(Ordering::Relaxed) {
+            Some(StopReason::Signal)
+        } else if self.abandoned.load(Ordering::Relaxed) {
+            Some(StopReason::Abandoned)
+        } else {
+            None
+        }
+    }
+}
+
+/// What the loop counted.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tally {
+    /// Ticks.
+    pub ticks: u64,
+    /// Ticks that came a whole period late or later.
+    pub overruns: u64,
+    /// The latest tick, nanoseconds after its deadline.
+    pub latest_ns: i64,
+    /// The last tick's time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Points that the map gained.
+    pub points: u64,
+    /// Metres driven.
+    pub travelled_m: f64,
+}
+
+/// A run in motion.
+#[derive(Debug)]
+pub struct Control<'r> {
+    /// What senses and acts.
+    pub robot: &'r mut Robot,
+    /// What decides.
+    pub pilot: &'r mut Pilot,
+    /// Where it is recorded.
+    pub recorder: &'r mut TickSide,
+    /// What time it is.
+    pub clock: &'r dyn Clock,
+    /// Who asks to stop.
+    pub flags: &'r StopFlags,
+    /// Who is told that the loop is alive.
+    pub heartbeat: &'r mut dyn Heartbeat,
+    /// The tick's period, nanoseconds.
+    pub period_ns: i64,
+    /// What was counted so far.
+    pub tally: Tally,
+}
+
+/// Transitions of one tick: one a machine, and one more where the runtime moved it.
+type TakenInTick = ArrayVec<Taken, { 2 * MAX_MACHINES }>;
+
+impl Control<'_> {
+    /// Ticks until there is a reason to stop, then stops every motor. The run's clock starts at 0 with the first tick.
+    pub fn drive(&mut self) -> StopReason {
+        let reason = self.ticks();
+        self.robot.stop(StopAction::Brake);
+        self.log(if reason.is_wanted() { Level::Info } else { Level::Error }, format_args!("{reason}"));
+        reason
+    }
+
+    fn ticks(&mut self) -> StopReason {
+        let start_ns = self.clock.now_ns();
+        let mut deadline_ns = start_ns;
+        let mut senses = Senses::default();
+        let mut demands = Demands::default();
+        let mut checkpoint_ns = 0;
+        let mut paused = None;
+        loop {
+            let now_ns = self.wait(deadline_ns);
+            let late_ns = now_ns - deadline_ns;
+            if let Some(reason) = self.flags.reason() {
+                return reason;
+            }
+            self.tally.latest_ns = self.tally.latest_ns.max(late_ns);
+            if late_ns > STALL_NS {
+                return StopReason::Late;
+            }
+            senses.time_ns = now_ns - start_ns;
+            let step = self.tick(&mut senses, &mut demands, late_ns);
+            if senses.time_ns >= checkpoint_ns {
+                checkpoint_ns = senses.time_ns + CHECKPOINT_NS;
+                self.recorder.checkpoint(senses.time_ns, &self.pilot.state());
+            }
+            if step.paused != paused {
+                paused = step.paused;
+                self.log_pause(paused);
+            }
+            if let Some(reason) = step.end {
+                return reason;
+            }
+            let missed = late_ns / self.period_ns;
+            self.tally.overruns += u64::from(missed > 0);
+            senses.tick += 1;
+            deadline_ns += self.period_ns * (1 + missed);
+        }
+    }
+
+    /// Sleeps until the deadline or until somebody asks to stop; the time it is then.
+    fn wait(&mut self, deadline_ns: i64) -> i64 {
+        loop {
+            self.clock.sleep_until_ns(deadline_ns);
+            let now_ns = self.clock.now_ns();
+            if now_ns >= deadline_ns || self.flags.is_raised() {
+                return now_ns;
+            }
+        }
+    }
+
+    fn tick(&mut self, senses: &mut Senses, demands: &mut Demands, lateness_ns: i64) -> Step {
+        let time_ns = senses.time_ns;
+        let pressed = self.robot.sense(senses);
+        let mut taken = TakenInTick::new();
+        let mut step = self.pilot.step(senses, demands, |transition| {
+            // There is room for all that can be in one tick.
+            let _ = taken.try_push(transition);
+        });
+        if pressed {
+            step.end = Some(StopReason::Button);
+        } else if self.recorder.failed() {
+            step.end = Some(StopReason::Recording);
+        }
+        if step.end.is_none() {
+            self.robot.act(demands, time_ns);
+        }
+        self.heartbeat.beat();
+        let estimate = step.estimate;
+        self.recorder.tick(&TickRecord { senses: *senses, estimate, point: step.point, lateness_ns });
+        for transition in taken {
+            self.recorder.transition(time_ns, transition);
+        }
+        let points = self.tally.points + u64::from(step.point.is_some());
+        let travelled_m = estimate.travelled_m;
+        self.tally = Tally { ticks: senses.tick + 1, time_ns, points, travelled_m, ..self.tally };
+        step
+    }
+
+    fn log_pause(&mut self, paused: Option<Channel>) {
+        match paused {
+            Some(channel) => self.log(Level::Warn, format_args!("lost: {channel}; waiting until it is back")),
+            None => self.log(Level::Info, format_args!("everything is back; going on")),
+        }
+    }
+
+    /// Into the recording, without allocating; what is too long is cut.
+    fn log(&mut self, level: Level, text: fmt::Arguments<'_>) {
+        let mut line = ArrayString::<MAX_LOG_BYTES>::new();
+        let _ = fmt::write(&mut line, text);
+        self.recorder.log(self.tally.time_ns, level, &line);
+    }
+}

@@ -1,0 +1,294 @@
+//! One job from its checks to its recording.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::behavior::{MachinePlan, Mission, SetError, StatePlan};
+use crate::clock::{Clock, MonotonicClock, SECOND_NS, seconds, wall_ns};
+use crate::document::Findings;
+use crate::ev3dev::{LocalTree, StopAction, Tree};
+use crate::mapping::{Method, Pose};
+use crate::robot::{BindError, Robot, RobotConfig};
+
+use super::control::{Control, Tally};
+use super::pilot::PilotError;
+use super::recording::{
+    self, End, MachineNames, Options, Pace, RangeSensor, RecordError, Recorder, Start, StateNames,
+};
+use super::{
+    Brick, Ended, Event, HardwareLock, Heartbeat, Job, LockError, NotReady, Pilot, Source, StopFlags,
+    StopReason, prepare,
+};
+
+/// Why a run did not start. Nothing has moved.
+#[derive(Debug, thiserror::Error)]
+pub enum Refused {
+    /// A file is not in order.
+    #[error("{0}")]
+    Findings(Findings),
+    /// A number that the mission does not have, or not so.
+    #[error("--set")]
+    Setting(#[from] SetError),
+    /// Somebody else drives.
+    #[error("the robot is taken")]
+    Lock(#[from] LockError),
+    /// A role has no device.
+    #[error("the robot is not as its file says")]
+    Bind(#[from] BindError),
+    /// The robot is not ready.
+    #[error("not ready")]
+    NotReady(#[from] NotReady),
+    /// Files that each make sense do not together.
+    #[error("robot and mission")]
+    Pilot(#[from] PilotError),
+    /// The recording cannot be begun.
+    #[error("cannot record to {}", file.display())]
+    Record {
+        /// The recording.
+        file: PathBuf,
+        /// What went wrong.
+        source: RecordError,
+    },
+    /// This program was built without the simulated brick.
+    #[error("this onbrick was built without the simulated brick")]
+    NoSimulation,
+}
+
+impl From<Findings> for Refused {
+    fn from(findings: Findings) -> Self {
+        Self::Findings(findings)
+    }
+}
+
+impl Refused {
+    /// The error and all its causes, as a person reads it.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        with_causes(self)
+    }
+}
+
+/// Does a job. `report` hears how it is going, at most five times a second, from more than one thread.
+///
+/// # Errors
+///
+/// [`Refused`], before anything has moved. What happens afterwards is in [`Ended`].
+pub fn execute(
+    job: &Job,
+    flags: &StopFlags,
+    heartbeat: &mut dyn Heartbeat,
+    report: impl Fn(&Event) + Send + Sync + 'static,
+) -> Result<Ended, Refused> {
+    let report: Arc<Report> = Arc::new(report);
+    let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
+    let (mut mission, _) =
+        Mission::load(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
+    for (name, value) in &job.set {
+        mission.set(name, *value)?;
+    }
+    let place = Place::open(job, mission.name())?;
+    let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
+    prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
+    if place.announce {
+        robot.announce(&*place.clock, &|| flags.is_raised());
+    }
+    let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
+    let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
+    report(&Event::Driving { file: job.file.clone() });
+
+    let mut control = Control {
+        robot: &mut robot,
+        pilot: &mut pilot,
+        recorder: &mut tick_side,
+        clock: &*place.clock,
+        flags,
+        heartbeat,
+        period_ns: period_ns(&mission),
+        tally: Tally::default(),
+    };
+    // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
+    let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
+    let tally = control.tally;
+    let stopped = robot.stop(StopAction::Brake);
+    let word = driven.unwrap_or(StopReason::Panicked);
+    let reason = match robot.trouble().filter(|_| matches!(word, StopReason::Lost(_))) {
+        Some(trouble) => format!("{word}: {trouble}"),
+        None => word.to_string(),
+    };
+    let end = End {
+        reason: reason.clone(),
+        time_ns: tally.time_ns,
+        truth: place.truth(),
+        map: Some(recording::Grid::from(pilot.map().grid())),
+    };
+    let recording = recorder.finish(tick_side, end).err().map(|error| with_causes(&error));
+    Ok(Ended {
+        word: word.word().to_owned(),
+        reason,
+        wanted: word.is_wanted(),
+        stopped,
+        ticks: tally.ticks,
+        time_s: seconds(tally.time_ns),
+        travelled_m: tally.travelled_m,
+        points: tally.points,
+        overruns: tally.overruns,
+        latest_s: seconds(tally.latest_ns),
+        file: job.file.clone(),
+        recording,
+    })
+}
+
+fn period_ns(mission: &Mission) -> i64 {
+    SECOND_NS / i64::from(mission.rate_hz().max(1))
+}
+
+/// The error and all its causes, as a person reads it.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
+}
+
+type Report = dyn Fn(&Event) + Send + Sync;
+
+/// Where the robot is: its files, its time, and who else may have it.
+struct Place {
+    tree: Arc<dyn Tree>,
+    clock: Arc<dyn Clock>,
+    pace: Pace,
+    wall_offset_ns: i64,
+    seed: Option<u64>,
+    world_toml: Option<String>,
+    /// Beep and light before driving off: people are near.
+    announce: bool,
+    #[cfg(feature = "sim")]
+    simulation: Option<crate::sim::Simulation>,
+    _lock: Option<HardwareLock>,
+}
+
+impl Place {
+    fn open(job: &Job, mission: &str) -> Result<Self, Refused> {
+        match &job.brick {
+            Brick::Local(root) => {
+                let lock = HardwareLock::take(root, &format!("mission {mission}"))?;
+                let clock = MonotonicClock;
+                Ok(Self {
+                    tree: Arc::new(LocalTree::new(root)),
+                    wall_offset_ns: wall_ns() - clock.now_ns(),
+                    clock: Arc::new(clock),
+                    pace: Pace::Real,
+                    seed: None,
+                    world_toml: None,
+                    announce: true,
+                    #[cfg(feature = "sim")]
+                    simulation: None,
+                    _lock: Some(lock),
+                })
+            }
+            #[cfg(feature = "sim")]
+            Brick::Simulated { world, seed, realtime } => Self::simulated(world, *seed, *realtime),
+            #[cfg(not(feature = "sim"))]
+            Brick::Simulated { .. } => Err(Refused::NoSimulation),
+        }
+    }
+}
+
+#[cfg(feature = "sim")]
+impl Place {
+    /// The simulation stands at the beginning of its time; a virtual clock makes its two minutes two seconds.
+    fn simulated(world: &Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
+        use crate::clock::VirtualClock;
+        use crate::sim::{Simulation, World, WorldPhysics};
+        let (parsed, _) = World::load(&world.name, world.text.as_bytes())?;
+        let clock: Arc<dyn Clock> =
+            if realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
+        let physics = WorldPhysics::new(parsed, seed);
+        let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), seed);
+        Ok(Self {
+            tree: simulation.brick(0),
+            clock,
+            pace: if realtime { Pace::Real } else { Pace::Virtual },
+            wall_offset_ns: 0,
+            seed: Some(seed),
+            world_toml: Some(world.text.clone()),
+            announce: false,
+            simulation: Some(simulation),
+            _lock: None,
+        })
+    }
+
+    /// Where the robot really is.
+    fn truth(&self) -> Option<Pose> {
+        let truth = self
+            .simulation
+            .as_ref()?
+            .inspect(|world: &mut crate::sim::WorldPhysics| world.truth(0))?;
+        Some(Pose { x_m: truth.x_m, y_m: truth.y_m, heading_rad: truth.heading_rad })
+    }
+}
+
+#[cfg(not(feature = "sim"))]
+impl Place {
+    fn truth(&self) -> Option<Pose> {
+        None
+    }
+}
+
+/// Begins the recording.
+fn record(
+    job: &Job,
+    config: &RobotConfig,
+    mission: &Mission,
+    place: &Place,
+    report: Arc<Report>,
+) -> Result<(Recorder, recording::TickSide), Refused> {
+    let failed = |source| Refused::Record { file: job.file.clone(), source };
+    let sink = recording::create(&job.file)
+        .map_err(|source| failed(RecordError { doing: "create the file", source }))?;
+    let start = Start {
+        brick: config.name.clone(),
+        mission: mission.name().to_owned(),
+        robot_toml: job.robot.text.clone(),
+        mission_toml: job.mission.text.clone(),
+        world_toml: place.world_toml.clone(),
+        start_pose: job.start,
+        start_ns: 0,
+        wall_offset_ns: place.wall_offset_ns,
+        period_ns: period_ns(mission),
+        pace: place.pace,
+        seed: place.seed,
+        settings: job.set.clone(),
+        range: config.range.as_ref().map(|range| RangeSensor {
+            ahead_m: range.ahead_m,
+            min_m: NEAREST_M,
+            max_m: range.max_m,
+            field_of_view_rad: FIELD_OF_VIEW_RAD,
+            infrared: false,
+        }),
+        machines: mission.machines().iter().map(machine_names).collect(),
+    };
+    let options = Options { sync_period_ns: job.sync_ns, ..Options::default() };
+    let on_status = Box::new(move |status: &recording::Status| report(&Event::Status(status.clone())));
+    Recorder::start(Box::new(sink), start, options, on_status).map_err(failed)
+}
+
+/// The nearest that the ultrasonic sensor measures (`ev3dev-interfaces`, 6.4), and how wide it sees (the paper, 4.1).
+const NEAREST_M: f64 = 0.03;
+const FIELD_OF_VIEW_RAD: f64 = 20.0 * (std::f64::consts::PI / 180.0);
+
+fn machine_names(machine: &MachinePlan) -> MachineNames {
+    let state = |state: &StatePlan| StateNames {
+        name: state.name().to_owned(),
+        conditions: state.transitions().iter().map(|next| next.when().to_string()).collect(),
+    };
+    MachineNames {
+        name: machine.name().to_owned(),
+        start: machine.start(),
+        states: machine.states().iter().map(state).collect(),
+    }
+}

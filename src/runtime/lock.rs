@@ -1,0 +1,146 @@
+//! One run owns the hardware at a time: a lock that names its owner.
+//!
+//! The lock is the kernel's advisory lock on a file beside other programs' locks. It ends with the process that holds it, however that
+//! process ends, so a lock left by the dead needs no clearing up. The file's text names the owner, for the message to whoever
+//! comes second. Between runs nothing is held: other people's programs have the motors.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use nix::fcntl::{Flock, FlockArg};
+use serde::{Deserialize, Serialize};
+
+/// Who owns the hardware.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Owner {
+    /// The process that drives.
+    pub pid: i32,
+    /// What it is doing, for people: the mission's name.
+    pub doing: String,
+}
+
+/// The hardware, held until this is dropped or the process ends.
+#[derive(Debug)]
+pub struct HardwareLock {
+    _file: Flock<File>,
+}
+
+/// Why the hardware could not be had.
+#[derive(Debug, thiserror::Error)]
+pub enum LockError {
+    /// Somebody else drives: wait, stop it (`onbrick halt`), or use another brick.
+    #[error("the motors belong to {} (process {})", .0.doing, .0.pid)]
+    Taken(Owner),
+    /// The lock file cannot be used: look at its folder's permissions.
+    #[error("cannot use the lock file {path}")]
+    Io {
+        /// The lock file.
+        path: PathBuf,
+        /// What went wrong.
+        source: io::Error,
+    },
+}
+
+impl HardwareLock {
+    /// Takes the hardware below `root` for this process.
+    ///
+    /// # Errors
+    ///
+    /// [`LockError::Taken`] with its owner, or [`LockError::Io`].
+    pub fn take(root: &Path, doing: &str) -> Result<Self, LockError> {
+        let path = lock_path(root);
+        let failed = |source| LockError::Io { path: path.clone(), source };
+        let file = open(&path).map_err(failed)?;
+        let mut held = match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
+            Ok(held) => held,
+            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => {
+                return Err(LockError::Taken(read_owner(&mut file)));
+            }
+            Err((_, errno)) => return Err(failed(errno.into())),
+        };
+        let owner = Owner { pid: nix::unistd::getpid().as_raw(), doing: doing.to_owned() };
+        let text = serde_json::to_vec(&owner).map_err(|error| failed(error.into()))?;
+        held.set_len(0).and_then(|()| held.rewind()).and_then(|()| held.write_all(&text)).map_err(failed)?;
+        Ok(Self { _file: held })
+    }
+
+    /// Who holds the hardware below `root`, if anybody does.
+    ///
+    /// # Errors
+    ///
+    /// [`LockError::Io`].
+    pub fn owner(root: &Path) -> Result<Option<Owner>, LockError> {
+        let path = lock_path(root);
+        let failed = |source| LockError::Io { path: path.clone(), source };
+        let file = match OpenOptions::new().read(true).open(&path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(failed(error)),
+        };
+        match Flock::lock(file, FlockArg::LockSharedNonblock) {
+            Ok(_) => Ok(None),
+            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => Ok(Some(read_owner(&mut file))),
+            Err((_, errno)) => Err(failed(errno.into())),
+        }
+    }
+}
+
+/// Anybody who may drive may lock, so the file is writable for all; the sticky folder keeps others from replacing it.
+fn open(path: &Path) -> io::Result<File> {
+    const EVERYBODY: u32 = 0o666;
+    let file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .mode(EVERYBODY)
+        .custom_flags(nix::libc::O_NOFOLLOW | nix::libc::O_CLOEXEC)
+        .open(path)?;
+    // The umask took write permission from the others; only the file's maker can give it, and only needs to once.
+    if file.metadata()?.uid() == nix::unistd::geteuid().as_raw() {
+        file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(EVERYBODY))?;
+    }
+    Ok(file)
+}
+
+/// What the file says; a holder that has not yet written its name is still a holder.
+fn read_owner(file: &mut File) -> Owner {
+    let mut text = String::new();
+    let _ = file.rewind().and_then(|()| file.take(4096).read_to_string(&mut text));
+    serde_json::from_str(&text).unwrap_or_else(|_| Owner { pid: 0, doing: "another run".to_owned() })
+}
+
+/// One file a brick: the machine's own hardware, or the brick below a mount point.
+fn lock_path(root: &Path) -> PathBuf {
+    let folder = Path::new("/run/lock");
+    let folder = if folder.is_dir() { folder.to_owned() } else { std::env::temp_dir() };
+    let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
+    let name: String = root
+        .to_string_lossy()
+        .chars()
+        .map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '-' })
+        .collect();
+    folder.join(format!("onbrick{}.lock", name.trim_end_matches('-')))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_second_to_come_is_told_who_has_it_and_gets_it_afterwards() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(HardwareLock::owner(folder.path()).unwrap(), None);
+        let first = HardwareLock::take(folder.path(), "mission map").unwrap();
+        let refused = HardwareLock::take(folder.path(), "mission bump").unwrap_err();
+        assert!(refused.to_string().starts_with("the motors belong to mission map (process "), "{refused}");
+        let owner = HardwareLock::owner(folder.path()).unwrap().unwrap();
+        assert_eq!(owner.pid, nix::unistd::getpid().as_raw());
+        drop(first);
+        assert_eq!(HardwareLock::owner(folder.path()).unwrap(), None);
+        HardwareLock::take(folder.path(), "mission bump").unwrap();
+        std::fs::remove_file(lock_path(folder.path())).unwrap();
+    }
+}

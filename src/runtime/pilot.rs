@@ -1,0 +1,293 @@
+//! From senses to demands: estimate, map, decide.
+//!
+//! The pilot is the part of the tick that knows nothing of files, clocks or threads. The control loop hands it what the robot sensed and
+//! carries out what it demands; replay hands it what a recording says was sensed and compares. Both therefore run the very same
+//! code, and the same senses give the same bits.
+//!
+//! # Not here
+//!
+//! No devices (`robot`), no deadlines (`runtime::control`), no files (`runtime::recording`).
+
+use serde::{Deserialize, Serialize};
+
+use crate::behavior::{
+    Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress, Role,
+    Signal, Signals, Taken,
+};
+use crate::clock::seconds;
+use crate::ev3dev::StopAction;
+use crate::mapping::{
+    Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint, Method, Pose,
+    Range, RangeReading,
+};
+use crate::robot::{Channel, RobotConfig, Senses};
+
+use super::StopReason;
+use super::stall::StallWatch;
+
+/// How old the battery's voltage may be, nanoseconds: it is read about once a second.
+const BATTERY_AGE_NS: i64 = 3_000_000_000;
+
+/// Why a pilot cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PilotError {
+    /// The robot's measures make no sense.
+    #[error("the robot's measures")]
+    Geometry(#[from] GeometryError),
+    /// The mission's machines do not hang together.
+    #[error("the mission's machines")]
+    Machines(#[from] EngineError),
+}
+
+/// Everything between one tick's senses and its demands.
+#[derive(Debug)]
+pub struct Pilot {
+    config: RobotConfig,
+    required: Vec<Channel>,
+    on_lost: OnLost,
+    time_limit_s: f64,
+    estimator: Estimator,
+    map: Map,
+    program: Program,
+    signals: Signals,
+    stalls: StallWatch,
+    wheels_rad_s: [f64; 2],
+    paused: bool,
+}
+
+/// What one step came to.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// Where the robot is.
+    pub estimate: Estimate,
+    /// The point that the map gained.
+    pub point: Option<MapPoint>,
+    /// A wheel is blocked.
+    pub stalled: bool,
+    /// What was lost, where the mission waits until it is back.
+    pub paused: Option<Channel>,
+    /// The reason to end the run, if there is one.
+    pub end: Option<StopReason>,
+}
+
+/// What a pilot carries from tick to tick, so that replay can go on after a gap in the recording.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PilotState {
+    /// The estimator's part.
+    pub estimator: EstimatorState,
+    /// One entry a machine; entries beyond the mission's machines are unused.
+    pub machines: [MachineState; MAX_MACHINES],
+    stalls: StallWatch,
+    wheels_rad_s: [f64; 2],
+    paused: bool,
+}
+
+impl Pilot {
+    /// A pilot at the start of a mission.
+    ///
+    /// - `method`: how poses are estimated and points placed.
+    /// - `start`: the robot's pose in the world.
+    ///
+    /// # Errors
+    ///
+    /// [`PilotError`]; neither happens with files that were loaded without a finding.
+    pub fn new(
+        config: &RobotConfig,
+        mission: &Mission,
+        method: Method,
+        start: Pose,
+    ) -> Result<Self, PilotError> {
+        let estimator = EstimatorConfig { geometry: config.geometry()?, method };
+        let mut required = vec![Channel::Left, Channel::Right];
+        required.extend(config.gyro.as_ref().map(|_| Channel::Gyro));
+        required.extend(mission.roles().iter().filter_map(|&role| channel(role)));
+        Ok(Self {
+            config: config.clone(),
+            required,
+            on_lost: mission.on_lost(),
+            time_limit_s: mission.time_limit_s(),
+            estimator: Estimator::new(estimator, start),
+            map: Map::new(estimator),
+            program: mission.start()?,
+            signals: Signals::default(),
+            stalls: StallWatch::default(),
+            wheels_rad_s: [0.0; 2],
+            paused: false,
+        })
+    }
+
+    /// One tick: takes in what was sensed, writes what is wanted to `demands`, and calls `taken` for each transition.
+    ///
+    /// After a step with an `end`, `demands` says stop.
+    pub fn step(&mut self, senses: &Senses, demands: &mut Demands, taken: impl FnMut(Taken)) -> Step {
+        let inputs = self.inputs(senses);
+        let estimate = self.estimator.update(&inputs);
+        let point = self.map.add(&self.estimator, &inputs, &estimate);
+        let angles_rad = [Channel::Left, Channel::Right].map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
+        let stalled = self.stalls.step(senses.time_ns, self.wheels_rad_s, angles_rad);
+        let lost = self.lost(senses);
+        let end = self.decide(senses, &estimate, lost, stalled, demands, taken);
+        if end.is_some() {
+            *demands = STANDSTILL;
+        }
+        self.wheels_rad_s = self.config.wheel_speeds(demands.drive);
+        Step { estimate, point, stalled, paused: lost.filter(|_| self.paused), end }
+    }
+
+    /// The map so far.
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        &self.map
+    }
+
+    /// The machines.
+    #[must_use]
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
+    /// What is carried from tick to tick; the map is not in it.
+    #[must_use]
+    pub fn state(&self) -> PilotState {
+        let mut machines = [MachineState::default(); MAX_MACHINES];
+        for (place, state) in machines.iter_mut().zip(self.program.checkpoint()) {
+            *place = *state;
+        }
+        PilotState {
+            estimator: self.estimator.state(),
+            machines,
+            stalls: self.stalls,
+            wheels_rad_s: self.wheels_rad_s,
+            paused: self.paused,
+        }
+    }
+
+    /// Goes on from a state that was carried; the map keeps what it has.
+    pub fn restore(&mut self, state: &PilotState) {
+        self.estimator.restore(state.estimator);
+        self.program.restore(&state.machines);
+        self.stalls = state.stalls;
+        self.wheels_rad_s = state.wheels_rad_s;
+        self.paused = state.paused;
+    }
+
+    /// The first channel that the mission needs and that could not be read for too long.
+    fn lost(&self, senses: &Senses) -> Option<Channel> {
+        self.required.iter().copied().find(|&channel| self.fresh(senses, channel).is_none())
+    }
+
+    fn fresh(&self, senses: &Senses, channel: Channel) -> Option<f64> {
+        let max_age_ns = if channel == Channel::Battery { BATTERY_AGE_NS } else { self.config.max_age_ns };
+        senses.fresh(channel, max_age_ns)
+    }
+
+    fn inputs(&self, senses: &Senses) -> Inputs {
+        let timed = |channel| {
+            let reading = senses.get(channel)?;
+            self.fresh(senses, channel).map(|value| (value, reading.changed_ns))
+        };
+        Inputs {
+            time_ns: senses.time_ns,
+            left_rad: self.fresh(senses, Channel::Left),
+            right_rad: self.fresh(senses, Channel::Right),
+            gyro: timed(Channel::Gyro).map(|(value_rad, changed_ns)| GyroReading { value_rad, changed_ns }),
+            head_rad: self.fresh(senses, Channel::Head),
+            range: timed(Channel::Range).map(|(value_m, changed_ns)| RangeReading { value_m, changed_ns }),
+        }
+    }
+
+    fn decide(
+        &mut self,
+        senses: &Senses,
+        estimate: &Estimate,
+        lost: Option<Channel>,
+        stalled: bool,
+        demands: &mut Demands,
+        taken: impl FnMut(Taken),
+    ) -> Option<StopReason> {
+        self.paused = lost.is_some();
+        match (lost, self.on_lost) {
+            (Some(channel), OnLost::Stop) => return Some(StopReason::Lost(channel)),
+            (Some(_), OnLost::Pause) => {
+                *demands = STANDSTILL;
+                return self.time_is_up(senses);
+            }
+            (None, _) => {}
+        }
+        if stalled && !self.program.stall() {
+            return Some(StopReason::Stalled);
+        }
+        self.sense_signals(senses, estimate);
+        match self.program.step(&self.signals, demands, taken) {
+            Progress::Finished => Some(StopReason::Finished),
+            Progress::Running => self.time_is_up(senses),
+        }
+    }
+
+    /// The runtime's own limit comes after the machines' step, so that a mission whose conditions look at the time can finish.
+    fn time_is_up(&self, senses: &Senses) -> Option<StopReason> {
+        (seconds(senses.time_ns) > self.time_limit_s).then_some(StopReason::TimeLimit)
+    }
+
+    fn sense_signals(&mut self, senses: &Senses, estimate: &Estimate) {
+        let range_m = estimate.range.map(|range| match range {
+            Range::Echo(range_m) => range_m,
+            Range::NoEcho => f64::INFINITY,
+            Range::TooNear => 0.0,
+        });
+        let pose = estimate.pose;
+        let estimated = [
+            (Signal::Range, range_m),
+            (Signal::Echo, range_m.map(|range_m| f64::from(u8::from(range_m.is_finite())))),
+            (Signal::Heading, Some(pose.heading_rad)),
+            (Signal::X, Some(pose.x_m)),
+            (Signal::Y, Some(pose.y_m)),
+            (Signal::Travelled, Some(estimate.travelled_m)),
+        ];
+        let sensed = SENSED.map(|(signal, channel)| (signal, self.fresh(senses, channel)));
+        self.signals.time_ns = senses.time_ns;
+        for (signal, value) in estimated.into_iter().chain(sensed) {
+            match value {
+                Some(value) => self.signals.set(signal, value),
+                None => self.signals.lose(signal),
+            }
+        }
+    }
+}
+
+/// Signals that are readings as they come.
+const SENSED: [(Signal, Channel); 12] = [
+    (Signal::Head, Channel::Head),
+    (Signal::Left, Channel::Left),
+    (Signal::Right, Channel::Right),
+    (Signal::Battery, Channel::Battery),
+    (Signal::Touch, Channel::Touch),
+    (Signal::Colour, Channel::Colour),
+    (Signal::Reflect, Channel::Reflect),
+    (Signal::Remote, Channel::Remote),
+    (Signal::Motor0, Channel::Motor0),
+    (Signal::Motor1, Channel::Motor1),
+    (Signal::Motor2, Channel::Motor2),
+    (Signal::Motor3, Channel::Motor3),
+];
+
+/// The reading that a role stands for.
+fn channel(role: Role) -> Option<Channel> {
+    match role {
+        Role::Wheels => None,
+        Role::Head => Some(Channel::Head),
+        Role::Range => Some(Channel::Range),
+        Role::Touch => Some(Channel::Touch),
+        Role::Colour => Some(Channel::Colour),
+        Role::Reflect => Some(Channel::Reflect),
+        Role::Remote => Some(Channel::Remote),
+        Role::Motor(place) => Channel::MOTORS.get(usize::from(place)).copied(),
+    }
+}
+
+/// What is wanted of the actuators when nothing is to move.
+const STANDSTILL: Demands = Demands { drive: Some(Drive::Stop(StopAction::Brake)), ..NOTHING };
+
+/// Nothing is wanted.
+const NOTHING: Demands =
+    Demands { drive: None, head_rad: None, motors: [None; MAX_MOTORS], led: None, tone_hz: None, say: None };

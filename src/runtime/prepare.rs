@@ -1,0 +1,115 @@
+//! Before anything moves: is the robot there, does it stand still, is the battery good?
+//!
+//! Roles and sensor modes have been seen to when the robot was bound. What is left is to watch for a moment: every reading has come,
+//! wheels and gyro stand still, and the gyro does not drift. A gyro that was moved while it started drifts for the whole session
+//! (`ev3dev-interfaces`, 6.4), and only unplugging it helps.
+
+use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS};
+use crate::robot::{Channel, Robot, Senses};
+
+use super::StopFlags;
+
+/// How long everything must have stood still, nanoseconds.
+const STILL_NS: i64 = SECOND_NS;
+
+/// How long we wait for it, nanoseconds.
+const PATIENCE_NS: i64 = 10 * SECOND_NS;
+
+/// How often we look, nanoseconds.
+const LOOK_NS: i64 = 20 * MILLISECOND_NS;
+
+/// A gyro at rest may flicker between two neighbouring degrees.
+const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
+
+/// A wheel at rest may stand on the edge between two counts.
+const WHEEL_STILL_RAD: f64 = 0.0175 * 1.5;
+
+/// What a brick runs on: six cells, or LEGO's accumulator. Below, it would brown out as soon as the motors pull; above, the reading is wrong.
+const BATTERY_V: std::ops::RangeInclusive<f64> = 5.8..=10.0;
+
+/// Why a run did not start; each says what to do.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotReady {
+    /// A sensor or motor gave no reading.
+    #[error("no reading from {0}: unplug it, plug it in again, and wait three seconds")]
+    NoReading(Channel),
+    /// The robot did not stand still.
+    #[error("the robot does not stand still ({0} moves): put it down and keep your hands off until it starts")]
+    Moving(Channel),
+    /// The gyro turns although the wheels stand.
+    #[error("the gyro drifts ({0:.0} degrees in a second): unplug it, hold the robot still, and plug it in again")]
+    GyroDrifts(f64),
+    /// The battery is flat, or its reading is nonsense.
+    #[error("the battery has {0:.1} V: charge it, or put in fresh cells (at least {min} V)", min = BATTERY_V.start())]
+    Battery(f64),
+    /// Somebody asked to stop.
+    #[error("stopped before it started")]
+    Stopped,
+}
+
+/// Watches until the robot has stood still for a second. `say` is told what is being waited for, once each.
+///
+/// # Errors
+///
+/// The first thing that is not in order, after ten seconds of patience where a person can still do something about it.
+pub fn prepare(
+    robot: &mut Robot,
+    clock: &dyn Clock,
+    flags: &StopFlags,
+    mut say: impl FnMut(&str),
+) -> Result<(), NotReady> {
+    let start_ns = clock.now_ns();
+    let mut senses = Senses::default();
+    let mut still_since: Option<(i64, Senses)> = None;
+    let mut drifting = 0;
+    loop {
+        let now_ns = clock.now_ns();
+        if flags.is_raised() {
+            return Err(NotReady::Stopped);
+        }
+        senses.time_ns = now_ns - start_ns;
+        if robot.sense(&mut senses) {
+            return Err(NotReady::Stopped);
+        }
+        let patient = senses.time_ns < PATIENCE_NS;
+        match unready(robot, &senses, still_since.as_ref().map(|(_, senses)| senses)) {
+            None => match still_since {
+                Some((since_ns, _)) if senses.time_ns - since_ns >= STILL_NS => return Ok(()),
+                Some(_) => {}
+                None => still_since = Some((senses.time_ns, senses)),
+            },
+            Some(NotReady::Battery(volts)) => return Err(NotReady::Battery(volts)),
+            Some(why) => {
+                drifting = if matches!(why, NotReady::GyroDrifts(_)) { drifting + 1 } else { 0 };
+                // A hand may have turned the robot once; a gyro that does it three times in a row drifts.
+                if !patient || drifting > 2 {
+                    return Err(why);
+                }
+                say(&why.to_string());
+                still_since = None;
+            }
+        }
+        clock.sleep_until_ns(now_ns + LOOK_NS);
+    }
+}
+
+/// What is not in order, compared with the moment from which on everything stood still.
+fn unready(robot: &Robot, senses: &Senses, since: Option<&Senses>) -> Option<NotReady> {
+    if let Some(missing) = robot.channels().find(|&channel| senses.get(channel).is_none()) {
+        return Some(NotReady::NoReading(missing));
+    }
+    if let Some(battery) = senses.get(Channel::Battery)
+        && !BATTERY_V.contains(&battery.value)
+    {
+        return Some(NotReady::Battery(battery.value));
+    }
+    let since = since?;
+    let moved = |channel| Some((senses.get(channel)?.value - since.get(channel)?.value).abs());
+    for wheel in [Channel::Left, Channel::Right] {
+        if moved(wheel).is_some_and(|moved_rad| moved_rad > WHEEL_STILL_RAD) {
+            return Some(NotReady::Moving(wheel));
+        }
+    }
+    let turned_rad = moved(Channel::Gyro).filter(|&turned_rad| turned_rad > GYRO_STILL_RAD)?;
+    Some(NotReady::GyroDrifts(crate::units::degrees(turned_rad)))
+}

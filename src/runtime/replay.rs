@@ -1,0 +1,260 @@
+//! The recorded senses through estimator and machines again.
+//!
+//! The senses alone are enough: they, the robot's and the mission's files and the start pose are all in the recording, and the
+//! [`Pilot`] is the one that drove. So a replay comes to the same poses, points and transitions bit for bit, on any machine; where it
+//! does not, it says at which tick. After a gap in the recording it goes on from the next checkpoint.
+//!
+//! # Not here
+//!
+//! No judging of the map: a replay says what the robot thought, not whether it was right.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::behavior::{Demands, Mission, SetError, Taken};
+use crate::document::Findings;
+use crate::mapping::{MapPoint, Method, Pose};
+use crate::robot::{Channel, RobotConfig, Senses};
+
+use super::pilot::{Pilot, PilotError, Step};
+use super::recording::{Info, Run};
+
+/// How many differences are told one by one.
+const TOLD: usize = 10;
+
+/// Where a replay came to something else than the recording.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Difference {
+    /// The tick.
+    pub tick: u64,
+    /// What differs: a pose, a point, a transition.
+    pub what: String,
+}
+
+/// What a replay came to.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Replayed {
+    /// Ticks that were replayed.
+    pub ticks: u64,
+    /// Poses that were the same, bit for bit.
+    pub poses: u64,
+    /// Points of the map that were the same, bit for bit.
+    pub points: u64,
+    /// Transitions that were the same.
+    pub transitions: u64,
+    /// Gaps in the recording, each as its first and last missing tick.
+    pub gaps: Vec<(u64, u64)>,
+    /// Ticks between a gap and the next checkpoint, which could not be replayed.
+    pub skipped: u64,
+    /// How many differences there are.
+    pub differing: u64,
+    /// The first of them.
+    pub differences: Vec<Difference>,
+}
+
+/// Why a recording cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The beginning of the file, which says what the run was, is damaged or cut off.
+    #[error("the recording does not say {0}: its beginning is damaged")]
+    Beheaded(&'static str),
+    /// A file inside the recording does not load: it was made by another version.
+    #[error("a file in the recording does not load any more\n{0}")]
+    Findings(Findings),
+    /// A number was set that the mission does not have.
+    #[error("a number that was set for the run")]
+    Setting(#[from] SetError),
+    /// Robot and mission do not go together.
+    #[error("robot and mission")]
+    Pilot(#[from] PilotError),
+}
+
+impl From<Findings> for ReplayError {
+    fn from(findings: Findings) -> Self {
+        Self::Findings(findings)
+    }
+}
+
+/// A pilot at the start of a recorded run, and the robot that recorded it.
+#[derive(Debug)]
+pub struct Cast {
+    /// The pilot.
+    pub pilot: Pilot,
+    /// The robot.
+    pub robot: RobotConfig,
+    /// The mission, with the numbers of this run.
+    pub mission: Mission,
+    /// What the run is.
+    pub info: Info,
+}
+
+impl Cast {
+    /// The pilot that drove a run, or with `other` the one that would have driven it with another robot.
+    ///
+    /// # Errors
+    ///
+    /// [`ReplayError`].
+    pub fn of(run: &Run, other: Option<&RobotConfig>) -> Result<Self, ReplayError> {
+        let info = run.info.clone().ok_or(ReplayError::Beheaded("what run it is"))?;
+        let robot = run.robot_toml.as_ref().ok_or(ReplayError::Beheaded("with which robot it was made"))?;
+        let mission = run.mission_toml.as_ref().ok_or(ReplayError::Beheaded("which mission was run"))?;
+        let (robot, _) = RobotConfig::load("robot.toml of the recording", robot.as_bytes())?;
+        let pilots = other.unwrap_or(&robot);
+        let (mut mission, _) =
+            Mission::load("mission.toml of the recording", mission.as_bytes(), &pilots.capabilities())?;
+        for (name, value) in &info.settings {
+            mission.set(name, *value)?;
+        }
+        let pilot = Pilot::new(pilots, &mission, Method::Default, info.start_pose)?;
+        Ok(Self { pilot, robot, mission, info })
+    }
+}
+
+/// Replays a run with the robot and the mission that are in it, and compares.
+///
+/// # Errors
+///
+/// [`ReplayError`] where the recording does not have what a replay needs; differences are no error.
+pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
+    let mut cast = Cast::of(run, None)?;
+    let recorded = Recorded::of(run);
+    let mut replayed = Replayed::default();
+    let mut demands = Demands::default();
+    let mut next_tick = 0;
+    let mut lost = false;
+    for senses in &run.senses {
+        if senses.tick != next_tick {
+            replayed.gaps.push((next_tick, senses.tick.saturating_sub(1)));
+            lost = true;
+        }
+        next_tick = senses.tick + 1;
+        if lost {
+            replayed.skipped += 1;
+            // A checkpoint is what was carried out of its tick.
+            if let Some(state) = recorded.checkpoints.get(&senses.tick) {
+                lost = !cast.pilot.restore(state);
+            }
+            continue;
+        }
+        let mut taken = Vec::new();
+        let step = cast.pilot.step(senses, &mut demands, |transition| taken.push(transition));
+        replayed.ticks += 1;
+        replayed.compare(senses, &step, &taken, &recorded);
+    }
+    Ok(replayed)
+}
+
+/// The same senses as another robot would have given them: where its gears differ, the angles of its axles do.
+#[must_use]
+pub fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
+    let mut senses = *senses;
+    let mut scale = |channel: Channel, from: f64, to: f64| {
+        if let Some(reading) = &mut senses.readings[channel as usize]
+            && from.to_bits() != to.to_bits()
+        {
+            reading.value *= to / from;
+        }
+    };
+    scale(Channel::Left, from.left.ratio, to.left.ratio);
+    scale(Channel::Right, from.right.ratio, to.right.ratio);
+    if let (Some(from), Some(to)) = (&from.head, &to.head) {
+        scale(Channel::Head, from.motor.ratio, to.motor.ratio);
+    }
+    for (channel, (from, to)) in Channel::MOTORS.into_iter().zip(from.motors.iter().zip(&to.motors)) {
+        scale(channel, from.motor.ratio, to.motor.ratio);
+    }
+    senses
+}
+
+/// What the recording says, by tick.
+struct Recorded<'r> {
+    poses: BTreeMap<u64, Pose>,
+    points: BTreeMap<i64, &'r MapPoint>,
+    transitions: BTreeMap<u64, Vec<Taken>>,
+    checkpoints: BTreeMap<u64, &'r super::PilotState>,
+}
+
+impl<'r> Recorded<'r> {
+    fn of(run: &'r Run) -> Self {
+        let mut transitions: BTreeMap<u64, Vec<Taken>> = BTreeMap::new();
+        for transition in &run.transitions {
+            transitions.entry(transition.tick).or_default().push(transition.taken);
+        }
+        Self {
+            poses: run.poses.iter().map(|pose| (pose.tick, pose.pose)).collect(),
+            points: run.points.iter().map(|point| (point.time_ns, point)).collect(),
+            transitions,
+            checkpoints: run.checkpoints.iter().map(|point| (point.tick, &point.state)).collect(),
+        }
+    }
+}
+
+impl Replayed {
+    /// True where everything came out as it was recorded.
+    #[must_use]
+    pub fn is_same(&self) -> bool {
+        self.differing == 0
+    }
+
+    fn compare(&mut self, senses: &Senses, step: &Step, taken: &[Taken], recorded: &Recorded<'_>) {
+        let tick = senses.tick;
+        let pose = step.estimate.pose;
+        match recorded.poses.get(&tick) {
+            Some(was) if same_pose(was, &pose) => self.poses += 1,
+            was => self.differ(tick, || format!("pose {pose:?} instead of {was:?}")),
+        }
+        let was = step.point.as_ref().and_then(|point| recorded.points.get(&point.time_ns));
+        match (&step.point, was) {
+            (None, None) => {}
+            (Some(point), Some(was)) if same_point(point, was) => self.points += 1,
+            (point, was) => self.differ(tick, || format!("point {point:?} instead of {was:?}")),
+        }
+        let were = recorded.transitions.get(&tick).map_or(&[][..], Vec::as_slice);
+        if taken == were {
+            self.transitions += u64::try_from(taken.len()).unwrap_or(0);
+        } else {
+            self.differ(tick, || format!("transitions {taken:?} instead of {were:?}"));
+        }
+    }
+
+    fn differ(&mut self, tick: u64, what: impl FnOnce() -> String) {
+        self.differing += 1;
+        if self.differences.len() < TOLD {
+            self.differences.push(Difference { tick, what: what() });
+        }
+    }
+}
+
+fn same_pose(a: &Pose, b: &Pose) -> bool {
+    let bits = |pose: &Pose| [pose.x_m, pose.y_m, pose.heading_rad].map(f64::to_bits);
+    bits(a) == bits(b)
+}
+
+fn same_point(a: &MapPoint, b: &MapPoint) -> bool {
+    a.x_m.to_bits() == b.x_m.to_bits() && a.y_m.to_bits() == b.y_m.to_bits()
+}
+
+impl fmt::Display for Replayed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} ticks replayed: {} poses, {} points and {} transitions the same, bit for bit",
+            self.ticks, self.poses, self.points, self.transitions
+        )?;
+        for (first, last) in &self.gaps {
+            write!(f, "\nthe recording has no ticks {first} to {last}")?;
+        }
+        if self.skipped > 0 {
+            write!(f, "\n{} ticks after gaps were passed over, up to the next checkpoint", self.skipped)?;
+        }
+        if self.differing > 0 {
+            write!(f, "\n{} differences", self.differing)?;
+        }
+        for difference in &self.differences {
+            write!(f, "\ntick {}: {}", difference.tick, difference.what)?;
+        }
+        Ok(())
+    }
+}
