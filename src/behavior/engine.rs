@@ -421,7 +421,7 @@ mod tests {
     }
 
     fn climbing_and_falling() -> Machine<Number> {
-        Machine::new("number", "up")
+        Machine::<Number>::new("number", "up")
             .state("up", |state| {
                 state
                     .doing(|number, _| number.x += 1)

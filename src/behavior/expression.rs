@@ -37,6 +37,7 @@ use arrayvec::ArrayVec;
 
 use super::signals::{Capabilities, Quantity, Role, Signals};
 use super::{MAX_MOTORS, MachineState};
+use crate::document::nearest;
 
 mod implication;
 mod lexer;
@@ -330,6 +331,15 @@ impl<'c> Vocabulary<'c> {
             .ok()
             .filter(|place| usize::from(*place) < MAX_MOTORS)
             .ok_or(Mistake::TooManyMotors)
+    }
+
+    /// The way out where the robot has no motor of this name.
+    pub(super) fn motor_hint(&self, name: &str) -> String {
+        let known = || self.motors.iter().map(String::as_str);
+        nearest(name, known()).unwrap_or_else(|| match self.motors.as_slice() {
+            [] => "[motor.NAME] in the robot's file would be one".to_owned(),
+            _ => format!("it has {}", known().collect::<Vec<_>>().join(", ")),
+        })
     }
 
     /// What the robot has.

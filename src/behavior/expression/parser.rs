@@ -174,8 +174,8 @@ impl<'p> Parser<'p, '_> {
                     self.push(Op::Motor { name, place: at }, Kind::Number, place)
                 }
                 Err(mistake) => {
-                    let hint = nearest(motor, self.vocabulary.motors().iter().map(String::as_str));
-                    self.unusable(place, mistake, hint)
+                    let hint = self.vocabulary.motor_hint(motor);
+                    self.unusable(place, mistake, Some(hint))
                 }
             };
         }

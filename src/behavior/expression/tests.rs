@@ -162,18 +162,18 @@ fn several_unknown_names_are_found_in_one_go() {
 
 #[test]
 fn signals_and_motors_that_the_robot_lacks_are_refused() {
-    let bare = Capabilities { motors: Some(vec!["arm".to_owned()]), ..Capabilities::default() };
-    let parse = |text| Expression::parse(text, Kind::Truth, &mut Vocabulary::new(&bare));
-    assert!(parse("motor.arm > 0 and heading_deg > 5").is_ok());
+    let bare = Capabilities { motors: Some(vec!["gripper".to_owned()]), ..Capabilities::default() };
+    let robot = |text| Expression::parse(text, Kind::Truth, &mut Vocabulary::new(&bare));
+    assert!(robot("motor.gripper > 0 and heading_deg > 5").is_ok());
     assert_eq!(
-        parse("touch").unwrap_err()[0].to_string(),
+        robot("touch").unwrap_err()[0].to_string(),
         "`touch` takes a touch sensor, which the robot does not have"
     );
-    let misreadings = parse("motor.amr > 0").unwrap_err();
-    assert_eq!(misreadings[0].to_string(), "the robot has no motor named `amr`");
-    assert_eq!(misreadings[0].hint.as_deref(), Some("did you mean `arm`?"));
+    let misreadings = robot("motor.griper > 0").unwrap_err();
+    assert_eq!(misreadings[0].to_string(), "the robot has no motor named `griper`");
+    assert_eq!(misreadings[0].hint.as_deref(), Some("did you mean `gripper`?"));
     let many = "motor.a + motor.b + motor.c + motor.d + motor.e > 0";
-    let misreadings = super::tests::parse(many, Kind::Truth).unwrap_err();
+    let misreadings = parse(many, Kind::Truth).unwrap_err();
     assert_eq!(misreadings[0].to_string(), "more than 4 named motors");
 }
 
@@ -262,6 +262,39 @@ fn conditions_that_cannot_hold_or_cannot_fail_are_found() {
     ] {
         let claims = Claims::of(&condition(text));
         assert_eq!((claims.is_never(), claims.is_always()), (never, always), "{text}");
+    }
+}
+
+/// Bounds on one signal in every form that is understood, held against all values that matter: a claim is true, and
+/// where both are plain comparisons none is missed.
+#[test]
+fn claims_about_bounds_are_true_and_none_is_missed() {
+    let mut conditions = Vec::new();
+    for sign in ["<", "<=", ">", ">=", "==", "!="] {
+        for bound in [0.5, 1.0, 2.0] {
+            conditions.push((true, format!("range_m {sign} {bound}")));
+            conditions.push((true, format!("not ({bound} {sign} range_m)")));
+            conditions.push((false, format!("3 * range_m - 1 {sign} {}", 3.0 * bound - 1.0)));
+            conditions.push((false, format!("1 - range_m / 2 {sign} {}", 1.0 - bound / 2.0)));
+        }
+    }
+    let values = [0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 2.5, f64::INFINITY];
+    let since = MachineState::default();
+    let known: Vec<_> = conditions
+        .iter()
+        .map(|(plain, text)| {
+            let condition = condition(text);
+            let holds = values.map(|range| condition.holds(&signals(&[(Signal::Range, range)]), &since));
+            (*plain, text, Claims::of(&condition), holds)
+        })
+        .collect();
+    for (plain, text, claims, holds) in &known {
+        for (other_plain, other, wider, others) in &known {
+            let implied = holds.iter().zip(others).all(|(holds, other)| !holds || *other);
+            let claimed = claims.implies(wider);
+            assert!(!claimed || implied, "`{text}` does not imply `{other}`");
+            assert!(claimed || !implied || !plain || !other_plain, "`{text}` implies `{other}`");
+        }
     }
 }
 

@@ -45,8 +45,6 @@ pub(super) struct Reader<'r, 'd, 'c> {
 /// A machine with the places of its parts.
 pub(super) struct Draft {
     pub(super) plan: MachinePlan,
-    /// Where its name stands.
-    pub(super) place: Range<usize>,
     /// Where each state's name stands.
     pub(super) states: Vec<Range<usize>>,
     /// Where each state's conditions stand.
@@ -177,7 +175,6 @@ impl<'d> Reader<'_, 'd, '_> {
                 end: end.flatten(),
                 states: Vec::with_capacity(states.len()),
             },
-            place: item.key_place(),
             states: states.iter().map(Item::key_place).collect(),
             conditions: Vec::with_capacity(states.len()),
             moves: BTreeMap::new(),

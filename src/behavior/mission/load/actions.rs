@@ -131,12 +131,12 @@ impl<'d> Reader<'_, 'd, '_> {
                 Some((place, self.number(item, DPS)?))
             }
             Err(mistake) => {
-                let hint = nearest(item.key(), self.vocabulary.motors().iter().map(String::as_str));
+                let hint = self.vocabulary.motor_hint(item.key());
                 let message = match mistake {
                     Mistake::NoMotor(name) => Mistake::NoMotor(shown(&name)),
                     other => other,
                 };
-                item.error_at_key(message.to_string()).hint(hint.unwrap_or_default());
+                item.error_at_key(message.to_string()).hint(hint);
                 None
             }
         }
