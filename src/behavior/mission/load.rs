@@ -55,6 +55,9 @@ pub(super) struct Draft {
     pub(super) complete: bool,
 }
 
+/// A transition, and where its condition stands.
+type Placed = (TransitionPlan, Range<usize>);
+
 /// The names of a machine's states.
 struct Names<'d> {
     machine: &'d str,
@@ -199,27 +202,25 @@ impl<'d> Reader<'_, 'd, '_> {
         let next =
             section.and_then(|section| section.get("next")).map_or(Some(Vec::new()), |next| next.list());
         draft.complete &= next.is_some();
-        let next = next.unwrap_or_default();
-        if let Some(one_more) = next.get(Mission::MAX_TRANSITIONS) {
-            one_more.error(format!(
-                "{} transitions are too many; at most {} are read",
-                next.len(),
-                Mission::MAX_TRANSITIONS
-            ));
-        }
-        let read: Vec<_> = next
-            .iter()
-            .take(Mission::MAX_TRANSITIONS)
-            .filter_map(|next| self.transition(next, names))
-            .collect();
-        draft.complete &= read.len() == next.len();
-        let (next, conditions) = read.into_iter().unzip();
+        let next = self.transitions(next.unwrap_or_default(), names);
+        draft.complete &= next.iter().all(Option::is_some);
+        let (next, conditions) = next.into_iter().flatten().unzip();
         draft.conditions.push(conditions);
         draft.plan.states.push(StatePlan { name: item.key().to_owned(), doing, on_entry, on_exit, next });
     }
 
+    /// Transitions, `None` for each that could not be read, and for all where there are too many.
+    fn transitions(&mut self, list: Vec<Item<'d>>, names: &Names<'d>) -> Vec<Option<Placed>> {
+        if let Some(one_more) = list.get(Mission::MAX_TRANSITIONS) {
+            let (count, most) = (list.len(), Mission::MAX_TRANSITIONS);
+            one_more.error(format!("{count} transitions are too many; at most {most} are read"));
+            return vec![None];
+        }
+        list.iter().map(|item| self.transition(item, names)).collect()
+    }
+
     /// A transition, and where its condition stands.
-    fn transition(&mut self, item: &Item<'d>, names: &Names<'d>) -> Option<(TransitionPlan, Range<usize>)> {
+    fn transition(&mut self, item: &Item<'d>, names: &Names<'d>) -> Option<Placed> {
         let section = item.section()?;
         section.allow(&["when", "go"]);
         let (when, go) = (section.require("when"), section.require("go"));
