@@ -322,15 +322,15 @@ impl<'c> Vocabulary<'c> {
         let place = match self.motors.iter().position(|motor| motor == name) {
             Some(place) => place,
             None if self.capabilities.motors.is_some() => return Err(Mistake::NoMotor(name.to_owned())),
-            None => {
-                self.motors.push(name.to_owned());
-                self.motors.len() - 1
-            }
+            None => self.motors.len(),
         };
-        u8::try_from(place)
-            .ok()
-            .filter(|place| usize::from(*place) < MAX_MOTORS)
-            .ok_or(Mistake::TooManyMotors)
+        if place >= MAX_MOTORS {
+            return Err(Mistake::TooManyMotors);
+        }
+        if place == self.motors.len() {
+            self.motors.push(name.to_owned());
+        }
+        u8::try_from(place).map_err(|_| Mistake::TooManyMotors)
     }
 
     /// The way out where the robot has no motor of this name.

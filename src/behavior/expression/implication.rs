@@ -76,12 +76,12 @@ impl Claims {
 
     /// True where it can never hold.
     pub(in crate::behavior) fn is_never(&self) -> bool {
-        self.holds.iter().all(|case| is_impossible(case))
+        self.holds.iter().all(is_impossible)
     }
 
     /// True where it holds whenever its signals are known.
     pub(in crate::behavior) fn is_always(&self) -> bool {
-        self.fails.iter().all(|case| is_impossible(case))
+        self.fails.iter().all(is_impossible)
     }
 
     /// True where `other` holds in every case in which this one does.

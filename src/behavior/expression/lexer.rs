@@ -42,7 +42,7 @@ const fn compare(comparison: Comparison) -> Token<'static> {
 }
 
 /// What other languages write, and what is meant.
-const FOREIGN: [(&str, &str); 8] = [
+const FOREIGN: [(&str, &str); 9] = [
     ("&&", "and"),
     ("||", "or"),
     ("=", "=="),
@@ -51,6 +51,7 @@ const FOREIGN: [(&str, &str); 8] = [
     ("≥", ">="),
     ("≠", "!="),
     ("−", "-"),
+    (",", "."),
 ];
 
 /// All tokens, the last one being [`Token::End`].
@@ -91,7 +92,10 @@ fn token(rest: &str, first: char) -> Result<(Token<'_>, usize), Bad> {
     let foreign = FOREIGN.iter().find(|(sign, _)| rest.starts_with(sign));
     let (sign, hint) = match foreign {
         Some((sign, meant)) => ((*sign).to_owned(), Some(format!("write `{meant}`"))),
-        None => (first.escape_debug().to_string(), None),
+        None => {
+            let known = "known are + - * / < <= > >= == != and or not ( )";
+            (first.escape_debug().to_string(), Some(known.to_owned()))
+        }
     };
     let length = foreign.map_or(first.len_utf8(), |(sign, _)| sign.len());
     Err((Mistake::Character(sign), length, hint))
@@ -103,8 +107,13 @@ fn number(rest: &str) -> Result<(Token<'_>, usize), Bad> {
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok((Token::Number(number), length)),
         _ => {
-            let unit = text.contains(|c: char| c.is_alphabetic() || c == '_');
-            let hint = unit.then(|| "a unit is part of a name, as in `range_m < 0.25`".to_owned());
+            let unit = text.contains(|c: char| (c.is_alphabetic() && !matches!(c, 'e' | 'E')) || c == '_');
+            let way_out = if unit {
+                "a unit is part of a name, as in `range_m < 0.25`"
+            } else {
+                "write it as `0.25` or `2.5e-1`"
+            };
+            let hint = Some(way_out.to_owned());
             Err((Mistake::Number(shortened(text)), length, hint))
         }
     }

@@ -28,7 +28,11 @@ pub(super) fn parse(
     vocabulary: &mut Vocabulary<'_>,
 ) -> Result<Expression, Vec<Misreading>> {
     if text.len() > Expression::MAX_BYTES {
-        let misreading = Misreading { place: 0..0, mistake: Mistake::TooLong(text.len()), hint: None };
+        let misreading = Misreading {
+            place: 0..0,
+            mistake: Mistake::TooLong(text.len()),
+            hint: Some("make several transitions of it".to_owned()),
+        };
         return Err(vec![misreading]);
     }
     let tokens = tokens(text).map_err(|misreading| vec![misreading])?;
@@ -66,7 +70,8 @@ impl<'p> Parser<'p, '_> {
     /// The whole text; `None` after a mistake in grammar, which ends the reading.
     fn whole(&mut self, expected: Kind) -> Option<()> {
         if let [(Token::End, _)] = self.tokens {
-            self.note(0..0, Mistake::Empty, None);
+            let example = "write a condition, as in `range_m < 0.25`, or a number".to_owned();
+            self.note(0..0, Mistake::Empty, Some(example));
             return None;
         }
         let (found, place) = self.expression(0)?;
@@ -74,7 +79,7 @@ impl<'p> Parser<'p, '_> {
         match token {
             Token::End => {}
             Token::Close => {
-                self.note(end, Mistake::NotOpened, None);
+                self.note(end, Mistake::NotOpened, Some("take it out, or open it before".to_owned()));
                 return None;
             }
             other => {
@@ -94,7 +99,7 @@ impl<'p> Parser<'p, '_> {
     fn expression(&mut self, least: u8) -> Option<Part> {
         if self.depth == Expression::MAX_NESTING {
             let place = self.peek().1;
-            self.note(place, Mistake::TooDeep, None);
+            self.note(place, Mistake::TooDeep, Some("make two transitions of it".to_owned()));
             return None;
         }
         self.depth += 1;
@@ -198,7 +203,8 @@ impl<'p> Parser<'p, '_> {
                 if let (Some(a), Some(b)) = (left.0, right.0)
                     && a != b
                 {
-                    self.note(place.clone(), Mistake::Mixed(infix.as_str()), None);
+                    let hint = "write `touch` or `not touch` for what is true or false".to_owned();
+                    self.note(place.clone(), Mistake::Mixed(infix.as_str()), Some(hint));
                 }
                 return (Some(Kind::Truth), place);
             }
@@ -212,7 +218,8 @@ impl<'p> Parser<'p, '_> {
 
     fn expect(&mut self, operator: &'static str, expected: Kind, (found, place): &Part) {
         if let Some(found) = found.filter(|found| *found != expected) {
-            self.note(place.clone(), Mistake::Operand { operator, expected, found }, None);
+            let hint = Some(way_out(expected).to_owned());
+            self.note(place.clone(), Mistake::Operand { operator, expected, found }, hint);
         }
     }
 
@@ -236,7 +243,8 @@ impl<'p> Parser<'p, '_> {
     }
 
     fn refuse(&mut self, place: Range<usize>, mistake: Mistake) -> Option<Part> {
-        self.note(place, mistake, None);
+        let hint = (mistake == Mistake::NotClosed).then(|| "put a `)` where it ends".to_owned());
+        self.note(place, mistake, hint);
         None
     }
 
@@ -267,6 +275,14 @@ pub(in crate::behavior) fn part(role: Role) -> (&'static str, &'static str) {
 pub(in crate::behavior) fn is_plain(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+}
+
+/// The way out where something else than `expected` stands.
+fn way_out(expected: Kind) -> &'static str {
+    match expected {
+        Kind::Truth => "compare it with something, as in `… > 0`",
+        Kind::Number => "what is true or false cannot be counted with; let it be a condition",
+    }
 }
 
 fn described(token: Token<'_>) -> String {

@@ -37,7 +37,8 @@ pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], on_stall: Opt
     one_mode_each(reader);
     for draft in drafts {
         let impossible = conditions(root, draft);
-        if draft.complete {
+        // A slip in the name of the state for a stall would look like a state that cannot be reached.
+        if draft.complete && on_stall.is_some() {
             let stall = match on_stall {
                 Some(OnStall::Enter(state)) if draft.moves.contains_key(&Role::Wheels) => {
                     draft.plan.position(state)
@@ -107,13 +108,15 @@ fn conditions(root: &Section<'_>, draft: &Draft) -> Vec<Vec<bool>> {
             let (error, warning) = (Severity::Error, Severity::Warning);
             let never = claim.is_never();
             if never {
-                root.note(place.clone(), error, "this condition can never hold".to_owned());
+                root.note(place.clone(), error, "this condition can never hold".to_owned())
+                    .hint("look at its numbers, or take it out");
             } else if let Some(earlier) = earlier {
                 let other = state.next.get(earlier).map_or("", |next| next.when.text());
                 let message = format!("this can never fire: `{other}` before it holds whenever this does");
                 root.note(place.clone(), error, message).hint("put the narrower condition first");
-            } else if claim.is_always() {
-                root.note(place.clone(), warning, "this condition always holds".to_owned());
+            } else if claim.is_always() && state.next.get(at).is_some_and(|next| next.when.text() != "true") {
+                root.note(place.clone(), warning, "this condition always holds".to_owned())
+                    .hint("write `true` if that is meant");
             }
             impossible.push(never || earlier.is_some());
         }
@@ -162,7 +165,8 @@ fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Ve
                 state.name,
                 name(draft, end)
             );
-            root.note(place.clone(), Severity::Warning, message);
+            root.note(place.clone(), Severity::Warning, message)
+                .hint("without one the mission runs until its time limit");
         }
     }
 }

@@ -193,7 +193,10 @@ impl<'d> Reader<'_, 'd, '_> {
         is_name(item.key(), item);
         let section = item.section();
         if let Some(section) = &section {
-            section.allow(&["do", "on_entry", "on_exit", "next"]);
+            let known = ["do", "on_entry", "on_exit", "next"];
+            section.allow(&known);
+            // A slip in `next` would look like a state that cannot be left.
+            draft.complete &= section.items().iter().all(|item| known.contains(&item.key()));
         }
         let table = |key: &str| section.as_ref()?.get(key)?.section();
         let doing = table("do").map(|table| self.actions(&table, &mut draft.moves)).unwrap_or_default();
@@ -263,11 +266,21 @@ impl Names<'_> {
         let name = item.text()?;
         let found = self.places.get(name).copied();
         if found.is_none() {
-            let near = (self.places.len() <= SEARCHED).then(|| nearest(name, self.places.keys().copied()));
             item.error(format!("machine `{}` has no state `{}`", self.machine, shown(name)))
-                .hint(near.flatten().unwrap_or_default());
+                .hint(self.hint(name));
         }
         found
+    }
+
+    /// The nearest name, or all of them where they are few.
+    fn hint(&self, name: &str) -> String {
+        let known = || self.places.keys().copied();
+        match self.places.len() {
+            0..=8 => nearest(name, known())
+                .unwrap_or_else(|| format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))),
+            9..=SEARCHED => nearest(name, known()).unwrap_or_default(),
+            _ => String::new(),
+        }
     }
 }
 

@@ -158,12 +158,13 @@ impl<'d> Reader<'_, 'd, '_> {
 fn line(item: &Item<'_>) -> Option<ArrayString<SAY_BYTES>> {
     let text = item.text()?;
     if text.chars().any(char::is_control) {
-        item.error(format!("`{}` must be one line", item.path()));
+        item.error(format!("`{}` must be one line", item.path())).hint("a later state can say more");
         return None;
     }
     let line = ArrayString::from(text).ok();
     if line.is_none() {
-        item.error(format!("`{}` has {} bytes; at most {SAY_BYTES} fit the screen", item.path(), text.len()));
+        item.error(format!("`{}` has {} bytes; at most {SAY_BYTES} fit the screen", item.path(), text.len()))
+            .hint("make it shorter");
     }
     line
 }
