@@ -1,6 +1,41 @@
-//! State machines: engine, conditions, missions.
+//! State machines: a small engine, conditions as text, missions from TOML, their checks and their graphs.
+//!
+//! [`engine`] runs machines over any input type and knows nothing of robots or files. [`expression`] is the language of
+//! conditions and of the numbers in `do`. [`mission`] reads a mission file into machines, checks them as a whole, and runs
+//! them on that same engine: each tick [`Signals`] go in and [`Demands`] come out. [`graph`] draws a mission, [`shipped`]
+//! carries those that come with the program.
+//!
+//! # Not here
+//!
+//! No I/O and no clock: time is an argument, files are read by the caller. No limits of a robot: a demand may be more
+//! than its motors can do, and the `robot` layer refuses or clips it.
+//!
+//! # What we count on
+//!
+//! - After construction a step allocates nothing.
+//! - The same signals in the same order give the same states and demands, bit for bit.
 
 use serde::{Deserialize, Serialize};
+
+pub mod demands;
+pub mod engine;
+pub mod expression;
+pub mod graph;
+pub mod mission;
+pub mod shipped;
+pub mod signals;
+
+pub use demands::{Demands, Drive, Led};
+pub use engine::{Finish, Progress};
+pub use expression::Expression;
+pub use mission::{Mission, Program};
+pub use signals::{Capabilities, Role, Signal, Signals};
+
+/// The most machines a mission may have: what is kept for each of them has a fixed place.
+pub const MAX_MACHINES: usize = 8;
+
+/// The most named motors a robot may have: with the wheels and the head, more than the brick has outputs.
+pub const MAX_MOTORS: usize = 4;
 
 /// Where one machine is, and since when: enough to go on from.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -37,6 +37,9 @@ impl Document {
     /// The longest file that is read, in bytes; ten thousand states of a mission fit four times over.
     pub const MAX_BYTES: usize = 4 << 20;
 
+    /// The most findings that are kept: each costs a look through the file, and a person reads the first of them.
+    const MAX_FINDINGS: usize = 200;
+
     /// Takes the bytes of a file; `name` is what findings call it.
     ///
     /// # Errors
@@ -84,7 +87,7 @@ impl Document {
     pub fn read<T>(&self, build: impl FnOnce(&Section<'_>) -> Option<T>) -> Result<(T, Findings), Findings> {
         let (root, errors) = DeTable::parse_recoverable(&self.text);
         if !errors.is_empty() {
-            let syntax = errors.iter().map(|error| {
+            let syntax = errors.iter().take(Self::MAX_FINDINGS).map(|error| {
                 let place = error.span().unwrap_or(0..0);
                 self.finding(place, Severity::Error, error.message().to_owned())
             });
@@ -397,9 +400,13 @@ impl Noted<'_> {
 }
 
 fn note<'d>(source: Source<'d>, place: Range<usize>, severity: Severity, message: String) -> Noted<'d> {
-    let finding = source.document.finding(place, severity, message);
     let mut findings = source.findings.borrow_mut();
-    findings.push(finding);
+    let has_error = || findings.iter().any(|finding| finding.severity == Severity::Error);
+    // An error is never left out where it is the only one: it decides whether the file can be used.
+    if findings.len() >= Document::MAX_FINDINGS && (severity == Severity::Warning || has_error()) {
+        return Noted { findings: source.findings, index: usize::MAX };
+    }
+    findings.push(source.document.finding(place, severity, message));
     Noted { findings: source.findings, index: findings.len() - 1 }
 }
 
@@ -459,6 +466,21 @@ mod tests {
         .unwrap();
         assert_eq!(&text[places.0], "foo");
         assert_eq!(&text[places.1], "\"a\\tb < foo\"");
+    }
+
+    #[test]
+    fn of_too_many_findings_the_first_are_kept_and_no_file_passes_for_it() {
+        let text: String = (0..5000).map(|key| format!("k{key} = 1\n")).collect();
+        let document = Document::new("f", text.as_bytes()).unwrap();
+        let findings = document
+            .read(|root| {
+                root.items().iter().for_each(|item| item.warning("odd".to_owned()).hint("?"));
+                root.error("wrong".to_owned());
+                root.error("wrong again".to_owned());
+                Some(())
+            })
+            .unwrap_err();
+        assert_eq!(findings.iter().count(), Document::MAX_FINDINGS + 1);
     }
 
     #[test]

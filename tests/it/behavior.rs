@@ -1,1 +1,312 @@
-//! Tests of behavior.
+//! Missions from their files: what a person can get wrong, what those that come with the program do, and that the same
+//! signals always give the same demands.
+
+use std::fmt::Write as _;
+
+use onbrick::behavior::mission::{OnLost, OnStall};
+use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
+use onbrick::behavior::{
+    Capabilities, Demands, Drive, Finish, Led, MachineState, Mission, Program, Progress, Role, Signal,
+    Signals, Taken, graph,
+};
+use onbrick::document::Document;
+use onbrick::ev3dev::StopAction;
+use proptest::prelude::*;
+
+mod bad_input;
+mod messages;
+
+fn load(text: &str) -> Mission {
+    let (mission, findings) = Mission::parse("mission.toml", text.as_bytes(), &Capabilities::all())
+        .unwrap_or_else(|findings| panic!("{findings}"));
+    assert!(findings.is_empty(), "{findings}");
+    mission
+}
+
+fn shipped(name: &str) -> Mission {
+    load(shipped::find(name).unwrap().text)
+}
+
+fn signals(ms: i64, set: &[(Signal, f64)]) -> Signals {
+    let mut signals = Signals::at(ms * 1_000_000);
+    for (signal, value) in set {
+        signals.set(*signal, *value);
+    }
+    signals
+}
+
+fn step(program: &mut Program, signals: &Signals) -> (Demands, Progress) {
+    let mut demands = Demands::default();
+    let progress = program.step(signals, &mut demands, |_| {});
+    (demands, progress)
+}
+
+#[test]
+fn every_shipped_mission_loads_without_a_finding_and_is_called_as_its_file() {
+    for mission in MISSIONS {
+        assert_eq!(load(mission.text).name(), mission.name);
+    }
+    assert_eq!(load(TEMPLATE).name(), "first");
+    assert!(shipped::find("nothing").is_none());
+}
+
+#[test]
+fn shipped_missions_need_what_their_first_lines_say() {
+    for (name, roles) in [
+        ("map", vec![Role::Wheels, Role::Head, Role::Range]),
+        ("bump", vec![Role::Wheels, Role::Touch]),
+        ("wall", vec![Role::Wheels, Role::Head, Role::Range]),
+        ("line", vec![Role::Wheels, Role::Reflect]),
+        ("edge", vec![Role::Wheels, Role::Reflect]),
+        ("remote", vec![Role::Wheels, Role::Remote]),
+        ("square", vec![Role::Wheels]),
+    ] {
+        assert_eq!(shipped(name).roles(), roles, "{name}");
+    }
+}
+
+#[test]
+fn the_mapping_mission_is_the_seeds() {
+    let mission = shipped("map");
+    assert_eq!((mission.rate_hz(), mission.time_limit_s(), mission.finish()), (50, 120.0, Finish::All));
+    assert_eq!((mission.on_lost(), mission.on_stall()), (OnLost::Stop, &OnStall::Stop));
+    let mut program = mission.start().unwrap();
+    #[rustfmt::skip]
+    let transcript = [
+        // ms      range m   head deg   drive         look
+        (      0,  1.00,       0.0,     "forward",    "look_right"),
+        (    100,  0.24,     -20.0,     "turn_right", "look_right"),    // nearer than 0.25 m
+        (    200,  0.40,     -46.0,     "turn_right", "look_left"),     // only 0.5 m end a turn; beyond -45 degrees
+        (    300,  0.51,      44.0,     "forward",    "look_left"),
+        (    400,  f64::INFINITY, 46.0, "forward",    "look_right"),
+        (120_000,  0.51,       0.0,     "forward",    "look_right"),    // the time is not over yet
+        (120_001,  0.20,       0.0,     "turn_right", "halt"),          // the first condition that holds counts
+        (120_002,  0.20,       0.0,     "halt",       "halt"),
+    ];
+    for (ms, range_m, head_deg, drive, look) in transcript {
+        let signals = signals(ms, &[(Signal::Range, range_m), (Signal::Head, f64::to_radians(head_deg))]);
+        let (demands, progress) = step(&mut program, &signals);
+        assert_eq!(program.states().collect::<Vec<_>>(), [drive, look], "at {ms} ms");
+        let wheels = |left: f64, right: f64| Drive::Wheels {
+            left_rad_s: left.to_radians(),
+            right_rad_s: right.to_radians(),
+        };
+        let expected = match drive {
+            "forward" => wheels(60.0, 60.0),
+            "turn_right" => wheels(30.0, -70.0),
+            _ => Drive::Stop(StopAction::Brake),
+        };
+        assert_eq!(demands.drive, Some(expected), "at {ms} ms");
+        let head = match look {
+            "look_right" => Some(f64::to_radians(-80.0)),
+            "look_left" => Some(f64::to_radians(80.0)),
+            _ => None,
+        };
+        assert_eq!(demands.head_rad, head, "at {ms} ms");
+        let both = drive == "halt" && look == "halt";
+        assert_eq!(progress == Progress::Finished, both, "at {ms} ms");
+    }
+}
+
+#[test]
+fn a_square_has_four_sides_and_four_corners() {
+    let mut program = shipped("square").start().unwrap();
+    // A robot that does what it is told, in ticks of 20 ms.
+    let (mut travelled_m, mut heading_rad, mut tick, mut path) = (0.0, 0.0, 0, Vec::new());
+    loop {
+        let signals = signals(tick * 20, &[(Signal::Travelled, travelled_m), (Signal::Heading, heading_rad)]);
+        let mut demands = Demands::default();
+        let progress = program.step(&signals, &mut demands, |taken| path.push((taken.from, taken.to)));
+        if let Some(Drive::Twist { forward_m_s, turn_rad_s }) = demands.drive {
+            travelled_m += 0.02 * forward_m_s;
+            heading_rad += 0.02 * turn_rad_s;
+        }
+        tick += 1;
+        if progress == Progress::Finished {
+            break;
+        }
+    }
+    assert_eq!(path.len(), 12, "{path:?}");
+    assert!((travelled_m - 4.0).abs() < 0.02, "{travelled_m} m");
+    assert!((heading_rad.to_degrees() - 360.0).abs() < 2.0, "{} degrees", heading_rad.to_degrees());
+    assert!(tick * 20 < 100_000, "{} ms", tick * 20);
+}
+
+/// One machine with what stands in `[numbers]` and in the tables of its state `a`.
+fn one_state(numbers: &str, state: &str) -> Mission {
+    load(&format!(
+        "name = \"m\"\n[numbers]\n{numbers}\n[machine.m]\nstart = \"a\"\nfinal = \"b\"\n\
+         [machine.m.state.a]\n{state}\nnext = [{{ when = \"time_s > 10\", go = \"b\" }}]\n[machine.m.state.b]\n"
+    ))
+}
+
+#[test]
+fn demands_are_in_si_units() {
+    let mission = one_state(
+        "fast = 90",
+        "do = { forward_mps = 0.2, turn_dps = \"fast * 2\", head_deg = 45, motor.arm = \"-fast\", motor.jaw = 0, tone_hz = \"400 + 40\", led = \"yellow\", say = \"hej\" }",
+    );
+    assert_eq!(mission.motors(), ["arm", "jaw"]);
+    let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[]));
+    assert_eq!(demands.drive, Some(Drive::Twist { forward_m_s: 0.2, turn_rad_s: f64::to_radians(180.0) }));
+    assert_eq!(demands.head_rad, Some(f64::to_radians(45.0)));
+    assert_eq!(demands.motors, [Some(f64::to_radians(-90.0)), Some(0.0), None, None]);
+    assert_eq!((demands.led, demands.tone_hz), (Some(Led::Yellow), Some(440.0)));
+    assert_eq!(demands.say.as_deref(), Some("hej"));
+}
+
+#[test]
+fn a_number_that_is_not_finite_or_not_known_stops_its_actuator_and_no_other() {
+    let mission = one_state(
+        "zero = 0",
+        "do = { left_dps = \"1 / zero\", right_dps = 50, head_deg = \"range_m\", motor.arm = \"x_m\", motor.jaw = 9 }",
+    );
+    for range_m in [f64::INFINITY, f64::NAN] {
+        let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[(Signal::Range, range_m)]));
+        assert_eq!(demands.drive, Some(Drive::Stop(StopAction::Brake)));
+        assert_eq!(demands.head_rad, None);
+        assert_eq!(demands.motors, [Some(0.0), Some(f64::to_radians(9.0)), None, None]);
+    }
+}
+
+#[test]
+fn what_is_done_on_entry_and_on_exit_is_done_once() {
+    let mission = one_state(
+        "",
+        "on_entry = { led = \"green\", say = \"in\" }\non_exit = { say = \"out\", tone_hz = 500 }",
+    );
+    let mut program = mission.start().unwrap();
+    let said: Vec<_> = [0, 20, 10_020, 10_040]
+        .map(|ms| step(&mut program, &signals(ms, &[])).0)
+        .map(|demands| (demands.led, demands.say.map(|line| line.to_string()), demands.tone_hz))
+        .into();
+    let nothing = (None, None, None);
+    let entry = (Some(Led::Green), Some("in".to_owned()), None);
+    assert_eq!(said, [entry, nothing.clone(), (None, Some("out".to_owned()), Some(500.0)), nothing]);
+}
+
+#[test]
+fn the_last_machine_in_the_file_has_the_lights() {
+    let text = "name = \"m\"\n[machine.z]\nstart = \"a\"\nfinal = \"a\"\n[machine.z.state.a]\ndo = { led = \"red\", tone_hz = 100 }\n\
+        [machine.a]\nstart = \"a\"\nfinal = \"a\"\n[machine.a.state.a]\ndo = { led = \"green\" }\n";
+    let mission = load(text);
+    assert_eq!(mission.machines().iter().map(|machine| machine.name()).collect::<Vec<_>>(), ["z", "a"]);
+    let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[]));
+    assert_eq!((demands.led, demands.tone_hz), (Some(Led::Green), Some(100.0)));
+}
+
+#[test]
+fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
+    let mut program = shipped("bump").start().unwrap();
+    let free = |ms| signals(ms, &[(Signal::Touch, 0.0), (Signal::Travelled, 0.0), (Signal::Heading, 0.0)]);
+    step(&mut program, &free(0));
+    assert!(program.stall());
+    let mut taken = Vec::new();
+    program.step(&free(20), &mut Demands::default(), |transition| taken.push(transition));
+    assert_eq!(taken, [Taken { machine: 0, from: 0, to: 1, transition: None }]);
+    assert_eq!(program.states().collect::<Vec<_>>(), ["back"]);
+    assert!(!shipped("map").start().unwrap().stall(), "the mapping mission asks to be stopped");
+}
+
+#[test]
+fn a_missions_numbers_can_be_set_within_bounds() {
+    let mut mission = shipped("map");
+    mission.set("near_m", 0.4).unwrap();
+    mission.set("time_limit_s", 30.0).unwrap();
+    assert_eq!((mission.time_limit_s(), mission.numbers()["near_m"]), (30.0, 0.4));
+    let mut program = mission.start().unwrap();
+    step(&mut program, &signals(0, &[(Signal::Range, 0.39), (Signal::Head, 0.0)]));
+    assert_eq!(program.states().next(), Some("turn_right"));
+    step(&mut program, &signals(30_001, &[]));
+    assert_eq!(program.states().next(), Some("halt"));
+}
+
+/// Signals of a robot that meets this and that, the same each time.
+fn eventful(tick: i64) -> Signals {
+    let phase = (tick % 97) as f64 / 97.0;
+    let mut signals = signals(
+        tick * 20,
+        &[
+            (Signal::Range, if tick % 13 == 0 { f64::INFINITY } else { phase }),
+            (Signal::Echo, f64::from(tick % 13 != 0)),
+            (Signal::Touch, f64::from(tick % 41 == 0)),
+            (Signal::Head, libm::sin(phase * 6.0) * 1.5),
+            (Signal::Reflect, phase * 100.0),
+            (Signal::Remote, (tick / 30 % 9) as f64),
+            (Signal::Travelled, tick as f64 * 0.002),
+            (Signal::Heading, tick as f64 * 0.01),
+        ],
+    );
+    if tick % 29 == 0 {
+        signals.lose(Signal::Range);
+    }
+    signals
+}
+
+#[test]
+fn a_mission_goes_on_from_a_checkpoint_as_if_it_had_not_been_interrupted() {
+    for mission in MISSIONS {
+        let mission = load(mission.text);
+        let run = |program: &mut Program, ticks: std::ops::Range<i64>| {
+            let mut record = Vec::new();
+            for tick in ticks {
+                let (mut demands, mut all) = (Demands::default(), Vec::new());
+                let progress = program.step(&eventful(tick), &mut demands, |taken| all.push(taken));
+                record.push((demands, all, progress));
+            }
+            record
+        };
+        let mut program = mission.start().unwrap();
+        run(&mut program, 0..1000);
+        let checkpoint: Vec<MachineState> = program.checkpoint().to_vec();
+        let first = run(&mut program, 1000..3000);
+        let mut again = mission.start().unwrap();
+        assert!(again.restore(&checkpoint), "{}", mission.name());
+        assert_eq!(again.checkpoint(), checkpoint);
+        assert_eq!(run(&mut again, 1000..3000), first, "{}", mission.name());
+        assert!(first.iter().any(|(_, taken, _)| !taken.is_empty()), "{} stood still", mission.name());
+        let foreign = MachineState { state: 999, ..MachineState::default() };
+        assert!(!again.restore(&vec![foreign; checkpoint.len()]), "there is no state 999");
+        assert!(!again.restore(&[]), "a checkpoint has every machine");
+    }
+}
+
+#[test]
+fn every_shipped_mission_has_a_graph_that_mermaid_reads() {
+    for shipped in MISSIONS {
+        let mission = load(shipped.text);
+        let diagram = graph::mermaid(&mission);
+        let mut lines = diagram.lines();
+        assert_eq!(lines.next(), Some("stateDiagram-v2"));
+        let (mut depth, mut declared, mut edges) = (0, Vec::new(), 0);
+        for line in lines.map(str::trim) {
+            match line.split_whitespace().collect::<Vec<_>>().as_slice() {
+                ["state", .., "as", id, "{"] => {
+                    depth += 1;
+                    declared.push((*id).to_owned());
+                }
+                ["state", .., "as", id] => declared.push((*id).to_owned()),
+                ["[*]", "-->", id] | [id, "-->", "[*]"] => {
+                    assert!(declared.contains(&(*id).to_owned()), "{line}")
+                }
+                [from, "-->", to, ":", when @ ..] => {
+                    for id in [from, to] {
+                        assert!(declared.contains(&(*id).to_owned()), "{line}");
+                    }
+                    let text = when.join(" ");
+                    assert!(!text.is_empty() && !text.contains(['<', '>', '"', '{', '}', ':']), "{line}");
+                    edges += 1;
+                }
+                ["}"] => depth -= 1,
+                _ => panic!("{line}"),
+            }
+        }
+        let transitions: usize = mission
+            .machines()
+            .iter()
+            .flat_map(|machine| machine.states())
+            .map(|state| state.transitions().len())
+            .sum();
+        assert_eq!((depth, edges), (0, transitions), "{diagram}");
+    }
+}

@@ -1,0 +1,84 @@
+//! What a mission's machines want of the actuators in one tick.
+//!
+//! Speeds and angles are in radians and metres. What is `None` nobody wants: a motor without a demand is not to turn, and
+//! its lease is not renewed; a light and a line of text stay as they are; a tone ends.
+//!
+//! # Not here
+//!
+//! No limits and no leases: the `robot` layer turns demands into motions.
+
+use arrayvec::ArrayString;
+
+use super::MAX_MOTORS;
+use crate::ev3dev::StopAction;
+
+/// The longest line that `say` shows, in bytes: what fits across the brick's screen in its small font, with room
+/// for letters of two bytes.
+pub const SAY_BYTES: usize = 40;
+
+/// How long a tone sounds that is demanded in one tick, as on entry to a state; demanded in every tick it goes on.
+pub const TONE_S: f64 = 0.2;
+
+/// What the machines want in one tick.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Demands {
+    /// What the two wheels do.
+    pub drive: Option<Drive>,
+    /// Where the head points, radians anticlockwise from straight ahead.
+    pub head_rad: Option<f64>,
+    /// Speeds of the named motors at their axles, radians per second, in the order of the capabilities.
+    pub motors: [Option<f64>; MAX_MOTORS],
+    /// The colour of the brick's lights.
+    pub led: Option<Led>,
+    /// A tone, in hertz; see [`TONE_S`].
+    pub tone_hz: Option<f64>,
+    /// A line for the screen.
+    pub say: Option<ArrayString<SAY_BYTES>>,
+}
+
+/// What the two wheels do. Every number is finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Drive {
+    /// Each wheel at a speed of its own, at its axle.
+    Wheels {
+        /// Radians per second, forwards positive.
+        left_rad_s: f64,
+        /// Radians per second, forwards positive.
+        right_rad_s: f64,
+    },
+    /// The robot's centre along and round.
+    Twist {
+        /// Metres per second, forwards positive.
+        forward_m_s: f64,
+        /// Radians per second, anticlockwise positive.
+        turn_rad_s: f64,
+    },
+    /// Both wheels stop, in this way.
+    Stop(StopAction),
+}
+
+/// Colours of the brick's lights: each has a red and a green diode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Led {
+    /// Dark.
+    Off,
+    /// Green alone.
+    Green,
+    /// Red alone.
+    Red,
+    /// Both, red more than green.
+    Orange,
+    /// Both, green more than red.
+    Yellow,
+}
+
+impl Led {
+    /// The words of a mission file, with their meanings.
+    pub const WORDS: [(&str, Self); 5] = [
+        ("off", Self::Off),
+        ("green", Self::Green),
+        ("red", Self::Red),
+        ("orange", Self::Orange),
+        ("yellow", Self::Yellow),
+    ];
+}

@@ -1,0 +1,153 @@
+//! Text to tokens, each with its bytes.
+
+use std::ops::Range;
+
+use super::{Comparison, Infix, Misreading, Mistake};
+
+/// The smallest parts of an expression.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Token<'t> {
+    Number(f64),
+    Name(&'t str),
+    Truth(bool),
+    Not,
+    /// An operator; `-` may also stand before its operand.
+    Infix(Infix),
+    Open,
+    Close,
+    End,
+}
+
+/// A token and the bytes where it stands.
+pub(super) type Placed<'t> = (Token<'t>, Range<usize>);
+
+/// Operators by their text; longer ones first, so that `<=` is not read as `<`.
+const SIGNS: [(&str, Token<'static>); 12] = [
+    ("<=", compare(Comparison::LessOrEqual)),
+    (">=", compare(Comparison::GreaterOrEqual)),
+    ("==", compare(Comparison::Equal)),
+    ("!=", compare(Comparison::NotEqual)),
+    ("<", compare(Comparison::Less)),
+    (">", compare(Comparison::Greater)),
+    ("+", Token::Infix(Infix::Add)),
+    ("-", Token::Infix(Infix::Subtract)),
+    ("*", Token::Infix(Infix::Multiply)),
+    ("/", Token::Infix(Infix::Divide)),
+    ("(", Token::Open),
+    (")", Token::Close),
+];
+
+const fn compare(comparison: Comparison) -> Token<'static> {
+    Token::Infix(Infix::Compare(comparison))
+}
+
+/// What other languages write, and what is meant.
+const FOREIGN: [(&str, &str); 9] = [
+    ("&&", "and"),
+    ("||", "or"),
+    ("=", "=="),
+    ("!", "not"),
+    ("≤", "<="),
+    ("≥", ">="),
+    ("≠", "!="),
+    ("−", "-"),
+    (",", "."),
+];
+
+/// All tokens, the last one being [`Token::End`].
+pub(super) fn tokens(text: &str) -> Result<Vec<Placed<'_>>, Misreading> {
+    let mut tokens = Vec::new();
+    let mut at = 0;
+    while let Some(rest) = text.get(at..) {
+        let Some(first) = rest.chars().next() else { break };
+        if first.is_whitespace() {
+            at += first.len_utf8();
+            continue;
+        }
+        let (token, length) = token(rest, first).map_err(|(mistake, length, hint)| Misreading {
+            place: at..at + length,
+            mistake,
+            hint,
+        })?;
+        tokens.push((token, at..at + length));
+        at += length;
+    }
+    tokens.push((Token::End, text.len()..text.len()));
+    Ok(tokens)
+}
+
+/// A mistake, its length in bytes, and the way out.
+type Bad = (Mistake, usize, Option<String>);
+
+fn token(rest: &str, first: char) -> Result<(Token<'_>, usize), Bad> {
+    if first.is_ascii_digit() || first == '.' {
+        return number(rest);
+    }
+    if first.is_alphabetic() || first == '_' {
+        return Ok(name(rest));
+    }
+    if let Some((sign, token)) = SIGNS.iter().find(|(sign, _)| rest.starts_with(sign)) {
+        return Ok((*token, sign.len()));
+    }
+    let foreign = FOREIGN.iter().find(|(sign, _)| rest.starts_with(sign));
+    let (sign, hint) = match foreign {
+        Some((sign, meant)) => ((*sign).to_owned(), Some(format!("write `{meant}`"))),
+        None => {
+            let known = "known are + - * / < <= > >= == != and or not ( )";
+            (first.escape_debug().to_string(), Some(known.to_owned()))
+        }
+    };
+    let length = foreign.map_or(first.len_utf8(), |(sign, _)| sign.len());
+    Err((Mistake::Character(sign), length, hint))
+}
+
+fn number(rest: &str) -> Result<(Token<'_>, usize), Bad> {
+    let length = number_length(rest);
+    let text = &rest[..length];
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok((Token::Number(number), length)),
+        _ => {
+            let unit = text.contains(|c: char| (c.is_alphabetic() && !matches!(c, 'e' | 'E')) || c == '_');
+            let way_out = if unit {
+                "a unit is part of a name, as in `range_m < 0.25`"
+            } else {
+                "write it as `0.25` or `2.5e-1`"
+            };
+            let hint = Some(way_out.to_owned());
+            Err((Mistake::Number(shortened(text)), length, hint))
+        }
+    }
+}
+
+/// Digits and letters up to the next sign or space; the sign of an exponent belongs to it.
+fn number_length(rest: &str) -> usize {
+    let mut before = ' ';
+    let inside = |(_, c): &(usize, char)| {
+        let exponent = matches!(before, 'e' | 'E') && matches!(c, '+' | '-');
+        before = *c;
+        c.is_alphanumeric() || matches!(c, '.' | '_') || exponent
+    };
+    rest.char_indices().take_while(inside).last().map_or(0, |(at, c)| at + c.len_utf8())
+}
+
+fn name(rest: &str) -> (Token<'_>, usize) {
+    let length = rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '.'))).unwrap_or(rest.len());
+    let token = match &rest[..length] {
+        "and" => Token::Infix(Infix::And),
+        "or" => Token::Infix(Infix::Or),
+        "not" => Token::Not,
+        "true" => Token::Truth(true),
+        "false" => Token::Truth(false),
+        name => Token::Name(name),
+    };
+    (token, length)
+}
+
+/// A text as a message shows it.
+pub(super) fn shortened(text: &str) -> String {
+    const SHOWN: usize = 40;
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}

@@ -1,0 +1,83 @@
+//! A mission as a picture: the text of a Mermaid `stateDiagram-v2`, which GitHub, GitLab and many editors draw.
+//!
+//! Each machine is a box, each state a node with its name, each transition an arrow with its condition. Names and conditions
+//! go in as text with every character escaped that Mermaid would take for its own, so that any name can be drawn.
+
+use std::fmt::{self, Write};
+
+use super::mission::{MachinePlan, Mission};
+
+/// The diagram of a mission.
+#[must_use]
+pub fn mermaid(mission: &Mission) -> String {
+    let mut diagram = String::new();
+    // Writing into a string cannot fail.
+    let _ = write(mission, &mut diagram);
+    diagram
+}
+
+fn write(mission: &Mission, out: &mut String) -> fmt::Result {
+    writeln!(out, "stateDiagram-v2")?;
+    for (index, machine) in mission.machines().iter().enumerate() {
+        write_machine(index, machine, out)?;
+    }
+    Ok(())
+}
+
+fn write_machine(index: usize, machine: &MachinePlan, out: &mut String) -> fmt::Result {
+    writeln!(out, "    state \"{}\" as m{index} {{", escaped(machine.name()))?;
+    for (at, state) in machine.states().iter().enumerate() {
+        writeln!(out, "        state \"{}\" as m{index}s{at}", escaped(state.name()))?;
+    }
+    writeln!(out, "        [*] --> m{index}s{}", machine.start())?;
+    for (at, state) in machine.states().iter().enumerate() {
+        for transition in state.transitions() {
+            let when = escaped(transition.when().text());
+            writeln!(out, "        m{index}s{at} --> m{index}s{} : {when}", transition.go())?;
+        }
+    }
+    if let Some(end) = machine.end() {
+        writeln!(out, "        m{index}s{end} --> [*]")?;
+    }
+    writeln!(out, "    }}")
+}
+
+/// Text with what Mermaid or HTML would take for its own written as Mermaid's entity codes.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        let plain = character.is_alphanumeric() || " _.,+-*/=!()'?".contains(character);
+        if plain {
+            escaped.push(character);
+        } else if character.is_whitespace() {
+            escaped.push(' ');
+        } else {
+            let _ = write!(escaped, "#{};", u32::from(character));
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Capabilities;
+    use super::*;
+
+    #[test]
+    fn names_and_conditions_that_mermaid_would_misread_are_escaped() {
+        let text = "name = \"m\"\n[machine.\"a \\\"b\\\"; c\"]\nstart = \"<x>: {y}\"\nfinal = \"end\"\n\
+            [machine.\"a \\\"b\\\"; c\".state.\"<x>: {y}\"]\nnext = [{ when = \"range_m < 1\\nor x_m > 2\", go = \"end\" }]\n\
+            [machine.\"a \\\"b\\\"; c\".state.end]\n";
+        let (mission, _) = Mission::parse("m.toml", text.as_bytes(), &Capabilities::all()).unwrap();
+        let expected = "stateDiagram-v2
+    state \"a #34;b#34;#59; c\" as m0 {
+        state \"#60;x#62;#58; #123;y#125;\" as m0s0
+        state \"end\" as m0s1
+        [*] --> m0s0
+        m0s0 --> m0s1 : range_m #60; 1 or x_m #62; 2
+        m0s1 --> [*]
+    }
+";
+        assert_eq!(mermaid(&mission), expected);
+    }
+}

@@ -1,0 +1,385 @@
+//! Missions: machines described in a TOML file, checked as a whole, run on the [`super::engine`].
+//!
+//! ```toml
+//! name = "map"
+//! rate_hz = 50            # ticks a second, 10 to 100; 50 if left out
+//! time_limit_s = 120      # the run ends here; a name for conditions too; 120 if left out
+//! finish = "all"          # or "any": which machines must be in their final state for the mission to end
+//! on_lost = "stop"        # a device is gone or a reading is stale: "stop", or "pause" until it is back
+//! on_stall = "stop"       # or the state to which the machine that drives the wheels goes when they are blocked
+//!
+//! [numbers]               # names for conditions; `--set close_m=0.3` gives one another value
+//! close_m = 0.25
+//!
+//! [machine.drive]
+//! start = "forward"
+//! final = "halt"          # may be left out: the mission then goes on until its time limit
+//!
+//! [machine.drive.state.forward]
+//! do = { left_dps = 60, right_dps = 60 }
+//! on_entry = { led = "green" }
+//! next = [
+//!   { when = "range_m < close_m", go = "turn_right" },
+//!   { when = "time_s > time_limit_s", go = "halt" },
+//! ]
+//! ```
+//!
+//! | key of `do` | meaning |
+//! |---|---|
+//! | `left_dps` and `right_dps` | speeds of the wheels at their axles, degrees per second |
+//! | `forward_mps`, `turn_dps` | speed of the robot's centre, metres per second, and turning, degrees per second, anticlockwise positive; one left out is 0 |
+//! | `stop` | both wheels stop: `"brake"`, `"coast"` or `"hold"` |
+//! | `head_deg` | where the head points, degrees anticlockwise from straight ahead |
+//! | `motor.NAME` | speed of a named motor, degrees per second |
+//! | `led` | `"off"`, `"green"`, `"red"`, `"orange"`, `"yellow"` |
+//! | `tone_hz`, `say` | a tone; a line on the screen |
+//!
+//! Numbers may be expressions in quotes (see [`super::expression`]). `on_entry` and `on_exit` know `led`, `tone_hz` and `say`.
+//! Wheels, head and each named motor belong to one machine; for lights, tone and screen the last machine in the file wins.
+//! A number in `do` that comes to NaN or an infinity, or that depends on a lost signal, stops its actuator for that tick: wheels brake,
+//! head and motor stand still.
+//!
+//! # Not here
+//!
+//! No limits of speed: those are the robot's.
+//!
+//! # What we count on
+//!
+//! - A mission has at most [`super::MAX_MACHINES`] machines and [`Mission::MAX_STATES`] states, a state at most
+//!   [`Mission::MAX_TRANSITIONS`] transitions: a file of ten thousand states is read in well under a second.
+
+use std::collections::BTreeMap;
+
+use arrayvec::ArrayString;
+
+use super::demands::{Led, SAY_BYTES};
+use super::engine::{EngineError, Finish};
+use super::expression::Expression;
+use super::signals::{Capabilities, Role};
+use crate::document::{Document, Findings, nearest};
+use crate::ev3dev::StopAction;
+
+mod checks;
+mod load;
+mod outputs;
+mod program;
+
+pub use program::Program;
+
+/// A mission, read and checked.
+#[derive(Debug, Clone)]
+pub struct Mission {
+    name: String,
+    rate_hz: u32,
+    time_limit_s: f64,
+    finish: Finish,
+    on_lost: OnLost,
+    on_stall: OnStall,
+    numbers: BTreeMap<String, f64>,
+    machines: Vec<MachinePlan>,
+    motors: Vec<String>,
+    roles: Vec<Role>,
+}
+
+/// What happens when a device is gone or a reading is stale.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnLost {
+    /// The run ends.
+    Stop,
+    /// The robot stands still until the device is back.
+    Pause,
+}
+
+/// What happens when the wheels are blocked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum OnStall {
+    /// The run ends.
+    Stop,
+    /// The machine that drives the wheels goes to this state.
+    Enter(String),
+}
+
+/// A machine of a mission.
+#[derive(Debug, Clone)]
+pub struct MachinePlan {
+    name: String,
+    start: u16,
+    end: Option<u16>,
+    states: Vec<StatePlan>,
+}
+
+/// A state of a machine.
+#[derive(Debug, Clone)]
+pub struct StatePlan {
+    name: String,
+    doing: Outputs,
+    on_entry: Outputs,
+    on_exit: Outputs,
+    next: Vec<TransitionPlan>,
+}
+
+/// A transition of a state.
+#[derive(Debug, Clone)]
+pub struct TransitionPlan {
+    when: Expression,
+    go: u16,
+}
+
+/// What a state asks of the actuators.
+#[derive(Debug, Clone, Default)]
+struct Outputs {
+    drive: Option<DrivePlan>,
+    head_deg: Option<Expression>,
+    motors_dps: Vec<(u8, Expression)>,
+    led: Option<Led>,
+    tone_hz: Option<Expression>,
+    say: Option<ArrayString<SAY_BYTES>>,
+}
+
+#[derive(Debug, Clone)]
+enum DrivePlan {
+    Wheels { left_dps: Expression, right_dps: Expression },
+    Twist { forward_mps: Expression, turn_dps: Expression },
+    Stop(StopAction),
+}
+
+/// A number that cannot be set as asked.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SetError {
+    /// The mission has no number of this name.
+    #[error("the mission has no number `{name}`{hint}")]
+    Unknown {
+        /// The name.
+        name: String,
+        /// A nearest name, or those that there are, with the words before it.
+        hint: String,
+    },
+    /// The value is NaN, infinite or beyond what the number may be.
+    #[error("`{name}` cannot be {value}; it can be {low} to {high}")]
+    OutOfRange {
+        /// The name.
+        name: String,
+        /// The value.
+        value: f64,
+        /// The least it can be.
+        low: f64,
+        /// The most it can be.
+        high: f64,
+    },
+}
+
+impl Mission {
+    /// The most states of all machines together.
+    pub const MAX_STATES: usize = 10_000;
+
+    /// The most transitions of one state.
+    pub const MAX_TRANSITIONS: usize = 32;
+
+    /// The name of the time limit in conditions.
+    pub const TIME_LIMIT: &str = "time_limit_s";
+
+    /// Longest and shortest time that a mission may be given, seconds; ten hours outlast the batteries.
+    const TIME_LIMITS_S: (f64, f64) = (1.0, 36_000.0);
+
+    /// What a mission's own number may be.
+    const NUMBERS: (f64, f64) = (-1e9, 1e9);
+
+    /// Reads a mission for a robot, with what is worth a warning.
+    ///
+    /// # Errors
+    ///
+    /// Everything that is wrong with it; a mission with an error does not run.
+    pub fn load(document: &Document, capabilities: &Capabilities) -> Result<(Self, Findings), Findings> {
+        load::load(document, capabilities)
+    }
+
+    /// Reads a mission from text; `file` is what findings call it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mission::load`].
+    pub fn parse(file: &str, text: &[u8], capabilities: &Capabilities) -> Result<(Self, Findings), Findings> {
+        Self::load(&Document::new(file, text)?, capabilities)
+    }
+
+    /// Makes the mission ready to run from its start states.
+    ///
+    /// # Errors
+    ///
+    /// [`EngineError`] where names do not fit together; loading has seen to it that they do.
+    pub fn start(&self) -> Result<Program, EngineError> {
+        Program::new(self)
+    }
+
+    /// Gives one of the mission's numbers, or `time_limit_s`, another value. What was found at loading was found with
+    /// the values in the file, and is not looked for again.
+    ///
+    /// # Errors
+    ///
+    /// [`SetError`]; nothing has changed then.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), SetError> {
+        let (low, high) = if name == Self::TIME_LIMIT { Self::TIME_LIMITS_S } else { Self::NUMBERS };
+        let Some(number) = self.numbers.get_mut(name) else {
+            return Err(SetError::Unknown { name: name.to_owned(), hint: self.number_hint(name) });
+        };
+        if !(low..=high).contains(&value) {
+            return Err(SetError::OutOfRange { name: name.to_owned(), value, low, high });
+        }
+        *number = value;
+        if name == Self::TIME_LIMIT {
+            self.time_limit_s = value;
+        }
+        for state in self.machines.iter_mut().flat_map(|machine| &mut machine.states) {
+            let outputs = [&mut state.doing, &mut state.on_entry, &mut state.on_exit];
+            let numbers = outputs.into_iter().flat_map(Outputs::expressions_mut);
+            for expression in numbers.chain(state.next.iter_mut().map(|next| &mut next.when)) {
+                expression.set(name, value);
+            }
+        }
+        Ok(())
+    }
+
+    fn number_hint(&self, name: &str) -> String {
+        let names = || self.numbers.keys().map(String::as_str);
+        nearest(name, names()).map_or_else(
+            || format!("; it has {}", names().collect::<Vec<_>>().join(", ")),
+            |hint| format!("; {hint}"),
+        )
+    }
+
+    /// The mission's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Ticks a second.
+    #[must_use]
+    pub fn rate_hz(&self) -> u32 {
+        self.rate_hz
+    }
+
+    /// Where the runtime ends the run, seconds from its start.
+    #[must_use]
+    pub fn time_limit_s(&self) -> f64 {
+        self.time_limit_s
+    }
+
+    /// Which machines must be in their final state for the mission to end.
+    #[must_use]
+    pub fn finish(&self) -> Finish {
+        self.finish
+    }
+
+    /// What happens when a device is gone or a reading is stale.
+    #[must_use]
+    pub fn on_lost(&self) -> OnLost {
+        self.on_lost
+    }
+
+    /// What happens when the wheels are blocked.
+    #[must_use]
+    pub fn on_stall(&self) -> &OnStall {
+        &self.on_stall
+    }
+
+    /// The mission's own numbers and its time limit, by name.
+    #[must_use]
+    pub fn numbers(&self) -> &BTreeMap<String, f64> {
+        &self.numbers
+    }
+
+    /// The machines, in the order of the file; [`super::Taken`] counts them so.
+    #[must_use]
+    pub fn machines(&self) -> &[MachinePlan] {
+        &self.machines
+    }
+
+    /// The named motors, in the order of [`super::Demands::motors`].
+    #[must_use]
+    pub fn motors(&self) -> &[String] {
+        &self.motors
+    }
+
+    /// The parts of the robot that the mission reads or moves, each once.
+    #[must_use]
+    pub fn roles(&self) -> &[Role] {
+        &self.roles
+    }
+
+    /// Whether the mission reads or moves a part of the robot.
+    #[must_use]
+    pub fn uses(&self, role: Role) -> bool {
+        self.roles.contains(&role)
+    }
+}
+
+impl MachinePlan {
+    /// The machine's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Index of the start state.
+    #[must_use]
+    pub fn start(&self) -> u16 {
+        self.start
+    }
+
+    /// Index of the final state, if there is one.
+    #[must_use]
+    pub fn end(&self) -> Option<u16> {
+        self.end
+    }
+
+    /// The states, in the order of the file.
+    #[must_use]
+    pub fn states(&self) -> &[StatePlan] {
+        &self.states
+    }
+
+    /// The state of this index.
+    #[must_use]
+    pub fn state(&self, index: u16) -> Option<&StatePlan> {
+        self.states.get(usize::from(index))
+    }
+
+    /// Whether one of its states moves this part of the robot.
+    #[must_use]
+    pub fn moves(&self, role: Role) -> bool {
+        self.states.iter().any(|state| state.doing.roles().any(|moved| moved == role))
+    }
+
+    fn position(&self, state: &str) -> Option<u16> {
+        (0_u16..).zip(&self.states).find(|(_, plan)| plan.name == state).map(|(index, _)| index)
+    }
+}
+
+impl StatePlan {
+    /// The state's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The transitions, in the order in which they are checked.
+    #[must_use]
+    pub fn transitions(&self) -> &[TransitionPlan] {
+        &self.next
+    }
+}
+
+impl TransitionPlan {
+    /// The condition.
+    #[must_use]
+    pub fn when(&self) -> &Expression {
+        &self.when
+    }
+
+    /// Index of the destination.
+    #[must_use]
+    pub fn go(&self) -> u16 {
+        self.go
+    }
+}

@@ -1,0 +1,190 @@
+//! A mission looked at as a whole: what can be reached and left, what can never fire, who moves what.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::load::{Draft, Reader};
+use super::{OnStall, StatePlan};
+use crate::behavior::expression::{Claims, part};
+use crate::behavior::signals::Role;
+use crate::document::{Section, Severity, nearest};
+
+/// The key `on_stall`: "stop", or a state of the machine that drives the wheels.
+pub(super) fn on_stall(root: &Section<'_>, drafts: &[Draft]) -> Option<OnStall> {
+    let Some(item) = root.get("on_stall") else { return Some(OnStall::Stop) };
+    let state = item.text()?;
+    if state == "stop" {
+        return Some(OnStall::Stop);
+    }
+    let Some(driving) = drafts.iter().find(|draft| draft.moves.contains_key(&Role::Wheels)) else {
+        item.error("no machine drives the wheels, so none can go on from a stall".to_owned())
+            .hint("write `on_stall = \"stop\"`");
+        return None;
+    };
+    if driving.plan.position(state).is_none() {
+        let names = driving.plan.states.iter().take(200).map(|state| state.name.as_str());
+        item.error(format!("machine `{}` drives the wheels and has no state `{state}`", driving.plan.name))
+            .hint(nearest(state, names.chain(["stop"])).unwrap_or_default());
+        return None;
+    }
+    Some(OnStall::Enter(state.to_owned()))
+}
+
+/// All checks that take more than one key.
+pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], on_stall: Option<&OnStall>) {
+    let root = reader.root;
+    one_machine_each(reader, drafts);
+    one_mode_each(reader);
+    for draft in drafts {
+        let impossible = conditions(root, draft);
+        // A slip in the name of the state for a stall would look like a state that cannot be reached.
+        if draft.complete && on_stall.is_some() {
+            let stall = match on_stall {
+                Some(OnStall::Enter(state)) if draft.moves.contains_key(&Role::Wheels) => {
+                    draft.plan.position(state)
+                }
+                _ => None,
+            };
+            paths(root, draft, stall, &impossible);
+        }
+    }
+}
+
+/// Each actuator belongs to one machine.
+fn one_machine_each(reader: &Reader<'_, '_, '_>, drafts: &[Draft]) {
+    let mut owners: BTreeMap<Role, &str> = BTreeMap::new();
+    for draft in drafts {
+        for (role, place) in &draft.moves {
+            let Some(owner) = owners.insert(*role, &draft.plan.name) else { continue };
+            let what = match role {
+                Role::Wheels => "the wheels are".to_owned(),
+                Role::Head => "the head is".to_owned(),
+                Role::Motor(at) => {
+                    let name = reader.vocabulary.motors().get(usize::from(*at)).map_or("?", String::as_str);
+                    format!("the motor `{name}` is")
+                }
+                other => format!("{} is", part(*other).0),
+            };
+            let message = format!("{what} moved by machine `{}` and by machine `{owner}`", draft.plan.name);
+            reader.root.note(place.clone(), Severity::Error, message).hint("one machine alone can move it");
+        }
+    }
+}
+
+/// A sensor measures in one mode at a time.
+fn one_mode_each(reader: &Reader<'_, '_, '_>) {
+    let first =
+        |role: Role| reader.uses.iter().find(|(used, _)| *used == role).map(|(_, place)| place.clone());
+    let refuse = |one: Option<Range<usize>>, two: Option<Range<usize>>, message: &str, hint: &str| {
+        if let (Some(one), Some(two)) = (one, two) {
+            let later = if one.start > two.start { one } else { two };
+            reader.root.note(later, Severity::Error, message.to_owned()).hint(hint);
+        }
+    };
+    refuse(
+        first(Role::Colour),
+        first(Role::Reflect),
+        "`colour` and `reflect_pct` are both used, and the sensor gives one of them at a time",
+        "use one of the two in the whole mission",
+    );
+    if reader.vocabulary.capabilities().range_is_infrared {
+        refuse(
+            first(Role::Range),
+            first(Role::Remote),
+            "the range and `remote` are both used, and this robot's infrared sensor gives one of them at a time",
+            "a robot with an ultrasonic sensor has both",
+        );
+    }
+}
+
+/// Conditions that can never hold, that always hold, or that come too late. Returns which transitions of each state can
+/// never fire.
+fn conditions(root: &Section<'_>, draft: &Draft) -> Vec<Vec<bool>> {
+    let state = |(state, places): (&StatePlan, &Vec<Range<usize>>)| {
+        let claims: Vec<Claims> = state.next.iter().map(|next| Claims::of(&next.when)).collect();
+        let mut impossible = Vec::with_capacity(claims.len());
+        for (at, (claim, place)) in claims.iter().zip(places).enumerate() {
+            let earlier = claims.iter().take(at).position(|earlier| claim.implies(earlier));
+            let (error, warning) = (Severity::Error, Severity::Warning);
+            let never = claim.is_never();
+            if never {
+                root.note(place.clone(), error, "this condition can never hold".to_owned())
+                    .hint("look at its numbers, or take it out");
+            } else if let Some(earlier) = earlier {
+                let other = state.next.get(earlier).map_or("", |next| next.when.text());
+                let message = format!("this can never fire: `{other}` before it holds whenever this does");
+                root.note(place.clone(), error, message).hint("put the narrower condition first");
+            } else if claim.is_always() && state.next.get(at).is_some_and(|next| next.when.text() != "true") {
+                root.note(place.clone(), warning, "this condition always holds".to_owned())
+                    .hint("write `true` if that is meant");
+            }
+            impossible.push(never || earlier.is_some());
+        }
+        impossible
+    };
+    draft.plan.states.iter().zip(&draft.conditions).map(state).collect()
+}
+
+/// States that cannot be reached, states that cannot be left, and states from which there is no way to the final one.
+fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Vec<bool>]) {
+    let plan = &draft.plan;
+    let count = plan.states.len();
+    let mut forward = vec![Vec::new(); count];
+    let mut backward = vec![Vec::new(); count];
+    for (from, state) in plan.states.iter().enumerate() {
+        for next in &state.next {
+            let to = usize::from(next.go);
+            if let (Some(ways), Some(back)) = (forward.get_mut(from), backward.get_mut(to)) {
+                ways.push(to);
+                back.push(from);
+            }
+        }
+    }
+    let reached = closure(&forward, [plan.start].into_iter().chain(stall));
+    let ends = plan.end.map(|end| closure(&backward, [end]));
+    for (at, state) in plan.states.iter().enumerate() {
+        let Some(place) = draft.states.get(at) else { continue };
+        let is_end = plan.end.is_some_and(|end| usize::from(end) == at);
+        let is_reached = reached.get(at) == Some(&true);
+        let leaves = state.next.iter().zip(impossible.get(at).into_iter().flatten());
+        let is_left = leaves.clone().any(|(next, never)| usize::from(next.go) != at && !never);
+        if !is_reached {
+            let message =
+                format!("state `{}` cannot be reached from `{}`", state.name, name(draft, plan.start));
+            root.note(place.clone(), Severity::Error, message)
+                .hint("a transition of another state should go here");
+        } else if !is_end && !is_left {
+            let message = format!("state `{}` cannot be left, and it is not final", state.name);
+            let way_out = "give it a transition, or name it as `final` of its machine";
+            root.note(place.clone(), Severity::Error, message).hint(way_out);
+        } else if let (Some(end), Some(ends)) = (plan.end, &ends)
+            && ends.get(at) == Some(&false)
+        {
+            let message = format!(
+                "from state `{}` there is no way to the final state `{}`",
+                state.name,
+                name(draft, end)
+            );
+            root.note(place.clone(), Severity::Warning, message)
+                .hint("without one the mission runs until its time limit");
+        }
+    }
+}
+
+fn name(draft: &Draft, state: u16) -> &str {
+    draft.plan.state(state).map_or("", |state| state.name.as_str())
+}
+
+/// All places that can be come to from `roots`.
+fn closure(ways: &[Vec<usize>], roots: impl IntoIterator<Item = u16>) -> Vec<bool> {
+    let mut reached = vec![false; ways.len()];
+    let mut open: Vec<usize> = roots.into_iter().map(usize::from).collect();
+    while let Some(at) = open.pop() {
+        match reached.get_mut(at) {
+            Some(seen) if !*seen => *seen = true,
+            _ => continue,
+        }
+        open.extend(ways.get(at).into_iter().flatten());
+    }
+    reached
+}
