@@ -127,7 +127,7 @@ impl Estimator {
 
     fn passed_s(&mut self, now_ns: i64, events: &mut Events) -> f64 {
         let Some(last_ns) = self.state.time_ns.replace(now_ns) else { return 0.0 };
-        *events |= Events::TIME_BACKWARDS.when(now_ns <= last_ns);
+        *events |= Events::TIME_BACKWARDS.when(now_ns < last_ns);
         seconds(now_ns.saturating_sub(last_ns).max(0))
     }
 

@@ -29,7 +29,7 @@ impl Events {
     pub const INPUT_REFUSED: Self = Self(1 << 6);
     /// Both wheels have stood still for a while.
     pub const STILL: Self = Self(1 << 7);
-    /// The update's time was not later than that of the one before.
+    /// The update's time was earlier than that of the one before.
     pub const TIME_BACKWARDS: Self = Self(1 << 8);
 
     /// Every flag with its name.

@@ -1,7 +1,7 @@
 //! Wheel slip, noticed by the gyro against the encoders.
 //!
 //! Both turns are summed with a memory of half a second. They disagree when their difference is more than whole degrees and an
-//! imperfect track width explain: 3° and a fifth of the turn; slip is over at half of that, so that it does not flicker.
+//! imperfect track width explain: 4° and a fifth of the turn; slip is over at half of that, so that it does not flicker.
 //!
 //! # Not here
 //!
@@ -11,8 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::gyro::DEGREE_RAD;
 
-/// What whole degrees, and two sensors read one after the other, can differ by.
-const ALLOWED_RAD: f64 = 3.0 * DEGREE_RAD;
+/// What a gyro in whole degrees (1°) and the play of two LEGO wheels (10° of a wheel between them are 2.4° of the seed's robot) can
+/// differ by, and a little more.
+const ALLOWED_RAD: f64 = 4.0 * DEGREE_RAD;
 /// What a track width that is not quite right, and the gyro's scale (3° in 90° by LEGO's word), can differ by.
 const ALLOWED_SHARE: f64 = 0.2;
 /// How long a turn is remembered.
