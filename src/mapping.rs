@@ -1,28 +1,72 @@
 //! Where the robot is and what is around it: odometry, heading, point cloud, occupancy grid.
+//!
+//! Each tick an [`Estimator`] takes [`Inputs`] and gives an [`Estimate`]: the pose with its covariance, the range reading as it is to be
+//! understood, what was noticed ([`Events`]), and, when a range reading is new, a [`Sounding`]: the reading with the place and the
+//! direction it was taken from. A [`Map`] takes estimates and keeps points, path and grid.
+//!
+//! Two ways of estimating stand beside each other ([`Method`]): the seed's, exactly, and the default.
+//!
+//! # Frames
+//!
+//! *World*: x ahead of the origin, y left. *Body*: the pose; its origin is the middle between the wheels, x ahead, y left. *Sensor*:
+//! translated from the body by the range sensor's place, then turned by the head's angle. Anticlockwise is positive; headings do not
+//! wrap. Metres, radians, nanoseconds.
+//!
+//! # Formulas
+//!
+//! | what | how | source |
+//! |---|---|---|
+//! | step, turn | (d_right + d_left) / 2, (d_right − d_left) / track width | Borenstein, Everett, Feng, *Where am I?* 1.1 |
+//! | the seed's pose | pose ⊗ (rotation by the gyro's change, translation by the step along x): the step is made along the heading before it | MappingRobots.jl |
+//! | the default's pose | the step along the mean of the headings before and after | Thrun, Burgard, Fox, *Probabilistic Robotics* 5.4 |
+//! | the default's heading | the encoders' turn, held within half a degree of the gyro's angle; its bias removed, learnt at standstills | `mapping/gyro.rs` |
+//! | slip | recent turns by encoders and gyro differ by more than 4° and a fifth | `mapping/slip.rs` |
+//! | covariance | first order; wheel errors grow with the way, gyro errors with turn and time | *Probabilistic Robotics* 5.4; Chong, Kleeman 1997; UMBmark for what calibration removes |
+//! | point | pose × (translation to the sensor) × (rotation by the head) × (range, 0), for the default at the instant of the reading | MappingRobots.jl |
+//! | grid | log-odds, a sonar cone | *Probabilistic Robotics* 9.2; Elfes 1989 |
+//!
+//! # Not here
+//!
+//! No I/O and no clock: time is in the inputs. No scan matching: the pose is dead reckoning. No scoring of maps against walls;
+//! what that needs of statistics is in [`stats`].
+//!
+//! # What it costs
+//!
+//! Nothing is allocated after construction. A [`Map`] takes 0.9 MB at most, its points and path thinned when they are full,
+//! for a mission of any length. On a processor without a floating-point unit one f64 operation is some 50 instructions and a sine with its
+//! cosine some 3 000; a tick without a sounding makes about 90 operations and one sine pair, 8 000 instructions; one with a sounding,
+//! ten a second, two more pairs and up to 2 000 cells of the grid at some ten integer instructions each, 35 000. A tick in which
+//! the full cloud is thinned moves 0.2 MB once more. These are counts of the source, not measurements on a brick.
+
+mod cloud;
+mod estimator;
+mod events;
+mod geometry;
+mod grid;
+mod gyro;
+mod history;
+mod inputs;
+mod map;
+mod pose;
+mod range;
+mod slip;
+mod sounding;
+pub mod stats;
+mod uncertainty;
+mod wheels;
+
+pub use estimator::{Estimator, EstimatorState};
+pub use events::Events;
+pub use geometry::{EstimatorConfig, Geometry, GeometryError, Method, RangeMount};
+pub use grid::{Cell, OccupancyGrid};
+pub use inputs::{GyroReading, Inputs, RangeReading};
+pub use map::{Map, merge};
+pub use pose::Pose;
+pub use range::Range;
+pub use slip::turns_disagree;
+pub use sounding::Sounding;
 
 use serde::{Deserialize, Serialize};
-
-/// A pose in the plane, world frame: x ahead of the start, y left, heading anticlockwise from x.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Pose {
-    /// Metres.
-    pub x_m: f64,
-    /// Metres.
-    pub y_m: f64,
-    /// Radians; it does not wrap, so that turns can be counted.
-    pub heading_rad: f64,
-}
-
-/// What the range sensor says, told apart.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Range {
-    /// Something reflects at this distance from the sensor, in metres.
-    Echo(f64),
-    /// Nothing within range.
-    NoEcho,
-    /// Something is nearer than the sensor can measure.
-    TooNear,
-}
 
 /// One point of the map, world frame, in metres, with the time of its reading.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -35,23 +79,16 @@ pub struct MapPoint {
     pub y_m: f64,
 }
 
-/// What the estimator carries from tick to tick: enough to go on from.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct EstimatorState {
-    /// The pose.
-    pub pose: Pose,
-}
-
 /// What one update came to.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
     /// The time of the update.
     pub time_ns: i64,
     /// The pose.
     pub pose: Pose,
-    /// Forward speed, metres per second.
+    /// Forward speed, metres per second, smoothed over a tenth of a second.
     pub forward_m_s: f64,
-    /// Turning speed, radians per second.
+    /// Turning speed, radians per second, smoothed in the same way.
     pub turn_rad_s: f64,
     /// Variances and covariances of x, y, heading: xx, xy, xh, yy, yh, hh in m², m·rad and rad².
     pub covariance: [f64; 6],
@@ -59,4 +96,8 @@ pub struct Estimate {
     pub travelled_m: f64,
     /// The range reading as it is to be understood; `None` without a range sensor or while it is lost.
     pub range: Option<Range>,
+    /// The range reading in the world, in updates in which there is one to place.
+    pub sounding: Option<Sounding>,
+    /// What was noticed.
+    pub events: Events,
 }

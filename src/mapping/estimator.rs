@@ -1,0 +1,251 @@
+//! One update of the estimator: wheels, heading, step, covariance, history, range, in this order.
+
+use serde::{Deserialize, Serialize};
+
+use super::geometry::{EstimatorConfig, Method};
+use super::gyro::{GyroInput, GyroState};
+use super::history::{History, Placement};
+use super::range::{Beam, RangeFilter};
+use super::slip::SlipState;
+use super::sounding::{Schedule, Sounding};
+use super::uncertainty::{self, Covariance};
+use super::wheels::{WheelStep, WheelsState};
+use super::{Estimate, Events, Inputs, Pose, Range};
+use crate::clock::seconds;
+
+/// Speeds are smoothed over this: a whole degree of a wheel in a tick of 10 ms would else be 5 cm/s.
+const SPEED_MEMORY_S: f64 = 0.1;
+
+/// What the estimator carries from tick to tick: everything that later results depend on, and nothing else. It is of fixed size
+/// and has only finite numbers.
+///
+/// Text that is to carry it bit for bit has to keep floats exactly (with `serde_json` that is its feature `float_roundtrip`).
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct EstimatorState {
+    /// The pose.
+    pub pose: Pose,
+    /// The time of the last update; `None` before the first.
+    time_ns: Option<i64>,
+    /// The heading when both wheels were last read.
+    wheels_heading_rad: f64,
+    covariance: Covariance,
+    travelled_m: f64,
+    forward_m_s: f64,
+    turn_rad_s: f64,
+    wheels: WheelsState,
+    gyro: GyroState,
+    slip: SlipState,
+    history: History,
+    near: RangeFilter,
+    schedule: Schedule,
+}
+
+/// Estimates the pose from wheels and gyro, and places range readings. See [`crate::mapping`] for the formulas.
+#[derive(Debug, Clone)]
+pub struct Estimator {
+    config: EstimatorConfig,
+    state: EstimatorState,
+}
+
+impl Estimator {
+    /// An estimator at its start. A start that is not finite counts as the origin.
+    #[must_use]
+    pub fn new(config: EstimatorConfig, start: Pose) -> Self {
+        let pose = if start.is_finite() { start } else { Pose::default() };
+        let placement = Placement { time_ns: i64::MIN, pose, head_rad: None };
+        let mut history = History::default();
+        history.note(placement);
+        let state = EstimatorState {
+            pose,
+            wheels_heading_rad: pose.heading_rad,
+            covariance: uncertainty::at_start(),
+            history,
+            ..EstimatorState::default()
+        };
+        Self { config, state }
+    }
+
+    /// What it was made from.
+    #[must_use]
+    pub fn config(&self) -> &EstimatorConfig {
+        &self.config
+    }
+
+    /// Everything it carries from tick to tick.
+    #[must_use]
+    pub fn state(&self) -> EstimatorState {
+        self.state
+    }
+
+    /// Goes on from a state: the same inputs then give the same bits as if nothing had come between.
+    pub fn restore(&mut self, state: EstimatorState) {
+        self.state = state;
+    }
+
+    /// The pose at a time within the last quarter of a second; the newest for later times, the oldest kept for earlier ones.
+    #[must_use]
+    pub fn pose_at(&self, time_ns: i64) -> Pose {
+        self.state.history.at(time_ns).pose
+    }
+
+    /// The bias that is being removed from the gyro, rad/s anticlockwise.
+    #[must_use]
+    pub fn gyro_bias_rad_s(&self) -> f64 {
+        self.state.gyro.bias_rad_s()
+    }
+
+    /// Takes one tick's readings. Readings that no sensor can have made are left out and noticed; whatever comes in, the pose stays
+    /// finite.
+    pub fn update(&mut self, inputs: &Inputs) -> Estimate {
+        let (inputs, mut events) = inputs.checked();
+        let passed_s = self.passed_s(inputs.time_ns, &mut events);
+        let wheels = self.state.wheels.update(
+            &self.config.geometry,
+            inputs.time_ns,
+            inputs.left_rad,
+            inputs.right_rad,
+        );
+        events |= wheels.events;
+        let slip_m = self.turn(&inputs, &wheels, passed_s, &mut events);
+        self.step(&wheels, passed_s, slip_m);
+        let pose = self.state.pose;
+        self.state.history.note(Placement { time_ns: inputs.time_ns, pose, head_rad: inputs.head_rad });
+        let range = self.understand(&inputs);
+        let sounding = range.and_then(|range| self.sound(&inputs, range));
+        Estimate {
+            time_ns: inputs.time_ns,
+            pose,
+            forward_m_s: self.state.forward_m_s,
+            turn_rad_s: self.state.turn_rad_s,
+            covariance: self.state.covariance,
+            travelled_m: self.state.travelled_m,
+            range,
+            sounding,
+            events,
+        }
+    }
+
+    fn passed_s(&mut self, now_ns: i64, events: &mut Events) -> f64 {
+        let Some(last_ns) = self.state.time_ns.replace(now_ns) else { return 0.0 };
+        *events |= Events::TIME_BACKWARDS.when(now_ns < last_ns);
+        seconds(now_ns.saturating_sub(last_ns).max(0))
+    }
+
+    /// Brings the heading up to now; returns what a slip may have falsified the way by, metres.
+    fn turn(&mut self, inputs: &Inputs, wheels: &WheelStep, passed_s: f64, events: &mut Events) -> f64 {
+        let before_rad = self.state.pose.heading_rad;
+        let step = self.state.gyro.update(GyroInput {
+            time_ns: inputs.time_ns,
+            value_rad: inputs.gyro.map(|gyro| gyro.value_rad),
+            heading_rad: before_rad,
+            encoder_rad: wheels.turn_rad,
+            still: wheels.still,
+        });
+        *events |= step.events;
+        self.state.pose.heading_rad = match self.config.method {
+            Method::Default => step.heading_rad,
+            // Without a believable change of the gyro the seed's heading stays.
+            Method::Seed => before_rad + step.change_rad.unwrap_or(0.0),
+        };
+        let turned_rad = self.state.pose.heading_rad - before_rad;
+        self.state.turn_rad_s = smoothed(self.state.turn_rad_s, turned_rad, passed_s);
+        let Some(gyro_rad) = step.gyro_rad.filter(|_| wheels.read) else { return 0.0 };
+        let slipping = self.state.slip.update(passed_s, wheels.turn_rad, gyro_rad);
+        *events |= Events::SLIP.when(slipping);
+        let unexplained_rad = if slipping { wheels.turn_rad - gyro_rad } else { 0.0 };
+        unexplained_rad.abs() * self.config.geometry.track_width_m() / 2.0
+    }
+
+    /// Moves the pose along the wheels' way: the seed along the heading before, the default along the mean of the headings before
+    /// and after, which is the chord's direction of an arc (Thrun, Burgard and Fox, section 5.4).
+    fn step(&mut self, wheels: &WheelStep, passed_s: f64, slip_m: f64) {
+        let state = &mut self.state;
+        let after_rad = state.pose.heading_rad;
+        let turned_rad = after_rad - state.wheels_heading_rad;
+        let along_rad = match self.config.method {
+            Method::Seed => state.wheels_heading_rad,
+            Method::Default => state.wheels_heading_rad + turned_rad / 2.0,
+        };
+        if wheels.read {
+            state.wheels_heading_rad = after_rad;
+        }
+        state.forward_m_s = smoothed(state.forward_m_s, wheels.forward_m, passed_s);
+        let moved = wheels.left_m != 0.0 || wheels.right_m != 0.0;
+        let direction = if moved { unit(along_rad) } else { [1.0, 0.0] };
+        let [cos, sin] = direction;
+        state.pose.x_m += cos * wheels.forward_m;
+        state.pose.y_m += sin * wheels.forward_m;
+        state.travelled_m += wheels.forward_m.abs();
+        state.covariance = uncertainty::propagated(
+            state.covariance,
+            &uncertainty::Step {
+                direction,
+                forward_m: wheels.forward_m,
+                wheels_m: wheels.left_m.abs() + wheels.right_m.abs(),
+                turn_rad: turned_rad,
+                passed_s,
+                track_width_m: self.config.geometry.track_width_m(),
+                by_gyro: state.gyro.is_known(),
+                slip_m,
+            },
+        );
+    }
+
+    fn understand(&mut self, inputs: &Inputs) -> Option<Range> {
+        let reading = inputs.range?;
+        let newest = Placement { time_ns: inputs.time_ns, pose: self.state.pose, head_rad: inputs.head_rad };
+        let mut near = self.state.near;
+        let range = near.understood(reading.value_m, || {
+            // Without the head's angle the beam is taken as straight ahead: where the robot drives.
+            self.beam(&newest).unwrap_or_else(|| self.beam_at(&newest, 0.0))
+        });
+        self.state.near = near;
+        Some(range)
+    }
+
+    /// Places the reading, if it is to be placed in this tick.
+    fn sound(&mut self, inputs: &Inputs, range: Range) -> Option<Sounding> {
+        let due_ns = self.state.schedule.due(inputs.time_ns, inputs.range?.changed_ns);
+        let (time_ns, fresh) = match (self.config.method, due_ns) {
+            (Method::Seed, due_ns) => (inputs.time_ns, due_ns.is_some()),
+            (Method::Default, due_ns) => {
+                (due_ns?.saturating_sub(self.config.geometry.range().latency_ns), true)
+            }
+        };
+        let beam = self.beam(&self.state.history.at(time_ns))?;
+        Some(Sounding::new(time_ns, &beam, range, fresh))
+    }
+
+    /// Pose × translation to the sensor × rotation by the head's angle; `None` where the head's angle is not known.
+    fn beam(&self, placement: &Placement) -> Option<Beam> {
+        let head_rad = if self.config.geometry.range().on_head { placement.head_rad? } else { 0.0 };
+        Some(self.beam_at(placement, head_rad))
+    }
+
+    fn beam_at(&self, placement: &Placement, head_rad: f64) -> Beam {
+        let mount = self.config.geometry.range();
+        let pose = placement.pose;
+        let [cos, sin] = unit(pose.heading_rad);
+        let [beam_cos, beam_sin] = unit(pose.heading_rad + head_rad);
+        Beam {
+            x_m: pose.x_m + cos * mount.ahead_m - sin * mount.left_m,
+            y_m: pose.y_m + sin * mount.ahead_m + cos * mount.left_m,
+            cos: beam_cos,
+            sin: beam_sin,
+        }
+    }
+}
+
+/// A speed, smoothed, after a way (metres or radians) in a time.
+fn smoothed(speed: f64, way: f64, passed_s: f64) -> f64 {
+    if passed_s > 0.0 {
+        speed + (way / passed_s - speed) * (passed_s / (SPEED_MEMORY_S + passed_s))
+    } else {
+        speed
+    }
+}
+
+fn unit(direction_rad: f64) -> [f64; 2] {
+    let (sin, cos) = libm::sincos(direction_rad);
+    [cos, sin]
+}

@@ -1,0 +1,465 @@
+//! Occupancy grid: what is free and what is not, in log-odds.
+//!
+//! The grid lies on one lattice for every robot: cell (i, j) covers x from i to i + 1 and y from j to j + 1 times the cell's size, world
+//! frame. So grids of several robots are united by adding cells, without turning or shifting.
+//!
+//! # The sensor's model
+//!
+//! A sonar hears the nearest thing in a cone and does not say where in the cone it is (Thrun, Burgard and Fox, *Probabilistic Robotics*,
+//! section 9.2; Elfes, *Using occupancy grids for mobile robot perception and navigation*, 1989). An echo makes the cone free up to the
+//! distance and occupied at it, more near the axis than beside it. No echo makes little free, and only near the axis: a wall that is met
+//! at more than 30° from its normal sends none either. Too near makes the place right at the sensor occupied and nothing free.
+//!
+//! # What it costs
+//!
+//! 200 × 200 cells of one byte. An update visits the box around its cone, 2 000 cells at most, each once, in 32-bit integers
+//! alone: places in sixteenths of a cell, directions in 1024ths.
+
+use super::{Pose, Range, Sounding};
+
+/// A cell's size: the sensor's own error is a centimetre or two, its cone at 1 m is 35 cm wide.
+const CELL_M: f64 = 0.05;
+/// Cells in each direction: 10 m.
+const SIDE: u16 = 200;
+/// What is further than this is left to other soundings, metres: it bounds the cost of an update and keeps products in 32 bits.
+const REACH_M: f64 = 2.6;
+/// A place just before the sensor, metres: nearer than it can measure.
+const TOO_NEAR_M: f64 = 0.03;
+
+/// Parts of a cell and of a unit vector in integer geometry.
+const PARTS: i32 = 16;
+const UNIT: i32 = 1024;
+/// From the middle of a cell to its corner, and a little more.
+const TOUCHED: i32 = 12;
+/// Tangents of the cone's half angles, in [`UNIT`]s: 5° around the axis, 12° in all (the beam's is given as 10 to 20°).
+const TAN_AXIS: i32 = 90;
+const TAN_CONE: i32 = 218;
+
+/// Log-odds are in twentieths and kept within ±100, which is odds of 148 to 1: a cell can change its mind.
+const LIMIT: i8 = 100;
+const ODDS_STEP: f64 = 0.05;
+const HIT_AXIS: i8 = 12;
+const HIT_CONE: i8 = 5;
+const FREE_AXIS: i8 = -6;
+const FREE_CONE: i8 = -3;
+const MISS_AXIS: i8 = -1;
+/// From these log-odds on a cell counts as occupied (0.73) or free (0.27).
+const OCCUPIED_FROM: i8 = 20;
+const FREE_FROM: i8 = -20;
+
+/// What a cell is taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cell {
+    /// Not known, or contradictory.
+    Unknown,
+    /// Nothing there.
+    Free,
+    /// Something there.
+    Occupied,
+}
+
+/// A grid of log-odds over a rectangle of the world.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OccupancyGrid {
+    /// Lattice place of the lower left cell.
+    first: [i32; 2],
+    columns: usize,
+    rows: usize,
+    /// Row by row from below.
+    cells: Vec<i8>,
+    outside: u64,
+}
+
+impl OccupancyGrid {
+    /// An empty grid of 10 m × 10 m around a pose. A pose further than 10 km off counts as there.
+    #[must_use]
+    pub fn around(start: &Pose) -> Self {
+        let half = i32::from(SIDE / 2);
+        let first = [lattice(start.x_m) - half, lattice(start.y_m) - half];
+        Self::empty(first, usize::from(SIDE), usize::from(SIDE))
+    }
+
+    fn empty(first: [i32; 2], columns: usize, rows: usize) -> Self {
+        Self { first, columns, rows, cells: vec![0; columns * rows], outside: 0 }
+    }
+
+    /// All of several grids in one that covers them: log-odds are added. `None` where there are none.
+    #[must_use]
+    pub fn united(grids: &[&Self]) -> Option<Self> {
+        let least = |axis: usize| grids.iter().filter_map(|grid| grid.first.get(axis).copied()).min();
+        let most = |axis: usize| grids.iter().filter_map(|grid| grid.beyond().get(axis).copied()).max();
+        let first = [least(0)?, least(1)?];
+        let size = [most(0)? - first[0], most(1)? - first[1]];
+        let mut union = Self::empty(first, usize::try_from(size[0]).ok()?, usize::try_from(size[1]).ok()?);
+        for grid in grids {
+            union.outside = union.outside.saturating_add(grid.outside);
+            for (row, y) in (0..grid.rows).zip(grid.first[1]..) {
+                for (column, x) in (0..grid.columns).zip(grid.first[0]..) {
+                    union.weigh(x, y, grid.log_odds(column, row).unwrap_or(0));
+                }
+            }
+        }
+        Some(union)
+    }
+
+    /// Takes one reading. `range_max_m`: from there on an echo is no echo.
+    pub fn add(&mut self, sounding: &Sounding, range_max_m: f64) {
+        let most_m = range_max_m.min(REACH_M);
+        let (free_m, hit) = match sounding.range {
+            Range::Echo(range_m) if range_m < most_m => (range_m, true),
+            Range::Echo(_) | Range::NoEcho => (most_m, false),
+            Range::TooNear => (TOO_NEAR_M, true),
+        };
+        let Some(cone) = Cone::of(sounding, free_m) else {
+            self.outside = self.outside.saturating_add(1);
+            return;
+        };
+        let free = match sounding.range {
+            Range::Echo(_) => [FREE_AXIS, FREE_CONE],
+            Range::NoEcho => [MISS_AXIS, 0],
+            Range::TooNear => [0, 0],
+        };
+        let (low, high) = cone.bounds();
+        for y in low[1]..=high[1] {
+            for x in low[0]..=high[0] {
+                let weight = match cone.part(x, y) {
+                    Part::Outside => 0,
+                    Part::Before { axis } => free[usize::from(!axis)],
+                    Part::Arc { .. } if !hit => 0,
+                    Part::Arc { axis: true } => HIT_AXIS,
+                    Part::Arc { axis: false } => HIT_CONE,
+                };
+                self.weigh(x, y, weight);
+            }
+        }
+    }
+
+    /// Metres of a cell's side.
+    #[must_use]
+    pub fn cell_m(&self) -> f64 {
+        CELL_M
+    }
+
+    /// World x and y, metres, of the lower left corner.
+    #[must_use]
+    pub fn origin_m(&self) -> [f64; 2] {
+        self.first.map(|place| f64::from(place) * CELL_M)
+    }
+
+    /// Cells in x.
+    #[must_use]
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Cells in y.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// A cell's log-odds in twentieths, counted from the lower left; `None` outside.
+    #[must_use]
+    pub fn log_odds(&self, column: usize, row: usize) -> Option<i8> {
+        if column >= self.columns {
+            return None;
+        }
+        self.cells.get(row.checked_mul(self.columns)?.checked_add(column)?).copied()
+    }
+
+    /// The probability, 0 to 1, that a cell is occupied; 0.5 where nothing is known; `None` outside.
+    #[must_use]
+    pub fn probability(&self, column: usize, row: usize) -> Option<f64> {
+        let log_odds = f64::from(self.log_odds(column, row)?) * ODDS_STEP;
+        Some(1.0 / (1.0 + libm::exp(-log_odds)))
+    }
+
+    /// What a cell is taken for; outside nothing is known.
+    #[must_use]
+    pub fn cell(&self, column: usize, row: usize) -> Cell {
+        match self.log_odds(column, row).unwrap_or(0) {
+            OCCUPIED_FROM.. => Cell::Occupied,
+            i8::MIN..=FREE_FROM => Cell::Free,
+            _ => Cell::Unknown,
+        }
+    }
+
+    /// What the place at x and y, metres, world frame, is taken for.
+    #[must_use]
+    pub fn at(&self, x_m: f64, y_m: f64) -> Cell {
+        let column = usize::try_from(lattice(x_m) - self.first[0]);
+        let row = usize::try_from(lattice(y_m) - self.first[1]);
+        match (column, row) {
+            (Ok(column), Ok(row)) => self.cell(column, row),
+            _ => Cell::Unknown,
+        }
+    }
+
+    /// How often a reading concerned a cell that the grid does not have.
+    #[must_use]
+    pub fn outside(&self) -> u64 {
+        self.outside
+    }
+
+    fn beyond(&self) -> [i32; 2] {
+        let count = |cells: usize| i32::try_from(cells).unwrap_or(i32::MAX);
+        [self.first[0].saturating_add(count(self.columns)), self.first[1].saturating_add(count(self.rows))]
+    }
+
+    /// Adds to the log-odds of a cell of the lattice.
+    fn weigh(&mut self, x: i32, y: i32, weight: i8) {
+        if weight == 0 {
+            return;
+        }
+        let column = usize::try_from(x - self.first[0]).ok().filter(|column| *column < self.columns);
+        let row = usize::try_from(y - self.first[1]).ok().filter(|row| *row < self.rows);
+        let place = column.zip(row).map(|(column, row)| row * self.columns + column);
+        match place.and_then(|place| self.cells.get_mut(place)) {
+            Some(cell) => *cell = cell.saturating_add(weight).clamp(-LIMIT, LIMIT),
+            None => self.outside = self.outside.saturating_add(1),
+        }
+    }
+}
+
+/// Where a cell lies in a cone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Outside,
+    /// Nearer than the distance; near the axis or beside it.
+    Before {
+        axis: bool,
+    },
+    /// At the distance.
+    Arc {
+        axis: bool,
+    },
+}
+
+/// A sounding's cone in integers.
+#[derive(Debug, Clone, Copy)]
+struct Cone {
+    /// The cell of its tip, and the tip's place in that cell in sixteenths.
+    tip: [i32; 2],
+    within: [i32; 2],
+    /// Unit vector of the axis, in 1024ths.
+    axis: [i32; 2],
+    /// The distance, in sixteenths of a cell, less and plus three quarters of a cell, squared: all cells that it touches.
+    free_below: i32,
+    arc_to: i32,
+    /// The greater of them, in whole cells, rounded up.
+    reach: i32,
+}
+
+impl Cone {
+    /// `None` for a place that is not on the lattice.
+    fn of(sounding: &Sounding, range_m: f64) -> Option<Self> {
+        let parts = f64::from(PARTS);
+        let [x, y] = [sounding.x_m, sounding.y_m].map(|m| libm::floor(m / CELL_M * parts));
+        let limit = f64::from(LATTICE_LIMIT) * parts;
+        if !(x.abs() < limit && y.abs() < limit) {
+            return None;
+        }
+        let [x, y] = [integer(x), integer(y)];
+        let range = integer(range_m.clamp(0.0, REACH_M) / CELL_M * parts);
+        let (near, far) = ((range - TOUCHED).max(0), range + TOUCHED);
+        Some(Self {
+            tip: [x.div_euclid(PARTS), y.div_euclid(PARTS)],
+            within: [x.rem_euclid(PARTS), y.rem_euclid(PARTS)],
+            axis: sounding.beam.map(|part| integer(libm::round(part * f64::from(UNIT)))),
+            free_below: near * near,
+            arc_to: far * far,
+            reach: far / PARTS + 1,
+        })
+    }
+
+    /// The lattice's cells among which all of the cone's are: the box of its tip and of the arc's two ends and middle.
+    fn bounds(&self) -> ([i32; 2], [i32; 2]) {
+        let [cos, sin] = self.axis;
+        // The ends lie at (1, ±tan) from the axis, a little outside of the arc; so does all that bulges between them.
+        let side = [-sin * TAN_CONE / UNIT, cos * TAN_CONE / UNIT];
+        let extent = |axis: i32, side: i32| {
+            let ends = [0, axis, axis + side, axis - side].map(|part| part * self.reach);
+            let low = ends.into_iter().fold(0, i32::min);
+            let high = ends.into_iter().fold(0, i32::max);
+            (low.div_euclid(UNIT) - 1, high.div_euclid(UNIT) + 2)
+        };
+        let (low_x, high_x) = extent(cos, side[0]);
+        let (low_y, high_y) = extent(sin, side[1]);
+        ([self.tip[0] + low_x, self.tip[1] + low_y], [self.tip[0] + high_x, self.tip[1] + high_y])
+    }
+
+    /// Where the middle of a cell of [`Cone::bounds`] lies. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths below
+    /// 2¹¹, tangents below 2⁸.
+    fn part(&self, x: i32, y: i32) -> Part {
+        let dx = (x - self.tip[0]) * PARTS + PARTS / 2 - self.within[0];
+        let dy = (y - self.tip[1]) * PARTS + PARTS / 2 - self.within[1];
+        let [cos, sin] = self.axis;
+        let along = dx * cos + dy * sin;
+        let beside = ((dx * sin - dy * cos).abs() - UNIT * PARTS / 2).max(0);
+        let squared = dx * dx + dy * dy;
+        // Half a cell is granted to each side, so that a cone is a cell wide where it is narrowest.
+        if along < 0 || squared > self.arc_to || beside > along / UNIT * TAN_CONE {
+            return Part::Outside;
+        }
+        let axis = beside <= along / UNIT * TAN_AXIS;
+        if squared < self.free_below { Part::Before { axis } } else { Part::Arc { axis } }
+    }
+}
+
+/// Cells further than this from the origin are not on the lattice: 10 km.
+const LATTICE_LIMIT: i32 = 200_000;
+
+/// The lattice's cell of a coordinate in metres, kept on the lattice.
+fn lattice(m: f64) -> i32 {
+    integer(libm::floor(m / CELL_M)).clamp(-LATTICE_LIMIT, LATTICE_LIMIT)
+}
+
+/// A float's integer part; what does not fit ends at the limits, NaN at 0.
+#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]
+fn integer(value: f64) -> i32 {
+    value as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sounding(x_m: f64, y_m: f64, direction_rad: f64, range: Range) -> Sounding {
+        let beam = [libm::cos(direction_rad), libm::sin(direction_rad)];
+        Sounding { time_ns: 0, x_m, y_m, beam, range, fresh: true }
+    }
+
+    fn repeated(range: Range) -> OccupancyGrid {
+        let mut grid = OccupancyGrid::around(&Pose::default());
+        for _ in 0..4 {
+            grid.add(&sounding(0.0, 0.0, 0.0, range), 2.0);
+        }
+        grid
+    }
+
+    #[test]
+    fn an_echo_at_a_metre_is_occupied_there_free_before_and_unknown_behind() {
+        let grid = repeated(Range::Echo(1.0));
+        assert_eq!(grid.at(1.0, 0.0), Cell::Occupied);
+        assert_eq!(grid.at(0.98, 0.17), Cell::Occupied, "10 degrees beside the axis");
+        assert_eq!(grid.at(0.5, 0.0), Cell::Free);
+        assert_eq!(grid.at(0.1, 0.0), Cell::Free);
+        assert_eq!(grid.at(1.1, 0.0), Cell::Unknown);
+        assert_eq!(grid.at(0.5, 0.3), Cell::Unknown);
+        assert_eq!(grid.at(-0.1, 0.0), Cell::Unknown);
+    }
+
+    #[test]
+    fn echoes_misses_and_too_near_are_kept_apart() {
+        assert_eq!(
+            repeated(Range::Echo(3.0)),
+            freed(FREE_AXIS, FREE_CONE),
+            "an echo from beyond the maximum"
+        );
+        assert_eq!(repeated(Range::NoEcho), freed(MISS_AXIS, 0));
+        let miss = repeated(Range::NoEcho);
+        assert_eq!(miss.at(1.0, 0.0), Cell::Unknown, "four misses prove nothing");
+        assert!(miss.cells.iter().all(|cell| *cell <= 0), "a miss makes nothing occupied");
+        let near = repeated(Range::TooNear);
+        assert_eq!(near.at(0.02, 0.0), Cell::Occupied);
+        assert_eq!(near.at(0.15, 0.0), Cell::Unknown);
+        assert!(near.cells.iter().all(|cell| *cell >= 0), "too near makes nothing free");
+    }
+
+    /// The grid after four readings that only make free, without bounds and rules.
+    fn freed(at_axis: i8, beside: i8) -> OccupancyGrid {
+        let mut grid = OccupancyGrid::around(&Pose::default());
+        let cone = Cone::of(&sounding(0.0, 0.0, 0.0, Range::NoEcho), 2.0).expect("on the lattice");
+        for (y, x) in (-60..60).flat_map(|y| (-60..60).map(move |x| (y, x))) {
+            if let Part::Before { axis } = cone.part(x, y) {
+                grid.weigh(x, y, 4 * if axis { at_axis } else { beside });
+            }
+        }
+        grid
+    }
+
+    #[test]
+    fn what_lies_outside_is_counted() {
+        let mut grid = OccupancyGrid::around(&Pose::default());
+        grid.add(&sounding(4.5, 0.0, 0.0, Range::Echo(1.0)), 2.0);
+        let counted = grid.outside();
+        assert!(counted > 10, "{counted} cells outside");
+        grid.add(&sounding(1e300, 0.0, 0.0, Range::Echo(1.0)), 2.0);
+        assert_eq!(grid.outside(), counted + 1);
+    }
+
+    #[test]
+    fn two_robots_grids_agree_on_the_lattice_and_add_up() {
+        let wall = |start: Pose| {
+            let mut grid = OccupancyGrid::around(&start);
+            grid.add(&sounding(0.013, 0.0, 0.0, Range::Echo(1.0)), 2.0);
+            grid
+        };
+        let one = wall(Pose::default());
+        let other = wall(Pose { x_m: 3.01, y_m: -1.0, heading_rad: 1.0 });
+        let both = OccupancyGrid::united(&[&one, &other]).expect("two grids");
+        assert_eq!((both.columns(), both.rows()), (260, 220));
+        assert_eq!(both.at(1.0, 0.0), Cell::Occupied, "24 of 20");
+        assert_eq!(one.at(1.0, 0.0), Cell::Unknown, "12 of 20");
+        let [x_m, y_m] = both.origin_m();
+        assert!((x_m + 5.0).abs() < 1e-9 && (y_m + 6.0).abs() < 1e-9, "({x_m}, {y_m}) m");
+        assert_eq!(OccupancyGrid::united(&[]), None);
+    }
+
+    #[test]
+    fn probabilities_follow_the_log_odds() {
+        let grid = repeated(Range::Echo(1.0));
+        let occupied = grid.probability(120, 100).expect("a cell of the grid");
+        assert!((occupied - 1.0 / (1.0 + libm::exp(-2.4))).abs() < 1e-12, "{occupied}");
+        assert_eq!(grid.probability(0, 0), Some(0.5));
+        assert_eq!(grid.probability(200, 0), None);
+    }
+
+    proptest! {
+        #[test]
+        fn a_box_holds_all_of_its_cone_and_an_update_is_cheap(
+            x in -1.0..1.0, y in -1.0..1.0, direction in -7.0..7.0, range in 0.0..2.6
+        ) {
+            let cone = Cone::of(&sounding(x, y, direction, Range::NoEcho), range).expect("on the lattice");
+            let (low, high) = cone.bounds();
+            let visited = (high[0] - low[0] + 1) * (high[1] - low[1] + 1);
+            prop_assert!(visited <= 2_600, "{visited} cells visited");
+            for cell_y in cone.tip[1] - 60..=cone.tip[1] + 60 {
+                for cell_x in cone.tip[0] - 60..=cone.tip[0] + 60 {
+                    let inside = (low[0]..=high[0]).contains(&cell_x) && (low[1]..=high[1]).contains(&cell_y);
+                    prop_assert!(
+                        inside || cone.part(cell_x, cell_y) == Part::Outside,
+                        "({cell_x}, {cell_y}) is in the cone and not in {low:?} to {high:?}"
+                    );
+                }
+            }
+        }
+
+        #[test]
+        fn the_cell_of_an_echo_on_the_axis_gains(
+            x in -1.0..1.0, y in -1.0..1.0, direction in -7.0..7.0, range in 0.1..1.9
+        ) {
+            let mut grid = OccupancyGrid::around(&Pose::default());
+            let one = sounding(x, y, direction, Range::Echo(range));
+            for _ in 0..3 {
+                grid.add(&one, 2.0);
+            }
+            let [hit_x, hit_y] = one.at(range);
+            prop_assert_ne!(grid.at(hit_x, hit_y), Cell::Free);
+            let [before_x, before_y] = one.at(range / 2.0);
+            prop_assert!(range < 0.3 || grid.at(before_x, before_y) != Cell::Occupied);
+        }
+
+        #[test]
+        fn any_numbers_at_all_are_survived(
+            x in any::<f64>(), y in any::<f64>(), range in any::<f64>(), cos in -1.0..1.0, sin in -1.0..1.0
+        ) {
+            let mut grid = OccupancyGrid::around(&Pose { x_m: x, y_m: y, heading_rad: 0.0 });
+            for range in [Range::Echo(range), Range::NoEcho, Range::TooNear] {
+                grid.add(&Sounding { time_ns: 0, x_m: x, y_m: y, beam: [cos, sin], range, fresh: true }, 2.0);
+            }
+            prop_assert_eq!(grid.cells.len(), 40_000);
+        }
+    }
+}

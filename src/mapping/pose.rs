@@ -1,0 +1,74 @@
+//! Poses in the plane and what can be done with them.
+
+use nalgebra::{Isometry2, Point2, Vector2};
+use serde::{Deserialize, Serialize};
+
+/// A pose in the plane, world frame: x ahead of the start, y left, heading anticlockwise from x.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Pose {
+    /// Metres.
+    pub x_m: f64,
+    /// Metres.
+    pub y_m: f64,
+    /// Radians; it does not wrap, so that turns can be counted.
+    pub heading_rad: f64,
+}
+
+impl Pose {
+    /// The transform that takes points of this pose's frame (x ahead, y left) to the world's.
+    #[must_use]
+    pub fn body_to_world(&self) -> Isometry2<f64> {
+        Isometry2::new(Vector2::new(self.x_m, self.y_m), self.heading_rad)
+    }
+
+    /// A point of this pose's frame, in metres, in the world's frame.
+    #[must_use]
+    pub fn place(&self, x_m: f64, y_m: f64) -> [f64; 2] {
+        let placed = self.body_to_world() * Point2::new(x_m, y_m);
+        [placed.x, placed.y]
+    }
+
+    /// The pose that is `step` when seen from this one; headings add up without wrapping.
+    #[must_use]
+    pub fn then(&self, step: &Self) -> Self {
+        let [x_m, y_m] = self.place(step.x_m, step.y_m);
+        Self { x_m, y_m, heading_rad: self.heading_rad + step.heading_rad }
+    }
+
+    /// The pose at `share` of the way (0 to 1) from this one to `next`, each number on its straight line.
+    #[must_use]
+    pub(super) fn toward(&self, next: &Self, share: f64) -> Self {
+        Self {
+            x_m: self.x_m + (next.x_m - self.x_m) * share,
+            y_m: self.y_m + (next.y_m - self.y_m) * share,
+            heading_rad: self.heading_rad + (next.heading_rad - self.heading_rad) * share,
+        }
+    }
+
+    /// Whether every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.x_m.is_finite() && self.y_m.is_finite() && self.heading_rad.is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn a_point_ahead_of_a_robot_that_looks_left_lies_to_the_left() {
+        let pose = Pose { x_m: 3.0, y_m: 0.0, heading_rad: FRAC_PI_2 };
+        let [x_m, y_m] = pose.place(1.0, 0.0);
+        assert!((x_m - 3.0).abs() < 1e-12 && (y_m - 1.0).abs() < 1e-12, "({x_m}, {y_m}) m");
+    }
+
+    #[test]
+    fn four_steps_with_quarter_turns_come_back_and_count_the_turn() {
+        let side = Pose { x_m: 1.0, y_m: 0.0, heading_rad: FRAC_PI_2 };
+        let round = (0..4).fold(Pose::default(), |pose, _| pose.then(&side));
+        assert!(round.x_m.abs() < 1e-12 && round.y_m.abs() < 1e-12, "{round:?}");
+        assert!((round.heading_rad - 4.0 * FRAC_PI_2).abs() < 1e-12, "{round:?}");
+    }
+}

@@ -1,0 +1,89 @@
+//! Range readings, each with the place and direction it was taken from.
+
+use serde::{Deserialize, Serialize};
+
+use super::Range;
+use super::range::Beam;
+use crate::clock::MILLISECOND_NS;
+
+/// The sensor's period: a reading that has not changed for this long counts as a new one of the same value. The EV3's
+/// ultrasonic sensor has about ten really new distances a second.
+const PERIOD_NS: i64 = 100 * MILLISECOND_NS;
+
+/// A range reading in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sounding {
+    /// The instant of the reading, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Where the sensor was then, world frame, metres.
+    pub x_m: f64,
+    /// The same.
+    pub y_m: f64,
+    /// Unit vector of the beam's axis, world frame.
+    pub beam: [f64; 2],
+    /// What it read.
+    pub range: Range,
+    /// Whether it is a reading of its own and not the one before once more (the seed places the same one in each tick).
+    pub fresh: bool,
+}
+
+impl Sounding {
+    pub(super) fn new(time_ns: i64, beam: &Beam, range: Range, fresh: bool) -> Self {
+        Self { time_ns, x_m: beam.x_m, y_m: beam.y_m, beam: [beam.cos, beam.sin], range, fresh }
+    }
+
+    /// The place on the beam's axis at this distance in metres, world frame.
+    #[must_use]
+    pub fn at(&self, range_m: f64) -> [f64; 2] {
+        let [cos, sin] = self.beam;
+        [self.x_m + cos * range_m, self.y_m + sin * range_m]
+    }
+}
+
+/// Tells new readings from old ones, which the sensor does not.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Schedule {
+    /// When the value that was taken last had changed, and when it was taken.
+    taken: Option<(i64, i64)>,
+}
+
+impl Schedule {
+    /// The instant of the reading, before latency, if there is a new one: when its value changed or, if it did not, now, once in a
+    /// period.
+    pub(super) fn due(&mut self, now_ns: i64, changed_ns: i64) -> Option<i64> {
+        let instant_ns = match self.taken {
+            Some((changed, taken)) if changed == changed_ns => {
+                (now_ns.saturating_sub(taken) >= PERIOD_NS).then_some(now_ns)?
+            }
+            _ => changed_ns.min(now_ns),
+        };
+        self.taken = Some((changed_ns, now_ns));
+        Some(instant_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reading_counts_when_it_changes_and_once_in_a_period_when_it_does_not() {
+        let mut schedule = Schedule::default();
+        #[rustfmt::skip]
+        let ticks = [
+            // now, ms  changed, ms   instant, ms
+            (   0,        0,          Some(0)),
+            (  20,        0,          None),
+            (  40,       35,          Some(35)),
+            (  60,       35,          None),
+            ( 120,       35,          None),
+            ( 140,       35,          Some(140)),
+            ( 160,       35,          None),
+            ( 180,      180,          Some(180)),
+        ];
+        for (now, changed, instant) in ticks {
+            let due = schedule.due(now * MILLISECOND_NS, changed * MILLISECOND_NS);
+            assert_eq!(due, instant.map(|ms| ms * MILLISECOND_NS), "at {now} ms");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! The pose's covariance: how errors of wheels and gyro grow into errors of the pose.
+//!
+//! First order, P' = F P Fᵀ + Q, with F the derivative of one step by the pose before it (Thrun, Burgard and Fox, *Probabilistic
+//! Robotics*, section 5.4). Each wheel's error has a variance that grows with its way (Chong and Kleeman, *Accurate odometry and
+//! error modelling*, ICRA 1997); the error that a wrong circumference or track width makes grows with the way itself and is what
+//! `calibrate` is for (Borenstein and Feng's UMBmark).
+
+use serde::{Deserialize, Serialize};
+
+use super::gyro::DEGREE_RAD;
+
+/// Variance of a wheel's way, m² a metre: 1 cm after a metre.
+const WHEEL_M2_M: f64 = 1e-4;
+/// Variance of the gyro's heading, rad² a radian of turn: LEGO's ±3° in a quarter turn.
+const GYRO_RAD2_RAD: f64 = 9.0 * DEGREE_RAD * DEGREE_RAD / std::f64::consts::FRAC_PI_2;
+/// Variance of the gyro's heading, rad² a second: what the removal of the bias leaves, 1° in a minute.
+const GYRO_RAD2_S: f64 = DEGREE_RAD * DEGREE_RAD / 60.0;
+/// Variance of a heading in whole degrees: that of an even spread over a step.
+const STEP_RAD2: f64 = DEGREE_RAD * DEGREE_RAD / 12.0;
+/// Variances are kept below this, so that they stay finite in a run of any length.
+const LIMIT: f64 = 1e6;
+
+/// Variances and covariances of x, y, heading: xx, xy, xh, yy, yh, hh in m², m·rad and rad².
+pub(super) type Covariance = [f64; 6];
+
+/// How far to trust one step.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Step {
+    /// Cosine and sine of the heading along which the step is made.
+    pub direction: [f64; 2],
+    pub forward_m: f64,
+    /// Ways of both wheels together, each taken positive.
+    pub wheels_m: f64,
+    pub turn_rad: f64,
+    pub passed_s: f64,
+    pub track_width_m: f64,
+    /// Whether the heading is the gyro's.
+    pub by_gyro: bool,
+    /// What a slip may have falsified the step by, metres; 0 without.
+    pub slip_m: f64,
+}
+
+/// The covariance before anything moved: the heading's half step.
+pub(super) fn at_start() -> Covariance {
+    [0.0, 0.0, 0.0, 0.0, 0.0, STEP_RAD2]
+}
+
+/// The covariance after a step.
+pub(super) fn propagated(before: Covariance, step: &Step) -> Covariance {
+    let [xx, xy, xh, yy, yh, hh] = before;
+    let [cos, sin] = step.direction;
+    let (along, across) = (-step.forward_m * sin, step.forward_m * cos);
+    let wheels_m2 = WHEEL_M2_M * step.wheels_m;
+    let way_m2 = wheels_m2 / 4.0;
+    let slip_m2 = step.slip_m * step.slip_m;
+    let turn_rad2 = if step.by_gyro {
+        GYRO_RAD2_RAD * step.turn_rad.abs() + GYRO_RAD2_S * step.passed_s
+    } else {
+        wheels_m2 / (step.track_width_m * step.track_width_m)
+    };
+    [
+        xx + along * (2.0 * xh + along * hh) + cos * cos * way_m2 + slip_m2,
+        xy + along * yh + across * xh + along * across * hh + cos * sin * way_m2,
+        xh + along * hh,
+        yy + across * (2.0 * yh + across * hh) + sin * sin * way_m2 + slip_m2,
+        yh + across * hh,
+        hh + turn_rad2,
+    ]
+    .map(|value| value.clamp(-LIMIT, LIMIT))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn metre_ahead() -> Step {
+        Step {
+            direction: [1.0, 0.0],
+            forward_m: 1.0,
+            wheels_m: 2.0,
+            turn_rad: 0.0,
+            passed_s: 10.0,
+            track_width_m: 0.1143,
+            by_gyro: true,
+            slip_m: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_metre_ahead_is_uncertain_along_by_the_wheels_and_across_by_the_heading() {
+        let [xx, xy, _, yy, yh, hh] = propagated(at_start(), &metre_ahead());
+        assert!((libm::sqrt(xx) - 0.007).abs() < 0.001, "along: {} m", libm::sqrt(xx));
+        assert!((libm::sqrt(yy) - 0.005).abs() < 0.001, "across: {} m", libm::sqrt(yy));
+        assert!(xy.abs() < 1e-12, "{xy} m²");
+        assert!(yh > 0.0 && hh > STEP_RAD2, "{yh} {hh}");
+    }
+
+    #[test]
+    fn slip_and_missing_gyro_make_it_worse() {
+        let good = propagated(at_start(), &metre_ahead());
+        let slipped = propagated(at_start(), &Step { slip_m: 0.05, ..metre_ahead() });
+        let blind = propagated(at_start(), &Step { by_gyro: false, ..metre_ahead() });
+        assert!(slipped[0] > good[0] && slipped[3] > good[3], "{slipped:?} {good:?}");
+        assert!(blind[5] > good[5], "{blind:?} {good:?}");
+    }
+}
