@@ -20,10 +20,10 @@ const PERIOD_NS: i64 = 20_000_000;
 
 /// A file in memory.
 #[derive(Debug, Clone, Default)]
-pub struct Memory(Arc<Mutex<Vec<u8>>>);
+pub(crate) struct Memory(Arc<Mutex<Vec<u8>>>);
 
 impl Memory {
-    pub fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         self.0.lock().unwrap().clone()
     }
 }
@@ -39,7 +39,7 @@ impl Sink for Memory {
     }
 }
 
-pub fn start(pace: Pace) -> Start {
+pub(crate) fn start(pace: Pace) -> Start {
     let state = |name: &str, conditions: &[&str]| StateNames {
         name: name.to_owned(),
         conditions: conditions.iter().map(|text| (*text).to_owned()).collect(),
@@ -73,7 +73,7 @@ pub fn start(pace: Pace) -> Start {
 }
 
 /// A drive on a circle in a square arena, looking around: each value moves, some are odd on purpose.
-pub fn tick(number: u64) -> TickRecord {
+pub(crate) fn tick(number: u64) -> TickRecord {
     #[expect(clippy::cast_precision_loss, reason = "small numbers")]
     let seconds = number as f64 * 0.02;
     let time_ns = 1_000 + i64::try_from(number).unwrap() * PERIOD_NS;
@@ -135,7 +135,7 @@ fn wall(pose: Pose, direction_rad: f64) -> f64 {
     along(pose.x_m, x).min(along(pose.y_m, y))
 }
 
-pub fn walls() -> Vec<[f64; 2]> {
+pub(crate) fn walls() -> Vec<[f64; 2]> {
     vec![[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]
 }
 
@@ -164,7 +164,7 @@ fn put(side: &mut TickSide, number: u64) {
     }
 }
 
-pub fn grid() -> Grid {
+pub(crate) fn grid() -> Grid {
     Grid { width: 3, height: 2, resolution_m: 0.05, origin_m: [-1.0, -0.5], cells: vec![-1, 0, 100, 50, 0, -1] }
 }
 
@@ -182,7 +182,7 @@ fn options(sync_period_ns: i64, ring_entries: usize) -> Options {
 }
 
 /// A finished recording of so many ticks.
-pub fn sample(ticks: u64, sync_period_ns: i64) -> Vec<u8> {
+pub(crate) fn sample(ticks: u64, sync_period_ns: i64) -> Vec<u8> {
     let memory = Memory::default();
     let (recorder, mut side) = Recorder::start(
         Box::new(memory.clone()),
@@ -578,7 +578,7 @@ fn a_recorder_that_is_let_go_closes_its_file() {
 }
 
 /// What the Python decoder makes of a file; `None` where there is no Python with the packages.
-pub fn python(bytes: &[u8], how: &str) -> Option<serde_json::Value> {
+pub(crate) fn python(bytes: &[u8], how: &str) -> Option<serde_json::Value> {
     let probe = Command::new("python3").args(["-c", "import mcap, mcap_ros2"]).output();
     if !probe.is_ok_and(|output| output.status.success()) {
         pass_over("python3 with the packages mcap and mcap-ros2-support");

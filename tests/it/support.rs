@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 /// The folder of shared recordings, if this machine has it.
-pub fn shared() -> Option<PathBuf> {
+pub(crate) fn shared() -> Option<PathBuf> {
     let beside = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared"));
     std::env::var_os("ONBRICK_SHARED")
         .map(PathBuf::from)
@@ -13,7 +13,7 @@ pub fn shared() -> Option<PathBuf> {
 }
 
 /// Says what is not tested here; under `ONBRICK_REQUIRE=1` that is failing.
-pub fn pass_over(what: &str) {
+pub(crate) fn pass_over(what: &str) {
     assert!(std::env::var_os("ONBRICK_REQUIRE").is_none_or(|value| value != "1"), "required, not there: {what}");
     println!("passed over: {what}");
 }

@@ -73,10 +73,10 @@ pub struct Integrity {
 }
 
 /// Walks through everything that is whole, in the order of the file; what follows the last sync only if `unchecked_too`.
-pub fn walk(
-    bytes: &[u8],
+pub fn walk<'a>(
+    bytes: &'a [u8],
     unchecked_too: bool,
-    found: &mut dyn FnMut(Context, Found<'_>),
+    found: &mut dyn FnMut(Context, Found<'a>),
 ) -> Integrity {
     let mut walk = Walk {
         bytes,
@@ -217,7 +217,7 @@ struct Walk<'a, 'f> {
     bytes: &'a [u8],
     channels: Channels,
     integrity: Integrity,
-    found: &'f mut dyn FnMut(Context, Found<'_>),
+    found: &'f mut dyn FnMut(Context, Found<'a>),
 }
 
 impl<'a> Walk<'a, '_> {
