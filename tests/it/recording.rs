@@ -1,1 +1,644 @@
-//! Tests of recording.
+//! Tests of the recording: what goes in comes out, however slow the disk, wherever the file is cut.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::process::Command;
+use std::sync::{Arc, Condvar, Mutex};
+
+use onbrick::behavior::{MachineState, Taken};
+use onbrick::mapping::{Estimate, EstimatorState, MapPoint, Pose, Range};
+use onbrick::robot::{Channel, Senses};
+use onbrick::runtime::recording::{
+    End, Grid, Level, MachineNames, Options, Pace, RangeSensor, ReadError, Recorder, Run, SYNC_OPCODE, Sink,
+    Start, StateNames, Status, TickRecord, TickSide, Timing,
+};
+use proptest::prelude::*;
+
+use crate::support::pass_over;
+
+const PERIOD_NS: i64 = 20_000_000;
+
+/// A file in memory.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Memory(Arc<Mutex<Vec<u8>>>);
+
+impl Memory {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
+        self.0.lock().unwrap().clone()
+    }
+}
+
+impl Sink for Memory {
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.lock().unwrap().extend_from_slice(bytes);
+        Ok(())
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+pub(crate) fn start(pace: Pace) -> Start {
+    let state = |name: &str, conditions: &[&str]| StateNames {
+        name: name.to_owned(),
+        conditions: conditions.iter().map(|text| (*text).to_owned()).collect(),
+    };
+    Start {
+        brick: "mapper".to_owned(),
+        mission: "map <the room> & back".to_owned(),
+        robot_toml: "name = \"mapper\"\n".to_owned(),
+        mission_toml: "name = \"map\"\n# ü\n".to_owned(),
+        world_toml: Some("name = \"arena\"\n".to_owned()),
+        start_pose: Pose { x_m: 0.1, y_m: -0.2, heading_rad: 0.3 },
+        start_ns: 1_000,
+        wall_offset_ns: 1_700_000_000_000_000_000,
+        period_ns: PERIOD_NS,
+        pace,
+        seed: Some(7),
+        settings: vec![("near_m".to_owned(), 0.1 + 0.2)],
+        range: Some(RangeSensor {
+            ahead_m: 0.05,
+            min_m: 0.03,
+            max_m: 2.0,
+            field_of_view_rad: 0.35,
+            infrared: false,
+        }),
+        machines: vec![MachineNames {
+            name: "drive".to_owned(),
+            start: 0,
+            states: vec![state("forward", &["range_m < 0.25"]), state("turn", &["state_turn_deg > 90"])],
+        }],
+    }
+}
+
+/// A drive on a circle in a square arena, looking around: each value moves, some are odd on purpose.
+pub(crate) fn tick(number: u64) -> TickRecord {
+    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+    let seconds = number as f64 * 0.02;
+    let time_ns = 1_000 + i64::try_from(number).unwrap() * PERIOD_NS;
+    let mut senses = Senses { tick: number, time_ns, ..Senses::default() };
+    let heading_rad = 0.1 * seconds;
+    let head_rad = 1.5 * libm::sin(seconds);
+    for (channel, value) in [
+        (Channel::Left, 1.0 / 3.0 * seconds),
+        (Channel::Right, -0.0),
+        (Channel::Head, head_rad),
+        (Channel::Range, if number % 10 == 9 { f64::INFINITY } else { 0.5 }),
+        (Channel::Battery, 7.9),
+    ] {
+        senses.set(channel, value);
+    }
+    senses.readings[Channel::Head as usize].as_mut().unwrap().changed_ns = time_ns - 7;
+    let radius_m = 0.5;
+    let pose = Pose {
+        x_m: radius_m * libm::sin(heading_rad),
+        y_m: radius_m * (1.0 - libm::cos(heading_rad)),
+        heading_rad,
+    };
+    let direction_rad = heading_rad + head_rad;
+    let range = match number % 10 {
+        9 => Range::NoEcho,
+        8 => Range::TooNear,
+        _ => Range::Echo(wall(pose, direction_rad)),
+    };
+    let point = match range {
+        Range::Echo(range_m) if number.is_multiple_of(5) => Some(MapPoint {
+            time_ns,
+            x_m: pose.x_m + range_m * libm::cos(direction_rad),
+            y_m: pose.y_m + range_m * libm::sin(direction_rad),
+        }),
+        _ => None,
+    };
+    let estimate = Estimate {
+        time_ns,
+        pose,
+        forward_m_s: 0.05,
+        turn_rad_s: 0.1,
+        covariance: [1e-4, 2e-5, 3e-6, 4e-4, 5e-6, 6e-3],
+        travelled_m: 0.05 * seconds,
+        range: Some(range),
+    };
+    let timing = Timing {
+        lateness_ns: i64::try_from(number % 50).unwrap() * 1000,
+        duration_ns: if number % 50 == 3 { PERIOD_NS + 1 } else { 1_000_000 },
+    };
+    TickRecord { senses, estimate, point, range_is_new: number.is_multiple_of(5), timing }
+}
+
+/// From a pose to the wall of a square from (−1, −1) to (1, 1).
+fn wall(pose: Pose, direction_rad: f64) -> f64 {
+    let (x, y) = (libm::cos(direction_rad), libm::sin(direction_rad));
+    let along = |place: f64, step: f64| {
+        if step == 0.0 { f64::INFINITY } else { (step.signum() - place) / step }
+    };
+    along(pose.x_m, x).min(along(pose.y_m, y))
+}
+
+pub(crate) fn walls() -> Vec<[f64; 2]> {
+    vec![[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]
+}
+
+fn taken(number: u64) -> Taken {
+    let to_turn = number.is_multiple_of(50);
+    Taken {
+        machine: 0,
+        from: u16::from(!to_turn),
+        to: u16::from(to_turn),
+        transition: if number == 25 { None } else { Some(0) },
+    }
+}
+
+fn put(side: &mut TickSide, number: u64) {
+    let record = tick(number);
+    let time_ns = record.senses.time_ns;
+    if number.is_multiple_of(25) && number > 0 {
+        side.transition(number, time_ns, taken(number));
+        side.log(time_ns, Level::Warn, "a wall <ahead>");
+    }
+    side.tick(&record);
+    if number.is_multiple_of(50) {
+        let state = EstimatorState { pose: record.estimate.pose, ..EstimatorState::default() };
+        let machine = MachineState { state: 1, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
+        side.checkpoint(number, time_ns, &state, &[machine]);
+    }
+}
+
+pub(crate) fn grid() -> Grid {
+    Grid { width: 3, height: 2, resolution_m: 0.05, origin_m: [-1.0, -0.5], cells: vec![-1, 0, 100, 50, 0, -1] }
+}
+
+fn end(ticks: u64) -> End {
+    End {
+        reason: "finished".to_owned(),
+        time_ns: tick(ticks).senses.time_ns,
+        truth: Some(Pose { x_m: 0.5, y_m: 0.25, heading_rad: -0.125 }),
+        map: Some(grid()),
+    }
+}
+
+fn options(sync_period_ns: i64, ring_entries: usize) -> Options {
+    Options { sync_period_ns, ring_entries }
+}
+
+/// A finished recording of so many ticks.
+pub(crate) fn sample(ticks: u64, sync_period_ns: i64) -> Vec<u8> {
+    let memory = Memory::default();
+    let (recorder, mut side) = Recorder::start(
+        Box::new(memory.clone()),
+        start(Pace::Virtual),
+        options(sync_period_ns, 64),
+        Box::new(|_| {}),
+    )
+    .unwrap();
+    (0..ticks).for_each(|number| put(&mut side, number));
+    recorder.finish(side, end(ticks)).unwrap();
+    memory.bytes()
+}
+
+#[test]
+fn what_is_recorded_comes_back_bit_for_bit() {
+    let run = Run::read(&sample(120, 1_000_000_000)).unwrap();
+    assert_eq!(run.warnings, Vec::<String>::new());
+    let expected: Vec<TickRecord> = (0..120).map(tick).collect();
+    // Bits, so that −0 is not 0.
+    let bits = |senses: &Senses| senses.readings.map(|reading| reading.map(|r| r.value.to_bits()));
+    for (read, record) in run.senses.iter().zip(&expected) {
+        assert_eq!(read, &record.senses);
+        assert_eq!(bits(read), bits(&record.senses));
+    }
+    assert_eq!(run.senses.len(), 120);
+    for (read, record) in run.poses.iter().zip(&expected) {
+        assert_eq!(read.pose, record.estimate.pose);
+        assert_eq!((read.tick, read.time_ns), (record.senses.tick, record.estimate.time_ns));
+        assert_eq!(read.range, record.estimate.range);
+        assert_eq!(read.travelled_m.to_bits(), record.estimate.travelled_m.to_bits());
+    }
+    assert_eq!(run.poses.len(), 120);
+    let points: Vec<MapPoint> = expected.iter().filter_map(|record| record.point).collect();
+    assert_eq!(run.points, points);
+    assert_eq!(run.map, Some(grid()));
+}
+
+#[test]
+fn what_happened_is_recorded_by_name() {
+    let run = Run::read(&sample(120, 1_000_000_000)).unwrap();
+    let told: Vec<_> = run
+        .transitions
+        .iter()
+        .map(|t| (t.tick, t.taken, t.machine.as_str(), t.from.as_str(), t.to.as_str(), t.condition.as_str()))
+        .collect();
+    let expected = [
+        (25, taken(25), "drive", "turn", "forward", ""),
+        (50, taken(50), "drive", "forward", "turn", "range_m < 0.25"),
+        (75, taken(75), "drive", "turn", "forward", "state_turn_deg > 90"),
+        (100, taken(100), "drive", "forward", "turn", "range_m < 0.25"),
+    ];
+    assert_eq!(told, expected);
+    let line = &run.logs[0];
+    assert_eq!((line.time_ns, line.level, line.text.as_str()), (1_000 + 25 * PERIOD_NS, Level::Warn, "a wall <ahead>"));
+    let ticks: Vec<u64> = run.checkpoints.iter().map(|checkpoint| checkpoint.tick).collect();
+    assert_eq!(ticks, [0, 50, 100]);
+    assert_eq!(run.checkpoints[1].estimator.pose, tick(50).estimate.pose);
+    assert_eq!(run.checkpoints[1].machines[0].entered_m, 0.5);
+    let second = run.statistics[0];
+    assert_eq!((second.first_tick, second.ticks, second.overruns), (0, 51, 1), "{second:?}");
+    assert_eq!((second.lateness_p50_ns, second.lateness_max_ns), (24_000, 49_000), "{second:?}");
+    assert_eq!(run.statistics.iter().map(|window| window.ticks).sum::<u32>(), 120);
+}
+
+#[test]
+fn what_the_run_is_and_how_it_ended_is_recorded() {
+    let run = Run::read(&sample(10, 1_000_000_000)).unwrap();
+    let expected = start(Pace::Virtual);
+    assert_eq!(run.robot_toml, Some(expected.robot_toml));
+    assert_eq!(run.mission_toml, Some(expected.mission_toml));
+    assert_eq!(run.world_toml, expected.world_toml);
+    let info = run.info.unwrap();
+    assert_eq!((info.brick.as_str(), info.mission.as_str()), ("mapper", "map <the room> & back"));
+    assert_eq!((info.start_pose, info.start_ns), (expected.start_pose, 1_000));
+    assert_eq!((info.wall_offset_ns, info.period_ns), (expected.wall_offset_ns, PERIOD_NS));
+    assert_eq!((info.virtual_time, info.seed, info.settings), (true, Some(7), expected.settings));
+    let ending = run.ending.unwrap();
+    assert_eq!((ending.reason.as_str(), ending.truth), ("finished", end(10).truth));
+}
+
+#[test]
+fn the_same_run_gives_the_same_bytes_and_a_small_ring_loses_nothing_in_simulated_time() {
+    let bytes = sample(3_000, 1_000_000_000);
+    assert_eq!(bytes, sample(3_000, 1_000_000_000));
+    let run = Run::read(&bytes).unwrap();
+    assert_eq!((run.senses.len(), run.gaps.len()), (3_000, 0));
+    println!("a tick costs {} bytes of file", bytes.len() / 3_000);
+}
+
+#[test]
+fn the_status_follows_the_run() {
+    let seen = Arc::new(Mutex::new(Vec::<Status>::new()));
+    let tell = Arc::clone(&seen);
+    let (recorder, mut side) = Recorder::start(
+        Box::new(Memory::default()),
+        start(Pace::Virtual),
+        Options::default(),
+        Box::new(move |status| tell.lock().unwrap().push(status.clone())),
+    )
+    .unwrap();
+    (0..200).for_each(|number| put(&mut side, number));
+    recorder.finish(side, end(200)).unwrap();
+    let seen = seen.lock().unwrap();
+    assert_eq!(seen.len(), 20, "five times a second for four seconds");
+    let last = seen.last().unwrap();
+    assert_eq!(last.pose, tick(last.tick).estimate.pose);
+    assert_eq!(last.battery_v, Some(7.9));
+    assert_eq!(last.states, [("drive".to_owned(), "forward".to_owned())]);
+    assert!(last.points > 20, "{last:?}");
+}
+
+/// Where each record of a file ends, and whether it is a message or a sync.
+fn records(bytes: &[u8]) -> Vec<(usize, u8)> {
+    let mut at = 8;
+    let mut ends = Vec::new();
+    while let Some(head) = bytes.get(at..at + 9) {
+        let length = u64::from_le_bytes(head[1..].try_into().unwrap());
+        at += 9 + usize::try_from(length).unwrap();
+        ends.push((at, head[0]));
+        if head[0] == 0x0f {
+            break;
+        }
+    }
+    ends
+}
+
+#[test]
+fn a_file_cut_anywhere_gives_all_whole_records_before_the_cut() {
+    const MESSAGE: u8 = 0x05;
+    let bytes = sample(24, 100_000_000);
+    let whole = Run::read(&bytes).unwrap();
+    let records = records(&bytes);
+    assert!(records.iter().filter(|(_, opcode)| *opcode == SYNC_OPCODE).count() >= 5);
+    for cut in 0..bytes.len() {
+        let messages_before =
+            |end: usize| records.iter().filter(|(at, opcode)| *at <= end && *opcode == MESSAGE).count() as u64;
+        let last_sync = records.iter().rfind(|(at, opcode)| *at <= cut && *opcode == SYNC_OPCODE);
+        let run = match Run::read(&bytes[..cut]) {
+            Ok(run) => run,
+            Err(ReadError::NotARecording { .. }) if cut < 60 => continue,
+            Err(error) => panic!("cut at {cut}: {error}"),
+        };
+        let integrity = &run.integrity;
+        let checked = last_sync.map_or(0, |(at, _)| messages_before(*at));
+        assert_eq!(integrity.checked_messages, checked, "cut at {cut}");
+        let all = integrity.checked_messages + integrity.unchecked_messages;
+        assert_eq!(all, messages_before(cut), "cut at {cut}");
+        assert_eq!(run.senses, whole.senses[..run.senses.len()], "cut at {cut}");
+        assert_eq!(run.points, whole.points[..run.points.len()], "cut at {cut}");
+        assert_eq!(integrity.damaged, [], "cut at {cut}");
+        assert!(!integrity.complete && run.warnings.iter().any(|w| w.contains("cut")), "cut at {cut}");
+    }
+}
+
+#[test]
+fn a_flipped_bit_costs_at_most_the_stretch_it_is_in_and_never_gives_a_wrong_record() {
+    let bytes = sample(9, 60_000_000);
+    let whole = Run::read_checked(&bytes).unwrap();
+    let records = records(&bytes);
+    // What each stretch and the sync behind it hold, as a pair of end and ticks.
+    let syncs: Vec<usize> =
+        records.iter().filter(|(_, opcode)| *opcode == SYNC_OPCODE).map(|(at, _)| *at).collect();
+    let ticks_until = |end: usize| Run::read_checked(&bytes[..end]).map_or(0, |run| run.senses.len());
+    let counts: Vec<usize> = syncs.iter().map(|end| ticks_until(*end)).collect();
+    let mut damaged = bytes.clone();
+    for place in 0..bytes.len() {
+        let hit = syncs.iter().position(|end| place < *end);
+        let expected: Vec<&Senses> = match hit {
+            None => whole.senses.iter().collect(),
+            Some(stretch) => {
+                let first = if stretch == 0 { 0 } else { counts[stretch - 1] };
+                whole.senses[..first].iter().chain(&whole.senses[counts[stretch]..]).collect()
+            }
+        };
+        // All bits where framing is decided; one of each byte in the long texts of the schemas.
+        let bits = if place > 300 && place < syncs[0] - 1_500 { place % 8..place % 8 + 1 } else { 0..8 };
+        for bit in bits {
+            damaged[place] ^= 1 << bit;
+            let run = Run::read_checked(&damaged)
+                .unwrap_or_else(|error| panic!("bit {bit} of byte {place}: {error}"));
+            assert_eq!(run.senses.iter().collect::<Vec<_>>(), expected, "bit {bit} of byte {place}");
+            if hit.is_some() {
+                assert!(!run.warnings.is_empty(), "bit {bit} of byte {place}");
+            }
+            // What is not checked may be wrong; it must only not break anything.
+            let _ = Run::read(&damaged);
+            damaged[place] ^= 1 << bit;
+        }
+    }
+}
+
+#[test]
+fn what_is_no_recording_is_refused_with_a_reason() {
+    let mut other = Vec::new();
+    let mut writer = mcap::Writer::new(io::Cursor::new(&mut other)).unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    for (bytes, why) in [
+        (&b""[..], "the file is empty"),
+        (b"\x89MCA", "only its first few bytes"),
+        (b"name = \"map\"\n", "it is no MCAP file"),
+        (&[0; 5_000], "it is no MCAP file"),
+        (&other, "an MCAP file of another program"),
+    ] {
+        let error = Run::read(bytes).unwrap_err().to_string();
+        assert!(error.contains(why), "{error}");
+    }
+    let error = Run::open(std::path::Path::new("/no/such/run.mcap")).unwrap_err().to_string();
+    assert_eq!(error, "cannot read /no/such/run.mcap");
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_make_the_reader_panic(
+        garbage in proptest::collection::vec(any::<u8>(), 0..400),
+        keep in 0_usize..20_000,
+        place in 0_usize..20_000,
+    ) {
+        let _ = Run::read(&garbage);
+        let mut bytes = small().clone();
+        bytes.truncate(keep);
+        bytes.extend_from_slice(&garbage);
+        let _ = Run::read(&bytes);
+        let mut bytes = small().clone();
+        for (offset, byte) in garbage.iter().enumerate() {
+            if let Some(target) = bytes.get_mut(place + offset) {
+                *target = *byte;
+            }
+        }
+        let checked = Run::read_checked(&bytes);
+        if let Ok(run) = checked {
+            let known: Vec<Senses> = (0..9).map(|number| tick(number).senses).collect();
+            prop_assert!(run.senses.iter().all(|senses| known.contains(senses)));
+        }
+    }
+}
+
+fn small() -> &'static Vec<u8> {
+    static SMALL: std::sync::OnceLock<Vec<u8>> = std::sync::OnceLock::new();
+    SMALL.get_or_init(|| sample(9, 60_000_000))
+}
+
+/// A disk that stands still until it is let go.
+#[derive(Debug, Clone, Default)]
+struct SlowDisk {
+    memory: Memory,
+    open: Arc<(Mutex<bool>, Condvar)>,
+}
+
+impl SlowDisk {
+    fn set(&self, open: bool) {
+        *self.open.0.lock().unwrap() = open;
+        self.open.1.notify_all();
+    }
+}
+
+impl Sink for SlowDisk {
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let open = self.open.0.lock().unwrap();
+        drop(self.open.1.wait_while(open, |open| !*open).unwrap());
+        self.memory.write_all(bytes)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_slow_disk_never_holds_up_the_tick_and_its_gap_is_named() {
+    let disk = SlowDisk::default();
+    disk.set(true);
+    let (recorder, mut side) = Recorder::start(
+        Box::new(disk.clone()),
+        start(Pace::Real),
+        options(PERIOD_NS, 16),
+        Box::new(|_| {}),
+    )
+    .unwrap();
+    disk.set(false);
+    // The disk hangs at the first sync; far more is put than the ring holds. That this returns at all is the point.
+    (0..500).for_each(|number| side.tick(&tick(number)));
+    assert!(side.dropped() > 400, "{} dropped", side.dropped());
+    assert!(!side.failed());
+    disk.set(true);
+    let dropped = side.dropped();
+    let summary = recorder.finish(side, end(500)).unwrap();
+    assert_eq!(summary.dropped, dropped);
+    let run = Run::read(&disk.memory.bytes()).unwrap();
+    let recorded: BTreeSet<u64> = run.senses.iter().map(|senses| senses.tick).collect();
+    let missing: BTreeSet<u64> = run.gaps.iter().flat_map(|gap| gap.first_tick..=gap.last_tick).collect();
+    let all: BTreeSet<u64> = recorded.union(&missing).copied().collect();
+    assert_eq!(all, (0..500).collect(), "every tick is recorded or named");
+    assert_eq!(recorded.intersection(&missing).count(), 0, "{:?}", run.gaps);
+    assert_eq!(run.gaps.iter().map(|gap| gap.entries).sum::<u32>(), dropped);
+    assert!(run.gaps[0].reason.contains("disk"), "{:?}", run.gaps);
+}
+
+/// A disk that is full after so many bytes, or that cannot sync any more.
+#[derive(Debug, Clone)]
+struct FailingDisk {
+    memory: Memory,
+    room: usize,
+    syncs: usize,
+}
+
+impl Sink for FailingDisk {
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let fits = bytes.len().min(self.room);
+        self.room -= fits;
+        self.memory.write_all(&bytes[..fits])?;
+        if fits < bytes.len() { Err(io::ErrorKind::StorageFull.into()) } else { Ok(()) }
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.syncs = self.syncs.checked_sub(1).ok_or_else(|| io::Error::from_raw_os_error(5))?;
+        Ok(())
+    }
+}
+
+/// Records on a failing disk; how far it got.
+fn record_on(disk: &FailingDisk) -> Result<(), onbrick::runtime::recording::RecordError> {
+    let (recorder, mut side) = Recorder::start(
+        Box::new(disk.clone()),
+        start(Pace::Virtual),
+        options(100_000_000, 16),
+        Box::new(|_| {}),
+    )?;
+    (0..100).for_each(|number| put(&mut side, number));
+    let result = recorder.finish(side, end(100)).map(|_| ());
+    assert!(result.is_err(), "the disk failed");
+    result
+}
+
+#[test]
+fn a_full_disk_stops_the_recording_with_one_message_and_keeps_what_was_synced() {
+    let length = sample(100, 100_000_000).len();
+    for room in (0..length - 1).step_by(1_313) {
+        let disk = FailingDisk { memory: Memory::default(), room, syncs: usize::MAX };
+        let error = record_on(&disk).unwrap_err();
+        assert!(error.to_string().contains("recording stopped: cannot"), "{error}");
+        assert_eq!(error.source.kind(), io::ErrorKind::StorageFull, "{error:?}");
+        let bytes = disk.memory.bytes();
+        assert_eq!(bytes.len(), room);
+        if let Ok(run) = Run::read(&bytes) {
+            let expected: Vec<Senses> = (0..run.senses.len() as u64).map(|number| tick(number).senses).collect();
+            assert_eq!(run.senses, expected, "with room for {room} bytes");
+            assert_eq!(run.integrity.damaged, []);
+        }
+    }
+}
+
+#[test]
+fn a_disk_that_cannot_sync_is_seen_by_the_tick() {
+    let disk = FailingDisk { memory: Memory::default(), room: usize::MAX, syncs: 2 };
+    let (recorder, mut side) = Recorder::start(
+        Box::new(disk.clone()),
+        start(Pace::Virtual),
+        options(100_000_000, 16),
+        Box::new(|_| {}),
+    )
+    .unwrap();
+    let seen = (0..100_000).find(|number| {
+        side.tick(&tick(*number));
+        side.failed()
+    });
+    assert!(seen.is_some_and(|number| number > 5), "{seen:?}");
+    let error = recorder.finish(side, end(100)).unwrap_err();
+    assert_eq!(error.source.raw_os_error(), Some(5), "{error:?}");
+    assert_eq!(error.to_string(), "recording stopped: cannot bring the file to the disk; what was synced before is safe");
+}
+
+#[test]
+fn a_disk_that_fails_at_once_is_known_before_anything_moves() {
+    let disk = FailingDisk { memory: Memory::default(), room: 10, syncs: 9 };
+    let error =
+        Recorder::start(Box::new(disk), start(Pace::Real), Options::default(), Box::new(|_| {})).unwrap_err();
+    assert_eq!(error.source.kind(), io::ErrorKind::StorageFull, "{error:?}");
+}
+
+#[test]
+fn a_recorder_that_is_let_go_closes_its_file() {
+    let memory = Memory::default();
+    let (recorder, mut side) =
+        Recorder::start(Box::new(memory.clone()), start(Pace::Real), Options::default(), Box::new(|_| {}))
+            .unwrap();
+    (0..30).for_each(|number| put(&mut side, number));
+    drop(side);
+    drop(recorder);
+    let run = Run::read(&memory.bytes()).unwrap();
+    assert_eq!((run.senses.len(), run.ending, run.integrity.complete), (30, None, true));
+    assert_eq!(run.warnings, ["the run stopped without saying why"]);
+}
+
+/// What the Python decoder makes of a file; `None` where there is no Python with the packages.
+pub(crate) fn python(bytes: &[u8], how: &str) -> Option<serde_json::Value> {
+    let probe = Command::new("python3").args(["-c", "import mcap, mcap_ros2"]).output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        pass_over("python3 with the packages mcap and mcap-ros2-support");
+        return None;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    std::fs::write(&path, bytes).unwrap();
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/decode.py");
+    let output = Command::new("python3").args([script.as_ref(), path.as_os_str(), how.as_ref()]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some(serde_json::from_slice(&output.stdout).unwrap())
+}
+
+#[test]
+fn an_independent_decoder_reads_every_message_by_its_own_definition() {
+    let Some(found) = python(&sample(120, 1_000_000_000), "linear") else { return };
+    println!("{found:#}");
+    assert_eq!(found["profile"], "ros2");
+    let topics = &found["topics"];
+    for (topic, schema, count) in [
+        ("/senses", "onbrick_msgs/msg/Senses", 120),
+        ("/pose", "onbrick_msgs/msg/Pose", 120),
+        ("/odom", "nav_msgs/msg/Odometry", 24),
+        ("/tf", "tf2_msgs/msg/TFMessage", 24),
+        ("/tf_static", "tf2_msgs/msg/TFMessage", 1),
+        ("/range", "sensor_msgs/msg/Range", 24),
+        ("/points", "sensor_msgs/msg/PointCloud2", 3),
+        ("/map", "nav_msgs/msg/OccupancyGrid", 1),
+        ("/transitions", "onbrick_msgs/msg/Transition", 4),
+        ("/rosout", "rcl_interfaces/msg/Log", 4),
+        ("/stats", "onbrick_msgs/msg/TickStatistics", 3),
+        ("/checkpoint", "onbrick_msgs/msg/Checkpoint", 3),
+    ] {
+        assert_eq!(topics[topic]["schema"], schema);
+        assert_eq!(topics[topic]["count"], count, "{topic}");
+    }
+    let last = tick(119);
+    let senses = &topics["/senses"]["last"];
+    assert_eq!(senses["tick"], 119);
+    assert_eq!(senses["channel"], serde_json::json!([0, 1, 2, 3, 9]));
+    assert_eq!(senses["value"][0], last.senses.get(Channel::Left).unwrap().value);
+    assert_eq!(senses["value"][3], "inf");
+    assert_eq!(topics["/pose"]["last"]["x_m"], last.estimate.pose.x_m);
+    let odometry = &topics["/odom"]["first"];
+    assert_eq!(odometry["header"]["frame_id"], "odom");
+    assert_eq!(odometry["child_frame_id"], "base_link");
+    assert_eq!(odometry["header"]["stamp"], serde_json::json!({"sec": 1_700_000_000, "nanosec": 1_000}));
+    assert_eq!(odometry["pose"]["covariance"][5], 3e-6);
+    assert_eq!(odometry["pose"]["covariance"][35], 6e-3);
+    assert_eq!(odometry["twist"]["twist"]["linear"]["x"], 0.05);
+    let transforms = &topics["/tf"]["first"]["transforms"];
+    assert_eq!(transforms[1]["header"]["frame_id"], "base_link");
+    assert_eq!(transforms[1]["child_frame_id"], "range_link");
+    assert_eq!(transforms[1]["transform"]["translation"]["x"], 0.05);
+    assert_eq!(topics["/range"]["first"]["max_range"], 2.0);
+    assert_eq!(topics["/points"]["first"]["fields"][3]["name"], "x_m");
+    assert_eq!(topics["/map"]["first"]["data"], serde_json::json!([-1, 0, 100, 50, 0, -1]));
+    assert_eq!(topics["/map"]["first"]["info"]["origin"]["position"]["y"], -0.5);
+    assert_eq!(topics["/transitions"]["last"]["to_state"], "turn");
+    assert_eq!(topics["/rosout"]["first"]["msg"], "a wall <ahead>");
+    assert_eq!(topics["/stats"]["first"]["ticks"], 51);
+}

@@ -1,1 +1,223 @@
-//! Tests of report.
+//! Tests of the report: pictures that show what was recorded, exports that others read.
+#![cfg(feature = "host")]
+
+use std::path::Path;
+use std::process::Command;
+
+use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
+use onbrick::runtime::recording::{Grid, Run};
+
+use crate::recording::{grid, python, sample, tick, walls};
+use crate::support::pass_over;
+
+fn one() -> Scene {
+    let run = Run::read(&sample(1_500, 1_000_000_000)).unwrap();
+    let track = Track::of_run(&run, "run");
+    let block = vec![[0.6, -0.7], [0.8, -0.7], [0.8, -0.4], [0.6, -0.4], [0.6, -0.7]];
+    Scene { title: "mapper: map <the room> & back".to_owned(), tracks: vec![track], outlines: vec![walls(), block] }
+}
+
+/// Two more robots whose runs are the first one's, moved.
+fn several() -> Scene {
+    let mut scene = one();
+    for (name, dx, dy) in [("ada", 0.25, -0.5), ("grace", -0.3, 0.2)] {
+        let mut track = scene.tracks[0].clone();
+        track.name = name.to_owned();
+        for p in &mut track.path {
+            (p.x_m, p.y_m) = (p.x_m * 0.6 + dx, p.y_m * 0.6 + dy);
+        }
+        scene.tracks.push(track);
+    }
+    scene.title = "three robots".to_owned();
+    scene
+}
+
+/// Where a picture is kept to be looked at, if `ONBRICK_PICTURES` names a folder.
+fn keep(name: &str, bytes: &[u8]) {
+    if let Some(folder) = std::env::var_os("ONBRICK_PICTURES") {
+        std::fs::write(Path::new(&folder).join(name), bytes).unwrap();
+    }
+}
+
+#[test]
+fn an_svg_has_every_point_the_path_the_walls_and_its_title() {
+    let scene = one();
+    let svg = plot::svg(&scene).unwrap();
+    keep("one.svg", svg.as_bytes());
+    assert!(svg.starts_with("<svg width=\"800\" height=\""), "{}", &svg[..200]);
+    // Besides the points: three in the legend, two circles for each of the two start marks.
+    let circles = svg.matches("<circle").count();
+    assert_eq!(circles, scene.tracks[0].points.len() + 3 + 4);
+    assert!(svg.contains("mapper: map &lt;the room&gt; &amp; back"));
+    for word in ["path", "points", "start", "end", "walls", "x in metres"] {
+        assert!(svg.contains(&format!("\n{word}\n")), "{word} is not in the picture");
+    }
+    assert_eq!(svg, plot::svg(&scene).unwrap(), "the same scene gives the same picture");
+}
+
+/// The pixels of a PNG: width, and red, green, blue of each.
+fn pixels(bytes: &[u8]) -> (usize, Vec<[u8; 3]>) {
+    let mut reader = png::Decoder::new(bytes).read_info().unwrap();
+    let mut data = vec![0; reader.output_buffer_size()];
+    let info = reader.next_frame(&mut data).unwrap();
+    (info.width as usize, data.as_chunks::<3>().0.to_vec())
+}
+
+#[test]
+fn a_png_has_red_points_a_green_path_and_grey_walls() {
+    let bytes = plot::png(&one()).unwrap();
+    keep("one.png", &bytes);
+    keep("several.png", &plot::png(&several()).unwrap());
+    let (width, pixels) = pixels(&bytes);
+    assert_eq!(width, 1200);
+    let count = |wanted: [u8; 3]| pixels.iter().filter(|pixel| **pixel == wanted).count();
+    let (red, green, grey) = (count([0xd6, 0x2a, 0x2f]), count([0x1a, 0x93, 0x4a]), count([0x9a, 0xa1, 0xa9]));
+    println!("{red} red, {green} green, {grey} grey of {} pixels", pixels.len());
+    assert!(red > 2_000 && green > 1_000 && grey > 5_000, "{red} {green} {grey}");
+}
+
+#[test]
+fn nothing_and_what_is_not_finite_is_a_picture_too() {
+    let odd = Track {
+        path: vec![PathPoint { time_s: 0.0, x_m: 1.0, y_m: 1.0, heading_rad: 0.0 }],
+        points: vec![CloudPoint { time_s: 0.0, x_m: 1e9, y_m: -1e9 }],
+        ..Track::default()
+    };
+    for scene in [Scene::default(), Scene { tracks: vec![odd], ..Scene::default() }] {
+        assert!(plot::svg(&scene).unwrap().contains("</svg>"));
+        assert!(!plot::png(&scene).unwrap().is_empty());
+        assert!(plot::html(&scene).contains("</html>"));
+    }
+}
+
+#[test]
+fn a_cut_recording_is_still_a_picture_and_the_page_says_so() {
+    let bytes = sample(500, 1_000_000_000);
+    let run = Run::read(&bytes[..bytes.len() / 2]).unwrap();
+    let track = Track::of_run(&run, "run");
+    assert!(track.path.len() > 100, "{}", track.path.len());
+    let scene = Scene { title: "cut".to_owned(), tracks: vec![track], outlines: Vec::new() };
+    assert!(plot::svg(&scene).unwrap().contains("<circle"));
+    assert!(plot::html(&scene).contains("the file was cut after"));
+}
+
+/// What a page's body holds after its script has run, opened at an address's end such as `#t=3`; `None` without a browser.
+fn browse(page: &Path, hash: &str, extra: &[&str]) -> Option<String> {
+    let profile = tempfile::tempdir().unwrap();
+    let output = Command::new("chromium")
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .args(["--window-size=800,800", "--virtual-time-budget=2000"])
+        .args(extra)
+        .arg(format!("file://{}{hash}", page.display()))
+        .output();
+    match output {
+        Ok(output) if output.status.success() => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
+        Ok(output) => panic!("{}", String::from_utf8_lossy(&output.stderr)),
+        Err(_) => {
+            pass_over("a browser (chromium)");
+            None
+        }
+    }
+}
+
+/// The value of an attribute in a page's text.
+fn attribute<'a>(dom: &'a str, name: &str) -> &'a str {
+    let start = dom.find(&format!(" {name}=\"")).unwrap_or_else(|| panic!("no {name}")) + name.len() + 3;
+    dom[start..].split('"').next().unwrap()
+}
+
+#[test]
+fn a_browser_draws_the_page_and_its_slider_moves_through_time() {
+    let scene = one();
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("map.html");
+    let html = plot::html(&scene);
+    keep("one.html", html.as_bytes());
+    keep("several.html", plot::html(&several()).as_bytes());
+    std::fs::write(&page, &html).unwrap();
+    for (hash, until_s) in [("#t=10", 10.0), ("#t=0", 0.0), ("", 1e9)] {
+        let Some(dom) = browse(&page, hash, &["--dump-dom"]) else { return };
+        let points = scene.tracks[0].points.iter().filter(|point| point.time_s <= until_s).count();
+        assert_eq!(attribute(&dom, "data-points"), points.to_string(), "at {hash}");
+        let cloud = dom.split("class=\"points\"").nth(1).unwrap();
+        assert_eq!(attribute(cloud, "d").matches("h0").count(), points, "at {hash}");
+        let last = scene.tracks[0].path.iter().rfind(|p| p.time_s <= until_s + 1e-9).unwrap();
+        let x: f64 = attribute(&dom, "data-x").parse().unwrap();
+        assert!((x - last.x_m).abs() < 2e-3, "{x} is drawn at {hash}, {} was recorded", last.x_m);
+        assert!(dom.contains("mapper: map &lt;the room&gt; &amp; back</h1>"));
+    }
+}
+
+#[test]
+fn tables_have_a_row_for_each_point_and_each_tick() {
+    let scene = one();
+    let points = export::points_csv(&scene.tracks);
+    let path = export::path_csv(&scene.tracks);
+    assert_eq!(points.lines().count(), scene.tracks[0].points.len() + 1);
+    assert_eq!(path.lines().count(), 1_501);
+    assert_eq!(points.lines().next(), Some("time_s,x_m,y_m,robot"));
+    let row: Vec<&str> = path.lines().nth(101).unwrap().split(',').collect();
+    let pose = tick(100).estimate.pose;
+    assert_eq!(row[0], "2.000000");
+    assert!((row[1].parse::<f64>().unwrap() - pose.x_m).abs() < 1e-6, "{row:?}");
+    assert!((row[3].parse::<f64>().unwrap() - pose.heading_rad.to_degrees()).abs() < 1e-4, "{row:?}");
+    assert_eq!(row[4], "mapper");
+    let ply = export::ply(&scene.tracks);
+    assert!(ply.starts_with("ply\nformat ascii 1.0\n"));
+    let (head, body) = ply.split_once("end_header\n").unwrap();
+    assert!(head.contains(&format!("element vertex {}\n", scene.tracks[0].points.len())), "{head}");
+    assert_eq!(body.lines().count(), scene.tracks[0].points.len());
+}
+
+#[test]
+fn a_grid_is_a_picture_with_the_highest_row_first() {
+    let grid = grid();
+    let pgm = export::pgm(&grid);
+    assert_eq!(pgm, [b"P5\n3 2\n255\n".as_slice(), &[205, 254, 205, 205, 254, 0]].concat());
+    let yaml = export::nav2_yaml(&grid, "map.pgm");
+    let expected = "image: \"map.pgm\"\nmode: trinary\nresolution: 0.05\norigin: [-1.0, -0.5, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    assert_eq!(yaml, expected);
+    let empty = Grid { resolution_m: 0.05, ..Grid::default() };
+    assert_eq!(export::pgm(&empty), b"P5\n0 0\n255\n");
+}
+
+#[test]
+fn viewers_get_an_index_and_everything_that_was_recorded() {
+    let bytes = sample(300, 1_000_000_000);
+    let exported = export::mcap(&[("mapper", &bytes)]).unwrap();
+    let summary = mcap::Summary::read(&exported).unwrap().unwrap();
+    let whole = Run::read(&bytes).unwrap();
+    let count = summary.stats.unwrap().message_count;
+    assert_eq!(count, whole.integrity.checked_messages);
+    assert!(!summary.chunk_indexes.is_empty());
+    let Some(found) = python(&exported, "indexed") else { return };
+    assert_eq!(found["counted"], count);
+    let counted: u64 = found["topics"].as_object().unwrap().values().map(|t| t["count"].as_u64().unwrap()).sum();
+    assert_eq!(counted, count, "every message is decoded by its own definition");
+    assert_eq!(found["attachments"]["mission.toml"], "name = \"map\"\n# ü\n");
+    assert_eq!(found["metadata"]["onbrick"]["brick"], "mapper");
+    assert_eq!(found["metadata"]["onbrick.end"]["reason"], "finished");
+}
+
+#[test]
+fn several_runs_get_a_namespace_each_in_one_tree_of_frames() {
+    let (first, second) = (sample(100, 1_000_000_000), sample(60, 1_000_000_000));
+    let cut = &second[..second.len() - 2_000];
+    let exported = export::mcap(&[("Ada", &first), ("Grace", cut)]).unwrap();
+    let Some(found) = python(&exported, "indexed") else { return };
+    let topics = &found["topics"];
+    assert_eq!(topics["/ada/senses"]["count"], 100);
+    assert_eq!(topics["/grace/senses"]["count"].as_u64().unwrap(), Run::read(cut).unwrap().senses.len() as u64);
+    assert_eq!(topics["/ada/odom"]["first"]["header"]["frame_id"], "ada/odom");
+    assert_eq!(topics["/grace/range"]["first"]["header"]["frame_id"], "grace/range_link");
+    assert_eq!(topics["/ada/points"]["first"]["header"]["frame_id"], "map");
+    let still = &topics["/tf_static"];
+    assert_eq!(still["count"], 2);
+    assert_eq!(still["last"]["transforms"][0]["header"]["frame_id"], "map");
+    assert_eq!(still["last"]["transforms"][0]["child_frame_id"], "grace/odom");
+    assert_eq!(found["attachments"]["grace/robot.toml"], "name = \"mapper\"\n");
+    let error = export::mcap(&[("nothing", b"text")]).unwrap_err();
+    assert_eq!(error.to_string(), "cannot export nothing");
+}

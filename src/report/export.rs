@@ -1,0 +1,144 @@
+//! Runs for other people's programs: CSV, PLY, PGM with Nav2's YAML, MCAP with an index.
+
+mod indexed;
+
+use std::fmt::Write;
+
+use super::Track;
+use crate::runtime::recording::Grid;
+use crate::units::degrees;
+
+pub use indexed::{ExportError, mcap};
+
+/// The points of all tracks: `time_s,x_m,y_m,robot`.
+#[must_use]
+pub fn points_csv(tracks: &[Track]) -> String {
+    let mut text = String::from("time_s,x_m,y_m,robot\n");
+    for track in tracks {
+        let name = csv_text(&track.name);
+        for point in &track.points {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{:.6},{:.6},{:.6},{name}", point.time_s, point.x_m, point.y_m);
+        }
+    }
+    text
+}
+
+/// The paths of all tracks, every tick: `time_s,x_m,y_m,heading_deg,robot`; the heading does not wrap.
+#[must_use]
+pub fn path_csv(tracks: &[Track]) -> String {
+    let mut text = String::from("time_s,x_m,y_m,heading_deg,robot\n");
+    for track in tracks {
+        let name = csv_text(&track.name);
+        for p in &track.path {
+            let heading_deg = degrees(p.heading_rad);
+            let _ = writeln!(text, "{:.6},{:.6},{:.6},{heading_deg:.4},{name}", p.time_s, p.x_m, p.y_m);
+        }
+    }
+    text
+}
+
+/// The points of all tracks as a point cloud in the Stanford polygon format, each with its robot's place in the list.
+#[must_use]
+pub fn ply(tracks: &[Track]) -> String {
+    let count: usize = tracks.iter().map(|track| track.points.len()).sum();
+    let mut text = String::from("ply\nformat ascii 1.0\ncomment onbrick, metres, z up\n");
+    for (place, track) in tracks.iter().enumerate() {
+        let name = track.name.replace(char::is_control, " ");
+        let _ = writeln!(text, "comment robot {place}: {name}");
+    }
+    let _ = write!(
+        text,
+        "element vertex {count}\nproperty double x\nproperty double y\nproperty double z\nproperty double time_s\n\
+         property ushort robot\nend_header\n"
+    );
+    for (place, track) in tracks.iter().enumerate() {
+        for point in &track.points {
+            let _ = writeln!(text, "{:.6} {:.6} 0 {:.6} {place}", point.x_m, point.y_m, point.time_s);
+        }
+    }
+    text
+}
+
+/// An occupied cell at least so sure, as Nav2 writes it.
+const OCCUPIED_THRESHOLD: f64 = 0.65;
+/// A free cell at most so sure. Grey 205, by which Nav2's own tools write "unknown", is 0.19607…: it must lie above.
+const FREE_THRESHOLD: f64 = 0.196;
+
+/// The grid as a picture (PGM, binary): black occupied, 254 free, 205 unknown; the highest y first, as Nav2 reads it.
+#[must_use]
+pub fn pgm(grid: &Grid) -> Vec<u8> {
+    let mut bytes = format!("P5\n{} {}\n255\n", grid.width, grid.height).into_bytes();
+    let width = usize::try_from(grid.width).unwrap_or(usize::MAX).max(1);
+    for row in grid.cells.chunks(width).rev() {
+        bytes.extend(row.iter().map(|cell| grey(*cell)));
+    }
+    bytes
+}
+
+/// What Nav2 has to know of that picture; `image` is its file's name.
+#[must_use]
+pub fn nav2_yaml(grid: &Grid, image: &str) -> String {
+    let [x, y] = grid.origin_m;
+    // A JSON string is a YAML string.
+    let image = serde_json::Value::from(image);
+    format!(
+        "image: {image}\nmode: trinary\nresolution: {:?}\norigin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
+         occupied_thresh: {OCCUPIED_THRESHOLD}\nfree_thresh: {FREE_THRESHOLD}\n",
+        grid.resolution_m
+    )
+}
+
+/// A cell's grey: what lies between the thresholds is unknown.
+fn grey(cell: i8) -> u8 {
+    let certainty = f64::from(cell) / 100.0;
+    if cell < 0 || (certainty > FREE_THRESHOLD && certainty < OCCUPIED_THRESHOLD) {
+        205
+    } else if certainty >= OCCUPIED_THRESHOLD {
+        0
+    } else {
+        254
+    }
+}
+
+/// Text as a field of CSV (RFC 4180); one that a spreadsheet would take for a formula gets an apostrophe before it.
+fn csv_text(text: &str) -> String {
+    let text = if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text.to_owned() };
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_break_a_table() {
+        assert_eq!(csv_text("mapper"), "mapper");
+        assert_eq!(csv_text("a,\"b\""), "\"a,\"\"b\"\"\"");
+        assert_eq!(csv_text("=1+1"), "'=1+1");
+    }
+
+    #[test]
+    fn nav2_reads_back_what_was_meant() {
+        // Nav2's map_io, trinary: occ = (255 − grey) / 255; above occupied_thresh occupied, below free_thresh free.
+        let read = |cell: i8| {
+            let occupancy = (255.0 - f64::from(grey(cell))) / 255.0;
+            if occupancy > OCCUPIED_THRESHOLD {
+                100
+            } else if occupancy < FREE_THRESHOLD {
+                0
+            } else {
+                -1
+            }
+        };
+        assert_eq!([-1, 0, 10, 50, 64, 65, 100].map(read), [-1, 0, 0, -1, -1, 100, 100]);
+    }
+
+    #[test]
+    fn empty_input_gives_headers_alone() {
+        assert_eq!(points_csv(&[]), "time_s,x_m,y_m,robot\n");
+        assert_eq!(path_csv(&[]), "time_s,x_m,y_m,heading_deg,robot\n");
+        assert!(ply(&[]).ends_with("end_header\n"));
+        assert_eq!(pgm(&Grid::default()), b"P5\n0 0\n255\n");
+    }
+}

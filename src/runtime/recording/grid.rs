@@ -1,0 +1,37 @@
+//! An occupancy grid as `nav_msgs/OccupancyGrid`.
+
+use super::Grid;
+use super::message::{Header, OccupancyGridMessage, Pose3, Quaternion, Vector3};
+
+#[expect(clippy::cast_possible_truncation, reason = "the definition has single precision")]
+pub(super) fn message(grid: &Grid, header: Header) -> OccupancyGridMessage {
+    let [x, y] = grid.origin_m;
+    OccupancyGridMessage {
+        map_load_time: header.stamp,
+        header,
+        resolution: grid.resolution_m as f32,
+        width: grid.width,
+        height: grid.height,
+        origin: Pose3 { position: Vector3 { x, y, z: 0.0 }, orientation: Quaternion::of_yaw(0.0) },
+        data: grid.cells.clone(),
+    }
+}
+
+/// The grid of a message; `None` where its sizes contradict each other.
+pub(super) fn grid(message: OccupancyGridMessage) -> Option<Grid> {
+    let cells = u64::from(message.width) * u64::from(message.height);
+    let grid = Grid {
+        width: message.width,
+        height: message.height,
+        resolution_m: rounded(message.resolution),
+        origin_m: [message.origin.position.x, message.origin.position.y],
+        cells: message.data,
+    };
+    let possible = grid.resolution_m > 0.0 && grid.resolution_m.is_finite();
+    (possible && cells == grid.cells.len() as u64).then_some(grid)
+}
+
+/// The shortest decimal number that single precision has for a value: 0.05, and not 0.0500000007.
+fn rounded(single: f32) -> f64 {
+    single.to_string().parse().unwrap_or_else(|_| f64::from(single))
+}

@@ -1,0 +1,275 @@
+//! The recorder: a thread that empties the ring into the file.
+//!
+//! It looks at the ring every 50 ms, so a tick never has to wake it. When the disk fails it says so once, raises a flag that the
+//! tick sees, and goes on emptying the ring, so that the tick runs as before.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{JoinHandle, Thread};
+use std::time::Duration;
+
+use mcap::records::Metadata;
+use rtrb::{Consumer, RingBuffer};
+
+use super::encoder::Encoder;
+use super::file::{RecordError, RecordingFile};
+use super::run::names;
+use super::tick::{Dropped, Entry, Flags, TickSide};
+use super::{End, Options, Pace, Sink, Start, Status};
+use crate::clock::MILLISECOND_NS;
+
+/// How often the ring is looked at.
+const LOOK_PERIOD: Duration = Duration::from_millis(50);
+
+/// How often, in looks, what came without a tick after it is synced.
+const IDLE_LOOKS: u32 = 20;
+
+/// How often the status is told, nanoseconds of the run's clock.
+const STATUS_PERIOD_NS: i64 = 200 * MILLISECOND_NS;
+
+/// What a finished recording came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Summary {
+    /// The file's length, bytes.
+    pub bytes: u64,
+    /// Entries that did not fit into the ring.
+    pub dropped: u32,
+}
+
+/// A recording in progress. Dropping it closes the file without a reason for the end; [`finish`](Self::finish) is the way.
+#[derive(Debug)]
+pub struct Recorder {
+    flags: Arc<Flags>,
+    end: Arc<Mutex<Closing>>,
+    thread: Option<JoinHandle<Result<u64, RecordError>>>,
+}
+
+/// What the recorder is told when the run is over.
+#[derive(Debug, Default)]
+struct Closing {
+    end: Option<End>,
+    pending: Option<Dropped>,
+}
+
+impl Recorder {
+    /// Begins a recording: what is known of the run is on the disk when this returns.
+    ///
+    /// `on_status` is called by the recorder's thread at most five times a second of the run's clock.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written, or there is no thread to be had.
+    pub fn start(
+        sink: Box<dyn Sink>,
+        start: Start,
+        options: Options,
+        on_status: Box<dyn FnMut(&Status) + Send>,
+    ) -> Result<(Self, TickSide), RecordError> {
+        let (put, take) = RingBuffer::new(options.ring_entries.max(1));
+        let ring_size = u32::try_from(options.ring_entries).unwrap_or(u32::MAX);
+        let pace = start.pace;
+        let encoder = begin(sink, start, options.sync_period_ns, ring_size)?;
+        let flags = Arc::new(Flags::default());
+        let end = Arc::new(Mutex::new(Closing::default()));
+        let work = Work {
+            ring: take,
+            flags: Arc::clone(&flags),
+            end: Arc::clone(&end),
+            pace,
+            on_status,
+            next_status_ns: i64::MIN,
+        };
+        let thread = std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || work.run(encoder))
+            .map_err(|source| RecordError { doing: "start the recorder's thread", source })?;
+        let waits_for: Option<Thread> = (pace == Pace::Virtual).then(|| thread.thread().clone());
+        let tick_side = TickSide::new(put, Arc::clone(&flags), waits_for);
+        Ok((Self { flags, end, thread: Some(thread) }, tick_side))
+    }
+
+    /// True once the recorder can write no more.
+    #[must_use]
+    pub fn failed(&self) -> bool {
+        self.flags.failed.load(Ordering::Relaxed)
+    }
+
+    /// Writes what is left, the reason for the end and MCAP's summary, and waits until all of it is on the disk.
+    ///
+    /// # Errors
+    ///
+    /// The file could not be written, now or earlier; what was synced before that is safe.
+    pub fn finish(mut self, tick_side: TickSide, end: End) -> Result<Summary, RecordError> {
+        let dropped = tick_side.dropped();
+        {
+            let mut closing = self.end.lock().unwrap_or_else(PoisonError::into_inner);
+            *closing = Closing { end: Some(end), pending: tick_side.pending() };
+        }
+        drop(tick_side);
+        match self.join() {
+            Some(result) => Ok(Summary { bytes: result?, dropped }),
+            None => {
+                let source = std::io::Error::other("the recorder's thread panicked");
+                Err(RecordError { doing: "finish the file", source })
+            }
+        }
+    }
+
+    fn join(&mut self) -> Option<Result<u64, RecordError>> {
+        self.flags.closing.store(true, Ordering::Release);
+        let thread = self.thread.take()?;
+        thread.thread().unpark();
+        thread.join().ok()
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // Who let go of it without finishing has an error of his own to tell.
+        let _ = self.join();
+    }
+}
+
+/// Writes what is known before the first tick.
+fn begin(
+    sink: Box<dyn Sink>,
+    start: Start,
+    sync_period_ns: i64,
+    ring_size: u32,
+) -> Result<Encoder, RecordError> {
+    let mut file = RecordingFile::begin(sink, start.wall_offset_ns)?;
+    file.metadata(&about(&start))?;
+    file.attach(names::ROBOT, &start.robot_toml, start.start_ns)?;
+    file.attach(names::MISSION, &start.mission_toml, start.start_ns)?;
+    if let Some(world) = &start.world_toml {
+        file.attach(names::WORLD, world, start.start_ns)?;
+    }
+    let mut encoder = Encoder::new(file, start, sync_period_ns, ring_size);
+    encoder.static_transforms()?;
+    encoder.file.sync()?;
+    Ok(encoder)
+}
+
+fn about(start: &Start) -> Metadata {
+    let mut values = BTreeMap::new();
+    let mut put = |key: &str, value: String| values.insert(key.to_owned(), value);
+    put(names::VERSION, env!("CARGO_PKG_VERSION").to_owned());
+    put(names::BRICK, start.brick.clone());
+    put(names::MISSION_NAME, start.mission.clone());
+    put(names::START_X, start.start_pose.x_m.to_string());
+    put(names::START_Y, start.start_pose.y_m.to_string());
+    put(names::START_HEADING, start.start_pose.heading_rad.to_string());
+    put(names::START_NS, start.start_ns.to_string());
+    put(names::WALL_OFFSET_NS, start.wall_offset_ns.to_string());
+    put(names::PERIOD_NS, start.period_ns.to_string());
+    put(names::CLOCK, if start.pace == Pace::Virtual { "virtual" } else { "monotonic" }.to_owned());
+    if let Some(seed) = start.seed {
+        put(names::SEED, seed.to_string());
+    }
+    for (name, value) in &start.settings {
+        put(&format!("{}{name}", names::SETTING), value.to_string());
+    }
+    Metadata { name: names::ABOUT.to_owned(), metadata: values }
+}
+
+fn ending(end: &End) -> Metadata {
+    let mut values = BTreeMap::new();
+    let mut put = |key: &str, value: String| values.insert(key.to_owned(), value);
+    put(names::REASON, end.reason.clone());
+    put(names::TIME_NS, end.time_ns.to_string());
+    if let Some(truth) = end.truth {
+        put(names::TRUTH_X, truth.x_m.to_string());
+        put(names::TRUTH_Y, truth.y_m.to_string());
+        put(names::TRUTH_HEADING, truth.heading_rad.to_string());
+    }
+    Metadata { name: names::ENDING.to_owned(), metadata: values }
+}
+
+/// What the thread works with.
+struct Work {
+    ring: Consumer<Entry>,
+    flags: Arc<Flags>,
+    end: Arc<Mutex<Closing>>,
+    pace: Pace,
+    on_status: Box<dyn FnMut(&Status) + Send>,
+    next_status_ns: i64,
+}
+
+impl Work {
+    fn run(mut self, mut encoder: Encoder) -> Result<u64, RecordError> {
+        match self.record(&mut encoder) {
+            Ok(()) => self.close(encoder),
+            Err(error) => {
+                log::error!("{error}: {}", error.source);
+                self.flags.failed.store(true, Ordering::Relaxed);
+                drop(encoder);
+                self.discard();
+                Err(error)
+            }
+        }
+    }
+
+    /// Empties the ring until the run is over.
+    fn record(&mut self, encoder: &mut Encoder) -> Result<(), RecordError> {
+        let mut idle_looks = 0;
+        loop {
+            // Asked before emptying: what was put before closing is then seen.
+            let closing = self.flags.closing.load(Ordering::Acquire);
+            encoder.note_ring(self.ring.slots());
+            let mut ticks = false;
+            while let Ok(entry) = self.ring.pop() {
+                ticks |= matches!(entry, Entry::Tick(_));
+                encoder.entry(&entry)?;
+                self.tell(encoder.status());
+            }
+            if closing {
+                return Ok(());
+            }
+            // The run's clock decides about syncs, but where no ticks come it stands still.
+            idle_looks = if ticks { 0 } else { idle_looks + 1 };
+            if self.pace == Pace::Real && idle_looks >= IDLE_LOOKS && encoder.file.is_dirty() {
+                encoder.sync(encoder.status().time_ns)?;
+            }
+            std::thread::park_timeout(LOOK_PERIOD);
+        }
+    }
+
+    fn close(&mut self, mut encoder: Encoder) -> Result<u64, RecordError> {
+        let closing = std::mem::take(&mut *self.end.lock().unwrap_or_else(PoisonError::into_inner));
+        let finished = finish(&mut encoder, &closing).and_then(|()| encoder.file.finish());
+        if finished.is_err() {
+            self.flags.failed.store(true, Ordering::Relaxed);
+        }
+        finished
+    }
+
+    /// Keeps the ring empty, so that nothing changes for the tick.
+    fn discard(&mut self) {
+        while !self.flags.closing.load(Ordering::Acquire) {
+            while self.ring.pop().is_ok() {}
+            std::thread::park_timeout(LOOK_PERIOD);
+        }
+    }
+
+    fn tell(&mut self, status: &Status) {
+        if status.time_ns >= self.next_status_ns {
+            self.next_status_ns = status.time_ns.saturating_add(STATUS_PERIOD_NS);
+            (self.on_status)(status);
+        }
+    }
+}
+
+fn finish(encoder: &mut Encoder, closing: &Closing) -> Result<(), RecordError> {
+    if let Some(dropped) = closing.pending {
+        encoder.gap(dropped)?;
+    }
+    let last_ns = encoder.status().time_ns;
+    match &closing.end {
+        Some(end) => {
+            encoder.close(end.time_ns, end.map.as_ref())?;
+            encoder.file.metadata(&ending(end))
+        }
+        None => encoder.close(last_ns, None),
+    }
+}

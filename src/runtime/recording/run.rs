@@ -1,0 +1,471 @@
+//! A recorded run, read back.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use mcap::records::Metadata;
+use serde::de::DeserializeOwned;
+
+use super::message::{self, Gap, TickStatistics};
+use super::stretch::{Context, Found, Integrity, walk};
+use super::topic::Topic;
+use super::{Grid, Level, grid, points};
+use crate::behavior::{MachineState, Taken};
+use crate::mapping::{EstimatorState, MapPoint, Pose, Range};
+use crate::robot::{Channel, Reading, Senses};
+
+/// The names that a recording's attachments and metadata have.
+pub(super) mod names {
+    pub(crate) const ROBOT: &str = "robot.toml";
+    pub(crate) const MISSION: &str = "mission.toml";
+    pub(crate) const WORLD: &str = "world.toml";
+    pub(crate) const ABOUT: &str = "onbrick";
+    pub(crate) const VERSION: &str = "version";
+    pub(crate) const BRICK: &str = "brick";
+    pub(crate) const MISSION_NAME: &str = "mission";
+    pub(crate) const START_X: &str = "start_x_m";
+    pub(crate) const START_Y: &str = "start_y_m";
+    pub(crate) const START_HEADING: &str = "start_heading_rad";
+    pub(crate) const START_NS: &str = "start_ns";
+    pub(crate) const WALL_OFFSET_NS: &str = "wall_offset_ns";
+    pub(crate) const PERIOD_NS: &str = "period_ns";
+    pub(crate) const CLOCK: &str = "clock";
+    pub(crate) const SEED: &str = "seed";
+    pub(crate) const SETTING: &str = "set.";
+    pub(crate) const ENDING: &str = "onbrick.end";
+    pub(crate) const REASON: &str = "reason";
+    pub(crate) const TIME_NS: &str = "time_ns";
+    pub(crate) const TRUTH_X: &str = "truth_x_m";
+    pub(crate) const TRUTH_Y: &str = "truth_y_m";
+    pub(crate) const TRUTH_HEADING: &str = "truth_heading_rad";
+}
+
+/// The longest file that is read: about a day of a run.
+const MAX_BYTES: u64 = 2 << 30;
+
+/// What a run is.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Info {
+    /// The version of onbrick that recorded it.
+    pub version: String,
+    /// The brick's name.
+    pub brick: String,
+    /// The mission's name.
+    pub mission: String,
+    /// Where the robot started.
+    pub start_pose: Pose,
+    /// The run's start, nanoseconds of its clock.
+    pub start_ns: i64,
+    /// Wall clock minus run clock at the start, nanoseconds.
+    pub wall_offset_ns: i64,
+    /// The tick's period, nanoseconds.
+    pub period_ns: i64,
+    /// True where time was simulated.
+    pub virtual_time: bool,
+    /// The simulation's seed.
+    pub seed: Option<u64>,
+    /// Named numbers that were set for the run.
+    pub settings: Vec<(String, f64)>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Ending {
+    /// Why, for people.
+    pub reason: String,
+    /// When, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Where the robot really was, where it was simulated.
+    pub truth: Option<Pose>,
+}
+
+/// What the estimator made of a tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordedPose {
+    /// The tick.
+    pub tick: u64,
+    /// The estimate's time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Where the robot was.
+    pub pose: Pose,
+    /// Forward speed, metres per second.
+    pub forward_m_s: f64,
+    /// Turning speed, radians per second.
+    pub turn_rad_s: f64,
+    /// Metres driven.
+    pub travelled_m: f64,
+    /// What the range reading was taken for.
+    pub range: Option<Range>,
+}
+
+/// A transition that a machine took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transition {
+    /// The tick.
+    pub tick: u64,
+    /// Its time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// By place in the mission.
+    pub taken: Taken,
+    /// The machine's name.
+    pub machine: String,
+    /// The state left.
+    pub from: String,
+    /// The state entered.
+    pub to: String,
+    /// The condition as written; empty where the runtime moved the machine.
+    pub condition: String,
+}
+
+/// A log line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogLine {
+    /// Nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// How much it matters.
+    pub level: Level,
+    /// What it says.
+    pub text: String,
+}
+
+/// Enough to go on from after a tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    /// The tick.
+    pub tick: u64,
+    /// Its time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// What the estimator carried.
+    pub estimator: EstimatorState,
+    /// Where each machine was.
+    pub machines: Vec<MachineState>,
+}
+
+/// A recording that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file cannot be opened or read.
+    #[error("cannot read {}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the file system says.
+        source: io::Error,
+    },
+    /// It is longer than any recording.
+    #[error("the file has {bytes} bytes; at most {MAX_BYTES} are read")]
+    TooLong {
+        /// Its length.
+        bytes: u64,
+    },
+    /// It is something else.
+    #[error("this is not a recording of onbrick: {why}")]
+    NotARecording {
+        /// What is missing.
+        why: &'static str,
+    },
+}
+
+/// Everything that a recording holds, in the order of the file. All of it may be empty: a file may have been cut anywhere.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Run {
+    /// What the run is; `None` where that part of the file is damaged.
+    pub info: Option<Info>,
+    /// `robot.toml` as it was read.
+    pub robot_toml: Option<String>,
+    /// `mission.toml` as it was read.
+    pub mission_toml: Option<String>,
+    /// `world.toml` as it was read, where the brick was simulated.
+    pub world_toml: Option<String>,
+    /// Each tick's readings.
+    pub senses: Vec<Senses>,
+    /// Each tick's estimate.
+    pub poses: Vec<RecordedPose>,
+    /// The map's points.
+    pub points: Vec<MapPoint>,
+    /// Transitions of all machines.
+    pub transitions: Vec<Transition>,
+    /// Log lines.
+    pub logs: Vec<LogLine>,
+    /// How punctual the ticks were.
+    pub statistics: Vec<TickStatistics>,
+    /// What can be gone on from.
+    pub checkpoints: Vec<Checkpoint>,
+    /// What the recorder could not take.
+    pub gaps: Vec<Gap>,
+    /// The map, where the run recorded one.
+    pub map: Option<Grid>,
+    /// How the run ended; `None` where the file was cut before, or nobody said.
+    pub ending: Option<Ending>,
+    /// How much of the file was whole.
+    pub integrity: Integrity,
+    /// What a person should know about the file; empty for one that is whole.
+    pub warnings: Vec<String>,
+}
+
+impl Run {
+    /// Reads a file: what is checked, and the whole records behind the last sync.
+    ///
+    /// # Errors
+    ///
+    /// See [`ReadError`]; a cut or damaged file is none.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Self::read(&load(path)?)
+    }
+
+    /// Reads the bytes of a file: what is checked, and the whole records behind the last sync.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::NotARecording`]; a cut or damaged file is none.
+    pub fn read(bytes: &[u8]) -> Result<Self, ReadError> {
+        Self::collect(bytes, true)
+    }
+
+    /// Reads only what is checked.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::NotARecording`]; a cut or damaged file is none.
+    pub fn read_checked(bytes: &[u8]) -> Result<Self, ReadError> {
+        Self::collect(bytes, false)
+    }
+
+    fn collect(bytes: &[u8], unchecked_too: bool) -> Result<Self, ReadError> {
+        let mut run = Self::default();
+        let mut undecoded = 0_u64;
+        let integrity = walk(bytes, unchecked_too, &mut |context, found| {
+            if run.take(context, found).is_none() {
+                undecoded += 1;
+            }
+        });
+        if integrity.checked_bytes == 0 {
+            recognise(bytes)?;
+        }
+        run.warnings = warnings(&integrity, undecoded, run.ending.is_some(), unchecked_too);
+        run.integrity = integrity;
+        Ok(run)
+    }
+
+    /// Takes one thing from the file; `None` where it cannot be understood.
+    fn take(&mut self, context: Context, found: Found<'_>) -> Option<()> {
+        match found {
+            Found::Attachment { name, data, .. } => {
+                let text = String::from_utf8(data.to_vec()).ok()?;
+                match name.as_str() {
+                    names::ROBOT => self.robot_toml = Some(text),
+                    names::MISSION => self.mission_toml = Some(text),
+                    names::WORLD => self.world_toml = Some(text),
+                    _ => {}
+                }
+                Some(())
+            }
+            Found::Metadata(metadata) => {
+                match metadata.name.as_str() {
+                    names::ABOUT => self.info = Some(info(&metadata)),
+                    names::ENDING => self.ending = Some(ending(&metadata)),
+                    _ => {}
+                }
+                Some(())
+            }
+            Found::Message { topic: None, .. } => Some(()),
+            Found::Message { topic: Some(Topic::Log), header, data } => {
+                let offset_ns = context.wall_offset_ns.or(self.info.as_ref().map(|info| info.wall_offset_ns));
+                let stamp_ns = i64::try_from(header.log_time).unwrap_or(i64::MAX);
+                self.logs.push(log_line(stamp_ns.saturating_sub(offset_ns.unwrap_or(0)), data)?);
+                Some(())
+            }
+            Found::Message { topic: Some(topic), data, .. } => self.message(topic, data),
+        }
+    }
+
+    fn message(&mut self, topic: Topic, data: &[u8]) -> Option<()> {
+        match topic {
+            Topic::Senses => self.senses.push(senses(&message::decode(data)?)?),
+            Topic::Pose => self.poses.push(pose(message::decode(data)?)?),
+            Topic::Points => self.points.extend(points::points(&message::decode(data)?)?),
+            Topic::Transitions => self.transitions.push(transition(message::decode(data)?)?),
+            Topic::Statistics => self.statistics.push(message::decode(data)?),
+            Topic::Checkpoint => self.checkpoints.push(checkpoint(&message::decode(data)?)?),
+            Topic::Gap => self.gaps.push(message::decode(data)?),
+            Topic::Map => self.map = Some(grid::grid(message::decode(data)?)?),
+            // For viewers: nothing in them that is not in the others.
+            Topic::Odometry
+            | Topic::Transforms
+            | Topic::StaticTransforms
+            | Topic::Range
+            | Topic::Log => {}
+        }
+        Some(())
+    }
+}
+
+/// The bytes of a file of at most [`MAX_BYTES`].
+fn load(path: &Path) -> Result<Vec<u8>, ReadError> {
+    let failed = |source| ReadError::Io { path: path.to_owned(), source };
+    let file = File::open(path).map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    if length > MAX_BYTES {
+        return Err(ReadError::TooLong { bytes: length });
+    }
+    let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    // A device or a pipe has no length beforehand.
+    file.take(MAX_BYTES).read_to_end(&mut bytes).map_err(failed)?;
+    Ok(bytes)
+}
+
+/// Tells a recording that was cut before its first sync from something else.
+fn recognise(bytes: &[u8]) -> Result<(), ReadError> {
+    let not = |why| Err(ReadError::NotARecording { why });
+    if bytes.is_empty() {
+        return not("the file is empty");
+    }
+    let Some(records) = bytes.strip_prefix(mcap::MAGIC) else {
+        return match mcap::MAGIC.strip_prefix(bytes) {
+            Some(_) => not("only its first few bytes are there"),
+            None => not("it is no MCAP file"),
+        };
+    };
+    // Opcode and length of the header, the profile with its length, the library with its length.
+    let library = records.get(9 + 4 + "ros2".len() + 4..).unwrap_or_default();
+    let ours = b"onbrick ";
+    if library.starts_with(ours) {
+        Ok(())
+    } else if ours.starts_with(library) {
+        not("it was cut before anything was recorded")
+    } else {
+        not("it is an MCAP file of another program")
+    }
+}
+
+fn warnings(integrity: &Integrity, undecoded: u64, ended: bool, unchecked_too: bool) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for range in &integrity.damaged {
+        let (start, length) = (range.start, range.end - range.start);
+        warnings.push(format!("{length} bytes from byte {start} on are damaged and were left out"));
+    }
+    if !integrity.complete {
+        let length = integrity.bytes;
+        warnings.push(format!("the file was cut after {length} bytes: the recorder did not finish it"));
+    }
+    if integrity.unchecked_messages > 0 && unchecked_too {
+        let count = integrity.unchecked_messages;
+        warnings.push(format!("{count} messages behind the last sync have no checksum"));
+    }
+    if undecoded > 0 {
+        warnings.push(format!("{undecoded} records could not be understood; is this version older than the file?"));
+    }
+    if integrity.complete && !ended {
+        warnings.push("the run stopped without saying why".to_owned());
+    }
+    warnings
+}
+
+fn info(metadata: &Metadata) -> Info {
+    let text = |key: &str| metadata.metadata.get(key).cloned().unwrap_or_default();
+    let whole = |key: &str| text(key).parse().unwrap_or(0);
+    let setting = |(key, value): (&String, &String)| {
+        Some((key.strip_prefix(names::SETTING)?.to_owned(), value.parse().ok()?))
+    };
+    Info {
+        version: text(names::VERSION),
+        brick: text(names::BRICK),
+        mission: text(names::MISSION_NAME),
+        start_pose: pose_of(metadata, [names::START_X, names::START_Y, names::START_HEADING])
+            .unwrap_or_default(),
+        start_ns: whole(names::START_NS),
+        wall_offset_ns: whole(names::WALL_OFFSET_NS),
+        period_ns: whole(names::PERIOD_NS),
+        virtual_time: text(names::CLOCK) == "virtual",
+        seed: text(names::SEED).parse().ok(),
+        settings: metadata.metadata.iter().filter_map(setting).collect(),
+    }
+}
+
+fn ending(metadata: &Metadata) -> Ending {
+    let text = |key: &str| metadata.metadata.get(key).cloned().unwrap_or_default();
+    Ending {
+        reason: text(names::REASON),
+        time_ns: text(names::TIME_NS).parse().unwrap_or(0),
+        truth: pose_of(metadata, [names::TRUTH_X, names::TRUTH_Y, names::TRUTH_HEADING]),
+    }
+}
+
+fn pose_of(metadata: &Metadata, keys: [&str; 3]) -> Option<Pose> {
+    let [x_m, y_m, heading_rad] =
+        keys.map(|key| metadata.metadata.get(key).and_then(|value| value.parse().ok()));
+    Some(Pose { x_m: x_m?, y_m: y_m?, heading_rad: heading_rad? })
+}
+
+fn senses(message: &message::SensesMessage) -> Option<Senses> {
+    let mut senses = Senses { tick: message.tick, time_ns: message.time_ns, ..Senses::default() };
+    let count = message.channel.len();
+    if [message.value.len(), message.read_ns.len(), message.changed_ns.len()] != [count; 3] {
+        return None;
+    }
+    let ages = message.read_ns.iter().zip(&message.changed_ns);
+    for ((channel, value), (read_ns, changed_ns)) in message.channel.iter().zip(&message.value).zip(ages) {
+        let channel = *Channel::ALL.get(usize::from(*channel))?;
+        let reading = Reading { value: *value, read_ns: *read_ns, changed_ns: *changed_ns };
+        senses.readings[channel as usize] = Some(reading);
+    }
+    Some(senses)
+}
+
+fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
+    let range = match message.range {
+        0 => None,
+        1 => Some(Range::Echo(message.range_m)),
+        2 => Some(Range::NoEcho),
+        3 => Some(Range::TooNear),
+        _ => return None,
+    };
+    Some(RecordedPose {
+        tick: message.tick,
+        time_ns: message.time_ns,
+        pose: Pose { x_m: message.x_m, y_m: message.y_m, heading_rad: message.heading_rad },
+        forward_m_s: message.forward_m_s,
+        turn_rad_s: message.turn_rad_s,
+        travelled_m: message.travelled_m,
+        range,
+    })
+}
+
+fn transition(message: message::TransitionMessage) -> Option<Transition> {
+    let transition = match message.transition_index {
+        -1 => None,
+        index => Some(u16::try_from(index).ok()?),
+    };
+    Some(Transition {
+        tick: message.tick,
+        time_ns: message.time_ns,
+        taken: Taken {
+            machine: message.machine_index,
+            from: message.from_index,
+            to: message.to_index,
+            transition,
+        },
+        machine: message.machine,
+        from: message.from_state,
+        to: message.to_state,
+        condition: message.condition,
+    })
+}
+
+fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
+    let message: message::LogMessage = message::decode(data)?;
+    Some(LogLine { time_ns, level: Level::of_number(message.level), text: message.msg })
+}
+
+fn checkpoint(message: &message::CheckpointMessage) -> Option<Checkpoint> {
+    fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
+        message::decode(bytes)
+    }
+    Some(Checkpoint {
+        tick: message.tick,
+        time_ns: message.time_ns,
+        estimator: whole(&message.estimator)?,
+        machines: whole(&message.machines)?,
+    })
+}

@@ -1,0 +1,65 @@
+//! How a run is going, for progress bars and whoever asks.
+
+use super::Start;
+use super::tick::TickRecord;
+use crate::mapping::Pose;
+use crate::robot::Channel;
+
+/// How a run is going, as the recorder saw it last.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Status {
+    /// The last tick.
+    pub tick: u64,
+    /// Its time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Time since the run's start, nanoseconds.
+    pub elapsed_ns: i64,
+    /// Where the robot is.
+    pub pose: Pose,
+    /// Metres driven.
+    pub travelled_m: f64,
+    /// How many points the map has.
+    pub points: u64,
+    /// The state that each machine is in, by the machine's place in the mission: names.
+    pub states: Vec<(String, String)>,
+    /// Battery, volts; `None` where it is not sensed.
+    pub battery_v: Option<f64>,
+    /// Entries that the recorder could not take.
+    pub dropped: u32,
+}
+
+impl Status {
+    pub(super) fn at_start(start: &Start) -> Self {
+        let first = |machine: &super::MachineNames| {
+            let state = machine.states.get(usize::from(machine.start));
+            (machine.name.clone(), state.map_or_else(String::new, |state| state.name.clone()))
+        };
+        Self {
+            tick: 0,
+            time_ns: start.start_ns,
+            elapsed_ns: 0,
+            pose: start.start_pose,
+            travelled_m: 0.0,
+            points: 0,
+            states: start.machines.iter().map(first).collect(),
+            battery_v: None,
+            dropped: 0,
+        }
+    }
+
+    pub(super) fn note(&mut self, record: &TickRecord, start_ns: i64) {
+        self.tick = record.senses.tick;
+        self.time_ns = record.senses.time_ns;
+        self.elapsed_ns = self.time_ns.saturating_sub(start_ns);
+        self.pose = record.estimate.pose;
+        self.travelled_m = record.estimate.travelled_m;
+        self.points += u64::from(record.point.is_some());
+        self.battery_v = record.senses.get(Channel::Battery).map(|battery| battery.value);
+    }
+
+    pub(super) fn enter(&mut self, machine: u16, state: &str) {
+        if let Some(place) = self.states.get_mut(usize::from(machine)) {
+            state.clone_into(&mut place.1);
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! Finding what is whole in a recording's bytes, however they were cut or damaged.
+//!
+//! From the start of a stretch the records are followed to the next sync. Where that leads nowhere, or to a sync whose
+//! checksums do not hold, every place that looks like a sync is tried until one holds for a stretch behind the last good one:
+//! the records between are lost, those behind are not. What follows the last sync that holds is walked record by record and
+//! comes marked as not checked.
+//!
+//! # Not here
+//!
+//! No meaning of messages: that is `run`'s.
+
+use std::ops::Range;
+
+use mcap::records::{MessageHeader, Record, op};
+
+use super::file::{SYNC_BODY, SYNC_MAGIC, SYNC_OPCODE, SyncBody};
+use super::topic::{Topic, table_checksum};
+
+/// The bytes of a record before its body: opcode and length.
+const FRAME_BYTES: usize = 9;
+
+/// Something that a recording holds.
+#[derive(Debug)]
+pub enum Found<'a> {
+    /// A message; `topic` is `None` where the channel is not one of ours.
+    Message {
+        /// The channel.
+        topic: Option<Topic>,
+        /// Times and sequence number.
+        header: MessageHeader,
+        /// The message as encoded.
+        data: &'a [u8],
+    },
+    /// A file as it was read.
+    Attachment {
+        /// Its name.
+        name: String,
+        /// Its type.
+        media_type: String,
+        /// Its bytes.
+        data: &'a [u8],
+    },
+    /// A record of names and values.
+    Metadata(mcap::records::Metadata),
+}
+
+/// Where the bytes that a [`Found`] came from stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Context {
+    /// True where a checksum held.
+    pub checked: bool,
+    /// Wall clock minus run clock as the sync says it.
+    pub wall_offset_ns: Option<i64>,
+}
+
+/// How much of a file was whole.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Integrity {
+    /// The file's length in bytes.
+    pub bytes: u64,
+    /// Bytes in stretches whose checksum held.
+    pub checked_bytes: u64,
+    /// Messages in them.
+    pub checked_messages: u64,
+    /// Messages behind the last sync, whole but not checked.
+    pub unchecked_messages: u64,
+    /// Byte ranges whose checksum did not hold; nothing in them was used.
+    pub damaged: Vec<Range<u64>>,
+    /// Bytes at the end of which nothing could be made: a record that was cut.
+    pub cut_bytes: u64,
+    /// True where the file has MCAP's own end: the recorder finished it.
+    pub complete: bool,
+}
+
+/// Walks through everything that is whole, in the order of the file; what follows the last sync only if `unchecked_too`.
+pub fn walk<'a>(
+    bytes: &'a [u8],
+    unchecked_too: bool,
+    found: &mut dyn FnMut(Context, Found<'a>),
+) -> Integrity {
+    let mut walk = Walk {
+        bytes,
+        channels: Channels::default(),
+        integrity: Integrity { bytes: bytes.len() as u64, ..Integrity::default() },
+        found,
+    };
+    let mut start = 0;
+    while let Some(stretch) = next_stretch(bytes, start) {
+        if stretch.range.start > start {
+            walk.integrity.damaged.push(start as u64..stretch.range.start as u64);
+        }
+        if stretch.holds {
+            walk.checked(&stretch);
+        } else {
+            walk.integrity.damaged.push(stretch.range.start as u64..stretch.range.end as u64);
+        }
+        start = stretch.next;
+    }
+    walk.rest(start, unchecked_too);
+    walk.integrity
+}
+
+/// A stretch that a sync closes.
+struct Closed {
+    range: Range<usize>,
+    sync: SyncBody,
+    /// Whether its bytes are those that the sync was made for.
+    holds: bool,
+    /// Where the next stretch begins.
+    next: usize,
+}
+
+/// The next stretch at `start` or behind it whose checksum holds; else the next that is known to be damaged, so that it is not
+/// taken for one that was never closed.
+fn next_stretch(bytes: &[u8], start: usize) -> Option<Closed> {
+    if let Some(at) = follow(bytes, start)
+        && let Some(closed) = closed(bytes, start, at)
+        && closed.range.start == start
+        && closed.holds
+    {
+        return Some(closed);
+    }
+    let mut damaged = None;
+    let mut at = start;
+    while let Some(ahead) = bytes.get(at..).and_then(|rest| find(rest, &SYNC_START)) {
+        at += ahead;
+        match closed(bytes, start, at) {
+            Some(closed) if closed.holds => return Some(closed),
+            other => damaged = damaged.or(other),
+        }
+        at += 1;
+    }
+    damaged
+}
+
+/// Follows the records from the start of a stretch to the place of its sync.
+fn follow(bytes: &[u8], start: usize) -> Option<usize> {
+    let mut at = if start == 0 { mcap::MAGIC.len() } else { start };
+    loop {
+        let record = frame(bytes, at)?;
+        if record.opcode == SYNC_OPCODE && record.body.starts_with(&SYNC_MAGIC) {
+            return Some(at);
+        }
+        at = record.next;
+    }
+}
+
+/// The stretch that a sync at a place closes, if there is a sync and it can be believed.
+fn closed(bytes: &[u8], from: usize, at: usize) -> Option<Closed> {
+    let record = frame(bytes, at).filter(|record| record.opcode == SYNC_OPCODE)?;
+    let sync = SyncBody::of_bytes(record.body)?;
+    let start = usize::try_from(sync.stretch.start).ok()?;
+    let length = usize::try_from(sync.stretch.length).ok()?;
+    if start < from || start.checked_add(length)? != at {
+        return None;
+    }
+    let range = start..at;
+    let holds = crc32fast::hash(bytes.get(range.clone())?) == sync.stretch.crc;
+    Some(Closed { range, sync, holds, next: record.next })
+}
+
+/// How a sync record begins: opcode, length, magic.
+const SYNC_START: [u8; FRAME_BYTES + SYNC_MAGIC.len()] = {
+    let mut start = [0; FRAME_BYTES + SYNC_MAGIC.len()];
+    start[0] = SYNC_OPCODE;
+    assert!(SYNC_BODY < 256, "the length fits its first byte");
+    start[1] = SYNC_BODY.to_le_bytes()[0];
+    let mut place = 0;
+    while place < SYNC_MAGIC.len() {
+        start[FRAME_BYTES + place] = SYNC_MAGIC[place];
+        place += 1;
+    }
+    start
+};
+
+/// Where `needle` first is in `bytes`.
+fn find(bytes: &[u8], needle: &[u8]) -> Option<usize> {
+    bytes.windows(needle.len()).position(|window| window == needle)
+}
+
+/// A record as framed.
+struct Frame<'a> {
+    opcode: u8,
+    body: &'a [u8],
+    next: usize,
+}
+
+/// The record at a place; `None` where it is not whole.
+fn frame(bytes: &[u8], at: usize) -> Option<Frame<'_>> {
+    let head = bytes.get(at..at.checked_add(FRAME_BYTES)?)?;
+    let (opcode, length) = head.split_first()?;
+    let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
+    let start = at + FRAME_BYTES;
+    let next = start.checked_add(length)?;
+    Some(Frame { opcode: *opcode, body: bytes.get(start..next)?, next })
+}
+
+/// The channels that a file describes.
+#[derive(Default)]
+struct Channels(std::collections::BTreeMap<u16, Topic>);
+
+impl Channels {
+    fn describe(&mut self, channel: &mcap::records::Channel) {
+        match Topic::of_name(&channel.topic) {
+            Some(topic) if channel.message_encoding == "cdr" => self.0.insert(channel.id, topic),
+            _ => self.0.remove(&channel.id),
+        };
+    }
+
+    /// A file of this very table needs no description: it may have been in a damaged stretch.
+    fn assume_ours(&mut self) {
+        self.0 = Topic::ALL.into_iter().map(|topic| (topic as u16, topic)).collect();
+    }
+}
+
+struct Walk<'a, 'f> {
+    bytes: &'a [u8],
+    channels: Channels,
+    integrity: Integrity,
+    found: &'f mut dyn FnMut(Context, Found<'a>),
+}
+
+impl<'a> Walk<'a, '_> {
+    fn checked(&mut self, stretch: &Closed) {
+        if self.channels.0.is_empty() && stretch.sync.table == table_checksum() {
+            self.channels.assume_ours();
+        }
+        let context = Context { checked: true, wall_offset_ns: Some(stretch.sync.wall_offset_ns) };
+        let whole = self.bytes.get(..stretch.range.end).unwrap_or_default();
+        let mut at = if stretch.range.start == 0 { mcap::MAGIC.len() } else { stretch.range.start };
+        while let Some(record) = frame(whole, at) {
+            self.integrity.checked_messages += u64::from(self.record(context, &record));
+            at = record.next;
+        }
+        self.integrity.checked_bytes += stretch.range.len() as u64;
+    }
+
+    /// Everything behind the last sync that holds, up to MCAP's own end.
+    fn rest(&mut self, start: usize, hand_on: bool) {
+        let mut at = if start == 0 { mcap::MAGIC.len() } else { start };
+        let context = Context { checked: false, wall_offset_ns: None };
+        while let Some(record) = frame(self.bytes, at) {
+            if record.opcode == op::DATA_END {
+                self.integrity.complete = is_end(self.bytes);
+                return;
+            }
+            // A sync that did not hold: from here on nothing can be said of the framing, so nothing more is taken.
+            if record.opcode == SYNC_OPCODE {
+                self.integrity.damaged.push(start as u64..self.bytes.len() as u64);
+                return;
+            }
+            if hand_on {
+                self.integrity.unchecked_messages += u64::from(self.record(context, &record));
+            }
+            at = record.next;
+        }
+        self.integrity.cut_bytes = self.bytes.len().saturating_sub(at) as u64;
+    }
+
+    /// Hands on a record; true where it is a message.
+    fn record(&mut self, context: Context, record: &Frame<'a>) -> bool {
+        // The crate's own reader of attachments panics where one is shorter than its checksum.
+        if record.opcode == op::ATTACHMENT {
+            if let Some((name, media_type, data)) = attachment(record.body) {
+                (self.found)(context, Found::Attachment { name, media_type, data });
+            }
+            return false;
+        }
+        if !matches!(record.opcode, op::MESSAGE | op::CHANNEL | op::METADATA) {
+            return false;
+        }
+        match mcap::parse_record(record.opcode, record.body) {
+            Ok(Record::Channel(channel)) => self.channels.describe(&channel),
+            Ok(Record::Metadata(metadata)) => (self.found)(context, Found::Metadata(metadata)),
+            Ok(Record::Message { header, data: std::borrow::Cow::Borrowed(data) }) => {
+                let topic = self.channels.0.get(&header.channel_id).copied();
+                (self.found)(context, Found::Message { topic, header, data });
+                return true;
+            }
+            _ => {}
+        }
+        false
+    }
+}
+
+/// Name, type and bytes of an attachment, if its own checksum holds.
+fn attachment(body: &[u8]) -> Option<(String, String, &[u8])> {
+    let (counted, crc) = body.split_last_chunk::<4>()?;
+    let crc = u32::from_le_bytes(*crc);
+    if crc != 0 && crc32fast::hash(counted) != crc {
+        return None;
+    }
+    let rest = counted.get(16..)?;
+    let (name, rest) = text(rest)?;
+    let (media_type, rest) = text(rest)?;
+    let (length, data) = rest.split_first_chunk::<8>()?;
+    (u64::from_le_bytes(*length) == data.len() as u64).then_some((name, media_type, data))
+}
+
+/// A string with its length before it, and what follows.
+fn text(bytes: &[u8]) -> Option<(String, &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    let (text, rest) = rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)?;
+    Some((String::from_utf8(text.to_vec()).ok()?, rest))
+}
+
+/// True where the bytes close as an MCAP file does.
+fn is_end(bytes: &[u8]) -> bool {
+    bytes.ends_with(mcap::MAGIC)
+}

@@ -1,0 +1,231 @@
+//! The tick's side of the recorder: values into a ring, nothing else.
+//!
+//! The ring is lock-free, its entries have a fixed size, and what does not fit is dropped, counted and named by tick: the tick
+//! never waits for the disk.
+//!
+//! # What we count on
+//!
+//! - One thread puts, one takes.
+//! - Where time is simulated ([`Pace::Virtual`](super::Pace)) the ticks outrun the disk by far, and nothing hurries: then, and
+//!   only then, a full ring is waited for.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::Thread;
+
+use arrayvec::ArrayString;
+use rtrb::{Producer, PushError};
+
+use crate::behavior::{MachineState, Taken};
+use crate::mapping::{Estimate, EstimatorState, MapPoint};
+use crate::robot::Senses;
+
+/// The most machines that a checkpoint has room for.
+pub const MAX_MACHINES: usize = 16;
+
+/// The longest log line, in bytes; what is beyond is cut off at a character.
+pub const MAX_LOG_BYTES: usize = 240;
+
+/// Everything about one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TickRecord {
+    /// What was read; its number and time are the tick's.
+    pub senses: Senses,
+    /// What the estimator made of it.
+    pub estimate: Estimate,
+    /// The point that came into the map, if one did.
+    pub point: Option<MapPoint>,
+    /// True where the range reading is a new one and not the last one seen again.
+    pub range_is_new: bool,
+    /// How punctual the tick was.
+    pub timing: Timing,
+}
+
+/// How punctual a tick was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Timing {
+    /// How long after its deadline it began, nanoseconds.
+    pub lateness_ns: i64,
+    /// How long it took, nanoseconds.
+    pub duration_ns: i64,
+}
+
+/// How much a log line matters; the numbers of `rcl_interfaces/Log`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Level {
+    /// For whoever works on the program.
+    Debug = 10,
+    /// What happens.
+    Info = 20,
+    /// The run goes on, but look at it.
+    Warn = 30,
+    /// Something failed.
+    Error = 40,
+    /// The run ends of it.
+    Fatal = 50,
+}
+
+impl Level {
+    /// The level of a number; what is between two is the lower.
+    #[must_use]
+    pub fn of_number(number: u8) -> Self {
+        match number {
+            0..20 => Self::Debug,
+            20..30 => Self::Info,
+            30..40 => Self::Warn,
+            40..50 => Self::Error,
+            50.. => Self::Fatal,
+        }
+    }
+}
+
+/// What goes through the ring.
+#[derive(Debug, Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "entries have a fixed size so that the ring never allocates")]
+pub(super) enum Entry {
+    Tick(TickRecord),
+    Transition { tick: u64, time_ns: i64, taken: Taken },
+    Checkpoint(CheckpointEntry),
+    Log { time_ns: i64, level: Level, text: LogText },
+    Gap(Dropped),
+}
+
+pub(super) type LogText = ArrayString<MAX_LOG_BYTES>;
+
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CheckpointEntry {
+    pub(super) tick: u64,
+    pub(super) time_ns: i64,
+    pub(super) estimator: EstimatorState,
+    pub(super) machines: [MachineState; MAX_MACHINES],
+    pub(super) machine_count: usize,
+}
+
+/// What did not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Dropped {
+    pub(super) first_tick: u64,
+    pub(super) last_tick: u64,
+    pub(super) entries: u32,
+}
+
+/// What both sides see.
+#[derive(Debug, Default)]
+pub(super) struct Flags {
+    pub(super) failed: AtomicBool,
+    pub(super) closing: AtomicBool,
+}
+
+/// The tick thread's handle to the recorder. No call allocates, locks or makes a system call, unless time is simulated.
+#[derive(Debug)]
+pub struct TickSide {
+    ring: Producer<Entry>,
+    flags: Arc<Flags>,
+    /// The recorder, to be woken when the ring is full; only where time is simulated.
+    recorder: Option<Thread>,
+    tick: u64,
+    pending: Option<Dropped>,
+    dropped: u32,
+}
+
+impl TickSide {
+    pub(super) fn new(ring: Producer<Entry>, flags: Arc<Flags>, recorder: Option<Thread>) -> Self {
+        Self { ring, flags, recorder, tick: 0, pending: None, dropped: 0 }
+    }
+
+    /// Records a tick.
+    pub fn tick(&mut self, record: &TickRecord) {
+        self.tick = record.senses.tick;
+        self.put(Entry::Tick(*record));
+    }
+
+    /// Records a transition that a machine took.
+    pub fn transition(&mut self, tick: u64, time_ns: i64, taken: Taken) {
+        self.tick = tick;
+        self.put(Entry::Transition { tick, time_ns, taken });
+    }
+
+    /// Records what estimator and machines carry from a tick to the next. Of more than [`MAX_MACHINES`] machines none is
+    /// recorded: half of them would be of no use.
+    pub fn checkpoint(
+        &mut self,
+        tick: u64,
+        time_ns: i64,
+        estimator: &EstimatorState,
+        machines: &[MachineState],
+    ) {
+        let mut all = [MachineState::default(); MAX_MACHINES];
+        let Some(room) = all.get_mut(..machines.len()) else { return };
+        room.copy_from_slice(machines);
+        self.tick = tick;
+        self.put(Entry::Checkpoint(CheckpointEntry {
+            tick,
+            time_ns,
+            estimator: *estimator,
+            machines: all,
+            machine_count: machines.len(),
+        }));
+    }
+
+    /// Records a log line.
+    pub fn log(&mut self, time_ns: i64, level: Level, text: &str) {
+        let mut end = text.len().min(MAX_LOG_BYTES);
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let mut line = LogText::new();
+        line.push_str(&text[..end]);
+        self.put(Entry::Log { time_ns, level, text: line });
+    }
+
+    /// True once the recorder can write no more; what to do about it is the run's to decide.
+    #[must_use]
+    pub fn failed(&self) -> bool {
+        self.flags.failed.load(Ordering::Relaxed)
+    }
+
+    /// How many entries were dropped so far because the ring was full.
+    #[must_use]
+    pub fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    /// What was dropped since the last entry that fitted: its gap could not be put any more.
+    pub(super) fn pending(&self) -> Option<Dropped> {
+        self.pending
+    }
+
+    fn put(&mut self, entry: Entry) {
+        if let Some(dropped) = self.pending
+            && self.push(Entry::Gap(dropped))
+        {
+            self.pending = None;
+        }
+        if self.pending.is_some() || !self.push(entry) {
+            self.drop_one();
+        }
+    }
+
+    fn push(&mut self, entry: Entry) -> bool {
+        let mut entry = entry;
+        loop {
+            match self.ring.push(entry) {
+                Ok(()) => return true,
+                Err(PushError::Full(back)) => entry = back,
+            }
+            match &self.recorder {
+                Some(recorder) if !self.ring.is_abandoned() => recorder.unpark(),
+                _ => return false,
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    fn drop_one(&mut self) {
+        self.dropped = self.dropped.saturating_add(1);
+        let before = self.pending.unwrap_or(Dropped { first_tick: self.tick, last_tick: 0, entries: 0 });
+        let entries = before.entries.saturating_add(1);
+        self.pending = Some(Dropped { last_tick: self.tick, entries, ..before });
+    }
+}
