@@ -17,3 +17,4 @@ mod recording;
 mod report;
 mod sim_drivers;
 mod sim_world;
+mod transcript;
