@@ -1,5 +1,18 @@
-//! The simulated brick.
+//! The simulated brick: ev3dev's drivers over simulated motors and sensors.
+//!
+//! A [`Simulation`] owns a world ([`Physics`]) and, for each robot in it, the state of its drivers. A [`SimBrick`] is the door into one
+//! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 
+mod brick;
+mod door;
+mod driver;
 mod physics;
+mod simulation;
 
+pub use door::SimBrick;
+pub use driver::board::Pack;
+pub use driver::input::Button;
+pub use driver::sensor::GyroMake;
+pub use driver::{Entry, EntryKind};
 pub use physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
+pub use simulation::{Options, Plugged, Port, Simulation, Written};

@@ -3,6 +3,7 @@
 //! The drivers (`sim::driver`) know files, commands and regulators; the world (`sim::world`) knows walls, bodies and motors. This
 //! trait is all that they share, so that a driver test can put a motor model of its own under the drivers.
 
+use std::any::Any;
 use std::fmt::Debug;
 
 /// What a motor's bridge does.
@@ -57,7 +58,7 @@ pub struct Plug {
 }
 
 /// Motors, bodies and what sensors see, for every robot in one world.
-pub trait Physics: Debug + Send {
+pub trait Physics: Any + Debug + Send {
     /// How many robots there are.
     fn robots(&self) -> usize;
 
@@ -70,6 +71,13 @@ pub trait Physics: Debug + Send {
     /// The co-processor's count of quadrature edges on an output port: 720 a turn of a rotary motor, positive is the motor's own
     /// positive direction.
     fn edges(&self, robot: usize, out: usize) -> i64;
+
+    /// Where the motor is between two edges: [`Physics::edges`] is this, rounded down. The drivers take the time of each edge
+    /// from it; without it, edges are spread evenly over a step, and slow speeds read a few percent off.
+    #[expect(clippy::cast_precision_loss, reason = "counts stay far below 2^53")]
+    fn edge_position(&self, robot: usize, out: usize) -> f64 {
+        self.edges(robot, out) as f64
+    }
 
     /// What the sensor on an input port measures now in a mode, as the integers of its data frame (`value0`, `value1`, …).
     ///

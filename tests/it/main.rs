@@ -19,3 +19,4 @@ mod report;
 mod sim_drivers;
 mod sim_world;
 mod support;
+mod transcript;

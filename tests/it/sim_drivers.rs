@@ -1,1 +1,841 @@
-//! Tests of sim_drivers.
+//! The simulated drivers against what the real ones answered, and against the reference's tables.
+
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+use nix::errno::Errno;
+use onbrick::clock::{Clock, MILLISECOND_NS, VirtualClock};
+use onbrick::ev3dev::{Access, AttributeFile, Tree};
+use onbrick::sim::{
+    Bridge, Button, Entry, EntryKind, GyroMake, MotorKind, Options, Physics, Plug, Plugged, Port, STEP_NS,
+    SensorKind, SimBrick, Simulation, Written,
+};
+use proptest::prelude::*;
+
+use crate::transcript::{self, Control, Tolerances};
+
+/// The transcript's motors: a first-order lag to the speed of the duty cycle, with friction.
+///
+/// Fitted to the transcript: 30 % runs at 290 counts/s and 60 % at 605, so 10.5 counts/s a percent less 25 for friction; 118 counts
+/// in the first 200 ms at full duty make a lag of 0.1 s; from 400 counts/s it coasts 81 counts and brakes in 17.
+#[derive(Debug, Default, Clone, Copy)]
+struct LagMotor {
+    edges: f64,
+    /// Counts a second.
+    speed: f64,
+}
+
+const SPEED_PER_PERCENT: f64 = 10.5;
+const FRICTION: f64 = 250.0;
+const LAG_S: f64 = 0.1;
+const BRAKE_S: f64 = 0.05;
+const COAST_S: f64 = 0.31;
+const EDGES_PER_COUNT: f64 = 2.0;
+
+impl LagMotor {
+    fn step(&mut self, bridge: Bridge) {
+        let step_s = STEP_NS as f64 / 1e9;
+        let (target, lag_s) = match bridge {
+            Bridge::Coast => (0.0, COAST_S),
+            Bridge::Brake | Bridge::Duty(0) => (0.0, BRAKE_S),
+            Bridge::Duty(duty) => (SPEED_PER_PERCENT * f64::from(duty), LAG_S),
+        };
+        let driven = self.speed + (target - self.speed) * (1.0 - libm::exp(-step_s / lag_s));
+        let before = self.speed;
+        // Friction slows down and never turns round.
+        self.speed = if driven.abs() <= FRICTION * step_s {
+            0.0
+        } else {
+            driven - FRICTION * step_s * driven.signum()
+        };
+        self.edges += (before + self.speed) / 2.0 * step_s * EDGES_PER_COUNT;
+    }
+}
+
+/// Four such motors and sensors that always measure the same.
+#[derive(Debug)]
+struct Bench {
+    motors: [LagMotor; 4],
+    plug: Plug,
+    blocked: [bool; 4],
+    readings: [[i32; 8]; 4],
+    measured: [usize; 4],
+}
+
+impl Bench {
+    /// What was plugged in when the transcript was taken.
+    fn as_recorded() -> Self {
+        let plug = Plug {
+            motors: [Some(MotorKind::Medium), Some(MotorKind::Large), None, Some(MotorKind::Large)],
+            sensors: [SensorKind::Ultrasonic, SensorKind::Touch, SensorKind::Colour, SensorKind::Gyro]
+                .map(Some),
+        };
+        Self::with(plug)
+    }
+
+    fn with(plug: Plug) -> Self {
+        Self {
+            motors: [LagMotor::default(); 4],
+            plug,
+            blocked: [false; 4],
+            readings: [[0; 8]; 4],
+            measured: [0; 4],
+        }
+    }
+}
+
+impl Physics for Bench {
+    fn robots(&self) -> usize {
+        1
+    }
+
+    fn plug(&self, _robot: usize) -> Plug {
+        self.plug
+    }
+
+    fn step(&mut self, bridges: &[[Bridge; 4]]) {
+        for ((motor, bridge), blocked) in self.motors.iter_mut().zip(bridges[0]).zip(self.blocked) {
+            if blocked {
+                motor.speed = 0.0;
+            } else {
+                motor.step(bridge);
+            }
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
+    fn edges(&self, _robot: usize, out: usize) -> i64 {
+        libm::floor(self.motors[out].edges) as i64
+    }
+
+    fn edge_position(&self, _robot: usize, out: usize) -> f64 {
+        self.motors[out].edges
+    }
+
+    fn measure(&mut self, _robot: usize, input: usize, _mode: &str) -> [i32; 8] {
+        self.measured[input] += 1;
+        self.readings[input]
+    }
+
+    fn battery(&self, _robot: usize) -> (f64, f64) {
+        (7.4, 0.18)
+    }
+}
+
+/// The transcript's control over the simulation in this process.
+struct InProcess {
+    simulation: Simulation,
+    brick: Arc<SimBrick>,
+    clock: Arc<VirtualClock>,
+}
+
+impl InProcess {
+    fn pass_ms(&self, ms: i64) {
+        self.clock.sleep_until_ns(self.clock.now_ns() + ms * MILLISECOND_NS);
+        self.simulation.catch_up();
+    }
+}
+
+impl Control for InProcess {
+    fn unplug(&self, port: Port) {
+        self.simulation.unplug(0, port).unwrap();
+        self.pass_ms(102);
+    }
+
+    fn plug(&self, port: Port) {
+        self.simulation.plug(0, port, Plugged::Motor(MotorKind::Large)).unwrap();
+        self.pass_ms(400);
+    }
+
+    fn raw(&self, port: Port, frame: &[u8]) {
+        self.simulation.feed(0, port, Some(frame)).unwrap();
+    }
+
+    fn settle(&self) {
+        self.pass_ms(400);
+    }
+
+    fn entries(&self, folder: &str) -> Vec<Entry> {
+        self.brick.entries(folder).unwrap()
+    }
+}
+
+fn bench(physics: Bench) -> InProcess {
+    let clock = Arc::new(VirtualClock::default());
+    let simulation = Simulation::new(clock.clone(), Box::new(physics), 1);
+    let brick = simulation.brick(0);
+    InProcess { simulation, brick, clock }
+}
+
+#[test]
+fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer() {
+    let bench = bench(Bench::as_recorded());
+    let tolerances = Tolerances { speed: 8, position: 10, duty: 8, moment_ms: 100 };
+    let outcome = transcript::play(bench.brick.as_ref(), bench.clock.as_ref(), &bench, tolerances);
+    println!(
+        "kernel transcript: {} operations with the same bytes, {} within {tolerances:?}, {} excepted, {} actions, {} entries of folders; \
+         largest differences {:?}",
+        outcome.exact, outcome.near, outcome.excepted, outcome.actions, outcome.entries, outcome.largest
+    );
+    assert!(outcome.differences.is_empty(), "{}", outcome.differences.join("\n"));
+    let (operations, entries) = transcript::size();
+    assert_eq!((outcome.exact, outcome.near, outcome.excepted, outcome.actions), (550, 231, 8, 12));
+    assert_eq!(550 + 231 + 8 + 12, operations, "nothing in the transcript was skipped");
+    assert_eq!((outcome.entries, entries), (126, 126));
+}
+
+/// A bench whose files are named by port: `outB speed_sp`, `in1 mode`, `port:outB mode`, or by their whole path.
+struct Rig {
+    bench: InProcess,
+}
+
+type Refused = Result<String, Errno>;
+
+impl Rig {
+    fn new(physics: Bench) -> Self {
+        Self { bench: bench(physics) }
+    }
+
+    fn recorded() -> Self {
+        Self::new(Bench::as_recorded())
+    }
+
+    fn folder(&self, device: &str) -> Option<String> {
+        let (class, port) = match device.split_once(':') {
+            Some(("port", port)) => ("lego-port", port),
+            Some(("dc", port)) => ("dc-motor", port),
+            _ if device.starts_with("out") => ("tacho-motor", device),
+            _ => ("lego-sensor", device),
+        };
+        let class = format!("sys/class/{class}");
+        let folders =
+            self.bench.brick.list(&class).unwrap().into_iter().map(|name| format!("{class}/{name}"));
+        folders
+            .into_iter()
+            .find(|folder| self.read_path(&format!("{folder}/address")) == Ok(format!("ev3-ports:{port}\n")))
+    }
+
+    fn read_path(&self, path: &str) -> Refused {
+        let mut buffer = [0; 4096];
+        let length = self.bench.brick.open(path, Access::Read)?.read(&mut buffer)?;
+        Ok(String::from_utf8_lossy(&buffer[..length]).into_owned())
+    }
+
+    fn write_path(&self, path: &str, value: &[u8]) -> Result<usize, Errno> {
+        self.bench.brick.open(path, Access::Write)?.write(value)
+    }
+
+    fn keep(&self, device: &str, attribute: &str, access: Access) -> Box<dyn AttributeFile> {
+        let folder = self.folder(device).unwrap();
+        self.bench.brick.open(&format!("{folder}/{attribute}"), access).unwrap()
+    }
+
+    fn try_read(&self, device: &str, attribute: &str) -> Refused {
+        self.read_path(&format!("{}/{attribute}", self.folder(device).ok_or(Errno::ENOENT)?))
+    }
+
+    fn try_write(&self, device: &str, attribute: &str, value: impl AsRef<[u8]>) -> Result<usize, Errno> {
+        let folder = self.folder(device).ok_or(Errno::ENOENT)?;
+        self.write_path(&format!("{folder}/{attribute}"), value.as_ref())
+    }
+
+    fn read(&self, device: &str, attribute: &str) -> String {
+        self.try_read(device, attribute).unwrap().trim_end().to_owned()
+    }
+
+    fn number(&self, device: &str, attribute: &str) -> i64 {
+        self.read(device, attribute).parse().unwrap()
+    }
+
+    fn write(&self, device: &str, attribute: &str, value: &str) {
+        let taken = self.try_write(device, attribute, value);
+        assert_eq!(taken, Ok(value.len()), "{device} {attribute} {value}");
+    }
+
+    /// `attribute=value` pairs for the large motor on outB, in order; a word alone is a command.
+    fn drive(&self, script: &str) {
+        for step in script.split_whitespace() {
+            let (attribute, value) = step.split_once('=').unwrap_or(("command", step));
+            self.write("outB", attribute, value);
+        }
+    }
+
+    fn pass_ms(&self, ms: i64) {
+        self.bench.pass_ms(ms);
+    }
+
+    fn world<R>(&self, change: impl FnOnce(&mut Bench) -> R) -> R {
+        self.bench.simulation.inspect(change).unwrap()
+    }
+}
+
+/// The reference's table of errors: device, attribute, what is written (none for a read), answer.
+#[test]
+fn the_error_matrix_is_as_in_the_reference() {
+    let rig = Rig::recorded();
+    rig.drive("speed_sp=700");
+    let long = [b'0'; 33];
+    #[rustfmt::skip]
+    let table: &[(&str, &str, Option<&[u8]>, Errno)] = &[
+        ("outB", "command", Some(b"fly"), Errno::EINVAL),
+        ("outB", "speed_sp", Some(b"1051"), Errno::EINVAL),
+        ("outB", "speed_sp", Some(b"12 "), Errno::EINVAL),
+        ("outB", "speed_sp", Some(b"1.5"), Errno::EINVAL),
+        ("outB", "speed_sp", Some(b"0x10"), Errno::EINVAL),
+        ("outB", "speed_sp", Some(b"\n"), Errno::EINVAL),
+        ("outB", "speed_sp", Some(b"99999999999"), Errno::ERANGE),
+        ("outB", "duty_cycle_sp", Some(b"101"), Errno::EINVAL),
+        ("outB", "time_sp", Some(b"-1"), Errno::EINVAL),
+        ("outB", "ramp_up_sp", Some(b"60001"), Errno::EINVAL),
+        ("outB", "polarity", Some(b"inverted"), Errno::EINVAL),
+        ("outB", "stop_action", Some(b"stop"), Errno::EINVAL),
+        ("outB", "hold_pid/Kp", Some(b"-1"), Errno::EINVAL),
+        ("outB", "command", None, Errno::EACCES),
+        ("outB", "state", Some(b"running"), Errno::EACCES),
+        ("outB", "nothing", None, Errno::ENOENT),
+        ("in1", "poll_ms", None, Errno::EOPNOTSUPP),
+        ("in2", "poll_ms", None, Errno::EOPNOTSUPP),
+        ("in1", "text_value", None, Errno::EOPNOTSUPP),
+        ("in1", "value1", None, Errno::ENXIO),
+        ("in1", "mode", Some(b"NOPE"), Errno::EINVAL),
+        ("in1", "direct", Some(&long), Errno::EINVAL),
+        ("in1", "direct", None, Errno::EOPNOTSUPP),
+        ("in2", "direct", Some(b"x"), Errno::EOPNOTSUPP),
+        ("port:in1", "set_device", Some(b"lego-nxt-us"), Errno::EOPNOTSUPP),
+        ("port:outB", "set_device", Some(b"lego-ev3-m-motor"), Errno::EOPNOTSUPP),
+        ("port:in1", "mode", Some(b"tacho-motor"), Errno::EINVAL),
+        ("port:outB", "status", Some(b"x"), Errno::EACCES),
+        ("out9", "position", None, Errno::ENOENT),
+    ];
+    for (device, attribute, value, expected) in table {
+        let found = match value {
+            None => rig.try_read(device, attribute).map(|text| text.len()),
+            Some(value) => rig.try_write(device, attribute, value),
+        };
+        assert_eq!(found, Err(*expected), "{device} {attribute} {:?}", value.map(String::from_utf8_lossy));
+    }
+    assert_eq!(rig.number("outB", "speed_sp"), 700, "a refused value leaves the old one");
+    assert_eq!(rig.try_write("outB", "speed_sp", ""), Ok(0), "an empty write does not reach the driver");
+    rig.drive("run-forever position=5");
+    assert_eq!(rig.read_path("sys/class/nothing/x/y"), Err(Errno::ENOENT));
+    assert_eq!(rig.bench.brick.list("sys/class/nothing"), Err(Errno::ENOENT));
+}
+
+#[test]
+fn a_mode_write_waits_for_the_first_frame_on_a_serial_line_only() {
+    let rig = Rig::recorded();
+    let passed_ms = |device: &str, mode: &str| {
+        let before_ns = rig.bench.clock.now_ns();
+        rig.write(device, "mode", mode);
+        assert_eq!(rig.read(device, "mode"), mode);
+        (rig.bench.clock.now_ns() - before_ns) / MILLISECOND_NS
+    };
+    for mode in ["COL-COLOR", "COL-COLOR", "COL-REFLECT"] {
+        let waited_ms = passed_ms("in3", mode);
+        assert!((10..=54).contains(&waited_ms), "{mode}: the writer waited {waited_ms} ms");
+    }
+    assert_eq!(passed_ms("in2", "TOUCH"), 0);
+}
+
+/// A clock that stands still, also for sleepers, until it is moved.
+#[derive(Debug, Default)]
+struct HandClock {
+    now_ns: Mutex<i64>,
+    moved: Condvar,
+}
+
+impl Clock for HandClock {
+    fn now_ns(&self) -> i64 {
+        *self.now_ns.lock().unwrap()
+    }
+
+    fn sleep_until_ns(&self, deadline_ns: i64) {
+        let now_ns = self.now_ns.lock().unwrap();
+        drop(self.moved.wait_while(now_ns, |now_ns| *now_ns < deadline_ns).unwrap());
+    }
+}
+
+#[test]
+fn a_second_mode_write_is_busy_while_the_first_one_waits() {
+    let clock = Arc::new(HandClock::default());
+    let simulation = Simulation::new(clock.clone(), Box::new(Bench::as_recorded()), 1);
+    simulation.record_writes(true);
+    let path = "sys/class/lego-sensor/sensor2/mode";
+    let first = simulation.brick(0).open(path, Access::Write).unwrap();
+    let second = simulation.brick(0).open(path, Access::ReadWrite).unwrap();
+    std::thread::scope(|scope| {
+        let writer = scope.spawn(move || first.write(b"RGB-RAW"));
+        while simulation.take_writes().is_empty() {
+            std::thread::yield_now();
+        }
+        assert_eq!(second.write(b"COL-COLOR"), Err(Errno::EBUSY));
+        let mut buffer = [0; 16];
+        assert_eq!((second.read(&mut buffer), &buffer[..12]), (Ok(12), b"COL-REFLECT\n".as_slice()));
+        *clock.now_ns.lock().unwrap() = 60 * MILLISECOND_NS;
+        clock.moved.notify_all();
+        assert_eq!(writer.join().unwrap(), Ok(7));
+        assert_eq!((second.read(&mut buffer), &buffer[..8]), (Ok(8), b"RGB-RAW\n".as_slice()));
+    });
+}
+
+/// Scenarios 12, 13 and 17 to 20 of the reference; the others are in the transcript.
+#[test]
+fn standing_still_while_running_is_a_stall_after_100_ms() {
+    let rig = Rig::recorded();
+    rig.pass_ms(10);
+    rig.drive("speed_sp=0 run-forever");
+    rig.pass_ms(90);
+    assert_eq!(rig.read("outB", "state"), "running");
+    rig.pass_ms(20);
+    assert_eq!(rig.read("outB", "state"), "running stalled");
+    assert_eq!(rig.read("outB", "duty_cycle"), "0");
+}
+
+#[test]
+fn a_blocked_rotor_overloads_and_some_300_ms_later_stalls() {
+    let rig = Rig::recorded();
+    rig.drive("speed_sp=500 run-forever");
+    rig.pass_ms(1000);
+    assert_eq!(rig.read("outB", "state"), "running");
+    rig.world(|bench| bench.blocked[1] = true);
+    let mut overloaded_ms = None;
+    let mut stalled_ms = None;
+    for ms in 0..600 {
+        rig.pass_ms(1);
+        let state = rig.read("outB", "state");
+        overloaded_ms = overloaded_ms.or(state.contains("overloaded").then_some(ms));
+        stalled_ms = stalled_ms.or(state.contains("stalled").then_some(ms));
+    }
+    let (overloaded_ms, stalled_ms) = (overloaded_ms.unwrap(), stalled_ms.unwrap());
+    assert!((20..=250).contains(&overloaded_ms), "overloaded after {overloaded_ms} ms");
+    assert!((250..=400).contains(&stalled_ms), "stalled after {stalled_ms} ms");
+    assert_eq!(rig.read("outB", "state"), "running overloaded stalled");
+    assert_eq!(rig.read("outB", "duty_cycle"), "100");
+}
+
+#[test]
+fn a_replugged_motor_has_a_new_number_and_default_set_points_and_old_files_are_dead() {
+    let rig = Rig::recorded();
+    let kept = rig.keep("outB", "position", Access::ReadWrite);
+    let mut buffer = [0; 16];
+    rig.drive("speed_sp=300 stop_action=hold run-forever");
+    rig.pass_ms(300);
+    assert_eq!(rig.folder("outB").unwrap(), "sys/class/tacho-motor/motor1");
+    rig.bench.simulation.unplug(0, Port::OutB).unwrap();
+    rig.pass_ms(90);
+    assert!(kept.read(&mut buffer).is_ok(), "a pulled plug is believed after 100 ms");
+    rig.pass_ms(14);
+    assert_eq!(rig.read("port:outB", "status"), "no-motor");
+    assert_eq!(kept.read(&mut buffer), Err(Errno::ENODEV));
+    assert_eq!(kept.write(b"0"), Err(Errno::ENODEV));
+    assert_eq!(kept.wait_changed(Duration::from_secs(1)), Ok(true), "POLLERR at once");
+    assert_eq!(rig.read_path("sys/class/tacho-motor/motor1/position"), Err(Errno::ENOENT));
+    let coasting = rig.world(|bench| bench.motors[1].speed);
+    rig.pass_ms(50);
+    assert!(rig.world(|bench| bench.motors[1].speed) < coasting, "the pins float");
+    rig.bench.simulation.plug(0, Port::OutB, Plugged::Motor(MotorKind::Medium)).unwrap();
+    rig.pass_ms(380);
+    assert_eq!(rig.folder("outB"), None, "detection takes 0.39 s");
+    rig.pass_ms(20);
+    assert_eq!(rig.folder("outB").unwrap(), "sys/class/tacho-motor/motor3");
+    assert_eq!(rig.read("outB", "driver_name"), "lego-ev3-m-motor");
+    assert_eq!((rig.number("outB", "speed_sp"), rig.read("outB", "stop_action")), (0, "coast".to_owned()));
+    assert!(rig.number("outB", "position") > 50, "the co-processor went on counting for the port");
+    assert_eq!(kept.read(&mut buffer), Err(Errno::ENODEV), "the old file stays dead");
+}
+
+#[test]
+fn the_same_port_mode_again_registers_the_device_anew() {
+    let rig = Rig::recorded();
+    rig.write("port:in4", "mode", "auto");
+    rig.pass_ms(2);
+    assert_eq!(rig.folder("in4"), None);
+    rig.pass_ms(2000);
+    assert_eq!(rig.folder("in4").unwrap(), "sys/class/lego-sensor/sensor4");
+    assert_eq!(rig.read("port:in4", "status"), "ev3-uart");
+}
+
+#[test]
+fn a_motor_port_in_another_mode_makes_what_the_mode_says() {
+    let rig = Rig::recorded();
+    rig.write("port:outC", "mode", "tacho-motor");
+    rig.pass_ms(2);
+    assert_eq!(rig.read("outC", "driver_name"), "lego-ev3-l-motor");
+    rig.write("port:outC", "set_device", "act-l12-ev3-50");
+    rig.pass_ms(2);
+    assert_eq!(rig.folder("outC").unwrap(), "sys/class/tacho-motor/linear4");
+    assert_eq!(rig.number("outC", "full_travel_count"), 100);
+    assert_eq!(rig.number("outC", "max_speed"), 24);
+    assert_eq!(rig.try_read("outC", "count_per_rot"), Err(Errno::ENOENT));
+    assert_eq!(rig.read("port:outC", "status"), "tacho-motor");
+    rig.write("port:outC", "mode", "led");
+    rig.pass_ms(2);
+    assert_eq!(
+        rig.read_path("sys/class/leds/ev3-ports:outC::brick-status/max_brightness"),
+        Ok("100\n".to_owned())
+    );
+    rig.write("port:outC", "mode", "raw");
+    rig.pass_ms(2);
+    assert_eq!(rig.bench.brick.list("sys/class/leds").unwrap().len(), 4);
+}
+
+#[test]
+fn a_gyro_zeroes_by_mode_change_or_by_command_as_its_make_has_it() {
+    for (make, after_modes, after_command) in [(GyroMake::Old, 0, 0), (GyroMake::New, 90, 0)] {
+        let clock = Arc::new(VirtualClock::default());
+        let options = Options { gyro: make, ..Options::default() };
+        let mut physics = Bench::as_recorded();
+        physics.readings[3][0] = 90;
+        let simulation = Simulation::with_options(clock.clone(), Box::new(physics), 1, options);
+        let brick = simulation.brick(0);
+        let rig = Rig { bench: InProcess { simulation, brick, clock } };
+        rig.pass_ms(10);
+        assert_eq!(rig.number("in4", "value0"), 90);
+        rig.write("in4", "mode", "GYRO-RATE");
+        rig.write("in4", "mode", "GYRO-ANG");
+        rig.pass_ms(10);
+        assert_eq!(rig.number("in4", "value0"), after_modes, "{make:?} after two changes of mode");
+        assert_eq!(rig.try_write("in4", "direct", [0x11]), Ok(1));
+        rig.pass_ms(40);
+        assert_eq!(rig.number("in4", "value0"), after_command, "{make:?} after 0x11");
+    }
+}
+
+#[test]
+fn an_ultrasonic_sensor_has_ten_new_values_a_second_and_keeps_old_ones_after_a_mode_change() {
+    let rig = Rig::recorded();
+    rig.world(|bench| bench.readings[0][0] = 2550);
+    rig.pass_ms(1000);
+    assert_eq!(rig.world(|bench| bench.measured[0]), 11, "one at once, then each 100 ms");
+    assert_eq!((rig.number("in1", "value0"), rig.number("in1", "decimals")), (2550, 1));
+    rig.world(|bench| bench.readings[0][0] = 1003);
+    rig.write("in1", "mode", "US-DIST-IN");
+    assert_eq!(rig.number("in1", "value0"), 2550, "left over from the mode before");
+    rig.pass_ms(220);
+    assert_eq!(rig.number("in1", "value0"), 1003);
+    rig.write("in1", "mode", "US-SI-CM");
+    rig.pass_ms(1200);
+    let measured = rig.world(|bench| bench.measured[0]);
+    rig.pass_ms(1000);
+    assert_eq!(rig.world(|bench| bench.measured[0]), measured, "a single shot is one measurement");
+}
+
+#[test]
+fn several_values_of_an_infrared_sensor_are_one_frame() {
+    let mut physics = Bench::as_recorded();
+    physics.plug.sensors = [Some(SensorKind::Infrared), None, None, None];
+    physics.readings[0] = [-25, 40, 0, -128, 3, 4, 5, 6];
+    let rig = Rig::new(physics);
+    rig.write("in1", "mode", "IR-SEEK");
+    rig.pass_ms(200);
+    let values: Vec<i64> = (0..8).map(|index| rig.number("in1", &format!("value{index}"))).collect();
+    assert_eq!(values, [-25, 40, 0, -128, 3, 4, 5, 6]);
+    let mut frame = [0xAA; 64];
+    assert_eq!(rig.keep("in1", "bin_data", Access::Read).read(&mut frame), Ok(32));
+    assert_eq!(frame[..8].iter().map(|byte| i64::from(byte.cast_signed())).collect::<Vec<_>>(), values);
+    assert_eq!(rig.read("in1", "bin_data_format"), "s8");
+}
+
+#[test]
+fn a_touch_wakes_those_who_poll_it() {
+    let rig = Rig::recorded();
+    rig.pass_ms(20);
+    let file = rig.keep("in2", "value0", Access::Read);
+    assert_eq!(file.wait_changed(Duration::ZERO), Ok(true), "never read");
+    let mut buffer = [0; 8];
+    assert_eq!(file.read(&mut buffer), Ok(2));
+    assert_eq!(file.wait_changed(Duration::from_millis(50)), Ok(false));
+    rig.world(|bench| bench.readings[1][0] = 1);
+    assert_eq!(file.wait_changed(Duration::from_millis(50)), Ok(true));
+    assert_eq!((file.read(&mut buffer), &buffer[..2]), (Ok(2), b"1\n".as_slice()));
+    let other = rig.keep("outB", "position", Access::Read);
+    other.read(&mut buffer).unwrap();
+    assert_eq!(other.wait_changed(Duration::from_millis(50)), Ok(false), "positions wake nobody");
+}
+
+#[test]
+fn a_dc_motor_latches_duty_and_polarity_and_ramps_by_signed_difference() {
+    let rig = Rig::recorded();
+    rig.write("port:outB", "mode", "dc-motor");
+    rig.pass_ms(2);
+    assert_eq!(rig.read("dc:outB", "driver_name"), "rcx-motor");
+    assert_eq!(rig.folder("dc:outB").unwrap(), "sys/class/dc-motor/motor0");
+    assert_eq!(rig.read("dc:outB", "commands"), "run-forever run-timed run-direct stop");
+    assert_eq!(rig.read("dc:outB", "stop_actions"), "coast brake");
+    assert_eq!(rig.try_read("dc:outB", "stop_action"), Err(Errno::EACCES));
+    assert_eq!(rig.try_write("dc:outB", "command", "reset"), Err(Errno::EINVAL));
+    assert_eq!(rig.try_write("dc:outB", "time_sp", "60001"), Err(Errno::EINVAL));
+    assert_eq!(rig.try_write("dc:outB", "ramp_up_sp", " 500abc"), Ok(7), "scanned, not parsed");
+    assert_eq!(rig.try_write("dc:outB", "ramp_up_sp", "10001"), Err(Errno::EINVAL));
+    rig.write("dc:outB", "duty_cycle_sp", "60");
+    rig.write("dc:outB", "command", "run-forever");
+    rig.pass_ms(150);
+    let duty = rig.number("dc:outB", "duty_cycle");
+    assert!((15..=30).contains(&duty), "{duty} % after 150 of 300 ms, in steps of 100 ms");
+    assert_eq!(rig.read("dc:outB", "state"), "running ramping");
+    rig.pass_ms(500);
+    assert_eq!(
+        (rig.number("dc:outB", "duty_cycle"), rig.read("dc:outB", "state")),
+        (60, "running".to_owned())
+    );
+    rig.write("dc:outB", "duty_cycle_sp", "80");
+    rig.write("dc:outB", "polarity", "inversed");
+    rig.pass_ms(200);
+    assert_eq!(rig.number("dc:outB", "duty_cycle"), 60, "latched");
+    assert!(rig.world(|bench| bench.motors[1].speed) > 500.0);
+    rig.write("dc:outB", "command", "run-direct");
+    rig.pass_ms(1000);
+    assert_eq!(rig.number("dc:outB", "duty_cycle"), 80);
+    assert!(rig.world(|bench| bench.motors[1].speed) < -500.0, "polarity counts at the command");
+    rig.write("dc:outB", "stop_action", "brake");
+    rig.write("dc:outB", "command", "stop");
+    rig.pass_ms(1000);
+    assert_eq!((rig.read("dc:outB", "state"), rig.number("dc:outB", "duty_cycle")), (String::new(), 0));
+    rig.write("dc:outB", "time_sp", "200");
+    rig.write("dc:outB", "command", "run-timed");
+    rig.pass_ms(190);
+    assert!(rig.read("dc:outB", "state").starts_with("running"));
+    rig.pass_ms(1200);
+    assert_eq!(rig.read("dc:outB", "state"), "");
+}
+
+#[test]
+fn a_servo_exists_when_a_controller_is_added() {
+    let rig = Rig::recorded();
+    let name = rig.bench.simulation.add_servo(0, "ev3-ports:in1:i2c88:sv1", false).unwrap();
+    let path = |attribute: &str| format!("sys/class/servo-motor/{name}/{attribute}");
+    let pulse_us = || rig.bench.simulation.servo_pulse_us(0, &name);
+    assert_eq!((name.as_str(), pulse_us()), ("motor0", None));
+    assert_eq!(rig.read_path(&path("mid_pulse_sp")), Ok("1500\n".to_owned()));
+    assert_eq!(rig.read_path(&path("rate_sp")), Err(Errno::EOPNOTSUPP));
+    assert_eq!(rig.write_path(&path("position_sp"), b"101"), Err(Errno::EINVAL));
+    assert_eq!(rig.write_path(&path("min_pulse_sp"), b"1001"), Err(Errno::EINVAL));
+    assert_eq!(rig.write_path(&path("command"), b"run"), Ok(3));
+    assert_eq!(rig.write_path(&path("position_sp"), b"50"), Ok(2));
+    assert_eq!((rig.read_path(&path("state")), pulse_us()), (Ok("running\n".to_owned()), Some(2000)));
+    assert_eq!(rig.write_path(&path("polarity"), b"inversed"), Ok(8));
+    assert_eq!(pulse_us(), Some(1000), "polarity acts at once");
+    assert_eq!(rig.write_path(&path("command"), b"float"), Ok(5));
+    assert_eq!((rig.read_path(&path("state")), pulse_us()), (Ok("\n".to_owned()), None));
+}
+
+#[test]
+fn status_lights_clamp_and_have_triggers() {
+    let rig = Rig::recorded();
+    let led = "led0:red:brick-status";
+    let path = |attribute: &str| format!("sys/class/leds/{led}/{attribute}");
+    assert_eq!(rig.write_path(&path("brightness"), b"1000"), Ok(4));
+    assert_eq!(rig.read_path(&path("brightness")), Ok("255\n".to_owned()));
+    assert_eq!(rig.write_path(&path("brightness"), b"x"), Err(Errno::EINVAL));
+    assert_eq!(rig.read_path(&path("delay_on")), Err(Errno::ENOENT));
+    assert_eq!(rig.write_path(&path("trigger"), b"timer\n"), Ok(6));
+    assert!(rig.read_path(&path("trigger")).unwrap().contains(" [timer] heartbeat "));
+    assert_eq!(rig.read_path(&path("delay_on")), Ok("500\n".to_owned()));
+    let kept = rig.bench.brick.open(&path("delay_off"), Access::ReadWrite).unwrap();
+    assert_eq!(kept.write(b"100"), Ok(3));
+    assert_eq!(rig.write_path(&path("trigger"), b"nothing"), Err(Errno::EINVAL));
+    assert_eq!(rig.write_path(&path("brightness"), b"0"), Ok(1));
+    assert_eq!(rig.bench.simulation.led(0, led), Some((0, "none")), "0 removes the trigger");
+    assert_eq!(kept.write(b"100"), Err(Errno::ENODEV));
+}
+
+#[test]
+fn battery_and_board_read_as_on_a_brick() {
+    let rig = Rig::recorded();
+    rig.pass_ms(20);
+    let path = |attribute: &str| format!("sys/class/power_supply/lego-ev3-battery/{attribute}");
+    let number =
+        |attribute: &str| -> i64 { rig.read_path(&path(attribute)).unwrap().trim_end().parse().unwrap() };
+    assert!((number("voltage_now") - 7_400_000).abs() <= 4_888, "{} µV", number("voltage_now"));
+    assert_eq!(number("voltage_now") % 9_775, 0);
+    assert!((number("current_now") - 180_000).abs() <= 3_250, "{} µA", number("current_now"));
+    assert_eq!((number("voltage_max_design"), number("voltage_min_design")), (90_000_000, 48_000_000));
+    assert_eq!(rig.read_path(&path("capacity")), Err(Errno::ENOENT));
+    assert_eq!(rig.write_path(&path("technology"), b"Li-ion"), Err(Errno::EINVAL));
+    assert_eq!(rig.write_path(&path("technology"), b"NiMH"), Ok(4));
+    assert_eq!(number("voltage_max_design"), 7_800_000);
+    assert_eq!(rig.write_path(&path("technology"), b"NiMH"), Err(Errno::EINVAL));
+    let board = rig.read_path("sys/class/board-info/board0/uevent").unwrap();
+    assert!(board.contains("BOARD_INFO_MODEL=LEGO MINDSTORMS EV3\n"), "{board}");
+    assert!(board.ends_with("BOARD_INFO_TYPE=main\n"), "{board}");
+}
+
+#[test]
+fn buttons_are_a_stream_of_events_and_tones_are_heard() {
+    const LENGTH: usize = size_of::<nix::libc::input_event>();
+    let rig = Rig::recorded();
+    let buttons = rig.bench.brick.open("dev/input/by-path/platform-gpio_keys-event", Access::Read).unwrap();
+    let mut buffer = [0; 4 * LENGTH];
+    assert_eq!(buttons.read(&mut buffer), Err(Errno::EAGAIN));
+    rig.pass_ms(1500);
+    rig.bench.simulation.press(0, Button::Enter).unwrap();
+    rig.bench.simulation.press(0, Button::Enter).unwrap();
+    assert_eq!(rig.bench.simulation.pressed(0), [Button::Enter]);
+    rig.bench.simulation.release(0, Button::Enter).unwrap();
+    assert_eq!(buttons.wait_changed(Duration::ZERO), Ok(true));
+    assert_eq!(buttons.read(&mut buffer), Ok(4 * LENGTH), "press, report, release, report");
+    assert_eq!(buffer[LENGTH - 8..LENGTH], [1, 0, 28, 0, 1, 0, 0, 0]);
+    assert_eq!(buffer[LENGTH / 2 - 4..][..4], 500_000_u32.to_ne_bytes(), "microseconds");
+    assert_eq!(buttons.read(&mut buffer), Err(Errno::EAGAIN));
+    for _ in 0..40 {
+        rig.bench.simulation.press(0, Button::Up).unwrap();
+        rig.bench.simulation.release(0, Button::Up).unwrap();
+    }
+    assert_eq!(buttons.read(&mut buffer), Ok(LENGTH), "a reader that lags behind is told so");
+    assert_eq!(buffer[LENGTH - 8..LENGTH], [0, 0, 3, 0, 0, 0, 0, 0]);
+
+    let speaker = rig.bench.brick.open("dev/input/by-path/platform-sound-event", Access::Write).unwrap();
+    let tone = |hz: i32| {
+        let mut event = vec![0; LENGTH - 8];
+        event.extend([0x12, 0, 2, 0]);
+        event.extend(hz.to_ne_bytes());
+        event
+    };
+    assert_eq!(speaker.write(&tone(20_000)), Ok(LENGTH));
+    assert_eq!(rig.bench.simulation.tone_hz(0), Some(10_000), "clamped");
+    assert_eq!(speaker.write(&tone(0)), Ok(LENGTH));
+    let simulation = &rig.bench.simulation;
+    assert_eq!((simulation.tone_hz(0), simulation.last_tone_hz(0)), (None, Some(10_000)));
+    assert_eq!(speaker.write(b"short"), Err(Errno::EINVAL));
+}
+
+#[test]
+fn a_new_device_can_refuse_writers_until_udev_has_got_round_to_it() {
+    let clock = Arc::new(VirtualClock::default());
+    let options = Options { access_delay_ns: 50 * MILLISECOND_NS, ..Options::default() };
+    let simulation = Simulation::with_options(clock.clone(), Box::new(Bench::as_recorded()), 1, options);
+    let brick = simulation.brick(0);
+    let rig = Rig { bench: InProcess { simulation, brick, clock } };
+    assert_eq!(rig.try_write("outB", "command", "stop"), Err(Errno::EACCES));
+    assert_eq!(rig.read("outB", "state"), "");
+    rig.pass_ms(50);
+    assert_eq!(rig.try_write("outB", "command", "stop"), Ok(4));
+}
+
+#[test]
+fn the_journal_has_every_write_in_order_with_its_answer() {
+    let rig = Rig::recorded();
+    rig.drive("speed_sp=100");
+    rig.bench.simulation.record_writes(true);
+    rig.pass_ms(10);
+    rig.drive("speed_sp=200");
+    assert_eq!(rig.try_write("outB", "speed_sp", "fast"), Err(Errno::EINVAL));
+    let path = "sys/class/tacho-motor/motor1/speed_sp".to_owned();
+    let written = |value: &str, answer| Written {
+        time_ns: 10 * MILLISECOND_NS,
+        robot: 0,
+        path: path.clone(),
+        value: value.as_bytes().to_vec(),
+        answer,
+    };
+    let expected = [written("200", Ok(3)), written("fast", Err(Errno::EINVAL))];
+    assert_eq!(rig.bench.simulation.take_writes(), expected);
+    assert_eq!(rig.bench.simulation.take_writes(), []);
+}
+
+#[test]
+fn the_same_seed_and_the_same_accesses_give_the_same_readings() {
+    let run = || {
+        let rig = Rig::recorded();
+        rig.drive("speed_sp=321 run-forever");
+        rig.write("in3", "mode", "COL-COLOR");
+        rig.write("in4", "mode", "GYRO-RATE");
+        let read = |_| {
+            rig.pass_ms(7);
+            (rig.bench.clock.now_ns(), rig.read("outB", "position"), rig.read("outB", "speed"))
+        };
+        (0..100).map(read).collect::<Vec<_>>()
+    };
+    assert_eq!(run(), run());
+}
+
+/// Every attribute of a brick that can be written, with the devices that have to be asked for.
+fn writable(rig: &Rig) -> Vec<String> {
+    let mut paths = Vec::new();
+    let mut folders = vec!["sys/class".to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in rig.bench.brick.entries(&folder).unwrap() {
+            let path = format!("{folder}/{}", entry.name);
+            let is_device =
+                entry.kind == EntryKind::Link && !matches!(entry.name.as_str(), "device" | "subsystem");
+            let is_folder = entry.kind == EntryKind::Folder && !entry.name.contains(':');
+            if is_device || is_folder {
+                folders.push(path);
+            } else if entry.kind == EntryKind::File && entry.permissions & 0o222 != 0 {
+                paths.push(path);
+            }
+        }
+    }
+    paths.sort();
+    paths
+}
+
+/// What may be written: text near to what is legal, or anything.
+fn anything() -> impl Strategy<Value = Vec<u8>> {
+    let words: Vec<&str> = "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop reset hold brake \
+        coast inversed normal timer none auto raw led dc-motor tacho-motor GYRO-RATE US-LISTEN COL-COLOR run float"
+        .split_whitespace()
+        .collect();
+    prop_oneof![
+        3 => proptest::sample::select(words).prop_map(|word| word.as_bytes().to_vec()),
+        3 => any::<i32>().prop_map(|number| number.to_string().into_bytes()),
+        3 => (-1100_i32..1100).prop_map(|number| number.to_string().into_bytes()),
+        2 => proptest::collection::vec(any::<u8>(), 0..40),
+        1 => (0_usize..70_000).prop_map(|length| vec![b'7'; length]),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn whatever_is_written_leaves_every_driver_in_a_legal_state(
+        writes in proptest::collection::vec((any::<proptest::sample::Index>(), anything(), 0_i64..300), 1..25),
+    ) {
+        let rig = Rig::recorded();
+        rig.bench.simulation.add_servo(0, "ev3-ports:in1:i2c88:sv1", true).unwrap();
+        for (index, value, ms) in writes {
+            let paths = writable(&rig);
+            let path = &paths[index.index(paths.len())];
+            match rig.write_path(path, &value) {
+                Ok(taken) => prop_assert_eq!(taken, value.len().min(4096), "{}", path),
+                Err(error) => prop_assert!(
+                    [Errno::EINVAL, Errno::ERANGE, Errno::EOPNOTSUPP, Errno::ENODEV, Errno::EIO].contains(&error),
+                    "{path}: {error}"
+                ),
+            }
+            rig.pass_ms(ms);
+        }
+        for name in rig.bench.brick.list("sys/class/tacho-motor").unwrap() {
+            let read = |attribute: &str| rig.read_path(&format!("sys/class/tacho-motor/{name}/{attribute}")).unwrap();
+            let number = |attribute: &str| -> i64 { read(attribute).trim_end().parse().unwrap() };
+            prop_assert!((-100..=100).contains(&number("duty_cycle")));
+            prop_assert!((-100..=100).contains(&number("duty_cycle_sp")));
+            prop_assert!(number("time_sp") >= 0 && (0..=60_000).contains(&number("ramp_up_sp")));
+            let speed = number("speed_sp");
+            prop_assert!(speed.abs() <= number("max_speed") || speed == i64::from(i32::MIN), "{speed}");
+            let state = read("state");
+            let words: Vec<&str> = state.split_whitespace().collect();
+            let order = ["running", "ramping", "holding", "overloaded", "stalled"];
+            let places: Vec<usize> = words.iter().map(|word| order.iter().position(|known| known == word).unwrap()).collect();
+            prop_assert!(places.is_sorted(), "{state}");
+            prop_assert!(!(state.contains("running") && state.contains("holding")), "{state}");
+        }
+        let bridges_are_legal = rig.world(|bench| bench.motors.iter().all(|motor| motor.speed.abs() <= 1100.0));
+        prop_assert!(bridges_are_legal);
+    }
+}
+
+#[test]
+fn what_a_simulated_second_costs_is_printed() {
+    let rig = Rig::recorded();
+    rig.drive("speed_sp=400 run-forever");
+    let begun = std::time::Instant::now();
+    let seconds = 120;
+    rig.pass_ms(seconds * 1000);
+    let per_second = begun.elapsed() / u32::try_from(seconds).unwrap();
+    println!(
+        "drivers, with a model of four motors under them: {per_second:?} of wall time a simulated second and robot"
+    );
+    assert_eq!(rig.read("outB", "state"), "running");
+}

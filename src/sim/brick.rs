@@ -1,0 +1,470 @@
+//! One robot's devices: which are registered under which names, and one step of all of them.
+//!
+//! Numbers only grow: a device that comes back has a new one, and `motorN` and `linearN` share their counter.
+
+mod port;
+
+use nix::errno::Errno;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng as _;
+
+pub use self::port::Plugged;
+use self::port::{Change, PortState, Wanted};
+use super::driver::board::{Battery, Board};
+use super::driver::dc::DcMotor;
+use super::driver::input::{Buttons, Speaker};
+use super::driver::led::Led;
+use super::driver::sensor::Sensor;
+use super::driver::servo::ServoMotor;
+use super::driver::tacho::TachoMotor;
+use super::driver::{Context, Driver, Entry, Spec, Stored, readwriteable};
+use super::physics::{Bridge, Physics};
+use super::simulation::Options;
+
+const ADDRESSES: [&str; 8] = [
+    "ev3-ports:in1",
+    "ev3-ports:in2",
+    "ev3-ports:in3",
+    "ev3-ports:in4",
+    "ev3-ports:outA",
+    "ev3-ports:outB",
+    "ev3-ports:outC",
+    "ev3-ports:outD",
+];
+
+/// Ports before this one are input ports.
+const FIRST_OUTPUT: usize = 4;
+
+/// How often the battery is looked at.
+const BATTERY_NS: i64 = 10_000_000;
+
+/// A page: no store takes more.
+const MOST_STORED: usize = 4096;
+
+const UEVENT: Spec = readwriteable("uevent");
+
+/// The classes of devices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Class {
+    BoardInfo,
+    DcMotor,
+    Leds,
+    Port,
+    Sensor,
+    PowerSupply,
+    ServoMotor,
+    TachoMotor,
+}
+
+impl Class {
+    pub(crate) const ALL: [Self; 8] = [
+        Self::BoardInfo,
+        Self::DcMotor,
+        Self::Leds,
+        Self::Port,
+        Self::Sensor,
+        Self::PowerSupply,
+        Self::ServoMotor,
+        Self::TachoMotor,
+    ];
+
+    /// The folder's name.
+    pub(crate) fn as_str(self) -> &'static str {
+        match self {
+            Self::BoardInfo => "board-info",
+            Self::DcMotor => "dc-motor",
+            Self::Leds => "leds",
+            Self::Port => "lego-port",
+            Self::Sensor => "lego-sensor",
+            Self::PowerSupply => "power_supply",
+            Self::ServoMotor => "servo-motor",
+            Self::TachoMotor => "tacho-motor",
+        }
+    }
+}
+
+#[derive(Debug)]
+enum Device {
+    Tacho(usize, Box<TachoMotor>),
+    Dc(usize, DcMotor),
+    Servo(ServoMotor),
+    Sensor(usize, Sensor),
+    Port(usize),
+    Led(Led),
+    Battery(Battery),
+    Board(Board),
+}
+
+#[derive(Debug)]
+struct Node {
+    id: u32,
+    class: Class,
+    name: String,
+    registered_ns: i64,
+    device: Device,
+}
+
+/// How many names each counter has given out.
+#[derive(Debug, Default)]
+struct Counters {
+    tacho: u32,
+    dc: u32,
+    servo: u32,
+    sensor: u32,
+    ids: u32,
+}
+
+/// One robot's drivers.
+#[derive(Debug)]
+pub(crate) struct Brick {
+    robot: usize,
+    options: Options,
+    ports: [PortState; 8],
+    nodes: Vec<Node>,
+    counters: Counters,
+    chance: ChaCha8Rng,
+    pub(crate) buttons: Buttons,
+    pub(crate) speaker: Speaker,
+}
+
+impl Brick {
+    /// A brick that was switched on with these things plugged in: all are registered, in the order of their ports.
+    pub(crate) fn new(robot: usize, physics: &mut dyn Physics, options: Options, seed: u64) -> Self {
+        let plug = physics.plug(robot);
+        let sensors = plug.sensors.map(|sensor| sensor.map(Plugged::Sensor));
+        let motors = plug.motors.map(|motor| motor.map(Plugged::Motor));
+        let mut plugged = sensors.into_iter().chain(motors);
+        let mut index = 0;
+        let ports = ADDRESSES.map(|address| {
+            let port = PortState::new(address, index < FIRST_OUTPUT, plugged.next().flatten());
+            index += 1;
+            port
+        });
+        let mut brick = Self {
+            robot,
+            options,
+            ports,
+            nodes: Vec::new(),
+            counters: Counters::default(),
+            chance: ChaCha8Rng::seed_from_u64(seed),
+            buttons: Buttons::default(),
+            speaker: Speaker::default(),
+        };
+        brick.register_fixed();
+        brick.step(0, physics);
+        brick
+    }
+
+    fn register_fixed(&mut self) {
+        for index in 0..ADDRESSES.len() {
+            self.register(Class::Port, format!("port{index}"), 0, Device::Port(index));
+        }
+        for (name, brightness) in [("led0:red", 0), ("led0:green", 255), ("led1:red", 0), ("led1:green", 255)]
+        {
+            let led = Device::Led(Led::new(brightness, 255));
+            self.register(Class::Leds, format!("{name}:brick-status"), 0, led);
+        }
+        let battery = Device::Battery(Battery::new(self.options.pack));
+        self.register(Class::PowerSupply, "lego-ev3-battery".to_owned(), 0, battery);
+        self.register(Class::BoardInfo, "board0".to_owned(), 0, Device::Board(Board::new(self.robot)));
+    }
+
+    /// What happens in one step: plugs, then every device.
+    pub(crate) fn step(&mut self, now_ns: i64, physics: &mut dyn Physics) {
+        for index in 0..self.ports.len() {
+            self.step_port(index, now_ns, physics);
+        }
+        let robot = self.robot;
+        for node in &mut self.nodes {
+            match &mut node.device {
+                Device::Tacho(out, motor) => {
+                    motor.tick((physics.edges(robot, *out), physics.edge_position(robot, *out)), now_ns);
+                }
+                Device::Dc(_, motor) => motor.tick(now_ns),
+                Device::Sensor(input, sensor) => {
+                    sensor.tick(now_ns, |mode| physics.measure(robot, *input, mode));
+                }
+                Device::Battery(battery) if now_ns % BATTERY_NS == 0 => {
+                    battery.sample(physics.battery(robot))
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn step_port(&mut self, index: usize, now_ns: i64, physics: &mut dyn Physics) {
+        loop {
+            let Some(port) = self.ports.get_mut(index) else { return };
+            match port.due(now_ns) {
+                Change::Nothing => return,
+                Change::Unregister => {
+                    let id = port.device.take();
+                    self.nodes.retain(|node| Some(node.id) != id);
+                }
+                Change::Register(wanted) => self.register_on(index, wanted, now_ns, physics),
+            }
+        }
+    }
+
+    fn register_on(&mut self, index: usize, wanted: Wanted, now_ns: i64, physics: &mut dyn Physics) {
+        let address = ADDRESSES.get(index).copied().unwrap_or_default();
+        let out = index.saturating_sub(FIRST_OUTPUT);
+        let (class, name, device) = match wanted {
+            Wanted::Tacho(kind) => {
+                let count = (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
+                let Some(motor) = TachoMotor::new(kind, address, count, now_ns) else { return };
+                let number = next(&mut self.counters.tacho);
+                let name =
+                    if motor.is_linear() { format!("linear{number}") } else { format!("motor{number}") };
+                (Class::TachoMotor, name, Device::Tacho(out, Box::new(motor)))
+            }
+            Wanted::Dc => {
+                let name = format!("motor{}", next(&mut self.counters.dc));
+                (Class::DcMotor, name, Device::Dc(out, DcMotor::new(address)))
+            }
+            Wanted::Led => (Class::Leds, format!("{address}::brick-status"), Device::Led(Led::new(0, 100))),
+            Wanted::Sensor(kind) => {
+                let name = format!("sensor{}", next(&mut self.counters.sensor));
+                let sensor = Sensor::new(kind, address, self.options.gyro, now_ns);
+                (Class::Sensor, name, Device::Sensor(index, sensor))
+            }
+        };
+        let id = self.register(class, name, now_ns, device);
+        if let Some(port) = self.ports.get_mut(index) {
+            port.device = Some(id);
+        }
+    }
+
+    fn register(&mut self, class: Class, name: String, registered_ns: i64, device: Device) -> u32 {
+        let id = next(&mut self.counters.ids);
+        self.nodes.push(Node { id, class, name, registered_ns, device });
+        id
+    }
+
+    /// What the bridges of the output ports do now.
+    pub(crate) fn bridges(&self) -> [Bridge; 4] {
+        let mut bridges = [Bridge::Coast; 4];
+        for node in &self.nodes {
+            let (out, bridge) = match &node.device {
+                Device::Tacho(out, motor) => (*out, motor.bridge()),
+                Device::Dc(out, motor) => (*out, motor.bridge()),
+                _ => continue,
+            };
+            if let Some(entry) = bridges.get_mut(out) {
+                *entry = bridge;
+            }
+        }
+        bridges
+    }
+
+    /// Puts something into a port, or takes it out; detection takes its time.
+    ///
+    /// # Errors
+    ///
+    /// EINVAL for a motor in an input port and the reverse, ENOENT for a port that is not there.
+    pub(crate) fn plug(&mut self, index: usize, plugged: Option<Plugged>, now_ns: i64) -> Result<(), Errno> {
+        self.ports.get_mut(index).ok_or(Errno::ENOENT)?.plug(plugged, now_ns)
+    }
+
+    /// Adds an output of a servo controller; returns its name.
+    pub(crate) fn add_servo(&mut self, address: &str, has_rate: bool, now_ns: i64) -> String {
+        let name = format!("motor{}", next(&mut self.counters.servo));
+        let servo = Device::Servo(ServoMotor::new(address, has_rate));
+        self.register(Class::ServoMotor, name.clone(), now_ns, servo);
+        name
+    }
+
+    /// The pulse of a servo, in microseconds; none while it floats, or without such a servo.
+    pub(crate) fn servo_pulse_us(&self, name: &str) -> Option<i32> {
+        self.nodes.iter().find(|node| node.class == Class::ServoMotor && node.name == name).and_then(|node| {
+            match &node.device {
+                Device::Servo(servo) => servo.pulse_us(),
+                _ => None,
+            }
+        })
+    }
+
+    /// A light's brightness and trigger.
+    pub(crate) fn led(&self, name: &str) -> Option<(u32, &'static str)> {
+        self.nodes.iter().find(|node| node.class == Class::Leds && node.name == name).and_then(|node| {
+            match &node.device {
+                Device::Led(led) => Some((led.brightness(), led.trigger())),
+                _ => None,
+            }
+        })
+    }
+
+    /// Puts a frame into the sensor on an input port, or lets it measure again.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV where no sensor is registered.
+    pub(crate) fn feed(&mut self, input: usize, frame: Option<&[u8]>) -> Result<(), Errno> {
+        let sensor = self.nodes.iter_mut().find_map(|node| match &mut node.device {
+            Device::Sensor(port, sensor) if *port == input => Some(sensor),
+            _ => None,
+        });
+        sensor.ok_or(Errno::ENODEV)?.feed(frame);
+        Ok(())
+    }
+
+    /// The names of a class.
+    pub(crate) fn names(&self, class: Class) -> impl Iterator<Item = &str> {
+        self.nodes.iter().filter(move |node| node.class == class).map(|node| node.name.as_str())
+    }
+
+    /// The device with a name.
+    pub(crate) fn find(&self, class: &str, name: &str) -> Option<u32> {
+        let found = self.nodes.iter().find(|node| node.class.as_str() == class && node.name == name);
+        found.map(|node| node.id)
+    }
+
+    fn node(&self, id: u32) -> Option<&Node> {
+        self.nodes.iter().find(|node| node.id == id)
+    }
+
+    fn driver(&self, id: u32) -> Option<&dyn Driver> {
+        Some(match &self.node(id)?.device {
+            Device::Tacho(_, motor) => &**motor,
+            Device::Dc(_, motor) => motor,
+            Device::Servo(servo) => servo,
+            Device::Sensor(_, sensor) => sensor,
+            Device::Port(index) => self.ports.get(*index)?,
+            Device::Led(led) => led,
+            Device::Battery(battery) => battery,
+            Device::Board(board) => board,
+        })
+    }
+
+    /// For how long a new device's files cannot be opened for writing.
+    pub(crate) fn access_delay_ns(&self) -> i64 {
+        self.options.access_delay_ns
+    }
+
+    /// The row of an attribute; none if the device has none of that name now.
+    pub(crate) fn attribute(&self, id: u32, name: &str) -> Option<Spec> {
+        if name == UEVENT.name {
+            return Some(UEVENT);
+        }
+        self.driver(id)?.attributes().iter().find(|spec| spec.name == name).copied()
+    }
+
+    /// When a device was registered.
+    pub(crate) fn registered_ns(&self, id: u32) -> Option<i64> {
+        self.node(id).map(|node| node.registered_ns)
+    }
+
+    /// Appends an attribute's text.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV for a device that is gone; else the driver's.
+    pub(crate) fn read(&self, id: u32, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        let driver = self.driver(id).ok_or(Errno::ENODEV)?;
+        if attribute == UEVENT.name {
+            driver.uevent(out);
+            return Ok(());
+        }
+        driver.read(attribute, out)
+    }
+
+    /// Stores what one `write` brought. An empty one does not reach the driver.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV for a device that is gone; else the driver's.
+    pub(crate) fn store(
+        &mut self,
+        id: u32,
+        attribute: &str,
+        bytes: &[u8],
+        now_ns: i64,
+    ) -> Result<Stored, Errno> {
+        let node = self.nodes.iter_mut().find(|node| node.id == id).ok_or(Errno::ENODEV)?;
+        let driver: &mut dyn Driver = match &mut node.device {
+            Device::Tacho(_, motor) => &mut **motor,
+            Device::Dc(_, motor) => motor,
+            Device::Servo(servo) => servo,
+            Device::Sensor(_, sensor) => sensor,
+            Device::Port(index) => self.ports.get_mut(*index).ok_or(Errno::ENODEV)?,
+            Device::Led(led) => led,
+            Device::Battery(battery) => battery,
+            Device::Board(board) => board,
+        };
+        let bytes = bytes.get(..MOST_STORED).unwrap_or(bytes);
+        let taken = bytes.len();
+        if taken == 0 {
+            return Ok(Stored { taken, until_ns: None });
+        }
+        if attribute == UEVENT.name {
+            let actions = ["add", "remove", "change", "move", "online", "offline", "bind", "unbind"];
+            super::driver::text::word(bytes, actions)?;
+            return Ok(Stored { taken, until_ns: None });
+        }
+        let mut context = Context { now_ns, chance: &mut self.chance };
+        let until_ns = driver.store(attribute, bytes, &mut context)?;
+        Ok(Stored { taken, until_ns })
+    }
+
+    /// Changes whenever those who poll this attribute are woken; none for attributes that never wake anybody.
+    pub(crate) fn notices(&self, id: u32, attribute: &str) -> Option<u32> {
+        match (&self.node(id)?.device, attribute) {
+            (Device::Tacho(_, motor), "state") => Some(motor.notices()),
+            (Device::Sensor(_, sensor), "value0") => Some(sensor.notices()),
+            _ => None,
+        }
+    }
+
+    /// The entries of a device's folder, or of a folder in it (`speed_pid`).
+    ///
+    /// # Errors
+    ///
+    /// ENOENT where there is no such folder.
+    pub(crate) fn entries(&self, id: u32, folder: &str) -> Result<Vec<Entry>, Errno> {
+        let driver = self.driver(id).ok_or(Errno::ENOENT)?;
+        let inside = |spec: &Spec| spec.name.split_once('/');
+        if folder == "power" {
+            return Ok(Vec::new());
+        }
+        if !folder.is_empty() {
+            let files = driver.attributes().iter().filter_map(|spec| match spec.name.split_once('/') {
+                Some((parent, name)) if parent == folder => {
+                    Some(Entry { name: name.to_owned(), ..Entry::file(spec) })
+                }
+                _ => None,
+            });
+            let entries: Vec<Entry> = files.collect();
+            return if entries.is_empty() { Err(Errno::ENOENT) } else { Ok(entries) };
+        }
+        let mut entries: Vec<Entry> =
+            driver.attributes().iter().filter(|spec| inside(spec).is_none()).map(Entry::file).collect();
+        let mut folders: Vec<&str> =
+            driver.attributes().iter().filter_map(inside).map(|(folder, _)| folder).collect();
+        folders.dedup();
+        entries.extend(folders.into_iter().chain(["power"]).map(Entry::folder));
+        entries.extend(self.bound_device(id).iter().map(|name| Entry::folder(name)));
+        entries.extend(["device", "subsystem"].map(Entry::link));
+        entries.push(Entry::file(&UEVENT));
+        entries.sort_by(|one, other| one.name.cmp(&other.name));
+        Ok(entries)
+    }
+
+    /// A port has a folder for the device on it.
+    fn bound_device(&self, id: u32) -> Option<String> {
+        let Device::Port(index) = self.node(id)?.device else { return None };
+        let port = self.ports.get(index)?;
+        let driver_name = match &self.node(port.device?)?.device {
+            Device::Tacho(_, motor) => motor.driver_name(),
+            Device::Dc(..) => DcMotor::driver_name(),
+            Device::Sensor(_, sensor) => sensor.driver_name(),
+            _ => return None,
+        };
+        Some(format!("{}:{driver_name}", port.address))
+    }
+}
+
+fn next(counter: &mut u32) -> u32 {
+    let number = *counter;
+    *counter += 1;
+    number
+}

@@ -1,0 +1,258 @@
+//! A port: class `lego-port`, and the detection of what is plugged into it (`ev3_ports_in.c`, `ev3_ports_out.c`).
+
+use nix::errno::Errno;
+
+use crate::sim::driver::Context;
+use crate::sim::driver::text::word;
+use crate::sim::driver::{Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
+use crate::sim::physics::{MotorKind, SensorKind};
+
+const ATTRIBUTES: &[Spec] = &[
+    readable("address"),
+    readable("driver_name"),
+    readwriteable("mode"),
+    readable("modes"),
+    writeable("set_device"),
+    readable("status"),
+];
+
+const INPUT_MODES: &[&str] = &[
+    "auto",
+    "nxt-analog",
+    "nxt-color",
+    "nxt-i2c",
+    "other-i2c",
+    "ev3-analog",
+    "ev3-uart",
+    "other-uart",
+    "raw",
+];
+const OUTPUT_MODES: &[&str] = &["auto", "tacho-motor", "dc-motor", "led", "raw"];
+
+const MOTOR_DRIVERS: [(&str, MotorKind); 5] = [
+    // An NXT motor turns as a large one does, and is detected as one.
+    ("lego-nxt-motor", MotorKind::Large),
+    ("lego-ev3-l-motor", MotorKind::Large),
+    ("lego-ev3-m-motor", MotorKind::Medium),
+    ("act-l12-ev3-50", MotorKind::Linear50),
+    ("act-l12-ev3-100", MotorKind::Linear100),
+];
+
+/// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20 ms.
+const DETECT_NS: i64 = 390_000_000;
+
+/// A UART sensor describes itself at 2400 baud before it is registered.
+const HANDSHAKE_NS: i64 = 1_500_000_000;
+
+/// A pulled plug is believed after 100 ms.
+const VANISH_NS: i64 = 100_000_000;
+
+/// What can be in a port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Plugged {
+    /// A motor.
+    Motor(MotorKind),
+    /// A sensor.
+    Sensor(SensorKind),
+}
+
+/// The device that a port should have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    Tacho(MotorKind),
+    Dc,
+    Led,
+    Sensor(SensorKind),
+}
+
+/// One port.
+#[derive(Debug)]
+pub(crate) struct PortState {
+    pub(crate) address: &'static str,
+    is_input: bool,
+    mode: usize,
+    plugged: Option<Plugged>,
+    motor_driver: Option<MotorKind>,
+    appear_ns: Option<i64>,
+    vanish_ns: Option<i64>,
+    /// A store has asked for the device to be registered again.
+    renew: bool,
+    /// The device registered on it.
+    pub(crate) device: Option<u32>,
+}
+
+/// What a port asks of the registry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Change {
+    Nothing,
+    Unregister,
+    Register(Wanted),
+}
+
+impl PortState {
+    /// A port in mode auto, with what was plugged in before the brick was switched on.
+    pub(crate) fn new(address: &'static str, is_input: bool, plugged: Option<Plugged>) -> Self {
+        Self {
+            address,
+            is_input,
+            mode: 0,
+            plugged,
+            motor_driver: None,
+            appear_ns: plugged.map(|_| 0),
+            vanish_ns: None,
+            renew: false,
+            device: None,
+        }
+    }
+
+    /// Puts something in, or takes it out.
+    ///
+    /// # Errors
+    ///
+    /// EINVAL for a motor in an input port and the reverse.
+    pub(crate) fn plug(&mut self, plugged: Option<Plugged>, now_ns: i64) -> Result<(), Errno> {
+        if plugged.is_some_and(|plugged| matches!(plugged, Plugged::Sensor(_)) != self.is_input) {
+            return Err(Errno::EINVAL);
+        }
+        self.plugged = plugged;
+        if self.mode != 0 {
+            // A forced mode detects nothing.
+            return Ok(());
+        }
+        if self.device.is_some() {
+            self.vanish_ns = Some(now_ns + VANISH_NS);
+        }
+        self.appear_ns = plugged.map(|plugged| now_ns + detection_ns(plugged));
+        Ok(())
+    }
+
+    /// What has to happen now.
+    pub(crate) fn due(&mut self, now_ns: i64) -> Change {
+        if self.renew || self.vanish_ns.is_some_and(|due_ns| due_ns <= now_ns) {
+            self.renew = false;
+            self.vanish_ns = None;
+            if self.device.is_some() {
+                return Change::Unregister;
+            }
+        }
+        if self.appear_ns.is_some_and(|due_ns| due_ns <= now_ns) {
+            self.appear_ns = None;
+            return self.wanted().map_or(Change::Nothing, Change::Register);
+        }
+        Change::Nothing
+    }
+
+    fn mode_name(&self) -> &'static str {
+        self.modes().get(self.mode).copied().unwrap_or_default()
+    }
+
+    fn modes(&self) -> &'static [&'static str] {
+        if self.is_input { INPUT_MODES } else { OUTPUT_MODES }
+    }
+
+    fn driver_name(&self) -> &'static str {
+        if self.is_input { "ev3-input-port" } else { "ev3-output-port" }
+    }
+
+    fn wanted(&self) -> Option<Wanted> {
+        match (self.mode_name(), self.plugged) {
+            ("auto", Some(Plugged::Motor(MotorKind::Rcx))) | ("dc-motor", _) => Some(Wanted::Dc),
+            ("auto", Some(Plugged::Motor(kind))) => Some(Wanted::Tacho(kind)),
+            ("tacho-motor", _) => Some(Wanted::Tacho(self.motor_driver.unwrap_or(MotorKind::Large))),
+            ("led", _) => Some(Wanted::Led),
+            ("auto", Some(Plugged::Sensor(kind))) => Some(Wanted::Sensor(kind)),
+            ("ev3-analog", Some(Plugged::Sensor(SensorKind::Touch))) => {
+                Some(Wanted::Sensor(SensorKind::Touch))
+            }
+            ("ev3-uart", Some(Plugged::Sensor(kind))) if kind != SensorKind::Touch => {
+                Some(Wanted::Sensor(kind))
+            }
+            _ => None,
+        }
+    }
+
+    fn status(&self) -> &'static str {
+        match (self.is_input, self.mode, self.plugged) {
+            (true, _, None) => "no-sensor",
+            (true, _, Some(Plugged::Sensor(SensorKind::Touch))) => "ev3-analog",
+            (true, _, Some(_)) => "ev3-uart",
+            (false, 0, None) => "no-motor",
+            (false, 0, Some(Plugged::Motor(MotorKind::Rcx))) => "dc-motor",
+            (false, 0, Some(_)) => "tacho-motor",
+            (false, _, _) => self.mode_name(),
+        }
+    }
+
+    fn set_mode(&mut self, mode: usize, now_ns: i64) {
+        self.mode = mode;
+        self.motor_driver = None;
+        self.register_again(now_ns);
+    }
+
+    fn register_again(&mut self, now_ns: i64) {
+        self.renew = true;
+        self.vanish_ns = None;
+        let delay_ns = match (self.mode, self.plugged) {
+            (0, Some(plugged)) => detection_ns(plugged),
+            (_, Some(Plugged::Sensor(kind))) if kind != SensorKind::Touch => HANDSHAKE_NS,
+            _ => 0,
+        };
+        self.appear_ns = Some(now_ns + delay_ns);
+    }
+}
+
+fn detection_ns(plugged: Plugged) -> i64 {
+    match plugged {
+        Plugged::Motor(_) | Plugged::Sensor(SensorKind::Touch) => DETECT_NS,
+        Plugged::Sensor(_) => DETECT_NS + HANDSHAKE_NS,
+    }
+}
+
+impl Driver for PortState {
+    fn attributes(&self) -> &'static [Spec] {
+        ATTRIBUTES
+    }
+
+    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        match attribute {
+            "address" => line(out, self.address),
+            "driver_name" => line(out, self.driver_name()),
+            "mode" => line(out, self.mode_name()),
+            "modes" => list(out, self.modes().iter().copied()),
+            "status" => line(out, self.status()),
+            _ => return Err(Errno::ENODEV),
+        }
+        Ok(())
+    }
+
+    fn store(
+        &mut self,
+        attribute: &str,
+        bytes: &[u8],
+        context: &mut Context<'_>,
+    ) -> Result<Option<i64>, Errno> {
+        match attribute {
+            "mode" => {
+                let mode = word(bytes, self.modes().iter().copied())?;
+                self.set_mode(mode, context.now_ns);
+            }
+            "set_device" if self.mode_name() == "tacho-motor" => {
+                let index = word(bytes, MOTOR_DRIVERS.map(|(name, _)| name))?;
+                self.motor_driver = MOTOR_DRIVERS.get(index).map(|(_, kind)| *kind);
+                self.register_again(context.now_ns);
+            }
+            "set_device" if self.mode_name() == "nxt-analog" => {
+                // No NXT sensor is simulated, so no driver of one can be bound.
+                return Err(Errno::EINVAL);
+            }
+            _ => return Err(Errno::EOPNOTSUPP),
+        }
+        Ok(None)
+    }
+
+    fn uevent(&self, out: &mut Vec<u8>) {
+        out.extend_from_slice(b"DEVTYPE=");
+        line(out, self.driver_name());
+        lego_uevent(out, self.driver_name(), self.address);
+    }
+}

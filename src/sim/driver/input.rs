@@ -1,0 +1,197 @@
+//! Buttons and speaker: streams of the kernel's input events, in this machine's own layout.
+
+use std::collections::VecDeque;
+
+use nix::errno::Errno;
+use nix::libc::input_event;
+
+/// The buttons of the brick, by the kernel's key codes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Button {
+    /// KEY_BACKSPACE.
+    Back,
+    /// KEY_ENTER.
+    Enter,
+    /// KEY_UP.
+    Up,
+    /// KEY_LEFT.
+    Left,
+    /// KEY_RIGHT.
+    Right,
+    /// KEY_DOWN.
+    Down,
+}
+
+impl Button {
+    /// The kernel's key code.
+    #[must_use]
+    pub fn code(self) -> u16 {
+        match self {
+            Self::Back => 14,
+            Self::Enter => 28,
+            Self::Up => 103,
+            Self::Left => 105,
+            Self::Right => 106,
+            Self::Down => 108,
+        }
+    }
+}
+
+// From `linux/input-event-codes.h`.
+const EV_SYN: u16 = 0;
+const EV_KEY: u16 = 1;
+const EV_SND: u16 = 0x12;
+const SYN_REPORT: u16 = 0;
+const SYN_DROPPED: u16 = 3;
+const SND_BELL: u16 = 1;
+const SND_TONE: u16 = 2;
+
+/// How long one event is: 16 bytes on the brick, 24 on a 64-bit machine.
+pub(crate) const EVENT_LENGTH: usize = size_of::<input_event>();
+const TIME_LENGTH: usize = EVENT_LENGTH - 8;
+
+/// A reader that is further behind than this has lost events, as with the kernel's own buffer.
+const KEPT: usize = 64;
+
+#[derive(Debug, Clone, Copy)]
+struct Event {
+    time_ns: i64,
+    kind: u16,
+    code: u16,
+    value: i32,
+}
+
+impl Event {
+    fn bytes(self, out: &mut Vec<u8>) {
+        let microseconds = self.time_ns / 1000;
+        for part in [microseconds / 1_000_000, microseconds % 1_000_000] {
+            let bytes = part.to_ne_bytes();
+            let half = TIME_LENGTH / 2;
+            let low = if cfg!(target_endian = "big") { bytes.len() - half } else { 0 };
+            out.extend_from_slice(bytes.get(low..low + half).unwrap_or_default());
+        }
+        out.extend_from_slice(&self.kind.to_ne_bytes());
+        out.extend_from_slice(&self.code.to_ne_bytes());
+        out.extend_from_slice(&self.value.to_ne_bytes());
+    }
+}
+
+/// What the buttons have done.
+#[derive(Debug, Default)]
+pub(crate) struct Buttons {
+    kept: VecDeque<Event>,
+    /// Events ever: the number of the next one.
+    total: usize,
+    pressed: Vec<Button>,
+}
+
+impl Buttons {
+    /// A button goes down or up; nothing happens if it is there already.
+    pub(crate) fn set(&mut self, button: Button, pressed: bool, now_ns: i64) {
+        if self.pressed.contains(&button) == pressed {
+            return;
+        }
+        if pressed {
+            self.pressed.push(button);
+        } else {
+            self.pressed.retain(|other| *other != button);
+        }
+        self.push(now_ns, EV_KEY, button.code(), i32::from(pressed));
+        self.push(now_ns, EV_SYN, SYN_REPORT, 0);
+    }
+
+    /// The buttons that are down.
+    pub(crate) fn pressed(&self) -> &[Button] {
+        &self.pressed
+    }
+
+    /// The number of the next event: where a reader that opens the file now begins.
+    pub(crate) fn total(&self) -> usize {
+        self.total
+    }
+
+    /// Appends whole events from number `from` on, at most `room` bytes; returns the number of the next one.
+    ///
+    /// # Errors
+    ///
+    /// EAGAIN where there is none, EINVAL where not one fits.
+    pub(crate) fn read(&self, from: usize, room: usize, out: &mut Vec<u8>) -> Result<usize, Errno> {
+        if from >= self.total {
+            return Err(Errno::EAGAIN);
+        }
+        let room = room / EVENT_LENGTH;
+        if room == 0 {
+            return Err(Errno::EINVAL);
+        }
+        let oldest = self.total - self.kept.len();
+        if from < oldest {
+            Event { time_ns: 0, kind: EV_SYN, code: SYN_DROPPED, value: 0 }.bytes(out);
+            return Ok(oldest);
+        }
+        let events = self.kept.iter().skip(from - oldest).take(room);
+        Ok(from + events.inspect(|event| event.bytes(out)).count())
+    }
+
+    fn push(&mut self, time_ns: i64, kind: u16, code: u16, value: i32) {
+        self.kept.push_back(Event { time_ns, kind, code, value });
+        self.total += 1;
+        if self.kept.len() > KEPT {
+            self.kept.pop_front();
+        }
+    }
+}
+
+/// What the speaker plays.
+#[derive(Debug, Default)]
+pub(crate) struct Speaker {
+    tone_hz: Option<u32>,
+    last_tone_hz: Option<u32>,
+}
+
+impl Speaker {
+    /// The tone that sounds now, in hertz.
+    pub(crate) fn tone_hz(&self) -> Option<u32> {
+        self.tone_hz
+    }
+
+    /// The last tone that was played, also if it has ended.
+    pub(crate) fn last_tone_hz(&self) -> Option<u32> {
+        self.last_tone_hz
+    }
+
+    /// Takes whole events; returns how many bytes they were.
+    ///
+    /// # Errors
+    ///
+    /// EINVAL where there is less than one event.
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<usize, Errno> {
+        let events = bytes.chunks_exact(EVENT_LENGTH);
+        if events.len() == 0 && !bytes.is_empty() {
+            return Err(Errno::EINVAL);
+        }
+        let taken = events.len() * EVENT_LENGTH;
+        for event in events {
+            if let Some([kind_low, kind_high, code_low, code_high, value @ ..]) = event.get(TIME_LENGTH..) {
+                let kind = u16::from_ne_bytes([*kind_low, *kind_high]);
+                let code = u16::from_ne_bytes([*code_low, *code_high]);
+                let value = value.try_into().map_or(0, i32::from_ne_bytes);
+                self.play(kind, code, value);
+            }
+        }
+        Ok(taken)
+    }
+
+    fn play(&mut self, kind: u16, code: u16, value: i32) {
+        if kind != EV_SND {
+            return;
+        }
+        let tone = match (code, value) {
+            (SND_BELL | SND_TONE, 0) => None,
+            (SND_BELL, _) => Some(1000),
+            (SND_TONE, hz) => Some(hz.clamp(100, 10_000).unsigned_abs()),
+            _ => return,
+        };
+        self.tone_hz = tone;
+        self.last_tone_hz = tone.or(self.last_tone_hz);
+    }
+}

@@ -1,0 +1,137 @@
+//! A status light: class `leds`.
+
+use nix::errno::Errno;
+
+use super::text::{int, scan_unsigned, word};
+use super::{Context, Driver, Spec, line, list, readable, readwriteable};
+
+/// The triggers of a real brick's kernel.
+const TRIGGERS: [&str; 24] = [
+    "none",
+    "rfkill-any",
+    "kbd-scrolllock",
+    "kbd-numlock",
+    "kbd-capslock",
+    "kbd-kanalock",
+    "kbd-shiftlock",
+    "kbd-altgrlock",
+    "kbd-ctrllock",
+    "kbd-altlock",
+    "kbd-shiftllock",
+    "kbd-shiftrlock",
+    "kbd-ctrlllock",
+    "kbd-ctrlrlock",
+    "mmc0",
+    "timer",
+    "heartbeat",
+    "default-on",
+    "transient",
+    "lego-ev3-battery-charging-or-full",
+    "lego-ev3-battery-charging",
+    "lego-ev3-battery-full",
+    "lego-ev3-battery-charging-blink-full-solid",
+    "rfkill0",
+];
+const NONE: usize = 0;
+const TIMER: usize = 15;
+const DEFAULT_ON: usize = 17;
+
+const PLAIN: &[Spec] = &[readwriteable("brightness"), readable("max_brightness"), readwriteable("trigger")];
+const BLINKING: &[Spec] = &[
+    readwriteable("brightness"),
+    readwriteable("delay_off"),
+    readwriteable("delay_on"),
+    readable("max_brightness"),
+    readwriteable("trigger"),
+];
+
+/// One light.
+#[derive(Debug)]
+pub(crate) struct Led {
+    brightness: u32,
+    max_brightness: u32,
+    trigger: usize,
+    delay_on_ms: u32,
+    delay_off_ms: u32,
+}
+
+impl Led {
+    /// A light without a trigger.
+    pub(crate) fn new(brightness: u32, max_brightness: u32) -> Self {
+        Self { brightness, max_brightness, trigger: NONE, delay_on_ms: 500, delay_off_ms: 500 }
+    }
+
+    /// How bright it is, while it is on.
+    pub(crate) fn brightness(&self) -> u32 {
+        self.brightness
+    }
+
+    /// What else makes it shine: `none`, `timer`, `heartbeat`, …
+    pub(crate) fn trigger(&self) -> &'static str {
+        TRIGGERS.get(self.trigger).copied().unwrap_or_default()
+    }
+
+    fn set_trigger(&mut self, trigger: usize) {
+        self.trigger = trigger;
+        match trigger {
+            NONE => self.brightness = 0,
+            DEFAULT_ON => self.brightness = self.max_brightness,
+            TIMER => (self.delay_on_ms, self.delay_off_ms) = (500, 500),
+            _ => {}
+        }
+    }
+}
+
+impl Driver for Led {
+    fn attributes(&self) -> &'static [Spec] {
+        if self.trigger == TIMER { BLINKING } else { PLAIN }
+    }
+
+    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        match attribute {
+            "brightness" => line(out, self.brightness),
+            "max_brightness" => line(out, self.max_brightness),
+            "trigger" => {
+                let active = format!("[{}]", self.trigger());
+                let words = TRIGGERS.iter().enumerate();
+                list(out, words.map(|(index, word)| if index == self.trigger { &active } else { *word }));
+            }
+            "delay_on" if self.trigger == TIMER => line(out, self.delay_on_ms),
+            "delay_off" if self.trigger == TIMER => line(out, self.delay_off_ms),
+            _ => return Err(Errno::ENODEV),
+        }
+        Ok(())
+    }
+
+    fn store(
+        &mut self,
+        attribute: &str,
+        bytes: &[u8],
+        _context: &mut Context<'_>,
+    ) -> Result<Option<i64>, Errno> {
+        match attribute {
+            "brightness" => {
+                let value = int(bytes).or_else(|error| match error {
+                    // Anything above the maximum is the maximum.
+                    Errno::ERANGE if !bytes.starts_with(b"-") => Ok(i32::MAX),
+                    _ => Err(Errno::EINVAL),
+                })?;
+                let value = u32::try_from(value).map_err(|_| Errno::EINVAL)?;
+                if value == 0 {
+                    self.trigger = NONE;
+                }
+                self.brightness = value.min(self.max_brightness);
+            }
+            "trigger" => {
+                let trigger = word(bytes, TRIGGERS)?;
+                self.set_trigger(trigger);
+            }
+            "delay_on" if self.trigger == TIMER => self.delay_on_ms = scan_unsigned(bytes)?,
+            "delay_off" if self.trigger == TIMER => self.delay_off_ms = scan_unsigned(bytes)?,
+            _ => return Err(Errno::ENODEV),
+        }
+        Ok(None)
+    }
+
+    fn uevent(&self, _out: &mut Vec<u8>) {}
+}

@@ -1,0 +1,295 @@
+//! A sensor: class `lego-sensor` (`lego_sensor_class.c`, `ev3_uart_sensor_ld.c`, `ev3_analog_sensor_core.c`).
+//!
+//! A sensor holds the last frame that came; reads decode it. Frames come at the sensor's own pace, each is measured once. A write of `mode` to
+//! a UART sensor keeps the writer waiting until the first frame of the new mode, 10 to 50 ms; what comes in the first moments after
+//! it is left over from the mode before.
+
+mod models;
+
+use nix::errno::Errno;
+use rand_chacha::rand_core::Rng as _;
+
+pub(crate) use self::models::Mode;
+use self::models::{Model, model};
+use super::text::word;
+use super::{Context, Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
+use crate::sim::physics::SensorKind;
+
+/// The analog pin's voltage from which a touch sensor counts as pressed, in millivolts.
+const PRESSED_MV: i32 = 250;
+
+/// What the pin shows when the sensor is pressed; any value well above the threshold will do.
+const PRESSED_PIN_MV: i32 = 4000;
+
+/// A gyro takes this long to zero its angle after it was told to.
+const ZEROING_NS: i64 = 25_000_000;
+
+const ATTRIBUTES: &[Spec] = &[
+    readable("address"),
+    Spec { name: "bin_data", permissions: 0o444, size: 32 },
+    readable("bin_data_format"),
+    writeable("command"),
+    readable("commands"),
+    readable("decimals"),
+    Spec { name: "direct", permissions: 0o644, size: 255 },
+    readable("driver_name"),
+    readable("fw_version"),
+    readwriteable("mode"),
+    readable("modes"),
+    readable("num_values"),
+    readwriteable("poll_ms"),
+    readable("text_value"),
+    readable("units"),
+    readable("value0"),
+    readable("value1"),
+    readable("value2"),
+    readable("value3"),
+    readable("value4"),
+    readable("value5"),
+    readable("value6"),
+    readable("value7"),
+];
+
+/// How a gyro takes a change of mode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum GyroMake {
+    /// Date code ending in 2 or 3: any real change of mode zeroes the angle.
+    Old,
+    /// Later ones: only 0x11 or 0x88 written to `direct` does.
+    #[default]
+    New,
+}
+
+#[derive(Debug)]
+struct Switch {
+    mode: usize,
+    due_ns: i64,
+}
+
+/// One sensor.
+#[derive(Debug)]
+pub(crate) struct Sensor {
+    kind: SensorKind,
+    model: &'static Model,
+    address: &'static str,
+    make: GyroMake,
+    mode: usize,
+    frame: [u8; 32],
+    next_frame_ns: i64,
+    switch: Option<Switch>,
+    /// Until then the frames are left over from the mode before.
+    stale_until_ns: i64,
+    /// A single-shot mode has delivered its measurement.
+    spent: bool,
+    /// A frame that was put in by hand stands until it is taken out.
+    fed: bool,
+    zero_deg: i32,
+    zero_due_ns: Option<i64>,
+    pressed: bool,
+    notices: u32,
+}
+
+impl Sensor {
+    /// A sensor that has just reported itself, in its first mode.
+    pub(crate) fn new(kind: SensorKind, address: &'static str, make: GyroMake, now_ns: i64) -> Self {
+        Self {
+            kind,
+            model: model(kind),
+            address,
+            make,
+            mode: 0,
+            frame: [0; 32],
+            next_frame_ns: now_ns,
+            switch: None,
+            stale_until_ns: now_ns,
+            spent: false,
+            fed: false,
+            zero_deg: 0,
+            zero_due_ns: None,
+            pressed: false,
+            notices: 0,
+        }
+    }
+
+    /// The driver's name for a kind of sensor.
+    pub(crate) fn driver_name(&self) -> &'static str {
+        self.model.driver_name
+    }
+
+    /// Changes whenever those who poll `value0` are woken.
+    pub(crate) fn notices(&self) -> u32 {
+        self.notices
+    }
+
+    /// What happens in one step. `measure` is asked for the numbers of a frame when one is due.
+    pub(crate) fn tick(&mut self, now_ns: i64, measure: impl FnOnce(&str) -> [i32; 8]) {
+        if self.switch.as_ref().is_some_and(|switch| switch.due_ns <= now_ns) {
+            self.finish_switch(now_ns);
+        }
+        if now_ns < self.next_frame_ns {
+            return;
+        }
+        self.next_frame_ns = now_ns + self.model.period_ns;
+        if self.fed || self.spent || now_ns < self.stale_until_ns {
+            return;
+        }
+        let Some(mode) = self.mode_table() else { return };
+        self.spent = mode.name.starts_with("US-SI");
+        let mut values = measure(mode.name);
+        self.zero(mode.name, &mut values, now_ns);
+        if !self.model.uart {
+            values = values.map(|value| if value == 0 { 0 } else { PRESSED_PIN_MV });
+        }
+        mode.format.encode(values.get(..mode.values).unwrap_or_default(), &mut self.frame);
+        self.notice_touch();
+    }
+
+    /// Puts a frame in by hand, as if the sensor went on sending it; with none, the sensor measures again.
+    pub(crate) fn feed(&mut self, frame: Option<&[u8]>) {
+        self.fed = frame.is_some();
+        if let Some(frame) = frame {
+            self.frame = [0; 32];
+            for (to, from) in self.frame.iter_mut().zip(frame) {
+                *to = *from;
+            }
+            self.notice_touch();
+        }
+    }
+
+    fn notice_touch(&mut self) {
+        let pressed = self.kind == SensorKind::Touch && self.value(0) == Some(1);
+        if pressed != self.pressed {
+            self.pressed = pressed;
+            self.notices = self.notices.wrapping_add(1);
+        }
+    }
+
+    fn mode_table(&self) -> Option<&'static Mode> {
+        self.model.modes.get(self.mode)
+    }
+
+    fn value(&self, index: usize) -> Option<i32> {
+        let mode = self.mode_table().filter(|mode| index < mode.values)?;
+        let value = mode.format.decode(&self.frame, index);
+        Some(if self.model.uart { value } else { i32::from(value > PRESSED_MV) })
+    }
+
+    /// The gyro's angle counts from where it was zeroed.
+    fn zero(&mut self, mode: &str, values: &mut [i32; 8], now_ns: i64) {
+        if self.kind != SensorKind::Gyro || !matches!(mode, "GYRO-ANG" | "GYRO-G&A") {
+            return;
+        }
+        let [angle, ..] = values;
+        if self.zero_due_ns.is_some_and(|due_ns| due_ns <= now_ns) {
+            self.zero_due_ns = None;
+            self.zero_deg = *angle;
+        }
+        *angle = angle.wrapping_sub(self.zero_deg);
+    }
+
+    fn write_mode(&mut self, bytes: &[u8], context: &mut Context<'_>) -> Result<Option<i64>, Errno> {
+        let mode = word(bytes, self.model.modes.iter().map(|mode| mode.name))?;
+        if !self.model.uart {
+            return Ok(None);
+        }
+        if self.switch.is_some() {
+            return Err(Errno::EBUSY);
+        }
+        let wait_ms = 10 + i64::from(context.chance.next_u32() % 41);
+        let due_ns = context.now_ns + wait_ms * 1_000_000;
+        self.switch = Some(Switch { mode, due_ns });
+        Ok(Some(due_ns))
+    }
+
+    fn finish_switch(&mut self, now_ns: i64) {
+        let Some(switch) = self.switch.take() else { return };
+        let before = self.mode;
+        self.mode = switch.mode;
+        self.spent = false;
+        self.next_frame_ns = now_ns;
+        if before == switch.mode {
+            return;
+        }
+        self.stale_until_ns = now_ns + self.settling_ns(before);
+        if self.kind == SensorKind::Gyro && self.make == GyroMake::Old {
+            self.zero_due_ns = Some(now_ns);
+        }
+    }
+
+    /// How long values are left over after a change from `before` to the present mode.
+    fn settling_ns(&self, before: usize) -> i64 {
+        let family = |index: usize| {
+            let name = self.model.modes.get(index).map_or("", |mode| mode.name);
+            (name == "US-LISTEN", name.starts_with("US-SI"))
+        };
+        match self.kind {
+            SensorKind::Touch | SensorKind::Gyro => 0,
+            SensorKind::Colour => 20_000_000,
+            SensorKind::Infrared => 50_000_000,
+            SensorKind::Ultrasonic if family(before) == family(self.mode) => 100_000_000,
+            // Up to two seconds were reported between very different modes.
+            SensorKind::Ultrasonic => 1_000_000_000,
+        }
+    }
+
+    fn write_direct(&mut self, bytes: &[u8], now_ns: i64) -> Result<Option<i64>, Errno> {
+        if !self.model.uart {
+            return Err(Errno::EOPNOTSUPP);
+        }
+        // The file is 255 bytes long: the kernel cuts what goes beyond before the driver sees it.
+        if bytes.len() > 32 {
+            return Err(Errno::EINVAL);
+        }
+        if self.kind == SensorKind::Gyro && matches!(bytes, [0x11 | 0x88]) {
+            self.zero_due_ns = Some(now_ns + ZEROING_NS);
+        }
+        Ok(None)
+    }
+}
+
+impl Driver for Sensor {
+    fn attributes(&self) -> &'static [Spec] {
+        ATTRIBUTES
+    }
+
+    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        let mode = self.mode_table().ok_or(Errno::ENXIO)?;
+        match attribute {
+            "address" => line(out, self.address),
+            "bin_data" => out.extend_from_slice(&self.frame),
+            "bin_data_format" => line(out, mode.format.as_str()),
+            "commands" | "fw_version" => line(out, ""),
+            "decimals" => line(out, mode.decimals),
+            "driver_name" => line(out, self.model.driver_name),
+            "mode" => line(out, mode.name),
+            "modes" => list(out, self.model.modes.iter().map(|mode| mode.name)),
+            "num_values" => line(out, mode.values),
+            "units" => line(out, mode.units),
+            "direct" | "poll_ms" | "text_value" => return Err(Errno::EOPNOTSUPP),
+            _ => {
+                let index = attribute.strip_prefix("value").and_then(|digits| digits.parse().ok());
+                line(out, self.value(index.ok_or(Errno::ENODEV)?).ok_or(Errno::ENXIO)?);
+            }
+        }
+        Ok(())
+    }
+
+    fn store(
+        &mut self,
+        attribute: &str,
+        bytes: &[u8],
+        context: &mut Context<'_>,
+    ) -> Result<Option<i64>, Errno> {
+        match attribute {
+            "mode" => self.write_mode(bytes, context),
+            "direct" => self.write_direct(bytes, context.now_ns),
+            "poll_ms" => Err(Errno::EOPNOTSUPP),
+            // `command`: no EV3 sensor has any.
+            _ => Err(Errno::EINVAL),
+        }
+    }
+
+    fn uevent(&self, out: &mut Vec<u8>) {
+        lego_uevent(out, self.model.driver_name, self.address);
+    }
+}

@@ -1,0 +1,159 @@
+//! The sensors there are, with their modes: the tables of `ev3_uart_sensor_defs.c` and `ev3_analog_sensor_defs.c`.
+
+use crate::sim::physics::SensorKind;
+
+/// How the numbers of a frame are packed. All are little-endian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Format {
+    S8,
+    S16,
+    U16,
+    S32,
+}
+
+impl Format {
+    /// The kernel's word.
+    pub(crate) fn as_str(self) -> &'static str {
+        match self {
+            Self::S8 => "s8",
+            Self::S16 => "s16",
+            Self::U16 => "u16",
+            Self::S32 => "s32",
+        }
+    }
+
+    /// Bytes a number.
+    pub(crate) fn size(self) -> usize {
+        match self {
+            Self::S8 => 1,
+            Self::S16 | Self::U16 => 2,
+            Self::S32 => 4,
+        }
+    }
+
+    /// The number with this index in a frame; 0 where the frame is too short.
+    pub(crate) fn decode(self, frame: &[u8], index: usize) -> i32 {
+        let mut bytes = [0; 4];
+        let start = index * self.size();
+        if let (Some(from), Some(to)) = (frame.get(start..start + self.size()), bytes.get_mut(..self.size()))
+        {
+            to.copy_from_slice(from);
+        }
+        let [low, high, ..] = bytes;
+        match self {
+            Self::S8 => i32::from(i8::from_le_bytes([low])),
+            Self::S16 => i32::from(i16::from_le_bytes([low, high])),
+            Self::U16 => i32::from(u16::from_le_bytes([low, high])),
+            Self::S32 => i32::from_le_bytes(bytes),
+        }
+    }
+
+    /// Packs numbers; each keeps its low bytes.
+    pub(crate) fn encode(self, values: &[i32], frame: &mut [u8]) {
+        for (value, bytes) in values.iter().zip(frame.chunks_exact_mut(self.size())) {
+            bytes.copy_from_slice(value.to_le_bytes().get(..self.size()).unwrap_or_default());
+        }
+    }
+}
+
+/// One mode.
+#[derive(Debug)]
+pub(crate) struct Mode {
+    pub(crate) name: &'static str,
+    pub(crate) values: usize,
+    pub(crate) format: Format,
+    pub(crate) units: &'static str,
+    pub(crate) decimals: u8,
+}
+
+const fn mode(name: &'static str, values: usize, format: Format, units: &'static str, decimals: u8) -> Mode {
+    Mode { name, values, format, units, decimals }
+}
+
+/// One type of sensor.
+#[derive(Debug)]
+pub(crate) struct Model {
+    pub(crate) driver_name: &'static str,
+    pub(crate) modes: &'static [Mode],
+    /// It speaks over the serial line: modes are switched by message, frames come by themselves.
+    pub(crate) uart: bool,
+    /// The time between really new values. Ultrasonic, infrared, colour and gyro are models: the drivers give no figure.
+    pub(crate) period_ns: i64,
+}
+
+static TOUCH: Model = Model {
+    driver_name: "lego-ev3-touch",
+    modes: &[mode("TOUCH", 1, Format::S32, "", 0)],
+    uart: false,
+    period_ns: 10_000_000,
+};
+
+static COLOUR: Model = Model {
+    driver_name: "lego-ev3-color",
+    modes: &[
+        mode("COL-REFLECT", 1, Format::S8, "pct", 0),
+        mode("COL-AMBIENT", 1, Format::S8, "pct", 0),
+        mode("COL-COLOR", 1, Format::S8, "col", 0),
+        mode("REF-RAW", 2, Format::S16, "", 0),
+        // The sensor reports one value too few, and the brick's kernel believes it.
+        mode("RGB-RAW", 3, Format::S16, "", 0),
+        mode("COL-CAL", 3, Format::U16, "", 0),
+    ],
+    uart: true,
+    period_ns: 4_000_000,
+};
+
+static ULTRASONIC: Model = Model {
+    driver_name: "lego-ev3-us",
+    modes: &[
+        mode("US-DIST-CM", 1, Format::S16, "cm", 1),
+        mode("US-DIST-IN", 1, Format::S16, "in", 1),
+        mode("US-LISTEN", 1, Format::S8, "", 0),
+        mode("US-SI-CM", 1, Format::S16, "cm", 1),
+        mode("US-SI-IN", 1, Format::S16, "in", 1),
+        mode("US-DC-CM", 1, Format::S16, "cm", 1),
+        mode("US-DC-IN", 1, Format::S16, "in", 1),
+    ],
+    uart: true,
+    period_ns: 100_000_000,
+};
+
+static GYRO: Model = Model {
+    driver_name: "lego-ev3-gyro",
+    modes: &[
+        mode("GYRO-ANG", 1, Format::S16, "deg", 0),
+        mode("GYRO-RATE", 1, Format::S16, "d/s", 0),
+        mode("GYRO-FAS", 1, Format::S16, "", 0),
+        mode("GYRO-G&A", 2, Format::S16, "", 0),
+        mode("GYRO-CAL", 4, Format::S16, "", 0),
+        mode("TILT-RATE", 1, Format::S16, "d/s", 0),
+        mode("TILT-ANG", 1, Format::S16, "deg", 0),
+    ],
+    uart: true,
+    period_ns: 4_000_000,
+};
+
+static INFRARED: Model = Model {
+    driver_name: "lego-ev3-ir",
+    modes: &[
+        mode("IR-PROX", 1, Format::S8, "pct", 0),
+        mode("IR-SEEK", 8, Format::S8, "pct", 0),
+        mode("IR-REMOTE", 4, Format::S8, "btn", 0),
+        mode("IR-REM-A", 1, Format::S16, "", 0),
+        mode("IR-S-ALT", 4, Format::S8, "pct", 0),
+        mode("IR-CAL", 2, Format::S32, "", 0),
+    ],
+    uart: true,
+    period_ns: 50_000_000,
+};
+
+/// The model of a sensor.
+pub(crate) fn model(kind: SensorKind) -> &'static Model {
+    match kind {
+        SensorKind::Touch => &TOUCH,
+        SensorKind::Colour => &COLOUR,
+        SensorKind::Ultrasonic => &ULTRASONIC,
+        SensorKind::Gyro => &GYRO,
+        SensorKind::Infrared => &INFRARED,
+    }
+}

@@ -1,0 +1,112 @@
+//! A hobby servo: class `servo-motor` (`servo_motor_class.c`), on a third-party controller.
+//!
+//! Nothing moves here: the position is what was asked for.
+
+use nix::errno::Errno;
+
+use super::text::{int_in, scan_signed, scan_unsigned, word};
+use super::{Context, Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
+
+const COMMANDS: [&str; 2] = ["run", "float"];
+const POLARITIES: [&str; 2] = ["normal", "inversed"];
+const DRIVER_NAME: &str = "servo-motor";
+
+const ATTRIBUTES: &[Spec] = &[
+    readable("address"),
+    writeable("command"),
+    readable("driver_name"),
+    readwriteable("max_pulse_sp"),
+    readwriteable("mid_pulse_sp"),
+    readwriteable("min_pulse_sp"),
+    readwriteable("polarity"),
+    readwriteable("position_sp"),
+    readwriteable("rate_sp"),
+    readable("state"),
+];
+
+/// One output of a servo controller.
+#[derive(Debug)]
+pub(crate) struct ServoMotor {
+    address: String,
+    min_pulse_us: i32,
+    mid_pulse_us: i32,
+    max_pulse_us: i32,
+    inversed: bool,
+    position_pct: i32,
+    rate_ms: Option<u32>,
+    runs: bool,
+}
+
+impl ServoMotor {
+    /// As after plugging in a controller; `has_rate` if it can limit the speed.
+    pub(crate) fn new(address: &str, has_rate: bool) -> Self {
+        Self {
+            address: address.to_owned(),
+            min_pulse_us: 500,
+            mid_pulse_us: 1500,
+            max_pulse_us: 2500,
+            inversed: false,
+            position_pct: 0,
+            rate_ms: has_rate.then_some(0),
+            runs: false,
+        }
+    }
+
+    /// The pulse that the controller sends, in microseconds; none while it floats.
+    pub(crate) fn pulse_us(&self) -> Option<i32> {
+        let position = if self.inversed { -self.position_pct } else { self.position_pct };
+        let end = if position < 0 { self.min_pulse_us } else { self.max_pulse_us };
+        let span = if position < 0 { self.mid_pulse_us - end } else { end - self.mid_pulse_us };
+        self.runs.then_some(self.mid_pulse_us + span * position / 100)
+    }
+}
+
+impl Driver for ServoMotor {
+    fn attributes(&self) -> &'static [Spec] {
+        ATTRIBUTES
+    }
+
+    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        match attribute {
+            "address" => line(out, &self.address),
+            "driver_name" => line(out, DRIVER_NAME),
+            "min_pulse_sp" => line(out, self.min_pulse_us),
+            "mid_pulse_sp" => line(out, self.mid_pulse_us),
+            "max_pulse_sp" => line(out, self.max_pulse_us),
+            "polarity" => list(out, POLARITIES.get(usize::from(self.inversed)).copied()),
+            "position_sp" => line(out, self.position_pct),
+            "rate_sp" => line(out, self.rate_ms.ok_or(Errno::EOPNOTSUPP)?),
+            "state" => list(out, self.runs.then_some("running")),
+            _ => return Err(Errno::ENODEV),
+        }
+        Ok(())
+    }
+
+    fn store(
+        &mut self,
+        attribute: &str,
+        bytes: &[u8],
+        _context: &mut Context<'_>,
+    ) -> Result<Option<i64>, Errno> {
+        match attribute {
+            "command" => self.runs = word(bytes, COMMANDS)? == 0,
+            "min_pulse_sp" => self.min_pulse_us = scan_in(bytes, 0, 1000)?,
+            "mid_pulse_sp" => self.mid_pulse_us = scan_in(bytes, 1000, 2000)?,
+            "max_pulse_sp" => self.max_pulse_us = scan_in(bytes, 2000, 3000)?,
+            "polarity" => self.inversed = word(bytes, POLARITIES)? == 1,
+            "position_sp" => self.position_pct = int_in(bytes, -100, 100)?,
+            "rate_sp" => *self.rate_ms.as_mut().ok_or(Errno::EOPNOTSUPP)? = scan_unsigned(bytes)?,
+            _ => return Err(Errno::EIO),
+        }
+        Ok(None)
+    }
+
+    fn uevent(&self, out: &mut Vec<u8>) {
+        lego_uevent(out, DRIVER_NAME, &self.address);
+    }
+}
+
+fn scan_in(bytes: &[u8], least: i32, most: i32) -> Result<i32, Errno> {
+    let value = scan_signed(bytes)?;
+    if (least..=most).contains(&value) { Ok(value) } else { Err(Errno::EINVAL) }
+}

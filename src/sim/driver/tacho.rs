@@ -1,0 +1,521 @@
+//! A motor with a position: class `tacho-motor` (`tacho_motor_class.c`).
+//!
+//! The class keeps the set points, latches them at each command, and ramps the speed in steps; [`motor`] below it regulates.
+//!
+//! # Quirks that are kept
+//!
+//! - A relative move that follows a relative move starts from that move's target.
+//! - `ramping` sticks if a move arrives before its ramp was through, or a command that does not ramp interrupts a ramp.
+//! - The ramp counts from 50 ms before the command, and its steps come 50 to 60 ms apart.
+//! - `speed_sp` takes −2147483648.
+
+mod encoder;
+mod motor;
+mod pid;
+
+use nix::errno::Errno;
+
+use self::encoder::Encoder;
+use self::motor::{Motor, Ticked};
+use self::pid::Pid;
+use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
+use super::text::{int, int_in, word};
+use super::{Context, Driver, Spec, lego_uevent, line, list, readable, readwriteable, wrap, writeable};
+use crate::ev3dev::StopAction;
+use crate::sim::physics::{Bridge, MotorKind};
+
+/// How often the worker looks for a changed state, to wake those who poll it.
+const NOTIFY_NS: i64 = 50_000_000;
+
+/// The ramp aims at a step each 100 ms.
+const RAMP_PERIOD: i64 = 10;
+
+const COMMANDS: [&str; 7] =
+    ["run-forever", "run-to-abs-pos", "run-to-rel-pos", "run-timed", "run-direct", "stop", "reset"];
+
+const POLARITIES: [&str; 2] = ["normal", "inversed"];
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Command {
+    RunForever,
+    RunToAbsPos,
+    RunToRelPos,
+    RunTimed,
+    RunDirect,
+    Stop,
+    Reset,
+}
+
+impl Command {
+    const ALL: [Self; 7] = [
+        Self::RunForever,
+        Self::RunToAbsPos,
+        Self::RunToRelPos,
+        Self::RunTimed,
+        Self::RunDirect,
+        Self::Stop,
+        Self::Reset,
+    ];
+}
+
+/// A type of motor: the constants of `ev3_motor_defs.c`.
+#[derive(Debug)]
+struct Model {
+    driver_name: &'static str,
+    attributes: &'static [Spec],
+    max_speed: i32,
+    hold_kp: i32,
+    full_travel_count: i32,
+}
+
+const COUNT_PER_ROT: i32 = 360;
+const COUNT_PER_M: i32 = 2000;
+
+macro_rules! attributes {
+    ($($first:expr),+) => {
+        &[
+            $($first,)+
+            readable("address"),
+            writeable("command"),
+            readable("commands"),
+            readable("driver_name"),
+            readable("duty_cycle"),
+            readwriteable("duty_cycle_sp"),
+            readwriteable("hold_pid/Kd"),
+            readwriteable("hold_pid/Ki"),
+            readwriteable("hold_pid/Kp"),
+            readable("max_speed"),
+            readwriteable("polarity"),
+            readwriteable("position"),
+            readwriteable("position_sp"),
+            readwriteable("ramp_down_sp"),
+            readwriteable("ramp_up_sp"),
+            readable("speed"),
+            readwriteable("speed_pid/Kd"),
+            readwriteable("speed_pid/Ki"),
+            readwriteable("speed_pid/Kp"),
+            readwriteable("speed_sp"),
+            readable("state"),
+            readwriteable("stop_action"),
+            readable("stop_actions"),
+            readwriteable("time_sp"),
+        ]
+    };
+}
+
+const ROTARY: &[Spec] = attributes!(readable("count_per_rot"));
+const LINEAR: &[Spec] = attributes!(readable("count_per_m"), readable("full_travel_count"));
+
+static LARGE: Model = Model {
+    driver_name: "lego-ev3-l-motor",
+    attributes: ROTARY,
+    max_speed: 1050,
+    hold_kp: 80_000,
+    full_travel_count: 0,
+};
+static MEDIUM: Model = Model {
+    driver_name: "lego-ev3-m-motor",
+    attributes: ROTARY,
+    max_speed: 1560,
+    hold_kp: 160_000,
+    full_travel_count: 0,
+};
+static LINEAR_50: Model = Model {
+    driver_name: "act-l12-ev3-50",
+    attributes: LINEAR,
+    max_speed: 24,
+    hold_kp: 40_000,
+    full_travel_count: 100,
+};
+static LINEAR_100: Model = Model {
+    driver_name: "act-l12-ev3-100",
+    attributes: LINEAR,
+    max_speed: 24,
+    hold_kp: 40_000,
+    full_travel_count: 200,
+};
+
+impl Model {
+    fn speed_pid() -> Pid {
+        Pid::new(1000, 60, 0)
+    }
+
+    fn hold_pid(&self) -> Pid {
+        Pid::new(self.hold_kp, 0, 0)
+    }
+}
+
+/// Set points, in the hardware's frame.
+#[derive(Debug, Clone, Copy)]
+struct SetPoints {
+    inversed: bool,
+    duty: i32,
+    speed: i32,
+    position: i32,
+    time_ms: i32,
+    ramp_up_ms: i32,
+    ramp_down_ms: i32,
+    stop_action: StopAction,
+}
+
+impl Default for SetPoints {
+    fn default() -> Self {
+        Self {
+            inversed: false,
+            duty: 0,
+            speed: 0,
+            position: 0,
+            time_ms: 0,
+            ramp_up_ms: 0,
+            ramp_down_ms: 0,
+            stop_action: StopAction::Coast,
+        }
+    }
+}
+
+/// The speed on its way to a set point. Times are in kernel ticks.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ramp {
+    flagged: bool,
+    end: i32,
+    delta: i32,
+    delta_time: i64,
+    end_time: i64,
+    last_step: i64,
+    last_speed: i32,
+    due_ns: Option<i64>,
+}
+
+/// One motor.
+#[derive(Debug)]
+pub(crate) struct TachoMotor {
+    model: &'static Model,
+    address: &'static str,
+    set: SetPoints,
+    active: SetPoints,
+    active_command: Command,
+    last_command: Command,
+    timed_ns: Option<i64>,
+    ramp: Ramp,
+    motor: Motor,
+    next_notice_ns: i64,
+    noticed: [bool; 5],
+    /// How often the worker has found the state changed: what wakes those who poll it.
+    notices: u32,
+}
+
+impl TachoMotor {
+    /// As after plugging in, on a port whose counter stands at `edges`; none for a motor without an encoder.
+    pub(crate) fn new(
+        kind: MotorKind,
+        address: &'static str,
+        (edges, exact): (i64, f64),
+        now_ns: i64,
+    ) -> Option<Self> {
+        let model = match kind {
+            MotorKind::Large => &LARGE,
+            MotorKind::Medium => &MEDIUM,
+            MotorKind::Linear50 => &LINEAR_50,
+            MotorKind::Linear100 => &LINEAR_100,
+            MotorKind::Rcx => return None,
+        };
+        let motor = Motor::new(Encoder::new(edges, exact, now_ns), Model::speed_pid(), model.hold_pid());
+        Some(Self {
+            model,
+            address,
+            set: SetPoints::default(),
+            active: SetPoints::default(),
+            active_command: Command::Stop,
+            last_command: Command::Stop,
+            timed_ns: None,
+            ramp: Ramp::default(),
+            motor,
+            next_notice_ns: now_ns + NOTIFY_NS,
+            noticed: [false; 5],
+            notices: 0,
+        })
+    }
+
+    /// A linear motor is called `linearN` instead of `motorN`.
+    pub(crate) fn is_linear(&self) -> bool {
+        self.model.full_travel_count > 0
+    }
+
+    /// The driver's name.
+    pub(crate) fn driver_name(&self) -> &'static str {
+        self.model.driver_name
+    }
+
+    /// What the bridge does now.
+    pub(crate) fn bridge(&self) -> Bridge {
+        self.motor.bridge()
+    }
+
+    /// Changes whenever those who poll `state` are woken.
+    pub(crate) fn notices(&self) -> u32 {
+        self.notices
+    }
+
+    /// What happens in one step: timers, the loop, the worker that wakes pollers.
+    pub(crate) fn tick(&mut self, count: (i64, f64), now_ns: i64) {
+        if self.timed_ns.is_some_and(|due_ns| due_ns <= now_ns) {
+            self.end_run_timed(now_ns);
+        }
+        if self.ramp.due_ns.is_some_and(|due_ns| due_ns <= now_ns) {
+            self.ramp.due_ns = None;
+            self.step_ramp(now_ns);
+        }
+        let ticked = self.motor.tick(count, now_ns, self.active.ramp_down_ms, self.model.max_speed);
+        if ticked == Ticked::Arrived {
+            self.timed_ns = None;
+            self.ramp.due_ns = None;
+            self.active.speed = 0;
+            self.ramp.last_speed = 0;
+        }
+        if now_ns >= self.next_notice_ns {
+            self.next_notice_ns = now_ns + NOTIFY_NS;
+            let state = self.state();
+            if state != self.noticed {
+                self.noticed = state;
+                self.notices = self.notices.wrapping_add(1);
+            }
+        }
+    }
+
+    fn state(&self) -> [bool; 5] {
+        [
+            self.motor.is_running(),
+            self.ramp.flagged || self.motor.is_ramping_down(),
+            self.motor.is_holding(),
+            self.motor.is_overloaded(),
+            self.motor.is_stalled(),
+        ]
+    }
+
+    fn command(&mut self, command: Command, now_ns: i64) {
+        self.timed_ns = None;
+        self.ramp.due_ns = None;
+        if command == Command::Reset {
+            self.set = SetPoints::default();
+        }
+        let previous_target = self.active.position;
+        self.active = self.set;
+        self.active_command = command;
+        if matches!(command, Command::Stop | Command::Reset) {
+            self.active.speed = 0;
+            self.active.duty = 0;
+        }
+        if command == Command::RunToRelPos {
+            let chained = self.last_command == Command::RunToRelPos;
+            let base = if chained { previous_target } else { self.motor.position() };
+            self.active.position = base.wrapping_add(self.set.position);
+            if self.set.position == 0 {
+                self.active.speed = 0;
+            }
+        }
+        self.perform(command, now_ns);
+        self.last_command = command;
+        if command == Command::RunTimed {
+            self.timed_ns = Some(due_ns(now_ns, from_ms(self.active.time_ms)));
+            if self.active.time_ms == 0 {
+                self.end_run_timed(now_ns);
+            }
+        }
+    }
+
+    fn perform(&mut self, command: Command, now_ns: i64) {
+        let active = self.active;
+        let ramps = active.ramp_up_ms != 0 || active.ramp_down_ms != 0;
+        match command {
+            Command::Reset => self.motor.reset(Model::speed_pid(), self.model.hold_pid()),
+            Command::RunDirect => self.motor.run_direct(active.duty),
+            _ if ramps => self.start_ramp(now_ns),
+            Command::RunForever | Command::RunTimed => self.motor.run_regulated(active.speed),
+            Command::RunToRelPos if self.set.position == 0 => self.motor.stop(active.stop_action),
+            Command::RunToAbsPos | Command::RunToRelPos => {
+                self.motor.run_to(active.position, active.speed, active.stop_action);
+            }
+            Command::Stop => self.motor.stop(active.stop_action),
+        }
+    }
+
+    fn end_run_timed(&mut self, now_ns: i64) {
+        self.timed_ns = None;
+        self.active_command = Command::Stop;
+        if self.active.ramp_down_ms == 0 {
+            self.motor.stop(self.active.stop_action);
+        } else {
+            self.ramp.due_ns = None;
+            self.active.speed = 0;
+            self.start_ramp(now_ns);
+        }
+    }
+
+    /// One leg: to 0 if the set point has the other sign, else to the set point.
+    fn start_ramp(&mut self, now_ns: i64) {
+        if !self.ramp.flagged {
+            self.ramp.last_speed = self.motor.speed();
+        }
+        let start = self.ramp.last_speed;
+        let target = self.active.speed;
+        let end = if i64::from(start) * i64::from(target) < 0 { 0 } else { target };
+        let delta = end.wrapping_sub(start);
+        let faster = i64::from(start) * i64::from(delta) >= 0;
+        let full_ms = if faster { self.active.ramp_up_ms } else { self.active.ramp_down_ms };
+        let delta_time = from_ms(full_ms) * i64::from(delta.unsigned_abs()) / i64::from(self.model.max_speed);
+        let start_time = jiffies(now_ns) - RAMP_PERIOD / 2;
+        let end_time = start_time + delta_time;
+        self.ramp =
+            Ramp { flagged: true, end, delta, delta_time, end_time, last_step: start_time, ..self.ramp };
+        self.step_ramp(now_ns);
+    }
+
+    fn step_ramp(&mut self, now_ns: i64) {
+        let active = self.active;
+        if active.speed == self.ramp.last_speed {
+            self.ramp.flagged = false;
+            if self.active_command == Command::Stop {
+                self.motor.stop(active.stop_action);
+            }
+            return;
+        }
+        if self.ramp.end == self.ramp.last_speed {
+            self.start_ramp(now_ns);
+            return;
+        }
+        let now = jiffies(now_ns);
+        let left = (self.ramp.end_time - now).max(0);
+        if self.ramp.delta_time == 0 {
+            self.ramp.last_speed = self.ramp.end;
+            self.ramp.flagged = false;
+        } else {
+            let behind = wrap(i64::from(self.ramp.delta) * left / self.ramp.delta_time);
+            self.ramp.last_speed = self.ramp.end.wrapping_sub(behind);
+        }
+        if matches!(self.active_command, Command::RunToAbsPos | Command::RunToRelPos) {
+            self.motor.run_to(active.position, self.ramp.last_speed, active.stop_action);
+        } else {
+            self.motor.run_regulated(self.ramp.last_speed);
+        }
+        let delay = (RAMP_PERIOD - (now - self.ramp.last_step)).max(0);
+        self.ramp.last_step = now;
+        // Work without a delay still waits for its worker.
+        self.ramp.due_ns = Some(due_ns(now_ns, delay).max(now_ns.div_euclid(JIFFY_NS) * JIFFY_NS + JIFFY_NS));
+    }
+
+    /// Turns a number between the file's frame and the hardware's.
+    fn signed(&self, value: i32) -> i32 {
+        if self.set.inversed { value.wrapping_neg() } else { value }
+    }
+
+    fn gain(&mut self, attribute: &str) -> Option<&mut i32> {
+        let motor = &mut self.motor;
+        Some(match attribute {
+            "speed_pid/Kp" => &mut motor.speed_pid.kp,
+            "speed_pid/Ki" => &mut motor.speed_pid.ki,
+            "speed_pid/Kd" => &mut motor.speed_pid.kd,
+            "hold_pid/Kp" => &mut motor.hold_pid.kp,
+            "hold_pid/Ki" => &mut motor.hold_pid.ki,
+            "hold_pid/Kd" => &mut motor.hold_pid.kd,
+            _ => return None,
+        })
+    }
+
+    fn number(&self, attribute: &str) -> Option<i32> {
+        Some(match attribute {
+            "position" => self.signed(self.motor.position()),
+            "speed" => self.signed(self.motor.speed()),
+            "duty_cycle" => self.signed(self.motor.duty()),
+            "duty_cycle_sp" => self.signed(self.set.duty),
+            "speed_sp" => self.signed(self.set.speed),
+            "position_sp" => self.signed(self.set.position),
+            "time_sp" => self.set.time_ms,
+            "ramp_up_sp" => self.set.ramp_up_ms,
+            "ramp_down_sp" => self.set.ramp_down_ms,
+            "max_speed" => self.model.max_speed,
+            "count_per_rot" => COUNT_PER_ROT,
+            "count_per_m" => COUNT_PER_M,
+            "full_travel_count" => self.model.full_travel_count,
+            "speed_pid/Kp" => self.motor.speed_pid.kp,
+            "speed_pid/Ki" => self.motor.speed_pid.ki,
+            "speed_pid/Kd" => self.motor.speed_pid.kd,
+            "hold_pid/Kp" => self.motor.hold_pid.kp,
+            "hold_pid/Ki" => self.motor.hold_pid.ki,
+            "hold_pid/Kd" => self.motor.hold_pid.kd,
+            _ => return None,
+        })
+    }
+}
+
+impl Driver for TachoMotor {
+    fn attributes(&self) -> &'static [Spec] {
+        self.model.attributes
+    }
+
+    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        match attribute {
+            "address" => line(out, self.address),
+            "driver_name" => line(out, self.model.driver_name),
+            "commands" => list(out, COMMANDS),
+            "stop_actions" => list(out, StopAction::ALL.iter().map(|action| action.as_str())),
+            "stop_action" => line(out, self.set.stop_action),
+            "polarity" => list(out, POLARITIES.get(usize::from(self.set.inversed)).copied()),
+            "state" => {
+                let words = ["running", "ramping", "holding", "overloaded", "stalled"];
+                list(out, words.into_iter().zip(self.state()).filter_map(|(word, set)| set.then_some(word)));
+            }
+            _ => line(out, self.number(attribute).ok_or(Errno::ENODEV)?),
+        }
+        Ok(())
+    }
+
+    fn store(
+        &mut self,
+        attribute: &str,
+        bytes: &[u8],
+        context: &mut Context<'_>,
+    ) -> Result<Option<i64>, Errno> {
+        match attribute {
+            "command" => {
+                let index = word(bytes, COMMANDS)?;
+                self.command(*Command::ALL.get(index).ok_or(Errno::EINVAL)?, context.now_ns);
+            }
+            "stop_action" => {
+                let index = word(bytes, StopAction::ALL.iter().map(|action| action.as_str()))?;
+                self.set.stop_action = *StopAction::ALL.get(index).ok_or(Errno::EINVAL)?;
+            }
+            "polarity" => self.set.inversed = word(bytes, POLARITIES)? == 1,
+            "position" => {
+                let position = int(bytes)?;
+                self.motor.set_position(self.signed(position));
+            }
+            "position_sp" => self.set.position = self.signed(int(bytes)?),
+            "speed_sp" => {
+                let speed = int(bytes)?;
+                // As the driver checks it: the one number whose magnitude does not fit slips through.
+                if speed.wrapping_abs() > self.model.max_speed {
+                    return Err(Errno::EINVAL);
+                }
+                self.set.speed = self.signed(speed);
+            }
+            "duty_cycle_sp" => {
+                self.set.duty = self.signed(int_in(bytes, -100, 100)?);
+                if self.active_command == Command::RunDirect {
+                    self.motor.run_direct(self.set.duty);
+                }
+            }
+            "time_sp" => self.set.time_ms = int_in(bytes, 0, i32::MAX)?,
+            "ramp_up_sp" => self.set.ramp_up_ms = int_in(bytes, 0, 60_000)?,
+            "ramp_down_sp" => self.set.ramp_down_ms = int_in(bytes, 0, 60_000)?,
+            _ => {
+                let value = int_in(bytes, 0, i32::MAX)?;
+                *self.gain(attribute).ok_or(Errno::EIO)? = value;
+            }
+        }
+        Ok(None)
+    }
+
+    fn uevent(&self, out: &mut Vec<u8>) {
+        lego_uevent(out, self.model.driver_name, self.address);
+    }
+}

@@ -1,0 +1,319 @@
+//! A world with its robots, and the time in it.
+//!
+//! The simulation has no thread of its own: whoever touches a file first lets the time pass that has gone by on the clock, in steps of
+//! [`STEP_NS`]. With a [`VirtualClock`](crate::clock::VirtualClock) a mission runs as fast as the machine allows.
+
+use std::any::Any;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use nix::errno::Errno;
+
+use super::brick::Brick;
+pub use super::brick::Plugged;
+use super::door::SimBrick;
+use super::driver::board::Pack;
+use super::driver::input::Button;
+use super::driver::sensor::GyroMake;
+use super::physics::{Bridge, Physics, STEP_NS};
+use crate::clock::Clock;
+
+/// A port of the brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Port {
+    /// `in1`.
+    In1,
+    /// `in2`.
+    In2,
+    /// `in3`.
+    In3,
+    /// `in4`.
+    In4,
+    /// `outA`.
+    OutA,
+    /// `outB`.
+    OutB,
+    /// `outC`.
+    OutC,
+    /// `outD`.
+    OutD,
+}
+
+impl Port {
+    fn index(self) -> usize {
+        self as usize
+    }
+}
+
+/// How a brick is made, where bricks differ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Options {
+    /// How gyros take a change of mode.
+    pub gyro: GyroMake,
+    /// What feeds the brick.
+    pub pack: Pack,
+    /// For so long after a device appeared its files cannot be opened for writing (EACCES), until udev has got round to it.
+    /// Nanoseconds; 0 for never.
+    pub access_delay_ns: i64,
+}
+
+/// A write that reached a brick.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Written {
+    /// When, in nanoseconds since the simulation began.
+    pub time_ns: i64,
+    /// Whose brick.
+    pub robot: usize,
+    /// Which file, relative to the brick's root.
+    pub path: String,
+    /// What was written.
+    pub value: Vec<u8>,
+    /// The number of bytes taken, or the error.
+    pub answer: Result<usize, Errno>,
+}
+
+/// A world, its robots' drivers, and the clock they live by. Clones are handles on the same one.
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+pub(crate) struct Shared {
+    pub(crate) clock: Arc<dyn Clock>,
+    start_ns: i64,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+pub(crate) struct State {
+    physics: Box<dyn Physics>,
+    pub(crate) bricks: Vec<Brick>,
+    bridges: Vec<[Bridge; 4]>,
+    /// Time since the simulation began; a whole number of steps.
+    pub(crate) now_ns: i64,
+    journal: Option<Vec<Written>>,
+    /// What a read produced, kept so that reads do not allocate.
+    pub(crate) text: Vec<u8>,
+}
+
+impl Simulation {
+    /// A simulation that begins now. `seed` is for the chance in the drivers; the world has its own.
+    #[must_use]
+    pub fn new(clock: Arc<dyn Clock>, physics: Box<dyn Physics>, seed: u64) -> Self {
+        Self::with_options(clock, physics, seed, Options::default())
+    }
+
+    /// As [`Simulation::new`], with bricks that are not as usual.
+    #[must_use]
+    pub fn with_options(
+        clock: Arc<dyn Clock>,
+        mut physics: Box<dyn Physics>,
+        seed: u64,
+        options: Options,
+    ) -> Self {
+        let bricks: Vec<Brick> = (0..physics.robots())
+            .zip(seed..)
+            .map(|(robot, seed)| Brick::new(robot, physics.as_mut(), options, seed))
+            .collect();
+        let bridges = vec![[Bridge::Coast; 4]; bricks.len()];
+        let state =
+            State { physics, bricks, bridges, now_ns: 0, journal: None, text: Vec::with_capacity(4096) };
+        let start_ns = clock.now_ns();
+        Self { shared: Arc::new(Shared { clock, start_ns, state: Mutex::new(state) }) }
+    }
+
+    /// How many robots there are.
+    #[must_use]
+    pub fn robots(&self) -> usize {
+        self.shared.now().bricks.len()
+    }
+
+    /// The files of a robot's brick. A robot that is not there has none: every path answers ENOENT.
+    #[must_use]
+    pub fn brick(&self, robot: usize) -> Arc<SimBrick> {
+        Arc::new(SimBrick::new(Arc::clone(&self.shared), robot))
+    }
+
+    /// Lets the time pass that has gone by on the clock. Every access to a file does so too.
+    pub fn catch_up(&self) {
+        drop(self.shared.now());
+    }
+
+    /// Time since the simulation began, in nanoseconds, after [`Simulation::catch_up`].
+    #[must_use]
+    pub fn now_ns(&self) -> i64 {
+        self.shared.now().now_ns
+    }
+
+    /// Looks into the world, or changes it, at the present time. `None` if the world is not a `W`.
+    pub fn inspect<W: Physics, R>(&self, look: impl FnOnce(&mut W) -> R) -> Option<R> {
+        let mut state = self.shared.now();
+        let world: &mut dyn Any = state.physics.as_mut();
+        world.downcast_mut().map(look)
+    }
+
+    /// Puts a device into a port. It appears after the time that detection takes: 0.4 s, a UART sensor 1.9 s.
+    ///
+    /// # Errors
+    ///
+    /// EINVAL for a motor in an input port and the reverse, ENOENT without such a robot.
+    pub fn plug(&self, robot: usize, port: Port, device: Plugged) -> Result<(), Errno> {
+        self.shared.with_brick(robot, |brick, now_ns| brick.plug(port.index(), Some(device), now_ns))
+    }
+
+    /// Pulls what is in a port. The device disappears 0.1 s later.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT without such a robot.
+    pub fn unplug(&self, robot: usize, port: Port) -> Result<(), Errno> {
+        self.shared.with_brick(robot, |brick, now_ns| brick.plug(port.index(), None, now_ns))
+    }
+
+    /// Puts a frame of raw bytes into the sensor on a port, as if it went on sending it; with `None` it measures again.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV where no sensor is registered, ENOENT without such a robot.
+    pub fn feed(&self, robot: usize, port: Port, frame: Option<&[u8]>) -> Result<(), Errno> {
+        self.shared.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
+    }
+
+    /// Adds an output of a third-party servo controller; returns its name in class `servo-motor`.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT without such a robot.
+    pub fn add_servo(&self, robot: usize, address: &str, has_rate: bool) -> Result<String, Errno> {
+        self.shared.with_brick(robot, |brick, now_ns| Ok(brick.add_servo(address, has_rate, now_ns)))
+    }
+
+    /// The pulse that a servo gets, in microseconds; `None` while it floats.
+    #[must_use]
+    pub fn servo_pulse_us(&self, robot: usize, name: &str) -> Option<i32> {
+        self.shared.now().bricks.get(robot)?.servo_pulse_us(name)
+    }
+
+    /// Presses a button. Nothing happens if it is down already.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT without such a robot.
+    pub fn press(&self, robot: usize, button: Button) -> Result<(), Errno> {
+        self.set_button(robot, button, true)
+    }
+
+    /// Lets go of a button.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT without such a robot.
+    pub fn release(&self, robot: usize, button: Button) -> Result<(), Errno> {
+        self.set_button(robot, button, false)
+    }
+
+    fn set_button(&self, robot: usize, button: Button, down: bool) -> Result<(), Errno> {
+        self.shared.with_brick(robot, |brick, now_ns| {
+            brick.buttons.set(button, down, now_ns);
+            Ok(())
+        })
+    }
+
+    /// The buttons that are down.
+    #[must_use]
+    pub fn pressed(&self, robot: usize) -> Vec<Button> {
+        self.shared.now().bricks.get(robot).map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
+    }
+
+    /// The tone that sounds now, in hertz.
+    #[must_use]
+    pub fn tone_hz(&self, robot: usize) -> Option<u32> {
+        self.shared.now().bricks.get(robot)?.speaker.tone_hz()
+    }
+
+    /// The last tone that was played, in hertz, also if it has ended.
+    #[must_use]
+    pub fn last_tone_hz(&self, robot: usize) -> Option<u32> {
+        self.shared.now().bricks.get(robot)?.speaker.last_tone_hz()
+    }
+
+    /// Brightness and trigger of a status light by its name (`led0:red:brick-status`).
+    #[must_use]
+    pub fn led(&self, robot: usize, name: &str) -> Option<(u32, &'static str)> {
+        self.shared.now().bricks.get(robot)?.led(name)
+    }
+
+    /// Begins a new journal of all writes, or ends it.
+    pub fn record_writes(&self, on: bool) {
+        self.shared.now().journal = on.then(Vec::new);
+    }
+
+    /// The writes since [`Simulation::record_writes`], or since this was last called; in their order.
+    #[must_use]
+    pub fn take_writes(&self) -> Vec<Written> {
+        self.shared.now().journal.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+}
+
+impl Shared {
+    /// The state as of now.
+    pub(crate) fn now(&self) -> MutexGuard<'_, State> {
+        // A panic under the lock cannot leave a step half done in a way that matters to a simulation.
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let passed_ns = self.clock.now_ns() - self.start_ns;
+        while state.now_ns + STEP_NS <= passed_ns {
+            state.step();
+        }
+        state
+    }
+
+    /// Keeps the caller waiting until a time of the simulation.
+    pub(crate) fn wait_until(&self, time_ns: i64) {
+        let deadline_ns = self.start_ns + time_ns;
+        // A signal may end a sleep early; a driver's wait goes on.
+        while self.clock.now_ns() < deadline_ns {
+            self.clock.sleep_until_ns(deadline_ns);
+        }
+    }
+
+    /// The time on the simulation's clock, which may be within a step.
+    pub(crate) fn time_ns(&self) -> i64 {
+        self.clock.now_ns() - self.start_ns
+    }
+
+    fn with_brick<R>(
+        &self,
+        robot: usize,
+        act: impl FnOnce(&mut Brick, i64) -> Result<R, Errno>,
+    ) -> Result<R, Errno> {
+        let mut state = self.now();
+        let now_ns = state.now_ns;
+        act(state.bricks.get_mut(robot).ok_or(Errno::ENOENT)?, now_ns)
+    }
+}
+
+impl State {
+    fn step(&mut self) {
+        self.now_ns += STEP_NS;
+        for (bridges, brick) in self.bridges.iter_mut().zip(&self.bricks) {
+            *bridges = brick.bridges();
+        }
+        self.physics.step(&self.bridges);
+        for brick in &mut self.bricks {
+            brick.step(self.now_ns, self.physics.as_mut());
+        }
+    }
+
+    /// For how long a new device's files cannot be opened for writing.
+    pub(crate) fn access_delay_ns(&self, robot: usize) -> i64 {
+        self.bricks.get(robot).map_or(0, Brick::access_delay_ns)
+    }
+
+    /// Notes a write, if there is a journal.
+    pub(crate) fn note(&mut self, robot: usize, path: &str, value: &[u8], answer: Result<usize, Errno>) {
+        let time_ns = self.now_ns;
+        if let Some(journal) = &mut self.journal {
+            journal.push(Written { time_ns, robot, path: path.to_owned(), value: value.to_vec(), answer });
+        }
+    }
+}
