@@ -6,6 +6,44 @@
 
 use std::f64::consts::PI;
 
+/// A motor's duty cycle, percent: −100 to 100. One beyond cannot exist.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct Duty(i8);
+
+/// A duty cycle beyond ±100 %.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a duty cycle of {percent} % is beyond ±100 %")]
+pub struct DutyOutOfRange {
+    /// The number.
+    pub percent: i32,
+}
+
+impl Duty {
+    /// All there is, forwards.
+    pub const MAX: Self = Self(100);
+
+    /// All there is, backwards.
+    pub const MIN: Self = Self(-100);
+
+    /// A duty cycle of so many percent.
+    ///
+    /// # Errors
+    ///
+    /// [`DutyOutOfRange`] beyond ±100.
+    pub fn new(percent: i32) -> Result<Self, DutyOutOfRange> {
+        match i8::try_from(percent) {
+            Ok(small @ -100..=100) => Ok(Self(small)),
+            _ => Err(DutyOutOfRange { percent }),
+        }
+    }
+
+    /// The number of percent.
+    #[must_use]
+    pub fn percent(self) -> i32 {
+        i32::from(self.0)
+    }
+}
+
 /// Degrees as radians.
 #[must_use]
 pub fn radians(degrees: f64) -> f64 {
@@ -51,6 +89,16 @@ mod tests {
         #[test]
         fn degrees_and_radians_are_inverse(angle in -1e6..1e6) {
             prop_assert!((degrees(radians(angle)) - angle).abs() <= 1e-9 * angle.abs());
+        }
+    }
+
+    #[test]
+    fn a_duty_cycle_is_within_a_hundred_percent() {
+        for percent in [-100, -1, 0, 100] {
+            assert_eq!(Duty::new(percent).map(Duty::percent), Ok(percent));
+        }
+        for percent in [-101, 101, 156, i32::MIN, i32::MAX] {
+            assert_eq!(Duty::new(percent), Err(DutyOutOfRange { percent }));
         }
     }
 

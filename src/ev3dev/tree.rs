@@ -49,6 +49,13 @@ pub trait Tree: Debug + Send + Sync {
 
     /// Where the tree is, for messages: the root's path, or a name for a simulation.
     fn root(&self) -> &Path;
+
+    /// A file's path on this machine, for devices that are streams of events and no attributes (buttons, speaker): those are read
+    /// and written in sequence. A tree that is not in the file system says `None`, and is then asked to [`Tree::open`] them, each `read`
+    /// taking the events that are pending.
+    fn local_path(&self, _path: &str) -> Option<PathBuf> {
+        None
+    }
 }
 
 /// An open attribute: each call is one system call, and none allocates.
@@ -110,6 +117,10 @@ impl Tree for LocalTree {
 
     fn root(&self) -> &Path {
         &self.root
+    }
+
+    fn local_path(&self, path: &str) -> Option<PathBuf> {
+        Some(self.root.join(path))
     }
 }
 

@@ -1,0 +1,247 @@
+//! The six buttons of the brick, as the kernel's input events.
+//!
+//! A real node is opened through the crate `evdev`, which also tells which buttons are held at the start. A node that is no input device (the simulated
+//! brick's) is a stream of the same events. Reading never blocks and allocates nothing after the first.
+//!
+//! # What we count on
+//!
+//! - The driver has debounced already (5 ms).
+//! - Everybody who reads the node gets every event; under brickman, Back also kills the program.
+
+use std::sync::Arc;
+
+use evdev::raw_stream::RawDevice;
+use evdev::{AttributeSet, KeyCode};
+use nix::errno::Errno;
+
+use super::error::DeviceError;
+use super::node::Node;
+use super::stream::{EVENT_SIZE, Event, Stream, errno, failure, io_cause, stream_node};
+use super::tree::{Access, Tree};
+
+/// Where the EV3's buttons are below the root.
+pub const BUTTONS_PATH: &str = "dev/input/by-path/platform-gpio_keys-event";
+
+/// A button of the brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Button {
+    /// Upper left, grey.
+    Back,
+    /// The centre.
+    Enter,
+    /// Up.
+    Up,
+    /// Left.
+    Left,
+    /// Right.
+    Right,
+    /// Down.
+    Down,
+}
+
+impl Button {
+    /// Every button.
+    pub const ALL: [Self; 6] = [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
+
+    /// The kernel's code for the key (`input-event-codes.h`).
+    #[must_use]
+    pub const fn code(self) -> u16 {
+        match self {
+            Self::Back => 14,
+            Self::Enter => 28,
+            Self::Up => 103,
+            Self::Left => 105,
+            Self::Right => 106,
+            Self::Down => 108,
+        }
+    }
+
+    fn from_code(code: u16) -> Option<Self> {
+        Self::ALL.into_iter().find(|button| button.code() == code)
+    }
+}
+
+/// Some of the buttons.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ButtonSet(u8);
+
+impl ButtonSet {
+    /// Whether a button is among them.
+    #[must_use]
+    pub const fn contains(self, button: Button) -> bool {
+        self.0 & (1 << button as u8) != 0
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The buttons.
+    pub fn iter(self) -> impl Iterator<Item = Button> {
+        Button::ALL.into_iter().filter(move |button| self.contains(*button))
+    }
+
+    fn set(&mut self, button: Button, is_in: bool) {
+        let bit = 1 << button as u8;
+        self.0 = if is_in { self.0 | bit } else { self.0 & !bit };
+    }
+}
+
+/// What happened since the last look. A button that was pressed and let go in between is in both sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ButtonChanges {
+    /// Pressed.
+    pub pressed: ButtonSet,
+    /// Let go.
+    pub released: ButtonSet,
+}
+
+/// The brick's buttons.
+#[derive(Debug)]
+pub struct Buttons {
+    node: Node,
+    source: Source,
+    held: ButtonSet,
+}
+
+#[derive(Debug)]
+enum Source {
+    Device { device: Box<RawDevice>, keys: AttributeSet<KeyCode> },
+    Stream { stream: Stream, rest: Rest },
+}
+
+/// The beginning of an event whose end has not come yet.
+#[derive(Debug, Default)]
+struct Rest {
+    bytes: [u8; EVENT_SIZE],
+    length: usize,
+}
+
+const EV_SYN: u16 = 0;
+const EV_KEY: u16 = 1;
+const SYN_DROPPED: u16 = 3;
+
+/// Events that one look takes at most, as `evdev` does.
+const EVENTS_PER_READ: usize = 32;
+
+impl Buttons {
+    /// Opens the buttons at `path` below the root; [`BUTTONS_PATH`] on an EV3.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Absent`](super::Cause::Absent) where there is no such node; [`Cause::Other`](super::Cause::Other) with EACCES for a user who is not in the group
+    /// `input`.
+    pub fn open(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
+        let node = stream_node(tree, path);
+        let source = match Self::open_device(tree, path, &node)? {
+            Some(source) => source,
+            None => Source::Stream { stream: Stream::open(tree, path, Access::Read)?, rest: Rest::default() },
+        };
+        let mut buttons = Self { node, source, held: ButtonSet::default() };
+        buttons.learn_held(&mut ButtonChanges::default())?;
+        Ok(buttons)
+    }
+
+    /// The buttons that are held, as of the last look.
+    #[must_use]
+    pub fn held(&self) -> ButtonSet {
+        self.held
+    }
+
+    /// Looks what happened since the last time, with one read.
+    ///
+    /// # Errors
+    ///
+    /// What reading the node gives; nothing pending is no error.
+    pub fn changes(&mut self) -> Result<ButtonChanges, DeviceError> {
+        let mut changes = ButtonChanges::default();
+        let dropped = match &mut self.source {
+            Source::Device { device, .. } => read_device(device, &mut self.held, &mut changes),
+            Source::Stream { stream, rest } => read_stream(stream, rest, &mut self.held, &mut changes),
+        };
+        if dropped.map_err(|errno| failure(&self.node, io_cause(errno)))? {
+            self.learn_held(&mut changes)?;
+        }
+        Ok(changes)
+    }
+
+    /// The node as an input device of the kernel; `None` if it is none.
+    fn open_device(tree: &Arc<dyn Tree>, path: &str, node: &Node) -> Result<Option<Source>, DeviceError> {
+        if tree.local_path(path).is_none() {
+            return Ok(None);
+        }
+        let Stream::Local(file) = Stream::open(tree, path, Access::Read)? else { return Ok(None) };
+        match RawDevice::from_fd(file.into()) {
+            Ok(device) => Ok(Some(Source::Device { device: Box::new(device), keys: AttributeSet::new() })),
+            Err(error) if errno(&error) == Errno::ENODEV => Err(failure(node, io_cause(Errno::ENODEV))),
+            // A plain file, a pipe, a mounted simulation: they know nothing of an input device's questions.
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// Asks the kernel which buttons are held: at the start, and when it had to drop events.
+    fn learn_held(&mut self, changes: &mut ButtonChanges) -> Result<(), DeviceError> {
+        let Source::Device { device, keys } = &mut self.source else { return Ok(()) };
+        device.update_key_state(keys).map_err(|error| failure(&self.node, io_cause(errno(&error))))?;
+        for button in Button::ALL {
+            note(&mut self.held, changes, button, keys.contains(KeyCode::new(button.code())));
+        }
+        Ok(())
+    }
+}
+
+/// Takes what is pending; true if the kernel had to drop events before.
+fn read_device(device: &mut RawDevice, held: &mut ButtonSet, changes: &mut ButtonChanges) -> Result<bool, Errno> {
+    let events = match device.fetch_events() {
+        Ok(events) => events,
+        Err(error) if matches!(errno(&error), Errno::EAGAIN | Errno::EINTR) => return Ok(false),
+        Err(error) => return Err(errno(&error)),
+    };
+    let events = events.map(|event| Event {
+        kind: event.event_type().0,
+        code: event.code(),
+        value: event.value(),
+    });
+    Ok(take(events, held, changes))
+}
+
+fn read_stream(
+    stream: &mut Stream,
+    rest: &mut Rest,
+    held: &mut ButtonSet,
+    changes: &mut ButtonChanges,
+) -> Result<bool, Errno> {
+    let mut buffer = [0; EVENT_SIZE * EVENTS_PER_READ];
+    let (before, free) = buffer.split_at_mut(rest.length);
+    before.copy_from_slice(rest.bytes.get(..rest.length).unwrap_or_default());
+    let length = rest.length + stream.read(free)?;
+    let events = buffer.get(..length).unwrap_or_default().chunks_exact(EVENT_SIZE);
+    *rest = Rest::default();
+    for (place, byte) in rest.bytes.iter_mut().zip(events.remainder()) {
+        *place = *byte;
+        rest.length += 1;
+    }
+    Ok(take(events.filter_map(Event::parse), held, changes))
+}
+
+fn take(events: impl Iterator<Item = Event>, held: &mut ButtonSet, changes: &mut ButtonChanges) -> bool {
+    let mut dropped = false;
+    for event in events {
+        match (event.kind, Button::from_code(event.code), event.value) {
+            (EV_KEY, Some(button), 0 | 1) => note(held, changes, button, event.value == 1),
+            (EV_SYN, _, _) if event.code == SYN_DROPPED => dropped = true,
+            _ => {}
+        }
+    }
+    dropped
+}
+
+fn note(held: &mut ButtonSet, changes: &mut ButtonChanges, button: Button, is_held: bool) {
+    if held.contains(button) != is_held {
+        held.set(button, is_held);
+        let set = if is_held { &mut changes.pressed } else { &mut changes.released };
+        set.set(button, true);
+    }
+}

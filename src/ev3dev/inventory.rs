@@ -1,0 +1,143 @@
+//! Everything that is plugged in, with what it reads now: for a person who wants to know whether the cables are right.
+//!
+//! Nothing is changed: no mode is set, no command is given. A device that cannot be read is listed with its problem.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::battery::Battery;
+use super::error::{DeviceError, FindError};
+use super::find::{Class, Identity, devices};
+use super::motor::{DcMotor, LinearActuator, MotorKind, PositionMotor, ServoMotor, TachoMotor};
+use super::port::LegoPort;
+use super::sensor::Sensor;
+use super::tree::Tree;
+
+/// Everything that is plugged in.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Inventory {
+    /// Devices by class, then in the order in which they were plugged in; the ports last.
+    pub devices: Vec<Entry>,
+    /// The battery; none where the machine is no brick.
+    pub battery: Option<Entry>,
+}
+
+/// One device.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Entry {
+    /// Its class.
+    pub class: &'static str,
+    /// Its folder in the class.
+    pub name: String,
+    /// Where it is plugged in; empty for the battery.
+    pub address: String,
+    /// What it is; empty for the battery.
+    pub driver: String,
+    /// What it reads.
+    pub readings: Vec<LiveValue>,
+    /// Why it could not be read, or not to the end.
+    pub problem: Option<String>,
+}
+
+/// What a device reads.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LiveValue {
+    /// What it is: an attribute's name, or the sensor's mode.
+    pub name: String,
+    /// The value as text.
+    pub value: String,
+    /// Its unit, as the driver writes it for sensors; may be empty.
+    pub unit: String,
+}
+
+impl Inventory {
+    /// Looks at everything.
+    ///
+    /// # Errors
+    ///
+    /// [`FindError::Unlisted`] and [`FindError::Device`] where a class cannot even be listed.
+    pub fn read(tree: &Arc<dyn Tree>) -> Result<Self, FindError> {
+        let mut entries = Vec::new();
+        for &class in Class::ALL {
+            entries.extend(devices(tree, class)?.into_iter().map(|identity| entry(tree, identity)));
+        }
+        Ok(Self { devices: entries, battery: Battery::open(tree).ok().map(|battery| battery_entry(&battery)) })
+    }
+}
+
+fn entry(tree: &Arc<dyn Tree>, identity: Identity) -> Entry {
+    let mut entry = Entry {
+        class: identity.class.as_str(),
+        name: identity.name.clone(),
+        address: identity.address.as_str().to_owned(),
+        driver: identity.driver.to_string(),
+        readings: Vec::new(),
+        problem: None,
+    };
+    let readings = &mut entry.readings;
+    let outcome = match identity.class {
+        Class::TachoMotor if identity.name.starts_with("linear") => {
+            LinearActuator::bind(tree, identity).and_then(|motor| position_motor(&motor, readings))
+        }
+        Class::TachoMotor => TachoMotor::bind(tree, identity).and_then(|motor| position_motor(&motor, readings)),
+        Class::DcMotor => dc_motor(&DcMotor::bind(tree, identity), readings),
+        Class::ServoMotor => servo_motor(&ServoMotor::bind(tree, identity), readings),
+        Class::LegoSensor => Sensor::bind(tree, identity).and_then(|sensor| sensor_values(&sensor, readings)),
+        Class::LegoPort => LegoPort::bind(tree, identity).and_then(|port| port_status(&port, readings)),
+    };
+    entry.problem = outcome.err().map(|error| error.to_string());
+    entry
+}
+
+fn position_motor<K: MotorKind>(motor: &PositionMotor<K>, readings: &mut Vec<LiveValue>) -> Result<(), DeviceError> {
+    readings.push(live("position", motor.position()?, "counts"));
+    readings.push(live("speed", motor.speed()?, "counts/s"));
+    readings.push(live("duty_cycle", motor.duty_cycle()?.percent(), "%"));
+    readings.push(live("state", motor.state()?, ""));
+    Ok(())
+}
+
+fn dc_motor(motor: &DcMotor, readings: &mut Vec<LiveValue>) -> Result<(), DeviceError> {
+    readings.push(live("duty_cycle", motor.duty_cycle()?.percent(), "%"));
+    readings.push(live("state", motor.state()?, ""));
+    Ok(())
+}
+
+fn servo_motor(motor: &ServoMotor, readings: &mut Vec<LiveValue>) -> Result<(), DeviceError> {
+    readings.push(live("position_sp", motor.position_sp()?, "%"));
+    readings.push(live("state", motor.state()?, ""));
+    Ok(())
+}
+
+fn sensor_values(sensor: &Sensor, readings: &mut Vec<LiveValue>) -> Result<(), DeviceError> {
+    let mode = sensor.mode();
+    // More values than these have no files.
+    for index in 0..mode.num_values.min(8) {
+        readings.push(live(&mode.name, sensor.value(index)?, &mode.units));
+    }
+    Ok(())
+}
+
+fn port_status(port: &LegoPort, readings: &mut Vec<LiveValue>) -> Result<(), DeviceError> {
+    readings.push(live("mode", port.mode()?, ""));
+    readings.push(live("status", port.status()?, ""));
+    Ok(())
+}
+
+fn battery_entry(battery: &Battery) -> Entry {
+    let mut readings = Vec::new();
+    let mut read = || {
+        readings.push(live("voltage", battery.voltage_v()?, "V"));
+        readings.push(live("current", battery.current_a()?, "A"));
+        readings.push(live("technology", battery.technology()?, ""));
+        Ok(())
+    };
+    let problem = read().err().map(|error: DeviceError| error.to_string());
+    let name = "battery".to_owned();
+    Entry { class: "power_supply", name, address: String::new(), driver: String::new(), readings, problem }
+}
+
+fn live(name: &str, value: impl ToString, unit: &str) -> LiveValue {
+    LiveValue { name: name.to_owned(), value: value.to_string(), unit: unit.to_owned() }
+}

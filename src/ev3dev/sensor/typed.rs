@@ -1,0 +1,152 @@
+//! Sensors whose values are known: a sensor and the enum of its usable modes.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use crate::ev3dev::address::PortAddress;
+use crate::ev3dev::error::{Cause, DeviceError, FindError};
+use crate::ev3dev::find::{Class, Identity, find_where};
+use crate::ev3dev::tree::Tree;
+use crate::ev3dev::value::Legal;
+
+use super::{Frame, Sensor};
+
+/// The modes of one kind of sensor.
+pub trait SensorMode: Debug + Copy + Eq + 'static {
+    /// The driver's name.
+    const DRIVER: &'static str;
+
+    /// What the sensor is called in messages.
+    const WHAT: &'static str;
+
+    /// Every usable mode, in the sensor's order.
+    const MODES: &'static [Self];
+
+    /// The mode as the kernel writes it.
+    fn word(self) -> &'static str;
+}
+
+/// A sensor whose values are known.
+#[derive(Debug)]
+pub struct TypedSensor<M: SensorMode> {
+    sensor: Sensor,
+    mode: Option<M>,
+}
+
+impl<M: SensorMode> TypedSensor<M> {
+    /// The sensor of this kind at a port.
+    ///
+    /// # Errors
+    ///
+    /// [`FindError`], which says what is there instead.
+    pub fn at(tree: &Arc<dyn Tree>, port: &PortAddress) -> Result<Self, FindError> {
+        Self::find(tree, Some(port))
+    }
+
+    /// The one sensor of this kind, at `port`, if given.
+    ///
+    /// # Errors
+    ///
+    /// [`FindError`], which says what there is instead.
+    pub fn find(tree: &Arc<dyn Tree>, port: Option<&PortAddress>) -> Result<Self, FindError> {
+        let fits = |identity: &Identity| identity.driver.as_str() == M::DRIVER;
+        let identity = find_where(tree, Class::LegoSensor, port, M::WHAT, fits)?;
+        let sensor = Sensor::bind(tree, identity)?;
+        let mode = known(&sensor);
+        Ok(Self { sensor, mode })
+    }
+
+    /// The mode in force; `None` for one that is not usable.
+    #[must_use]
+    pub fn mode(&self) -> Option<M> {
+        self.mode
+    }
+
+    /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are to be thrown away from now on.
+    ///
+    /// # Errors
+    ///
+    /// As [`Sensor::set_mode`].
+    pub fn set_mode(&mut self, mode: M) -> Result<i64, DeviceError> {
+        let settle_ns = self.sensor.set_mode(mode.word());
+        self.mode = known(&self.sensor);
+        settle_ns
+    }
+
+    /// What identifies the sensor, as it was found.
+    #[must_use]
+    pub fn identity(&self) -> &Identity {
+        self.sensor.identity()
+    }
+
+    /// The sensor without its types.
+    #[must_use]
+    pub fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// The sensor without its types.
+    #[must_use]
+    pub fn into_sensor(self) -> Sensor {
+        self.sensor
+    }
+
+    /// Whether the sensor says that it has a mode: TILT modes are only on newer gyros.
+    #[must_use]
+    pub fn has(&self, mode: M) -> bool {
+        self.sensor.modes().contains(mode.word())
+    }
+
+    /// The mode in force, which must be one of `usable`: a value means nothing without its mode.
+    pub(super) fn mode_among(&self, usable: &'static [M], words: &'static [&'static str]) -> Result<M, DeviceError> {
+        self.mode
+            .filter(|mode| usable.contains(mode))
+            .ok_or_else(|| self.sensor.node().refusal("mode", &self.sensor.mode().name, Legal::Words(words)))
+    }
+
+    pub(super) fn sensor_mut(&mut self) -> &mut Sensor {
+        &mut self.sensor
+    }
+
+    /// The first value, which must be legal.
+    pub(super) fn first_value(&self, first: i32, last: i32) -> Result<i32, DeviceError> {
+        let value = self.sensor.first_value()?;
+        if (first..=last).contains(&value) { Ok(value) } else { Err(self.illegal(value, first, last)) }
+    }
+
+    /// One frame, of which `meaning` makes a value.
+    pub(super) fn frame<T>(&self, meaning: impl FnOnce(&Frame) -> Option<T>) -> Result<T, DeviceError> {
+        let frame = self.sensor.frame()?;
+        meaning(&frame)
+            .ok_or_else(|| self.sensor.node().error("bin_data", None, Cause::Malformed(Legal::Bytes)))
+    }
+
+    pub(super) fn illegal(&self, value: i32, first: i32, last: i32) -> DeviceError {
+        let cause = Cause::Malformed(Legal::Range(first.into(), last.into()));
+        let mut text = crate::ev3dev::value::Line::new();
+        // Eleven digits fit.
+        let _ = std::fmt::Write::write_fmt(&mut text, format_args!("{value}"));
+        self.sensor.node().error("value0", Some(text.as_bytes()), cause)
+    }
+}
+
+fn known<M: SensorMode>(sensor: &Sensor) -> Option<M> {
+    M::MODES.iter().copied().find(|mode| mode.word() == sensor.mode().name.as_str())
+}
+
+/// Ties an enum of modes to its driver.
+macro_rules! sensor_modes {
+    ($modes:ident, $driver:literal, $what:literal) => {
+        impl $crate::ev3dev::sensor::SensorMode for $modes {
+            const DRIVER: &'static str = $driver;
+            const WHAT: &'static str = $what;
+            const MODES: &'static [Self] = Self::ALL;
+
+            fn word(self) -> &'static str {
+                self.as_str()
+            }
+        }
+    };
+}
+
+pub(super) use sensor_modes;

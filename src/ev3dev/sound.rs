@@ -1,0 +1,90 @@
+//! Tones from the brick's speaker, through the kernel's input events.
+//!
+//! A tone has no end of its own: it lasts until it is silenced, even after the program has died. [`Sound`] therefore silences it when
+//! it is dropped.
+//!
+//! # Not here
+//!
+//! No recorded sound: that is ALSA's, and while it plays the kernel refuses tones without saying so.
+
+use std::sync::Arc;
+
+use nix::errno::Errno;
+
+use super::error::{Cause, DeviceError};
+use super::node::Node;
+use super::stream::{Event, Stream, failure, io_cause, stream_node};
+use super::tree::{Access, Tree};
+use super::value::Legal;
+
+/// Where the EV3's speaker is below the root.
+pub const SOUND_PATH: &str = "dev/input/by-path/platform-sound-event";
+
+const EV_SND: u16 = 0x12;
+const SND_TONE: u16 = 2;
+
+/// The tones that the driver plays, Hz; it would clamp others without a word.
+const TONES_HZ: std::ops::RangeInclusive<i32> = 100..=10_000;
+
+/// The brick's speaker.
+#[derive(Debug)]
+pub struct Sound {
+    node: Node,
+    stream: Stream,
+    sounding: bool,
+}
+
+impl Sound {
+    /// Opens the speaker at `path` below the root; [`SOUND_PATH`] on an EV3.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Absent`] where there is no such node; [`Cause::Other`] with EACCES for a user who is not in the group `input`.
+    pub fn open(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
+        let stream = Stream::open(tree, path, Access::Write)?;
+        Ok(Self { node: stream_node(tree, path), stream, sounding: false })
+    }
+
+    /// Starts a tone, or changes the one that sounds.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Refused`] beyond 100 to 10 000 Hz; what writing gives.
+    pub fn tone(&mut self, frequency_hz: i32) -> Result<(), DeviceError> {
+        if !TONES_HZ.contains(&frequency_hz) {
+            let legal = Legal::Range((*TONES_HZ.start()).into(), (*TONES_HZ.end()).into());
+            return Err(failure(&self.node, Cause::Refused { errno: None, legal }));
+        }
+        self.sounding = true;
+        self.send(frequency_hz)
+    }
+
+    /// Ends the tone.
+    ///
+    /// # Errors
+    ///
+    /// What writing gives.
+    pub fn silence(&mut self) -> Result<(), DeviceError> {
+        self.send(0)?;
+        self.sounding = false;
+        Ok(())
+    }
+
+    fn send(&mut self, frequency_hz: i32) -> Result<(), DeviceError> {
+        let event = Event { kind: EV_SND, code: SND_TONE, value: frequency_hz }.to_bytes();
+        match self.stream.write(&event) {
+            Ok(taken) if taken == event.len() => Ok(()),
+            Ok(_) => Err(failure(&self.node, io_cause(Errno::EIO))),
+            Err(errno) => Err(failure(&self.node, io_cause(errno))),
+        }
+    }
+}
+
+impl Drop for Sound {
+    fn drop(&mut self) {
+        if self.sounding {
+            // Nobody is left to tell.
+            let _ = self.silence();
+        }
+    }
+}
