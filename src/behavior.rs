@@ -26,9 +26,10 @@ pub mod shipped;
 pub mod signals;
 
 pub use demands::{Demands, Drive, Led};
-pub use engine::{Finish, Progress};
+pub use engine::{EngineError, Finish, Progress};
 pub use expression::Expression;
-pub use mission::{Mission, Program};
+pub use graph::mermaid;
+pub use mission::{MachinePlan, Mission, OnLost, OnStall, Program, SetError, StatePlan};
 pub use signals::{Capabilities, Role, Signal, Signals};
 
 /// The most machines a mission may have: what is kept for each of them has a fixed place.

@@ -1,5 +1,7 @@
 //! onbrick
 pub mod behavior;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod clock;
 pub mod document;
 pub mod ev3dev;

@@ -16,14 +16,11 @@
 //! - A reading that fails leaves the last one with its age; [`Robot::trouble`] tells the last error.
 //! - Dropping a robot stops its motors, on every way out that unwinds.
 
-use std::sync::Arc;
-
-use crate::behavior::{Demands, Drive, Led, Role};
+use crate::behavior::{Demands, Drive, Led};
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Battery, BrickLights, Buttons, ColourMode, ColourSensor, DeviceError, FindError, GyroMode, GyroSensor,
-    InfraredMode, InfraredSensor, Sound, StopAction, TachoMotor, TouchSensor, Tree, UltrasonicMode,
-    UltrasonicSensor,
+    Battery, Button, Buttons, ColourSensor, DeviceError, GyroSensor, InfraredSensor, LightColour, Sound,
+    StatusLights, StopAction, TouchSensor, UltrasonicSensor,
 };
 
 mod bind;
@@ -34,10 +31,8 @@ mod lease;
 mod senses;
 
 pub use bind::BindError;
-pub use config::{
-    DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole,
-};
-pub use halt::{Halted, halt, watch_still};
+pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole};
+pub use halt::{HaltError, Halted, halt, watch_still};
 pub use lease::{LEASE_MS, LeasedMotor, RENEW_NS};
 pub use senses::{Channel, Reading, Senses};
 
@@ -63,10 +58,10 @@ pub struct Robot {
     battery: Option<Battery>,
     battery_due_ns: i64,
     buttons: Option<Buttons>,
-    lights: Option<BrickLights>,
+    lights: Option<StatusLights>,
     sound: Option<Sound>,
     led: Option<Led>,
-    tone_hz: Option<u32>,
+    tone_hz: Option<i32>,
     head_rad: Option<f64>,
     trouble: Option<(Channel, DeviceError)>,
     refused: Option<DeviceError>,
@@ -177,7 +172,7 @@ impl Robot {
         if trouble.is_some() {
             self.trouble = trouble;
         }
-        self.buttons.as_mut().is_some_and(Buttons::stop_pressed)
+        self.stop_pressed()
     }
 
     /// Carries out what is wanted, within the robot's limits. What nobody wants does not turn.
@@ -209,7 +204,9 @@ impl Robot {
     /// Stops every motor now; true if each of them took the command.
     pub fn stop(&mut self, action: StopAction) -> bool {
         let mut stopped = true;
-        for motor in [&mut self.left, &mut self.right].into_iter().chain(&mut self.head).chain(&mut self.motors) {
+        for motor in
+            [&mut self.left, &mut self.right].into_iter().chain(&mut self.head).chain(&mut self.motors)
+        {
             if let Err(error) = motor.stop(action) {
                 stopped = false;
                 self.refused = Some(error);
@@ -232,7 +229,7 @@ impl Robot {
 
     /// Tells people near that the robot is about to move: three seconds of orange light and beeps, or until `stopped`.
     pub fn announce(&mut self, clock: &dyn Clock, stopped: &dyn Fn() -> bool) {
-        const BEEP_HZ: u32 = 880;
+        const BEEP_HZ: i32 = 880;
         self.light(Led::Orange);
         for _ in 0..3 {
             let start_ns = clock.now_ns();
@@ -245,9 +242,17 @@ impl Robot {
         }
     }
 
+    /// Enter or Back went down since the last look, or is held down.
+    fn stop_pressed(&mut self) -> bool {
+        let Some(buttons) = &mut self.buttons else { return false };
+        let Ok(changes) = buttons.changes() else { return false };
+        [Button::Enter, Button::Back].into_iter().any(|stop| changes.pressed.contains(stop))
+    }
+
     /// The speed that takes the head to an angle within its limits, radians per second.
     fn head_speed(&self, wanted_rad: Option<f64>) -> f64 {
-        let (Some(role), Some(wanted_rad), Some(head_rad)) = (&self.config.head, wanted_rad, self.head_rad) else {
+        let (Some(role), Some(wanted_rad), Some(head_rad)) = (&self.config.head, wanted_rad, self.head_rad)
+        else {
             return 0.0;
         };
         let missing_rad = wanted_rad.clamp(-role.limit_rad, role.limit_rad) - head_rad;
@@ -270,18 +275,17 @@ impl Robot {
             && let Some(lights) = &mut self.lights
         {
             self.led = Some(led);
-            let (red, green) = match led {
-                Led::Off => (0, 0),
-                Led::Green => (0, u8::MAX),
-                Led::Red => (u8::MAX, 0),
-                Led::Orange => (u8::MAX, 128),
-                Led::Yellow => (25, u8::MAX),
-            };
-            let _ = lights.set_both(red, green);
+            let _ = lights.set_both(match led {
+                Led::Off => LightColour::Off,
+                Led::Green => LightColour::Green,
+                Led::Red => LightColour::Red,
+                Led::Orange => LightColour::Orange,
+                Led::Yellow => LightColour::Yellow,
+            });
         }
     }
 
-    fn tone(&mut self, tone_hz: Option<u32>) {
+    fn tone(&mut self, tone_hz: Option<i32>) {
         if self.tone_hz != tone_hz
             && let Some(sound) = &mut self.sound
         {
@@ -295,7 +299,7 @@ impl Robot {
 }
 
 /// A tone that the speaker can make, hertz (`ev3dev-interfaces`, 11.1: 100 to 10000).
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited just before")]
-fn audible(tone_hz: f64) -> Option<u32> {
-    (tone_hz > 0.0).then(|| tone_hz.clamp(100.0, 10_000.0) as u32)
+#[expect(clippy::cast_possible_truncation, reason = "limited just before")]
+fn audible(tone_hz: f64) -> Option<i32> {
+    (tone_hz > 0.0).then(|| tone_hz.clamp(100.0, 10_000.0) as i32)
 }

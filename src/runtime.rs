@@ -24,18 +24,19 @@ use crate::robot::Channel;
 mod control;
 mod execute;
 mod lock;
+mod names;
 mod pilot;
 mod prepare;
 pub mod recording;
 mod replay;
 mod stall;
 
-pub use control::{Control, STALL_NS, StopFlags};
+pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
-pub use pilot::{Pilot, PilotError, PilotState, Step};
+pub use pilot::{Pilot, PilotError, Step};
 pub use prepare::{NotReady, prepare};
-pub use replay::{Difference, Replayed, replay};
+pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, map_again, replay, replay_with};
 
 /// A file as it was read, with the name that findings use.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::common::{load_mission, load_robot, read_source};
+use super::common::{load_mission, load_robot, read_source, shipped_mission};
 use super::{Failure, Output};
-use crate::behavior::Capabilities;
+use crate::behavior::{Capabilities, Mission};
 use crate::document::Finding;
 
 /// Check missions: names, conditions, states that cannot be reached or left.
@@ -37,15 +37,18 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     };
     let mut broken = 0;
     for path in &arguments.missions {
-        let source = read_source(path, crate::behavior::shipped)?;
+        let source = read_source(path, shipped_mission)?;
         let (mission, findings) = match load_mission(&source, &capabilities) {
             Ok((mission, warnings)) => (Some(mission), warnings),
             Err(findings) => (None, findings),
         };
         broken += usize::from(mission.is_none());
-        let checked =
-            Checked { mission: source.name.clone(), ok: mission.is_some(), findings: findings.iter().collect() };
-        let verdict = mission.map_or_else(|| "broken".to_owned(), |mission| mission.summary());
+        let checked = Checked {
+            mission: source.name.clone(),
+            ok: mission.is_some(),
+            findings: findings.iter().collect(),
+        };
+        let verdict = mission.as_ref().map_or_else(|| "broken".to_owned(), summary);
         output.show(format!("{findings}{}: {verdict}", source.name), &checked);
     }
     match broken {
@@ -53,4 +56,18 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         1 => Err(Failure::refused("1 mission is not in order")),
         more => Err(Failure::refused(format!("{more} missions are not in order"))),
     }
+}
+
+fn summary(mission: &Mission) -> String {
+    let machines: Vec<String> = mission
+        .machines()
+        .iter()
+        .map(|machine| format!("{} ({} states)", machine.name(), machine.states().len()))
+        .collect();
+    format!(
+        "in order: {}, {} Hz, {} s at most",
+        machines.join(", "),
+        mission.rate_hz(),
+        mission.time_limit_s()
+    )
 }

@@ -1,12 +1,17 @@
 //! What several commands do: find a file by path or by name, load a robot, a mission or a world.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Exit, Failure, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::document::{Document, Findings};
+#[cfg(feature = "sim")]
+use crate::mapping::Pose;
+#[cfg(feature = "host")]
+use crate::report::{Scene, Track};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
-use crate::runtime::Source;
+use crate::runtime::recording::Run;
+use crate::runtime::{Event, Source};
 
 /// A robot's file as it was read, and what it says.
 #[derive(Debug)]
@@ -25,8 +30,7 @@ pub(super) fn read_source(
         return Ok(Source { name: format!("{name}.toml"), text: text.to_owned() });
     }
     let bytes = read_bounded(path)?;
-    let document =
-        Document::new(&name, &bytes).map_err(|findings| Failure::refused(findings.to_string()))?;
+    let document = Document::new(&name, &bytes).map_err(|findings| Failure::refused(findings.to_string()))?;
     Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
 }
 
@@ -55,12 +59,17 @@ pub(super) fn load_robot(path: Option<&Path>, _output: &mut Output) -> Result<Lo
     Ok(LoadedRobot { source, config })
 }
 
+/// The text of a shipped mission.
+pub(super) fn shipped_mission(name: &str) -> Option<&'static str> {
+    crate::behavior::shipped::find(name).map(|mission| mission.text)
+}
+
 /// Loads a mission for a robot.
 pub(super) fn load_mission(
     source: &Source,
     capabilities: &Capabilities,
 ) -> Result<(Mission, Findings), Findings> {
-    Mission::load(&source.name, source.text.as_bytes(), capabilities)
+    Mission::parse(&source.name, source.text.as_bytes(), capabilities)
 }
 
 /// Puts warnings to the log: the file can be used all the same.
@@ -84,5 +93,157 @@ pub(super) fn pose(text: &str) -> Result<[f64; 3], String> {
     let pose: [f64; 3] = numbers.try_into().map_err(|_| "a pose has three numbers: x,y,deg")?;
     /// Poses farther away than this are slips of the pen.
     const FARTHEST: f64 = 1e6;
-    if pose.iter().all(|number| number.abs() <= FARTHEST) { Ok(pose) } else { Err("a pose's numbers are small and finite".to_owned()) }
+    if pose.iter().all(|number| number.abs() <= FARTHEST) {
+        Ok(pose)
+    } else {
+        Err("a pose's numbers are small and finite".to_owned())
+    }
+}
+
+/// A recording that was read.
+#[derive(Debug)]
+pub(super) struct LoadedRun {
+    pub(super) path: PathBuf,
+    pub(super) name: String,
+    pub(super) run: Run,
+}
+
+impl LoadedRun {
+    /// The brick's name, or the file's where the recording does not say.
+    #[cfg(feature = "host")]
+    pub(super) fn brick(&self) -> &str {
+        self.run
+            .info
+            .as_ref()
+            .map(|info| info.brick.as_str())
+            .filter(|name| !name.is_empty())
+            .unwrap_or(&self.name)
+    }
+}
+
+/// Reads a recording; what a person should know about it goes to the log.
+pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
+    let name = path.display().to_string();
+    let run = Run::open(path)
+        .map_err(|error| Failure::from_error(Exit::Refused, &format!("cannot use {name}"), &error))?;
+    for warning in &run.warnings {
+        log::warn!("{name}: {warning}");
+    }
+    Ok(LoadedRun { path: path.to_owned(), name, run })
+}
+
+/// All runs in one picture, with the walls of a world that they know.
+#[cfg(feature = "host")]
+pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
+    let tracks: Vec<Track> = runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
+    let mission = runs.first().and_then(|loaded| loaded.run.info.as_ref()).map(|info| info.mission.clone());
+    let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
+    let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
+    let outlines = runs.iter().find_map(|loaded| outlines(&loaded.run)).unwrap_or_default();
+    Scene { title: title.unwrap_or(names), tracks, outlines }
+}
+
+/// The walls of the world that is in a recording.
+#[cfg(all(feature = "host", feature = "sim"))]
+fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
+    let text = run.world_toml.as_ref()?;
+    let (world, _) = crate::sim::World::load("world.toml of the recording", text.as_bytes()).ok()?;
+    Some(world.outlines())
+}
+
+#[cfg(all(feature = "host", not(feature = "sim")))]
+fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
+    None
+}
+
+/// Writes a file that did not need to be kept.
+#[cfg(feature = "host")]
+pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    std::fs::write(path, bytes).map_err(|error| {
+        Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), &error)
+    })
+}
+
+/// Reads a world's file, or takes a built-in one; the pose is the first robot's start.
+#[cfg(feature = "sim")]
+pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
+    let source = read_source(path, crate::sim::World::named).map_err(|failure| {
+        let names = crate::sim::World::names().collect::<Vec<_>>().join(", ");
+        failure.hint(format!("a world's file, or one of {names}"))
+    })?;
+    let (world, warnings) = crate::sim::World::load(&source.name, source.text.as_bytes())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    warn(&warnings);
+    let start = world.starts().first().copied().unwrap_or_default();
+    Ok((source, Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad }))
+}
+
+/// What a person sees of a run while it goes on.
+#[derive(Debug)]
+pub(super) struct Progress {
+    #[cfg(feature = "host")]
+    bar: Option<indicatif::ProgressBar>,
+}
+
+impl Progress {
+    /// A bar over the mission's time, on a terminal only.
+    pub(super) fn new(mission: &Mission, output: &Output) -> Self {
+        #[cfg(feature = "host")]
+        {
+            let bar = output.is_watched().then(|| bar(mission));
+            Self { bar }
+        }
+        #[cfg(not(feature = "host"))]
+        {
+            let _ = (mission, output);
+            Self {}
+        }
+    }
+
+    /// Shows an event.
+    pub(super) fn show(&self, event: &Event, output: &mut Output) {
+        output.value(event);
+        match event {
+            Event::Preparing { what } => log::warn!("{what}"),
+            Event::Driving { .. } => log::info!("driving"),
+            Event::Status(status) => self.status(status),
+            Event::Refused { .. } | Event::Ended(_) => {}
+        }
+    }
+
+    /// Takes the bar away.
+    pub(super) fn finish(&self) {
+        #[cfg(feature = "host")]
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    #[cfg(feature = "host")]
+    fn status(&self, status: &crate::runtime::recording::Status) {
+        let Some(bar) = &self.bar else { return };
+        let states = status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
+        bar.set_position(u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0));
+        bar.set_message(format!(
+            "{:.0} s, {:.1} m, {} points; {states}",
+            crate::clock::seconds(status.elapsed_ns),
+            status.travelled_m,
+            status.points
+        ));
+    }
+
+    #[cfg(not(feature = "host"))]
+    fn status(&self, status: &crate::runtime::recording::Status) {
+        log::info!("{:.1} m driven", status.travelled_m);
+    }
+}
+
+/// The bar counts milliseconds of the run.
+#[cfg(feature = "host")]
+fn bar(mission: &Mission) -> indicatif::ProgressBar {
+    let limit_ms = crate::clock::nanoseconds(mission.time_limit_s()) / crate::clock::MILLISECOND_NS;
+    let bar = indicatif::ProgressBar::new(u64::try_from(limit_ms).unwrap_or(0));
+    let style = indicatif::ProgressStyle::with_template("{bar:30} {msg}");
+    bar.set_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()));
+    bar
 }

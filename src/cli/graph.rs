@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::common::{load_mission, read_source};
+use super::common::{load_mission, read_source, shipped_mission};
 use super::{Failure, Output};
-use crate::behavior::Capabilities;
+use crate::behavior::{Capabilities, mermaid};
 
 /// Draw a mission's machines as a Mermaid state diagram, for GitHub, Obsidian or mermaid.live.
 ///
@@ -17,9 +17,9 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let source = read_source(&arguments.mission, crate::behavior::shipped)?;
+    let source = read_source(&arguments.mission, shipped_mission)?;
     let (mission, _) = load_mission(&source, &Capabilities::all())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
-    output.raw(&mission.graph());
+    output.raw(&mermaid(&mission));
     Ok(())
 }

@@ -62,14 +62,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 }
 
 /// Asks the run that owns the motors to stop, and kills it where it does not listen.
-fn stop_owner(
-    arguments: &Arguments,
-    clock: &dyn Clock,
-) -> Result<Option<crate::runtime::Owner>, Failure> {
+fn stop_owner(arguments: &Arguments, clock: &dyn Clock) -> Result<Option<crate::runtime::Owner>, Failure> {
     let owner = || {
-        HardwareLock::owner(&arguments.brick).map_err(|error| {
-            Failure::from_error(Exit::Failed, "cannot see who drives", &error)
-        })
+        HardwareLock::owner(&arguments.brick)
+            .map_err(|error| Failure::from_error(Exit::Failed, "cannot see who drives", &error))
     };
     let Some(found) = owner()? else { return Ok(None) };
     if found.pid <= 0 {

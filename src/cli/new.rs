@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use super::common::shipped_mission;
 use super::{Exit, Failure, Output};
+use crate::behavior::shipped;
 
 /// Write a commented template: a mission, a robot or a world.
 ///
@@ -14,9 +16,9 @@ pub(super) struct Arguments {
     what: What,
     /// Where to write it; without it, to the terminal.
     file: Option<PathBuf>,
-    /// For a mission: which shipped one to start from.
-    #[arg(long, default_value = "bump")]
-    from: String,
+    /// For a mission: start from a shipped one.
+    #[arg(long, value_name = "NAME")]
+    from: Option<String>,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -32,11 +34,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         What::Robot => crate::robot::DEFAULT_ROBOT,
         #[cfg(feature = "sim")]
         What::World => crate::sim::World::template(),
-        What::Mission => crate::behavior::shipped(&arguments.from).ok_or_else(|| {
-            let names = crate::behavior::shipped_names().collect::<Vec<_>>().join(", ");
-            Failure::new(Exit::Usage, format!("there is no shipped mission `{}`", arguments.from))
-                .hint(format!("one of {names}"))
-        })?,
+        What::Mission => match &arguments.from {
+            None => shipped::TEMPLATE,
+            Some(name) => shipped_mission(name).ok_or_else(|| {
+                let names = shipped::MISSIONS.map(|mission| mission.name).join(", ");
+                Failure::new(Exit::Usage, format!("there is no shipped mission `{name}`"))
+                    .hint(format!("one of {names}"))
+            })?,
+        },
     };
     let Some(path) = &arguments.file else {
         output.raw(text);

@@ -127,7 +127,8 @@ impl Output {
         self.value(&Said { error: &failure.message, hint: failure.hint.as_deref(), exit });
         let message = failure.message.trim_end();
         // Findings say "error:" themselves, once each.
-        let prefix = if message.starts_with("error:") || message.starts_with("warning:") { "" } else { "error: " };
+        let prefix =
+            if message.starts_with("error:") || message.starts_with("warning:") { "" } else { "error: " };
         let hint = failure.hint.as_ref().map(|hint| format!("\n  try: {hint}")).unwrap_or_default();
         let _ = writeln!(io::stderr(), "{prefix}{message}{hint}");
         ExitCode::from(exit)

@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::common::load_robot;
+use super::common::{load_robot, open_run};
 use super::{Exit, Failure, Output};
-use crate::runtime::recording::Run;
 use crate::runtime::{replay, replay_with};
 
 /// Run estimator and machines again on what a run recorded, and compare; or see what another robot.toml makes of it.
@@ -26,12 +25,10 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Refused, doing, error);
+    let failed =
+        |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Refused, doing, error);
     let name = arguments.run.display().to_string();
-    let recorded = Run::read(&arguments.run).map_err(|error| failed(&format!("cannot read {name}"), &error))?;
-    for warning in recorded.warnings() {
-        log::warn!("{name}: {warning}");
-    }
+    let recorded = open_run(&arguments.run)?.run;
     if let (Some(robot), Some(out)) = (&arguments.robot, &arguments.out) {
         let robot = load_robot(Some(robot), output)?;
         let made = replay_with(&recorded, &robot.source, out)

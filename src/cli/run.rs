@@ -8,7 +8,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::common::{load_mission, load_robot, pose, read_source, setting, warn};
+use super::common::{load_mission, load_robot, pose, read_source, setting, shipped_mission, warn};
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -60,7 +60,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let robot = load_robot(arguments.robot.as_deref(), output)?;
-    let source = read_source(&arguments.mission, crate::behavior::shipped)?;
+    let source = read_source(&arguments.mission, shipped_mission)?;
     let (mission, warnings) = load_mission(&source, &robot.config.capabilities())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     warn(&warnings);
@@ -92,7 +92,9 @@ fn sync_period(text: &str) -> Result<f64, String> {
 
 #[cfg(feature = "sim")]
 fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
-    let Some(path) = &arguments.sim else { return Ok((Brick::Local(arguments.brick.clone()), Pose::default())) };
+    let Some(path) = &arguments.sim else {
+        return Ok((Brick::Local(arguments.brick.clone()), Pose::default()));
+    };
     let (world, start) = super::common::load_world(path)?;
     Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start))
 }
@@ -115,7 +117,9 @@ fn recording(out: Option<&Path>, mission: &str) -> Result<PathBuf, Failure> {
     std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
     let file = folder.canonicalize().map_err(|error| failed(&folder, &error))?.join("run.mcap");
     if file.exists() {
-        return Err(Failure::refused(format!("{} is there already", file.display())).hint("another folder for --out"));
+        return Err(
+            Failure::refused(format!("{} is there already", file.display())).hint("another folder for --out")
+        );
     }
     Ok(file)
 }
@@ -167,7 +171,7 @@ fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Fai
 
 /// Shows what control says until it says nothing more; its last word.
 fn follow(control: &mut Child, mission: &Mission, output: &mut Output) -> Option<Event> {
-    let mut progress = super::common::Progress::new(mission, output);
+    let progress = super::common::Progress::new(mission, output);
     let mut last = None;
     for line in BufReader::new(control.stdout.take()?).lines() {
         let Ok(line) = line else { break };
@@ -182,7 +186,8 @@ fn follow(control: &mut Child, mission: &Mission, output: &mut Output) -> Option
 
 /// Whoever stops us means the run. From a terminal control hears it as well, and hearing it twice does no harm.
 fn forward_signals(control: &Child) -> Result<(), Failure> {
-    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot listen to signals", error);
+    let failed =
+        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot listen to signals", error);
     let pid = Pid::from_raw(i32::try_from(control.id()).map_err(|error| failed(&error))?);
     let mut signals =
         signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|error| failed(&error))?;

@@ -48,7 +48,8 @@ impl Battery {
         let names = tree.list("sys/class/power_supply").unwrap_or_default();
         let mut others: Vec<&String> = names.iter().filter(|name| name.ends_with("-battery")).collect();
         others.sort();
-        let name = if names.iter().any(|name| name == EV3) { EV3 } else { others.first().map_or(EV3, |name| name) };
+        let name =
+            if names.iter().any(|name| name == EV3) { EV3 } else { others.first().map_or(EV3, |name| name) };
         let node = Node::new(tree, &format!("sys/class/power_supply/{name}"), None);
         match tree.list(node.folder()) {
             Ok(_) => Ok(Self { node, files: BatteryFiles::new() }),

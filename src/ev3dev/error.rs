@@ -176,7 +176,9 @@ impl fmt::Display for Hinted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.0)?;
         match self.0 {
-            Errno::EACCES => f.write_str("; just plugged in, wait a second; else join the groups ev3dev and input"),
+            Errno::EACCES => {
+                f.write_str("; just plugged in, wait a second; else join the groups ev3dev and input")
+            }
             Errno::ETIMEDOUT => f.write_str("; the sensor did not answer, try again or plug it in anew"),
             Errno::ENODATA | Errno::EAGAIN => f.write_str("; not measured yet, try again"),
             _ => Ok(()),

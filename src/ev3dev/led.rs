@@ -58,7 +58,8 @@ impl Led {
     pub fn trigger(&self) -> Result<String, DeviceError> {
         let triggers = self.triggers()?;
         let active = triggers.iter().find_map(|word| word.strip_prefix('[')?.strip_suffix(']'));
-        let malformed = || self.node.error("trigger", Some(triggers.0.as_bytes()), Cause::Malformed(Legal::Text));
+        let malformed =
+            || self.node.error("trigger", Some(triggers.0.as_bytes()), Cause::Malformed(Legal::Text));
         active.map(str::to_owned).ok_or_else(malformed)
     }
 

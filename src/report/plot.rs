@@ -161,8 +161,7 @@ impl Layout {
         let width = WIDTH - LEFT - RIGHT;
         let plot = [width, (width * span[1] / span[0]).clamp(260.0, 860.0)];
         let scale = (plot[0] / span[0]).min(plot[1] / span[1]);
-        let low =
-            [0, 1].map(|axis| (bounds.low[axis] + bounds.high[axis] - plot[axis] / scale) / 2.0);
+        let low = [0, 1].map(|axis| (bounds.low[axis] + bounds.high[axis] - plot[axis] / scale) / 2.0);
         let rows = if is_single(scene) { 1.0 } else { 1.0 + rows_of_names(scene) };
         Self { low, scale, plot, height: TOP + plot[1] + AXIS + rows * ROW + 10.0 }
     }
@@ -189,7 +188,11 @@ impl Layout {
     fn step(&self) -> f64 {
         let wanted = 80.0 / self.scale;
         let ten = libm::pow(10.0, libm::floor(libm::log10(wanted)));
-        [1.0, 2.0, 5.0].map(|times| times * ten).into_iter().find(|step| *step >= wanted).unwrap_or(10.0 * ten)
+        [1.0, 2.0, 5.0]
+            .map(|times| times * ten)
+            .into_iter()
+            .find(|step| *step >= wanted)
+            .unwrap_or(10.0 * ten)
     }
 
     fn label(&self, value: f64) -> String {
@@ -294,7 +297,12 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
             self.at([x + size * libm::cos(direction), y - size * libm::sin(direction)])
         };
         let arrow = |grow: f64| {
-            vec![corner(0.0, 9.0 + grow), corner(2.5, 8.0 + grow), corner(std::f64::consts::PI, 3.0), corner(-2.5, 8.0 + grow)]
+            vec![
+                corner(0.0, 9.0 + grow),
+                corner(2.5, 8.0 + grow),
+                corner(std::f64::consts::PI, 3.0),
+                corner(-2.5, 8.0 + grow),
+            ]
         };
         self.area.draw(&Polygon::new(arrow(2.5), WHITE.filled())).map_err(draw_error)?;
         self.area.draw(&Polygon::new(arrow(0.0), INK.filled())).map_err(draw_error)

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use crate::behavior::Role;
 use crate::ev3dev::{
-    Battery, BrickLights, Buttons, ColourMode, ColourSensor, DeviceError, FindError, GyroMode, GyroSensor,
-    InfraredMode, InfraredSensor, PortAddress, Sound, TachoMotor, TouchMode, TouchSensor, Tree, TypedSensor,
-    UltrasonicMode, UltrasonicSensor,
+    BUTTONS_PATH, Battery, Buttons, ColourMode, ColourSensor, DeviceError, FindError, GyroMode, InfraredMode,
+    PortAddress, SOUND_PATH, SensorMode, Sound, StatusLights, TachoMotor, TouchMode, Tree, TypedSensor,
+    UltrasonicMode,
 };
 
 use super::{Channel, LeasedMotor, MotorRole, RangeRole, RangeSensor, Robot, RobotConfig};
@@ -52,21 +52,27 @@ impl Robot {
             .iter()
             .map(|named| motor(tree, &format!("motor.{}", named.name), &named.motor, named.max_rad_s));
         let range = config.range.as_ref().map(|role| range_sensor(tree, role, &mut settle));
-        let gyro = config.gyro.as_ref().map(|role| {
-            sensor(tree, "gyro", role.port.as_ref(), GyroMode::Angle, &mut settle)
-        });
-        let touch = config.touch.as_ref().map(|role| {
-            sensor(tree, "touch", role.port.as_ref(), TouchMode::Touch, &mut settle)
-        });
+        let gyro = config
+            .gyro
+            .as_ref()
+            .map(|role| sensor(tree, "gyro", role.port.as_ref(), GyroMode::Angle, &mut settle));
+        let touch = config
+            .touch
+            .as_ref()
+            .map(|role| sensor(tree, "touch", role.port.as_ref(), TouchMode::Touch, &mut settle));
         let reflect = roles.contains(&Role::Reflect);
-        let (mode, channel) =
-            if reflect { (ColourMode::Reflect, Channel::Reflect) } else { (ColourMode::Colour, Channel::Colour) };
+        let (mode, channel) = if reflect {
+            (ColourMode::Reflect, Channel::Reflect)
+        } else {
+            (ColourMode::Colour, Channel::Colour)
+        };
         let colour = config.colour.as_ref().map(|role| -> Result<(ColourSensor, Channel), BindError> {
             Ok((sensor(tree, "colour", role.port.as_ref(), mode, &mut settle)?, channel))
         });
-        let remote = config.remote.as_ref().map(|role| {
-            sensor(tree, "remote", role.port.as_ref(), InfraredMode::Remote, &mut settle)
-        });
+        let remote = config
+            .remote
+            .as_ref()
+            .map(|role| sensor(tree, "remote", role.port.as_ref(), InfraredMode::Remote, &mut settle));
         Ok(Self {
             config: config.clone(),
             left,
@@ -79,11 +85,11 @@ impl Robot {
             colour: colour.transpose()?,
             remote: remote.transpose()?,
             // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
-            battery: Battery::find(tree).ok(),
+            battery: Battery::open(tree).ok(),
             battery_due_ns: 0,
-            buttons: Buttons::open(tree).ok(),
-            lights: BrickLights::find(tree).ok(),
-            sound: Sound::open(tree).ok(),
+            buttons: Buttons::open(tree, BUTTONS_PATH).ok(),
+            lights: StatusLights::open(tree).ok(),
+            sound: Sound::open(tree, SOUND_PATH).ok(),
             led: None,
             tone_hz: None,
             head_rad: None,
@@ -100,7 +106,8 @@ fn motor(
     wanted: &MotorRole,
     max_rad_s: f64,
 ) -> Result<LeasedMotor, BindError> {
-    let motor = TachoMotor::find(tree, wanted.port.as_ref(), None).map_err(|source| find_error(role, source))?;
+    let motor =
+        TachoMotor::find(tree, wanted.port.as_ref(), None).map_err(|source| find_error(role, source))?;
     LeasedMotor::take(motor, wanted.ratio, max_rad_s).map_err(|source| device_error(role, source))
 }
 

@@ -119,7 +119,16 @@ const FASTEST_DPS: f64 = 15_600.0;
 
 fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     root.allow(&[
-        "name", "max_age_s", "drive", "head", "range", "gyro", "touch", "colour", "remote", "motor",
+        "name",
+        "max_age_s",
+        "drive",
+        "head",
+        "range",
+        "gyro",
+        "touch",
+        "colour",
+        "remote",
+        "motor",
     ]);
     let name = root.require("name").and_then(|item| name_of(&item));
     let max_age_s = root.get("max_age_s").map_or(Some(0.3), |item| item.number(0.05..=10.0));
@@ -189,7 +198,8 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
     };
     let left = wheel("left");
     let right = wheel("right");
-    let wheel_circumference_m = section.require("wheel_circumference_m").and_then(|item| item.number(0.01..=2.0));
+    let wheel_circumference_m =
+        section.require("wheel_circumference_m").and_then(|item| item.number(0.01..=2.0));
     let track_width_m = section.require("track_width_m").and_then(|item| item.number(0.01..=2.0));
     let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
     Some(Drive {
@@ -299,7 +309,9 @@ fn ports_are_taken_once(root: &Section<'_>, config: &RobotConfig) {
         ("colour".to_owned(), sensor(&config.colour)),
         ("remote".to_owned(), sensor(&config.remote)),
     ];
-    taken.extend(config.motors.iter().map(|motor| (format!("motor.{}", motor.name), motor.motor.port.clone())));
+    taken.extend(
+        config.motors.iter().map(|motor| (format!("motor.{}", motor.name), motor.motor.port.clone())),
+    );
     for (index, (role, port)) in taken.iter().enumerate() {
         let Some(port) = port else { continue };
         if let Some((other, _)) = taken[..index].iter().find(|(_, other)| other.as_ref() == Some(port)) {

@@ -34,7 +34,7 @@ impl RobotConfig {
             on_head: self.head.is_some(),
             ..RangeMount::default()
         });
-        Geometry::new(self.wheel_circumference_m, self.track_width_m, range.unwrap_or_default())
+        Geometry::new(self.wheel_circumference_m, self.track_width_m)?.with_range(range.unwrap_or_default())
     }
 
     /// The speeds of the left and the right wheel for a demand, radians per second at the axle.
@@ -76,7 +76,10 @@ mod tests {
     #[test]
     fn a_turn_on_the_spot_turns_the_wheels_against_each_other() {
         let [left, right] = robot().wheel_speeds(Some(Drive::Twist { forward_m_s: 0.0, turn_rad_s: 1.0 }));
-        assert!((left + right).abs() < 1e-12 && right > 0.0, "anticlockwise: the right wheel goes ahead: {left} {right}");
+        assert!(
+            (left + right).abs() < 1e-12 && right > 0.0,
+            "anticlockwise: the right wheel goes ahead: {left} {right}"
+        );
         let expected = 0.1143 / 2.0 / (0.188_976 / (2.0 * PI));
         assert!((right - expected).abs() < 1e-9, "{right} instead of {expected}");
     }
@@ -85,7 +88,9 @@ mod tests {
     fn too_fast_keeps_the_curve() {
         let robot = robot();
         let [left, right] = robot.wheel_speeds(Some(Drive::Wheels { left_rad_s: 100.0, right_rad_s: -50.0 }));
-        assert!((left - robot.max_wheel_rad_s).abs() < 1e-9 && (right + robot.max_wheel_rad_s / 2.0).abs() < 1e-9);
+        assert!(
+            (left - robot.max_wheel_rad_s).abs() < 1e-9 && (right + robot.max_wheel_rad_s / 2.0).abs() < 1e-9
+        );
     }
 
     proptest! {

@@ -19,7 +19,7 @@ use crate::ev3dev::StopAction;
 use crate::robot::{Channel, Robot, Senses};
 
 use super::pilot::{Pilot, Step};
-use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
+use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide, Timing};
 use super::{Heartbeat, StopReason};
 
 /// A tick this late ends the run, nanoseconds.
@@ -126,7 +126,8 @@ impl Control<'_> {
             let step = self.tick(&mut senses, &mut demands, late_ns);
             if senses.time_ns >= checkpoint_ns {
                 checkpoint_ns = senses.time_ns + CHECKPOINT_NS;
-                self.recorder.checkpoint(senses.time_ns, &self.pilot.state());
+                let (estimator, machines) = self.pilot.state();
+                self.recorder.checkpoint(senses.tick, senses.time_ns, &estimator, machines);
             }
             if step.paused != paused {
                 paused = step.paused;
@@ -171,9 +172,16 @@ impl Control<'_> {
         }
         self.heartbeat.beat();
         let estimate = step.estimate;
-        self.recorder.tick(&TickRecord { senses: *senses, estimate, point: step.point, lateness_ns });
+        let range_is_new = senses.get(Channel::Range).is_some_and(|range| range.changed_ns == time_ns);
+        self.recorder.tick(&TickRecord {
+            senses: *senses,
+            estimate,
+            point: step.point,
+            range_is_new,
+            timing: Timing { lateness_ns, duration_ns: 0 },
+        });
         for transition in taken {
-            self.recorder.transition(time_ns, transition);
+            self.recorder.transition(senses.tick, time_ns, transition);
         }
         let points = self.tally.points + u64::from(step.point.is_some());
         let travelled_m = estimate.travelled_m;

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::behavior::{MachinePlan, Mission, SetError, StatePlan};
+use crate::behavior::{Mission, SetError};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
 use crate::ev3dev::{LocalTree, StopAction, Tree};
@@ -13,12 +13,10 @@ use crate::robot::{BindError, Robot, RobotConfig};
 
 use super::control::{Control, Tally};
 use super::pilot::PilotError;
-use super::recording::{
-    self, End, MachineNames, Options, Pace, RangeSensor, RecordError, Recorder, Start, StateNames,
-};
+use super::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 use super::{
-    Brick, Ended, Event, HardwareLock, Heartbeat, Job, LockError, NotReady, Pilot, Source, StopFlags,
-    StopReason, prepare,
+    Brick, Ended, Event, HardwareLock, Heartbeat, Job, LockError, NotReady, Pilot, StopFlags, StopReason,
+    names, prepare,
 };
 
 /// Why a run did not start. Nothing has moved.
@@ -83,7 +81,7 @@ pub fn execute(
     let report: Arc<Report> = Arc::new(report);
     let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
     let (mut mission, _) =
-        Mission::load(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
+        Mission::parse(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
     for (name, value) in &job.set {
         mission.set(name, *value)?;
     }
@@ -201,7 +199,7 @@ impl Place {
 #[cfg(feature = "sim")]
 impl Place {
     /// The simulation stands at the beginning of its time; a virtual clock makes its two minutes two seconds.
-    fn simulated(world: &Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
+    fn simulated(world: &super::Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
         use crate::clock::VirtualClock;
         use crate::sim::{Simulation, World, WorldPhysics};
         let (parsed, _) = World::load(&world.name, world.text.as_bytes())?;
@@ -224,10 +222,8 @@ impl Place {
 
     /// Where the robot really is.
     fn truth(&self) -> Option<Pose> {
-        let truth = self
-            .simulation
-            .as_ref()?
-            .inspect(|world: &mut crate::sim::WorldPhysics| world.truth(0))?;
+        let truth =
+            self.simulation.as_ref()?.inspect(|world: &mut crate::sim::WorldPhysics| world.truth(0))?;
         Some(Pose { x_m: truth.x_m, y_m: truth.y_m, heading_rad: truth.heading_rad })
     }
 }
@@ -263,32 +259,10 @@ fn record(
         pace: place.pace,
         seed: place.seed,
         settings: job.set.clone(),
-        range: config.range.as_ref().map(|range| RangeSensor {
-            ahead_m: range.ahead_m,
-            min_m: NEAREST_M,
-            max_m: range.max_m,
-            field_of_view_rad: FIELD_OF_VIEW_RAD,
-            infrared: false,
-        }),
-        machines: mission.machines().iter().map(machine_names).collect(),
+        range: names::range_sensor(config),
+        machines: names::machines(mission),
     };
     let options = Options { sync_period_ns: job.sync_ns, ..Options::default() };
     let on_status = Box::new(move |status: &recording::Status| report(&Event::Status(status.clone())));
     Recorder::start(Box::new(sink), start, options, on_status).map_err(failed)
-}
-
-/// The nearest that the ultrasonic sensor measures (`ev3dev-interfaces`, 6.4), and how wide it sees (the paper, 4.1).
-const NEAREST_M: f64 = 0.03;
-const FIELD_OF_VIEW_RAD: f64 = 20.0 * (std::f64::consts::PI / 180.0);
-
-fn machine_names(machine: &MachinePlan) -> MachineNames {
-    let state = |state: &StatePlan| StateNames {
-        name: state.name().to_owned(),
-        conditions: state.transitions().iter().map(|next| next.when().to_string()).collect(),
-    };
-    MachineNames {
-        name: machine.name().to_owned(),
-        start: machine.start(),
-        states: machine.states().iter().map(state).collect(),
-    }
 }

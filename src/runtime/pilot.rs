@@ -8,17 +8,15 @@
 //!
 //! No devices (`robot`), no deadlines (`runtime::control`), no files (`runtime::recording`).
 
-use serde::{Deserialize, Serialize};
-
 use crate::behavior::{
-    Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress, Role,
-    Signal, Signals, Taken,
+    Demands, Drive, EngineError, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress, Role, Signal,
+    Signals, Taken,
 };
 use crate::clock::seconds;
 use crate::ev3dev::StopAction;
 use crate::mapping::{
-    Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint, Method, Pose,
-    Range, RangeReading,
+    Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint,
+    Method, Pose, Range, RangeReading,
 };
 use crate::robot::{Channel, RobotConfig, Senses};
 
@@ -70,18 +68,6 @@ pub struct Step {
     pub end: Option<StopReason>,
 }
 
-/// What a pilot carries from tick to tick, so that replay can go on after a gap in the recording.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct PilotState {
-    /// The estimator's part.
-    pub estimator: EstimatorState,
-    /// One entry a machine; entries beyond the mission's machines are unused.
-    pub machines: [MachineState; MAX_MACHINES],
-    stalls: StallWatch,
-    wheels_rad_s: [f64; 2],
-    paused: bool,
-}
-
 impl Pilot {
     /// A pilot at the start of a mission.
     ///
@@ -107,7 +93,7 @@ impl Pilot {
             on_lost: mission.on_lost(),
             time_limit_s: mission.time_limit_s(),
             estimator: Estimator::new(estimator, start),
-            map: Map::new(estimator),
+            map: Map::new(&estimator.geometry.range(), &start),
             program: mission.start()?,
             signals: Signals::default(),
             stalls: StallWatch::default(),
@@ -122,8 +108,9 @@ impl Pilot {
     pub fn step(&mut self, senses: &Senses, demands: &mut Demands, taken: impl FnMut(Taken)) -> Step {
         let inputs = self.inputs(senses);
         let estimate = self.estimator.update(&inputs);
-        let point = self.map.add(&self.estimator, &inputs, &estimate);
-        let angles_rad = [Channel::Left, Channel::Right].map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
+        let point = self.map.add(&estimate);
+        let angles_rad =
+            [Channel::Left, Channel::Right].map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
         let stalled = self.stalls.step(senses.time_ns, self.wheels_rad_s, angles_rad);
         let lost = self.lost(senses);
         let end = self.decide(senses, &estimate, lost, stalled, demands, taken);
@@ -146,29 +133,24 @@ impl Pilot {
         &self.program
     }
 
-    /// What is carried from tick to tick; the map is not in it.
+    /// What the estimator and the machines carry from tick to tick, for the recording.
     #[must_use]
-    pub fn state(&self) -> PilotState {
-        let mut machines = [MachineState::default(); MAX_MACHINES];
-        for (place, state) in machines.iter_mut().zip(self.program.checkpoint()) {
-            *place = *state;
-        }
-        PilotState {
-            estimator: self.estimator.state(),
-            machines,
-            stalls: self.stalls,
-            wheels_rad_s: self.wheels_rad_s,
-            paused: self.paused,
-        }
+    pub fn state(&self) -> (EstimatorState, &[MachineState]) {
+        (self.estimator.state(), self.program.checkpoint())
     }
 
-    /// Goes on from a state that was carried; the map keeps what it has.
-    pub fn restore(&mut self, state: &PilotState) {
-        self.estimator.restore(state.estimator);
-        self.program.restore(&state.machines);
-        self.stalls = state.stalls;
-        self.wheels_rad_s = state.wheels_rad_s;
-        self.paused = state.paused;
+    /// Goes on from what was carried out of a tick; the map keeps what it has. False, with nothing changed, where it does not fit the
+    /// mission.
+    ///
+    /// The watch over blocked wheels begins anew: it looks back a second at most.
+    pub fn restore(&mut self, estimator: EstimatorState, machines: &[MachineState]) -> bool {
+        let fits = self.program.restore(machines);
+        if fits {
+            self.estimator.restore(estimator);
+            self.stalls = StallWatch::default();
+            self.wheels_rad_s = [0.0; 2];
+        }
+        fits
     }
 
     /// The first channel that the mission needs and that could not be read for too long.

@@ -34,10 +34,14 @@ pub enum NotReady {
     #[error("no reading from {0}: unplug it, plug it in again, and wait three seconds")]
     NoReading(Channel),
     /// The robot did not stand still.
-    #[error("the robot does not stand still ({0} moves): put it down and keep your hands off until it starts")]
+    #[error(
+        "the robot does not stand still ({0} moves): put it down and keep your hands off until it starts"
+    )]
     Moving(Channel),
     /// The gyro turns although the wheels stand.
-    #[error("the gyro drifts ({0:.0} degrees in a second): unplug it, hold the robot still, and plug it in again")]
+    #[error(
+        "the gyro drifts ({0:.0} degrees in a second): unplug it, hold the robot still, and plug it in again"
+    )]
     GyroDrifts(f64),
     /// The battery is flat, or its reading is nonsense.
     #[error("the battery has {0:.1} V: charge it, or put in fresh cells (at least {min} V)", min = BATTERY_V.start())]

@@ -10,6 +10,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::Path;
 
 use serde::Serialize;
 
@@ -19,7 +20,10 @@ use crate::mapping::{MapPoint, Method, Pose};
 use crate::robot::{Channel, RobotConfig, Senses};
 
 use super::pilot::{Pilot, PilotError, Step};
-use super::recording::{Info, Run};
+use super::recording::{
+    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, TickRecord, Timing,
+};
+use super::{Source, names};
 
 /// How many differences are told one by one.
 const TOLD: usize = 10;
@@ -66,6 +70,9 @@ pub enum ReplayError {
     /// A number was set that the mission does not have.
     #[error("a number that was set for the run")]
     Setting(#[from] SetError),
+    /// The new run cannot be recorded.
+    #[error("recording the new run")]
+    Record(#[from] RecordError),
     /// Robot and mission do not go together.
     #[error("robot and mission")]
     Pilot(#[from] PilotError),
@@ -103,7 +110,7 @@ impl Cast {
         let (robot, _) = RobotConfig::load("robot.toml of the recording", robot.as_bytes())?;
         let pilots = other.unwrap_or(&robot);
         let (mut mission, _) =
-            Mission::load("mission.toml of the recording", mission.as_bytes(), &pilots.capabilities())?;
+            Mission::parse("mission.toml of the recording", mission.as_bytes(), &pilots.capabilities())?;
         for (name, value) in &info.settings {
             mission.set(name, *value)?;
         }
@@ -134,7 +141,7 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
             replayed.skipped += 1;
             // A checkpoint is what was carried out of its tick.
             if let Some(state) = recorded.checkpoints.get(&senses.tick) {
-                lost = !cast.pilot.restore(state);
+                lost = !cast.pilot.restore(state.estimator, &state.machines);
             }
             continue;
         }
@@ -146,9 +153,111 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
     Ok(replayed)
 }
 
+/// The occupancy grid that a run's senses make: for a recording that was cut before its end.
+///
+/// # Errors
+///
+/// [`ReplayError`].
+pub fn map_again(run: &Run) -> Result<Grid, ReplayError> {
+    let mut cast = Cast::of(run, None)?;
+    let mut demands = Demands::default();
+    for senses in &run.senses {
+        cast.pilot.step(senses, &mut demands, |_| {});
+    }
+    Ok(Grid::from(cast.pilot.map().grid()))
+}
+
+/// A run that was made from another one's senses.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Remade {
+    /// Ticks.
+    pub ticks: u64,
+    /// Points of its map.
+    pub points: u64,
+    /// Metres driven.
+    pub travelled_m: f64,
+    /// The pose at its end.
+    pub end: Pose,
+}
+
+impl fmt::Display for Remade {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} ticks: {:.2} m driven, {} points, ending at {:.3}, {:.3} m, {:.1} degrees",
+            self.ticks,
+            self.travelled_m,
+            self.points,
+            self.end.x_m,
+            self.end.y_m,
+            crate::units::degrees(self.end.heading_rad)
+        )
+    }
+}
+
+/// Replays a run's senses with another robot, and records what comes of it to `file`.
+///
+/// The machines may decide otherwise than they did; the senses stay what they were.
+///
+/// # Errors
+///
+/// [`ReplayError`].
+pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, ReplayError> {
+    let (config, _) = RobotConfig::load(&robot.name, robot.text.as_bytes())?;
+    let mut cast = Cast::of(run, Some(&config))?;
+    let start = Start {
+        brick: config.name.clone(),
+        mission: cast.mission.name().to_owned(),
+        robot_toml: robot.text.clone(),
+        mission_toml: run.mission_toml.clone().unwrap_or_default(),
+        world_toml: run.world_toml.clone(),
+        start_pose: cast.info.start_pose,
+        start_ns: cast.info.start_ns,
+        wall_offset_ns: cast.info.wall_offset_ns,
+        period_ns: cast.info.period_ns,
+        pace: Pace::Virtual,
+        seed: cast.info.seed,
+        settings: cast.info.settings.clone(),
+        range: names::range_sensor(&config),
+        machines: names::machines(&cast.mission),
+    };
+    let sink = recording::create(file).map_err(|source| RecordError { doing: "create the file", source })?;
+    let (recorder, mut tick_side) =
+        Recorder::start(Box::new(sink), start, Options::default(), Box::new(|_| {}))?;
+    let mut remade = Remade { ticks: 0, points: 0, travelled_m: 0.0, end: cast.info.start_pose };
+    let mut demands = Demands::default();
+    let mut time_ns = cast.info.start_ns;
+    for senses in &run.senses {
+        let senses = regeared(senses, &cast.robot, &config);
+        let mut taken = Vec::new();
+        let step = cast.pilot.step(&senses, &mut demands, |transition| taken.push(transition));
+        time_ns = senses.time_ns;
+        tick_side.tick(&TickRecord {
+            senses,
+            estimate: step.estimate,
+            point: step.point,
+            range_is_new: senses.get(Channel::Range).is_some_and(|range| range.changed_ns == time_ns),
+            timing: Timing::default(),
+        });
+        for transition in taken {
+            tick_side.transition(senses.tick, time_ns, transition);
+        }
+        remade = Remade {
+            ticks: remade.ticks + 1,
+            points: remade.points + u64::from(step.point.is_some()),
+            travelled_m: step.estimate.travelled_m,
+            end: step.estimate.pose,
+        };
+    }
+    let reason = format!("replayed with {}", config.name);
+    let truth = run.ending.as_ref().and_then(|ending| ending.truth);
+    let end = End { reason, time_ns, truth, map: Some(Grid::from(cast.pilot.map().grid())) };
+    recorder.finish(tick_side, end)?;
+    Ok(remade)
+}
+
 /// The same senses as another robot would have given them: where its gears differ, the angles of its axles do.
-#[must_use]
-pub fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
+fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
     let mut senses = *senses;
     let mut scale = |channel: Channel, from: f64, to: f64| {
         if let Some(reading) = &mut senses.readings[channel as usize]
@@ -173,7 +282,7 @@ struct Recorded<'r> {
     poses: BTreeMap<u64, Pose>,
     points: BTreeMap<i64, &'r MapPoint>,
     transitions: BTreeMap<u64, Vec<Taken>>,
-    checkpoints: BTreeMap<u64, &'r super::PilotState>,
+    checkpoints: BTreeMap<u64, &'r Checkpoint>,
 }
 
 impl<'r> Recorded<'r> {
@@ -186,7 +295,7 @@ impl<'r> Recorded<'r> {
             poses: run.poses.iter().map(|pose| (pose.tick, pose.pose)).collect(),
             points: run.points.iter().map(|point| (point.time_ns, point)).collect(),
             transitions,
-            checkpoints: run.checkpoints.iter().map(|point| (point.tick, &point.state)).collect(),
+            checkpoints: run.checkpoints.iter().map(|point| (point.tick, point)).collect(),
         }
     }
 }

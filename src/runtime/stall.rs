@@ -3,8 +3,6 @@
 //! The kernel's own `stalled` flag is advisory and speaks only of a rotor that stands quite still; a wheel that shakes against a wall is
 //! not stalled to it. Here a wheel counts as blocked when over a while it has turned much less than it was told to.
 
-use serde::{Deserialize, Serialize};
-
 /// How long the watch looks back, nanoseconds. With the drivers' 0.3 s leases and a speed regulator that takes a few tenths of a second
 /// to give all it has, a second tells a slow start from a wall, and leaves a second until the two that a blocked wheel may last.
 const WINDOW_NS: i64 = 1_000_000_000;
@@ -16,7 +14,7 @@ const SHARE: f64 = 0.2;
 const SLOWEST_RAD_S: f64 = 0.17;
 
 /// Watches one wheel: what it was told to turn and what it turned since the window began.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WheelWatch {
     since_ns: i64,
     demanded_rad_s: f64,
@@ -55,7 +53,7 @@ impl WheelWatch {
 }
 
 /// Watches both wheels.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StallWatch {
     left: WheelWatch,
     right: WheelWatch,
@@ -89,14 +87,19 @@ mod tests {
     #[test]
     fn a_wheel_that_follows_is_not_blocked() {
         assert_eq!(blocked_at(|_| 1.0, |_| 1.0), None);
-        assert_eq!(blocked_at(|_| -3.0, |time_s| if time_s < 0.4 { 0.0 } else { -3.0 }), None, "a slow start");
+        assert_eq!(
+            blocked_at(|_| -3.0, |time_s| if time_s < 0.4 { 0.0 } else { -3.0 }),
+            None,
+            "a slow start"
+        );
     }
 
     #[test]
     fn a_wheel_against_a_wall_is_blocked_within_two_seconds() {
         let at = blocked_at(|_| 1.0, |time_s| if time_s < 2.5 { 1.0 } else { 0.0 }).unwrap();
         assert!((2.5..=4.5).contains(&at), "noticed at {at} s");
-        let shaking = blocked_at(|_| 1.0, |time_s| if (time_s * 10.0) % 2.0 < 1.0 { 0.3 } else { -0.25 }).unwrap();
+        let shaking =
+            blocked_at(|_| 1.0, |time_s| if (time_s * 10.0) % 2.0 < 1.0 { 0.3 } else { -0.25 }).unwrap();
         assert!(shaking <= 2.0, "noticed at {shaking} s");
     }
 

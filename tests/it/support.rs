@@ -14,6 +14,9 @@ pub(crate) fn shared() -> Option<PathBuf> {
 
 /// Says what is not tested here; under `ONBRICK_REQUIRE=1` that is failing.
 pub(crate) fn pass_over(what: &str) {
-    assert!(std::env::var_os("ONBRICK_REQUIRE").is_none_or(|value| value != "1"), "required, not there: {what}");
+    assert!(
+        std::env::var_os("ONBRICK_REQUIRE").is_none_or(|value| value != "1"),
+        "required, not there: {what}"
+    );
     println!("passed over: {what}");
 }

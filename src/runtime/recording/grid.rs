@@ -2,6 +2,33 @@
 
 use super::Grid;
 use super::message::{Header, OccupancyGridMessage, Pose3, Quaternion, Vector3};
+use crate::mapping::OccupancyGrid;
+
+impl From<&OccupancyGrid> for Grid {
+    /// Cells as ROS counts them: −1 where nothing is known, else the probability in percent that it is occupied.
+    fn from(grid: &OccupancyGrid) -> Self {
+        let size = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
+        let cells = (0..grid.rows())
+            .flat_map(|row| (0..grid.columns()).map(move |column| percent(grid, column, row)));
+        Self {
+            width: size(grid.columns()),
+            height: size(grid.rows()),
+            resolution_m: grid.cell_m(),
+            origin_m: grid.origin_m(),
+            cells: cells.collect(),
+        }
+    }
+}
+
+fn percent(grid: &OccupancyGrid, column: usize, row: usize) -> i8 {
+    if grid.log_odds(column, row).is_none_or(|log_odds| log_odds == 0) {
+        return -1;
+    }
+    let probability = grid.probability(column, row).unwrap_or(0.5);
+    #[expect(clippy::cast_possible_truncation, reason = "a probability is 0 to 100 percent")]
+    let percent = libm::round(probability * 100.0) as i8;
+    percent
+}
 
 #[expect(clippy::cast_possible_truncation, reason = "the definition has single precision")]
 pub(super) fn message(grid: &Grid, header: Header) -> OccupancyGridMessage {

@@ -1,0 +1,149 @@
+//! `onbrick demo`: the main job on the simulated brick.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::common::{
+    LoadedRun, Progress, load_mission, load_robot, load_world, open_run, scene_of, shipped_mission,
+    write_file,
+};
+use super::{Exit, Failure, Output};
+use crate::clock::SECOND_NS;
+use crate::mapping::{Pose, stats};
+use crate::report::{export, plot};
+use crate::runtime::{Brick, Job, NoHeartbeat, Source, StopFlags, execute};
+use crate::sim::World;
+use crate::units::{degrees, wrap_rad};
+
+/// Send a simulated robot through a room of cinder blocks and draw the map it makes.
+///
+/// Example: onbrick demo --world rooms --seed 7
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The folder for run.mcap, map.svg, map.png, points.csv and path.csv.
+    #[arg(long, default_value = "onbrick-demo")]
+    out: PathBuf,
+    /// The room: a world's file, or the name of a built-in one.
+    #[arg(long, default_value = "arena")]
+    world: PathBuf,
+    /// How long the robot explores, in seconds of its own time.
+    #[arg(long, default_value_t = 120.0, value_parser = seconds)]
+    seconds: f64,
+    /// What all chance comes from: the same seed gives the same run.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Keep step with the clock on the wall instead of running as fast as the machine allows.
+    #[arg(long)]
+    realtime: bool,
+}
+
+/// How good a map is, against what only a simulation knows.
+#[derive(Debug, Serialize)]
+struct Quality {
+    points: usize,
+    /// Distance from the points to the nearest wall, metres.
+    wall_median_m: f64,
+    wall_p90_m: f64,
+    /// The last pose against the true one.
+    pose_error_m: f64,
+    heading_error_deg: f64,
+    travelled_m: f64,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let job = job(arguments, output)?;
+    std::fs::create_dir_all(&arguments.out).map_err(|error| {
+        Failure::from_error(Exit::Refused, &format!("cannot make {}", arguments.out.display()), &error)
+    })?;
+    let robot = load_robot(None, output)?;
+    let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let mut limited = mission.clone();
+    limited
+        .set("time_limit_s", arguments.seconds)
+        .map_err(|error| Failure::from_error(Exit::Usage, "--seconds", &error))?;
+    let flags = StopFlags::on_signals()
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let progress = std::sync::Arc::new(Progress::new(&limited, output));
+    let shown = std::sync::Arc::clone(&progress);
+    let ended = execute(&job, &flags, &mut NoHeartbeat, move |event| shown.draw(event));
+    progress.finish();
+    let ended = ended.map_err(|refused| Failure::refused(refused.to_text()))?;
+    output.line(ended.to_string());
+    if !ended.wanted {
+        return Err(Failure::new(Exit::Failed, ended.reason));
+    }
+    let loaded = open_run(&job.file)?;
+    let Brick::Simulated { world, .. } = &job.brick else {
+        return Err(Failure::new(Exit::Failed, "a demo runs on a simulated brick"));
+    };
+    draw(&arguments.out, &loaded)?;
+    let quality = quality(&loaded, world)?;
+    output.show(
+        format!(
+            "{} points: to the nearest wall {:.1} cm (median), {:.1} cm (90th percentile)\n\
+             final pose: {:.1} cm and {:.1} degrees from the true one, after {:.2} m\n\
+             wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
+            quality.points,
+            quality.wall_median_m * 100.0,
+            quality.wall_p90_m * 100.0,
+            quality.pose_error_m * 100.0,
+            quality.heading_error_deg,
+            quality.travelled_m,
+            arguments.out.display()
+        ),
+        &quality,
+    );
+    Ok(())
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (1.0..=36_000.0).contains(&seconds) { Ok(seconds) } else { Err("it can be 1 to 36000".to_owned()) }
+}
+
+fn job(arguments: &Arguments, output: &mut Output) -> Result<Job, Failure> {
+    let (world, start) = load_world(&arguments.world)?;
+    let text = shipped_mission("map").unwrap_or_default().to_owned();
+    Ok(Job {
+        mission: Source { name: "map.toml".to_owned(), text },
+        robot: load_robot(None, output)?.source,
+        brick: Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime },
+        start,
+        set: vec![("time_limit_s".to_owned(), arguments.seconds)],
+        file: arguments.out.join("run.mcap"),
+        sync_ns: SECOND_NS,
+    })
+}
+
+fn draw(folder: &Path, loaded: &LoadedRun) -> Result<(), Failure> {
+    let scene = scene_of(std::slice::from_ref(loaded), None);
+    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
+    let files = [
+        ("map.svg", plot::svg(&scene).map_err(|error| failed(&error))?.into_bytes()),
+        ("map.png", plot::png(&scene).map_err(|error| failed(&error))?),
+        ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
+        ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
+    ];
+    files.iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
+}
+
+fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
+    let (world, _) = World::load(&world.name, world.text.as_bytes())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let run = &loaded.run;
+    let mut distances: Vec<f64> =
+        run.points.iter().map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)).collect();
+    let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();
+    let truth = run.ending.as_ref().and_then(|ending| ending.truth).unwrap_or(believed);
+    Ok(Quality {
+        points: distances.len(),
+        wall_median_m: stats::quantile(&mut distances, 0.5).unwrap_or(f64::NAN),
+        wall_p90_m: stats::quantile(&mut distances, 0.9).unwrap_or(f64::NAN),
+        pose_error_m: libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m),
+        heading_error_deg: degrees(wrap_rad(believed.heading_rad - truth.heading_rad)).abs(),
+        travelled_m: run.poses.last().map_or(0.0, |pose| pose.travelled_m),
+    })
+}

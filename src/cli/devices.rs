@@ -1,0 +1,71 @@
+//! `onbrick devices`: what is plugged in, where, and what it reads.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::{Exit, Failure, Output};
+use crate::clock::{Clock, MonotonicClock, SECOND_NS};
+use crate::ev3dev::{Inventory, LocalTree, Tree};
+
+/// Show what is plugged in, where, and what it reads.
+///
+/// Example: onbrick devices --watch
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The folder under which sys/class is found.
+    #[arg(long, default_value = "/")]
+    brick: PathBuf,
+    /// Look again every second, until interrupted.
+    #[arg(long)]
+    watch: bool,
+    /// Leave out the ports themselves.
+    #[arg(long)]
+    plugged: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    loop {
+        let mut inventory = Inventory::read(&tree)
+            .map_err(|error| Failure::from_error(Exit::Failed, "cannot look at the devices", &error))?;
+        if arguments.plugged {
+            inventory.devices.retain(|entry| entry.class != "lego-port");
+        }
+        if inventory.devices.is_empty() && inventory.battery.is_none() {
+            let root = arguments.brick.display();
+            return Err(Failure::new(
+                Exit::Failed,
+                format!("there is no brick below {root}: no sys/class of ev3dev"),
+            )
+            .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick"));
+        }
+        output.show(table(&inventory), &inventory);
+        if !arguments.watch {
+            return Ok(());
+        }
+        output.line("");
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + SECOND_NS);
+    }
+}
+
+/// One line a device: port, driver, what it reads.
+fn table(inventory: &Inventory) -> String {
+    let mut text = String::new();
+    for entry in inventory.devices.iter().chain(&inventory.battery) {
+        let port = entry.address.strip_prefix("ev3-ports:").unwrap_or(&entry.address);
+        let name = if entry.driver.is_empty() { entry.class } else { &entry.driver };
+        let mut readings = String::new();
+        for reading in &entry.readings {
+            let _ = write!(readings, "  {} {}{}", reading.name, reading.value, unit(&reading.unit));
+        }
+        let problem = entry.problem.as_ref().map(|problem| format!("  ({problem})")).unwrap_or_default();
+        let _ = writeln!(text, "{port:<6} {name:<18} {:<9}{readings}{problem}", entry.name);
+    }
+    text.trim_end().to_owned()
+}
+
+fn unit(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
+}
