@@ -15,6 +15,7 @@ use proptest::prelude::*;
 
 mod bad_input;
 mod messages;
+mod rooms;
 
 fn load(text: &str) -> Mission {
     let (mission, findings) = Mission::parse("mission.toml", text.as_bytes(), &Capabilities::all())
