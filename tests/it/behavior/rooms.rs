@@ -181,26 +181,26 @@ fn the_table_rover_keeps_its_wheels_on_the_table() {
 fn the_remote_moves_each_wheel_by_its_own_buttons() {
     #[rustfmt::skip]
     let transcript = [
-        // s    code  ahead  turns left
-        (0.0,   0.0,   0.0,   0.0),
-        (1.0,   5.0,   1.0,   0.0),   // both up
-        (2.0,   8.0,  -1.0,   0.0),   // both down
-        (3.0,   1.0,   1.0,  -1.0),   // left up
-        (4.0,   3.0,   1.0,   1.0),   // right up
-        (5.0,   2.0,  -1.0,   1.0),   // left down
-        (6.0,   4.0,  -1.0,  -1.0),   // right down
-        (7.0,   6.0,   0.0,  -1.0),   // left up, right down
-        (8.0,   7.0,   0.0,   1.0),   // left down, right up
-        (9.0,   9.0,   0.0,   0.0),   // the beacon: the end
+        // code  ahead  turns left
+        (0.0,   0.0,   0.0),
+        (5.0,   1.0,   0.0),   // both up
+        (8.0,  -1.0,   0.0),   // both down
+        (1.0,   1.0,  -1.0),   // left up
+        (3.0,   1.0,   1.0),   // right up
+        (2.0,  -1.0,   1.0),   // left down
+        (4.0,  -1.0,  -1.0),   // right down
+        (6.0,   0.0,  -1.0),   // left up, right down
+        (7.0,   0.0,   1.0),   // left down, right up
+        (9.0,   0.0,   0.0),   // the beacon: the end
     ];
     let mut program = shipped("remote").start().unwrap();
     let mut robot = Robot::default();
-    for (second, code, ahead, left) in transcript {
+    for (second, (code, ahead, left)) in (0..).zip(transcript) {
         let (before_m, before_rad) = (robot.travelled_m, robot.heading_rad);
         let mut forwards_m = 0.0;
         let mut last = Progress::Running;
         for tick in 0..50 {
-            let mut signals = robot.signals((second * 50.0) as i64 + tick);
+            let mut signals = robot.signals(second * 50 + tick);
             signals.set(Signal::Remote, code);
             let (demands, progress) = step(&mut program, &signals);
             let (x_m, y_m, heading) = (robot.x_m, robot.y_m, robot.heading_rad);
