@@ -39,6 +39,17 @@
 //! A number in `do` that comes to NaN or an infinity, or that depends on a lost signal, stops its actuator for that tick: wheels brake,
 //! head and motor stand still.
 //!
+//! # What is checked
+//!
+//! A mission is refused for: unknown keys, names, states and motors; signals and actuators that the robot does not have; expressions
+//! that do not parse or mix numbers with truths; values out of range; states that cannot be reached or cannot be left; transitions that
+//! can never fire, by themselves or because an earlier one of the same state holds whenever they do; two machines that move
+//! the same actuator; two modes asked of one sensor; an `on_stall` state that the driving machine lacks. It is warned of, and runs,
+//! with: a condition that always holds (unless it is the word `true`); a state from which the final state cannot be reached.
+//!
+//! Whether a transition can fire is judged from comparisons of a multiple of one signal with a constant, joined by
+//! `and`, `or` and `not`, with the numbers that the file gives. What is said is certain; not everything is found.
+//!
 //! # Not here
 //!
 //! No limits of speed: those are the robot's.
@@ -49,9 +60,11 @@
 //!   [`Mission::MAX_TRANSITIONS`] transitions: a file of ten thousand states is read in well under a second.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use arrayvec::ArrayString;
 
+use super::Taken;
 use super::demands::{Led, SAY_BYTES};
 use super::engine::{EngineError, Finish};
 use super::expression::Expression;
@@ -141,6 +154,26 @@ enum DrivePlan {
     Wheels { left_dps: Expression, right_dps: Expression },
     Twist { forward_mps: Expression, turn_dps: Expression },
     Stop(StopAction),
+}
+
+/// A transition that was taken, by its names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NamedTransition<'m> {
+    /// The machine.
+    pub machine: &'m str,
+    /// The state left.
+    pub from: &'m str,
+    /// The state entered.
+    pub to: &'m str,
+    /// The condition that held; `None` where the wheels were blocked.
+    pub when: Option<&'m str>,
+}
+
+impl fmt::Display for NamedTransition<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let when = self.when.unwrap_or("wheels blocked");
+        write!(f, "{}: {} → {} ({when})", self.machine, self.from, self.to)
+    }
 }
 
 /// A number that cannot be set as asked.
@@ -293,6 +326,18 @@ impl Mission {
     #[must_use]
     pub fn machines(&self) -> &[MachinePlan] {
         &self.machines
+    }
+
+    /// The names of a transition; `None` where it is not one of this mission's.
+    #[must_use]
+    pub fn named(&self, taken: Taken) -> Option<NamedTransition<'_>> {
+        let machine = self.machines.get(usize::from(taken.machine))?;
+        let (from, to) = (machine.state(taken.from)?, machine.state(taken.to)?);
+        let when = match taken.transition {
+            Some(index) => Some(from.next.get(usize::from(index))?.when.text()),
+            None => None,
+        };
+        Some(NamedTransition { machine: &machine.name, from: &from.name, to: &to.name, when })
     }
 
     /// The named motors, in the order of [`super::Demands::motors`].

@@ -15,6 +15,7 @@ use proptest::prelude::*;
 
 mod bad_input;
 mod messages;
+mod rooms;
 
 fn load(text: &str) -> Mission {
     let (mission, findings) = Mission::parse("mission.toml", text.as_bytes(), &Capabilities::all())
@@ -205,6 +206,11 @@ fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     program.step(&free(20), &mut Demands::default(), |transition| taken.push(transition));
     assert_eq!(taken, [Taken { machine: 0, from: 0, to: 1, transition: None }]);
     assert_eq!(program.states().collect::<Vec<_>>(), ["back"]);
+    let mission = shipped("bump");
+    assert_eq!(mission.named(taken[0]).unwrap().to_string(), "drive: forward → back (wheels blocked)");
+    let pressed = Taken { transition: Some(0), ..taken[0] };
+    assert_eq!(mission.named(pressed).unwrap().to_string(), "drive: forward → back (touch)");
+    assert_eq!(mission.named(Taken { machine: 7, ..pressed }), None);
     assert!(!shipped("map").start().unwrap().stall(), "the mapping mission asks to be stopped");
 }
 

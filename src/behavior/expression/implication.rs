@@ -148,8 +148,8 @@ struct Linear {
     quantity: Quantity,
     scale: f64,
     offset: f64,
-    /// True where rounding has no part in it.
-    exact: bool,
+    /// How many operations made it: without one, rounding has no part in it.
+    steps: u8,
 }
 
 fn leaf_part(op: Op, start: usize) -> Part {
@@ -157,7 +157,7 @@ fn leaf_part(op: Op, start: usize) -> Part {
         Some(word) if word.is_truth => {
             Meaning::Truth(Claims::term(Term::Quantity(quantity), Set::point(1.0), Set::point(0.0)))
         }
-        _ => Meaning::Linear(Linear { quantity, scale: 1.0, offset: 0.0, exact: true }),
+        _ => Meaning::Linear(Linear { quantity, scale: 1.0, offset: 0.0, steps: 0 }),
     };
     let meaning = match op {
         Op::Number(value) | Op::Named { value, .. } => Meaning::Constant(value),
@@ -206,6 +206,14 @@ fn infix_part(infix: Infix, left: Part, right: Part, ops: &[Op], at: usize) -> P
             Meaning::Truth(bounded(comparison.turned(), &number, &ops[middle..at], bound, piece))
         }
         (Infix::Compare(_) | Infix::And | Infix::Or, _, _) => Meaning::Truth(Claims::piece(piece)),
+        (_, left, right) => arithmetic(infix, left, right, piece),
+    };
+    Part { start, meaning }
+}
+
+/// A sum, difference, product or quotient.
+fn arithmetic(infix: Infix, left: Meaning, right: Meaning, piece: &[Op]) -> Meaning {
+    match (infix, left, right) {
         (_, Meaning::Constant(_), Meaning::Constant(_)) => {
             let value = evaluate(piece, &Signals::default(), &MachineState::default());
             value.map_or(Meaning::Number, Meaning::Constant)
@@ -219,8 +227,7 @@ fn infix_part(infix: Infix, left: Part, right: Part, ops: &[Op], at: usize) -> P
             scaled(Infix::Add, turned, constant)
         }
         _ => Meaning::Number,
-    };
-    Part { start, meaning }
+    }
 }
 
 /// A linear term with a constant added, subtracted, multiplied or divided by.
@@ -233,9 +240,10 @@ fn scaled(infix: Infix, linear: Linear, constant: f64) -> Meaning {
         Infix::Divide => (scale / constant, offset / constant),
         _ => return Meaning::Number,
     };
-    // Beyond these sizes a margin that is relative to the bound does not cover what rounding can do.
-    let sound = (1e-6..1e6).contains(&scale.abs()) && offset.abs() < 1e6;
-    if sound { Meaning::Linear(Linear { scale, offset, exact: false, ..linear }) } else { Meaning::Number }
+    // Each step rounds by at most 1e3 * 2^-53, which comes to less than the margin after division by the scale.
+    let steps = linear.steps + 1;
+    let sound = steps <= 4 && (1e-3..=1e3).contains(&scale.abs()) && offset.abs() <= 1e3;
+    if sound { Meaning::Linear(Linear { scale, offset, steps, ..linear }) } else { Meaning::Number }
 }
 
 /// What a comparison of a number that is not constant with one that is claims.
@@ -249,8 +257,11 @@ fn bounded(comparison: Comparison, number: &Meaning, operand: &[Op], bound: f64,
     let term = Term::Quantity(linear.quantity);
     let turned = if linear.scale < 0.0 { comparison.turned() } else { comparison };
     let at = (bound - linear.offset) / linear.scale;
-    let margin =
-        if linear.exact { 0.0 } else { MARGIN * (1.0 + at.abs() + (linear.offset / linear.scale).abs()) };
+    let margin = if linear.steps == 0 {
+        0.0
+    } else {
+        MARGIN * (1.0 + at.abs() + (linear.offset / linear.scale).abs())
+    };
     if at.is_nan() || margin.is_nan() {
         return Claims::piece(whole);
     }

@@ -128,10 +128,38 @@ fn conditions(root: &Section<'_>, draft: &Draft) -> Vec<Vec<bool>> {
 /// States that cannot be reached, states that cannot be left, and states from which there is no way to the final one.
 fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Vec<bool>]) {
     let plan = &draft.plan;
-    let count = plan.states.len();
-    let mut forward = vec![Vec::new(); count];
-    let mut backward = vec![Vec::new(); count];
-    for (from, state) in plan.states.iter().enumerate() {
+    let (forward, backward) = ways(&plan.states);
+    let reached = closure(&forward, [plan.start].into_iter().chain(stall));
+    let ends = plan.end.map(|end| closure(&backward, [end]));
+    for (at, (state, place)) in plan.states.iter().zip(&draft.states).enumerate() {
+        let named = &state.name;
+        let is_end = plan.end.is_some_and(|end| usize::from(end) == at);
+        let mut leaves = state.next.iter().zip(impossible.get(at).into_iter().flatten());
+        let is_left = leaves.any(|(next, never)| usize::from(next.go) != at && !never);
+        let (severity, message, way_out) = if reached.get(at) != Some(&true) {
+            let message = format!("state `{named}` cannot be reached from `{}`", name(draft, plan.start));
+            (Severity::Error, message, "a transition of another state should go here")
+        } else if !is_end && !is_left {
+            let message = format!("state `{named}` cannot be left, and it is not final");
+            (Severity::Error, message, "give it a transition, or name it as `final` of its machine")
+        } else if let (Some(end), Some(ends)) = (plan.end, &ends)
+            && ends.get(at) == Some(&false)
+        {
+            let end = name(draft, end);
+            let message = format!("from state `{named}` there is no way to the final state `{end}`");
+            (Severity::Warning, message, "without one the mission runs until its time limit")
+        } else {
+            continue;
+        };
+        root.note(place.clone(), severity, message).hint(way_out);
+    }
+}
+
+/// Where each state leads, and from where each is come to.
+fn ways(states: &[StatePlan]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
+    let mut forward = vec![Vec::new(); states.len()];
+    let mut backward = vec![Vec::new(); states.len()];
+    for (from, state) in states.iter().enumerate() {
         for next in &state.next {
             let to = usize::from(next.go);
             if let (Some(ways), Some(back)) = (forward.get_mut(from), backward.get_mut(to)) {
@@ -140,35 +168,7 @@ fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Ve
             }
         }
     }
-    let reached = closure(&forward, [plan.start].into_iter().chain(stall));
-    let ends = plan.end.map(|end| closure(&backward, [end]));
-    for (at, state) in plan.states.iter().enumerate() {
-        let Some(place) = draft.states.get(at) else { continue };
-        let is_end = plan.end.is_some_and(|end| usize::from(end) == at);
-        let is_reached = reached.get(at) == Some(&true);
-        let leaves = state.next.iter().zip(impossible.get(at).into_iter().flatten());
-        let is_left = leaves.clone().any(|(next, never)| usize::from(next.go) != at && !never);
-        if !is_reached {
-            let message =
-                format!("state `{}` cannot be reached from `{}`", state.name, name(draft, plan.start));
-            root.note(place.clone(), Severity::Error, message)
-                .hint("a transition of another state should go here");
-        } else if !is_end && !is_left {
-            let message = format!("state `{}` cannot be left, and it is not final", state.name);
-            let way_out = "give it a transition, or name it as `final` of its machine";
-            root.note(place.clone(), Severity::Error, message).hint(way_out);
-        } else if let (Some(end), Some(ends)) = (plan.end, &ends)
-            && ends.get(at) == Some(&false)
-        {
-            let message = format!(
-                "from state `{}` there is no way to the final state `{}`",
-                state.name,
-                name(draft, end)
-            );
-            root.note(place.clone(), Severity::Warning, message)
-                .hint("without one the mission runs until its time limit");
-        }
-    }
+    (forward, backward)
 }
 
 fn name(draft: &Draft, state: u16) -> &str {

@@ -2,7 +2,7 @@
 //!
 //! What concerns the mission as a whole is looked at afterwards, in `checks`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::{MachinePlan, Mission, OnLost, Outputs, StatePlan, TransitionPlan, checks};
@@ -19,6 +19,10 @@ const NAME_CHARACTERS: usize = 40;
 
 /// With more names than this the nearest one is not looked for: it would take longer than reading the file.
 const SEARCHED: usize = 200;
+
+/// The keys of the whole mission.
+const KEYS: [&str; 8] =
+    ["name", "rate_hz", "time_limit_s", "finish", "on_lost", "on_stall", "numbers", "machine"];
 
 const DEFAULT_RATE_HZ: u32 = 50;
 const DEFAULT_TIME_LIMIT_S: f64 = 120.0;
@@ -67,30 +71,21 @@ struct Names<'d> {
 impl<'d> Reader<'_, 'd, '_> {
     fn mission(mut self) -> Option<Mission> {
         let root = self.root;
-        root.allow(&[
-            "name",
-            "rate_hz",
-            "time_limit_s",
-            "finish",
-            "on_lost",
-            "on_stall",
-            "numbers",
-            "machine",
-        ]);
+        root.allow(&KEYS);
         let name = root.require("name").and_then(|item| {
             let text = item.text()?;
             is_name(text, &item).then(|| text.to_owned())
         });
-        let rate_hz = root.get("rate_hz").map(|item| item.integer(10..=100));
-        let rate_hz =
-            rate_hz.map_or(Some(DEFAULT_RATE_HZ), |rate| rate.and_then(|hz| u32::try_from(hz).ok()));
+        let rate_hz = optional(root, "rate_hz", DEFAULT_RATE_HZ, |item| {
+            item.integer(10..=100).and_then(|hz| u32::try_from(hz).ok())
+        });
         let (low, high) = Mission::TIME_LIMITS_S;
         let time_limit_s =
-            root.get(Mission::TIME_LIMIT).map_or(Some(DEFAULT_TIME_LIMIT_S), |item| item.number(low..=high));
-        let finish = root
-            .get("finish")
-            .map_or(Some(Finish::All), |item| item.word(&[("all", Finish::All), ("any", Finish::Any)]));
-        let on_lost = root.get("on_lost").map_or(Some(OnLost::Stop), |item| {
+            optional(root, Mission::TIME_LIMIT, DEFAULT_TIME_LIMIT_S, |item| item.number(low..=high));
+        let finish = optional(root, "finish", Finish::All, |item| {
+            item.word(&[("all", Finish::All), ("any", Finish::Any)])
+        });
+        let on_lost = optional(root, "on_lost", OnLost::Stop, |item| {
             item.word(&[("stop", OnLost::Stop), ("pause", OnLost::Pause)])
         });
         self.vocabulary
@@ -100,9 +95,6 @@ impl<'d> Reader<'_, 'd, '_> {
         let drafts = self.machines()?;
         let on_stall = checks::on_stall(root, &drafts);
         checks::whole(&self, &drafts, on_stall.as_ref());
-        let mut roles: Vec<Role> = self.uses.iter().map(|(role, _)| *role).collect();
-        roles.sort_unstable();
-        roles.dedup();
         Some(Mission {
             name: name?,
             rate_hz: rate_hz?,
@@ -113,7 +105,7 @@ impl<'d> Reader<'_, 'd, '_> {
             motors: self.vocabulary.motors().to_vec(),
             numbers: self.vocabulary.numbers,
             machines: drafts.into_iter().map(|draft| draft.plan).collect(),
-            roles,
+            roles: self.uses.iter().map(|(role, _)| *role).collect::<BTreeSet<_>>().into_iter().collect(),
         })
     }
 
@@ -259,6 +251,16 @@ impl<'d> Reader<'_, 'd, '_> {
             }
         }
     }
+}
+
+/// A key's value, or what holds without it.
+fn optional<T>(
+    root: &Section<'_>,
+    key: &str,
+    default: T,
+    read: impl FnOnce(&Item<'_>) -> Option<T>,
+) -> Option<T> {
+    root.get(key).map_or(Some(default), |item| read(&item))
 }
 
 impl Names<'_> {

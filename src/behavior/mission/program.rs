@@ -42,7 +42,11 @@ impl Program {
                 .collect(),
         };
         let states = mission.machines.iter().map(|plan| plan.states.len()).collect();
-        Ok(Self { engine, turn: Turn::default(), states, on_stall })
+        let mut turn = Turn::default();
+        for (since, plan) in turn.since.iter_mut().zip(&mission.machines) {
+            since.state = plan.start;
+        }
+        Ok(Self { engine, turn, states, on_stall })
     }
 
     /// Takes one step: checks, transitions, actions. `demands` becomes what the machines want in this tick, and `on_taken` hears
@@ -60,7 +64,7 @@ impl Program {
         progress
     }
 
-    /// The wheels are blocked: the machine that drives them goes to the state of `on_stall` at the next step, whatever its
+    /// The wheels are blocked, to be told once for each time that they are: the machine that drives them goes to the state of `on_stall` at the next step, whatever its
     /// conditions say. False where the mission asks to be stopped instead.
     pub fn stall(&mut self) -> bool {
         for (machine, state) in &self.on_stall {

@@ -131,6 +131,31 @@ fn enormous_parts_are_refused() {
     println!("enormous parts: {:?}", started.elapsed());
 }
 
+#[test]
+fn involved_conditions_are_read_in_bounded_time() {
+    type Form = (&'static str, fn(usize) -> String, usize, &'static str);
+    // As many long conditions in each state as are read, in a file as long as is read.
+    let wide = |at: usize, term: fn(usize) -> String, count: usize, word: &str| {
+        (0..count).map(|part| term(at * count + part)).collect::<Vec<_>>().join(word)
+    };
+    let forms: [Form; 3] = [
+        ("few cases", |n| format!("range_m < {n} and x_m > {n}"), 8, " or "),
+        ("many cases", |n| format!("x_m > {n}"), 250, " or "),
+        ("products", |n| format!("(x_m > {n} or y_m < {n})"), 100, " and "),
+    ];
+    for (name, term, count, word) in forms {
+        let condition = |at| wide(at, term, count, word);
+        let transitions: Vec<_> =
+            (0..32).map(|at| format!("{{ when = \"{}\", go = \"s0\" }}", condition(at))).collect();
+        let state = format!("next = [{}]", transitions.join(",\n"));
+        let text = ring(Document::MAX_BYTES / (state.len() + 40), |_| state.clone());
+        let started = Instant::now();
+        let read = Mission::parse("involved.toml", text.as_bytes(), &Capabilities::all());
+        println!("{name}, {} bytes: {:?}", text.len(), started.elapsed());
+        assert!(read.is_err(), "states that only lead to the first one cannot be reached");
+    }
+}
+
 /// Changes to a text: each takes away some bytes and puts others there.
 fn changes() -> impl Strategy<Value = Vec<(prop::sample::Index, usize, String)>> {
     let scraps = prop::sample::select(vec![

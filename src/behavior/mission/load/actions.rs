@@ -101,18 +101,7 @@ impl<'d> Reader<'_, 'd, '_> {
             None => Some(Expression::constant(0.0)),
         };
         match row {
-            0 => {
-                let (left, right) = (table.get("left_dps"), table.get("right_dps"));
-                let (Some(left), Some(right)) = (left, right) else {
-                    let missing = if first.key() == "left_dps" { "right_dps" } else { "left_dps" };
-                    first
-                        .error_at_key(format!("`{}` goes together with `{missing}`", first.key()))
-                        .hint(format!("`{missing} = 0` keeps that wheel still"));
-                    return None;
-                };
-                let (left_dps, right_dps) = (self.number(&left, DPS), self.number(&right, DPS));
-                Some(DrivePlan::Wheels { left_dps: left_dps?, right_dps: right_dps? })
-            }
+            0 => self.wheels(table, first),
             1 => {
                 let forward_mps = optional(self, "forward_mps", MPS);
                 let turn_dps = optional(self, "turn_dps", DPS);
@@ -122,6 +111,19 @@ impl<'d> Reader<'_, 'd, '_> {
                 .word(&StopAction::ALL.iter().map(|stop| (stop.as_str(), *stop)).collect::<Vec<_>>())
                 .map(DrivePlan::Stop),
         }
+    }
+
+    /// The speeds of the two wheels, which go together.
+    fn wheels(&mut self, table: &Section<'d>, first: &Item<'d>) -> Option<DrivePlan> {
+        let (Some(left), Some(right)) = (table.get("left_dps"), table.get("right_dps")) else {
+            let missing = if first.key() == "left_dps" { "right_dps" } else { "left_dps" };
+            first
+                .error_at_key(format!("`{}` goes together with `{missing}`", first.key()))
+                .hint(format!("`{missing} = 0` keeps that wheel still"));
+            return None;
+        };
+        let (left_dps, right_dps) = (self.number(&left, DPS), self.number(&right, DPS));
+        Some(DrivePlan::Wheels { left_dps: left_dps?, right_dps: right_dps? })
     }
 
     fn motor(&mut self, item: &Item<'d>, moves: &mut Moves) -> Option<(u8, Expression)> {
