@@ -749,6 +749,164 @@ fn the_same_seed_and_the_same_accesses_give_the_same_readings() {
     assert_eq!(run(), run());
 }
 
+/// What stands in section 2 of the reference and is not in the transcript.
+#[test]
+fn a_lease_of_300_ms_ends_by_itself_within_a_kernel_tick() {
+    for phase_ms in 0..10 {
+        let rig = Rig::recorded();
+        rig.pass_ms(phase_ms);
+        rig.drive("speed_sp=300 time_sp=300 stop_action=brake run-timed");
+        rig.pass_ms(296);
+        assert_eq!(rig.read("outB", "state"), "running", "phase {phase_ms} ms");
+        rig.pass_ms(18);
+        assert_eq!(rig.read("outB", "state"), "", "phase {phase_ms} ms");
+        assert_eq!(rig.number("outB", "duty_cycle"), 0);
+    }
+}
+
+#[test]
+fn a_move_that_arrives_before_its_ramp_is_through_leaves_ramping_set() {
+    let rig = Rig::recorded();
+    rig.drive("ramp_up_sp=10000 speed_sp=1000 position_sp=60 stop_action=brake run-to-rel-pos");
+    rig.pass_ms(4000);
+    assert_eq!(rig.read("outB", "state"), "ramping");
+    rig.drive("ramp_up_sp=100 speed_sp=100 run-forever");
+    rig.pass_ms(1000);
+    assert_eq!(rig.read("outB", "state"), "running", "a later ramp that completes clears it");
+}
+
+#[test]
+fn a_move_with_ramp_down_slows_down_before_its_target() {
+    let rig = Rig::recorded();
+    rig.drive("ramp_down_sp=1000 speed_sp=500 position_sp=1000 stop_action=brake run-to-abs-pos");
+    let mut ramped = 0;
+    let mut speeds = Vec::new();
+    for _ in 0..500 {
+        rig.pass_ms(10);
+        let state = rig.read("outB", "state");
+        if !state.contains("running") {
+            break;
+        }
+        let slows = rig.number("outB", "position") > 700 && state.contains("ramping");
+        ramped += i64::from(slows);
+        speeds.push(rig.number("outB", "speed"));
+    }
+    assert!(ramped > 10, "ramping down for {ramped} times 10 ms");
+    assert!(speeds.iter().max() > Some(&480) && speeds.last() < Some(&150), "{speeds:?}");
+    rig.pass_ms(300);
+    let position = rig.number("outB", "position");
+    assert!((1000..=1010).contains(&position), "stopped at {position}");
+}
+
+#[test]
+fn a_relative_move_of_0_is_a_stop_that_is_remembered_as_a_move() {
+    let rig = Rig::recorded();
+    rig.drive("speed_sp=400 position_sp=360 stop_action=hold run-to-rel-pos position_sp=0 run-to-rel-pos");
+    assert_eq!(rig.read("outB", "state"), "holding");
+    rig.drive("position_sp=100 run-to-rel-pos");
+    rig.pass_ms(3000);
+    assert_eq!(rig.read("outB", "state"), "holding");
+    let position = rig.number("outB", "position");
+    assert!((455..=465).contains(&position), "360 + 0 + 100, not {position}");
+}
+
+#[test]
+fn a_hold_far_from_its_set_point_turns_round_by_overflow() {
+    for (shift, toward) in [(26_000, 1), (30_000, -1)] {
+        let rig = Rig::recorded();
+        rig.drive("stop_action=hold stop");
+        rig.write("outB", "position", &(-shift).to_string());
+        rig.pass_ms(4);
+        assert_eq!(rig.number("outB", "duty_cycle"), 100 * toward, "{shift} counts below the set point");
+        assert_eq!(rig.read("outB", "state"), "holding overloaded");
+    }
+}
+
+#[test]
+fn the_one_speed_that_slips_through_the_check_does_no_harm() {
+    let rig = Rig::recorded();
+    for command in ["run-forever", "run-to-abs-pos", "run-to-rel-pos", "run-timed", "stop"] {
+        for ramp in ["0", "60000"] {
+            rig.write("outB", "ramp_up_sp", ramp);
+            rig.write("outB", "ramp_down_sp", ramp);
+            rig.drive("speed_sp=-2147483648 position_sp=2147483647 polarity=inversed time_sp=2147483647");
+            rig.write("outB", "command", command);
+            rig.pass_ms(500);
+            assert!(rig.number("outB", "duty_cycle").abs() <= 100, "{command} with ramp {ramp}");
+            rig.drive("reset");
+        }
+    }
+}
+
+#[test]
+fn a_regulated_0_on_a_coasting_motor_leaves_it_coasting_and_a_direct_0_after_driving_brakes() {
+    let rig = Rig::recorded();
+    let speed = |rig: &Rig| rig.world(|bench| bench.motors[1].speed);
+    rig.drive("speed_sp=800 run-forever");
+    rig.pass_ms(1000);
+    rig.drive("stop speed_sp=0 run-forever");
+    rig.pass_ms(100);
+    assert!(speed(&rig) > 400.0, "coasts at {}", speed(&rig));
+    rig.drive("duty_cycle_sp=100 run-direct");
+    rig.pass_ms(1000);
+    rig.drive("duty_cycle_sp=0");
+    rig.pass_ms(100);
+    assert!(speed(&rig) < 200.0, "brakes to {}", speed(&rig));
+}
+
+/// Two benches as two robots.
+#[derive(Debug)]
+struct Pair([Bench; 2]);
+
+impl Physics for Pair {
+    fn robots(&self) -> usize {
+        2
+    }
+
+    fn plug(&self, robot: usize) -> Plug {
+        self.0[robot].plug
+    }
+
+    fn step(&mut self, bridges: &[[Bridge; 4]]) {
+        for (bench, bridges) in self.0.iter_mut().zip(bridges) {
+            bench.step(std::slice::from_ref(bridges));
+        }
+    }
+
+    fn edges(&self, robot: usize, out: usize) -> i64 {
+        self.0[robot].edges(0, out)
+    }
+
+    fn measure(&mut self, robot: usize, input: usize, mode: &str) -> [i32; 8] {
+        self.0[robot].measure(0, input, mode)
+    }
+
+    fn battery(&self, robot: usize) -> (f64, f64) {
+        self.0[robot].battery(0)
+    }
+}
+
+#[test]
+fn robots_in_one_world_have_bricks_of_their_own() {
+    let clock = Arc::new(VirtualClock::default());
+    let world = Pair([Bench::as_recorded(), Bench::as_recorded()]);
+    let simulation = Simulation::new(clock.clone(), Box::new(world), 1);
+    assert_eq!(simulation.robots(), 2);
+    let [one, other] = [0, 1].map(|robot| {
+        let (simulation, clock) = (simulation.clone(), clock.clone());
+        Rig { bench: InProcess { brick: simulation.brick(robot), simulation, clock } }
+    });
+    other.drive("speed_sp=400 run-forever");
+    one.pass_ms(1000);
+    assert_eq!((one.number("outB", "position"), one.read("outB", "state")), (0, String::new()));
+    let (position, speed) = (other.number("outB", "position"), other.number("outB", "speed"));
+    assert!((350..400).contains(&position), "{position}");
+    assert!((385..=415).contains(&speed), "{speed} with edges spread evenly over a step");
+    let serial = |rig: &Rig| rig.read_path("sys/class/board-info/board0/uevent").unwrap();
+    assert_ne!(serial(&one), serial(&other));
+    assert_eq!(simulation.brick(2).list("sys/class").err(), Some(Errno::ENOENT));
+}
+
 /// Every attribute of a brick that can be written, with the devices that have to be asked for.
 fn writable(rig: &Rig) -> Vec<String> {
     let mut paths = Vec::new();

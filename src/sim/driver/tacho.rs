@@ -389,7 +389,7 @@ impl TachoMotor {
             self.ramp.last_speed = self.ramp.end;
             self.ramp.flagged = false;
         } else {
-            let behind = wrap(i64::from(self.ramp.delta) * left / self.ramp.delta_time);
+            let behind = wrap(i64::from(self.ramp.delta).wrapping_mul(left) / self.ramp.delta_time);
             self.ramp.last_speed = self.ramp.end.wrapping_sub(behind);
         }
         if matches!(self.active_command, Command::RunToAbsPos | Command::RunToRelPos) {
