@@ -210,9 +210,9 @@ impl Brick {
         let address = ADDRESSES.get(index).copied().unwrap_or_default();
         let out = index.saturating_sub(FIRST_OUTPUT);
         let (class, name, device) = match wanted {
-            Wanted::Tacho(kind) => {
+            Wanted::Tacho(model) => {
                 let count = (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
-                let Some(motor) = TachoMotor::new(kind, address, count, now_ns) else { return };
+                let motor = TachoMotor::new(model, address, count, now_ns);
                 let number = next(&mut self.counters.tacho);
                 let name =
                     if motor.is_linear() { format!("linear{number}") } else { format!("motor{number}") };

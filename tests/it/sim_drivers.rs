@@ -5,171 +5,19 @@ use std::time::Duration;
 
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, VirtualClock};
-use onbrick::ev3dev::{Access, AttributeFile, Tree};
+use onbrick::ev3dev::{Access, Tree};
 use onbrick::sim::{
-    Bridge, Button, Entry, EntryKind, GyroMake, MotorKind, Options, Physics, Plug, Plugged, Port, STEP_NS,
-    SensorKind, SimBrick, Simulation, Written,
+    Bridge, Button, EntryKind, GyroMake, MotorKind, Options, Physics, Plug, Plugged, Port, SensorKind,
+    Simulation, Written,
 };
 use proptest::prelude::*;
 
-use crate::transcript::{self, Control, Tolerances};
-
-/// The transcript's motors: a first-order lag to the speed of the duty cycle, with friction.
-///
-/// Fitted to the transcript: 30 % runs at 290 counts/s and 60 % at 605, so 10.5 counts/s a percent less 25 for friction; 118 counts
-/// in the first 200 ms at full duty make a lag of 0.1 s; from 400 counts/s it coasts 81 counts and brakes in 17.
-#[derive(Debug, Default, Clone, Copy)]
-struct LagMotor {
-    edges: f64,
-    /// Counts a second.
-    speed: f64,
-}
-
-const SPEED_PER_PERCENT: f64 = 10.5;
-const FRICTION: f64 = 250.0;
-const LAG_S: f64 = 0.1;
-const BRAKE_S: f64 = 0.05;
-const COAST_S: f64 = 0.31;
-const EDGES_PER_COUNT: f64 = 2.0;
-
-impl LagMotor {
-    fn step(&mut self, bridge: Bridge) {
-        let step_s = STEP_NS as f64 / 1e9;
-        let (target, lag_s) = match bridge {
-            Bridge::Coast => (0.0, COAST_S),
-            Bridge::Brake | Bridge::Duty(0) => (0.0, BRAKE_S),
-            Bridge::Duty(duty) => (SPEED_PER_PERCENT * f64::from(duty), LAG_S),
-        };
-        let driven = self.speed + (target - self.speed) * (1.0 - libm::exp(-step_s / lag_s));
-        let before = self.speed;
-        // Friction slows down and never turns round.
-        self.speed = if driven.abs() <= FRICTION * step_s {
-            0.0
-        } else {
-            driven - FRICTION * step_s * driven.signum()
-        };
-        self.edges += (before + self.speed) / 2.0 * step_s * EDGES_PER_COUNT;
-    }
-}
-
-/// Four such motors and sensors that always measure the same.
-#[derive(Debug)]
-struct Bench {
-    motors: [LagMotor; 4],
-    plug: Plug,
-    blocked: [bool; 4],
-    readings: [[i32; 8]; 4],
-    measured: [usize; 4],
-}
-
-impl Bench {
-    /// What was plugged in when the transcript was taken.
-    fn as_recorded() -> Self {
-        let plug = Plug {
-            motors: [Some(MotorKind::Medium), Some(MotorKind::Large), None, Some(MotorKind::Large)],
-            sensors: [SensorKind::Ultrasonic, SensorKind::Touch, SensorKind::Colour, SensorKind::Gyro]
-                .map(Some),
-        };
-        Self::with(plug)
-    }
-
-    fn with(plug: Plug) -> Self {
-        Self {
-            motors: [LagMotor::default(); 4],
-            plug,
-            blocked: [false; 4],
-            readings: [[0; 8]; 4],
-            measured: [0; 4],
-        }
-    }
-}
-
-impl Physics for Bench {
-    fn robots(&self) -> usize {
-        1
-    }
-
-    fn plug(&self, _robot: usize) -> Plug {
-        self.plug
-    }
-
-    fn step(&mut self, bridges: &[[Bridge; 4]]) {
-        for ((motor, bridge), blocked) in self.motors.iter_mut().zip(bridges[0]).zip(self.blocked) {
-            if blocked {
-                motor.speed = 0.0;
-            } else {
-                motor.step(bridge);
-            }
-        }
-    }
-
-    #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
-    fn edges(&self, _robot: usize, out: usize) -> i64 {
-        libm::floor(self.motors[out].edges) as i64
-    }
-
-    fn edge_position(&self, _robot: usize, out: usize) -> f64 {
-        self.motors[out].edges
-    }
-
-    fn measure(&mut self, _robot: usize, input: usize, _mode: &str) -> [i32; 8] {
-        self.measured[input] += 1;
-        self.readings[input]
-    }
-
-    fn battery(&self, _robot: usize) -> (f64, f64) {
-        (7.4, 0.18)
-    }
-}
-
-/// The transcript's control over the simulation in this process.
-struct InProcess {
-    simulation: Simulation,
-    brick: Arc<SimBrick>,
-    clock: Arc<VirtualClock>,
-}
-
-impl InProcess {
-    fn pass_ms(&self, ms: i64) {
-        self.clock.sleep_until_ns(self.clock.now_ns() + ms * MILLISECOND_NS);
-        self.simulation.catch_up();
-    }
-}
-
-impl Control for InProcess {
-    fn unplug(&self, port: Port) {
-        self.simulation.unplug(0, port).unwrap();
-        self.pass_ms(102);
-    }
-
-    fn plug(&self, port: Port) {
-        self.simulation.plug(0, port, Plugged::Motor(MotorKind::Large)).unwrap();
-        self.pass_ms(400);
-    }
-
-    fn raw(&self, port: Port, frame: &[u8]) {
-        self.simulation.feed(0, port, Some(frame)).unwrap();
-    }
-
-    fn settle(&self) {
-        self.pass_ms(400);
-    }
-
-    fn entries(&self, folder: &str) -> Vec<Entry> {
-        self.brick.entries(folder).unwrap()
-    }
-}
-
-fn bench(physics: Bench) -> InProcess {
-    let clock = Arc::new(VirtualClock::default());
-    let simulation = Simulation::new(clock.clone(), Box::new(physics), 1);
-    let brick = simulation.brick(0);
-    InProcess { simulation, brick, clock }
-}
+use crate::drivers_bench::{Bench, InProcess, Rig};
+use crate::transcript::{self, Tolerances};
 
 #[test]
 fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer() {
-    let bench = bench(Bench::as_recorded());
+    let bench = InProcess::new(Bench::as_recorded(), Options::default());
     let tolerances = Tolerances { speed: 8, position: 10, duty: 8, moment_ms: 100 };
     let outcome = transcript::play(bench.brick.as_ref(), bench.clock.as_ref(), &bench, tolerances);
     println!(
@@ -182,91 +30,6 @@ fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer() {
     assert_eq!((outcome.exact, outcome.near, outcome.excepted, outcome.actions), (550, 231, 8, 12));
     assert_eq!(550 + 231 + 8 + 12, operations, "nothing in the transcript was skipped");
     assert_eq!((outcome.entries, entries), (126, 126));
-}
-
-/// A bench whose files are named by port: `outB speed_sp`, `in1 mode`, `port:outB mode`, or by their whole path.
-struct Rig {
-    bench: InProcess,
-}
-
-type Refused = Result<String, Errno>;
-
-impl Rig {
-    fn new(physics: Bench) -> Self {
-        Self { bench: bench(physics) }
-    }
-
-    fn recorded() -> Self {
-        Self::new(Bench::as_recorded())
-    }
-
-    fn folder(&self, device: &str) -> Option<String> {
-        let (class, port) = match device.split_once(':') {
-            Some(("port", port)) => ("lego-port", port),
-            Some(("dc", port)) => ("dc-motor", port),
-            _ if device.starts_with("out") => ("tacho-motor", device),
-            _ => ("lego-sensor", device),
-        };
-        let class = format!("sys/class/{class}");
-        let folders =
-            self.bench.brick.list(&class).unwrap().into_iter().map(|name| format!("{class}/{name}"));
-        folders
-            .into_iter()
-            .find(|folder| self.read_path(&format!("{folder}/address")) == Ok(format!("ev3-ports:{port}\n")))
-    }
-
-    fn read_path(&self, path: &str) -> Refused {
-        let mut buffer = [0; 4096];
-        let length = self.bench.brick.open(path, Access::Read)?.read(&mut buffer)?;
-        Ok(String::from_utf8_lossy(&buffer[..length]).into_owned())
-    }
-
-    fn write_path(&self, path: &str, value: &[u8]) -> Result<usize, Errno> {
-        self.bench.brick.open(path, Access::Write)?.write(value)
-    }
-
-    fn keep(&self, device: &str, attribute: &str, access: Access) -> Box<dyn AttributeFile> {
-        let folder = self.folder(device).unwrap();
-        self.bench.brick.open(&format!("{folder}/{attribute}"), access).unwrap()
-    }
-
-    fn try_read(&self, device: &str, attribute: &str) -> Refused {
-        self.read_path(&format!("{}/{attribute}", self.folder(device).ok_or(Errno::ENOENT)?))
-    }
-
-    fn try_write(&self, device: &str, attribute: &str, value: impl AsRef<[u8]>) -> Result<usize, Errno> {
-        let folder = self.folder(device).ok_or(Errno::ENOENT)?;
-        self.write_path(&format!("{folder}/{attribute}"), value.as_ref())
-    }
-
-    fn read(&self, device: &str, attribute: &str) -> String {
-        self.try_read(device, attribute).unwrap().trim_end().to_owned()
-    }
-
-    fn number(&self, device: &str, attribute: &str) -> i64 {
-        self.read(device, attribute).parse().unwrap()
-    }
-
-    fn write(&self, device: &str, attribute: &str, value: &str) {
-        let taken = self.try_write(device, attribute, value);
-        assert_eq!(taken, Ok(value.len()), "{device} {attribute} {value}");
-    }
-
-    /// `attribute=value` pairs for the large motor on outB, in order; a word alone is a command.
-    fn drive(&self, script: &str) {
-        for step in script.split_whitespace() {
-            let (attribute, value) = step.split_once('=').unwrap_or(("command", step));
-            self.write("outB", attribute, value);
-        }
-    }
-
-    fn pass_ms(&self, ms: i64) {
-        self.bench.pass_ms(ms);
-    }
-
-    fn world<R>(&self, change: impl FnOnce(&mut Bench) -> R) -> R {
-        self.bench.simulation.inspect(change).unwrap()
-    }
 }
 
 /// The reference's table of errors: device, attribute, what is written (none for a read), answer.
@@ -318,7 +81,7 @@ fn the_error_matrix_is_as_in_the_reference() {
     assert_eq!(rig.try_write("outB", "speed_sp", ""), Ok(0), "an empty write does not reach the driver");
     rig.drive("run-forever position=5");
     assert_eq!(rig.read_path("sys/class/nothing/x/y"), Err(Errno::ENOENT));
-    assert_eq!(rig.bench.brick.list("sys/class/nothing"), Err(Errno::ENOENT));
+    assert_eq!(rig.tree.list("sys/class/nothing"), Err(Errno::ENOENT));
 }
 
 #[test]
@@ -466,6 +229,17 @@ fn a_motor_port_in_another_mode_makes_what_the_mode_says() {
     assert_eq!(rig.folder("outC").unwrap(), "sys/class/tacho-motor/linear4");
     assert_eq!(rig.number("outC", "full_travel_count"), 100);
     assert_eq!(rig.number("outC", "max_speed"), 24);
+    rig.write("port:outC", "set_device", "lego-nxt-motor");
+    rig.pass_ms(2);
+    assert_eq!(
+        (rig.read("outC", "driver_name").as_str(), rig.number("outC", "max_speed")),
+        ("lego-nxt-motor", 1020)
+    );
+    assert_eq!(rig.try_write("port:outC", "set_device", "lego-ev3-us"), Err(Errno::EINVAL));
+    rig.write("port:outC", "set_device", "act-l12-ev3-100");
+    rig.pass_ms(2);
+    assert_eq!(rig.folder("outC").unwrap(), "sys/class/tacho-motor/linear6");
+    assert_eq!((rig.number("outC", "full_travel_count"), rig.number("outC", "count_per_m")), (200, 2000));
     assert_eq!(rig.try_read("outC", "count_per_rot"), Err(Errno::ENOENT));
     assert_eq!(rig.read("port:outC", "status"), "tacho-motor");
     rig.write("port:outC", "mode", "led");
@@ -476,19 +250,15 @@ fn a_motor_port_in_another_mode_makes_what_the_mode_says() {
     );
     rig.write("port:outC", "mode", "raw");
     rig.pass_ms(2);
-    assert_eq!(rig.bench.brick.list("sys/class/leds").unwrap().len(), 4);
+    assert_eq!(rig.tree.list("sys/class/leds").unwrap().len(), 4);
 }
 
 #[test]
 fn a_gyro_zeroes_by_mode_change_or_by_command_as_its_make_has_it() {
     for (make, after_modes, after_command) in [(GyroMake::Old, 0, 0), (GyroMake::New, 90, 0)] {
-        let clock = Arc::new(VirtualClock::default());
-        let options = Options { gyro: make, ..Options::default() };
         let mut physics = Bench::as_recorded();
         physics.readings[3][0] = 90;
-        let simulation = Simulation::with_options(clock.clone(), Box::new(physics), 1, options);
-        let brick = simulation.brick(0);
-        let rig = Rig { bench: InProcess { simulation, brick, clock } };
+        let rig = Rig::with_options(physics, Options { gyro: make, ..Options::default() });
         rig.pass_ms(10);
         assert_eq!(rig.number("in4", "value0"), 90);
         rig.write("in4", "mode", "GYRO-RATE");
@@ -631,7 +401,7 @@ fn status_lights_clamp_and_have_triggers() {
     assert_eq!(rig.write_path(&path("trigger"), b"timer\n"), Ok(6));
     assert!(rig.read_path(&path("trigger")).unwrap().contains(" [timer] heartbeat "));
     assert_eq!(rig.read_path(&path("delay_on")), Ok("500\n".to_owned()));
-    let kept = rig.bench.brick.open(&path("delay_off"), Access::ReadWrite).unwrap();
+    let kept = rig.tree.open(&path("delay_off"), Access::ReadWrite).unwrap();
     assert_eq!(kept.write(b"100"), Ok(3));
     assert_eq!(rig.write_path(&path("trigger"), b"nothing"), Err(Errno::EINVAL));
     assert_eq!(rig.write_path(&path("brightness"), b"0"), Ok(1));
@@ -664,7 +434,7 @@ fn battery_and_board_read_as_on_a_brick() {
 fn buttons_are_a_stream_of_events_and_tones_are_heard() {
     const LENGTH: usize = size_of::<nix::libc::input_event>();
     let rig = Rig::recorded();
-    let buttons = rig.bench.brick.open("dev/input/by-path/platform-gpio_keys-event", Access::Read).unwrap();
+    let buttons = rig.tree.open("dev/input/by-path/platform-gpio_keys-event", Access::Read).unwrap();
     let mut buffer = [0; 4 * LENGTH];
     assert_eq!(buttons.read(&mut buffer), Err(Errno::EAGAIN));
     rig.pass_ms(1500);
@@ -684,7 +454,7 @@ fn buttons_are_a_stream_of_events_and_tones_are_heard() {
     assert_eq!(buttons.read(&mut buffer), Ok(LENGTH), "a reader that lags behind is told so");
     assert_eq!(buffer[LENGTH - 8..LENGTH], [0, 0, 3, 0, 0, 0, 0, 0]);
 
-    let speaker = rig.bench.brick.open("dev/input/by-path/platform-sound-event", Access::Write).unwrap();
+    let speaker = rig.tree.open("dev/input/by-path/platform-sound-event", Access::Write).unwrap();
     let tone = |hz: i32| {
         let mut event = vec![0; LENGTH - 8];
         event.extend([0x12, 0, 2, 0]);
@@ -701,11 +471,8 @@ fn buttons_are_a_stream_of_events_and_tones_are_heard() {
 
 #[test]
 fn a_new_device_can_refuse_writers_until_udev_has_got_round_to_it() {
-    let clock = Arc::new(VirtualClock::default());
     let options = Options { access_delay_ns: 50 * MILLISECOND_NS, ..Options::default() };
-    let simulation = Simulation::with_options(clock.clone(), Box::new(Bench::as_recorded()), 1, options);
-    let brick = simulation.brick(0);
-    let rig = Rig { bench: InProcess { simulation, brick, clock } };
+    let rig = Rig::with_options(Bench::as_recorded(), options);
     assert_eq!(rig.try_write("outB", "command", "stop"), Err(Errno::EACCES));
     assert_eq!(rig.read("outB", "state"), "");
     rig.pass_ms(50);
@@ -894,7 +661,7 @@ fn robots_in_one_world_have_bricks_of_their_own() {
     assert_eq!(simulation.robots(), 2);
     let [one, other] = [0, 1].map(|robot| {
         let (simulation, clock) = (simulation.clone(), clock.clone());
-        Rig { bench: InProcess { brick: simulation.brick(robot), simulation, clock } }
+        Rig::over(InProcess { brick: simulation.brick(robot), simulation, clock })
     });
     other.drive("speed_sp=400 run-forever");
     one.pass_ms(1000);
@@ -964,7 +731,7 @@ proptest! {
             }
             rig.pass_ms(ms);
         }
-        for name in rig.bench.brick.list("sys/class/tacho-motor").unwrap() {
+        for name in rig.tree.list("sys/class/tacho-motor").unwrap() {
             let read = |attribute: &str| rig.read_path(&format!("sys/class/tacho-motor/{name}/{attribute}")).unwrap();
             let number = |attribute: &str| -> i64 { read(attribute).trim_end().parse().unwrap() };
             prop_assert!((-100..=100).contains(&number("duty_cycle")));
