@@ -2,9 +2,9 @@
 
 use nix::errno::Errno;
 
-use crate::sim::driver::Context;
 use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
 use crate::sim::driver::text::word;
+use crate::sim::driver::{Context, Wait};
 use crate::sim::driver::{Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
 use crate::sim::physics::{MotorKind, SensorKind};
 
@@ -222,7 +222,7 @@ impl Driver for PortState {
         attribute: &str,
         bytes: &[u8],
         context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "mode" => {
                 let mode = word(bytes, self.modes().iter().copied())?;

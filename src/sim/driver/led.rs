@@ -3,7 +3,7 @@
 use nix::errno::Errno;
 
 use super::text::{int, scan_unsigned, word};
-use super::{Context, Driver, Spec, line, list, readable, readwriteable};
+use super::{Context, Driver, Spec, Wait, line, list, readable, readwriteable};
 
 /// The triggers of a real brick's kernel.
 const TRIGGERS: [&str; 24] = [
@@ -108,7 +108,7 @@ impl Driver for Led {
         attribute: &str,
         bytes: &[u8],
         _context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "brightness" => {
                 let value = int(bytes).or_else(|error| match error {

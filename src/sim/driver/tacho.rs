@@ -22,7 +22,7 @@ pub(crate) use self::models::{DRIVER_NAMES, Model};
 use self::motor::{Motor, Ticked};
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
 use super::text::{int, int_in, word};
-use super::{Context, Driver, Spec, lego_uevent, line, list, wrap};
+use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, wrap};
 use crate::ev3dev::StopAction;
 use crate::sim::physics::Bridge;
 
@@ -382,7 +382,7 @@ impl Driver for TachoMotor {
         attribute: &str,
         bytes: &[u8],
         context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "command" => {
                 let index = word(bytes, COMMANDS)?;
