@@ -57,6 +57,8 @@ pub(crate) struct Bench {
     pub(crate) motors: [LagMotor; 4],
     pub(crate) plug: Plug,
     pub(crate) blocked: [bool; 4],
+    /// What the drivers did with the bridges in the last step.
+    pub(crate) bridges: [Bridge; 4],
     pub(crate) readings: [[i32; 8]; 4],
     pub(crate) measured: [usize; 4],
 }
@@ -77,6 +79,7 @@ impl Bench {
             motors: [LagMotor::default(); 4],
             plug,
             blocked: [false; 4],
+            bridges: [Bridge::Coast; 4],
             readings: [[0; 8]; 4],
             measured: [0; 4],
         }
@@ -93,6 +96,7 @@ impl Physics for Bench {
     }
 
     fn step(&mut self, bridges: &[[Bridge; 4]]) {
+        self.bridges = bridges[0];
         for ((motor, bridge), blocked) in self.motors.iter_mut().zip(bridges[0]).zip(self.blocked) {
             if blocked {
                 motor.speed = 0.0;

@@ -569,6 +569,67 @@ fn a_move_that_arrives_before_its_ramp_is_through_leaves_ramping_set() {
 }
 
 #[test]
+fn a_ramp_after_one_that_stuck_starts_from_standstill() {
+    let rig = Rig::recorded();
+    rig.drive("ramp_up_sp=1000 speed_sp=1000 position_sp=150 stop_action=brake run-to-rel-pos");
+    rig.pass_ms(2000);
+    assert_eq!(rig.read("outB", "state"), "ramping");
+    rig.drive("ramp_up_sp=60000 run-forever");
+    rig.pass_ms(600);
+    let speed = rig.number("outB", "speed");
+    assert!(speed < 50, "{speed} counts/s after 0.6 of 57 s");
+}
+
+#[test]
+fn a_ramp_counts_from_50_ms_before_its_command() {
+    let rig = Rig::recorded();
+    rig.pass_ms(10);
+    rig.drive("ramp_up_sp=1000 speed_sp=1050 run-forever");
+    rig.pass_ms(2);
+    // 50 ms of 1000 are a set point of 52 counts/s: 5 % of duty from the proportional gain.
+    assert_eq!(rig.number("outB", "duty_cycle"), 5);
+}
+
+#[test]
+fn a_finished_move_holds_its_target_and_a_stop_holds_where_it_is() {
+    for target in 300..310 {
+        let rig = Rig::recorded();
+        rig.drive("speed_sp=1050 stop_action=hold");
+        rig.drive(&format!("position_sp={target} run-to-abs-pos"));
+        rig.pass_ms(3000);
+        assert_eq!(
+            (rig.number("outB", "position"), rig.read("outB", "state")),
+            (target, "holding".to_owned())
+        );
+        rig.drive("speed_sp=400 run-forever");
+        rig.pass_ms(500);
+        rig.drive("stop");
+        let here = rig.number("outB", "position");
+        rig.pass_ms(1000);
+        assert!(
+            (rig.number("outB", "position") - here).abs() <= 1,
+            "{} near {here}",
+            rig.number("outB", "position")
+        );
+    }
+}
+
+#[test]
+fn a_hold_leaves_the_bridge_as_it_was_until_it_has_something_to_say() {
+    let rig = Rig::recorded();
+    let bridge = || rig.world(|bench| bench.bridges[1]);
+    rig.drive("stop_action=hold stop");
+    rig.pass_ms(100);
+    assert_eq!(bridge(), Bridge::Coast);
+    rig.drive("stop_action=brake stop stop_action=hold stop");
+    rig.pass_ms(100);
+    assert_eq!(bridge(), Bridge::Brake);
+    rig.world(|bench| bench.motors[1].edges += 8.0);
+    rig.pass_ms(4);
+    assert_eq!((bridge(), rig.read("outB", "state")), (Bridge::Duty(-32), "holding".to_owned()));
+}
+
+#[test]
 fn a_move_with_ramp_down_slows_down_before_its_target() {
     let rig = Rig::recorded();
     rig.drive("ramp_down_sp=1000 speed_sp=500 position_sp=1000 stop_action=brake run-to-abs-pos");
