@@ -2,6 +2,13 @@
 //!
 //! A [`Simulation`] owns a world ([`Physics`]) and, for each robot in it, the state of its drivers. A [`SimBrick`] is the door into one
 //! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
+//!
+//! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in.
+//!
+//! # Not here
+//!
+//! NXT and I²C sensors, `raw` ports, the screen, sampled sound. A sensor's values are integers of whole frames; nothing is known of the
+//! electrical side of a port.
 
 mod brick;
 mod door;
@@ -12,7 +19,7 @@ mod simulation;
 pub use door::SimBrick;
 pub use driver::board::Pack;
 pub use driver::input::Button;
-pub use driver::sensor::GyroMake;
+pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
 pub use physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use simulation::{Options, Plugged, Port, Simulation, Written};

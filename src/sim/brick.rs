@@ -14,7 +14,7 @@ use super::driver::board::{Battery, Board};
 use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
 use super::driver::led::Led;
-use super::driver::sensor::Sensor;
+use super::driver::sensor::{Sensor, SerialLine};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
 use super::driver::{Context, Driver, Entry, Spec, Stored, readwriteable};
@@ -210,9 +210,9 @@ impl Brick {
         let address = ADDRESSES.get(index).copied().unwrap_or_default();
         let out = index.saturating_sub(FIRST_OUTPUT);
         let (class, name, device) = match wanted {
-            Wanted::Tacho(kind) => {
+            Wanted::Tacho(model) => {
                 let count = (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
-                let Some(motor) = TachoMotor::new(kind, address, count, now_ns) else { return };
+                let motor = TachoMotor::new(model, address, count, now_ns);
                 let number = next(&mut self.counters.tacho);
                 let name =
                     if motor.is_linear() { format!("linear{number}") } else { format!("motor{number}") };
@@ -300,12 +300,26 @@ impl Brick {
     ///
     /// ENODEV where no sensor is registered.
     pub(crate) fn feed(&mut self, input: usize, frame: Option<&[u8]>) -> Result<(), Errno> {
+        self.sensor(input)?.feed(frame);
+        Ok(())
+    }
+
+    /// Breaks the serial line of the sensor on an input port, or mends it.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV where no sensor is registered.
+    pub(crate) fn set_line(&mut self, input: usize, line: SerialLine) -> Result<(), Errno> {
+        self.sensor(input)?.set_line(line);
+        Ok(())
+    }
+
+    fn sensor(&mut self, input: usize) -> Result<&mut Sensor, Errno> {
         let sensor = self.nodes.iter_mut().find_map(|node| match &mut node.device {
             Device::Sensor(port, sensor) if *port == input => Some(sensor),
             _ => None,
         });
-        sensor.ok_or(Errno::ENODEV)?.feed(frame);
-        Ok(())
+        sensor.ok_or(Errno::ENODEV)
     }
 
     /// The names of a class.
@@ -394,16 +408,16 @@ impl Brick {
         let bytes = bytes.get(..MOST_STORED).unwrap_or(bytes);
         let taken = bytes.len();
         if taken == 0 {
-            return Ok(Stored { taken, until_ns: None });
+            return Ok(Stored { taken, wait: None });
         }
         if attribute == UEVENT.name {
             let actions = ["add", "remove", "change", "move", "online", "offline", "bind", "unbind"];
             super::driver::text::word(bytes, actions)?;
-            return Ok(Stored { taken, until_ns: None });
+            return Ok(Stored { taken, wait: None });
         }
         let mut context = Context { now_ns, chance: &mut self.chance };
-        let until_ns = driver.store(attribute, bytes, &mut context)?;
-        Ok(Stored { taken, until_ns })
+        let wait = driver.store(attribute, bytes, &mut context)?;
+        Ok(Stored { taken, wait })
     }
 
     /// Changes whenever those who poll this attribute are woken; none for attributes that never wake anybody.

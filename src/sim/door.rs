@@ -170,12 +170,13 @@ impl AttributeFile for SimFile {
         state.note(self.robot, &self.path, value, stored.map(|stored| stored.taken));
         drop(state);
         let stored = stored?;
-        if let Some(until_ns) = stored.until_ns {
-            self.shared.wait_until(until_ns.div_euclid(STEP_NS) * STEP_NS + STEP_NS);
+        if let Some(wait) = stored.wait {
+            self.shared.wait_until(wait.until_ns.div_euclid(STEP_NS) * STEP_NS + STEP_NS);
             // The device may have been pulled meanwhile.
             let state = self.shared.now();
             let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
             brick.registered_ns(self.attribute.id).ok_or(Errno::ENODEV)?;
+            wait.then.map_or(Ok(()), Err)?;
         }
         Ok(stored.taken)
     }

@@ -107,13 +107,22 @@ pub(crate) const fn readwriteable(name: &'static str) -> Spec {
     Spec { name, permissions: 0o644, size: 4096 }
 }
 
+/// A store that keeps its writer waiting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Wait {
+    /// Until then, on the simulation's time.
+    pub(crate) until_ns: i64,
+    /// What the writer is told after that, if it is not success.
+    pub(crate) then: Option<Errno>,
+}
+
 /// What a store came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Stored {
     /// How many bytes were taken.
     pub(crate) taken: usize,
-    /// The writer is kept waiting until then, on the simulation's time.
-    pub(crate) until_ns: Option<i64>,
+    /// The writer has to wait.
+    pub(crate) wait: Option<Wait>,
 }
 
 /// What a store may use besides the driver.
@@ -147,7 +156,7 @@ pub(crate) trait Driver: Debug + Send {
         attribute: &str,
         bytes: &[u8],
         context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno>;
+    ) -> Result<Option<Wait>, Errno>;
 
     /// Appends the lines of `uevent`.
     fn uevent(&self, out: &mut Vec<u8>);

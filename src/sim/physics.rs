@@ -81,6 +81,9 @@ pub trait Physics: Any + Debug + Send {
 
     /// What the sensor on an input port measures now in a mode, as the integers of its data frame (`value0`, `value1`, …).
     ///
+    /// `mode` is one of the sensor's modes as the kernel spells it. A touch sensor gives 0 or 1. A gyro's angle counts from when it was
+    /// switched on: zeroing it is the driver's part.
+    ///
     /// Called once for each frame the sensor sends, which is how often there is a new value; noise is drawn here.
     fn measure(&mut self, robot: usize, input: usize, mode: &str) -> [i32; 8];
 

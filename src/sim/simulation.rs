@@ -13,7 +13,7 @@ pub use super::brick::Plugged;
 use super::door::SimBrick;
 use super::driver::board::Pack;
 use super::driver::input::Button;
-use super::driver::sensor::GyroMake;
+use super::driver::sensor::{GyroMake, SerialLine};
 use super::physics::{Bridge, Physics, STEP_NS};
 use crate::clock::Clock;
 
@@ -177,6 +177,15 @@ impl Simulation {
     /// ENODEV where no sensor is registered, ENOENT without such a robot.
     pub fn feed(&self, robot: usize, port: Port, frame: Option<&[u8]>) -> Result<(), Errno> {
         self.shared.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
+    }
+
+    /// Breaks the serial line of the sensor on a port, or mends it. An analog sensor has none, and nothing happens.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV where no sensor is registered, ENOENT without such a robot.
+    pub fn set_line(&self, robot: usize, port: Port, line: SerialLine) -> Result<(), Errno> {
+        self.shared.with_brick(robot, |brick, _| brick.set_line(port.index(), line))
     }
 
     /// Adds an output of a third-party servo controller; returns its name in class `servo-motor`.

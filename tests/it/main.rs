@@ -11,6 +11,7 @@
 )]
 
 mod behavior;
+mod drivers_bench;
 mod ev3dev;
 mod figures;
 mod mapping;

@@ -300,7 +300,10 @@ impl Player<'_> {
             self.listing(device, entries);
         }
         for line in &section.lines {
-            self.clock.sleep_until_ns(start_ns + line.time_ns);
+            // A poll is noted when it is over.
+            let took_ms =
+                if let Operation::KeptPoll { after_ms, .. } = line.operation { after_ms } else { 0 };
+            self.clock.sleep_until_ns(start_ns + line.time_ns - took_ms * MILLISECOND_NS);
             self.context = format!("line {}, {}", line.number, section.title);
             self.operation(&line.operation);
         }

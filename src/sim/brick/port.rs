@@ -2,8 +2,9 @@
 
 use nix::errno::Errno;
 
-use crate::sim::driver::Context;
+use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
 use crate::sim::driver::text::word;
+use crate::sim::driver::{Context, Wait};
 use crate::sim::driver::{Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
 use crate::sim::physics::{MotorKind, SensorKind};
 
@@ -29,15 +30,6 @@ const INPUT_MODES: &[&str] = &[
 ];
 const OUTPUT_MODES: &[&str] = &["auto", "tacho-motor", "dc-motor", "led", "raw"];
 
-const MOTOR_DRIVERS: [(&str, MotorKind); 5] = [
-    // An NXT motor turns as a large one does, and is detected as one.
-    ("lego-nxt-motor", MotorKind::Large),
-    ("lego-ev3-l-motor", MotorKind::Large),
-    ("lego-ev3-m-motor", MotorKind::Medium),
-    ("act-l12-ev3-50", MotorKind::Linear50),
-    ("act-l12-ev3-100", MotorKind::Linear100),
-];
-
 /// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20 ms.
 const DETECT_NS: i64 = 390_000_000;
 
@@ -57,9 +49,9 @@ pub enum Plugged {
 }
 
 /// The device that a port should have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) enum Wanted {
-    Tacho(MotorKind),
+    Tacho(&'static Model),
     Dc,
     Led,
     Sensor(SensorKind),
@@ -72,7 +64,7 @@ pub(crate) struct PortState {
     is_input: bool,
     mode: usize,
     plugged: Option<Plugged>,
-    motor_driver: Option<MotorKind>,
+    motor_driver: Option<&'static Model>,
     appear_ns: Option<i64>,
     vanish_ns: Option<i64>,
     /// A store has asked for the device to be registered again.
@@ -82,7 +74,7 @@ pub(crate) struct PortState {
 }
 
 /// What a port asks of the registry.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) enum Change {
     Nothing,
     Unregister,
@@ -156,9 +148,9 @@ impl PortState {
 
     fn wanted(&self) -> Option<Wanted> {
         match (self.mode_name(), self.plugged) {
-            ("auto", Some(Plugged::Motor(MotorKind::Rcx))) | ("dc-motor", _) => Some(Wanted::Dc),
-            ("auto", Some(Plugged::Motor(kind))) => Some(Wanted::Tacho(kind)),
-            ("tacho-motor", _) => Some(Wanted::Tacho(self.motor_driver.unwrap_or(MotorKind::Large))),
+            ("auto", Some(Plugged::Motor(kind))) => Some(Model::of(kind).map_or(Wanted::Dc, Wanted::Tacho)),
+            ("tacho-motor", _) => Some(Wanted::Tacho(self.motor_driver.unwrap_or(Model::large()))),
+            ("dc-motor", _) => Some(Wanted::Dc),
             ("led", _) => Some(Wanted::Led),
             ("auto", Some(Plugged::Sensor(kind))) => Some(Wanted::Sensor(kind)),
             ("ev3-analog", Some(Plugged::Sensor(SensorKind::Touch))) => {
@@ -230,15 +222,14 @@ impl Driver for PortState {
         attribute: &str,
         bytes: &[u8],
         context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "mode" => {
                 let mode = word(bytes, self.modes().iter().copied())?;
                 self.set_mode(mode, context.now_ns);
             }
             "set_device" if self.mode_name() == "tacho-motor" => {
-                let index = word(bytes, MOTOR_DRIVERS.map(|(name, _)| name))?;
-                self.motor_driver = MOTOR_DRIVERS.get(index).map(|(_, kind)| *kind);
+                self.motor_driver = Model::named(word(bytes, DRIVER_NAMES)?);
                 self.register_again(context.now_ns);
             }
             "set_device" if self.mode_name() == "nxt-analog" => {

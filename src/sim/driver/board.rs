@@ -5,7 +5,7 @@ use std::io::Write as _;
 use nix::errno::Errno;
 
 use super::text::word;
-use super::{Context, Driver, Spec, line, readable, readwriteable};
+use super::{Context, Driver, Spec, Wait, line, readable, readwriteable};
 
 /// One step of the 10-bit converter that measures the voltage, in microvolts.
 const VOLTAGE_STEP_UV: f64 = 9_775.0;
@@ -111,7 +111,7 @@ impl Driver for Battery {
         attribute: &str,
         bytes: &[u8],
         _context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match (attribute, self.pack) {
             ("technology", Pack::Aa) => {
                 word(bytes, ["NiMH"])?;
@@ -163,7 +163,7 @@ impl Driver for Board {
         _attribute: &str,
         _bytes: &[u8],
         _context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         Err(Errno::EIO)
     }
 

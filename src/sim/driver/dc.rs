@@ -6,7 +6,7 @@ use nix::errno::Errno;
 
 use super::jiffies::{due_ns, from_ms, jiffies};
 use super::text::{int_in, scan_unsigned, word};
-use super::{Context, Driver, Spec, lego_uevent, line, list, readable, readwriteable, wrap, writeable};
+use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, wrap, writeable};
 use crate::sim::physics::Bridge;
 
 const COMMANDS: [&str; 4] = ["run-forever", "run-timed", "run-direct", "stop"];
@@ -186,7 +186,7 @@ impl Driver for DcMotor {
         attribute: &str,
         bytes: &[u8],
         context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "command" => {
                 let all = [Command::RunForever, Command::RunTimed, Command::RunDirect, Command::Stop];

@@ -2,8 +2,8 @@
 
 use nix::errno::Errno;
 
-use super::text::{int, scan_unsigned, word};
-use super::{Context, Driver, Spec, line, list, readable, readwriteable};
+use super::text::{unsigned, word};
+use super::{Context, Driver, Spec, Wait, line, list, readable, readwriteable};
 
 /// The triggers of a real brick's kernel.
 const TRIGGERS: [&str; 24] = [
@@ -108,15 +108,10 @@ impl Driver for Led {
         attribute: &str,
         bytes: &[u8],
         _context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "brightness" => {
-                let value = int(bytes).or_else(|error| match error {
-                    // Anything above the maximum is the maximum.
-                    Errno::ERANGE if !bytes.starts_with(b"-") => Ok(i32::MAX),
-                    _ => Err(Errno::EINVAL),
-                })?;
-                let value = u32::try_from(value).map_err(|_| Errno::EINVAL)?;
+                let value = unsigned(bytes)?;
                 if value == 0 {
                     self.trigger = NONE;
                 }
@@ -126,8 +121,8 @@ impl Driver for Led {
                 let trigger = word(bytes, TRIGGERS)?;
                 self.set_trigger(trigger);
             }
-            "delay_on" if self.trigger == TIMER => self.delay_on_ms = scan_unsigned(bytes)?,
-            "delay_off" if self.trigger == TIMER => self.delay_off_ms = scan_unsigned(bytes)?,
+            "delay_on" if self.trigger == TIMER => self.delay_on_ms = unsigned(bytes)?,
+            "delay_off" if self.trigger == TIMER => self.delay_off_ms = unsigned(bytes)?,
             _ => return Err(Errno::ENODEV),
         }
         Ok(None)

@@ -12,7 +12,7 @@ use rand_chacha::rand_core::Rng as _;
 pub(crate) use self::models::Mode;
 use self::models::{Model, model};
 use super::text::word;
-use super::{Context, Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
+use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable};
 use crate::sim::physics::SensorKind;
 
 /// The analog pin's voltage from which a touch sensor counts as pressed, in millivolts.
@@ -60,6 +60,21 @@ pub enum GyroMake {
     New,
 }
 
+/// How the serial line of a sensor is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SerialLine {
+    /// As it should be.
+    #[default]
+    Sound,
+    /// The sensor answers nothing: a write of `mode` ends in ETIMEDOUT after half a second, and values stay as they are.
+    Silent,
+    /// The driver has lost it and takes its description again: values answer ENXIO, a write of `mode` ENODEV.
+    Resynchronising,
+}
+
+/// A mode is asked for ten times, 50 ms apart.
+const TIMEOUT_NS: i64 = 500_000_000;
+
 #[derive(Debug)]
 struct Switch {
     mode: usize,
@@ -73,6 +88,7 @@ pub(crate) struct Sensor {
     model: &'static Model,
     address: &'static str,
     make: GyroMake,
+    line: SerialLine,
     mode: usize,
     frame: [u8; 32],
     next_frame_ns: i64,
@@ -97,6 +113,7 @@ impl Sensor {
             model: model(kind),
             address,
             make,
+            line: SerialLine::Sound,
             mode: 0,
             frame: [0; 32],
             next_frame_ns: now_ns,
@@ -130,7 +147,7 @@ impl Sensor {
             return;
         }
         self.next_frame_ns = now_ns + self.model.period_ns;
-        if self.fed || self.spent || now_ns < self.stale_until_ns {
+        if self.fed || self.spent || self.line != SerialLine::Sound || now_ns < self.stale_until_ns {
             return;
         }
         let Some(mode) = self.mode_table() else { return };
@@ -156,6 +173,13 @@ impl Sensor {
         }
     }
 
+    /// Breaks the serial line, or mends it; an analog sensor has none.
+    pub(crate) fn set_line(&mut self, line: SerialLine) {
+        if self.model.uart {
+            self.line = line;
+        }
+    }
+
     fn notice_touch(&mut self) {
         let pressed = self.kind == SensorKind::Touch && self.value(0) == Some(1);
         if pressed != self.pressed {
@@ -169,7 +193,8 @@ impl Sensor {
     }
 
     fn value(&self, index: usize) -> Option<i32> {
-        let mode = self.mode_table().filter(|mode| index < mode.values)?;
+        let described = self.line != SerialLine::Resynchronising;
+        let mode = self.mode_table().filter(|mode| described && index < mode.values)?;
         let value = mode.format.decode(&self.frame, index);
         Some(if self.model.uart { value } else { i32::from(value > PRESSED_MV) })
     }
@@ -187,18 +212,26 @@ impl Sensor {
         *angle = angle.wrapping_sub(self.zero_deg);
     }
 
-    fn write_mode(&mut self, bytes: &[u8], context: &mut Context<'_>) -> Result<Option<i64>, Errno> {
+    fn write_mode(&mut self, bytes: &[u8], context: &mut Context<'_>) -> Result<Option<Wait>, Errno> {
         let mode = word(bytes, self.model.modes.iter().map(|mode| mode.name))?;
         if !self.model.uart {
             return Ok(None);
         }
+        if self.line == SerialLine::Resynchronising {
+            return Err(Errno::ENODEV);
+        }
         if self.switch.is_some() {
             return Err(Errno::EBUSY);
+        }
+        if self.line == SerialLine::Silent {
+            let due_ns = context.now_ns + TIMEOUT_NS;
+            self.switch = Some(Switch { mode: self.mode, due_ns });
+            return Ok(Some(Wait { until_ns: due_ns, then: Some(Errno::ETIMEDOUT) }));
         }
         let wait_ms = 10 + i64::from(context.chance.next_u32() % 41);
         let due_ns = context.now_ns + wait_ms * 1_000_000;
         self.switch = Some(Switch { mode, due_ns });
-        Ok(Some(due_ns))
+        Ok(Some(Wait { until_ns: due_ns, then: None }))
     }
 
     fn finish_switch(&mut self, now_ns: i64) {
@@ -232,7 +265,7 @@ impl Sensor {
         }
     }
 
-    fn write_direct(&mut self, bytes: &[u8], now_ns: i64) -> Result<Option<i64>, Errno> {
+    fn write_direct(&mut self, bytes: &[u8], now_ns: i64) -> Result<Option<Wait>, Errno> {
         if !self.model.uart {
             return Err(Errno::EOPNOTSUPP);
         }
@@ -279,7 +312,7 @@ impl Driver for Sensor {
         attribute: &str,
         bytes: &[u8],
         context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "mode" => self.write_mode(bytes, context),
             "direct" => self.write_direct(bytes, context.now_ns),

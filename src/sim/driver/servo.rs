@@ -5,7 +5,7 @@
 use nix::errno::Errno;
 
 use super::text::{int_in, scan_signed, scan_unsigned, word};
-use super::{Context, Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
+use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable};
 
 const COMMANDS: [&str; 2] = ["run", "float"];
 const POLARITIES: [&str; 2] = ["normal", "inversed"];
@@ -87,7 +87,7 @@ impl Driver for ServoMotor {
         attribute: &str,
         bytes: &[u8],
         _context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "command" => self.runs = word(bytes, COMMANDS)? == 0,
             "min_pulse_sp" => self.min_pulse_us = scan_in(bytes, 0, 1000)?,

@@ -10,19 +10,21 @@
 //! - `speed_sp` takes −2147483648.
 
 mod encoder;
+mod models;
 mod motor;
 mod pid;
 
 use nix::errno::Errno;
 
 use self::encoder::Encoder;
+use self::models::{COUNT_PER_M, COUNT_PER_ROT};
+pub(crate) use self::models::{DRIVER_NAMES, Model};
 use self::motor::{Motor, Ticked};
-use self::pid::Pid;
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
 use super::text::{int, int_in, word};
-use super::{Context, Driver, Spec, lego_uevent, line, list, readable, readwriteable, wrap, writeable};
+use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, wrap};
 use crate::ev3dev::StopAction;
-use crate::sim::physics::{Bridge, MotorKind};
+use crate::sim::physics::Bridge;
 
 /// How often the worker looks for a changed state, to wake those who poll it.
 const NOTIFY_NS: i64 = 50_000_000;
@@ -56,93 +58,6 @@ impl Command {
         Self::Stop,
         Self::Reset,
     ];
-}
-
-/// A type of motor: the constants of `ev3_motor_defs.c`.
-#[derive(Debug)]
-struct Model {
-    driver_name: &'static str,
-    attributes: &'static [Spec],
-    max_speed: i32,
-    hold_kp: i32,
-    full_travel_count: i32,
-}
-
-const COUNT_PER_ROT: i32 = 360;
-const COUNT_PER_M: i32 = 2000;
-
-macro_rules! attributes {
-    ($($first:expr),+) => {
-        &[
-            $($first,)+
-            readable("address"),
-            writeable("command"),
-            readable("commands"),
-            readable("driver_name"),
-            readable("duty_cycle"),
-            readwriteable("duty_cycle_sp"),
-            readwriteable("hold_pid/Kd"),
-            readwriteable("hold_pid/Ki"),
-            readwriteable("hold_pid/Kp"),
-            readable("max_speed"),
-            readwriteable("polarity"),
-            readwriteable("position"),
-            readwriteable("position_sp"),
-            readwriteable("ramp_down_sp"),
-            readwriteable("ramp_up_sp"),
-            readable("speed"),
-            readwriteable("speed_pid/Kd"),
-            readwriteable("speed_pid/Ki"),
-            readwriteable("speed_pid/Kp"),
-            readwriteable("speed_sp"),
-            readable("state"),
-            readwriteable("stop_action"),
-            readable("stop_actions"),
-            readwriteable("time_sp"),
-        ]
-    };
-}
-
-const ROTARY: &[Spec] = attributes!(readable("count_per_rot"));
-const LINEAR: &[Spec] = attributes!(readable("count_per_m"), readable("full_travel_count"));
-
-static LARGE: Model = Model {
-    driver_name: "lego-ev3-l-motor",
-    attributes: ROTARY,
-    max_speed: 1050,
-    hold_kp: 80_000,
-    full_travel_count: 0,
-};
-static MEDIUM: Model = Model {
-    driver_name: "lego-ev3-m-motor",
-    attributes: ROTARY,
-    max_speed: 1560,
-    hold_kp: 160_000,
-    full_travel_count: 0,
-};
-static LINEAR_50: Model = Model {
-    driver_name: "act-l12-ev3-50",
-    attributes: LINEAR,
-    max_speed: 24,
-    hold_kp: 40_000,
-    full_travel_count: 100,
-};
-static LINEAR_100: Model = Model {
-    driver_name: "act-l12-ev3-100",
-    attributes: LINEAR,
-    max_speed: 24,
-    hold_kp: 40_000,
-    full_travel_count: 200,
-};
-
-impl Model {
-    fn speed_pid() -> Pid {
-        Pid::new(1000, 60, 0)
-    }
-
-    fn hold_pid(&self) -> Pid {
-        Pid::new(self.hold_kp, 0, 0)
-    }
 }
 
 /// Set points, in the hardware's frame.
@@ -205,22 +120,15 @@ pub(crate) struct TachoMotor {
 }
 
 impl TachoMotor {
-    /// As after plugging in, on a port whose counter stands at `edges`; none for a motor without an encoder.
+    /// As after plugging in, on a port whose counter stands at `edges`.
     pub(crate) fn new(
-        kind: MotorKind,
+        model: &'static Model,
         address: &'static str,
         (edges, exact): (i64, f64),
         now_ns: i64,
-    ) -> Option<Self> {
-        let model = match kind {
-            MotorKind::Large => &LARGE,
-            MotorKind::Medium => &MEDIUM,
-            MotorKind::Linear50 => &LINEAR_50,
-            MotorKind::Linear100 => &LINEAR_100,
-            MotorKind::Rcx => return None,
-        };
+    ) -> Self {
         let motor = Motor::new(Encoder::new(edges, exact, now_ns), Model::speed_pid(), model.hold_pid());
-        Some(Self {
+        Self {
             model,
             address,
             set: SetPoints::default(),
@@ -233,7 +141,7 @@ impl TachoMotor {
             next_notice_ns: now_ns + NOTIFY_NS,
             noticed: [false; 5],
             notices: 0,
-        })
+        }
     }
 
     /// A linear motor is called `linearN` instead of `motorN`.
@@ -389,7 +297,7 @@ impl TachoMotor {
             self.ramp.last_speed = self.ramp.end;
             self.ramp.flagged = false;
         } else {
-            let behind = wrap(i64::from(self.ramp.delta) * left / self.ramp.delta_time);
+            let behind = wrap(i64::from(self.ramp.delta).wrapping_mul(left) / self.ramp.delta_time);
             self.ramp.last_speed = self.ramp.end.wrapping_sub(behind);
         }
         if matches!(self.active_command, Command::RunToAbsPos | Command::RunToRelPos) {
@@ -474,7 +382,7 @@ impl Driver for TachoMotor {
         attribute: &str,
         bytes: &[u8],
         context: &mut Context<'_>,
-    ) -> Result<Option<i64>, Errno> {
+    ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "command" => {
                 let index = word(bytes, COMMANDS)?;

@@ -32,17 +32,30 @@ pub(crate) fn int(bytes: &[u8]) -> Result<i32, Errno> {
         [b'+', rest @ ..] => (false, rest),
         _ => (false, text),
     };
-    let length = digits.iter().take_while(|byte| byte.is_ascii_digit()).count();
-    let (digits, rest) = digits.split_at(length);
-    let magnitude = digits
+    let value = i64::try_from(magnitude(digits)?).map_err(|_| Errno::ERANGE)?;
+    i32::try_from(if negative { -value } else { value }).map_err(|_| Errno::ERANGE)
+}
+
+/// An unsigned decimal integer, else as [`int`] (`kstrtoul` on the brick, whose `long` has 32 bits).
+///
+/// # Errors
+///
+/// EINVAL for other text, ERANGE outside 32 bits.
+pub(crate) fn unsigned(bytes: &[u8]) -> Result<u32, Errno> {
+    let text = text(bytes);
+    u32::try_from(magnitude(text.strip_prefix(b"+").unwrap_or(text))?).map_err(|_| Errno::ERANGE)
+}
+
+/// Digits, and nothing after them but perhaps a newline.
+fn magnitude(text: &[u8]) -> Result<u64, Errno> {
+    let length = text.iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let (digits, rest) = text.split_at(length);
+    let value = digits
         .iter()
         .try_fold(0_u64, |value, digit| value.checked_mul(10)?.checked_add(u64::from(digit - b'0')));
-    match (length, magnitude, rest) {
+    match (length, value, rest) {
         (1.., None, _) => Err(Errno::ERANGE),
-        (1.., Some(magnitude), b"" | b"\n") => {
-            let value = i64::try_from(magnitude).map_err(|_| Errno::ERANGE)?;
-            i32::try_from(if negative { -value } else { value }).map_err(|_| Errno::ERANGE)
-        }
+        (1.., Some(value), b"" | b"\n") => Ok(value),
         _ => Err(Errno::EINVAL),
     }
 }
@@ -112,6 +125,15 @@ mod tests {
         ];
         for (bytes, expected) in cases {
             assert_eq!(int(bytes), expected, "{:?}", String::from_utf8_lossy(bytes));
+        }
+    }
+
+    #[test]
+    fn unsigned_integers_have_no_sign_but_plus() {
+        assert_eq!(unsigned(b"+4294967295\n"), Ok(u32::MAX));
+        assert_eq!(unsigned(b"4294967296"), Err(Errno::ERANGE));
+        for refused in [b"-1".as_slice(), b"", b"+", b"++1", b"1 "] {
+            assert_eq!(unsigned(refused), Err(Errno::EINVAL), "{:?}", String::from_utf8_lossy(refused));
         }
     }
 
