@@ -200,9 +200,8 @@ impl Progress {
         }
     }
 
-    /// Shows an event.
-    pub(super) fn show(&self, event: &Event, output: &mut Output) {
-        output.value(event);
+    /// Shows an event to a person.
+    pub(super) fn show(&self, event: &Event) {
         match event {
             Event::Preparing { what } => log::warn!("{what}"),
             Event::Driving { .. } => log::info!("driving"),
