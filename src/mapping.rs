@@ -36,9 +36,9 @@
 //! for a mission of any length.
 //!
 //! Measured as instructions executed on an emulated ARM926 (release, optimised for size, soft float): 15 600 for a tick without a
-//! sounding, while both wheels turn; 75 600 for one with an echo at 1.9 m, of which a robot with an ultrasonic sensor has ten a second and
-//! which costs most because the grid's cone is longest. At 100 ticks a second that is 2.2 million instructions a second, under one
-//! percent of a 300 MHz brick. A tick in which the full cloud is thinned moves 0.2 MB once more.
+//! sounding, while both wheels turn; 30 700 for one with an echo at 0.4 m, 75 600 at 1.9 m, where the grid's cone is longest. An
+//! ultrasonic sensor has ten soundings a second: at 100 ticks a second all is 2.2 million instructions a second at most, about one percent
+//! of a brick. A tick in which the full cloud is thinned moves 0.2 MB once more.
 
 mod cloud;
 mod estimator;
