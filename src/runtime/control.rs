@@ -187,7 +187,7 @@ impl Control<'_> {
         }
         self.heartbeat.beat();
         let estimate = step.estimate;
-        let range_is_new = senses.get(Channel::Range).is_some_and(|range| range.changed_ns == time_ns);
+        let range_is_new = estimate.sounding.is_some_and(|sounding| sounding.fresh);
         self.recorder.tick(&TickRecord {
             senses: *senses,
             estimate,
