@@ -12,8 +12,10 @@
 
 mod behavior;
 mod ev3dev;
+mod figures;
 mod mapping;
 mod recording;
 mod report;
 mod sim_drivers;
 mod sim_world;
+mod support;
