@@ -131,7 +131,7 @@ fn draw(folder: &Path, loaded: &LoadedRun) -> Result<(), Failure> {
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
-    let (world, _) = World::load(&world.name, world.text.as_bytes())
+    let (world, _) = World::parse(&world.name, world.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let run = &loaded.run;
     let mut distances: Vec<f64> =
