@@ -48,7 +48,9 @@ fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
 fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     let colours = colours(place, scene.tracks.len());
     let hex = |[red, green, blue]: [u8; 3]| format!("#{red:02x}{green:02x}{blue:02x}");
-    let of_path = |p: PathPoint| [round(p.time_s, 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4), round(p.heading_rad, 1e3)];
+    let of_path = |p: PathPoint| {
+        [round(p.time_s, 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4), round(p.heading_rad, 1e3)]
+    };
     json!({
         "name": track.name,
         "pathColour": hex(colours.path),

@@ -158,14 +158,22 @@ fn put(side: &mut TickSide, number: u64) {
     }
     side.tick(&record);
     if number.is_multiple_of(50) {
-        let state = EstimatorState { pose: record.estimate.pose, ..EstimatorState::default() };
-        let machine = MachineState { state: 1, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
+        let mut state = EstimatorState::default();
+        state.pose.clone_from(&record.estimate.pose);
+        let machine =
+            MachineState { state: 1, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
         side.checkpoint(number, time_ns, &state, &[machine]);
     }
 }
 
 pub(crate) fn grid() -> Grid {
-    Grid { width: 3, height: 2, resolution_m: 0.05, origin_m: [-1.0, -0.5], cells: vec![-1, 0, 100, 50, 0, -1] }
+    Grid {
+        width: 3,
+        height: 2,
+        resolution_m: 0.05,
+        origin_m: [-1.0, -0.5],
+        cells: vec![-1, 0, 100, 50, 0, -1],
+    }
 }
 
 fn end(ticks: u64) -> End {
@@ -236,7 +244,10 @@ fn what_happened_is_recorded_by_name() {
     ];
     assert_eq!(told, expected);
     let line = &run.logs[0];
-    assert_eq!((line.time_ns, line.level, line.text.as_str()), (1_000 + 25 * PERIOD_NS, Level::Warn, "a wall <ahead>"));
+    assert_eq!(
+        (line.time_ns, line.level, line.text.as_str()),
+        (1_000 + 25 * PERIOD_NS, Level::Warn, "a wall <ahead>")
+    );
     let ticks: Vec<u64> = run.checkpoints.iter().map(|checkpoint| checkpoint.tick).collect();
     assert_eq!(ticks, [0, 50, 100]);
     assert_eq!(run.checkpoints[1].estimator.pose, tick(50).estimate.pose);
@@ -317,8 +328,9 @@ fn a_file_cut_anywhere_gives_all_whole_records_before_the_cut() {
     let records = records(&bytes);
     assert!(records.iter().filter(|(_, opcode)| *opcode == SYNC_OPCODE).count() >= 5);
     for cut in 0..bytes.len() {
-        let messages_before =
-            |end: usize| records.iter().filter(|(at, opcode)| *at <= end && *opcode == MESSAGE).count() as u64;
+        let messages_before = |end: usize| {
+            records.iter().filter(|(at, opcode)| *at <= end && *opcode == MESSAGE).count() as u64
+        };
         let last_sync = records.iter().rfind(|(at, opcode)| *at <= cut && *opcode == SYNC_OPCODE);
         let run = match Run::read(&bytes[..cut]) {
             Ok(run) => run,
@@ -455,13 +467,9 @@ impl Sink for SlowDisk {
 fn a_slow_disk_never_holds_up_the_tick_and_its_gap_is_named() {
     let disk = SlowDisk::default();
     disk.set(true);
-    let (recorder, mut side) = Recorder::start(
-        Box::new(disk.clone()),
-        start(Pace::Real),
-        options(PERIOD_NS, 16),
-        Box::new(|_| {}),
-    )
-    .unwrap();
+    let (recorder, mut side) =
+        Recorder::start(Box::new(disk.clone()), start(Pace::Real), options(PERIOD_NS, 16), Box::new(|_| {}))
+            .unwrap();
     disk.set(false);
     // The disk hangs at the first sync; far more is put than the ring holds. That this returns at all is the point.
     (0..500).for_each(|number| side.tick(&tick(number)));
@@ -528,7 +536,8 @@ fn a_full_disk_stops_the_recording_with_one_message_and_keeps_what_was_synced() 
         let bytes = disk.memory.bytes();
         assert_eq!(bytes.len(), room);
         if let Ok(run) = Run::read(&bytes) {
-            let expected: Vec<Senses> = (0..run.senses.len() as u64).map(|number| tick(number).senses).collect();
+            let expected: Vec<Senses> =
+                (0..run.senses.len() as u64).map(|number| tick(number).senses).collect();
             assert_eq!(run.senses, expected, "with room for {room} bytes");
             assert_eq!(run.integrity.damaged, []);
         }
@@ -552,7 +561,10 @@ fn a_disk_that_cannot_sync_is_seen_by_the_tick() {
     assert!(seen.is_some_and(|number| number > 5), "{seen:?}");
     let error = recorder.finish(side, end(100)).unwrap_err();
     assert_eq!(error.source.raw_os_error(), Some(5), "{error:?}");
-    assert_eq!(error.to_string(), "recording stopped: cannot bring the file to the disk; what was synced before is safe");
+    assert_eq!(
+        error.to_string(),
+        "recording stopped: cannot bring the file to the disk; what was synced before is safe"
+    );
 }
 
 #[test]
@@ -588,7 +600,8 @@ pub(crate) fn python(bytes: &[u8], how: &str) -> Option<serde_json::Value> {
     let path = folder.path().join("run.mcap");
     std::fs::write(&path, bytes).unwrap();
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/decode.py");
-    let output = Command::new("python3").args([script.as_ref(), path.as_os_str(), how.as_ref()]).output().unwrap();
+    let output =
+        Command::new("python3").args([script.as_ref(), path.as_os_str(), how.as_ref()]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Some(serde_json::from_slice(&output.stdout).unwrap())
 }

@@ -14,7 +14,11 @@ fn one() -> Scene {
     let run = Run::read(&sample(1_500, 1_000_000_000)).unwrap();
     let track = Track::of_run(&run, "run");
     let block = vec![[0.6, -0.7], [0.8, -0.7], [0.8, -0.4], [0.6, -0.4], [0.6, -0.7]];
-    Scene { title: "mapper: map <the room> & back".to_owned(), tracks: vec![track], outlines: vec![walls(), block] }
+    Scene {
+        title: "mapper: map <the room> & back".to_owned(),
+        tracks: vec![track],
+        outlines: vec![walls(), block],
+    }
 }
 
 /// Two more robots whose runs are the first one's, moved.
@@ -71,7 +75,8 @@ fn a_png_has_red_points_a_green_path_and_grey_walls() {
     let (width, pixels) = pixels(&bytes);
     assert_eq!(width, 1200);
     let count = |wanted: [u8; 3]| pixels.iter().filter(|pixel| **pixel == wanted).count();
-    let (red, green, grey) = (count([0xd6, 0x2a, 0x2f]), count([0x1a, 0x93, 0x4a]), count([0x9a, 0xa1, 0xa9]));
+    let (red, green, grey) =
+        (count([0xd6, 0x2a, 0x2f]), count([0x1a, 0x93, 0x4a]), count([0x9a, 0xa1, 0xa9]));
     println!("{red} red, {green} green, {grey} grey of {} pixels", pixels.len());
     assert!(red > 2_000 && green > 1_000 && grey > 5_000, "{red} {green} {grey}");
 }
@@ -194,7 +199,8 @@ fn viewers_get_an_index_and_everything_that_was_recorded() {
     assert!(!summary.chunk_indexes.is_empty());
     let Some(found) = python(&exported, "indexed") else { return };
     assert_eq!(found["counted"], count);
-    let counted: u64 = found["topics"].as_object().unwrap().values().map(|t| t["count"].as_u64().unwrap()).sum();
+    let counted: u64 =
+        found["topics"].as_object().unwrap().values().map(|t| t["count"].as_u64().unwrap()).sum();
     assert_eq!(counted, count, "every message is decoded by its own definition");
     assert_eq!(found["attachments"]["mission.toml"], "name = \"map\"\n# ü\n");
     assert_eq!(found["metadata"]["onbrick"]["brick"], "mapper");
@@ -209,7 +215,10 @@ fn several_runs_get_a_namespace_each_in_one_tree_of_frames() {
     let Some(found) = python(&exported, "indexed") else { return };
     let topics = &found["topics"];
     assert_eq!(topics["/ada/senses"]["count"], 100);
-    assert_eq!(topics["/grace/senses"]["count"].as_u64().unwrap(), Run::read(cut).unwrap().senses.len() as u64);
+    assert_eq!(
+        topics["/grace/senses"]["count"].as_u64().unwrap(),
+        Run::read(cut).unwrap().senses.len() as u64
+    );
     assert_eq!(topics["/ada/odom"]["first"]["header"]["frame_id"], "ada/odom");
     assert_eq!(topics["/grace/range"]["first"]["header"]["frame_id"], "grace/range_link");
     assert_eq!(topics["/ada/points"]["first"]["header"]["frame_id"], "map");

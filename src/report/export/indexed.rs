@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::runtime::recording::message::{
-    Header, Odometry, OccupancyGridMessage, PointCloud2, RangeMessage, TfMessage, decode, encode,
+    Header, OccupancyGridMessage, Odometry, PointCloud2, RangeMessage, TfMessage, decode, encode,
 };
 use crate::runtime::recording::{FRAME_MAP, Found, ReadError, Run, Topic, walk};
 
@@ -113,8 +113,11 @@ fn describe(writer: &mut Writer<Cursor<Vec<u8>>>, space: &str, topic: Topic) -> 
     let schema = writer.add_schema(&topic.schema_name(), "ros2msg", topic.schema().as_bytes())?;
     // Transforms of all robots make one tree, and viewers look for it under one name.
     let shared = matches!(topic, Topic::Transforms | Topic::StaticTransforms);
-    let name =
-        if space.is_empty() || shared { topic.name().to_owned() } else { format!("/{space}{}", topic.name()) };
+    let name = if space.is_empty() || shared {
+        topic.name().to_owned()
+    } else {
+        format!("/{space}{}", topic.name())
+    };
     writer.add_channel(schema, &name, "cdr", &topic.channel_metadata())
 }
 

@@ -226,7 +226,10 @@ impl Encoder {
         self.put(Topic::Transforms, time_ns, &message::TfMessage { transforms })
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "the definition has single precision; /senses has the value")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the definition has single precision; /senses has the value"
+    )]
     fn range(&mut self, record: &TickRecord) -> Result<(), RecordError> {
         let (Some(sensor), Some(reading)) = (self.start.range, record.senses.get(Channel::Range)) else {
             return Ok(());
@@ -253,7 +256,8 @@ impl Encoder {
         let machine = self.start.machines.get(usize::from(taken.machine));
         let state = |index: u16| machine.and_then(|machine| machine.states.get(usize::from(index)));
         let name = |index| state(index).map_or_else(String::new, |state| state.name.clone());
-        let condition = taken.transition.and_then(|index| state(taken.from)?.conditions.get(usize::from(index)));
+        let condition =
+            taken.transition.and_then(|index| state(taken.from)?.conditions.get(usize::from(index)));
         let message = message::TransitionMessage {
             tick,
             time_ns,

@@ -299,7 +299,8 @@ mod tests {
     fn alignment_counts_from_behind_the_header() {
         let gap = Gap { first_tick: 1, last_tick: 2, entries: 3, reason: "a".to_owned() };
         let bytes = encode(&gap).unwrap();
-        let expected = [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 2, 0, 0, 0, b'a', 0];
+        let expected =
+            [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 2, 0, 0, 0, b'a', 0];
         assert_eq!(bytes, expected, "eight-byte fields begin at body offsets 0 and 8");
         assert_eq!(decode::<Gap>(&bytes), Some(gap));
     }

@@ -57,7 +57,10 @@ pub(super) fn points(cloud: &PointCloud2) -> Option<Vec<MapPoint>> {
     (known && whole && !cloud.is_bigendian).then(|| points.iter().map(point_of).collect())
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "single precision is for viewers; the full values stand beside it")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "single precision is for viewers; the full values stand beside it"
+)]
 fn bytes_of(point: &MapPoint) -> [u8; STEP as usize] {
     let mut bytes = [0; STEP as usize];
     bytes[..4].copy_from_slice(&(point.x_m as f32).to_le_bytes());

@@ -291,11 +291,7 @@ impl Run {
             Topic::Gap => self.gaps.push(message::decode(data)?),
             Topic::Map => self.map = Some(grid::grid(message::decode(data)?)?),
             // For viewers: nothing in them that is not in the others.
-            Topic::Odometry
-            | Topic::Transforms
-            | Topic::StaticTransforms
-            | Topic::Range
-            | Topic::Log => {}
+            Topic::Odometry | Topic::Transforms | Topic::StaticTransforms | Topic::Range | Topic::Log => {}
         }
         Some(())
     }
@@ -354,7 +350,9 @@ fn warnings(integrity: &Integrity, undecoded: u64, ended: bool, unchecked_too: b
         warnings.push(format!("{count} messages behind the last sync have no checksum"));
     }
     if undecoded > 0 {
-        warnings.push(format!("{undecoded} records could not be understood; is this version older than the file?"));
+        warnings.push(format!(
+            "{undecoded} records could not be understood; is this version older than the file?"
+        ));
     }
     if integrity.complete && !ended {
         warnings.push("the run stopped without saying why".to_owned());

@@ -80,9 +80,8 @@ impl Level {
     }
 }
 
-/// What goes through the ring.
+/// What goes through the ring; as large as its largest variant, so that the ring never allocates.
 #[derive(Debug, Clone, Copy)]
-#[expect(clippy::large_enum_variant, reason = "entries have a fixed size so that the ring never allocates")]
 pub(super) enum Entry {
     Tick(TickRecord),
     Transition { tick: u64, time_ns: i64, taken: Taken },

@@ -97,7 +97,9 @@ impl Topic {
             if done.contains(&name) {
                 continue;
             }
-            let Some((_, definition)) = DEFINITIONS.iter().find(|(known, _)| *known == name) else { continue };
+            let Some((_, definition)) = DEFINITIONS.iter().find(|(known, _)| *known == name) else {
+                continue;
+            };
             if !done.is_empty() {
                 text.push_str(&format!("{}\nMSG: {name}\n", "=".repeat(80)));
             }
