@@ -55,7 +55,7 @@ struct Closing {
 impl Recorder {
     /// Begins a recording: what is known of the run is on the disk when this returns.
     ///
-    /// `on_status` is called by the recorder's thread at most five times a second of the run's clock.
+    /// `on_status` is called by the recorder's thread at most five times a second of the run's clock, and at the end.
     ///
     /// # Errors
     ///
@@ -237,6 +237,7 @@ impl Work {
 
     fn close(&mut self, mut encoder: Encoder) -> Result<u64, RecordError> {
         let closing = std::mem::take(&mut *self.end.lock().unwrap_or_else(PoisonError::into_inner));
+        (self.on_status)(encoder.status());
         let finished = finish(&mut encoder, &closing).and_then(|()| encoder.file.finish());
         if finished.is_err() {
             self.flags.failed.store(true, Ordering::Relaxed);
@@ -256,6 +257,15 @@ impl Work {
         if status.time_ns >= self.next_status_ns {
             self.next_status_ns = status.time_ns.saturating_add(STATUS_PERIOD_NS);
             (self.on_status)(status);
+        }
+    }
+}
+
+impl Drop for Work {
+    fn drop(&mut self) {
+        // A panic in the status' callback must not look like a slow disk.
+        if std::thread::panicking() {
+            self.flags.failed.store(true, Ordering::Relaxed);
         }
     }
 }

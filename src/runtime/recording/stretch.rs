@@ -12,6 +12,7 @@
 use std::ops::Range;
 
 use mcap::records::{MessageHeader, Record, op};
+use memchr::memmem;
 
 use super::file::{SYNC_BODY, SYNC_MAGIC, SYNC_OPCODE, SyncBody};
 use super::topic::{Topic, table_checksum};
@@ -122,7 +123,7 @@ fn next_stretch(bytes: &[u8], start: usize) -> Option<Closed> {
     }
     let mut damaged = None;
     let mut at = start;
-    while let Some(ahead) = bytes.get(at..).and_then(|rest| find(rest, &SYNC_START)) {
+    while let Some(ahead) = bytes.get(at..).and_then(|rest| memmem::find(rest, &SYNC_START)) {
         at += ahead;
         match closed(bytes, start, at) {
             Some(closed) if closed.holds => return Some(closed),
@@ -172,11 +173,6 @@ const SYNC_START: [u8; FRAME_BYTES + SYNC_MAGIC.len()] = {
     }
     start
 };
-
-/// Where `needle` first is in `bytes`.
-fn find(bytes: &[u8], needle: &[u8]) -> Option<usize> {
-    bytes.windows(needle.len()).position(|window| window == needle)
-}
 
 /// A record as framed.
 struct Frame<'a> {
