@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
 use onbrick::runtime::recording::{Grid, Run};
 
@@ -69,7 +70,10 @@ fn pixels(bytes: &[u8]) -> (usize, Vec<[u8; 3]>) {
 
 #[test]
 fn a_png_has_red_points_a_green_path_and_grey_walls() {
-    let bytes = plot::png(&one()).unwrap();
+    let scene = one();
+    let started_ns = MonotonicClock.now_ns();
+    let bytes = plot::png(&scene).unwrap();
+    println!("drawn in {} ms", (MonotonicClock.now_ns() - started_ns) / 1_000_000);
     keep("one.png", &bytes);
     keep("several.png", &plot::png(&several()).unwrap());
     let (width, pixels) = pixels(&bytes);

@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use mcap::records::Metadata;
 use rtrb::{Consumer, RingBuffer};
+use serde::Serialize;
 
 use super::encoder::Encoder;
 use super::file::{RecordError, RecordingFile};
@@ -29,7 +30,7 @@ const IDLE_LOOKS: u32 = 20;
 const STATUS_PERIOD_NS: i64 = 200 * MILLISECOND_NS;
 
 /// What a finished recording came to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Summary {
     /// The file's length, bytes.
     pub bytes: u64,
@@ -66,8 +67,9 @@ impl Recorder {
         options: Options,
         on_status: Box<dyn FnMut(&Status) + Send>,
     ) -> Result<(Self, TickSide), RecordError> {
-        let (put, take) = RingBuffer::new(options.ring_entries.max(1));
-        let ring_size = u32::try_from(options.ring_entries).unwrap_or(u32::MAX);
+        let ring_entries = options.ring_entries.max(1);
+        let (put, take) = RingBuffer::new(ring_entries);
+        let ring_size = u32::try_from(ring_entries).unwrap_or(u32::MAX);
         let pace = start.pace;
         let encoder = begin(sink, start, options.sync_period_ns, ring_size)?;
         let flags = Arc::new(Flags::default());

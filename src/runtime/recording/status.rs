@@ -1,12 +1,14 @@
 //! How a run is going, for progress bars and whoever asks.
 
+use serde::Serialize;
+
 use super::Start;
 use super::tick::TickRecord;
 use crate::mapping::Pose;
 use crate::robot::Channel;
 
 /// How a run is going, as the recorder saw it last.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Status {
     /// The last tick.
     pub tick: u64,

@@ -15,6 +15,7 @@ use std::thread::Thread;
 
 use arrayvec::ArrayString;
 use rtrb::{Producer, PushError};
+use serde::Serialize;
 
 use crate::behavior::{MachineState, Taken};
 use crate::mapping::{Estimate, EstimatorState, MapPoint};
@@ -51,7 +52,8 @@ pub struct Timing {
 }
 
 /// How much a log line matters; the numbers of `rcl_interfaces/Log`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
 #[repr(u8)]
 pub enum Level {
     /// For whoever works on the program.
@@ -242,8 +244,7 @@ mod tests {
     #[test]
     fn an_entry_is_small_enough_for_a_ring_of_hundreds() {
         let bytes = size_of::<Entry>();
-        println!("an entry has {bytes} bytes");
-        assert!(bytes <= 4096, "{bytes}");
+        assert!(bytes <= 4096, "an entry has {bytes} bytes");
     }
 
     #[test]
