@@ -315,11 +315,17 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
     }
 
     fn legend(&self) -> Result<(), PlotError> {
-        let mut row = TOP + self.layout.plot[1] + AXIS + ROW / 2.0;
+        let row = TOP + self.layout.plot[1] + AXIS + ROW / 2.0;
+        self.legend_of_symbols(row)?;
+        if is_single(self.scene) { Ok(()) } else { self.legend_of_robots(row) }
+    }
+
+    fn legend_of_symbols(&self, row: f64) -> Result<(), PlotError> {
+        let (path, points) = match is_single(self.scene) {
+            true => (rgb(self.colours(0).path), rgb(self.colours(0).points)),
+            false => (SOFT, SOFT),
+        };
         let mut x = LEFT;
-        let single = is_single(self.scene);
-        let swatch = self.colours(0);
-        let (path, points) = if single { (rgb(swatch.path), rgb(swatch.points)) } else { (SOFT, SOFT) };
         self.line(&[[x, row], [x + 26.0, row]], path, 2.5)?;
         x = self.legend_text("path", x + 34.0, row)?;
         for step in [4.0, 12.0, 20.0] {
@@ -334,9 +340,12 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
             self.line(&[[x, row], [x + 26.0, row]], WALL, 3.0)?;
             self.legend_text("walls", x + 34.0, row)?;
         }
-        if single {
-            return Ok(());
-        }
+        Ok(())
+    }
+
+    /// The robots' colours and names, in rows below `row`.
+    fn legend_of_robots(&self, mut row: f64) -> Result<(), PlotError> {
+        let mut x = LEFT;
         for (place, track) in self.scene.tracks.iter().enumerate() {
             if place.is_multiple_of(NAMES_IN_A_ROW) {
                 (row, x) = (row + ROW, LEFT);

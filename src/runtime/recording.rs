@@ -48,6 +48,19 @@
 //! [`Options::ring_entries`] entries of 640 bytes and what the estimator's state grows to. The tick pays for one copy of the
 //! entry (0.4 µs on a PC), the recorder for encoding it (5 µs).
 //!
+//! # Example
+//!
+//! ```no_run
+//! use onbrick::runtime::recording::Run;
+//!
+//! let run = Run::open("run.mcap".as_ref())?;
+//! for warning in &run.warnings {
+//!     eprintln!("run.mcap: {warning}");
+//! }
+//! println!("{} ticks, {} points", run.senses.len(), run.points.len());
+//! # Ok::<(), onbrick::runtime::recording::ReadError>(())
+//! ```
+//!
 //! # Not here
 //!
 //! No decision what a failed recording means for the run ([`TickSide::failed`] tells), no replay, no pictures.

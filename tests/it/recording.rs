@@ -11,7 +11,7 @@ use onbrick::mapping::{Estimate, EstimatorState, MapPoint, Pose, Range};
 use onbrick::robot::{Channel, Senses};
 use onbrick::runtime::recording::{
     End, Grid, Level, MachineNames, Options, Pace, RangeSensor, ReadError, Recorder, Run, SYNC_OPCODE, Sink,
-    Start, StateNames, Status, TickRecord, TickSide, Timing,
+    Start, StateNames, Status, TickRecord, TickSide, Timing, create,
 };
 use proptest::prelude::*;
 
@@ -227,6 +227,24 @@ fn what_is_recorded_comes_back_bit_for_bit() {
     let points: Vec<MapPoint> = expected.iter().filter_map(|record| record.point).collect();
     assert_eq!(run.points, points);
     assert_eq!(run.map, Some(grid()));
+}
+
+#[test]
+fn a_file_on_a_disk_is_written_and_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    std::fs::write(&path, vec![0xff; 1 << 20]).unwrap();
+    let sink = create(&path).unwrap();
+    let (recorder, mut side) =
+        Recorder::start(Box::new(sink), start(Pace::Virtual), Options::default(), Box::new(|_| {})).unwrap();
+    let on_disk = Run::open(&path).unwrap();
+    assert_eq!(on_disk.robot_toml, Some(start(Pace::Virtual).robot_toml), "before the first tick");
+    (0..100).for_each(|number| put(&mut side, number));
+    let summary = recorder.finish(side, end(100)).unwrap();
+    assert_eq!(summary.bytes, std::fs::metadata(&path).unwrap().len());
+    let run = Run::open(&path).unwrap();
+    assert_eq!((run.senses.len(), run.warnings.len(), run.integrity.complete), (100, 0, true));
+    assert!(create(&folder.path().join("no/such/run.mcap")).is_err());
 }
 
 #[test]
@@ -528,6 +546,22 @@ fn a_slow_disk_never_holds_up_the_tick_and_its_gap_is_named() {
     assert_eq!(recorded.intersection(&missing).count(), 0, "{:?}", run.gaps);
     assert_eq!(run.gaps.iter().map(|gap| gap.entries).sum::<u32>(), dropped);
     assert!(run.gaps[0].reason.contains("disk"), "{:?}", run.gaps);
+}
+
+#[test]
+fn what_no_tick_follows_is_synced_all_the_same() {
+    let memory = Memory::default();
+    let (recorder, mut side) =
+        Recorder::start(Box::new(memory.clone()), start(Pace::Real), Options::default(), Box::new(|_| {}))
+            .unwrap();
+    (0..5).for_each(|number| side.tick(&tick(number)));
+    let deadline_ns = MonotonicClock.now_ns() + 20_000_000_000;
+    let synced = || Run::read_checked(&memory.bytes()).unwrap().senses.len();
+    while synced() < 5 {
+        assert!(MonotonicClock.now_ns() < deadline_ns, "{} of 5 ticks are synced", synced());
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20_000_000);
+    }
+    recorder.finish(side, end(5)).unwrap();
 }
 
 /// A disk that is full after so many bytes, or that cannot sync any more.
