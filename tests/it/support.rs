@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 /// The folder of shared recordings, if this machine has it.
+#[allow(dead_code, reason = "for tests that use recordings of others")]
 pub(crate) fn shared() -> Option<PathBuf> {
     let beside = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared"));
     std::env::var_os("ONBRICK_SHARED")
