@@ -105,9 +105,10 @@ pub use motor::{
 pub use node::{AttributeSpec, Direction};
 pub use port::LegoPort;
 pub use sensor::{
-    AngleAndRate, Beacon, Colour, ColourMode, ColourSensor, Frame, GyroMode, GyroReset, GyroSensor, InfraredMode,
-    InfraredSensor, MIN_PING_INTERVAL_NS, Mode, RawReflection, RawRgb, RemoteButtons, RemoteCode, Sensor,
-    SensorMode, TouchMode, TouchSensor, TypedSensor, UltrasonicMode, UltrasonicSensor, settle_ns,
+    AngleAndRate, Beacon, Colour, ColourMode, ColourSensor, Frame, GyroMode, GyroReset, GyroSensor,
+    InfraredMode, InfraredSensor, MIN_PING_INTERVAL_NS, Mode, RawReflection, RawRgb, RemoteButtons,
+    RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor, TypedSensor, UltrasonicMode, UltrasonicSensor,
+    settle_ns,
 };
 pub use sound::{SOUND_PATH, Sound};
 pub use tree::{Access, AttributeFile, LocalTree, Tree};

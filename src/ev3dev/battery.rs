@@ -7,7 +7,7 @@ use nix::errno::Errno;
 use super::error::{Cause, DeviceError};
 use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
 use super::tree::Tree;
-use super::value::{Legal, Value, Word};
+use super::value::{Value, Word};
 use super::words::Technology;
 
 /// The EV3's battery in `sys/class/power_supply`.
@@ -48,7 +48,8 @@ impl Battery {
         let names = tree.list("sys/class/power_supply").unwrap_or_default();
         let mut others: Vec<&String> = names.iter().filter(|name| name.ends_with("-battery")).collect();
         others.sort();
-        let name = if names.iter().any(|name| name == EV3) { EV3 } else { others.first().map_or(EV3, |name| name) };
+        let name =
+            if names.iter().any(|name| name == EV3) { EV3 } else { others.first().map_or(EV3, |name| name) };
         let node = Node::new(tree, &format!("sys/class/power_supply/{name}"), None);
         match tree.list(node.folder()) {
             Ok(_) => Ok(Self { node, files: BatteryFiles::new() }),

@@ -34,7 +34,9 @@ impl BoardInfo {
         let mut boards = match tree.list(FOLDER) {
             Ok(boards) => boards,
             Err(Errno::ENOENT) => return Ok(None),
-            Err(errno) => return Err(Node::new(tree, FOLDER, None).error("uevent", None, Cause::Other(errno))),
+            Err(errno) => {
+                return Err(Node::new(tree, FOLDER, None).error("uevent", None, Cause::Other(errno)));
+            }
         };
         boards.sort();
         for board in boards {
@@ -65,6 +67,7 @@ fn description(node: &Node) -> Result<String, DeviceError> {
 }
 
 fn value(text: &str, key: &str) -> Option<String> {
-    let line = text.lines().find_map(|line| line.strip_prefix("BOARD_INFO_")?.strip_prefix(key)?.strip_prefix('='));
+    let line =
+        text.lines().find_map(|line| line.strip_prefix("BOARD_INFO_")?.strip_prefix(key)?.strip_prefix('='));
     line.map(str::to_owned)
 }

@@ -193,17 +193,18 @@ impl Buttons {
 }
 
 /// Takes what is pending; true if the kernel had to drop events before.
-fn read_device(device: &mut RawDevice, held: &mut ButtonSet, changes: &mut ButtonChanges) -> Result<bool, Errno> {
+fn read_device(
+    device: &mut RawDevice,
+    held: &mut ButtonSet,
+    changes: &mut ButtonChanges,
+) -> Result<bool, Errno> {
     let events = match device.fetch_events() {
         Ok(events) => events,
         Err(error) if matches!(errno(&error), Errno::EAGAIN | Errno::EINTR) => return Ok(false),
         Err(error) => return Err(errno(&error)),
     };
-    let events = events.map(|event| Event {
-        kind: event.event_type().0,
-        code: event.code(),
-        value: event.value(),
-    });
+    let events =
+        events.map(|event| Event { kind: event.event_type().0, code: event.code(), value: event.value() });
     Ok(take(events, held, changes))
 }
 

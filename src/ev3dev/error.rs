@@ -99,12 +99,12 @@ pub enum FindError {
         there: Vec<Identity>,
     },
     /// Something else is plugged in there.
-    #[error("no {wanted}: {} is a {}; {}", .found.address, .found.driver, There(.there))]
+    #[error("no {wanted}, but {}; {}", .found.driver, There(.there))]
     Other {
         /// What was looked for.
         wanted: String,
         /// What is there instead.
-        found: Identity,
+        found: Box<Identity>,
         /// What there is of this class.
         there: Vec<Identity>,
     },
@@ -176,7 +176,9 @@ impl fmt::Display for Hinted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.0)?;
         match self.0 {
-            Errno::EACCES => f.write_str("; just plugged in, wait a second; else join the groups ev3dev and input"),
+            Errno::EACCES => {
+                f.write_str("; just plugged in, wait a second; else join the groups ev3dev and input")
+            }
             Errno::ETIMEDOUT => f.write_str("; the sensor did not answer, try again or plug it in anew"),
             Errno::ENODATA | Errno::EAGAIN => f.write_str("; not measured yet, try again"),
             _ => Ok(()),

@@ -102,7 +102,7 @@ pub(crate) fn find_where(
     match fitting.as_slice() {
         [one] => Ok((*one).clone()),
         [] => match port.and_then(|_| there.iter().find(at_port).cloned()) {
-            Some(found) => Err(FindError::Other { wanted: wanted(), found, there }),
+            Some(found) => Err(FindError::Other { wanted: wanted(), found: Box::new(found), there }),
             None => Err(FindError::Nothing { wanted: wanted(), there }),
         },
         several => {

@@ -62,7 +62,10 @@ impl Inventory {
         for &class in Class::ALL {
             entries.extend(devices(tree, class)?.into_iter().map(|identity| entry(tree, identity)));
         }
-        Ok(Self { devices: entries, battery: Battery::open(tree).ok().map(|battery| battery_entry(&battery)) })
+        Ok(Self {
+            devices: entries,
+            battery: Battery::open(tree).ok().map(|battery| battery_entry(&battery)),
+        })
     }
 }
 
@@ -80,7 +83,9 @@ fn entry(tree: &Arc<dyn Tree>, identity: Identity) -> Entry {
         Class::TachoMotor if identity.name.starts_with("linear") => {
             LinearActuator::bind(tree, identity).and_then(|motor| position_motor(&motor, readings))
         }
-        Class::TachoMotor => TachoMotor::bind(tree, identity).and_then(|motor| position_motor(&motor, readings)),
+        Class::TachoMotor => {
+            TachoMotor::bind(tree, identity).and_then(|motor| position_motor(&motor, readings))
+        }
         Class::DcMotor => dc_motor(&DcMotor::bind(tree, identity), readings),
         Class::ServoMotor => servo_motor(&ServoMotor::bind(tree, identity), readings),
         Class::LegoSensor => Sensor::bind(tree, identity).and_then(|sensor| sensor_values(&sensor, readings)),
@@ -90,7 +95,10 @@ fn entry(tree: &Arc<dyn Tree>, identity: Identity) -> Entry {
     entry
 }
 
-fn position_motor<K: MotorKind>(motor: &PositionMotor<K>, readings: &mut Vec<LiveValue>) -> Result<(), DeviceError> {
+fn position_motor<K: MotorKind>(
+    motor: &PositionMotor<K>,
+    readings: &mut Vec<LiveValue>,
+) -> Result<(), DeviceError> {
     readings.push(live("position", motor.position()?, "counts"));
     readings.push(live("speed", motor.speed()?, "counts/s"));
     readings.push(live("duty_cycle", motor.duty_cycle()?.percent(), "%"));

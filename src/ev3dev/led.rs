@@ -21,7 +21,8 @@ attributes! {
     LedFiles of [impl Led] {
         /// Brightness, 0 to [`Led::max_brightness`].
         pub readwriteable "brightness" => brightness / set_brightness: i32, Legal::Range(0, 255);
-        readable "max_brightness" => read_max_brightness: i32;
+        /// The highest brightness, read anew.
+        pub readable "max_brightness" => read_max_brightness: i32;
         readwriteable "trigger" => triggers / write_trigger: Words;
         /// Time on, ms. The file is there only under the trigger `timer`.
         pub readwriteable "delay_on" => delay_on / set_delay_on: i32, Legal::Range(0, i32::MAX as i64);
@@ -58,7 +59,8 @@ impl Led {
     pub fn trigger(&self) -> Result<String, DeviceError> {
         let triggers = self.triggers()?;
         let active = triggers.iter().find_map(|word| word.strip_prefix('[')?.strip_suffix(']'));
-        let malformed = || self.node.error("trigger", Some(triggers.0.as_bytes()), Cause::Malformed(Legal::Text));
+        let malformed =
+            || self.node.error("trigger", Some(triggers.0.as_bytes()), Cause::Malformed(Legal::Text));
         active.map(str::to_owned).ok_or_else(malformed)
     }
 

@@ -54,15 +54,15 @@ impl Node {
         Self { tree: Arc::clone(tree), folder: folder.into(), port }
     }
 
-    pub(crate) fn port(&self) -> Option<&PortAddress> {
-        self.port.as_ref()
-    }
-
     pub(crate) fn folder(&self) -> &str {
         &self.folder
     }
 
-    pub(crate) fn open(&self, attribute: &'static str, access: Access) -> Result<Box<dyn AttributeFile>, DeviceError> {
+    pub(crate) fn open(
+        &self,
+        attribute: &'static str,
+        access: Access,
+    ) -> Result<Box<dyn AttributeFile>, DeviceError> {
         self.tree.open(&format!("{}/{attribute}", self.folder), access).map_err(|errno| {
             // A missing file and a missing folder are the same error number, and different remedies.
             let cause = match errno {
@@ -172,11 +172,7 @@ impl<T> Attribute<T> {
 impl<T: Value> Attribute<T> {
     /// Reads and understands the attribute's first line.
     pub(crate) fn read(&self, node: &Node) -> Result<T, DeviceError> {
-        if T::LONG {
-            self.read_into(node, &mut [0; 4096])
-        } else {
-            self.read_into(node, &mut [0; SHORT])
-        }
+        if T::LONG { self.read_into(node, &mut [0; 4096]) } else { self.read_into(node, &mut [0; SHORT]) }
     }
 
     fn read_into(&self, node: &Node, buffer: &mut [u8]) -> Result<T, DeviceError> {

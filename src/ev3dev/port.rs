@@ -27,7 +27,8 @@ attributes! {
         pub readable "address" => address: PortAddress;
         /// Input or output port, by its driver's name.
         pub readable "driver_name" => driver_name: Word;
-        readable "modes" => read_modes: Words;
+        /// The modes that this port has, read anew.
+        pub readable "modes" => read_modes: Words;
         readwriteable "mode" => mode_word / write_mode: Word;
         writeable "set_device" => write_set_device: Word;
         /// What was found at the port, or the mode that was set.

@@ -54,14 +54,14 @@ pub struct Sensor {
 }
 
 /// What the driver says of the mode in force.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Mode {
     /// Its name; empty when it is not known, because a change failed.
     pub name: Word,
     /// How many values it has. The driver may say more than the eight that have files.
     pub num_values: usize,
     /// A value is its text divided by ten to the power of this.
-    pub decimals: i32,
+    pub decimals: usize,
     /// The values' unit as the driver writes it; may be empty.
     pub units: Word,
     /// How `bin_data` is laid out.
@@ -75,7 +75,8 @@ attributes! {
         pub readable "address" => address: PortAddress;
         /// What the sensor is.
         pub readable "driver_name" => driver_name: Word;
-        readable "modes" => read_modes: Words;
+        /// The modes that the sensor says it has, read anew.
+        pub readable "modes" => read_modes: Words;
         readwriteable "mode" => mode_word / write_mode: Word;
         /// The commands that the driver takes; none for the sensors of the EV3.
         pub readable "commands" => commands: Words;
@@ -141,9 +142,10 @@ impl Sensor {
         let node = identity.node(tree);
         let files = SensorFiles::new();
         let modes = files.read_modes.read(&node)?;
-        let mode = files.mode_in_force(&node)?;
         let (bin_data, direct) = (Attribute::new(BIN_DATA), Attribute::new(DIRECT));
-        Ok(Self { node, files, bin_data, direct, identity, modes, mode })
+        let mut sensor = Self { node, files, bin_data, direct, identity, modes, mode: Mode::default() };
+        sensor.refresh_mode()?;
+        Ok(sensor)
     }
 
     /// What identifies the sensor, as it was found.
@@ -199,7 +201,7 @@ impl Sensor {
     ///
     /// Whatever comes of reading it.
     pub fn refresh_mode(&mut self) -> Result<bool, DeviceError> {
-        let mode = self.files.mode_in_force(&self.node)?;
+        let mode = self.mode_in_force()?;
         let same = mode.name == self.mode.name;
         self.mode = mode;
         Ok(same)
@@ -295,25 +297,31 @@ impl Sensor {
         // Until it is read back nobody knows the mode, and whoever sets one again must write it.
         self.mode.name.clear();
         self.write_mode(mode)?;
-        self.mode = self.files.mode_in_force(&self.node)?;
+        self.mode = self.mode_in_force()?;
         if self.mode.name == mode {
             Ok(())
         } else {
             Err(self.node.refusal("mode", &mode, Legal::OneOf(self.mode.name.as_str().into())))
         }
     }
-}
 
-impl SensorFiles {
-    fn mode_in_force(&self, node: &Node) -> Result<Mode, DeviceError> {
-        let num_values = self.num_values.read(node)?;
+    fn mode_in_force(&self) -> Result<Mode, DeviceError> {
         Ok(Mode {
-            name: self.mode_word.read(node)?,
-            num_values: usize::try_from(num_values).unwrap_or_default(),
-            decimals: self.decimals.read(node)?,
-            units: self.units.read(node)?,
-            format: self.bin_data_format.read(node)?,
+            name: self.mode_word()?,
+            num_values: self.within(self.num_values()?, "num_values", 255)?,
+            decimals: self.within(self.decimals()?, "decimals", 9)?,
+            units: self.units()?,
+            format: self.bin_data_format()?,
         })
+    }
+
+    /// A small number that the driver cannot mean otherwise.
+    fn within(&self, number: i32, attribute: &'static str, last: usize) -> Result<usize, DeviceError> {
+        let malformed = || {
+            let legal = Legal::Range(0, i64::try_from(last).unwrap_or(i64::MAX));
+            self.node.error(attribute, None, Cause::Malformed(legal))
+        };
+        usize::try_from(number).ok().filter(|number| *number <= last).ok_or_else(malformed)
     }
 }
 
@@ -338,6 +346,6 @@ pub fn settle_ns(driver: &str, from: &str, to: &str) -> i64 {
 }
 
 /// A power of ten, exact for the few decimals that sensors have.
-fn ten_to_the(decimals: i32) -> f64 {
+fn ten_to_the(decimals: usize) -> f64 {
     (0..decimals).fold(1.0, |power, _| power * 10.0)
 }

@@ -40,7 +40,12 @@ impl Event {
 
     /// The event with no time, as it is written: the kernel puts its own.
     pub(crate) fn to_bytes(self) -> [u8; EVENT_SIZE] {
-        let fields = self.kind.to_ne_bytes().into_iter().chain(self.code.to_ne_bytes()).chain(self.value.to_ne_bytes());
+        let fields = self
+            .kind
+            .to_ne_bytes()
+            .into_iter()
+            .chain(self.code.to_ne_bytes())
+            .chain(self.value.to_ne_bytes());
         let mut bytes = [0; EVENT_SIZE];
         for (place, byte) in bytes.iter_mut().skip(TIME_SIZE).zip(fields) {
             *place = byte;

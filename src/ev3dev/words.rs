@@ -216,6 +216,13 @@ words! {
     }
 }
 
+impl Default for BinFormat {
+    /// What the class takes where a driver says nothing.
+    fn default() -> Self {
+        Self::U8
+    }
+}
+
 impl BinFormat {
     /// Bytes of one value.
     #[must_use]

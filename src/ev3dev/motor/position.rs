@@ -55,12 +55,14 @@ pub trait MotorKind: kind::Sealed + Debug {
 }
 
 mod kind {
-    use super::{DeviceError, Identity, Node};
+    use std::sync::Arc;
+
+    use super::{DeviceError, Identity, Tree};
 
     /// How a kind is told from the other, and bound.
     pub trait Sealed: Sized {
         fn fits(identity: &Identity) -> bool;
-        fn bind(node: &Node) -> Result<Self, DeviceError>;
+        fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError>;
     }
 }
 
@@ -74,7 +76,8 @@ attributes! {
         /// The commands that the driver takes.
         pub readable "commands" => commands: Words;
         writeable "command" => write_command: TachoCommand;
-        readable "max_speed" => read_max_speed: i32;
+        /// The highest `speed_sp`, counts per second, read anew.
+        pub readable "max_speed" => read_max_speed: i32;
         /// Position, counts. Writing moves the zero, not the motor; while it holds, the motor jumps by the difference.
         pub readwriteable "position" => position / set_position: i32;
         /// Where `run-to-*` go, counts.
@@ -153,7 +156,7 @@ impl<K: MotorKind> PositionMotor<K> {
         let files = TachoFiles::new();
         let max_speed = files.read_max_speed.read(&node)?;
         files.speed_sp.limit(-i64::from(max_speed), i64::from(max_speed));
-        let kind = K::bind(&node)?;
+        let kind = K::bind(tree, &identity)?;
         Ok(Self {
             node,
             files,
@@ -274,8 +277,8 @@ impl kind::Sealed for Rotary {
         !Linear::fits(identity)
     }
 
-    fn bind(node: &Node) -> Result<Self, DeviceError> {
-        Ok(Self { count_per_rot: Attribute::new(COUNT_PER_ROT).read(node)? })
+    fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError> {
+        Ok(Self { count_per_rot: Attribute::new(COUNT_PER_ROT).read(&identity.node(tree))? })
     }
 }
 
@@ -285,7 +288,8 @@ impl kind::Sealed for Linear {
         identity.name.starts_with("linear")
     }
 
-    fn bind(node: &Node) -> Result<Self, DeviceError> {
+    fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError> {
+        let node = &identity.node(tree);
         Ok(Self {
             count_per_m: Attribute::new(COUNT_PER_M).read(node)?,
             full_travel_count: Attribute::new(FULL_TRAVEL_COUNT).read(node)?,

@@ -51,16 +51,8 @@ pub enum Colour {
 
 impl Colour {
     /// Every colour, by its number.
-    pub const ALL: [Self; 8] = [
-        Self::None,
-        Self::Black,
-        Self::Blue,
-        Self::Green,
-        Self::Yellow,
-        Self::Red,
-        Self::White,
-        Self::Brown,
-    ];
+    pub const ALL: [Self; 8] =
+        [Self::None, Self::Black, Self::Blue, Self::Green, Self::Yellow, Self::Red, Self::White, Self::Brown];
 
     /// The sensor's number for it.
     #[must_use]

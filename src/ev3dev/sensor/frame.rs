@@ -14,7 +14,12 @@ impl Frame {
     /// Bytes that the driver delivers, whatever the mode; those behind the values mean nothing.
     pub const SIZE: usize = 32;
 
-    pub(crate) fn new(bytes: [u8; Self::SIZE], length: usize, format: BinFormat, count: usize) -> Option<Self> {
+    pub(crate) fn new(
+        bytes: [u8; Self::SIZE],
+        length: usize,
+        format: BinFormat,
+        count: usize,
+    ) -> Option<Self> {
         // The driver may claim more values than fit into its 32 bytes.
         let count = count.min(Self::SIZE / format.size());
         let read = bytes.get(..length)?.get(..count * format.size())?;
@@ -30,9 +35,15 @@ impl Frame {
 
     /// A value as a whole number; `None` where there is none, or none that is whole.
     #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "every whole value of 32 bits fits; a cast from float saturates")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "every whole value of 32 bits fits; a cast from float saturates"
+    )]
     pub fn whole(&self, index: usize) -> Option<i64> {
-        self.values.get(index).filter(|value| libm::trunc(**value).to_bits() == value.to_bits()).map(|value| *value as i64)
+        self.values
+            .get(index)
+            .filter(|value| libm::trunc(**value).to_bits() == value.to_bits())
+            .map(|value| *value as i64)
     }
 }
 
@@ -88,8 +99,12 @@ mod tests {
 
     #[test]
     fn only_whole_values_are_whole() {
-        let floats = frame(&[0, 0, 0xc0, 0x3f, 0, 0, 0, 0x40, 0, 0, 0xc0, 0x7f], BinFormat::Float, 3).unwrap();
-        assert_eq!([floats.whole(0), floats.whole(1), floats.whole(2), floats.whole(3)], [None, Some(2), None, None]);
+        let floats =
+            frame(&[0, 0, 0xc0, 0x3f, 0, 0, 0, 0x40, 0, 0, 0xc0, 0x7f], BinFormat::Float, 3).unwrap();
+        assert_eq!(
+            [floats.whole(0), floats.whole(1), floats.whole(2), floats.whole(3)],
+            [None, Some(2), None, None]
+        );
     }
 
     proptest! {

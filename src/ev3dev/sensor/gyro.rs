@@ -95,7 +95,9 @@ impl GyroSensor {
     pub fn angle_and_rate(&self) -> Result<AngleAndRate, DeviceError> {
         self.mode_among(&[GyroMode::AngleAndRate], &["GYRO-G&A"])?;
         self.frame(|frame| match frame.values() {
-            [angle, rate, ..] => Some(AngleAndRate { angle_rad: radians(*angle), rate_rad_s: radians(*rate) }),
+            [angle, rate, ..] => {
+                Some(AngleAndRate { angle_rad: radians(*angle), rate_rad_s: radians(*rate) })
+            }
             _ => None,
         })
     }

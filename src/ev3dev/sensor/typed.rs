@@ -98,7 +98,11 @@ impl<M: SensorMode> TypedSensor<M> {
     }
 
     /// The mode in force, which must be one of `usable`: a value means nothing without its mode.
-    pub(super) fn mode_among(&self, usable: &'static [M], words: &'static [&'static str]) -> Result<M, DeviceError> {
+    pub(super) fn mode_among(
+        &self,
+        usable: &'static [M],
+        words: &'static [&'static str],
+    ) -> Result<M, DeviceError> {
         self.mode
             .filter(|mode| usable.contains(mode))
             .ok_or_else(|| self.sensor.node().refusal("mode", &self.sensor.mode().name, Legal::Words(words)))
