@@ -189,10 +189,11 @@ impl<T: Value> Attribute<T> {
     /// Checks a value and writes it as one store that ends with a newline.
     pub(crate) fn write(&self, node: &Node, value: &T) -> Result<(), DeviceError> {
         let mut line = Line::new();
-        let fits = value.render(&mut line).is_ok();
-        let legal = value.number().is_none_or(|number| self.legal().allows(number)) && !line.contains('\n');
-        if !(fits && legal && line.try_push('\n').is_ok()) {
-            return Err(node.refusal(self.spec.name, &line, self.legal()));
+        let fits = value.render(&mut line).is_ok() && !line.contains('\n');
+        let legal = self.legal();
+        let allowed = legal.admits(&line) && value.number().is_none_or(|number| legal.allows(number));
+        if !(fits && allowed && line.try_push('\n').is_ok()) {
+            return Err(node.refusal(self.spec.name, &line, legal));
         }
         self.write_bytes(node, line.as_bytes())
     }

@@ -46,6 +46,16 @@ impl Legal {
             _ => true,
         }
     }
+
+    /// Whether a word is legal here; where no word is expected, none is refused.
+    #[must_use]
+    pub fn admits(&self, word: &str) -> bool {
+        match self {
+            Self::Words(words) => words.contains(&word),
+            Self::OneOf(words) => words.split_whitespace().any(|legal| legal == word),
+            _ => true,
+        }
+    }
 }
 
 impl fmt::Display for Legal {

@@ -5,11 +5,12 @@ use std::time::Duration;
 use nix::errno::Errno;
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::{
-    Cause, Colour, ColourMode, ColourSensor, GyroMode, GyroReset, GyroSensor, InfraredMode, InfraredSensor,
-    Legal, RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor, TypedSensor, UltrasonicMode,
-    UltrasonicSensor, settle_ns,
+    Cause, Colour, ColourMode, ColourSensor, FindError, GyroMode, GyroReset, GyroSensor, InfraredMode,
+    InfraredSensor, Legal, RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor, TypedSensor,
+    UltrasonicMode, UltrasonicSensor, settle_ns,
 };
 use onbrick::units::radians;
+use proptest::prelude::*;
 
 use super::fake::{FakeTree, SENSOR, plug_sensor};
 use crate::support::allocations::allocations;
@@ -208,8 +209,10 @@ fn infrared_proximity_and_remote() {
     assert_eq!(sensor.proximity_pct().unwrap(), 100.0);
     frame(&fake, "4", "s8", &[1, 0, 11, 9]);
     sensor.set_mode(InfraredMode::Remote).unwrap();
-    use RemoteCode::{Beacon, BlueUpBlueDown, None, RedUp};
-    assert_eq!(sensor.remotes().unwrap(), [RedUp, None, BlueUpBlueDown, Beacon]);
+    assert_eq!(
+        sensor.remotes().unwrap(),
+        [RemoteCode::RedUp, RemoteCode::None, RemoteCode::BlueUpBlueDown, RemoteCode::Beacon]
+    );
     for (number, code) in (0..).zip(RemoteCode::ALL) {
         value0(&fake, number);
         assert_eq!(sensor.remote().unwrap(), code);
@@ -408,7 +411,7 @@ fn a_sensors_reading_is_one_call_and_allocates_nothing_after_the_first() {
     frame(&fake, "2", "s16", &[0x0a, 0x00, 0xf6, 0xff]);
     sensor.angle_rad().unwrap();
     let before = fake.calls();
-    let (allocated, ()) = allocations(|| (0..100).for_each(|_| drop(sensor.angle_rad().unwrap())));
+    let (allocated, ()) = allocations(|| (0..100).for_each(|_| assert!(sensor.angle_rad().is_ok())));
     assert_eq!(
         (fake.calls().reads - before.reads, fake.calls().opens - before.opens, allocated),
         (100, 0, 0)
@@ -416,11 +419,33 @@ fn a_sensors_reading_is_one_call_and_allocates_nothing_after_the_first() {
     sensor.set_mode(GyroMode::AngleAndRate).unwrap();
     sensor.angle_and_rate().unwrap();
     let before = fake.calls();
-    let (allocated, ()) = allocations(|| (0..100).for_each(|_| drop(sensor.angle_and_rate().unwrap())));
+    let (allocated, ()) = allocations(|| (0..100).for_each(|_| assert!(sensor.angle_and_rate().is_ok())));
     assert_eq!(
         (fake.calls().reads - before.reads, fake.calls().opens - before.opens, allocated),
         (100, 0, 0)
     );
+}
+
+proptest! {
+    #[test]
+    fn whatever_a_driver_says_is_a_value_or_malformed(bytes in proptest::collection::vec(any::<u8>(), 0..90)) {
+        let (fake, sensor) = typed::<UltrasonicMode>(ULTRASONIC_MODES);
+        fake.put(SENSOR, "value0", &bytes);
+        if let Err(error) = sensor.distance_m() {
+            prop_assert!(matches!(error.cause, Cause::Malformed(_)), "{}", error);
+        }
+        let mut sensor = sensor.into_sensor();
+        for name in ["mode", "num_values", "decimals", "units", "bin_data_format", "bin_data"] {
+            fake.put(SENSOR, name, &bytes);
+            let outcomes = [sensor.refresh_mode().err(), sensor.frame().err()];
+            for error in outcomes.into_iter().flatten() {
+                prop_assert!(matches!(error.cause, Cause::Malformed(_)), "{}", error);
+            }
+            if let Err(FindError::Device(error)) = Sensor::find(&fake.tree(), None, None) {
+                prop_assert!(matches!(error.cause, Cause::Malformed(_)), "{}", error);
+            }
+        }
+    }
 }
 
 #[test]
