@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nix::errno::Errno;
 
 use super::error::{Cause, DeviceError};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Value, Word};
 use super::words::Technology;

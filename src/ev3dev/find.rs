@@ -8,7 +8,7 @@ use nix::errno::Errno;
 
 use super::address::PortAddress;
 use super::error::{DeviceError, FindError};
-use super::node::{Attribute, AttributeSpec, Direction, Node};
+use super::node::{Attribute, AttributeSpec, Node};
 use super::tree::Tree;
 use super::value::{Legal, Word};
 use super::words::words;
@@ -113,7 +113,7 @@ pub(crate) fn find_where(
 
 fn identity(tree: &Arc<dyn Tree>, class: Class, name: String) -> Result<Identity, DeviceError> {
     let node = Node::new(tree, &format!("sys/class/{class}/{name}"), None);
-    let text = |name| AttributeSpec { name, direction: Direction::Readable, legal: Legal::Text };
+    let text = |name| AttributeSpec::readable(name, Legal::Text);
     let address = Attribute::<PortAddress>::new(text("address")).read(&node)?;
     let driver = Attribute::<Word>::new(text("driver_name")).read(&node)?;
     Ok(Identity { class, name, address, driver })

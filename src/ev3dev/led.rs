@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::error::{Cause, DeviceError};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Legal, Value, Words};
 use super::words::words;

@@ -6,6 +6,7 @@
 //! Dropping a motor stops it if a command of ours may still be running, unless [`PositionMotor::release`] was said. A drop writes one
 //! kept file and neither waits nor panics; it does not run when the process is killed, which is why missions move by leases (`run-timed`).
 
+mod commanded;
 mod dc;
 mod position;
 mod servo;

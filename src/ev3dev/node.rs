@@ -41,6 +41,20 @@ pub struct AttributeSpec {
     pub legal: Legal,
 }
 
+impl AttributeSpec {
+    pub(crate) const fn readable(name: &'static str, legal: Legal) -> Self {
+        Self { name, direction: Direction::Readable, legal }
+    }
+
+    pub(crate) const fn writeable(name: &'static str, legal: Legal) -> Self {
+        Self { name, direction: Direction::Writeable, legal }
+    }
+
+    pub(crate) const fn readwriteable(name: &'static str, legal: Legal) -> Self {
+        Self { name, direction: Direction::Readwriteable, legal }
+    }
+}
+
 /// One device's folder of attributes.
 #[derive(Debug, Clone)]
 pub(crate) struct Node {
@@ -231,46 +245,30 @@ macro_rules! attributes {
             /// The table's rows.
             pub const ATTRIBUTES: &'static [AttributeSpec] = &[$(attributes!(@spec $dir $file $ty $(, $legal)?),)+];
 
-            $(attributes!(@$dir [$(#[$row])* $vis] $name $($setter)?: $ty);)+
+            $(attributes!(@$dir [$(#[$row])* $vis] $name $name $($setter)?: $ty);)+
         }
     };
-    (@spec $dir:ident $file:literal $ty:ty) => {
-        attributes!(@spec $dir $file $ty, <$ty as Value>::LEGAL)
+    (@spec $dir:ident $file:literal $ty:ty) => { AttributeSpec::$dir($file, <$ty as Value>::LEGAL) };
+    (@spec $dir:ident $file:literal $ty:ty, $legal:expr) => { AttributeSpec::$dir($file, $legal) };
+    (@readwriteable [$($head:tt)*] $field:ident $name:ident $setter:ident: $ty:ty) => {
+        attributes!(@readable [$($head)*] $field $name: $ty);
+        attributes!(@writeable [$($head)*] $field $setter: $ty);
     };
-    (@spec readable $file:literal $ty:ty, $legal:expr) => {
-        AttributeSpec { name: $file, direction: Direction::Readable, legal: $legal }
-    };
-    (@spec writeable $file:literal $ty:ty, $legal:expr) => {
-        AttributeSpec { name: $file, direction: Direction::Writeable, legal: $legal }
-    };
-    (@spec readwriteable $file:literal $ty:ty, $legal:expr) => {
-        AttributeSpec { name: $file, direction: Direction::Readwriteable, legal: $legal }
-    };
-    (@readable [$(#[$row:meta])* $vis:vis] $name:ident: $ty:ty) => {
+    (@readable [$(#[$row:meta])* $vis:vis] $field:ident $name:ident: $ty:ty) => {
         $(#[$row])*
         ///
         /// # Errors
         ///
         /// Any [`Cause`](crate::ev3dev::Cause) but `Refused`.
-        $vis fn $name(&self) -> Result<$ty, DeviceError> { self.files.$name.read(&self.node) }
+        $vis fn $name(&self) -> Result<$ty, DeviceError> { self.files.$field.read(&self.node) }
     };
-    (@writeable [$(#[$row:meta])* $vis:vis] $name:ident: $ty:ty) => {
+    (@writeable [$(#[$row:meta])* $vis:vis] $field:ident $name:ident: $ty:ty) => {
         $(#[$row])*
         ///
         /// # Errors
         ///
         /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other but `Malformed`.
-        $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> { self.files.$name.write(&self.node, &value) }
-    };
-    (@readwriteable [$(#[$row:meta])* $vis:vis] $name:ident $setter:ident: $ty:ty) => {
-        attributes!(@readable [$(#[$row])* $vis] $name: $ty);
-
-        $(#[$row])*
-        ///
-        /// # Errors
-        ///
-        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other but `Malformed`.
-        $vis fn $setter(&self, value: $ty) -> Result<(), DeviceError> { self.files.$name.write(&self.node, &value) }
+        $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> { self.files.$field.write(&self.node, &value) }
     };
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::address::PortAddress;
 use super::error::{DeviceError, FindError};
 use super::find::{Class, Identity, find};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Legal, Value, Word, Words};
 use super::words::PortMode;

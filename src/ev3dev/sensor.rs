@@ -35,7 +35,7 @@ use std::time::Duration;
 use super::address::PortAddress;
 use super::error::{Cause, DeviceError, FindError};
 use super::find::{Class, Identity, find};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Legal, Value, Word, Words};
 use super::words::BinFormat;
@@ -102,10 +102,8 @@ attributes! {
     }
 }
 
-const BIN_DATA: AttributeSpec =
-    AttributeSpec { name: "bin_data", direction: Direction::Readable, legal: Legal::Bytes };
-const DIRECT: AttributeSpec =
-    AttributeSpec { name: "direct", direction: Direction::Readwriteable, legal: Legal::Bytes };
+const BIN_DATA: AttributeSpec = AttributeSpec::readable("bin_data", Legal::Bytes);
+const DIRECT: AttributeSpec = AttributeSpec::readwriteable("direct", Legal::Bytes);
 
 impl Sensor {
     /// The class's attributes that are bytes.

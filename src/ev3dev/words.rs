@@ -151,7 +151,7 @@ words! {
 }
 
 words! {
-    /// How a port treats what is plugged in: input ports know the first nine but `tacho-motor`, output ports the others.
+    /// How a port treats what is plugged in. Input ports know `auto` to `other-uart` and `raw`, output ports `auto` and `tacho-motor` to `raw`.
     PortMode {
         /// Find out by itself; every port's default.
         Auto = "auto",

@@ -6,7 +6,6 @@
 //! - Polarity is the kernel's business: it turns set points and readings round.
 //! - After plug-in `position` need not be 0, and set points are whatever a former program left: write `reset` on start.
 
-use std::cell::Cell;
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,12 +13,13 @@ use std::time::Duration;
 use crate::ev3dev::address::PortAddress;
 use crate::ev3dev::error::{DeviceError, FindError};
 use crate::ev3dev::find::{Class, Identity, find_where};
-use crate::ev3dev::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use crate::ev3dev::node::{Attribute, AttributeSpec, Node, attributes};
 use crate::ev3dev::tree::Tree;
 use crate::ev3dev::value::{Legal, Value, Word, Words};
 use crate::ev3dev::words::{Polarity, StopAction, TachoCommand};
 use crate::units::Duty;
 
+use super::commanded::Commanded;
 use super::state::MotorState;
 
 /// The longest ramp that the driver takes, ms (`tacho_motor_class.c`).
@@ -35,8 +35,7 @@ pub struct PositionMotor<K: MotorKind> {
     identity: Identity,
     kind: K,
     max_speed: i32,
-    may_drive: Cell<bool>,
-    stops_on_drop: Cell<bool>,
+    commanded: Commanded,
 }
 
 /// A motor that turns.
@@ -157,15 +156,7 @@ impl<K: MotorKind> PositionMotor<K> {
         let max_speed = files.read_max_speed.read(&node)?;
         files.speed_sp.limit(-i64::from(max_speed), i64::from(max_speed));
         let kind = K::bind(tree, &identity)?;
-        Ok(Self {
-            node,
-            files,
-            identity,
-            kind,
-            max_speed,
-            may_drive: Cell::new(false),
-            stops_on_drop: Cell::new(true),
-        })
+        Ok(Self { node, files, identity, kind, max_speed, commanded: Commanded::new() })
     }
 
     /// What identifies the motor, as it was found.
@@ -186,11 +177,7 @@ impl<K: MotorKind> PositionMotor<K> {
     ///
     /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a command that this driver does not have; any other but `Malformed`.
     pub fn command(&self, command: TachoCommand) -> Result<(), DeviceError> {
-        // Before it is written: a command whose answer is lost may be running.
-        self.may_drive.set(self.may_drive.get() || command.drives());
-        self.write_command(command)?;
-        self.may_drive.set(command.drives());
-        Ok(())
+        self.commanded.give(command.drives(), || self.write_command(command))
     }
 
     /// The stop action that was set, now.
@@ -223,7 +210,7 @@ impl<K: MotorKind> PositionMotor<K> {
 
     /// Whether dropping this motor stops it if a command of ours may be running; it does unless told otherwise.
     pub fn set_stops_on_drop(&self, stops: bool) {
-        self.stops_on_drop.set(stops);
+        self.commanded.set_ends_on_drop(stops);
     }
 
     /// Lets the motor go on as it is: dropping it changes nothing.
@@ -235,7 +222,7 @@ impl<K: MotorKind> PositionMotor<K> {
 impl<K: MotorKind> Drop for PositionMotor<K> {
     fn drop(&mut self) {
         let file = &self.files.write_command;
-        if self.may_drive.get() && self.stops_on_drop.get() && file.is_open_for_writing() {
+        if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
             // Nobody is left to tell; a motor that is gone does not turn.
             let _ = file.write(&self.node, &TachoCommand::Stop);
         }
@@ -255,12 +242,9 @@ pub struct Linear {
     full_travel_count: i32,
 }
 
-const COUNT_PER_ROT: AttributeSpec =
-    AttributeSpec { name: "count_per_rot", direction: Direction::Readable, legal: Legal::Number };
-const COUNT_PER_M: AttributeSpec =
-    AttributeSpec { name: "count_per_m", direction: Direction::Readable, legal: Legal::Number };
-const FULL_TRAVEL_COUNT: AttributeSpec =
-    AttributeSpec { name: "full_travel_count", direction: Direction::Readable, legal: Legal::Number };
+const COUNT_PER_ROT: AttributeSpec = AttributeSpec::readable("count_per_rot", Legal::Number);
+const COUNT_PER_M: AttributeSpec = AttributeSpec::readable("count_per_m", Legal::Number);
+const FULL_TRAVEL_COUNT: AttributeSpec = AttributeSpec::readable("full_travel_count", Legal::Number);
 
 impl MotorKind for Rotary {
     const WHAT: &'static str = "motor";

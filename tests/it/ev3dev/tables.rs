@@ -78,11 +78,14 @@ fn every_attribute_that_the_transcript_uses_is_in_a_table() {
     assert!(seen > 500, "{seen} reads and writes");
 }
 
+/// Name, mode, what is legal.
+type Row = (&'static str, u32, &'static str);
+
 /// Rows of the reference's sections 2 to 4, 7 and 8 (restated from the classes' source): name, mode, what is legal in it.
 #[test]
 fn the_other_classes_tables_are_what_the_reference_says() {
     #[rustfmt::skip]
-    let classes: [(&str, Vec<AttributeSpec>, &[(&str, u32, &str)]); 5] = [
+    let classes: [(&str, Vec<AttributeSpec>, &[Row]); 5] = [
         ("linear", fake::linear_tables()[1].to_vec(), &[
             ("count_per_m", 0o444, "a whole number"),
             ("full_travel_count", 0o444, "a whole number"),
