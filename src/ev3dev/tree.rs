@@ -149,3 +149,40 @@ impl AttributeFile for LocalFile {
 fn errno(error: std::io::Error) -> Errno {
     error.raw_os_error().map_or(Errno::EIO, Errno::from_raw)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kept_file_is_read_anew_each_time_and_written_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("position"), "100\n").unwrap();
+        let tree = LocalTree::new(folder.path());
+        let (reader, writer) =
+            (tree.open("position", Access::Read).unwrap(), tree.open("position", Access::Write).unwrap());
+        let mut buffer = [0; 8];
+        assert_eq!(reader.read(&mut buffer), Ok(4));
+        assert_eq!(writer.write(b"7\n"), Ok(2));
+        let length = reader.read(&mut buffer).unwrap();
+        assert_eq!(buffer[..length].split(|&byte| byte == b'\n').next(), Some(b"7".as_slice()));
+        assert_eq!(reader.wait_changed(Duration::ZERO), Ok(false), "a plain file never says that it changed");
+    }
+
+    #[test]
+    fn what_is_not_there_is_said_by_its_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let tree = LocalTree::new(folder.path());
+        assert_eq!(tree.list("sys/class/tacho-motor").unwrap_err(), Errno::ENOENT);
+        assert_eq!(tree.open("sys/class", Access::Read).unwrap_err(), Errno::ENOENT);
+        assert_eq!(tree.local_path("dev/input").unwrap(), folder.path().join("dev/input"));
+    }
+
+    #[test]
+    fn a_file_opened_for_reading_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("speed"), "0\n").unwrap();
+        let file = LocalTree::new(folder.path()).open("speed", Access::Read).unwrap();
+        assert_eq!(file.write(b"1\n"), Err(Errno::EBADF));
+    }
+}
