@@ -1,6 +1,7 @@
 //! Finding devices: by port, by driver, or because there is only one.
 //!
-//! A device's number (`motor0`) only ever grows and says nothing; what identifies it is its address, with its driver's name.
+//! A device's number (`motor0`) only ever grows and says nothing; what identifies it is its address, with its
+//! driver's name.
 
 use std::sync::Arc;
 
@@ -52,7 +53,8 @@ impl Identity {
 ///
 /// # Errors
 ///
-/// [`FindError::Unlisted`], and [`FindError::Device`] for one that is there and cannot be read. One that is pulled while we look is left out.
+/// [`FindError::Unlisted`], and [`FindError::Device`] for one that is there and cannot be read. One that is pulled
+/// while we look is left out.
 pub fn devices(tree: &Arc<dyn Tree>, class: Class) -> Result<Vec<Identity>, FindError> {
     let folder = format!("sys/class/{class}");
     let names = match tree.list(&folder) {

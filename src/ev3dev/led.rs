@@ -32,7 +32,8 @@ attributes! {
 }
 
 impl Led {
-    /// The LED of this name in `sys/class/leds`: `led0:red:brick-status`; `ev3-ports:outA::brick-status` for a lamp on a port.
+    /// The LED of this name in `sys/class/leds`: `led0:red:brick-status`; `ev3-ports:outA::brick-status` for a lamp
+    /// on a port.
     ///
     /// # Errors
     ///

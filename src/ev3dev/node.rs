@@ -1,7 +1,7 @@
 //! One device's folder, its attributes as kept files, and the macro that makes accessors of a table.
 //!
-//! An attribute is opened on its first use, once for reading and once for writing, and kept. From then on a reading is one system call into a stack
-//! buffer, a write is one system call out of one, and neither allocates.
+//! An attribute is opened on its first use, once for reading and once for writing, and kept. From then on a reading
+//! is one system call into a stack buffer, a write is one system call out of one, and neither allocates.
 //!
 //! # Not here
 //!
@@ -224,9 +224,11 @@ fn kept(
     Ok(file.get_or_init(|| opened).as_ref())
 }
 
-/// Makes a table's struct of kept files, its `ATTRIBUTES`, and the accessors of the device that holds them as `files` beside its `node`.
+/// Makes a table's struct of kept files, its `ATTRIBUTES`, and the accessors of the device that holds them as `files`
+/// beside its `node`.
 ///
-/// A row: visibility, direction, file, name of the reader (or of the only accessor), name of the writer, type, legal values if the type does not say.
+/// A row: visibility, direction, file, name of the reader (or of the only accessor), name of the writer, type, legal
+/// values if the type does not say.
 macro_rules! attributes {
     ($(#[$doc:meta])* $files:ident of [$($owner:tt)+] {
         $($(#[$row:meta])* $vis:vis $dir:ident $file:literal => $name:ident $(/ $setter:ident)?: $ty:ty $(, $legal:expr)?;)+
@@ -267,7 +269,8 @@ macro_rules! attributes {
         ///
         /// # Errors
         ///
-        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other but `Malformed`.
+        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other
+        /// but `Malformed`.
         $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> { self.files.$field.write(&self.node, &value) }
     };
 }

@@ -1,7 +1,7 @@
 //! Where attribute files are: the machine's own file system below some root, or a simulated brick.
 //!
-//! This is the seed's abstract node. Motors and sensors know only a [`Tree`] and the [`AttributeFile`]s it opens, so the
-//! same bindings drive a real brick, a mounted simulation and the simulation inside this process.
+//! This is the seed's abstract node. Motors and sensors know only a [`Tree`] and the [`AttributeFile`]s it opens, so
+//! the same bindings drive a real brick, a mounted simulation and the simulation inside this process.
 //!
 //! # What we count on
 //!
@@ -37,22 +37,24 @@ pub trait Tree: Debug + Send + Sync {
     ///
     /// # Errors
     ///
-    /// ENOENT where there is no such folder: on a brick without a device of that class the class's folder may be missing.
+    /// ENOENT where there is no such folder: on a brick without a device of that class the class's folder may be
+    /// missing.
     fn list(&self, folder: &str) -> Result<Vec<String>, Errno>;
 
     /// Opens a file, to be kept.
     ///
     /// # Errors
     ///
-    /// ENOENT, EACCES (wrong direction; also in the first moments after a device was plugged in), and what else the kernel says.
+    /// ENOENT, EACCES (wrong direction; also in the first moments after a device was plugged in), and what else the
+    /// kernel says.
     fn open(&self, path: &str, access: Access) -> Result<Box<dyn AttributeFile>, Errno>;
 
     /// Where the tree is, for messages: the root's path, or a name for a simulation.
     fn root(&self) -> &Path;
 
-    /// A file's path on this machine, for devices that are streams of events and no attributes (buttons, speaker): those are read
-    /// and written in sequence. A tree that is not in the file system says `None`, and is then asked to [`Tree::open`] them, each `read`
-    /// taking the events that are pending.
+    /// A file's path on this machine, for devices that are streams of events and no attributes (buttons, speaker):
+    /// those are read and written in sequence. A tree that is not in the file system says `None`, and is then asked
+    /// to [`Tree::open`] them, each `read` taking the events that are pending.
     fn local_path(&self, _path: &str) -> Option<PathBuf> {
         None
     }
@@ -74,8 +76,9 @@ pub trait AttributeFile: Debug + Send {
     /// What the driver answers: EINVAL, ERANGE, EOPNOTSUPP, ENODEV and others.
     fn write(&self, value: &[u8]) -> Result<usize, Errno>;
 
-    /// Waits until the driver says that the attribute has changed since the last [`AttributeFile::read`] (POLLPRI), or until `timeout` is
-    /// over; true if it has. Only `state` of tacho motors and `value0` of touch sensors ever say so.
+    /// Waits until the driver says that the attribute has changed since the last [`AttributeFile::read`] (POLLPRI),
+    /// or until `timeout` is over; true if it has. Only `state` of tacho motors and `value0` of touch sensors ever
+    /// say so.
     ///
     /// # Errors
     ///

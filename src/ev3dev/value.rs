@@ -83,7 +83,8 @@ pub(crate) trait Value: Sized {
     /// What is legal for every attribute of this type; a row of a table may say more.
     const LEGAL: Legal;
 
-    /// Whether the text may be longer than [`SHORT`] bytes; such attributes are read when a device is bound, never in a tick.
+    /// Whether the text may be longer than [`SHORT`] bytes; such attributes are read when a device is bound, never in
+    /// a tick.
     const LONG: bool = false;
 
     /// The value of an attribute's first line, without its newline.

@@ -14,7 +14,8 @@ pub struct UnknownWord {
     pub known: String,
 }
 
-/// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its place among attribute values.
+/// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its place among
+/// attribute values.
 macro_rules! words {
     ($(#[$doc:meta])* $name:ident { $($(#[$word_doc:meta])* $variant:ident = $word:literal,)+ }) => {
         $(#[$doc])*
@@ -81,7 +82,8 @@ words! {
 }
 
 words! {
-    /// Which way counts as positive. The kernel applies it to set points and to readings; nobody else may apply it again.
+    /// Which way counts as positive. The kernel applies it to set points and to readings; nobody else may apply it
+    /// again.
     Polarity {
         /// As the motor is built.
         Normal = "normal",
@@ -91,7 +93,8 @@ words! {
 }
 
 words! {
-    /// What a motor with a position is told to do. A command copies all set points; later set points wait for the next one.
+    /// What a motor with a position is told to do. A command copies all set points; later set points wait for the
+    /// next one.
     TachoCommand {
         /// Regulated at `speed_sp` until another command. Nothing ends it when our program dies.
         RunForever = "run-forever",
@@ -151,7 +154,8 @@ words! {
 }
 
 words! {
-    /// How a port treats what is plugged in. Input ports know `auto` to `other-uart` and `raw`, output ports `auto` and `tacho-motor` to `raw`.
+    /// How a port treats what is plugged in. Input ports know `auto` to `other-uart` and `raw`, output ports `auto`
+    /// and `tacho-motor` to `raw`.
     PortMode {
         /// Find out by itself; every port's default.
         Auto = "auto",

@@ -2,7 +2,8 @@
 //!
 //! # What we count on
 //!
-//! - Every command copies all set points; set points written later wait for the next command, but for `duty_cycle_sp` under `run-direct`.
+//! - Every command copies all set points; set points written later wait for the next command, but for `duty_cycle_sp`
+//!   under `run-direct`.
 //! - Polarity is the kernel's business: it turns set points and readings round.
 //! - After plug-in `position` need not be 0, and set points are whatever a former program left: write `reset` on start.
 
@@ -175,7 +176,8 @@ impl<K: MotorKind> PositionMotor<K> {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a command that this driver does not have; any other but `Malformed`.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a command that this driver does not have; any other but
+    /// `Malformed`.
     pub fn command(&self, command: TachoCommand) -> Result<(), DeviceError> {
         self.commanded.give(command.drives(), || self.write_command(command))
     }
@@ -198,8 +200,9 @@ impl<K: MotorKind> PositionMotor<K> {
         self.command(TachoCommand::Reset)
     }
 
-    /// Waits until `state` may have changed since it was last read, or until `timeout`; true if it may have. The driver looks
-    /// every 50 ms, and never wakes a sleeper whose cable is pulled, so keep the timeout below 100 ms and read the state anyway.
+    /// Waits until `state` may have changed since it was last read, or until `timeout`; true if it may have. The
+    /// driver looks every 50 ms, and never wakes a sleeper whose cable is pulled, so keep the timeout below 100 ms
+    /// and read the state anyway.
     ///
     /// # Errors
     ///

@@ -62,7 +62,8 @@ impl<M: SensorMode> TypedSensor<M> {
         self.mode
     }
 
-    /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are to be thrown away from now on.
+    /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are to be thrown away
+    /// from now on.
     ///
     /// # Errors
     ///
