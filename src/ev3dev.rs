@@ -118,5 +118,6 @@ pub use sound::{SOUND_PATH, Sound};
 pub use tree::{Access, AttributeFile, LocalTree, Tree};
 pub use value::{Legal, Word, Words};
 pub use words::{
-    BinFormat, DcCommand, Polarity, PortMode, ServoCommand, StopAction, TachoCommand, Technology, UnknownWord,
+    BinFormat, DcCommand, Driver, Polarity, PortMode, ServoCommand, StopAction, TachoCommand, Technology,
+    UnknownWord,
 };

@@ -11,8 +11,8 @@ use super::address::PortAddress;
 use super::error::{DeviceError, FindError};
 use super::node::{Attribute, AttributeSpec, Node};
 use super::tree::Tree;
-use super::value::{Legal, Word};
-use super::words::words;
+use super::value::{Legal, Value, Word};
+use super::words::{Driver, words};
 
 words! {
     /// A class of devices that have an address and a driver: a folder below `sys/class`.
@@ -44,6 +44,12 @@ pub struct Identity {
 }
 
 impl Identity {
+    /// The driver, if this program knows it by name.
+    #[must_use]
+    pub fn known_driver(&self) -> Option<Driver> {
+        Driver::parse(self.driver.as_bytes())
+    }
+
     pub(crate) fn node(&self, tree: &Arc<dyn Tree>) -> Node {
         Node::new(tree, &format!("sys/class/{}/{}", self.class, self.name), Some(self.address.clone()))
     }

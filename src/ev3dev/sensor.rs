@@ -40,7 +40,7 @@ use super::find::{Class, Identity, find};
 use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Legal, Value, Word, Words};
-use super::words::BinFormat;
+use super::words::{BinFormat, Driver};
 use crate::clock::MILLISECOND_NS;
 
 /// Any sensor, with its own modes, units and decimals.
@@ -184,7 +184,7 @@ impl Sensor {
         };
         let before = self.mode.name;
         self.write_and_read_back(word)?;
-        Ok(settle_ns(&self.identity.driver, &before, mode))
+        Ok(settle_ns(self.identity.known_driver(), &before, mode))
     }
 
     /// Writes the mode in force once more, which makes a single-shot mode measure, and zeroes some sensors.
@@ -272,7 +272,7 @@ impl Sensor {
     /// such way in.
     pub fn write_direct(&self, bytes: &[u8]) -> Result<(), DeviceError> {
         // All that the colour sensor understands here would overwrite its calibration for good.
-        let is_colour = self.identity.driver.as_str() == ColourMode::DRIVER;
+        let is_colour = self.identity.known_driver() == Some(Driver::Colour);
         if is_colour || bytes.is_empty() || bytes.len() > 32 {
             let cause = Cause::Refused { errno: None, legal: Legal::Bytes };
             return Err(self.node.error("direct", Some(bytes), cause));
@@ -337,15 +337,15 @@ impl Sensor {
 /// - Gyro: the older ones calibrate anew and nobody has written down how long that takes; 1 s is ours. Look whether
 ///   it drifts besides.
 #[must_use]
-pub fn settle_ns(driver: &str, from: &str, to: &str) -> i64 {
+pub fn settle_ns(driver: Option<Driver>, from: &str, to: &str) -> i64 {
     let measures = |mode: &str| mode.starts_with("US-DIST") || mode.starts_with("US-DC");
     let settle_ms = match driver {
         _ if from == to => 0,
-        "lego-ev3-touch" => 0,
-        "lego-ev3-color" => 20,
-        "lego-ev3-us" if measures(from) && measures(to) => 200,
-        "lego-ev3-us" => 2000,
-        "lego-ev3-gyro" => 1000,
+        Some(Driver::Touch) => 0,
+        Some(Driver::Colour) => 20,
+        Some(Driver::Ultrasonic) if measures(from) && measures(to) => 200,
+        Some(Driver::Ultrasonic) => 2000,
+        Some(Driver::Gyro) => 1000,
         _ => 200,
     };
     settle_ms * MILLISECOND_NS

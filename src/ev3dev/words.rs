@@ -238,3 +238,47 @@ impl BinFormat {
         }
     }
 }
+
+words! {
+    /// The drivers that this program knows by name. There are many more, and a device with any of them can be used.
+    Driver {
+        /// LEGO's large motor; an NXT motor says the same in the port mode `auto`.
+        LargeMotor = "lego-ev3-l-motor",
+        /// LEGO's medium motor.
+        MediumMotor = "lego-ev3-m-motor",
+        /// The NXT's motor, if somebody said so.
+        NxtMotor = "lego-nxt-motor",
+        /// A linear actuator of 50 mm.
+        Linear50 = "act-l12-ev3-50",
+        /// A linear actuator of 100 mm.
+        Linear100 = "act-l12-ev3-100",
+        /// Any motor without a position.
+        RcxMotor = "rcx-motor",
+        /// The EV3's touch sensor.
+        Touch = "lego-ev3-touch",
+        /// The EV3's colour sensor.
+        Colour = "lego-ev3-color",
+        /// The EV3's ultrasonic sensor.
+        Ultrasonic = "lego-ev3-us",
+        /// The EV3's gyro sensor.
+        Gyro = "lego-ev3-gyro",
+        /// The EV3's infrared sensor.
+        Infrared = "lego-ev3-ir",
+        /// The NXT's touch sensor.
+        NxtTouch = "lego-nxt-touch",
+        /// The NXT's light sensor.
+        NxtLight = "lego-nxt-light",
+        /// The NXT's sound sensor, if somebody said so.
+        NxtSound = "lego-nxt-sound",
+        /// The NXT's ultrasonic sensor.
+        NxtUltrasonic = "lego-nxt-us",
+        /// The NXT's temperature sensor.
+        NxtTemperature = "lego-nxt-temp",
+        /// Any other analog sensor of the NXT.
+        NxtAnalog = "nxt-analog",
+        /// An input port.
+        InputPort = "ev3-input-port",
+        /// An output port.
+        OutputPort = "ev3-output-port",
+    }
+}

@@ -23,7 +23,7 @@ words! {
     }
 }
 
-sensor_modes!(ColourMode, "lego-ev3-color", "colour sensor");
+sensor_modes!(ColourMode, Colour, "colour sensor");
 
 /// The colour sensor, `lego-ev3-color`.
 pub type ColourSensor = TypedSensor<ColourMode>;

@@ -21,7 +21,7 @@ words! {
     }
 }
 
-sensor_modes!(InfraredMode, "lego-ev3-ir", "infrared sensor");
+sensor_modes!(InfraredMode, Infrared, "infrared sensor");
 
 /// The infrared sensor, `lego-ev3-ir`.
 pub type InfraredSensor = TypedSensor<InfraredMode>;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use onbrick::ev3dev::{
-    Cause, Class, FindError, GyroSensor, Inventory, LinearActuator, LocalTree, PortAddress, Sensor,
+    Cause, Class, Driver, FindError, GyroSensor, Inventory, LinearActuator, LocalTree, PortAddress, Sensor,
     TachoMotor, Tree, UltrasonicSensor, devices, find,
 };
 
@@ -61,6 +61,16 @@ fn devices_are_found_by_port_and_by_driver() {
     assert_eq!(UltrasonicSensor::find(&tree, None).unwrap().identity().address, port("ev3-ports:in3"));
     assert_eq!(Sensor::at(&tree, &port("in1")).unwrap().identity().driver.as_str(), "lego-nxt-us");
     assert_eq!(find(&tree, Class::LegoSensor, None, Some("lego-nxt-us")).unwrap().name, "sensor1");
+}
+
+#[test]
+fn a_driver_that_is_not_known_by_name_is_found_all_the_same() {
+    let fake = brick();
+    fake.put(SENSOR, "driver_name", b"made-by-somebody\n");
+    let found = find(&fake.tree(), Class::LegoSensor, Some(&port("in3")), None).unwrap();
+    assert_eq!((found.driver.as_str(), found.known_driver()), ("made-by-somebody", None));
+    let motor = find(&fake.tree(), Class::TachoMotor, Some(&port("outA")), None).unwrap();
+    assert_eq!(motor.known_driver(), Some(Driver::MediumMotor));
 }
 
 #[test]

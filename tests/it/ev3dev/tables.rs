@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use onbrick::ev3dev::{AttributeSpec, Battery, DcMotor, Direction, Led, LegoPort, ServoMotor};
+use onbrick::ev3dev::{AttributeSpec, Battery, DcMotor, Direction, Driver, Led, LegoPort, ServoMotor};
 
 use super::fake;
 use crate::support::{pass_over, shared};
@@ -59,6 +59,16 @@ fn the_tables_are_what_the_kernels_drivers_list() {
         let listed = listed(device);
         assert!(listed.len() > 5, "{device}: {listed:?}");
         assert_eq!(expected(&tables), listed, "{device}");
+    }
+}
+
+#[test]
+fn every_driver_of_the_transcript_is_known_by_name() {
+    let lines = TRANSCRIPT.lines().filter(|line| line.contains(" driver_name -> \""));
+    let names: Vec<&str> = lines.filter_map(|line| line.split('"').nth(1)?.strip_suffix("\\n")).collect();
+    assert!(names.len() >= 8, "{names:?}");
+    for name in names {
+        assert!(name.parse::<Driver>().is_ok(), "{name}");
     }
 }
 
