@@ -119,6 +119,7 @@ pub(crate) fn tick(number: u64) -> TickRecord {
         covariance: [1e-4, 2e-5, 3e-6, 4e-4, 5e-6, 6e-3],
         travelled_m: 0.05 * seconds,
         range: Some(range),
+        ..Estimate::default()
     };
     let timing = Timing {
         lateness_ns: i64::try_from(number % 50).unwrap() * 1000,
