@@ -81,6 +81,9 @@ impl Outline {
     }
 
     fn segment_gap(&self, segment: &Segment) -> f64 {
+        if self.covers(segment.from) || sides(&self.core, true).any(|side| side.crosses(segment)) {
+            return 0.0;
+        }
         let corners = self.core.iter().map(|p| (segment.closest(*p) - p).norm());
         let ends = [segment.from, segment.to].map(|end| self.nearest_core(end).1);
         corners.chain(ends).fold(f64::INFINITY, f64::min)
