@@ -81,6 +81,9 @@ impl Outline {
     }
 
     fn segment_gap(&self, segment: &Segment) -> f64 {
+        if self.covers(segment.from) || sides(&self.core, true).any(|side| side.crosses(segment)) {
+            return 0.0;
+        }
         let corners = self.core.iter().map(|p| (segment.closest(*p) - p).norm());
         let ends = [segment.from, segment.to].map(|end| self.nearest_core(end).1);
         corners.chain(ends).fold(f64::INFINITY, f64::min)
@@ -160,6 +163,13 @@ impl Body {
         self.turning_rad_s += cross(lever, impulse) * self.inverse_inertia;
     }
 
+    fn drag(&mut self, step_s: f64) {
+        let speed = self.velocity.norm();
+        if speed > 0.0 {
+            self.velocity *= toward_zero(speed, self.drag_n * self.inverse_mass * step_s) / speed;
+        }
+    }
+
     fn velocity_at(&self, lever: Point) -> Point {
         self.velocity + perpendicular(lever) * self.turning_rad_s
     }
@@ -216,13 +226,14 @@ impl Solver {
         step_s: f64,
     ) {
         self.collect(bodies, surfaces);
-        self.grips.iter_mut().for_each(|grip| *grip = [0.0; 3]);
-        for body in bodies.iter_mut() {
-            let speed = body.velocity.norm();
-            if speed > 0.0 {
-                body.velocity *= toward_zero(speed, body.drag_n * body.inverse_mass * step_s) / speed;
-            }
+        for (((body, motors), wheels), grips) in
+            bodies.iter_mut().zip(motors.iter_mut()).zip(wheels).zip(&self.grips)
+        {
+            body.drag(step_s);
+            begin(body, motors, wheels, grips);
         }
+        // Walls answer first: the wheels already push as in the step before.
+        self.contacts.iter_mut().for_each(|contact| resist(contact, bodies, step_s));
         for _ in 0..ROUNDS {
             for (((body, motors), wheels), grips) in
                 bodies.iter_mut().zip(motors.iter_mut()).zip(wheels).zip(&mut self.grips)
@@ -390,6 +401,19 @@ fn apply(contact: &Contact, bodies: &mut [Body], impulse: Point) {
     if let Some(other) = contact.other.and_then(|other| bodies.get_mut(other)) {
         other.push(-impulse, contact.other_lever);
     }
+}
+
+/// Starts from the grip of the step before: a wheel that pushes a wall would else creep by what the rounds leave over.
+fn begin(body: &mut Body, motors: &mut [Option<Motor>; 4], wheels: &[Wheel; 2], grips: &[f64; 3]) {
+    let ahead = direction(body.heading_rad);
+    let aside = perpendicular(ahead);
+    let [left, right, hold] = *grips;
+    for (wheel, impulse) in wheels.iter().zip([left, right]) {
+        let Some(motor) = motors.get_mut(wheel.out).and_then(Option::as_mut) else { continue };
+        body.push(ahead * impulse, aside * (-wheel.side * body.half_track_m));
+        motor.speed_rad_s -= impulse * wheel.ground_m_per_rad / motor.inertia_kg_m2;
+    }
+    body.push(aside * hold, Point::zeros());
 }
 
 /// One round of both wheels' grip and of the tyres' hold sideways.

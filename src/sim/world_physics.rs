@@ -9,7 +9,7 @@
 //!
 //! # What we count on
 //!
-//! - One step is [`STEP_NS`]; it allocates nothing once the lists of contacts have grown, and takes about 2 µs a robot in release.
+//! - One step is [`STEP_NS`]; it allocates nothing once the lists of contacts have grown, and takes a few microseconds a robot.
 //! - The same world, seed, bridges and calls of `measure` give the same bytes on every machine.
 
 use std::f64::consts::PI;

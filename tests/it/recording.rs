@@ -160,7 +160,8 @@ fn put(side: &mut TickSide, number: u64) {
     }
     side.tick(&record);
     if number.is_multiple_of(50) {
-        let state = EstimatorState { pose: record.estimate.pose, ..EstimatorState::default() };
+        let mut state = EstimatorState::default();
+        state.pose.clone_from(&record.estimate.pose);
         let machine =
             MachineState { state: 1, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
         side.checkpoint(number, time_ns, &state, &[machine]);

@@ -48,15 +48,18 @@ fn rms_dps(rows: &Rows, duty: i32, [volts, friction_nm, j_kg_m2, dead_s]: Fit) -
             motor.drive(Bridge::Duty(duty), volts, 0.002);
             time_s += 0.002;
         }
-        sum += (motor.speed_rad_s.to_degrees() - dps).powi(2);
+        let error = motor.speed_rad_s.to_degrees() - dps;
+        sum += error * error;
     }
     (sum / rows.len() as f64).sqrt()
 }
 
 /// Goes downhill one parameter at a time, with ever smaller steps.
 fn fit(recordings: &[(i32, Rows)]) -> Fit {
-    let cost =
-        |fit: Fit| recordings.iter().map(|(duty, rows)| rms_dps(rows, *duty, fit).powi(2)).sum::<f64>();
+    let cost = |fit: Fit| {
+        let square = |rms: f64| rms * rms;
+        recordings.iter().map(|(duty, rows)| square(rms_dps(rows, *duty, fit))).sum::<f64>()
+    };
     let mut best: Fit = [7.0, 0.0165, 0.00248, 0.02];
     let mut steps = [0.5, 0.004, 0.0004, 0.005];
     let mut least = cost(best);
