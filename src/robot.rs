@@ -227,6 +227,12 @@ impl Robot {
         reading.or_else(|| self.refused.as_ref().map(ToString::to_string))
     }
 
+    /// Why a channel could not be read the last time that anything could not be.
+    #[must_use]
+    pub fn trouble_with(&self, channel: Channel) -> Option<&DeviceError> {
+        self.trouble.as_ref().filter(|(troubled, _)| *troubled == channel).map(|(_, error)| error)
+    }
+
     /// Tells people near that the robot is about to move: three seconds of orange light and beeps, or until `stopped`.
     pub fn announce(&mut self, clock: &dyn Clock, stopped: &dyn Fn() -> bool) {
         const BEEP_HZ: i32 = 880;

@@ -100,8 +100,10 @@ pub enum Event {
     Status(recording::Status),
     /// The run did not start.
     Refused {
-        /// Why, and what to do.
+        /// Why.
         message: String,
+        /// What to do, where the message does not say it.
+        hint: Option<String>,
     },
     /// The run is over.
     Ended(Ended),

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::behavior::{Capabilities, Mission};
-use crate::document::{Document, Findings};
+use crate::document::{Document, Findings, nearest};
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
@@ -32,6 +33,21 @@ pub(super) fn read_source(
     let bytes = read_bounded(path)?;
     let document = Document::new(&name, &bytes).map_err(|findings| Failure::refused(findings.to_string()))?;
     Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
+}
+
+/// Reads a mission's file, or takes a shipped one.
+pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
+    read_source(path, shipped_mission).map_err(|failure| {
+        let names = crate::behavior::shipped::MISSIONS.map(|mission| mission.name);
+        failure.hint(path_or_name(path, "mission", &names))
+    })
+}
+
+/// The way out where a file that may also be a name is neither.
+fn path_or_name(path: &Path, what: &str, names: &[&str]) -> String {
+    let nearest = nearest(&path.to_string_lossy(), names.iter().copied());
+    let nearest = nearest.map(|hint| format!("; {hint}")).unwrap_or_default();
+    format!("a {what}'s file, or one of {}{nearest}", names.join(", "))
 }
 
 /// Reads at most one byte more than a document may have: enough to say that it is too long.
@@ -124,8 +140,12 @@ impl LoadedRun {
 /// Reads a recording; what a person should know about it goes to the log.
 pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     let name = path.display().to_string();
-    let run = Run::open(path)
-        .map_err(|error| Failure::from_error(Exit::Refused, &format!("cannot use {name}"), &error))?;
+    let run = Run::open(path).map_err(|error| {
+        let message = with_causes(&error);
+        // One that cannot be read names the file itself.
+        let message = if message.contains(&name) { message } else { format!("cannot use {name}: {message}") };
+        Failure::refused(message).hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
+    })?;
     for warning in &run.warnings {
         log::warn!("{name}: {warning}");
     }
@@ -156,6 +176,15 @@ fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     None
 }
 
+/// Refuses to write over a file that is there.
+pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
+    if path.exists() {
+        return Err(Failure::refused(format!("{} is there already", path.display()))
+            .hint("another name: a file that is there is never written over"));
+    }
+    Ok(())
+}
+
 /// Writes a file that did not need to be kept.
 #[cfg(feature = "host")]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
@@ -168,8 +197,8 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 #[cfg(feature = "sim")]
 pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
     let source = read_source(path, crate::sim::World::text).map_err(|failure| {
-        let names = crate::sim::World::names().collect::<Vec<_>>().join(", ");
-        failure.hint(format!("a world's file, or one of {names}"))
+        let names = crate::sim::World::names().collect::<Vec<_>>();
+        failure.hint(path_or_name(path, "world", &names))
     })?;
     let (world, warnings) = crate::sim::World::parse(&source.name, source.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
@@ -177,6 +206,16 @@ pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
     let start = world.starts().first();
     let start = start.map(|start| Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
     Ok((source, start.unwrap_or_default()))
+}
+
+/// Below this folder is no brick.
+pub(super) fn no_brick(root: &Path) -> Failure {
+    let root = root.display();
+    Failure::new(
+        Exit::Failed,
+        format!("there is no brick below {root}: no devices of ev3dev in its sys/class"),
+    )
+    .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick")
 }
 
 /// What a person sees of a run while it goes on.

@@ -10,7 +10,7 @@ use super::common::{
 };
 use super::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
-use crate::mapping::{Pose, stats};
+use crate::mapping::stats;
 use crate::report::{export, plot};
 use crate::runtime::{Brick, Job, NoHeartbeat, Source, StopFlags, execute};
 use crate::sim::World;
@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let shown = std::sync::Arc::clone(&progress);
     let ended = execute(&job, &flags, &mut NoHeartbeat, move |event| shown.show(event));
     progress.finish();
-    let ended = ended.map_err(|refused| Failure::refused(refused.to_text()))?;
+    let ended = ended.map_err(|refused| Failure::of_refused(refused.to_text(), refused.way_out()))?;
     output.line(ended.to_string());
     if !ended.wanted {
         return Err(Failure::new(Exit::Failed, ended.reason));

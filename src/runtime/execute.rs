@@ -69,6 +69,23 @@ impl Refused {
     pub fn to_text(&self) -> String {
         with_causes(self)
     }
+
+    /// What to do, where the message does not say it.
+    #[must_use]
+    pub fn way_out(&self) -> Option<&'static str> {
+        match self {
+            Self::Lock(LockError::Taken(_)) => Some("wait until it is over, or onbrick halt"),
+            Self::Lock(LockError::Io { .. }) => Some(
+                "look at the permissions of the lock file and its folder; nobody else needs the file, so it can be deleted",
+            ),
+            Self::Bind(_) => {
+                Some("onbrick devices shows what is plugged in; plug it in there, or change the robot's file")
+            }
+            Self::Record { .. } => Some("--out with a folder that can be written to, on a disk with room"),
+            Self::NoSimulation => Some("a program that was built with the feature `sim`"),
+            _ => None,
+        }
+    }
 }
 
 /// Does a job. `report` hears how it is going, at most five times a second, from more than one thread.

@@ -12,6 +12,7 @@
 )]
 
 mod behavior;
+mod commands;
 mod drivers_bench;
 mod ev3dev;
 mod figures;
