@@ -11,7 +11,7 @@ use crate::mapping::Pose;
 #[cfg(feature = "host")]
 use crate::report::{Scene, Track};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
-use crate::runtime::recording::Run;
+use crate::runtime::recording::{ReadError, Run};
 use crate::runtime::{Event, Source};
 
 /// A robot's file as it was read, and what it says.
@@ -141,9 +141,11 @@ impl LoadedRun {
 pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     let name = path.display().to_string();
     let run = Run::open(path).map_err(|error| {
-        let message = with_causes(&error);
-        // One that cannot be read names the file itself.
-        let message = if message.contains(&name) { message } else { format!("cannot use {name}: {message}") };
+        let message = match &error {
+            // This one names the file itself.
+            ReadError::Io { .. } => with_causes(&error),
+            _ => format!("cannot use {name}: {}", with_causes(&error)),
+        };
         Failure::refused(message).hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
     })?;
     for warning in &run.warnings {

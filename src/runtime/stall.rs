@@ -15,7 +15,7 @@ const SLOWEST_RAD_S: f64 = 0.17;
 
 /// Watches one wheel: what it was told to turn and what it turned since the window began.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct WheelWatch {
+struct WheelWatch {
     since_ns: i64,
     demanded_rad_s: f64,
     from_rad: f64,
@@ -54,14 +54,19 @@ impl WheelWatch {
 
 /// Watches both wheels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct StallWatch {
+pub(super) struct StallWatch {
     left: WheelWatch,
     right: WheelWatch,
 }
 
 impl StallWatch {
     /// One tick: true if a wheel is blocked. Demands in radians per second, angles in radians, left before right.
-    pub fn step(&mut self, time_ns: i64, demanded_rad_s: [f64; 2], angle_rad: [Option<f64>; 2]) -> bool {
+    pub(super) fn step(
+        &mut self,
+        time_ns: i64,
+        demanded_rad_s: [f64; 2],
+        angle_rad: [Option<f64>; 2],
+    ) -> bool {
         let left = self.left.step(time_ns, demanded_rad_s[0], angle_rad[0]);
         let right = self.right.step(time_ns, demanded_rad_s[1], angle_rad[1]);
         left || right

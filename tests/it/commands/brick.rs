@@ -17,8 +17,11 @@ name = "straight"
 time_limit_s = 60
 [machine.drive]
 start = "on"
+final = "off"
 [machine.drive.state.on]
 do = { left_dps = 90, right_dps = 90, head_deg = 60 }
+next = [{ when = "time_s > 50", go = "off" }]
+[machine.drive.state.off]
 "#;
 
 /// A run under way on a brick of plain files.

@@ -68,7 +68,7 @@ fn graph_draws_every_shipped_mission() {
         let said = run(folder.path(), &["graph", mission.name]).expect(0);
         assert!(said.out.starts_with("stateDiagram-v2\n") && said.out.contains("-->"), "{}", said.out);
     }
-    let said = run(folder.path(), &["graph", "mpa"]).expect(3);
+    let said = run(folder.path(), &["graph", "mapp"]).expect(3);
     assert!(said.err.contains("did you mean `map`?") && said.err.contains("wall"), "{}", said.err);
     let json = run(folder.path(), &["graph", "map", "--json"]).expect(0);
     assert_eq!(keys(&json.json()[0]), ["mermaid", "mission"]);
