@@ -13,10 +13,10 @@ use onbrick::runtime::{NotReady, StopFlags, prepare};
 
 use crate::ev3dev::fake::{FakeTree, plug_large_motor, plug_sensor, rotary_tables, sensor_tables};
 
-const MOTORS: [&str; 3] =
+pub const MOTORS: [&str; 3] =
     ["sys/class/tacho-motor/motor0", "sys/class/tacho-motor/motor1", "sys/class/tacho-motor/motor2"];
-const SENSORS: [&str; 2] = ["sys/class/lego-sensor/sensor0", "sys/class/lego-sensor/sensor1"];
-const BATTERY: &str = "sys/class/power_supply/lego-ev3-battery";
+pub const SENSORS: [&str; 2] = ["sys/class/lego-sensor/sensor0", "sys/class/lego-sensor/sensor1"];
+pub const BATTERY: &str = "sys/class/power_supply/lego-ev3-battery";
 
 /// The shipped robot, at rest: three motors, an ultrasonic sensor, a gyro, a battery.
 pub fn brick() -> FakeTree {

@@ -93,7 +93,7 @@ fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
         assert_eq!(brick.commands(), ["stop"; 3], "{case}");
         let ending = recorded.ending.expect("the recording is complete");
         assert_eq!(ending.reason, "stopped by a signal", "{case}");
-        assert!(recorded.senses.len() > 2, "{case}");
+        assert!(!recorded.senses.is_empty(), "{case}");
     };
     std::thread::scope(|scope| {
         for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
@@ -217,7 +217,7 @@ fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
         scope.spawn(|| {
             let pull =
                 |brick: &PlainBrick| std::fs::remove_dir_all(brick.path("lego-sensor/sensor1", "")).unwrap();
-            refused(&pull, &["gyro", "in4", "lego-ev3-us on ev3-ports:in1"]);
+            refused(&pull, &["gyro", "in4", "lego-ev3-us on in1"]);
         });
         scope.spawn(|| {
             refused(
