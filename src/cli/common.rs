@@ -39,15 +39,18 @@ pub(super) fn read_source(
 pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
     read_source(path, shipped_mission).map_err(|failure| {
         let names = crate::behavior::shipped::MISSIONS.map(|mission| mission.name);
-        failure.hint(path_or_name(path, "mission", &names))
+        hint_at_names(failure, path, "mission", &names)
     })
 }
 
-/// The way out where a file that may also be a name is neither.
-fn path_or_name(path: &Path, what: &str, names: &[&str]) -> String {
+/// The way out where a file that may also be a name is neither; one that is there says itself what is wrong with it.
+fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> Failure {
+    if path.is_file() {
+        return failure;
+    }
     let nearest = nearest(&path.to_string_lossy(), names.iter().copied());
     let nearest = nearest.map(|hint| format!("; {hint}")).unwrap_or_default();
-    format!("a {what}'s file, or one of {}{nearest}", names.join(", "))
+    failure.hint(format!("a {what}'s file, or one of {}{nearest}", names.join(", ")))
 }
 
 /// Reads at most one byte more than a document may have: enough to say that it is too long.
@@ -63,14 +66,16 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
+const SHOW_ROBOT: &str = "onbrick new robot, which shows a whole file with comments";
+
 /// Loads a robot's file, or the shipped one; warnings go to the log.
 pub(super) fn load_robot(path: Option<&Path>, _output: &mut Output) -> Result<LoadedRobot, Failure> {
     let source = match path {
-        Some(path) => read_source(path, |_| None)?,
+        Some(path) => read_source(path, |_| None).map_err(|failure| failure.hint(SHOW_ROBOT))?,
         None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
     };
     let (config, warnings) = RobotConfig::load(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+        .map_err(|findings| Failure::refused(findings.to_string()).hint(SHOW_ROBOT))?;
     warn(&warnings);
     Ok(LoadedRobot { source, config })
 }
@@ -81,11 +86,20 @@ pub(super) fn shipped_mission(name: &str) -> Option<&'static str> {
 }
 
 /// Loads a mission for a robot.
+///
+/// # Errors
+///
+/// What was found; [`broken_mission`] makes a failure of it.
 pub(super) fn load_mission(
     source: &Source,
     capabilities: &Capabilities,
 ) -> Result<(Mission, Findings), Findings> {
     Mission::parse(&source.name, source.text.as_bytes(), capabilities)
+}
+
+/// The failure of a mission that does not load.
+pub(super) fn broken_mission(findings: &Findings) -> Failure {
+    Failure::refused(findings.to_string()).hint("onbrick new mission, which shows a whole file with comments")
 }
 
 /// Puts warnings to the log: the file can be used all the same.
@@ -200,10 +214,13 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
     let source = read_source(path, crate::sim::World::text).map_err(|failure| {
         let names = crate::sim::World::names().collect::<Vec<_>>();
-        failure.hint(path_or_name(path, "world", &names))
+        hint_at_names(failure, path, "world", &names)
     })?;
-    let (world, warnings) = crate::sim::World::parse(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (world, warnings) =
+        crate::sim::World::parse(&source.name, source.text.as_bytes()).map_err(|findings| {
+            Failure::refused(findings.to_string())
+                .hint("onbrick new world, which shows a whole file with comments")
+        })?;
     warn(&warnings);
     let start = world.starts().first();
     let start = start.map(|start| Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });

@@ -56,6 +56,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let job = job(arguments, output)?;
     std::fs::create_dir_all(&arguments.out).map_err(|error| {
         Failure::from_error(Exit::Refused, &format!("cannot make {}", arguments.out.display()), &error)
+            .hint("--out with a folder that can be written to")
     })?;
     let robot = load_robot(None, output)?;
     let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())

@@ -8,7 +8,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::common::{load_mission, load_robot, pose, read_mission, setting, warn};
+use super::common::{broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, warn};
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -61,8 +61,8 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let robot = load_robot(arguments.robot.as_deref(), output)?;
     let source = read_mission(&arguments.mission)?;
-    let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (mut mission, warnings) =
+        load_mission(&source, &robot.config.capabilities()).map_err(|findings| broken_mission(&findings))?;
     warn(&warnings);
     for (name, value) in &arguments.set {
         mission
@@ -97,17 +97,16 @@ fn sync_period(text: &str) -> Result<f64, String> {
     if (0.1..=60.0).contains(&seconds) { Ok(seconds) } else { Err("it can be 0.1 to 60".to_owned()) }
 }
 
-#[cfg(feature = "sim")]
+/// Where the robot is, and its pose at the start where the world says it.
 fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
-    let Some(path) = &arguments.sim else {
-        return Ok((Brick::Local(arguments.brick.clone()), Pose::default()));
-    };
-    let (world, start) = super::common::load_world(path)?;
-    Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start))
-}
-
-#[cfg(not(feature = "sim"))]
-fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
+    #[cfg(feature = "sim")]
+    if let Some(path) = &arguments.sim {
+        let (world, start) = super::common::load_world(path)?;
+        return Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start));
+    }
+    if !arguments.brick.join("sys/class").is_dir() {
+        return Err(Failure { exit: Exit::Refused, ..no_brick(&arguments.brick) });
+    }
     Ok((Brick::Local(arguments.brick.clone()), Pose::default()))
 }
 

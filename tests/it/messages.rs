@@ -197,6 +197,7 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
     std::fs::create_dir(folder.path().join("there")).unwrap();
     write("there/run.mcap", b"");
     write("there.toml", b"");
+    std::fs::create_dir_all(folder.path().join("bare/sys/class")).unwrap();
     let mut out = String::new();
     for line in [
         "demo --world areena",
@@ -216,6 +217,7 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
         "run map --sim arena --set near_m=wide",
         "run map --sim arena --pose 1,2",
         "run map --brick nowhere",
+        "run map --brick bare",
         "check nothing.toml binary.toml",
         "graph mapp",
         "graph empty.toml",

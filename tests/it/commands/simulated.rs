@@ -120,10 +120,15 @@ fn runs_without_a_folder_take_the_next_free_one() {
 fn a_run_that_is_refused_leaves_no_folder() {
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["run", "map", "--brick", "nowhere"]).expect(3);
-    assert!(said.err.contains("drive.left") && said.err.contains("nothing of this kind"), "{}", said.err);
-    let said = run(folder.path(), &["run", "map", "--brick", "nowhere", "--out", "mine"]).expect(3);
-    assert!(said.err.contains("onbrick devices"), "{}", said.err);
-    assert_eq!(names(folder.path()), [""; 0]);
+    assert!(said.err.contains("no brick below nowhere") && said.err.contains("--brick"), "{}", said.err);
+    // A brick with nothing plugged in.
+    std::fs::create_dir_all(folder.path().join("bare/sys/class")).unwrap();
+    for out in ["mine", "mine/very/own"] {
+        let said = run(folder.path(), &["run", "map", "--brick", "bare", "--out", out]).expect(3);
+        assert!(said.err.contains("drive.left") && said.err.contains("nothing of this kind"), "{}", said.err);
+        assert!(said.err.contains("onbrick devices"), "{}", said.err);
+    }
+    assert_eq!(names(folder.path()), ["bare"]);
 }
 
 #[test]
