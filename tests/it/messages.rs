@@ -116,7 +116,7 @@ fn every_message_about_a_world_is_as_a_person_read_it_last() {
 #[test]
 fn every_message_before_a_start_is_as_a_person_read_it_last() {
     type Change = fn(&FakeTree);
-    let cases: [(&str, Change); 22] = [
+    let cases: [(&str, Change); 21] = [
         ("nothing is plugged in", |fake| MOTORS.iter().chain(&SENSORS).for_each(|folder| fake.pull(folder))),
         ("a wheel is plugged in elsewhere", |fake| fake.put(MOTORS[2], "address", b"ev3-ports:outC\n")),
         ("a sensor is missing", |fake| fake.pull(SENSORS[1])),
@@ -130,8 +130,10 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         ("a motor that refuses", |fake| fake.fail(MOTORS[1], "stop_action", None, Some(Errno::EINVAL))),
         ("a motor without a scale", |fake| fake.put(MOTORS[1], "count_per_rot", b"0\n")),
         ("a motor that says nonsense", |fake| fake.put(MOTORS[1], "max_speed", b"fast\n")),
-        ("a sensor without the mode", |fake| fake.put(SENSORS[0], "modes", b"US-LISTEN\n")),
-        ("a sensor in a mode that is none", |fake| fake.put(SENSORS[0], "mode", b"\n")),
+        ("a sensor without the mode", |fake| {
+            fake.put(SENSORS[0], "modes", b"US-LISTEN\n");
+            fake.put(SENSORS[0], "mode", b"US-LISTEN\n");
+        }),
         ("a sensor that does not change its mode", |fake| {
             fake.put(SENSORS[0], "mode", b"US-LISTEN\n");
             fake.fail(SENSORS[0], "mode", None, Some(Errno::ETIMEDOUT));
@@ -152,7 +154,8 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
     for (title, change) in cases {
         let fake = brick();
         change(&fake);
-        let message = ready(&fake.tree(), &shipped()).expect_err(title);
+        let message =
+            ready(&fake.tree(), &shipped()).err().unwrap_or_else(|| panic!("{title}: ready all the same"));
         writeln!(out, "## {title}\n\n{message}\n").unwrap();
     }
     let mut anywhere = shipped();

@@ -6,7 +6,10 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use onbrick::mapping::Pose;
+use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording::Run;
+use onbrick::runtime::{Brick, Heartbeat, Job, Source, StopFlags, execute};
 
 use super::{Done, done, keys, names, onbrick, run, text};
 use crate::support::plain_brick::{MOTORS, PlainBrick, await_that};
@@ -132,6 +135,39 @@ fn when_control_is_killed_the_leases_end_by_themselves_and_the_starter_says_so()
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), &["halt", "--brick", &root]).expect(0);
     assert_eq!(brick.commands(), ["stop"; 3]);
+}
+
+/// A heartbeat that fails after a few ticks, as a mistake in the program would.
+#[derive(Debug)]
+struct Failing(u32);
+
+impl Heartbeat for Failing {
+    fn beat(&mut self) {
+        self.0 += 1;
+        assert!(self.0 < 5, "a mistake, made on purpose");
+    }
+}
+
+#[test]
+fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
+    let brick = PlainBrick::new();
+    let folder = tempfile::tempdir().unwrap();
+    let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+    let job = Job {
+        mission: source("mission.toml", DRIVE),
+        robot: source("robot.toml", DEFAULT_ROBOT),
+        brick: Brick::Local(brick.root().to_owned()),
+        start: Pose::default(),
+        set: Vec::new(),
+        file: folder.path().join("run.mcap"),
+        sync_ns: 1_000_000_000,
+    };
+    let ended = execute(&job, &StopFlags::default(), &mut Failing(0), |_| {}).unwrap();
+    assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("panicked", false, true), "{ended}");
+    assert_eq!(brick.commands(), ["stop"; 3]);
+    assert_eq!(brick.owner(), None, "the lock is free");
+    let recorded = Run::open(&job.file).unwrap();
+    assert!(recorded.ending.unwrap().reason.contains("failed") && recorded.senses.len() >= 4);
 }
 
 #[test]
