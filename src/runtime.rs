@@ -34,7 +34,7 @@ mod stall;
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
-pub use pilot::{Pilot, PilotError, Step};
+pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, map_again, replay, replay_with};
 

@@ -10,7 +10,7 @@ use super::common::{
 };
 use super::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
-use crate::mapping::{Pose, stats};
+use crate::mapping::stats;
 use crate::report::{export, plot};
 use crate::runtime::{Brick, Job, NoHeartbeat, Source, StopFlags, execute};
 use crate::sim::World;

@@ -21,4 +21,5 @@ mod report;
 mod sim_drivers;
 mod sim_world;
 mod support;
+mod tick;
 mod transcript;
