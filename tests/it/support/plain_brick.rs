@@ -10,16 +10,16 @@ use onbrick::ev3dev::{Access, Tree};
 use onbrick::sim::{EntryKind, Simulation, World, WorldPhysics};
 
 /// Writes the brick of a built-in world's first robot, at rest, below `folder`.
-pub fn write(world: &str, folder: &Path) {
+pub(crate) fn write(world: &str, folder: &Path) {
     let clock: Arc<dyn Clock> = Arc::new(VirtualClock::default());
-    let world = World::named(world).expect("a built-in world").without_errors();
+    let world = World::named(world).unwrap().without_errors();
     let physics = WorldPhysics::new(world, 1, 1).unwrap();
     let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), 1);
     clock.sleep_until_ns(5 * onbrick::clock::SECOND_NS);
     let brick = simulation.brick(0);
     for class in brick.list("sys/class").unwrap() {
         for device in brick.list(&format!("sys/class/{class}")).unwrap() {
-            copy(&*brick, &format!("sys/class/{class}/{device}"), folder);
+            copy(&brick, &format!("sys/class/{class}/{device}"), folder);
         }
     }
 }
