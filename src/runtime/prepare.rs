@@ -51,7 +51,7 @@ pub enum NotReady {
     Stopped,
 }
 
-/// Watches until the robot has stood still for a second. `say` is told what is being waited for, once each.
+/// Waits until what the sensors say is no longer of their former mode, then watches until the robot has stood still for a second. `say` is told what is being waited for, once each.
 ///
 /// # Errors
 ///
@@ -75,7 +75,11 @@ pub fn prepare(
         if robot.sense(&mut senses) {
             return Err(NotReady::Stopped);
         }
-        let patient = senses.time_ns < PATIENCE_NS;
+        if senses.time_ns < robot.settle_ns() {
+            clock.sleep_until_ns(now_ns + LOOK_NS);
+            continue;
+        }
+        let patient = senses.time_ns < PATIENCE_NS + robot.settle_ns();
         match unready(robot, &senses, still_since.as_ref().map(|(_, senses)| senses)) {
             None => match still_since {
                 Some((since_ns, _)) if senses.time_ns - since_ns >= STILL_NS => return Ok(()),
