@@ -23,6 +23,7 @@ use crate::robot::Channel;
 
 mod control;
 mod execute;
+pub mod guard;
 mod lock;
 mod names;
 mod pilot;
