@@ -57,7 +57,7 @@ pub struct Robot {
     remote: Option<InfraredSensor>,
     battery: Option<Battery>,
     battery_due_ns: i64,
-    buttons: Option<Buttons>,
+    buttons: Result<Buttons, DeviceError>,
     lights: Option<StatusLights>,
     sound: Option<Sound>,
     led: Option<Led>,
@@ -116,6 +116,15 @@ impl Robot {
         let optional = optional.into_iter().filter(|(_, there)| *there).map(|(channel, _)| channel);
         let colour = self.colour.iter().map(|(_, channel)| *channel);
         [Channel::Left, Channel::Right].into_iter().chain(optional).chain(colour).chain(motors)
+    }
+
+    /// Whether a person can stop the robot by a button, or why not.
+    ///
+    /// # Errors
+    ///
+    /// What opening the buttons gave.
+    pub fn stop_button(&self) -> Result<(), &DeviceError> {
+        self.buttons.as_ref().map(|_| ())
     }
 
     /// Reads everything once, one system call an attribute, and notes it in `senses`, whose tick and time the caller has set. True if
@@ -250,7 +259,7 @@ impl Robot {
 
     /// Enter or Back went down since the last look, or is held down.
     fn stop_pressed(&mut self) -> bool {
-        let Some(buttons) = &mut self.buttons else { return false };
+        let Ok(buttons) = &mut self.buttons else { return false };
         let Ok(changes) = buttons.changes() else { return false };
         [Button::Enter, Button::Back].into_iter().any(|stop| changes.pressed.contains(stop))
     }

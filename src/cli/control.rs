@@ -80,10 +80,9 @@ impl Pipe {
     }
 
     fn write(&self, bytes: &[u8]) {
-        match nix::unistd::write(io::stdout().as_fd(), bytes) {
-            Err(Errno::EPIPE) => self.closed.store(true, Ordering::Relaxed),
-            // A reader that lags misses a line; the next one is no worse.
-            Ok(_) | Err(_) => {}
+        // A reader that lags misses a line (EAGAIN); the next one is no worse.
+        if nix::unistd::write(io::stdout().as_fd(), bytes) == Err(Errno::EPIPE) {
+            self.closed.store(true, Ordering::Relaxed);
         }
     }
 

@@ -62,7 +62,8 @@ fn because(error: Option<&DeviceError>) -> String {
     error.map(|error| format!(" ({error})")).unwrap_or_default()
 }
 
-/// Watches until the robot has stood still for a second. `say` is told what is being waited for, once each.
+/// Waits until what the sensors say is no longer of their former mode, then watches until the robot has stood still for a second.
+/// `say` is told what is being waited for, once each.
 ///
 /// # Errors
 ///
@@ -87,13 +88,15 @@ pub fn prepare(
         if robot.sense(&mut senses) {
             return Err(NotReady::Stopped);
         }
-        let patient = senses.time_ns < PATIENCE_NS;
+        if senses.time_ns < robot.settle_ns() {
+            clock.sleep_until_ns(now_ns + LOOK_NS);
+            continue;
+        }
+        let patient = senses.time_ns < PATIENCE_NS + robot.settle_ns();
         match unready(robot, &senses, still_since.as_ref().map(|(_, senses)| senses)) {
             None => match still_since {
                 Some((since_ns, _)) if senses.time_ns - since_ns >= STILL_NS => return Ok(()),
                 Some(_) => {}
-                // Right after a change of mode a sensor may still answer with a value of the old one.
-                None if senses.time_ns < robot.settle_ns() => {}
                 None => still_since = Some((senses.time_ns, senses)),
             },
             Some(NotReady::Battery(volts)) => return Err(NotReady::Battery(volts)),

@@ -21,7 +21,7 @@ use crate::robot::{Channel, RobotConfig, Senses};
 
 use super::pilot::{Pilot, PilotError, Step};
 use super::recording::{
-    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, TickRecord, Timing,
+    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, TickRecord,
 };
 use super::{Source, names};
 
@@ -143,7 +143,7 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
             replayed.skipped += 1;
             // A checkpoint is what was carried out of its tick.
             if let Some(state) = recorded.checkpoints.get(&senses.tick) {
-                lost = !cast.pilot.restore(state.estimator, &state.machines);
+                lost = !cast.pilot.restore(&state.state);
             }
             continue;
         }
@@ -239,7 +239,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
             estimate: step.estimate,
             point: step.point,
             range_is_new: step.estimate.sounding.is_some_and(|sounding| sounding.fresh),
-            timing: Timing::default(),
+            lateness_ns: 0,
         });
         for transition in taken {
             tick_side.transition(senses.tick, time_ns, transition);

@@ -24,5 +24,6 @@ mod report;
 mod sim_drivers;
 mod sim_world;
 mod support;
+mod tick;
 mod tidy;
 mod transcript;

@@ -12,7 +12,7 @@ use onbrick::runtime::recording::Run;
 use onbrick::runtime::{Brick, Heartbeat, Job, Source, StopFlags, execute};
 
 use super::{Done, done, keys, names, onbrick, run, text};
-use crate::support::plain_brick::{MOTORS, PlainBrick, await_that};
+use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
 
 /// A mission that drives straight on and moves the head for a minute.
 const DRIVE: &str = r#"
@@ -29,17 +29,17 @@ next = [{ when = "time_s > 50", go = "off" }]
 
 /// A run under way on a brick of plain files.
 struct Running {
-    brick: PlainBrick,
+    brick: TurningBrick,
     folder: tempfile::TempDir,
     child: Child,
 }
 
 impl Running {
     fn start(mission: &str) -> Self {
-        Self::on(PlainBrick::new(), mission)
+        Self::on(TurningBrick::new(), mission)
     }
 
-    fn on(brick: PlainBrick, mission: &str) -> Self {
+    fn on(brick: TurningBrick, mission: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("mission.toml"), mission).unwrap();
         let root = text(brick.root().to_owned());
@@ -68,7 +68,7 @@ impl Running {
     }
 
     /// Waits for the run's end and looks at what it leaves: the lock free, the recording readable.
-    fn finish(self) -> (PlainBrick, Done, Run) {
+    fn finish(self) -> (TurningBrick, Done, Run) {
         let Self { brick, folder, child } = self;
         let said = done(&child.wait_with_output().unwrap());
         await_that("the lock is free", || brick.owner().is_none());
@@ -150,7 +150,7 @@ impl Heartbeat for Failing {
 
 #[test]
 fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
-    let brick = PlainBrick::new();
+    let brick = TurningBrick::new();
     let folder = tempfile::tempdir().unwrap();
     let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
     let job = Job {
@@ -232,8 +232,8 @@ fn a_device_that_goes_away_ends_the_run_with_its_name() {
 
 #[test]
 fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
-    let refused = |prepare: &dyn Fn(&PlainBrick), expected: &[&str]| {
-        let brick = PlainBrick::new();
+    let refused = |prepare: &dyn Fn(&TurningBrick), expected: &[&str]| {
+        let brick = TurningBrick::new();
         prepare(&brick);
         let running = Running::on(brick, DRIVE);
         let said = done(&running.child.wait_with_output().unwrap());
@@ -251,8 +251,9 @@ fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
             );
         });
         scope.spawn(|| {
-            let pull =
-                |brick: &PlainBrick| std::fs::remove_dir_all(brick.path("lego-sensor/sensor1", "")).unwrap();
+            let pull = |brick: &TurningBrick| {
+                std::fs::remove_dir_all(brick.path("lego-sensor/sensor1", "")).unwrap()
+            };
             refused(&pull, &["gyro", "in4", "lego-ev3-us on in1"]);
         });
         scope.spawn(|| {
@@ -273,7 +274,7 @@ fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
 
 #[test]
 fn devices_shows_what_is_plugged_in_and_what_it_reads() {
-    let brick = PlainBrick::new();
+    let brick = TurningBrick::new();
     let root = text(brick.root().to_owned());
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["devices", "--brick", &root]).expect(0);
@@ -311,7 +312,7 @@ fn what_is_no_brick_is_said_to_be_none() {
 
 #[test]
 fn halt_stops_what_turns_and_says_what_still_does() {
-    let brick = PlainBrick::new();
+    let brick = TurningBrick::new();
     let folder = tempfile::tempdir().unwrap();
     let root = text(brick.root().to_owned());
     brick.put("tacho-motor/motor1", "speed_sp", b"200\n");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::done;
-use crate::support::{pass_over, plain_brick::PlainBrick};
+use crate::support::{pass_over, turning_brick::TurningBrick};
 
 /// The example that `cargo test` built beside this program.
 fn wander() -> PathBuf {
@@ -20,7 +20,7 @@ fn the_documented_program_wanders_under_leases_and_stops() {
             "the example wander, which `cargo test` builds and `cargo test --test it` does not",
         );
     }
-    let brick = PlainBrick::new();
+    let brick = TurningBrick::new();
     let mut child = Command::new(program)
         .arg(brick.root())
         .stdout(std::process::Stdio::piped())
