@@ -21,7 +21,9 @@ use serde::{Deserialize, Serialize};
 use crate::mapping::Pose;
 use crate::robot::Channel;
 
+mod calibrate;
 mod control;
+mod dialogue;
 mod execute;
 mod lock;
 mod names;
@@ -29,14 +31,22 @@ mod pilot;
 mod prepare;
 pub mod recording;
 mod replay;
+pub mod save;
+mod setup;
 mod stall;
 
+pub use calibrate::{
+    ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight, calibrate,
+    set_numbers,
+};
 pub use control::{Control, STALL_NS, StopFlags, Tally};
+pub use dialogue::{Dialogue, NoAnswer};
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, Step};
 pub use prepare::{NotReady, prepare};
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, map_again, replay, replay_with};
+pub use setup::{Draft, DraftHead, DraftMotor, DraftRange, SetupError, setup};
 
 /// A file as it was read, with the name that findings use.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
