@@ -24,6 +24,7 @@ use crate::robot::Channel;
 mod calibrate;
 mod control;
 mod dialogue;
+mod doctor;
 mod execute;
 mod lock;
 mod names;
@@ -41,6 +42,7 @@ pub use calibrate::{
 };
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use dialogue::{Dialogue, NoAnswer};
+pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, Step};
