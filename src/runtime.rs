@@ -1,8 +1,8 @@
 //! A run: one execution of a mission, from the checks before anything moves to the recording that is left.
 //!
-//! [`execute`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
+//! [`execute()`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
 //! robot stands still and is in order (`prepare`), ticks (`control`), and leaves every motor stopped whichever way the run ends. The
-//! tick's thinking is the [`Pilot`]'s, which [`replay`] drives with recorded senses.
+//! tick's thinking is the [`Pilot`]'s, which [`replay()`] drives with recorded senses.
 //!
 //! ```text
 //! prepare ─▶ control: robot ─▶ pilot ─▶ robot        every tick
@@ -45,7 +45,7 @@ pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
-pub use pilot::{Pilot, PilotError, Step};
+pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, map_again, replay, replay_with};
 pub use setup::{Draft, DraftHead, DraftMotor, DraftRange, SetupError, setup};

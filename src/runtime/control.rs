@@ -8,10 +8,12 @@
 //! was away for that long has not been looking where it drives.
 
 use std::fmt;
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use arrayvec::{ArrayString, ArrayVec};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
 use crate::clock::Clock;
@@ -19,7 +21,7 @@ use crate::ev3dev::StopAction;
 use crate::robot::{Channel, Robot, Senses};
 
 use super::pilot::{Pilot, Step};
-use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide, Timing};
+use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
 use super::{Heartbeat, StopReason};
 
 /// A tick this late ends the run, nanoseconds.
@@ -38,6 +40,19 @@ pub struct StopFlags {
 }
 
 impl StopFlags {
+    /// Flags that SIGINT, SIGTERM and SIGHUP raise from now on.
+    ///
+    /// # Errors
+    ///
+    /// The kernel does not take the handlers.
+    pub fn on_signals() -> io::Result<Self> {
+        let flags = Self::default();
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            signal_hook::flag::register(signal, Arc::clone(&flags.signal))?;
+        }
+        Ok(flags)
+    }
+
     /// True where anything asks to stop.
     #[must_use]
     pub fn is_raised(&self) -> bool {
@@ -126,8 +141,7 @@ impl Control<'_> {
             let step = self.tick(&mut senses, &mut demands, late_ns);
             if senses.time_ns >= checkpoint_ns {
                 checkpoint_ns = senses.time_ns + CHECKPOINT_NS;
-                let (estimator, machines) = self.pilot.state();
-                self.recorder.checkpoint(senses.tick, senses.time_ns, &estimator, machines);
+                self.recorder.checkpoint(senses.tick, senses.time_ns, &self.pilot.state());
             }
             if step.paused != paused {
                 paused = step.paused;
@@ -172,13 +186,13 @@ impl Control<'_> {
         }
         self.heartbeat.beat();
         let estimate = step.estimate;
-        let range_is_new = senses.get(Channel::Range).is_some_and(|range| range.changed_ns == time_ns);
+        let range_is_new = estimate.sounding.is_some_and(|sounding| sounding.fresh);
         self.recorder.tick(&TickRecord {
             senses: *senses,
             estimate,
             point: step.point,
             range_is_new,
-            timing: Timing { lateness_ns, duration_ns: 0 },
+            lateness_ns,
         });
         for transition in taken {
             self.recorder.transition(senses.tick, time_ns, transition);

@@ -21,7 +21,7 @@ use crate::robot::{Channel, RobotConfig, Senses};
 
 use super::pilot::{Pilot, PilotError, Step};
 use super::recording::{
-    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, TickRecord, Timing,
+    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, TickRecord,
 };
 use super::{Source, names};
 
@@ -141,7 +141,7 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
             replayed.skipped += 1;
             // A checkpoint is what was carried out of its tick.
             if let Some(state) = recorded.checkpoints.get(&senses.tick) {
-                lost = !cast.pilot.restore(state.estimator, &state.machines);
+                lost = !cast.pilot.restore(&state.state);
             }
             continue;
         }
@@ -236,8 +236,8 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
             senses,
             estimate: step.estimate,
             point: step.point,
-            range_is_new: senses.get(Channel::Range).is_some_and(|range| range.changed_ns == time_ns),
-            timing: Timing::default(),
+            range_is_new: step.estimate.sounding.is_some_and(|sounding| sounding.fresh),
+            lateness_ns: 0,
         });
         for transition in taken {
             tick_side.transition(senses.tick, time_ns, transition);

@@ -5,15 +5,16 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
-use serde::de::DeserializeOwned;
+use serde::Serialize;
 
 use super::message::{self, Gap, TickStatistics};
 use super::stretch::{Context, Found, Integrity, walk};
 use super::topic::Topic;
 use super::{Grid, Level, grid, points};
-use crate::behavior::{MachineState, Taken};
-use crate::mapping::{EstimatorState, MapPoint, Pose, Range};
+use crate::behavior::Taken;
+use crate::mapping::{MapPoint, Pose, Range};
 use crate::robot::{Channel, Reading, Senses};
+use crate::runtime::PilotState;
 
 /// The names that a recording's attachments and metadata have.
 pub(super) mod names {
@@ -45,7 +46,7 @@ pub(super) mod names {
 const MAX_BYTES: u64 = 2 << 30;
 
 /// What a run is.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Info {
     /// The version of onbrick that recorded it.
     pub version: String,
@@ -70,7 +71,7 @@ pub struct Info {
 }
 
 /// How a run ended.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Ending {
     /// Why, for people.
     pub reason: String,
@@ -100,7 +101,7 @@ pub struct RecordedPose {
 }
 
 /// A transition that a machine took.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Transition {
     /// The tick.
     pub tick: u64,
@@ -119,7 +120,7 @@ pub struct Transition {
 }
 
 /// A log line.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LogLine {
     /// Nanoseconds of the run's clock.
     pub time_ns: i64,
@@ -136,10 +137,8 @@ pub struct Checkpoint {
     pub tick: u64,
     /// Its time, nanoseconds of the run's clock.
     pub time_ns: i64,
-    /// What the estimator carried.
-    pub estimator: EstimatorState,
-    /// Where each machine was.
-    pub machines: Vec<MachineState>,
+    /// What the pilot carried.
+    pub state: PilotState,
 }
 
 /// A recording that cannot be read.
@@ -457,13 +456,6 @@ fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
 }
 
 fn checkpoint(message: &message::CheckpointMessage) -> Option<Checkpoint> {
-    fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
-        message::decode(bytes)
-    }
-    Some(Checkpoint {
-        tick: message.tick,
-        time_ns: message.time_ns,
-        estimator: whole(&message.estimator)?,
-        machines: whole(&message.machines)?,
-    })
+    let state = message::decode(&message.state)?;
+    Some(Checkpoint { tick: message.tick, time_ns: message.time_ns, state })
 }

@@ -15,13 +15,12 @@ use std::thread::Thread;
 
 use arrayvec::ArrayString;
 use rtrb::{Producer, PushError};
+use serde::Serialize;
 
-use crate::behavior::{MachineState, Taken};
-use crate::mapping::{Estimate, EstimatorState, MapPoint};
+use crate::behavior::Taken;
+use crate::mapping::{Estimate, MapPoint};
 use crate::robot::Senses;
-
-/// The most machines that a checkpoint has room for.
-pub const MAX_MACHINES: usize = 16;
+use crate::runtime::PilotState;
 
 /// The longest log line, in bytes; what is beyond is cut off at a character.
 pub const MAX_LOG_BYTES: usize = 240;
@@ -37,21 +36,13 @@ pub struct TickRecord {
     pub point: Option<MapPoint>,
     /// True where the range reading is a new one and not the last one seen again.
     pub range_is_new: bool,
-    /// How punctual the tick was.
-    pub timing: Timing,
-}
-
-/// How punctual a tick was.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Timing {
-    /// How long after its deadline it began, nanoseconds.
+    /// How long after its deadline the tick began, nanoseconds.
     pub lateness_ns: i64,
-    /// How long it took, nanoseconds.
-    pub duration_ns: i64,
 }
 
 /// How much a log line matters; the numbers of `rcl_interfaces/Log`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
 #[repr(u8)]
 pub enum Level {
     /// For whoever works on the program.
@@ -80,27 +71,18 @@ impl Level {
     }
 }
 
-/// What goes through the ring.
+/// What goes through the ring; as large as its largest variant, so that the ring never allocates.
 #[derive(Debug, Clone, Copy)]
 #[expect(clippy::large_enum_variant, reason = "entries have a fixed size so that the ring never allocates")]
 pub(super) enum Entry {
     Tick(TickRecord),
     Transition { tick: u64, time_ns: i64, taken: Taken },
-    Checkpoint(CheckpointEntry),
+    Checkpoint { tick: u64, time_ns: i64, state: PilotState },
     Log { time_ns: i64, level: Level, text: LogText },
     Gap(Dropped),
 }
 
 pub(super) type LogText = ArrayString<MAX_LOG_BYTES>;
-
-#[derive(Debug, Clone, Copy)]
-pub(super) struct CheckpointEntry {
-    pub(super) tick: u64,
-    pub(super) time_ns: i64,
-    pub(super) estimator: EstimatorState,
-    pub(super) machines: [MachineState; MAX_MACHINES],
-    pub(super) machine_count: usize,
-}
 
 /// What did not fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -146,26 +128,10 @@ impl TickSide {
         self.put(Entry::Transition { tick, time_ns, taken });
     }
 
-    /// Records what estimator and machines carry from a tick to the next. Of more than [`MAX_MACHINES`] machines none is
-    /// recorded: half of them would be of no use.
-    pub fn checkpoint(
-        &mut self,
-        tick: u64,
-        time_ns: i64,
-        estimator: &EstimatorState,
-        machines: &[MachineState],
-    ) {
-        let mut all = [MachineState::default(); MAX_MACHINES];
-        let Some(room) = all.get_mut(..machines.len()) else { return };
-        room.copy_from_slice(machines);
+    /// Records what the pilot carries from a tick to the next.
+    pub fn checkpoint(&mut self, tick: u64, time_ns: i64, state: &PilotState) {
         self.tick = tick;
-        self.put(Entry::Checkpoint(CheckpointEntry {
-            tick,
-            time_ns,
-            estimator: *estimator,
-            machines: all,
-            machine_count: machines.len(),
-        }));
+        self.put(Entry::Checkpoint { tick, time_ns, state: *state });
     }
 
     /// Records a log line.
@@ -227,5 +193,57 @@ impl TickSide {
         let before = self.pending.unwrap_or(Dropped { first_tick: self.tick, last_tick: 0, entries: 0 });
         let entries = before.entries.saturating_add(1);
         self.pending = Some(Dropped { last_tick: self.tick, entries, ..before });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rtrb::RingBuffer;
+
+    fn side(entries: usize) -> (TickSide, rtrb::Consumer<Entry>) {
+        let (put, take) = RingBuffer::new(entries);
+        (TickSide::new(put, Arc::default(), None), take)
+    }
+
+    #[test]
+    fn an_entry_is_small_enough_for_a_ring_of_hundreds() {
+        let bytes = size_of::<Entry>();
+        assert!(bytes <= 4096, "an entry has {bytes} bytes");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named_as_soon_as_there_is_room() {
+        let (mut side, mut ring) = side(2);
+        for tick in 0..5 {
+            side.transition(tick, 0, Taken { machine: 0, from: 0, to: 1, transition: None });
+        }
+        assert_eq!(side.dropped(), 3);
+        while ring.pop().is_ok() {}
+        side.log(0, Level::Info, "room again");
+        let Ok(Entry::Gap(gap)) = ring.pop() else { panic!("a gap comes first") };
+        assert_eq!(gap, Dropped { first_tick: 2, last_tick: 4, entries: 3 });
+        assert!(matches!(ring.pop(), Ok(Entry::Log { .. })));
+        assert_eq!(side.pending(), None);
+    }
+
+    #[test]
+    fn a_gap_that_takes_the_last_room_costs_the_next_entry() {
+        let (mut side, mut ring) = side(1);
+        side.log(0, Level::Info, "fits");
+        side.log(0, Level::Info, "does not");
+        assert!(ring.pop().is_ok());
+        side.log(0, Level::Info, "after the gap");
+        assert!(matches!(ring.pop(), Ok(Entry::Gap(Dropped { entries: 1, .. }))));
+        assert_eq!(side.pending().map(|gap| gap.entries), Some(1));
+        assert_eq!(side.dropped(), 2);
+    }
+
+    #[test]
+    fn long_lines_are_cut_at_a_character() {
+        let (mut side, mut ring) = side(4);
+        side.log(0, Level::Info, &"ü".repeat(200));
+        let Ok(Entry::Log { text, .. }) = ring.pop() else { panic!("a line") };
+        assert_eq!(text.as_str(), "ü".repeat(MAX_LOG_BYTES / 2));
     }
 }
