@@ -37,8 +37,8 @@ mod setup;
 mod stall;
 
 pub use calibrate::{
-    ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight, calibrate,
-    set_numbers,
+    ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
+    calibrate, set_numbers,
 };
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use dialogue::{Dialogue, NoAnswer};

@@ -63,12 +63,7 @@ pub trait Dialogue {
     /// # Errors
     ///
     /// [`NoAnswer`].
-    fn number(
-        &mut self,
-        question: &str,
-        default: f64,
-        range: RangeInclusive<f64>,
-    ) -> Result<f64, NoAnswer> {
+    fn number(&mut self, question: &str, default: f64, range: RangeInclusive<f64>) -> Result<f64, NoAnswer> {
         for _ in 0..TRIES {
             let text = self.text(question, &default.to_string())?;
             // People on half of the continents write a comma.
@@ -126,7 +121,9 @@ mod tests {
 
         fn text(&mut self, _: &str, default: &str) -> Result<String, NoAnswer> {
             let answer = if self.answers.is_empty() { None } else { Some(self.answers.remove(0)) };
-            answer.map(|text| if text.is_empty() { default.to_owned() } else { text.to_owned() }).ok_or(NoAnswer::Closed)
+            answer
+                .map(|text| if text.is_empty() { default.to_owned() } else { text.to_owned() })
+                .ok_or(NoAnswer::Closed)
         }
 
         fn is_pressed(&mut self) -> bool {

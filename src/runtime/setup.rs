@@ -166,7 +166,9 @@ fn name(dialogue: &mut dyn Dialogue) -> Result<String, NoAnswer> {
 }
 
 fn measures(dialogue: &mut dyn Dialogue, draft: &mut Draft) -> Result<(), NoAnswer> {
-    dialogue.say("Now the measures. A guess within a tenth is enough: onbrick calibrate measures them by driving.");
+    dialogue.say(
+        "Now the measures. A guess within a tenth is enough: onbrick calibrate measures them by driving.",
+    );
     draft.wheel_circumference_m = dialogue.number(
         "How far does the robot roll in one turn of a wheel, in metres (3.14 times the wheel's diameter)?",
         draft.wheel_circumference_m,
@@ -207,7 +209,9 @@ impl Look<'_> {
             self.dialogue.say(&format!("The motor on {port} turns now."));
             let turned_rad = self.turn(&mut motor)?;
             if turned_rad < TURNED_RAD {
-                self.dialogue.say(&format!("The motor on {port} did not turn: is something in its way, or is the battery flat?"));
+                self.dialogue.say(&format!(
+                    "The motor on {port} did not turn: is something in its way, or is the battery flat?"
+                ));
             }
             match self.part(&port, guess, draft)? {
                 Part::Again => {}

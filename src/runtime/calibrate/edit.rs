@@ -29,7 +29,8 @@ pub enum EditError {
 /// [`EditError`]; no number is put in where one of them has no place.
 pub fn set_numbers(source: &Source, numbers: &[(&str, f64)]) -> Result<String, EditError> {
     let document = Document::new(&source.name, source.text.as_bytes()).map_err(EditError::Findings)?;
-    let places = document.read(|root| Some(numbers.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
+    let places =
+        document.read(|root| Some(numbers.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
     let (places, _) = places.map_err(EditError::Findings)?;
     let mut edits = Vec::new();
     for ((key, number), place) in numbers.iter().zip(places) {
@@ -123,7 +124,8 @@ mod tests {
 
     #[test]
     fn a_number_that_is_not_there_is_said_and_nothing_is_put_in() {
-        let error = set_numbers(&source("[drive]\na = 1\n"), &[("drive.a", 2.0), ("drive.b", 2.0)]).unwrap_err();
+        let error =
+            set_numbers(&source("[drive]\na = 1\n"), &[("drive.a", 2.0), ("drive.b", 2.0)]).unwrap_err();
         assert_eq!(error.to_string(), "robot.toml has no `drive.b` to write to");
         assert!(set_numbers(&source("[drive\n"), &[("drive.a", 2.0)]).is_err());
         assert!(set_numbers(&source("drive = 1\n"), &[("drive.a", 2.0)]).is_err());

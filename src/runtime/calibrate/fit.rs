@@ -39,7 +39,9 @@ pub struct Measured {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, thiserror::Error)]
 pub enum Doubt {
     /// There are not enough measurements.
-    #[error("only {0} measurements were good; {FEWEST} are needed: more space, a plainer wall, and try again")]
+    #[error(
+        "only {0} measurements were good; {FEWEST} are needed: more space, a plainer wall, and try again"
+    )]
     TooFew(usize),
     /// The measurements scatter.
     #[error(
@@ -141,7 +143,8 @@ impl fmt::Display for Measured {
 #[must_use]
 pub(super) fn slope(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<f64> {
     const DEVIATIONS: f64 = 3.0 * 1.4826;
-    let mut kept: Vec<[f64; 2]> = points.iter().copied().filter(|[x, y]| x.is_finite() && y.is_finite()).collect();
+    let mut kept: Vec<[f64; 2]> =
+        points.iter().copied().filter(|[x, y]| x.is_finite() && y.is_finite()).collect();
     let mut line = median_line(&kept)?;
     for _ in 0..3 {
         let distance = |&[x, y]: &[f64; 2]| (y - line.0 - line.1 * x).abs();

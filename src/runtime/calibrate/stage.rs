@@ -215,7 +215,8 @@ impl<'s> Stage<'s> {
     /// A button stops, except that Enter is an answer while turns are marked.
     fn presses(&mut self, stop_pressed: bool) -> Result<(), CalibrateError> {
         // Buttons that cannot be read were said by `doctor`; Ctrl-C is left.
-        let pressed = self.buttons.as_mut().and_then(|buttons| buttons.changes().ok()).unwrap_or_default().pressed;
+        let pressed =
+            self.buttons.as_mut().and_then(|buttons| buttons.changes().ok()).unwrap_or_default().pressed;
         let stops = if self.marking { pressed.contains(Button::Back) } else { stop_pressed };
         self.entered = self.entered || pressed.contains(Button::Enter);
         if stops { Err(CalibrateError::Stopped) } else { Ok(()) }

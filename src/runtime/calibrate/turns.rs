@@ -62,12 +62,12 @@ pub(super) fn track_width(
     }
     let measured = Measured::of(before_m, [&left, &right]);
     if !options.mark {
-        dialogue.say("A gyro counts 1 to 4 % too much or too little, and only a marked turn shows it: --mark.");
+        dialogue
+            .say("A gyro counts 1 to 4 % too much or too little, and only a marked turn shows it: --mark.");
         return Ok((measured, None));
     }
     let [left, right] = marked_spins(stage, dialogue, 1)?;
-    let scales: Vec<f64> =
-        left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
+    let scales: Vec<f64> = left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
     let [a, b] = [scales.first(), scales.last()].map(|scale| scale.copied().unwrap_or(f64::NAN));
     let scale = f64::midpoint(a, b);
     dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn.", 360.0 * scale));
@@ -143,11 +143,7 @@ fn marked_spins(
     Ok([left, right])
 }
 
-fn marked_spin(
-    stage: &mut Stage<'_>,
-    dialogue: &mut dyn Dialogue,
-    way: f64,
-) -> Result<Spin, CalibrateError> {
+fn marked_spin(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result<Spin, CalibrateError> {
     let side = if way > 0.0 { "left" } else { "right" };
     let ready = dialogue.confirm(&format!(
         "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"

@@ -1,6 +1,8 @@
 //! The brick itself: its files, its owner, and what people see, hear and press.
 
-use crate::ev3dev::{BUTTONS_PATH, Battery, Button, Buttons, DeviceError, Inventory, SOUND_PATH, Sound, StatusLights};
+use crate::ev3dev::{
+    BUTTONS_PATH, Battery, Button, Buttons, DeviceError, Inventory, SOUND_PATH, Sound, StatusLights,
+};
 use crate::runtime::prepare::BATTERY_V;
 use crate::runtime::{HardwareLock, LockError};
 
@@ -44,7 +46,11 @@ pub(super) fn lock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
             diagnosis.fail("lock", error.to_string(), "wait until it is done, or onbrick halt");
         }
         Err(error) => {
-            diagnosis.fail("lock", with_causes(&error), "make its folder writable, or remove the file as root");
+            diagnosis.fail(
+                "lock",
+                with_causes(&error),
+                "make its folder writable, or remove the file as root",
+            );
         }
     }
 }
@@ -58,7 +64,11 @@ pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
             &format!("charge it, or put in fresh cells; a run needs at least {} V", BATTERY_V.start()),
         ),
         Ok(volts) if volts < LOW_V => {
-            diagnosis.warn(CHECK, format!("{volts:.2} V is low"), "charge it soon, or have fresh cells ready");
+            diagnosis.warn(
+                CHECK,
+                format!("{volts:.2} V is low"),
+                "charge it soon, or have fresh cells ready",
+            );
         }
         Ok(volts) => diagnosis.ok(CHECK, format!("{volts:.2} V")),
         Err(error) => diagnosis.warn(CHECK, with_causes(&error), "a run goes without, and cannot warn of it"),
@@ -76,7 +86,11 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         }
         Ok(_) => diagnosis.ok(CHECK, "Enter and Back stop a run"),
         Err(error) => {
-            diagnosis.fail(CHECK, format!("nobody could stop a run by hand: {}", with_causes(&error)), advice(&error));
+            diagnosis.fail(
+                CHECK,
+                format!("nobody could stop a run by hand: {}", with_causes(&error)),
+                advice(&error),
+            );
         }
     }
 }

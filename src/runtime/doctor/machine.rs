@@ -46,7 +46,12 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
         if !group.is_some_and(|group| mine.contains(&group.gid)) {
             all = false;
             let to_do = format!("sudo usermod -aG {name} USER, then log in anew");
-            diagnosis.add(CHECK, verdict, format!("you are not in the group {name}: no {what}"), Some(&to_do));
+            diagnosis.add(
+                CHECK,
+                verdict,
+                format!("you are not in the group {name}: no {what}"),
+                Some(&to_do),
+            );
         }
     }
     if all {
@@ -153,7 +158,9 @@ fn mission_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 
 fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "mission";
-    let name = file.file_name().map_or_else(|| file.display().to_string(), |name| name.to_string_lossy().into_owned());
+    let name = file
+        .file_name()
+        .map_or_else(|| file.display().to_string(), |name| name.to_string_lossy().into_owned());
     let bytes = match read_bounded(file) {
         Ok(bytes) => bytes,
         Err(error) => {
@@ -164,7 +171,8 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
         Ok((mission, _)) => diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name())),
         Err(findings) => {
             let first = findings.iter().next();
-            let found = first.map_or_else(String::new, |first| format!("line {}: {}", first.line, first.message));
+            let found =
+                first.map_or_else(String::new, |first| format!("line {}: {}", first.line, first.message));
             let to_do = format!("onbrick check {} shows all {}", file.display(), findings.iter().count());
             diagnosis.fail(CHECK, format!("{name} {found}"), &to_do);
         }

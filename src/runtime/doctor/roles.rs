@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Access, ColourMode, DeviceError, GyroMode, InfraredMode, PortAddress, SensorMode, TachoMotor, TouchMode, Tree,
-    TypedSensor, UltrasonicMode,
+    Access, ColourMode, DeviceError, GyroMode, InfraredMode, PortAddress, SensorMode, TachoMotor, TouchMode,
+    Tree, TypedSensor, UltrasonicMode,
 };
 use crate::robot::{MotorRole, RobotConfig};
 use crate::runtime::prepare::GYRO_STILL_RAD;
@@ -79,7 +79,11 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
     if state.is_running() {
         diagnosis.fail(role, format!("{what} is running"), "another program drives it: onbrick halt");
     } else if !commands.contains("run-timed") {
-        diagnosis.fail(role, format!("{what} has no run-timed"), "its driver cannot take leases: another motor");
+        diagnosis.fail(
+            role,
+            format!("{what} has no run-timed"),
+            "its driver cannot take leases: another motor",
+        );
     } else if let Err(error) = is_writable(tree, &command) {
         diagnosis.fail(role, format!("{what}: {error}"), "sudo usermod -aG ev3dev USER, then log in anew");
     } else {
@@ -107,14 +111,19 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         add("range", range(tree, role.port.as_ref(), may_set));
     }
     if let Some(role) = &config.gyro {
-        add("gyro", watch(tree, "gyro", role.port.as_ref(), GyroMode::Angle, may_set, |gyro| gyro.angle_rad()));
+        add(
+            "gyro",
+            watch(tree, "gyro", role.port.as_ref(), GyroMode::Angle, may_set, |gyro| gyro.angle_rad()),
+        );
     }
     if let Some(role) = &config.touch {
-        let pressed = |touch: &TypedSensor<TouchMode>| touch.is_pressed().map(|pressed| f64::from(u8::from(pressed)));
+        let pressed =
+            |touch: &TypedSensor<TouchMode>| touch.is_pressed().map(|pressed| f64::from(u8::from(pressed)));
         add("touch", watch(tree, "touch", role.port.as_ref(), TouchMode::Touch, may_set, pressed));
     }
     if let Some(role) = &config.colour {
-        let colour = |colour: &TypedSensor<ColourMode>| colour.colour().map(|colour| f64::from(colour.number()));
+        let colour =
+            |colour: &TypedSensor<ColourMode>| colour.colour().map(|colour| f64::from(colour.number()));
         add("colour", watch(tree, "colour", role.port.as_ref(), ColourMode::Colour, may_set, colour));
     }
     if let Some(role) = &config.remote {
@@ -157,7 +166,11 @@ struct Watch<M: SensorMode, R> {
 }
 
 /// The ultrasonic sensor, or where there is none the infrared one.
-fn range(tree: &Arc<dyn Tree>, port: Option<&PortAddress>, may_set: bool) -> Result<Box<dyn Watched>, Trouble> {
+fn range(
+    tree: &Arc<dyn Tree>,
+    port: Option<&PortAddress>,
+    may_set: bool,
+) -> Result<Box<dyn Watched>, Trouble> {
     let metres = |sensor: &TypedSensor<UltrasonicMode>| {
         sensor.distance_m().map(|range_m| range_m.unwrap_or(f64::INFINITY))
     };

@@ -99,7 +99,9 @@ impl Draft {
         page.bare("# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;");
         page.bare("# `onbrick calibrate` measures it by driving, `onbrick doctor` looks whether it fits what is plugged in.");
         page.bare("#");
-        page.bare("# Every section but [drive] can be left out; a port can be left out where only one device fits.");
+        page.bare(
+            "# Every section but [drive] can be left out; a port can be left out where only one device fits.",
+        );
         page.bare("");
         page.bare(&format!("name = {}", quoted(&self.name)));
         page.line("# max_age_s = 0.3", "a reading older than this is lost");
@@ -215,7 +217,8 @@ impl Page {
             self.bare(line);
         } else {
             // Writing to a string does not fail.
-            let _ = writeln!(self.text, "{line:<width$}# {comment}", width = COMMENT_COLUMN.max(line.len() + 1));
+            let _ =
+                writeln!(self.text, "{line:<width$}# {comment}", width = COMMENT_COLUMN.max(line.len() + 1));
         }
     }
 
