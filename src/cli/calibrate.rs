@@ -18,7 +18,7 @@ use crate::runtime::{ApplyError, CalibrateError, CalibrateOptions, HardwareLock,
 ///
 /// Examples:
 ///   onbrick calibrate                      both, asking what is needed
-///   onbrick calibrate --only track --mark  with turns marked by you, which removes the gyro's own error
+///   onbrick calibrate --only track --mark  by spins that you mark, which removes the gyro's own error
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -31,9 +31,12 @@ pub(super) struct Arguments {
     /// How to measure the circumference, instead of asking.
     #[arg(long)]
     straight: Option<How>,
-    /// Mark whole turns by hand although there is a gyro.
+    /// Mark two spins by a line on the floor, which removes the gyro's own error, instead of asking.
     #[arg(long)]
     mark: bool,
+    /// Trust the gyro: mark no spins.
+    #[arg(long, conflicts_with = "mark")]
+    no_mark: bool,
     /// How often each motion is driven in each direction.
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=20))]
     pairs: Option<u32>,
@@ -103,7 +106,7 @@ fn options(arguments: &Arguments) -> CalibrateOptions {
     CalibrateOptions {
         straight: (arguments.only != Some(Only::Track)).then_some(straight),
         track: arguments.only != Some(Only::Circumference),
-        mark: arguments.mark,
+        mark: (arguments.mark || arguments.no_mark).then_some(arguments.mark),
         pairs: arguments.pairs,
         ..CalibrateOptions::default()
     }

@@ -51,8 +51,8 @@ pub struct CalibrateOptions {
     pub straight: Option<Straight>,
     /// Measure the track width.
     pub track: bool,
-    /// A person marks whole turns although there is a gyro: removes the gyro's own error.
-    pub mark: bool,
+    /// Whether a person marks whole turns although there is a gyro, which removes the gyro's own error; `None` asks.
+    pub mark: Option<bool>,
     /// How often each motion is driven in each direction; by default three times, and twice where a person measures.
     pub pairs: Option<u32>,
     /// Whole turns of a spin against the gyro.
@@ -61,7 +61,7 @@ pub struct CalibrateOptions {
 
 impl Default for CalibrateOptions {
     fn default() -> Self {
-        Self { straight: Some(Straight::Ask), track: true, mark: false, pairs: None, turns: 3.0 }
+        Self { straight: Some(Straight::Ask), track: true, mark: None, pairs: None, turns: 3.0 }
     }
 }
 

@@ -18,6 +18,7 @@ mod figures;
 mod mapping;
 mod recording;
 mod report;
+mod setup;
 mod sim_drivers;
 mod sim_world;
 mod support;

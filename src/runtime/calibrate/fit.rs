@@ -31,6 +31,8 @@ pub struct Measured {
     pub directions: [f64; 2],
     /// How many measurements there were.
     pub count: usize,
+    /// The share by which all measurements may be off together, which no spread shows: a gyro's own scale.
+    pub unseen: f64,
     /// Why the number should not be trusted, if it should not.
     pub doubt: Option<Doubt>,
 }
@@ -82,7 +84,8 @@ impl Measured {
         let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let spread = if count > 0 { most - least } else { 0.0 };
         let directions = [mean(&ahead), mean(&back)];
-        let mut measured = Self { before, after, standard_error, spread, directions, count, doubt: None };
+        let mut measured =
+            Self { before, after, standard_error, spread, directions, count, unseen: 0.0, doubt: None };
         measured.doubt = measured.doubt();
         measured
     }
@@ -132,7 +135,11 @@ impl fmt::Display for Measured {
             self.spread,
             self.directions[0],
             self.directions[1]
-        )
+        )?;
+        if self.unseen > 0.0 {
+            write!(f, "; all of them may be off together by {:.0} %", self.unseen * 100.0)?;
+        }
+        Ok(())
     }
 }
 

@@ -26,6 +26,9 @@ const FAST_SHARE: f64 = 0.75;
 /// How much farther a spin may go than the file's numbers say.
 const SLACK: f64 = 1.5;
 
+/// What a gyro may be off by without anything on the robot showing it, as a share: people find 1 to 4 % (`lego-sensor-tables`).
+const GYRO_UNSEEN: f64 = 0.02;
+
 /// A step of the last correction, radians.
 const STEP_RAD: f64 = 2.0 * PI / 360.0;
 
@@ -73,6 +76,15 @@ pub(super) fn track_width(
     dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn.", 360.0 * scale));
     // Of two values, half their distance is the mean's standard error.
     Ok((measured.scaled(scale, ((a - b) / 2.0 / scale).abs()), Some(scale)))
+}
+
+fn is_marked(dialogue: &mut dyn Dialogue, options: &CalibrateOptions) -> Result<bool, NoAnswer> {
+    match options.mark {
+        Some(mark) => Ok(mark),
+        None => dialogue.confirm(
+            "A gyro counts 1 to 4 % too much or too little, and only your eyes can tell. Mark two spins by a line on the floor?",
+        ),
+    }
 }
 
 /// A spin: at rest before and after.
