@@ -115,7 +115,10 @@ fn options(arguments: &Arguments) -> CalibrateOptions {
 /// What was found before anything moved is a refusal; what went wrong on the way is a failure.
 fn failed(error: &CalibrateError) -> Failure {
     let exit = match error {
-        CalibrateError::Lost { .. } | CalibrateError::Blocked | CalibrateError::TooFar(_) => Exit::Failed,
+        CalibrateError::Lost { .. }
+        | CalibrateError::Blocked
+        | CalibrateError::TooFar(_)
+        | CalibrateError::Stopped => Exit::Failed,
         _ => Exit::Refused,
     };
     Failure::from_error(exit, "not calibrated", error)

@@ -63,6 +63,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 fn refused(error: &SetupError) -> Failure {
     match error {
         SetupError::Findings(findings) => Failure::refused(findings.to_string()),
+        SetupError::Stopped => Failure::new(Exit::Failed, error.to_string()),
         error => Failure::from_error(Exit::Refused, "no robot.toml was written", error),
     }
 }

@@ -100,7 +100,7 @@ pub enum CalibrateError {
         trouble: String,
     },
     /// The wheels were told to turn and did not.
-    #[error("the wheels do not turn: something is in their way, or the battery is flat")]
+    #[error("a wheel does not turn: something is in its way, or the battery is flat")]
     Blocked,
     /// There is no wall, or no sensor to see it.
     #[error("{0}")]

@@ -22,6 +22,9 @@ pub enum NoAnswer {
     /// Ctrl-C, or a signal.
     #[error("stopped while a question was open")]
     Stopped,
+    /// The person would rather not.
+    #[error("you said no; nothing was written")]
+    Declined,
     /// Several answers in a row made no sense.
     #[error("no answer that makes sense in {TRIES} tries")]
     Unclear,

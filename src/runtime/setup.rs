@@ -117,7 +117,7 @@ pub fn setup(
         "Each motor will now turn for half a second. Put the robot on the floor with a hand's width of space around it, or hold it up. Is it ready?",
     )?;
     if !ready {
-        return Err(SetupError::Stopped);
+        return Err(NoAnswer::Declined.into());
     }
     for identity in motors {
         let mut look = Look { tree, clock, flags, dialogue: &mut *dialogue };

@@ -11,6 +11,7 @@ use onbrick::runtime::{Dialogue, NoAnswer, Source, StopFlags};
 use onbrick::sim::{RobotModel, Simulation, Truth, World, WorldPhysics};
 
 mod calibrate;
+mod commands;
 mod doctor;
 mod teach;
 

@@ -110,12 +110,11 @@ impl Measured {
         let error = self.standard_error / self.after.abs();
         let [ahead, back] = self.directions;
         let difference = ((ahead - back) / self.after).abs();
-        // Written so that what is not a number is a doubt.
-        if !(change > 1.0 / MOST_CHANGE && change < MOST_CHANGE) {
+        if !(1.0 / MOST_CHANGE..=MOST_CHANGE).contains(&change) {
             Some(Doubt::Far(change))
         } else if difference > MOST_DIFFERENCE {
             Some(Doubt::Directions(difference))
-        } else if !(error <= MOST_ERROR) {
+        } else if error > MOST_ERROR {
             Some(Doubt::Scatter(error))
         } else {
             None

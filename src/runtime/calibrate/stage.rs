@@ -147,7 +147,7 @@ impl<'s> Stage<'s> {
         }
     }
 
-    /// Readings of the range sensor for a second, at rest: each echo once.
+    /// Readings of the range sensor for a second, at rest; one echo is read several times.
     pub(super) fn ranges(&mut self) -> Result<Vec<f64>, CalibrateError> {
         let end_ns = self.clock.now_ns() + SECOND_NS;
         let mut ranges = Vec::new();
@@ -167,7 +167,7 @@ impl<'s> Stage<'s> {
     ) -> Result<Ended, CalibrateError> {
         let from = self.look()?;
         let begin_ns = self.clock.now_ns();
-        let (mut progress_rad, mut progress_ns) = (0.0, begin_ns);
+        let mut progress = [Progress::new(begin_ns); 2];
         loop {
             let now = self.look()?;
             let now_ns = self.clock.now_ns();
@@ -178,12 +178,12 @@ impl<'s> Stage<'s> {
             if gone_rad > limit.wheel_rad || now_ns - begin_ns > nanoseconds(limit.time_s) {
                 return Ok(Ended::Limit);
             }
-            if gone_rad > progress_rad + TURNED_RAD {
-                (progress_rad, progress_ns) = (gone_rad, now_ns);
-            } else if now_ns - progress_ns > BLOCKED_NS {
-                return Err(CalibrateError::Blocked);
+            let wheels_rad = [now.left_rad - from.left_rad, now.right_rad - from.right_rad];
+            for (wheel, turned_rad) in progress.iter_mut().zip(wheels_rad) {
+                wheel.check(turned_rad.abs(), now_ns)?;
             }
-            let demands = Demands { drive: Some(drive), head_rad: Some(0.0), ..Demands::default() };
+            // The head stays where a hand has put it.
+            let demands = Demands { drive: Some(drive), ..Demands::default() };
             self.robot.act(&demands, now_ns);
             self.wait();
         }
@@ -235,6 +235,29 @@ impl<'s> Stage<'s> {
 
     fn wait(&self) {
         self.clock.sleep_until_ns(self.clock.now_ns() + LOOK_NS);
+    }
+}
+
+/// How far a wheel has come, and when it last did.
+#[derive(Debug, Clone, Copy)]
+struct Progress {
+    turned_rad: f64,
+    at_ns: i64,
+}
+
+impl Progress {
+    fn new(at_ns: i64) -> Self {
+        Self { turned_rad: 0.0, at_ns }
+    }
+
+    /// Every motion here turns both wheels all the time, so one that stands is blocked.
+    fn check(&mut self, turned_rad: f64, now_ns: i64) -> Result<(), CalibrateError> {
+        if turned_rad > self.turned_rad + TURNED_RAD {
+            *self = Self { turned_rad, at_ns: now_ns };
+        } else if now_ns - self.at_ns > BLOCKED_NS {
+            return Err(CalibrateError::Blocked);
+        }
+        Ok(())
     }
 }
 

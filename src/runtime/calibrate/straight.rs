@@ -48,7 +48,7 @@ pub(super) fn by_wall(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, with a metre of floor behind it. It will drive back and forth. Is it ready?",
     )?;
     if !ready {
-        return Err(NoAnswer::Stopped.into());
+        return Err(NoAnswer::Declined.into());
     }
     let before_m = stage.config().wheel_circumference_m;
     let range_m = wall_ahead(stage)?;
@@ -164,7 +164,7 @@ pub(super) fn by_metre(
         "The robot will drive about a metre, ahead and back, several times; have a measuring tape at hand. Does it have a metre and a half of floor ahead?",
     )?;
     if !ready {
-        return Err(NoAnswer::Stopped.into());
+        return Err(NoAnswer::Declined.into());
     }
     let before_m = stage.config().wheel_circumference_m;
     let (mut ahead, mut back) = (Vec::new(), Vec::new());
@@ -181,7 +181,7 @@ fn metre(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result
         "Mark on the floor where one of the wheels stands. Drive about a metre {direction} now?"
     ))?;
     if !marked {
-        return Err(NoAnswer::Stopped.into());
+        return Err(NoAnswer::Declined.into());
     }
     let metres_per_rad = stage.config().wheel_circumference_m / (2.0 * PI);
     let from = stage.rest()?;

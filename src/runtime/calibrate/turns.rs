@@ -54,7 +54,7 @@ pub(super) fn track_width(
         "The robot will now spin on the spot, to the left and to the right. Does it have a hand's width of space all around?",
     )?;
     if !ready {
-        return Err(NoAnswer::Stopped.into());
+        return Err(NoAnswer::Declined.into());
     }
     let (mut left, mut right) = (Vec::new(), Vec::new());
     for _ in 0..options.pairs.unwrap_or(3) {
@@ -63,10 +63,9 @@ pub(super) fn track_width(
             widths.push(width_m(&spin, circumference_m, spin.gyro_rad()));
         }
     }
-    let measured = Measured::of(before_m, [&left, &right]);
-    if !options.mark {
-        dialogue
-            .say("A gyro counts 1 to 4 % too much or too little, and only a marked turn shows it: --mark.");
+    let mut measured = Measured::of(before_m, [&left, &right]);
+    if !is_marked(dialogue, options)? {
+        measured.unseen = GYRO_UNSEEN;
         return Ok((measured, None));
     }
     let [left, right] = marked_spins(stage, dialogue, 1)?;
@@ -161,7 +160,7 @@ fn marked_spin(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> 
         "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
     ))?;
     if !ready {
-        return Err(NoAnswer::Stopped.into());
+        return Err(NoAnswer::Declined.into());
     }
     let from = stage.rest()?;
     let marked_rad = MARKED_TURNS * 2.0 * PI;

@@ -96,16 +96,11 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 }
 
 pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    // To open a light for writing shows whether it could be switched, and switches nothing.
-    const FILE: &str = "sys/class/leds/led0:red:brick-status/brightness";
-    let tree = examination.patient.tree;
-    let opened = StatusLights::open(tree).map_err(|error| with_causes(&error));
-    let writable = opened.and_then(|_| super::roles::is_writable(tree, FILE));
-    match writable {
+    match StatusLights::open(examination.patient.tree).and_then(|lights| lights.check_writable()) {
         Ok(()) => diagnosis.ok("lights", "they can be switched"),
         Err(error) => diagnosis.warn(
             "lights",
-            error,
+            with_causes(&error),
             "a run goes without light signals; sudo usermod -aG ev3dev USER where access is denied",
         ),
     }

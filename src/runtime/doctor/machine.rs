@@ -60,6 +60,7 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
 }
 
 /// The folder itself, or the nearest of its parents that is there: a run makes the rest.
+#[allow(clippy::useless_conversion, reason = "the kernel's words are narrower on the brick than on a PC")]
 pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "disk";
     let wanted = examination.patient.recordings;
@@ -77,7 +78,6 @@ pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         );
     }
     let free = match statvfs(folder) {
-        // The kernel's words are narrower on the brick than here.
         Ok(space) => u64::from(space.blocks_available()).saturating_mul(u64::from(space.fragment_size())),
         Err(errno) => return diagnosis.warn(CHECK, errno.to_string(), "look how full it is with df"),
     };

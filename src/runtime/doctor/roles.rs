@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Access, ColourMode, DeviceError, GyroMode, InfraredMode, PortAddress, SensorMode, TachoMotor, TouchMode,
-    Tree, TypedSensor, UltrasonicMode,
+    ColourMode, DeviceError, GyroMode, InfraredMode, PortAddress, SensorMode, TachoMotor, TouchMode, Tree,
+    TypedSensor, UltrasonicMode,
 };
 use crate::robot::{MotorRole, RobotConfig};
 use crate::runtime::prepare::GYRO_STILL_RAD;
@@ -75,7 +75,6 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
         Ok(read) => read,
         Err(error) => return diagnosis.fail(role, format!("{what}: {}", with_causes(&error)), LOOSE),
     };
-    let command = format!("sys/class/{}/{}/command", identity.class, identity.name);
     if state.is_running() {
         diagnosis.fail(role, format!("{what} is running"), "another program drives it: onbrick halt");
     } else if !commands.contains("run-timed") {
@@ -84,17 +83,15 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
             format!("{what} has no run-timed"),
             "its driver cannot take leases: another motor",
         );
-    } else if let Err(error) = is_writable(tree, &command) {
-        diagnosis.fail(role, format!("{what}: {error}"), "sudo usermod -aG ev3dev USER, then log in anew");
+    } else if let Err(error) = motor.check_writable() {
+        diagnosis.fail(
+            role,
+            format!("{what}: {}", with_causes(&error)),
+            "sudo usermod -aG ev3dev USER, then log in anew",
+        );
     } else {
         diagnosis.ok(role, format!("{what}, at {position}"));
     }
-}
-
-/// Whether a file could be written to; nothing is.
-pub(super) fn is_writable(tree: &Arc<dyn Tree>, path: &str) -> Result<(), String> {
-    let opened = tree.open(path, Access::Write);
-    opened.map(drop).map_err(|errno| format!("{path} cannot be written: {errno}"))
 }
 
 /// Puts sensors into their modes where nobody else has them, and watches them all for a second.

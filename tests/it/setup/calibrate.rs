@@ -7,6 +7,8 @@ use onbrick::sim::{Button, Fault, Port};
 /// How near the true numbers calibration must come.
 const NEAR: f64 = 0.02;
 
+type Mischief = Box<dyn Fn(&Simulation)>;
+
 /// A person with good eyes, a slow hand and a measuring tape.
 struct Measurer {
     simulation: Simulation,
@@ -14,7 +16,7 @@ struct Measurer {
     way: f64,
     told: Vec<String>,
     /// What the person does once when this text comes up.
-    mischief: Option<(&'static str, Box<dyn Fn(&Simulation)>)>,
+    mischief: Option<(&'static str, Mischief)>,
     /// How wrong the tape is read, in turn, metres.
     tape_errors_m: Vec<f64>,
 }
