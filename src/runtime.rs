@@ -10,6 +10,9 @@
 //!            replay:  run.mcap ─▶ pilot ─▶ compared with run.mcap
 //! ```
 //!
+//! Before there is a run, a robot is set up: [`setup`](setup()) writes `robot.toml` by asking, [`calibrate`](calibrate()) measures it by driving,
+//! [`examine`] looks whether all is in order. They talk with a person through a [`Dialogue`], on a terminal or on the brick.
+//!
 //! # Not here
 //!
 //! No network: what runs on the tick's path knows no sockets. No pictures: they are made of finished runs (`report`).

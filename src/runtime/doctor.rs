@@ -23,6 +23,7 @@ use crate::clock::Clock;
 use crate::ev3dev::Tree;
 use crate::robot::RobotConfig;
 
+use super::execute::with_causes;
 use super::{HardwareLock, Source, StopFlags};
 
 mod brick;
@@ -172,15 +173,4 @@ pub fn examine(patient: &Patient<'_>) -> Diagnosis {
         check(&mut examination, &mut diagnosis);
     }
     diagnosis
-}
-
-/// An error with its causes on one line.
-fn with_causes(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
 }

@@ -13,6 +13,7 @@ use onbrick::sim::{RobotModel, Simulation, Truth, World, WorldPhysics};
 mod calibrate;
 mod commands;
 mod doctor;
+mod messages;
 mod teach;
 
 /// A brick in a world, and the handles that a test needs.

@@ -166,7 +166,8 @@ fn marked_spin(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> 
     let marked_rad = MARKED_TURNS * 2.0 * PI;
     turn(stage, way * SPIN_RAD_S, FAST_SHARE * marked_rad)?;
     dialogue.say("Now slowly: press Enter when it stands along the line.");
-    let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad, CREEP_RAD_S);
+    // Both parts together are one and a half times the way, and no more.
+    let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad / SLACK, CREEP_RAD_S);
     if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow, dialogue)? == Ended::Limit {
         return Err(CalibrateError::TooFar(
             "nobody pressed Enter in one and a half times the way: start again and watch the line".to_owned(),

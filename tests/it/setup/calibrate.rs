@@ -17,6 +17,8 @@ struct Measurer {
     told: Vec<String>,
     /// What the person does once when this text comes up.
     mischief: Option<(&'static str, Mischief)>,
+    /// Never presses Enter.
+    asleep: bool,
     /// How wrong the tape is read, in turn, metres.
     tape_errors_m: Vec<f64>,
 }
@@ -29,6 +31,7 @@ impl Measurer {
             way: 1.0,
             told: Vec::new(),
             mischief: None,
+            asleep: false,
             tape_errors_m: vec![0.001, -0.001],
         }
     }
@@ -87,7 +90,7 @@ impl Dialogue for Measurer {
 
     fn is_pressed(&mut self) -> bool {
         // A hand is a fifth of a second late: at 12 degrees a second, 2.4 degrees.
-        self.missing_rad() < -0.04
+        !self.asleep && self.missing_rad() < -0.04
     }
 }
 
@@ -254,6 +257,14 @@ fn whatever_goes_wrong_on_the_way_is_said_and_the_robot_stands() {
         });
     });
     assert!(matches!(blocked, CalibrateError::Blocked), "{blocked}");
+    let one_blocked = ends_with("", "spin on the spot", |simulation| {
+        simulation.inspect(|world: &mut WorldPhysics| world.fail(0, Fault::BlockedMotor(3)));
+    });
+    assert!(matches!(one_blocked, CalibrateError::Blocked), "{one_blocked}");
+    let silent = ends_with("[robot.errors]\nrange_dropout = 1.0\n", "never", |_| ());
+    assert!(matches!(silent, CalibrateError::NoWall(_)), "{silent}");
+    let drifts = ends_with("[robot.errors]\ngyro_drift_dps = 3.0\n", "never", |_| ());
+    assert!(drifts.to_string().contains("not ready"), "{drifts}");
     let pulled = ends_with("", "spin on the spot", |simulation| simulation.unplug(0, Port::In4).unwrap());
     assert!(matches!(pulled, CalibrateError::Lost { .. }), "{pulled}");
     let away = ends_with("", "before a plain wall", |simulation| {
@@ -266,6 +277,19 @@ fn whatever_goes_wrong_on_the_way_is_said_and_the_robot_stands() {
     assert!(flat.to_string().contains("not ready"), "{flat}");
     let unplugged = ends_with("[robot.ports]\nin4 = \"none\"\n", "never", |_| ());
     assert!(matches!(unplugged, CalibrateError::Bind(_)), "{unplugged}");
+}
+
+#[test]
+fn a_person_who_never_presses_enter_does_not_keep_the_robot_spinning() {
+    let bench = Bench::new("", 1);
+    let mut person = Measurer::new(&bench);
+    person.asleep = true;
+    let options = CalibrateOptions { straight: None, ..CalibrateOptions::default() };
+    let robot = wrong(1.0, 1.0, false);
+    let error = measure_with(&bench, &robot, &options, &mut person).unwrap_err();
+    assert!(error.to_string().contains("nobody pressed Enter"), "{error}");
+    let turned = (bench.truth().heading_rad - person.marked.heading_rad).abs() / (2.0 * PI);
+    assert!((2.8..3.2).contains(&turned), "{turned} turns; one and a half times two are the most");
 }
 
 /// Stops when the robot has driven for a while, as a hand on the brick or Ctrl-C would.

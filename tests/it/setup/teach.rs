@@ -114,16 +114,19 @@ fn ports_and_directions_come_out_right_however_the_robot_is_built() {
         ("outC", "outA", true, false, "outD", "[-12, 36]"),
     ];
     for (left, right, left_inverted, right_inverted, head, gear) in cases {
-        let bench = Bench::new(
-            &format!(
-                "[robot]\nleft = \"{left}\"\nright = \"{right}\"\nleft_inverted = {left_inverted}\nright_inverted = {right_inverted}\nhead = \"{head}\"\nhead_gear = {gear}\n[robot.ports]\noutA = \"none\"\noutB = \"none\"\noutC = \"none\"\noutD = \"none\"\n{left} = \"large\"\n{right} = \"large\"\n{head} = \"medium\"\nin1 = \"gyro\"\nin2 = \"ultrasonic\"\nin3 = \"none\"\nin4 = \"infrared\"\n"
-            )
-            .replace("outA = \"none\"\n", if [left, right, head].contains(&"outA") { "" } else { "outA = \"none\"\n" })
-            .replace("outB = \"none\"\n", if [left, right, head].contains(&"outB") { "" } else { "outB = \"none\"\n" })
-            .replace("outC = \"none\"\n", if [left, right, head].contains(&"outC") { "" } else { "outC = \"none\"\n" })
-            .replace("outD = \"none\"\n", if [left, right, head].contains(&"outD") { "" } else { "outD = \"none\"\n" }),
-            7,
+        let motor = |port: &str| match port {
+            port if port == left || port == right => "large",
+            port if port == head => "medium",
+            _ => "none",
+        };
+        let motors: String =
+            ["outA", "outB", "outC", "outD"].map(|port| format!("{port} = \"{}\"\n", motor(port))).concat();
+        let built = format!(
+            "[robot]\nleft = \"{left}\"\nright = \"{right}\"\nleft_inverted = {left_inverted}\n\
+             right_inverted = {right_inverted}\nhead = \"{head}\"\nhead_gear = {gear}\n[robot.ports]\n{motors}\
+             in1 = \"gyro\"\nin2 = \"ultrasonic\"\nin3 = \"none\"\nin4 = \"infrared\"\n"
         );
+        let bench = Bench::new(&built, 7);
         let (robot, _) = set_up(&bench);
         let port = |port: &Option<onbrick::ev3dev::PortAddress>| port.as_ref().map(ToString::to_string);
         assert_eq!(
