@@ -133,7 +133,9 @@ pub(super) fn pose(text: &str) -> Result<[f64; 3], String> {
 /// A recording that was read.
 #[derive(Debug)]
 pub(super) struct LoadedRun {
+    #[cfg(feature = "host")]
     pub(super) path: PathBuf,
+    #[cfg(feature = "host")]
     pub(super) name: String,
     pub(super) run: Run,
 }
@@ -165,7 +167,13 @@ pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     for warning in &run.warnings {
         log::warn!("{name}: {warning}");
     }
-    Ok(LoadedRun { path: path.to_owned(), name, run })
+    Ok(LoadedRun {
+        #[cfg(feature = "host")]
+        path: path.to_owned(),
+        #[cfg(feature = "host")]
+        name,
+        run,
+    })
 }
 
 /// All runs in one picture, with the walls of a world that they know.
