@@ -18,15 +18,19 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+mod calibrate;
 mod check;
 mod common;
 mod control;
 mod devices;
+mod doctor;
 mod graph;
 mod halt;
 mod new;
 mod output;
 mod run;
+mod setup;
+mod terminal;
 
 #[cfg(feature = "host")]
 mod export;
@@ -61,6 +65,9 @@ enum Command {
     Check(check::Arguments),
     Graph(graph::Arguments),
     New(new::Arguments),
+    Setup(setup::Arguments),
+    Calibrate(calibrate::Arguments),
+    Doctor(doctor::Arguments),
     Devices(devices::Arguments),
     Halt(halt::Arguments),
     #[cfg(feature = "host")]
@@ -94,6 +101,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Check(arguments) => check::run(&arguments, &mut output),
         Command::Graph(arguments) => graph::run(&arguments, &mut output),
         Command::New(arguments) => new::run(&arguments, &mut output),
+        Command::Setup(arguments) => setup::run(&arguments, &mut output),
+        Command::Calibrate(arguments) => calibrate::run(&arguments, &mut output),
+        Command::Doctor(arguments) => doctor::run(&arguments, &mut output),
         Command::Devices(arguments) => devices::run(&arguments, &mut output),
         Command::Halt(arguments) => halt::run(&arguments, &mut output),
         #[cfg(feature = "host")]

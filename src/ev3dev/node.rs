@@ -159,6 +159,11 @@ impl<T> Attribute<T> {
         file.wait_changed(timeout).map_err(|errno| node.error(self.spec.name, None, self.read_cause(errno)))
     }
 
+    /// Opens the file for writing, which shows whether one may, and writes nothing.
+    pub(crate) fn open_for_writing(&self, node: &Node) -> Result<(), DeviceError> {
+        kept(&self.writer, || node.open(self.spec.name, Access::Write)).map(|_| ())
+    }
+
     pub(crate) fn is_open_for_writing(&self) -> bool {
         self.writer.get().is_some()
     }

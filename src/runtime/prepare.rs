@@ -20,13 +20,13 @@ const PATIENCE_NS: i64 = 10 * SECOND_NS;
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
 /// A gyro at rest may flicker between two neighbouring degrees.
-const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
+pub(super) const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
 
 /// A wheel at rest may stand on the edge between two counts.
 const WHEEL_STILL_RAD: f64 = 0.0175 * 1.5;
 
 /// What a brick runs on: six cells, or LEGO's accumulator. Below, it would brown out as soon as the motors pull; above, the reading is wrong.
-const BATTERY_V: std::ops::RangeInclusive<f64> = 5.8..=10.0;
+pub(super) const BATTERY_V: std::ops::RangeInclusive<f64> = 5.8..=10.0;
 
 /// What a person is told before the gyro itself is blamed.
 const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the robot still";

@@ -21,6 +21,7 @@ mod mapping;
 mod messages;
 mod recording;
 mod report;
+mod setup;
 mod sim_drivers;
 mod sim_world;
 mod support;

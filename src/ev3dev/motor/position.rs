@@ -191,6 +191,15 @@ impl<K: MotorKind> PositionMotor<K> {
         self.command(TachoCommand::Stop)
     }
 
+    /// Whether a command could be written; nothing is.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Other`](crate::ev3dev::Cause::Other) with EACCES for a user who is not in the group `ev3dev`.
+    pub fn check_writable(&self) -> Result<(), DeviceError> {
+        self.files.write_command.open_for_writing(&self.node)
+    }
+
     /// Coasts and puts everything back to its default, the position to 0.
     ///
     /// # Errors
