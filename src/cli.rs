@@ -13,6 +13,7 @@
 //! | 5 | some bricks failed |
 
 use std::ffi::OsString;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -90,7 +91,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let level = [log::LevelFilter::Warn, log::LevelFilter::Info, log::LevelFilter::Debug];
     let level = level.get(usize::from(arguments.verbose)).copied().unwrap_or(log::LevelFilter::Trace);
-    env_logger::Builder::new().filter_level(level).format_timestamp(None).init();
+    env_logger::Builder::new().filter_level(level).format(said).init();
 
     let mut output = Output::new(arguments.json);
     let ended = match arguments.command {
@@ -116,4 +117,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => output.fail(&failure),
     }
+}
+
+/// A log line as a person reads it: the same form as a failure's.
+fn said(out: &mut env_logger::fmt::Formatter, record: &log::Record<'_>) -> std::io::Result<()> {
+    let text = record.args().to_string();
+    let prefix = match record.level() {
+        log::Level::Error if !text.starts_with("error:") => "error: ",
+        // Findings say "warning:" themselves.
+        log::Level::Warn if !text.starts_with("warning:") => "warning: ",
+        _ => "",
+    };
+    writeln!(out, "{prefix}{}", text.trim_end())
 }

@@ -29,6 +29,7 @@ mod control;
 mod dialogue;
 mod doctor;
 mod execute;
+pub mod guard;
 mod lock;
 mod names;
 mod pilot;
@@ -115,8 +116,10 @@ pub enum Event {
     Status(recording::Status),
     /// The run did not start.
     Refused {
-        /// Why, and what to do.
+        /// Why.
         message: String,
+        /// What to do, where the message does not say it.
+        hint: Option<String>,
     },
     /// The run is over.
     Ended(Ended),

@@ -148,6 +148,11 @@ impl<T> Attribute<T> {
         Err(node.error(self.spec.name, Some(first_line(bytes)), cause))
     }
 
+    /// The error for a value that was read, and cannot be.
+    pub(crate) fn malformed(&self, node: &Node, value: &str, legal: Legal) -> DeviceError {
+        node.error(self.spec.name, Some(value.as_bytes()), Cause::Malformed(legal))
+    }
+
     /// Waits until the driver says that the attribute changed.
     pub(crate) fn wait_changed(&self, node: &Node, timeout: Duration) -> Result<bool, DeviceError> {
         let file = kept(&self.reader, || node.open(self.spec.name, Access::Read))?;

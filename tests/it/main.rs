@@ -11,11 +11,14 @@
     reason = "tests stop by panicking, print what they measured, compare bits, and share helpers between modules"
 )]
 
+mod bad_input;
 mod behavior;
+mod commands;
 mod drivers_bench;
 mod ev3dev;
 mod figures;
 mod mapping;
+mod messages;
 mod recording;
 mod report;
 mod setup;
@@ -23,4 +26,5 @@ mod sim_drivers;
 mod sim_world;
 mod support;
 mod tick;
+mod tidy;
 mod transcript;
