@@ -32,6 +32,8 @@ mod replay;
 mod stall;
 
 pub use control::{Control, STALL_NS, StopFlags, Tally};
+#[cfg(feature = "sim")]
+pub use execute::execute_observed;
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};

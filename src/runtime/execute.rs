@@ -82,14 +82,77 @@ pub fn execute(
     heartbeat: &mut dyn Heartbeat,
     report: impl Fn(&Event) + Send + Sync + 'static,
 ) -> Result<Ended, Refused> {
-    let report: Arc<Report> = Arc::new(report);
-    let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
-    let (mut mission, _) =
-        Mission::parse(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
-    for (name, value) in &job.set {
-        mission.set(name, *value)?;
+    Stage::set(job)?.play(job, flags, heartbeat, Arc::new(report))
+}
+
+/// Does a job on a simulated brick, and shows how things truly are after each tick: for tests and for judging missions.
+///
+/// `see` gets nothing where the job's brick is not a simulated one.
+///
+/// # Errors
+///
+/// As [`execute`].
+#[cfg(feature = "sim")]
+pub fn execute_observed(
+    job: &Job,
+    flags: &StopFlags,
+    see: impl FnMut(&crate::sim::Truth) + Send,
+) -> Result<Ended, Refused> {
+    let stage = Stage::set(job)?;
+    let mut witness = Witness { observer: stage.place.observer.clone(), see };
+    stage.play(job, flags, &mut witness, Arc::new(|_: &Event| {}))
+}
+
+/// Looks at the truth with each beat.
+#[cfg(feature = "sim")]
+struct Witness<F> {
+    observer: Option<crate::sim::Observer>,
+    see: F,
+}
+
+#[cfg(feature = "sim")]
+impl<F> std::fmt::Debug for Witness<F> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Witness").field("observer", &self.observer).finish_non_exhaustive()
     }
-    let place = Place::open(job, mission.name())?;
+}
+
+#[cfg(feature = "sim")]
+impl<F: FnMut(&crate::sim::Truth) + Send> Heartbeat for Witness<F> {
+    fn beat(&mut self) {
+        if let Some(truth) = self.observer.as_ref().and_then(|observer| observer.truth(0)) {
+            (self.see)(&truth);
+        }
+    }
+}
+
+/// What a job is done with: its files, read and found in order, and the place it is done in.
+struct Stage {
+    config: RobotConfig,
+    mission: Mission,
+    place: Place,
+}
+
+impl Stage {
+    fn set(job: &Job) -> Result<Self, Refused> {
+        let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
+        let (mut mission, _) =
+            Mission::parse(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
+        for (name, value) in &job.set {
+            mission.set(name, *value)?;
+        }
+        let place = Place::open(job, mission.name())?;
+        Ok(Self { config, mission, place })
+    }
+
+    fn play(
+        self,
+        job: &Job,
+        flags: &StopFlags,
+        heartbeat: &mut dyn Heartbeat,
+        report: Arc<Report>,
+    ) -> Result<Ended, Refused> {
+    let Self { config, mission, place } = self;
     let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
     prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
     if place.announce {
@@ -139,6 +202,7 @@ pub fn execute(
         file: job.file.clone(),
         recording,
     })
+    }
 }
 
 fn period_ns(mission: &Mission) -> i64 {
@@ -170,6 +234,8 @@ struct Place {
     announce: bool,
     #[cfg(feature = "sim")]
     simulation: Option<crate::sim::Simulation>,
+    #[cfg(feature = "sim")]
+    observer: Option<crate::sim::Observer>,
     _lock: Option<HardwareLock>,
 }
 
@@ -189,6 +255,8 @@ impl Place {
                     announce: true,
                     #[cfg(feature = "sim")]
                     simulation: None,
+                    #[cfg(feature = "sim")]
+                    observer: None,
                     _lock: Some(lock),
                 })
             }
@@ -210,6 +278,7 @@ impl Place {
         let clock: Arc<dyn Clock> =
             if realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
         let physics = WorldPhysics::new(parsed, 1, seed)?;
+        let observer = physics.observer();
         let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), seed);
         Ok(Self {
             tree: simulation.brick(0),
@@ -220,6 +289,7 @@ impl Place {
             world_toml: Some(world.text.clone()),
             announce: false,
             simulation: Some(simulation),
+            observer: Some(observer),
             _lock: None,
         })
     }
