@@ -304,6 +304,7 @@ fn the_maps_memory_is_bounded_over_ten_hours_and_keeps_first_and_last() {
                 x_m: sin,
                 y_m: 1.0 - cos,
                 beam: [sin, -cos],
+                echo: [sin, -cos],
                 range: Range::Echo(1.0),
                 fresh: true,
             });
