@@ -150,7 +150,11 @@ mod tests {
                 let range = hear(bearing_deg);
                 let off_rad = sweep.off_axis_rad(&beam, bearing_rad, range, HALF_RAD);
                 let Range::Echo(range_m) = range else { return None };
-                Some((bearing_deg, range_m * libm::cos(bearing_rad + off_rad), range_m * libm::cos(bearing_rad)))
+                Some((
+                    bearing_deg,
+                    range_m * libm::cos(bearing_rad + off_rad),
+                    range_m * libm::cos(bearing_rad),
+                ))
             })
             .collect()
     }
@@ -175,7 +179,10 @@ mod tests {
         bearings.extend([-25.8; 5]);
         let points = sweep(bearings.into_iter(), wall);
         for (bearing_deg, placed_m, axis_m) in &points[5..] {
-            assert!((placed_m - 1.0).abs() < 0.03, "{placed_m} m at {bearing_deg} degrees, {axis_m} on the axis");
+            assert!(
+                (placed_m - 1.0).abs() < 0.03,
+                "{placed_m} m at {bearing_deg} degrees, {axis_m} on the axis"
+            );
         }
     }
 
@@ -200,8 +207,7 @@ mod tests {
         for step in 0..10 {
             let x_m = 0.02 * f64::from(step);
             let beam = Beam { x_m, y_m: 0.0, cos: 1.0, sin: 0.0 };
-            let off_rad =
-                sweep.off_axis_rad(&beam, 0.03 * f64::from(step), Range::Echo(1.0 - x_m), HALF_RAD);
+            let off_rad = sweep.off_axis_rad(&beam, 0.03 * f64::from(step), Range::Echo(1.0 - x_m), HALF_RAD);
             assert!(step == 0 || off_rad.abs() < 1e-9, "{off_rad} rad at {x_m} m");
         }
     }

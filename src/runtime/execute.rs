@@ -152,56 +152,56 @@ impl Stage {
         heartbeat: &mut dyn Heartbeat,
         report: Arc<Report>,
     ) -> Result<Ended, Refused> {
-    let Self { config, mission, place } = self;
-    let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
-    prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
-    if place.announce {
-        robot.announce(&*place.clock, &|| flags.is_raised());
-    }
-    let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
-    let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
-    report(&Event::Driving { file: job.file.clone() });
+        let Self { config, mission, place } = self;
+        let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
+        prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
+        if place.announce {
+            robot.announce(&*place.clock, &|| flags.is_raised());
+        }
+        let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
+        let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
+        report(&Event::Driving { file: job.file.clone() });
 
-    let mut control = Control {
-        robot: &mut robot,
-        pilot: &mut pilot,
-        recorder: &mut tick_side,
-        clock: &*place.clock,
-        flags,
-        heartbeat,
-        period_ns: period_ns(&mission),
-        tally: Tally::default(),
-    };
-    // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
-    let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
-    let tally = control.tally;
-    let stopped = robot.stop(StopAction::Brake);
-    let word = driven.unwrap_or(StopReason::Panicked);
-    let reason = match robot.trouble().filter(|_| matches!(word, StopReason::Lost(_))) {
-        Some(trouble) => format!("{word}: {trouble}"),
-        None => word.to_string(),
-    };
-    let end = End {
-        reason: reason.clone(),
-        time_ns: tally.time_ns,
-        truth: place.truth(),
-        map: Some(recording::Grid::from(pilot.map().grid())),
-    };
-    let recording = recorder.finish(tick_side, end).err().map(|error| with_causes(&error));
-    Ok(Ended {
-        word: word.word().to_owned(),
-        reason,
-        wanted: word.is_wanted(),
-        stopped,
-        ticks: tally.ticks,
-        time_s: seconds(tally.time_ns),
-        travelled_m: tally.travelled_m,
-        points: tally.points,
-        overruns: tally.overruns,
-        latest_s: seconds(tally.latest_ns),
-        file: job.file.clone(),
-        recording,
-    })
+        let mut control = Control {
+            robot: &mut robot,
+            pilot: &mut pilot,
+            recorder: &mut tick_side,
+            clock: &*place.clock,
+            flags,
+            heartbeat,
+            period_ns: period_ns(&mission),
+            tally: Tally::default(),
+        };
+        // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
+        let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
+        let tally = control.tally;
+        let stopped = robot.stop(StopAction::Brake);
+        let word = driven.unwrap_or(StopReason::Panicked);
+        let reason = match robot.trouble().filter(|_| matches!(word, StopReason::Lost(_))) {
+            Some(trouble) => format!("{word}: {trouble}"),
+            None => word.to_string(),
+        };
+        let end = End {
+            reason: reason.clone(),
+            time_ns: tally.time_ns,
+            truth: place.truth(),
+            map: Some(recording::Grid::from(pilot.map().grid())),
+        };
+        let recording = recorder.finish(tick_side, end).err().map(|error| with_causes(&error));
+        Ok(Ended {
+            word: word.word().to_owned(),
+            reason,
+            wanted: word.is_wanted(),
+            stopped,
+            ticks: tally.ticks,
+            time_s: seconds(tally.time_ns),
+            travelled_m: tally.travelled_m,
+            points: tally.points,
+            overruns: tally.overruns,
+            latest_s: seconds(tally.latest_ns),
+            file: job.file.clone(),
+            recording,
+        })
     }
 }
 

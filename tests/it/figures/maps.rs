@@ -3,15 +3,15 @@
 //!
 //! Both ways of estimating get the senses of the same runs. The default has one point a reading, the seed one a tick.
 
-use onbrick::mapping::{Method, stats};
 use onbrick::behavior::{Demands, Mission};
+use onbrick::mapping::{Method, stats};
 use onbrick::robot::RobotConfig;
 use onbrick::runtime::Pilot;
 use onbrick::runtime::recording::Run;
 use onbrick::sim::World;
 use onbrick::units::{degrees, wrap_rad};
 
-use crate::missions::{play_in};
+use crate::missions::play_in;
 
 /// One run's figures.
 #[derive(Debug, Clone, Copy, Default)]
@@ -72,7 +72,9 @@ fn print(name: &str, [points, median, p90, pose, heading, travelled]: [f64; 6]) 
 
 #[test]
 fn maps_of_ten_seeds_in_four_worlds() {
-    println!("demo's mission, 120 s: points; point to wall, cm: median, p90; final pose: cm, degrees; metres driven");
+    println!(
+        "demo's mission, 120 s: points; point to wall, cm: median, p90; final pose: cm, degrees; metres driven"
+    );
     // Bounds of the default's median and p90 over all points of a run, in cm: of the median seed.
     for (name, median_cm, p90_cm) in
         [("arena", 3.0, 9.0), ("rooms", 4.0, 12.0), ("cylinders", 5.0, 14.0), ("corridor", 4.0, 12.0)]
@@ -91,7 +93,10 @@ fn maps_of_ten_seeds_in_four_worlds() {
         print("the seed's, median", seeds_typical);
         print("the seed's, worst", seeds_worst);
         assert!(typical[1] < median_cm && typical[2] < p90_cm, "{name}: {typical:?}");
-        assert!(typical[1] < seeds_typical[1] && typical[2] < seeds_typical[2], "{name}: no better than the seed's");
+        assert!(
+            typical[1] < seeds_typical[1] && typical[2] < seeds_typical[2],
+            "{name}: no better than the seed's"
+        );
         assert!(worst[3] < 12.0 && worst[4] < 9.0, "{name}: final pose {worst:?}");
     }
 }

@@ -28,7 +28,10 @@ fn the_defaults_cloud_of_real_scans_lies_nearer_to_the_walls() {
         print(&format!("{method:?}"), &mut errors)
     });
     // Median, mean and p90.
-    assert!(default[0] < seed[0] && default[1] < seed[1] && default[2] < seed[2], "{default:?} against {seed:?}");
+    assert!(
+        default[0] < seed[0] && default[1] < seed[1] && default[2] < seed[2],
+        "{default:?} against {seed:?}"
+    );
 }
 
 /// Each team's distances from point to wall.
