@@ -32,6 +32,16 @@ impl Played {
         Run::read(&self.bytes).expect("a recording")
     }
 
+    /// The tick at a time of the run, seconds.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "times of a run are short and positive"
+    )]
+    pub fn tick_at(&self, time_s: f64) -> usize {
+        (time_s / self.tick_s).round() as usize
+    }
+
     /// The longest time without a break in which something was so, seconds.
     pub fn longest_s(&self, so: impl Fn(&Truth) -> bool) -> f64 {
         let (mut longest, mut ticks) = (0_u32, 0_u32);

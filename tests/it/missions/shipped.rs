@@ -72,7 +72,7 @@ fn wall_keeps_near_its_wall() {
         let wall_m = |truth: &Truth| world.distance_to_nearest_surface(truth.x_m, truth.y_m);
         let following = played.run().transitions.into_iter().find(|taken| taken.to == "follow");
         let found_s = following.expect("it finds a wall").time_ns as f64 / 1e9;
-        let found = (found_s / played.tick_s) as usize;
+        let found = played.tick_at(found_s);
         let followed = &played.truths[found..];
         let near = followed.iter().filter(|truth| (0.10..0.40).contains(&wall_m(truth))).count() as f64
             / followed.len() as f64;
@@ -99,7 +99,7 @@ fn line_stays_on_its_edge_for_a_whole_lap() {
         let played = play_in("line", "line", seed);
         let off_m = |truth: &Truth| (to_ring_m(&points, point(truth, 0.07, 0.0)) - half_m).abs();
         let start = &played.truths[0];
-        let settled = (3.0 / played.tick_s) as usize;
+        let settled = played.tick_at(3.0);
         let lap = played.truths.iter().position(|truth| {
             (truth.heading_rad - start.heading_rad).abs() > 0.9 * TAU && distance_m(truth, start) < 0.06
         });
@@ -176,7 +176,7 @@ fn remote_drives_as_its_buttons_say() {
         assert_eq!(played.ended.word, "finished");
         // The first press moves the robot; from there on the buttons are at the times that the world's file says.
         let first = played.truths.iter().position(|truth| truth.travelled_m > 0.002).expect("it drives");
-        let tick = |pressed_s: f64| first + ((pressed_s - 5.0) / played.tick_s) as usize;
+        let tick = |pressed_s: f64| first + played.tick_at(pressed_s - 5.0);
         let between = |from_s: f64, to_s: f64| {
             let (from, to) = (&played.truths[tick(from_s)], &played.truths[tick(to_s)]);
             let (sin, cos) = libm::sincos(from.heading_rad);
@@ -210,7 +210,7 @@ fn square_comes_back_to_its_start() {
     for seed in 1..=6 {
         let played = play_in("square", "open", seed);
         let run = played.run();
-        let at = |time_ns: i64| &played.truths[(time_ns as f64 / 1e9 / played.tick_s).round() as usize];
+        let at = |time_ns: i64| &played.truths[played.tick_at(time_ns as f64 / 1e9)];
         let entered = |state: &str| {
             let taken = run.transitions.iter().find(|taken| taken.to == state);
             at(taken.unwrap_or_else(|| panic!("never in {state}")).time_ns)
