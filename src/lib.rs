@@ -27,7 +27,7 @@
 //! |---|---|
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
-//! | [`runtime`] | a run: checks, control loop, recorder, replay |
+//! | [`runtime`] | a run: checks, control loop, recorder, replay; before it, setting a robot up |
 //! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
 //! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure |
 //! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |

@@ -39,15 +39,18 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     pipe.set_blocking(true);
     match ended {
         Ok(ended) => pipe.send(&Event::Ended(ended)),
-        Err(refused) => pipe.send(&Event::Refused { message: refused.to_text() }),
+        Err(refused) => pipe
+            .send(&Event::Refused { message: refused.to_text(), hint: refused.way_out().map(str::to_owned) }),
     }
     Ok(())
 }
 
 fn read_job() -> Result<Job, Failure> {
     let mut line = String::new();
-    let failed =
-        |error: &dyn std::error::Error| Failure::from_error(Exit::Usage, "standard input has no job", error);
+    let failed = |error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Usage, "standard input has no job", error)
+            .hint("onbrick run, which starts this process and gives it its job")
+    };
     io::stdin().lock().take(LONGEST_JOB).read_line(&mut line).map_err(|error| failed(&error))?;
     serde_json::from_str(&line).map_err(|error| failed(&error))
 }

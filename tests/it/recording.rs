@@ -274,7 +274,7 @@ fn what_happened_is_recorded_by_name() {
     assert_eq!(run.checkpoints[1].state.machines[0].entered_m, 0.5);
     let second = run.statistics[0];
     assert_eq!((second.first_tick, second.ticks, second.overruns), (0, 51, 1), "{second:?}");
-    assert_eq!((second.lateness_p50_ns, second.lateness_max_ns), (24_000, 49_000), "{second:?}");
+    assert_eq!((second.lateness_p50_ns, second.lateness_max_ns), (25_000, PERIOD_NS + 1), "{second:?}");
     assert_eq!(run.statistics.iter().map(|window| window.ticks).sum::<u32>(), 120);
 }
 
