@@ -19,6 +19,7 @@ mod ev3dev;
 mod figures;
 mod mapping;
 mod messages;
+mod missions;
 mod recording;
 mod report;
 mod setup;
