@@ -18,7 +18,8 @@ mod simulation;
 
 pub use door::SimBrick;
 pub use driver::board::Pack;
-pub use driver::input::Button;
+pub use driver::input::{Button, EventLayout};
+pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
 pub use physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
