@@ -1,8 +1,9 @@
 //! Typed devices over the attribute files of ev3dev: one file, one value, one Rust type.
 //!
-//! A device is a folder of small text files, and its class says which. Each class is a table: a row names the file, whether it is readable,
-//! writeable or readwriteable, its Rust type and what is legal in it. The macro `attributes!` makes of the table the accessors and an `ATTRIBUTES` list, and
-//! the tests build their fakes of that list and hold it against a listing that the kernel's own drivers gave.
+//! A device is a folder of small text files, and its class says which. Each class is a table: a row names the file,
+//! whether it is readable, writeable or readwriteable, its Rust type and what is legal in it. The macro `attributes!`
+//! makes of the table the accessors and an `ATTRIBUTES` list, and the tests build their fakes of that list and hold
+//! it against a listing that the kernel's own drivers gave.
 //!
 //! | class | type |
 //! |---|---|
@@ -36,21 +37,24 @@
 //!
 //! # Costs
 //!
-//! A file is opened on its first use and kept. From then on a reading is one `pread` into 64 bytes of stack, a write one `pwrite`, and neither allocates;
-//! nor does an error. Lists (`modes`, `commands`, `trigger`) are longer, and are read when a device is bound.
+//! A file is opened on its first use and kept. From then on a reading is one `pread` into 64 bytes of stack, a write
+//! one `pwrite`, and neither allocates; nor does an error. Lists (`modes`, `commands`, `trigger`) are longer, and are
+//! read when a device is bound.
 //!
 //! # Not here
 //!
-//! No retries, no sleeping, no cached readings, no motion policy: those are the layers' above. No images before 2018 (Debian 8): their names differ.
-//! No camera, no recorded sound; the screen comes with the menu.
+//! No retries, no sleeping, no cached readings, no motion policy: those are the layers' above. No images before 2018
+//! (Debian 8): their names differ. No camera, no recorded sound; the screen comes with the menu.
 //!
 //! # What we count on
 //!
 //! - The text of an attribute is made when it is read at offset 0; a write is one whole store.
 //! - Set points wait for the next `command`; only `duty_cycle_sp` acts at once, in `run-direct`.
 //! - Only the first line of a file matters (`uevent` apart). Plain files therefore stand in for sysfs in tests.
-//! - A pulled cable takes the folder with it, and a new number comes with the next: [`Cause::Gone`], never a zero. Find the device again by its port.
-//! - Nobody else changes a sensor's mode: between programs anything may happen, so a mode is read when a sensor is bound.
+//! - A pulled cable takes the folder with it, and a new number comes with the next: [`Cause::Gone`], never a zero.
+//!   Find the device again by its port.
+//! - Nobody else changes a sensor's mode: between programs anything may happen, so a mode is read when a sensor is
+//!   bound.
 //!
 //! # Troubleshooting
 //!
@@ -114,5 +118,6 @@ pub use sound::{SOUND_PATH, Sound};
 pub use tree::{Access, AttributeFile, LocalTree, Tree};
 pub use value::{Legal, Word, Words};
 pub use words::{
-    BinFormat, DcCommand, Polarity, PortMode, ServoCommand, StopAction, TachoCommand, Technology, UnknownWord,
+    BinFormat, DcCommand, Driver, Polarity, PortMode, ServoCommand, StopAction, TachoCommand, Technology,
+    UnknownWord,
 };

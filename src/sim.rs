@@ -10,11 +10,17 @@
 //! NXT and I²C sensors, `raw` ports, the screen, sampled sound. A sensor's values are integers of whole frames; nothing is known of the
 //! electrical side of a port.
 
+mod body;
 mod brick;
+mod chance;
 mod door;
 mod driver;
+mod motor;
 mod physics;
+mod sensors;
 mod simulation;
+mod world;
+mod world_physics;
 
 pub use door::SimBrick;
 pub use driver::board::Pack;
@@ -22,5 +28,8 @@ pub use driver::input::{Button, EventLayout};
 pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
+pub use motor::{Motor, MotorConstants};
 pub use physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use simulation::{Options, Plugged, Port, Simulation, Written};
+pub use world::{Colour, Errors, RobotModel, StartPose, World};
+pub use world_physics::{Fault, NoStartPose, Observer, Truth, WorldPhysics};

@@ -147,8 +147,8 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
 #[cfg(all(feature = "host", feature = "sim"))]
 fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     let text = run.world_toml.as_ref()?;
-    let (world, _) = crate::sim::World::load("world.toml of the recording", text.as_bytes()).ok()?;
-    Some(world.outlines())
+    let (world, _) = crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;
+    Some(world.outlines().to_vec())
 }
 
 #[cfg(all(feature = "host", not(feature = "sim")))]
@@ -167,15 +167,16 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 /// Reads a world's file, or takes a built-in one; the pose is the first robot's start.
 #[cfg(feature = "sim")]
 pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
-    let source = read_source(path, crate::sim::World::named).map_err(|failure| {
+    let source = read_source(path, crate::sim::World::text).map_err(|failure| {
         let names = crate::sim::World::names().collect::<Vec<_>>().join(", ");
         failure.hint(format!("a world's file, or one of {names}"))
     })?;
-    let (world, warnings) = crate::sim::World::load(&source.name, source.text.as_bytes())
+    let (world, warnings) = crate::sim::World::parse(&source.name, source.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     warn(&warnings);
-    let start = world.starts().first().copied().unwrap_or_default();
-    Ok((source, Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad }))
+    let start = world.starts().first();
+    let start = start.map(|start| Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
+    Ok((source, start.unwrap_or_default()))
 }
 
 /// What a person sees of a run while it goes on.
@@ -200,9 +201,8 @@ impl Progress {
         }
     }
 
-    /// Shows an event.
-    pub(super) fn show(&self, event: &Event, output: &mut Output) {
-        output.value(event);
+    /// Shows an event to a person.
+    pub(super) fn show(&self, event: &Event) {
         match event {
             Event::Preparing { what } => log::warn!("{what}"),
             Event::Driving { .. } => log::info!("driving"),

@@ -15,7 +15,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::{Exit, Failure, Output};
 use crate::runtime::{Event, Heartbeat, Job, StopFlags, execute};
@@ -28,11 +27,8 @@ pub(super) struct Arguments {}
 const LONGEST_JOB: u64 = 64 << 20;
 
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
-    let flags = StopFlags::default();
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&flags.signal))
-            .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
-    }
+    let flags = StopFlags::on_signals()
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     let job = read_job()?;
     watch_starter(Arc::clone(&flags.abandoned));
     let pipe = Pipe { closed: Arc::clone(&flags.abandoned) };

@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     let progress = std::sync::Arc::new(Progress::new(&limited, output));
     let shown = std::sync::Arc::clone(&progress);
-    let ended = execute(&job, &flags, &mut NoHeartbeat, move |event| shown.draw(event));
+    let ended = execute(&job, &flags, &mut NoHeartbeat, move |event| shown.show(event));
     progress.finish();
     let ended = ended.map_err(|refused| Failure::refused(refused.to_text()))?;
     output.line(ended.to_string());
@@ -131,7 +131,7 @@ fn draw(folder: &Path, loaded: &LoadedRun) -> Result<(), Failure> {
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
-    let (world, _) = World::load(&world.name, world.text.as_bytes())
+    let (world, _) = World::parse(&world.name, world.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let run = &loaded.run;
     let mut distances: Vec<f64> =

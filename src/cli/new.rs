@@ -33,7 +33,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let text = match arguments.what {
         What::Robot => crate::robot::DEFAULT_ROBOT,
         #[cfg(feature = "sim")]
-        What::World => crate::sim::World::template(),
+        What::World => crate::sim::World::TEMPLATE,
         What::Mission => match &arguments.from {
             None => shipped::TEMPLATE,
             Some(name) => shipped_mission(name).ok_or_else(|| {

@@ -177,7 +177,8 @@ fn follow(control: &mut Child, mission: &Mission, output: &mut Output) -> Option
         let Ok(line) = line else { break };
         // An empty line is the heartbeat. The guard will listen to it; a person sees the status.
         let Ok(event) = serde_json::from_str::<Event>(&line) else { continue };
-        progress.show(&event, output);
+        output.value(&event);
+        progress.show(&event);
         last = Some(event);
     }
     progress.finish();

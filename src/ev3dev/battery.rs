@@ -5,15 +5,16 @@ use std::sync::Arc;
 use nix::errno::Errno;
 
 use super::error::{Cause, DeviceError};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
-use super::value::{Legal, Value, Word};
+use super::value::{Value, Word};
 use super::words::Technology;
 
 /// The EV3's battery in `sys/class/power_supply`.
 const EV3: &str = "lego-ev3-battery";
 
-/// Above this a design voltage can only be the driver's slip, which gives lithium and alkaline cells ten times theirs (84 and 90 V).
+/// Above this a design voltage can only be the driver's slip, which gives lithium and alkaline cells ten times theirs
+/// (84 and 90 V).
 const SLIP_UV: i32 = 20_000_000;
 
 /// The brick's battery. Readings are of the moment: they sag while motors work.
@@ -39,7 +40,8 @@ attributes! {
 }
 
 impl Battery {
-    /// The brick's battery: the EV3's, or else the one whose name ends with `-battery`, as on other platforms of ev3dev.
+    /// The brick's battery: the EV3's, or else the one whose name ends with `-battery`, as on other platforms of
+    /// ev3dev.
     ///
     /// # Errors
     ///

@@ -1,7 +1,8 @@
 //! The six buttons of the brick, as the kernel's input events.
 //!
-//! A real node is opened through the crate `evdev`, which also tells which buttons are held at the start. A node that is no input device (the simulated
-//! brick's) is a stream of the same events. Reading never blocks and allocates nothing after the first.
+//! A real node is opened through the crate `evdev`, which also tells which buttons are held at the start. A node that
+//! is no input device (the simulated brick's) is a stream of the same events. Reading never blocks and allocates
+//! nothing after the first.
 //!
 //! # What we count on
 //!
@@ -131,8 +132,8 @@ impl Buttons {
     ///
     /// # Errors
     ///
-    /// [`Cause::Absent`](super::Cause::Absent) where there is no such node; [`Cause::Other`](super::Cause::Other) with EACCES for a user who is not in the group
-    /// `input`.
+    /// [`Cause::Absent`](super::Cause::Absent) where there is no such node; [`Cause::Other`](super::Cause::Other)
+    /// with EACCES for a user who is not in the group `input`.
     pub fn open(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
         let node = stream_node(tree, path);
         let source = match Self::open_device(tree, path, &node)? {

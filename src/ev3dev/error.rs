@@ -34,13 +34,16 @@ pub struct DeviceError {
 /// Why an access failed, split by what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Cause {
-    /// The cable was pulled, the driver was unbound, or a UART sensor has lost its connection and is coming back: look the port up again.
+    /// The cable was pulled, the driver was unbound, or a UART sensor has lost its connection and is coming back:
+    /// look the port up again.
     #[error("the device is gone ({0})")]
     Gone(Errno),
-    /// The device is there and has nothing of this name, or no such value in its present mode: the wrong device or the wrong mode.
+    /// The device is there and has nothing of this name, or no such value in its present mode: the wrong device or
+    /// the wrong mode.
     #[error("the device has no such attribute ({0})")]
     Absent(Errno),
-    /// The value is not legal, by our own check (no error number) or by the driver's: change the value, do not try again.
+    /// The value is not legal, by our own check (no error number) or by the driver's: change the value, do not try
+    /// again.
     #[error("refused{}, legal is {legal}", Number(.errno.as_ref()))]
     Refused {
         /// The driver's answer; none if nothing was written because we knew it to be wrong.
@@ -51,8 +54,9 @@ pub enum Cause {
     /// The text is not what such an attribute reads as: the driver and this program disagree.
     #[error("not understood, expected {0}")]
     Malformed(Legal),
-    /// Permissions (EACCES; wait a second after plugging in, then look at the groups), a mode change that was not answered (ETIMEDOUT; try again), a
-    /// battery that is not measured yet (ENODATA, EAGAIN; try again), and everything else.
+    /// Permissions (EACCES; wait a second after plugging in, then look at the groups), a mode change that was not
+    /// answered (ETIMEDOUT; try again), a battery that is not measured yet (ENODATA, EAGAIN; try again), and
+    /// everything else.
     #[error("{}", Hinted(*.0))]
     Other(Errno),
 }
@@ -99,12 +103,12 @@ pub enum FindError {
         there: Vec<Identity>,
     },
     /// Something else is plugged in there.
-    #[error("no {wanted}: {} is a {}; {}", .found.address, .found.driver, There(.there))]
+    #[error("no {wanted}, but {}; {}", .found.driver, There(.there))]
     Other {
         /// What was looked for.
         wanted: String,
         /// What is there instead.
-        found: Identity,
+        found: Box<Identity>,
         /// What there is of this class.
         there: Vec<Identity>,
     },

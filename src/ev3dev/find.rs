@@ -1,6 +1,7 @@
 //! Finding devices: by port, by driver, or because there is only one.
 //!
-//! A device's number (`motor0`) only ever grows and says nothing; what identifies it is its address, with its driver's name.
+//! A device's number (`motor0`) only ever grows and says nothing; what identifies it is its address, with its
+//! driver's name.
 
 use std::sync::Arc;
 
@@ -8,10 +9,10 @@ use nix::errno::Errno;
 
 use super::address::PortAddress;
 use super::error::{DeviceError, FindError};
-use super::node::{Attribute, AttributeSpec, Direction, Node};
+use super::node::{Attribute, AttributeSpec, Node};
 use super::tree::Tree;
-use super::value::{Legal, Word};
-use super::words::words;
+use super::value::{Legal, Value, Word};
+use super::words::{Driver, words};
 
 words! {
     /// A class of devices that have an address and a driver: a folder below `sys/class`.
@@ -43,6 +44,12 @@ pub struct Identity {
 }
 
 impl Identity {
+    /// The driver, if this program knows it by name.
+    #[must_use]
+    pub fn known_driver(&self) -> Option<Driver> {
+        Driver::parse(self.driver.as_bytes())
+    }
+
     pub(crate) fn node(&self, tree: &Arc<dyn Tree>) -> Node {
         Node::new(tree, &format!("sys/class/{}/{}", self.class, self.name), Some(self.address.clone()))
     }
@@ -52,7 +59,8 @@ impl Identity {
 ///
 /// # Errors
 ///
-/// [`FindError::Unlisted`], and [`FindError::Device`] for one that is there and cannot be read. One that is pulled while we look is left out.
+/// [`FindError::Unlisted`], and [`FindError::Device`] for one that is there and cannot be read. One that is pulled
+/// while we look is left out.
 pub fn devices(tree: &Arc<dyn Tree>, class: Class) -> Result<Vec<Identity>, FindError> {
     let folder = format!("sys/class/{class}");
     let names = match tree.list(&folder) {
@@ -102,7 +110,7 @@ pub(crate) fn find_where(
     match fitting.as_slice() {
         [one] => Ok((*one).clone()),
         [] => match port.and_then(|_| there.iter().find(at_port).cloned()) {
-            Some(found) => Err(FindError::Other { wanted: wanted(), found, there }),
+            Some(found) => Err(FindError::Other { wanted: wanted(), found: Box::new(found), there }),
             None => Err(FindError::Nothing { wanted: wanted(), there }),
         },
         several => {
@@ -113,7 +121,7 @@ pub(crate) fn find_where(
 
 fn identity(tree: &Arc<dyn Tree>, class: Class, name: String) -> Result<Identity, DeviceError> {
     let node = Node::new(tree, &format!("sys/class/{class}/{name}"), None);
-    let text = |name| AttributeSpec { name, direction: Direction::Readable, legal: Legal::Text };
+    let text = |name| AttributeSpec::readable(name, Legal::Text);
     let address = Attribute::<PortAddress>::new(text("address")).read(&node)?;
     let driver = Attribute::<Word>::new(text("driver_name")).read(&node)?;
     Ok(Identity { class, name, address, driver })

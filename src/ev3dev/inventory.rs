@@ -62,10 +62,11 @@ impl Inventory {
         for &class in Class::ALL {
             entries.extend(devices(tree, class)?.into_iter().map(|identity| entry(tree, identity)));
         }
-        Ok(Self {
-            devices: entries,
-            battery: Battery::open(tree).ok().map(|battery| battery_entry(&battery)),
-        })
+        let battery = match Battery::open(tree) {
+            Err(error) if error.is_gone() => None,
+            battery => Some(battery_entry(battery)),
+        };
+        Ok(Self { devices: entries, battery })
     }
 }
 
@@ -133,15 +134,15 @@ fn port_status(port: &LegoPort, readings: &mut Vec<LiveValue>) -> Result<(), Dev
     Ok(())
 }
 
-fn battery_entry(battery: &Battery) -> Entry {
+fn battery_entry(battery: Result<Battery, DeviceError>) -> Entry {
     let mut readings = Vec::new();
-    let mut read = || {
+    let outcome = battery.and_then(|battery| {
         readings.push(live("voltage", battery.voltage_v()?, "V"));
         readings.push(live("current", battery.current_a()?, "A"));
         readings.push(live("technology", battery.technology()?, ""));
         Ok(())
-    };
-    let problem = read().err().map(|error: DeviceError| error.to_string());
+    });
+    let problem = outcome.err().map(|error| error.to_string());
     let name = "battery".to_owned();
     Entry { class: "power_supply", name, address: String::new(), driver: String::new(), readings, problem }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::error::{Cause, DeviceError};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Legal, Value, Words};
 use super::words::words;
@@ -21,7 +21,8 @@ attributes! {
     LedFiles of [impl Led] {
         /// Brightness, 0 to [`Led::max_brightness`].
         pub readwriteable "brightness" => brightness / set_brightness: i32, Legal::Range(0, 255);
-        readable "max_brightness" => read_max_brightness: i32;
+        /// The highest brightness, read anew.
+        pub readable "max_brightness" => read_max_brightness: i32;
         readwriteable "trigger" => triggers / write_trigger: Words;
         /// Time on, ms. The file is there only under the trigger `timer`.
         pub readwriteable "delay_on" => delay_on / set_delay_on: i32, Legal::Range(0, i32::MAX as i64);
@@ -31,7 +32,8 @@ attributes! {
 }
 
 impl Led {
-    /// The LED of this name in `sys/class/leds`: `led0:red:brick-status`; `ev3-ports:outA::brick-status` for a lamp on a port.
+    /// The LED of this name in `sys/class/leds`: `led0:red:brick-status`; `ev3-ports:outA::brick-status` for a lamp
+    /// on a port.
     ///
     /// # Errors
     ///

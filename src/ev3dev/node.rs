@@ -1,7 +1,7 @@
 //! One device's folder, its attributes as kept files, and the macro that makes accessors of a table.
 //!
-//! An attribute is opened on its first use, once for reading and once for writing, and kept. From then on a reading is one system call into a stack
-//! buffer, a write is one system call out of one, and neither allocates.
+//! An attribute is opened on its first use, once for reading and once for writing, and kept. From then on a reading
+//! is one system call into a stack buffer, a write is one system call out of one, and neither allocates.
 //!
 //! # Not here
 //!
@@ -41,6 +41,20 @@ pub struct AttributeSpec {
     pub legal: Legal,
 }
 
+impl AttributeSpec {
+    pub(crate) const fn readable(name: &'static str, legal: Legal) -> Self {
+        Self { name, direction: Direction::Readable, legal }
+    }
+
+    pub(crate) const fn writeable(name: &'static str, legal: Legal) -> Self {
+        Self { name, direction: Direction::Writeable, legal }
+    }
+
+    pub(crate) const fn readwriteable(name: &'static str, legal: Legal) -> Self {
+        Self { name, direction: Direction::Readwriteable, legal }
+    }
+}
+
 /// One device's folder of attributes.
 #[derive(Debug, Clone)]
 pub(crate) struct Node {
@@ -52,10 +66,6 @@ pub(crate) struct Node {
 impl Node {
     pub(crate) fn new(tree: &Arc<dyn Tree>, folder: &str, port: Option<PortAddress>) -> Self {
         Self { tree: Arc::clone(tree), folder: folder.into(), port }
-    }
-
-    pub(crate) fn port(&self) -> Option<&PortAddress> {
-        self.port.as_ref()
     }
 
     pub(crate) fn folder(&self) -> &str {
@@ -193,10 +203,11 @@ impl<T: Value> Attribute<T> {
     /// Checks a value and writes it as one store that ends with a newline.
     pub(crate) fn write(&self, node: &Node, value: &T) -> Result<(), DeviceError> {
         let mut line = Line::new();
-        let fits = value.render(&mut line).is_ok();
-        let legal = value.number().is_none_or(|number| self.legal().allows(number)) && !line.contains('\n');
-        if !(fits && legal && line.try_push('\n').is_ok()) {
-            return Err(node.refusal(self.spec.name, &line, self.legal()));
+        let fits = value.render(&mut line).is_ok() && !line.contains('\n');
+        let legal = self.legal();
+        let allowed = legal.admits(&line) && value.number().is_none_or(|number| legal.allows(number));
+        if !(fits && allowed && line.try_push('\n').is_ok()) {
+            return Err(node.refusal(self.spec.name, &line, legal));
         }
         self.write_bytes(node, line.as_bytes())
     }
@@ -213,9 +224,11 @@ fn kept(
     Ok(file.get_or_init(|| opened).as_ref())
 }
 
-/// Makes a table's struct of kept files, its `ATTRIBUTES`, and the accessors of the device that holds them as `files` beside its `node`.
+/// Makes a table's struct of kept files, its `ATTRIBUTES`, and the accessors of the device that holds them as `files`
+/// beside its `node`.
 ///
-/// A row: visibility, direction, file, name of the reader (or of the only accessor), name of the writer, type, legal values if the type does not say.
+/// A row: visibility, direction, file, name of the reader (or of the only accessor), name of the writer, type, legal
+/// values if the type does not say.
 macro_rules! attributes {
     ($(#[$doc:meta])* $files:ident of [$($owner:tt)+] {
         $($(#[$row:meta])* $vis:vis $dir:ident $file:literal => $name:ident $(/ $setter:ident)?: $ty:ty $(, $legal:expr)?;)+
@@ -234,46 +247,31 @@ macro_rules! attributes {
             /// The table's rows.
             pub const ATTRIBUTES: &'static [AttributeSpec] = &[$(attributes!(@spec $dir $file $ty $(, $legal)?),)+];
 
-            $(attributes!(@$dir [$(#[$row])* $vis] $name $($setter)?: $ty);)+
+            $(attributes!(@$dir [$(#[$row])* $vis] $name $name $($setter)?: $ty);)+
         }
     };
-    (@spec $dir:ident $file:literal $ty:ty) => {
-        attributes!(@spec $dir $file $ty, <$ty as Value>::LEGAL)
+    (@spec $dir:ident $file:literal $ty:ty) => { AttributeSpec::$dir($file, <$ty as Value>::LEGAL) };
+    (@spec $dir:ident $file:literal $ty:ty, $legal:expr) => { AttributeSpec::$dir($file, $legal) };
+    (@readwriteable [$($head:tt)*] $field:ident $name:ident $setter:ident: $ty:ty) => {
+        attributes!(@readable [$($head)*] $field $name: $ty);
+        attributes!(@writeable [$($head)*] $field $setter: $ty);
     };
-    (@spec readable $file:literal $ty:ty, $legal:expr) => {
-        AttributeSpec { name: $file, direction: Direction::Readable, legal: $legal }
-    };
-    (@spec writeable $file:literal $ty:ty, $legal:expr) => {
-        AttributeSpec { name: $file, direction: Direction::Writeable, legal: $legal }
-    };
-    (@spec readwriteable $file:literal $ty:ty, $legal:expr) => {
-        AttributeSpec { name: $file, direction: Direction::Readwriteable, legal: $legal }
-    };
-    (@readable [$(#[$row:meta])* $vis:vis] $name:ident: $ty:ty) => {
+    (@readable [$(#[$row:meta])* $vis:vis] $field:ident $name:ident: $ty:ty) => {
         $(#[$row])*
         ///
         /// # Errors
         ///
         /// Any [`Cause`](crate::ev3dev::Cause) but `Refused`.
-        $vis fn $name(&self) -> Result<$ty, DeviceError> { self.files.$name.read(&self.node) }
+        $vis fn $name(&self) -> Result<$ty, DeviceError> { self.files.$field.read(&self.node) }
     };
-    (@writeable [$(#[$row:meta])* $vis:vis] $name:ident: $ty:ty) => {
+    (@writeable [$(#[$row:meta])* $vis:vis] $field:ident $name:ident: $ty:ty) => {
         $(#[$row])*
         ///
         /// # Errors
         ///
-        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other but `Malformed`.
-        $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> { self.files.$name.write(&self.node, &value) }
-    };
-    (@readwriteable [$(#[$row:meta])* $vis:vis] $name:ident $setter:ident: $ty:ty) => {
-        attributes!(@readable [$(#[$row])* $vis] $name: $ty);
-
-        $(#[$row])*
-        ///
-        /// # Errors
-        ///
-        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other but `Malformed`.
-        $vis fn $setter(&self, value: $ty) -> Result<(), DeviceError> { self.files.$name.write(&self.node, &value) }
+        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other
+        /// but `Malformed`.
+        $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> { self.files.$field.write(&self.node, &value) }
     };
 }
 

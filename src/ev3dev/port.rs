@@ -5,13 +5,13 @@ use std::sync::Arc;
 use super::address::PortAddress;
 use super::error::{DeviceError, FindError};
 use super::find::{Class, Identity, find};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Legal, Value, Word, Words};
 use super::words::PortMode;
 
-/// A port. Writing its mode, also the mode that it has, makes the kernel find what is plugged in anew: with a new number, and with every
-/// set point lost. That is how a device that hangs is restarted without pulling its cable.
+/// A port. Writing its mode, also the mode that it has, makes the kernel find what is plugged in anew: with a new
+/// number, and with every set point lost. That is how a device that hangs is restarted without pulling its cable.
 #[derive(Debug)]
 pub struct LegoPort {
     node: Node,
@@ -27,7 +27,8 @@ attributes! {
         pub readable "address" => address: PortAddress;
         /// Input or output port, by its driver's name.
         pub readable "driver_name" => driver_name: Word;
-        readable "modes" => read_modes: Words;
+        /// The modes that this port has, read anew.
+        pub readable "modes" => read_modes: Words;
         readwriteable "mode" => mode_word / write_mode: Word;
         writeable "set_device" => write_set_device: Word;
         /// What was found at the port, or the mode that was set.
@@ -90,8 +91,8 @@ impl LegoPort {
         self.write_mode(Word::from(mode.as_str()).unwrap_or_default())
     }
 
-    /// Names the driver for what is plugged in, where the port cannot find out: on input ports in the mode `nxt-analog`, on output ports
-    /// in `tacho-motor`.
+    /// Names the driver for what is plugged in, where the port cannot find out: on input ports in the mode
+    /// `nxt-analog`, on output ports in `tacho-motor`.
     ///
     /// # Errors
     ///

@@ -1,17 +1,19 @@
 //! Sensors: every one of class `lego-sensor`, and typed ones for LEGO's EV3 set.
 //!
-//! A [`Sensor`] is any sensor, with its own modes, units and decimals: NXT, I²C, an unknown UART device. A [`TypedSensor`] knows what its
-//! values mean and gives them in SI units: [`TouchSensor`], [`ColourSensor`], [`UltrasonicSensor`], [`GyroSensor`], [`InfraredSensor`].
+//! A [`Sensor`] is any sensor, with its own modes, units and decimals: NXT, I²C, an unknown UART device. A
+//! [`TypedSensor`] knows what its values mean and gives them in SI units: [`TouchSensor`], [`ColourSensor`],
+//! [`UltrasonicSensor`], [`GyroSensor`], [`InfraredSensor`].
 //!
-//! A mode is written only when it changes, and read back. The first values after a change may still be the old mode's or nonsense;
-//! [`Sensor::set_mode`] says for how long, and the caller waits, because only `clock` sleeps. A mode is left as it is when a sensor is bound, and
-//! a sensor keeps the mode of the program before: always set the one that is needed.
+//! A mode is written only when it changes, and read back. The first values after a change may still be the old mode's
+//! or nonsense; [`Sensor::set_mode`] says for how long, and the caller waits, because only `clock` sleeps. A mode is
+//! left as it is when a sensor is bound, and a sensor keeps the mode of the program before: always set the one that
+//! is needed.
 //!
 //! # Not here
 //!
-//! The modes that nobody may use: COL-CAL and GYRO-CAL are the factory's, IR-CAL is too, and in COL-CAL and IR-S-ALT the sensor stops answering and
-//! starts again (section 6.3 of the interfaces' reference). The colour sensor's factory string is never written: it would overwrite its
-//! calibration for good.
+//! The modes that nobody may use: COL-CAL and GYRO-CAL are the factory's, IR-CAL is too, and in COL-CAL and IR-S-ALT
+//! the sensor stops answering and starts again (section 6.3 of the interfaces' reference). The colour sensor's
+//! factory string is never written: it would overwrite its calibration for good.
 
 mod colour;
 mod frame;
@@ -35,10 +37,10 @@ use std::time::Duration;
 use super::address::PortAddress;
 use super::error::{Cause, DeviceError, FindError};
 use super::find::{Class, Identity, find};
-use super::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
 use super::value::{Legal, Value, Word, Words};
-use super::words::BinFormat;
+use super::words::{BinFormat, Driver};
 use crate::clock::MILLISECOND_NS;
 
 /// Any sensor, with its own modes, units and decimals.
@@ -54,14 +56,14 @@ pub struct Sensor {
 }
 
 /// What the driver says of the mode in force.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Mode {
     /// Its name; empty when it is not known, because a change failed.
     pub name: Word,
     /// How many values it has. The driver may say more than the eight that have files.
     pub num_values: usize,
     /// A value is its text divided by ten to the power of this.
-    pub decimals: i32,
+    pub decimals: usize,
     /// The values' unit as the driver writes it; may be empty.
     pub units: Word,
     /// How `bin_data` is laid out.
@@ -75,7 +77,8 @@ attributes! {
         pub readable "address" => address: PortAddress;
         /// What the sensor is.
         pub readable "driver_name" => driver_name: Word;
-        readable "modes" => read_modes: Words;
+        /// The modes that the sensor says it has, read anew.
+        pub readable "modes" => read_modes: Words;
         readwriteable "mode" => mode_word / write_mode: Word;
         /// The commands that the driver takes; none for the sensors of the EV3.
         pub readable "commands" => commands: Words;
@@ -101,10 +104,8 @@ attributes! {
     }
 }
 
-const BIN_DATA: AttributeSpec =
-    AttributeSpec { name: "bin_data", direction: Direction::Readable, legal: Legal::Bytes };
-const DIRECT: AttributeSpec =
-    AttributeSpec { name: "direct", direction: Direction::Readwriteable, legal: Legal::Bytes };
+const BIN_DATA: AttributeSpec = AttributeSpec::readable("bin_data", Legal::Bytes);
+const DIRECT: AttributeSpec = AttributeSpec::readwriteable("direct", Legal::Bytes);
 
 impl Sensor {
     /// The class's attributes that are bytes.
@@ -141,9 +142,10 @@ impl Sensor {
         let node = identity.node(tree);
         let files = SensorFiles::new();
         let modes = files.read_modes.read(&node)?;
-        let mode = files.mode_in_force(&node)?;
         let (bin_data, direct) = (Attribute::new(BIN_DATA), Attribute::new(DIRECT));
-        Ok(Self { node, files, bin_data, direct, identity, modes, mode })
+        let mut sensor = Self { node, files, bin_data, direct, identity, modes, mode: Mode::default() };
+        sensor.refresh_mode()?;
+        Ok(sensor)
     }
 
     /// What identifies the sensor, as it was found.
@@ -164,13 +166,14 @@ impl Sensor {
         &self.mode
     }
 
-    /// Puts the sensor into a mode, if it is not in it, and reads it back. Returns for how many nanoseconds values are to be thrown away
-    /// from now on; 0 if nothing had to be written. A UART sensor blocks the writer until it answers, up to half a second.
+    /// Puts the sensor into a mode, if it is not in it, and reads it back. Returns for how many nanoseconds values
+    /// are to be thrown away from now on; 0 if nothing had to be written. A UART sensor blocks the writer until it
+    /// answers, up to half a second.
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`] for a mode that the sensor does not have, and where it reads back another; [`Cause::Other`] with ETIMEDOUT where the sensor does not
-    /// answer; [`Cause::Gone`].
+    /// [`Cause::Refused`] for a mode that the sensor does not have, and where it reads back another; [`Cause::Other`]
+    /// with ETIMEDOUT where the sensor does not answer; [`Cause::Gone`].
     pub fn set_mode(&mut self, mode: &str) -> Result<i64, DeviceError> {
         if self.mode.name.as_str() == mode {
             return Ok(0);
@@ -181,7 +184,7 @@ impl Sensor {
         };
         let before = self.mode.name;
         self.write_and_read_back(word)?;
-        Ok(settle_ns(&self.identity.driver, &before, mode))
+        Ok(settle_ns(self.identity.known_driver(), &before, mode))
     }
 
     /// Writes the mode in force once more, which makes a single-shot mode measure, and zeroes some sensors.
@@ -199,7 +202,7 @@ impl Sensor {
     ///
     /// Whatever comes of reading it.
     pub fn refresh_mode(&mut self) -> Result<bool, DeviceError> {
-        let mode = self.files.mode_in_force(&self.node)?;
+        let mode = self.mode_in_force()?;
         let same = mode.name == self.mode.name;
         self.mode = mode;
         Ok(same)
@@ -209,7 +212,8 @@ impl Sensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Absent`] for a value that the mode in force does not have; [`Cause::Gone`] also while a UART sensor is coming back.
+    /// [`Cause::Absent`] for a value that the mode in force does not have; [`Cause::Gone`] also while a UART sensor
+    /// is coming back.
     pub fn raw_value(&self, index: usize) -> Result<i32, DeviceError> {
         match index {
             0 => self.value0(),
@@ -233,8 +237,9 @@ impl Sensor {
         Ok(f64::from(self.raw_value(index)?) / ten_to_the(self.mode.decimals))
     }
 
-    /// All values of one moment, as the sensor sent them: one read, one frame. For the UART sensors of the EV3 they are the values; the touch sensor's are
-    /// millivolts, and an I²C sensor's may still have to be scaled by its driver, so read those by [`Sensor::value`].
+    /// All values of one moment, as the sensor sent them: one read, one frame. For the UART sensors of the EV3 they
+    /// are the values; the touch sensor's are millivolts, and an I²C sensor's may still have to be scaled by its
+    /// driver, so read those by [`Sensor::value`].
     ///
     /// # Errors
     ///
@@ -263,10 +268,11 @@ impl Sensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`] for a wrong number of bytes, for anything to a colour sensor, and where the sensor has no such way in.
+    /// [`Cause::Refused`] for a wrong number of bytes, for anything to a colour sensor, and where the sensor has no
+    /// such way in.
     pub fn write_direct(&self, bytes: &[u8]) -> Result<(), DeviceError> {
         // All that the colour sensor understands here would overwrite its calibration for good.
-        let is_colour = self.identity.driver.as_str() == ColourMode::DRIVER;
+        let is_colour = self.identity.known_driver() == Some(Driver::Colour);
         if is_colour || bytes.is_empty() || bytes.len() > 32 {
             let cause = Cause::Refused { errno: None, legal: Legal::Bytes };
             return Err(self.node.error("direct", Some(bytes), cause));
@@ -295,49 +301,57 @@ impl Sensor {
         // Until it is read back nobody knows the mode, and whoever sets one again must write it.
         self.mode.name.clear();
         self.write_mode(mode)?;
-        self.mode = self.files.mode_in_force(&self.node)?;
+        self.mode = self.mode_in_force()?;
         if self.mode.name == mode {
             Ok(())
         } else {
             Err(self.node.refusal("mode", &mode, Legal::OneOf(self.mode.name.as_str().into())))
         }
     }
-}
 
-impl SensorFiles {
-    fn mode_in_force(&self, node: &Node) -> Result<Mode, DeviceError> {
-        let num_values = self.num_values.read(node)?;
+    fn mode_in_force(&self) -> Result<Mode, DeviceError> {
         Ok(Mode {
-            name: self.mode_word.read(node)?,
-            num_values: usize::try_from(num_values).unwrap_or_default(),
-            decimals: self.decimals.read(node)?,
-            units: self.units.read(node)?,
-            format: self.bin_data_format.read(node)?,
+            name: self.mode_word()?,
+            num_values: self.within(self.num_values()?, "num_values", 255)?,
+            decimals: self.within(self.decimals()?, "decimals", 9)?,
+            units: self.units()?,
+            format: self.bin_data_format()?,
         })
+    }
+
+    /// A small number that the driver cannot mean otherwise.
+    fn within(&self, number: i32, attribute: &'static str, last: usize) -> Result<usize, DeviceError> {
+        let malformed = || {
+            let legal = Legal::Range(0, i64::try_from(last).unwrap_or(i64::MAX));
+            self.node.error(attribute, None, Cause::Malformed(legal))
+        };
+        usize::try_from(number).ok().filter(|number| *number <= last).ok_or_else(malformed)
     }
 }
 
 /// For how long values are to be thrown away after a change of mode, by driver, ns.
 ///
-/// - Colour: 20 ms, ultrasonic: up to 2 s between very different modes (ev3dev issue 1401); between two measuring modes two of its frames.
+/// - Colour: 20 ms, ultrasonic: up to 2 s between very different modes (ev3dev issue 1401); between two measuring
+///   modes two of its frames.
 /// - Infrared: two frames of up to 100 ms. Two polls of an I²C sensor, at the 100 ms they start with.
-/// - Gyro: the older ones calibrate anew and nobody has written down how long that takes; 1 s is ours. Look whether it drifts besides.
+/// - Gyro: the older ones calibrate anew and nobody has written down how long that takes; 1 s is ours. Look whether
+///   it drifts besides.
 #[must_use]
-pub fn settle_ns(driver: &str, from: &str, to: &str) -> i64 {
+pub fn settle_ns(driver: Option<Driver>, from: &str, to: &str) -> i64 {
     let measures = |mode: &str| mode.starts_with("US-DIST") || mode.starts_with("US-DC");
     let settle_ms = match driver {
         _ if from == to => 0,
-        "lego-ev3-touch" => 0,
-        "lego-ev3-color" => 20,
-        "lego-ev3-us" if measures(from) && measures(to) => 200,
-        "lego-ev3-us" => 2000,
-        "lego-ev3-gyro" => 1000,
+        Some(Driver::Touch) => 0,
+        Some(Driver::Colour) => 20,
+        Some(Driver::Ultrasonic) if measures(from) && measures(to) => 200,
+        Some(Driver::Ultrasonic) => 2000,
+        Some(Driver::Gyro) => 1000,
         _ => 200,
     };
     settle_ms * MILLISECOND_NS
 }
 
 /// A power of ten, exact for the few decimals that sensors have.
-fn ten_to_the(decimals: i32) -> f64 {
+fn ten_to_the(decimals: usize) -> f64 {
     (0..decimals).fold(1.0, |power, _| power * 10.0)
 }

@@ -1,6 +1,7 @@
 //! Devices that are streams of the kernel's input events: buttons and the speaker.
 //!
-//! An event is the kernel's `struct input_event`, as this machine has it: two C longs of time, type, code, value. On the brick that is 16 bytes.
+//! An event is the kernel's `struct input_event`, as this machine has it: two C longs of time, type, code, value. On
+//! the brick that is 16 bytes.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};

@@ -1,7 +1,7 @@
 //! Where attribute files are: the machine's own file system below some root, or a simulated brick.
 //!
-//! This is the seed's abstract node. Motors and sensors know only a [`Tree`] and the [`AttributeFile`]s it opens, so the
-//! same bindings drive a real brick, a mounted simulation and the simulation inside this process.
+//! This is the seed's abstract node. Motors and sensors know only a [`Tree`] and the [`AttributeFile`]s it opens, so
+//! the same bindings drive a real brick, a mounted simulation and the simulation inside this process.
 //!
 //! # What we count on
 //!
@@ -37,22 +37,24 @@ pub trait Tree: Debug + Send + Sync {
     ///
     /// # Errors
     ///
-    /// ENOENT where there is no such folder: on a brick without a device of that class the class's folder may be missing.
+    /// ENOENT where there is no such folder: on a brick without a device of that class the class's folder may be
+    /// missing.
     fn list(&self, folder: &str) -> Result<Vec<String>, Errno>;
 
     /// Opens a file, to be kept.
     ///
     /// # Errors
     ///
-    /// ENOENT, EACCES (wrong direction; also in the first moments after a device was plugged in), and what else the kernel says.
+    /// ENOENT, EACCES (wrong direction; also in the first moments after a device was plugged in), and what else the
+    /// kernel says.
     fn open(&self, path: &str, access: Access) -> Result<Box<dyn AttributeFile>, Errno>;
 
     /// Where the tree is, for messages: the root's path, or a name for a simulation.
     fn root(&self) -> &Path;
 
-    /// A file's path on this machine, for devices that are streams of events and no attributes (buttons, speaker): those are read
-    /// and written in sequence. A tree that is not in the file system says `None`, and is then asked to [`Tree::open`] them, each `read`
-    /// taking the events that are pending.
+    /// A file's path on this machine, for devices that are streams of events and no attributes (buttons, speaker):
+    /// those are read and written in sequence. A tree that is not in the file system says `None`, and is then asked
+    /// to [`Tree::open`] them, each `read` taking the events that are pending.
     fn local_path(&self, _path: &str) -> Option<PathBuf> {
         None
     }
@@ -74,8 +76,9 @@ pub trait AttributeFile: Debug + Send {
     /// What the driver answers: EINVAL, ERANGE, EOPNOTSUPP, ENODEV and others.
     fn write(&self, value: &[u8]) -> Result<usize, Errno>;
 
-    /// Waits until the driver says that the attribute has changed since the last [`AttributeFile::read`] (POLLPRI), or until `timeout` is
-    /// over; true if it has. Only `state` of tacho motors and `value0` of touch sensors ever say so.
+    /// Waits until the driver says that the attribute has changed since the last [`AttributeFile::read`] (POLLPRI),
+    /// or until `timeout` is over; true if it has. Only `state` of tacho motors and `value0` of touch sensors ever
+    /// say so.
     ///
     /// # Errors
     ///
@@ -148,4 +151,41 @@ impl AttributeFile for LocalFile {
 
 fn errno(error: std::io::Error) -> Errno {
     error.raw_os_error().map_or(Errno::EIO, Errno::from_raw)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kept_file_is_read_anew_each_time_and_written_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("position"), "100\n").unwrap();
+        let tree = LocalTree::new(folder.path());
+        let (reader, writer) =
+            (tree.open("position", Access::Read).unwrap(), tree.open("position", Access::Write).unwrap());
+        let mut buffer = [0; 8];
+        assert_eq!(reader.read(&mut buffer), Ok(4));
+        assert_eq!(writer.write(b"7\n"), Ok(2));
+        let length = reader.read(&mut buffer).unwrap();
+        assert_eq!(buffer[..length].split(|&byte| byte == b'\n').next(), Some(b"7".as_slice()));
+        assert_eq!(reader.wait_changed(Duration::ZERO), Ok(false), "a plain file never says that it changed");
+    }
+
+    #[test]
+    fn what_is_not_there_is_said_by_its_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let tree = LocalTree::new(folder.path());
+        assert_eq!(tree.list("sys/class/tacho-motor").unwrap_err(), Errno::ENOENT);
+        assert_eq!(tree.open("sys/class", Access::Read).unwrap_err(), Errno::ENOENT);
+        assert_eq!(tree.local_path("dev/input").unwrap(), folder.path().join("dev/input"));
+    }
+
+    #[test]
+    fn a_file_opened_for_reading_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("speed"), "0\n").unwrap();
+        let file = LocalTree::new(folder.path()).open("speed", Access::Read).unwrap();
+        assert_eq!(file.write(b"1\n"), Err(Errno::EBADF));
+    }
 }

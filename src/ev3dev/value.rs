@@ -46,6 +46,16 @@ impl Legal {
             _ => true,
         }
     }
+
+    /// Whether a word is legal here; where no word is expected, none is refused.
+    #[must_use]
+    pub fn admits(&self, word: &str) -> bool {
+        match self {
+            Self::Words(words) => words.contains(&word),
+            Self::OneOf(words) => words.split_whitespace().any(|legal| legal == word),
+            _ => true,
+        }
+    }
 }
 
 impl fmt::Display for Legal {
@@ -73,7 +83,8 @@ pub(crate) trait Value: Sized {
     /// What is legal for every attribute of this type; a row of a table may say more.
     const LEGAL: Legal;
 
-    /// Whether the text may be longer than [`SHORT`] bytes; such attributes are read when a device is bound, never in a tick.
+    /// Whether the text may be longer than [`SHORT`] bytes; such attributes are read when a device is bound, never in
+    /// a tick.
     const LONG: bool = false;
 
     /// The value of an attribute's first line, without its newline.

@@ -14,7 +14,8 @@ pub struct UnknownWord {
     pub known: String,
 }
 
-/// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its place among attribute values.
+/// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its place among
+/// attribute values.
 macro_rules! words {
     ($(#[$doc:meta])* $name:ident { $($(#[$word_doc:meta])* $variant:ident = $word:literal,)+ }) => {
         $(#[$doc])*
@@ -81,7 +82,8 @@ words! {
 }
 
 words! {
-    /// Which way counts as positive. The kernel applies it to set points and to readings; nobody else may apply it again.
+    /// Which way counts as positive. The kernel applies it to set points and to readings; nobody else may apply it
+    /// again.
     Polarity {
         /// As the motor is built.
         Normal = "normal",
@@ -91,7 +93,8 @@ words! {
 }
 
 words! {
-    /// What a motor with a position is told to do. A command copies all set points; later set points wait for the next one.
+    /// What a motor with a position is told to do. A command copies all set points; later set points wait for the
+    /// next one.
     TachoCommand {
         /// Regulated at `speed_sp` until another command. Nothing ends it when our program dies.
         RunForever = "run-forever",
@@ -151,7 +154,8 @@ words! {
 }
 
 words! {
-    /// How a port treats what is plugged in: input ports know the first nine but `tacho-motor`, output ports the others.
+    /// How a port treats what is plugged in. Input ports know `auto` to `other-uart` and `raw`, output ports `auto`
+    /// and `tacho-motor` to `raw`.
     PortMode {
         /// Find out by itself; every port's default.
         Auto = "auto",
@@ -216,6 +220,13 @@ words! {
     }
 }
 
+impl Default for BinFormat {
+    /// What the class takes where a driver says nothing.
+    fn default() -> Self {
+        Self::U8
+    }
+}
+
 impl BinFormat {
     /// Bytes of one value.
     #[must_use]
@@ -225,5 +236,49 @@ impl BinFormat {
             Self::U16 | Self::S16 | Self::S16Be => 2,
             Self::S32 | Self::S32Be | Self::S32BeManual | Self::Float => 4,
         }
+    }
+}
+
+words! {
+    /// The drivers that this program knows by name. There are many more, and a device with any of them can be used.
+    Driver {
+        /// LEGO's large motor; an NXT motor says the same in the port mode `auto`.
+        LargeMotor = "lego-ev3-l-motor",
+        /// LEGO's medium motor.
+        MediumMotor = "lego-ev3-m-motor",
+        /// The NXT's motor, if somebody said so.
+        NxtMotor = "lego-nxt-motor",
+        /// A linear actuator of 50 mm.
+        Linear50 = "act-l12-ev3-50",
+        /// A linear actuator of 100 mm.
+        Linear100 = "act-l12-ev3-100",
+        /// Any motor without a position.
+        RcxMotor = "rcx-motor",
+        /// The EV3's touch sensor.
+        Touch = "lego-ev3-touch",
+        /// The EV3's colour sensor.
+        Colour = "lego-ev3-color",
+        /// The EV3's ultrasonic sensor.
+        Ultrasonic = "lego-ev3-us",
+        /// The EV3's gyro sensor.
+        Gyro = "lego-ev3-gyro",
+        /// The EV3's infrared sensor.
+        Infrared = "lego-ev3-ir",
+        /// The NXT's touch sensor.
+        NxtTouch = "lego-nxt-touch",
+        /// The NXT's light sensor.
+        NxtLight = "lego-nxt-light",
+        /// The NXT's sound sensor, if somebody said so.
+        NxtSound = "lego-nxt-sound",
+        /// The NXT's ultrasonic sensor.
+        NxtUltrasonic = "lego-nxt-us",
+        /// The NXT's temperature sensor.
+        NxtTemperature = "lego-nxt-temp",
+        /// Any other analog sensor of the NXT.
+        NxtAnalog = "nxt-analog",
+        /// An input port.
+        InputPort = "ev3-input-port",
+        /// An output port.
+        OutputPort = "ev3-output-port",
     }
 }

@@ -106,8 +106,8 @@ impl Estimator {
             inputs.right_rad,
         );
         events |= wheels.events;
-        let slip_m = self.turn(&inputs, &wheels, passed_s, &mut events);
-        self.step(&wheels, passed_s, slip_m);
+        let trust = self.turn(&inputs, &wheels, passed_s, &mut events);
+        self.step(&wheels, passed_s, trust);
         let pose = self.state.pose;
         self.state.history.note(Placement { time_ns: inputs.time_ns, pose, head_rad: inputs.head_rad });
         let range = self.understand(&inputs);
@@ -131,8 +131,8 @@ impl Estimator {
         seconds(now_ns.saturating_sub(last_ns).max(0))
     }
 
-    /// Brings the heading up to now; returns what a slip may have falsified the way by, metres.
-    fn turn(&mut self, inputs: &Inputs, wheels: &WheelStep, passed_s: f64, events: &mut Events) -> f64 {
+    /// Brings the heading up to now; returns how far the step can be trusted.
+    fn turn(&mut self, inputs: &Inputs, wheels: &WheelStep, passed_s: f64, events: &mut Events) -> Trust {
         let before_rad = self.state.pose.heading_rad;
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
@@ -149,16 +149,19 @@ impl Estimator {
         };
         let turned_rad = self.state.pose.heading_rad - before_rad;
         self.state.turn_rad_s = smoothed(self.state.turn_rad_s, turned_rad, passed_s);
-        let Some(gyro_rad) = step.gyro_rad.filter(|_| wheels.read) else { return 0.0 };
+        let by_gyro = step.gyro_rad.is_some();
+        let Some(gyro_rad) = step.gyro_rad.filter(|_| wheels.read) else {
+            return Trust { by_gyro, slip_m: 0.0 };
+        };
         let slipping = self.state.slip.update(passed_s, wheels.turn_rad, gyro_rad);
         *events |= Events::SLIP.when(slipping);
         let unexplained_rad = if slipping { wheels.turn_rad - gyro_rad } else { 0.0 };
-        unexplained_rad.abs() * self.config.geometry.track_width_m() / 2.0
+        Trust { by_gyro, slip_m: unexplained_rad.abs() * self.config.geometry.track_width_m() / 2.0 }
     }
 
     /// Moves the pose along the wheels' way: the seed along the heading before, the default along the mean of the headings before
     /// and after, which is the chord's direction of an arc (Thrun, Burgard and Fox, section 5.4).
-    fn step(&mut self, wheels: &WheelStep, passed_s: f64, slip_m: f64) {
+    fn step(&mut self, wheels: &WheelStep, passed_s: f64, trust: Trust) {
         let state = &mut self.state;
         let after_rad = state.pose.heading_rad;
         let turned_rad = after_rad - state.wheels_heading_rad;
@@ -185,8 +188,8 @@ impl Estimator {
                 turn_rad: turned_rad,
                 passed_s,
                 track_width_m: self.config.geometry.track_width_m(),
-                by_gyro: state.gyro.is_known(),
-                slip_m,
+                by_gyro: trust.by_gyro,
+                slip_m: trust.slip_m,
             },
         );
     }
@@ -234,6 +237,15 @@ impl Estimator {
             sin: beam_sin,
         }
     }
+}
+
+/// How far a step can be trusted.
+#[derive(Debug, Clone, Copy)]
+struct Trust {
+    /// Whether its turn is the gyro's.
+    by_gyro: bool,
+    /// What a slip may have falsified its way by, metres.
+    slip_m: f64,
 }
 
 /// A speed, smoothed, after a way (metres or radians) in a time.

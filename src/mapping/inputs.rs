@@ -2,8 +2,10 @@
 //!
 //! # What we count on
 //!
-//! - A reading is `None` in every tick in which it was not really read. A stale gyro or wheel angle handed on as if it were
-//!   new looks like a robot that stands still.
+//! - Wheels, head and gyro are `None` in every tick in which they were not really read. A stale angle handed on as if it were
+//!   new looks like a robot that stands still, and a gyro that stands while the wheels turn looks like slip. Ways in between are
+//!   made up for with the next reading, so nothing is lost.
+//! - The range may be older: up to the age at which the robot counts it as lost.
 //! - The gyro's sign is already turned round: anticlockwise is positive.
 
 use super::{Events, gyro};

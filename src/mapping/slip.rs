@@ -1,7 +1,8 @@
 //! Wheel slip, noticed by the gyro against the encoders.
 //!
 //! Both turns are summed with a memory of half a second. They disagree when their difference is more than whole degrees and an
-//! imperfect track width explain: 4° and a fifth of the turn; slip is over at half of that, so that it does not flicker.
+//! imperfect track width explain: 4° and a fifth of the turn; slip is
+//! over below 2° and a fifth, so that it does not flicker.
 //!
 //! # Not here
 //!

@@ -39,7 +39,7 @@ const PNG_AVERAGE: usize = 2;
 const LEAST_STEP_M: f64 = 0.004;
 
 const INK: RGBColor = RGBColor(0x22, 0x26, 0x2b);
-const SOFT: RGBColor = RGBColor(0x5d, 0x66, 0x70);
+const SOFT: RGBColor = RGBColor(0x45, 0x4d, 0x56);
 const MESH: RGBColor = RGBColor(0xe6, 0xe9, 0xed);
 const WALL: RGBColor = RGBColor(0x9a, 0xa1, 0xa9);
 const FONT: &str = "sans-serif";
@@ -66,7 +66,7 @@ pub fn svg(scene: &Scene) -> Result<String, PlotError> {
     let mut text = String::new();
     {
         let area = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
-        Picture { area: &area, scene, layout: &layout, scale: SVG_SCALE, joins: false }.draw()?;
+        Picture { area: &area, scene, layout: &layout, scale: SVG_SCALE, bitmap: false }.draw()?;
         area.present().map_err(draw_error)?;
     }
     // The coordinates stay ten times as fine; the picture is shown at its size.
@@ -88,7 +88,7 @@ pub fn png(scene: &Scene) -> Result<Vec<u8>, PlotError> {
     let mut pixels = vec![0xff; large.0 as usize * large.1 as usize * 3];
     {
         let area = BitMapBackend::with_buffer(&mut pixels, large).into_drawing_area();
-        Picture { area: &area, scene, layout: &layout, scale: PNG_SCALE, joins: true }.draw()?;
+        Picture { area: &area, scene, layout: &layout, scale: PNG_SCALE, bitmap: true }.draw()?;
         area.present().map_err(draw_error)?;
     }
     let smooth = averaged(&pixels, width as usize, height as usize);
@@ -216,8 +216,9 @@ struct Picture<'a, DB: DrawingBackend> {
     scene: &'a Scene,
     layout: &'a Layout,
     scale: f64,
-    /// Whether lines are drawn piece by piece with round joins: the bitmap backend draws spikes where a thick line turns back.
-    joins: bool,
+    /// True for the bitmap backend. It draws spikes where a thick line turns back, so lines are drawn piece by piece with round
+    /// joins; and it sets text higher than others do.
+    bitmap: bool,
 }
 
 impl<DB: DrawingBackend> Picture<'_, DB> {
@@ -254,18 +255,18 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         for x_m in self.layout.marks(0) {
             let [x, _] = self.layout.place(x_m, 0.0);
             self.line(&[[x, TOP], [x, bottom]], MESH, 1.0)?;
-            self.text(&self.layout.label(x_m), [x, bottom + 7.0], 13.0, SOFT, (HPos::Center, VPos::Top))?;
+            self.text(&self.layout.label(x_m), [x, bottom + 7.0], 14.0, SOFT, (HPos::Center, VPos::Top))?;
         }
         for y_m in self.layout.marks(1) {
             let [_, y] = self.layout.place(0.0, y_m);
             self.line(&[[LEFT, y], [right, y]], MESH, 1.0)?;
-            self.text(&self.layout.label(y_m), [LEFT - 8.0, y], 13.0, SOFT, (HPos::Right, VPos::Center))?;
+            self.text(&self.layout.label(y_m), [LEFT - 8.0, y], 14.0, SOFT, (HPos::Right, VPos::Center))?;
         }
         let frame = [[LEFT, TOP], [right, TOP], [right, bottom], [LEFT, bottom], [LEFT, TOP]];
         self.line(&frame, SOFT, 1.0)?;
         let middle = LEFT + self.layout.plot[0] / 2.0;
-        self.text("x in metres", [middle, bottom + 27.0], 13.0, SOFT, (HPos::Center, VPos::Top))?;
-        self.text("y in metres", [LEFT - 46.0, TOP - 22.0], 13.0, SOFT, (HPos::Left, VPos::Top))
+        self.text("x in metres", [middle, bottom + 28.0], 14.0, SOFT, (HPos::Center, VPos::Top))?;
+        self.text("y in metres", [LEFT - 46.0, TOP - 24.0], 14.0, SOFT, (HPos::Left, VPos::Top))
     }
 
     fn points(&self, track: &Track, colours: Colours) -> Result<(), PlotError> {
@@ -314,11 +315,17 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
     }
 
     fn legend(&self) -> Result<(), PlotError> {
-        let mut row = TOP + self.layout.plot[1] + AXIS + ROW / 2.0;
+        let row = TOP + self.layout.plot[1] + AXIS + ROW / 2.0;
+        self.legend_of_symbols(row)?;
+        if is_single(self.scene) { Ok(()) } else { self.legend_of_robots(row) }
+    }
+
+    fn legend_of_symbols(&self, row: f64) -> Result<(), PlotError> {
+        let (path, points) = match is_single(self.scene) {
+            true => (rgb(self.colours(0).path), rgb(self.colours(0).points)),
+            false => (SOFT, SOFT),
+        };
         let mut x = LEFT;
-        let single = is_single(self.scene);
-        let swatch = self.colours(0);
-        let (path, points) = if single { (rgb(swatch.path), rgb(swatch.points)) } else { (SOFT, SOFT) };
         self.line(&[[x, row], [x + 26.0, row]], path, 2.5)?;
         x = self.legend_text("path", x + 34.0, row)?;
         for step in [4.0, 12.0, 20.0] {
@@ -333,9 +340,12 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
             self.line(&[[x, row], [x + 26.0, row]], WALL, 3.0)?;
             self.legend_text("walls", x + 34.0, row)?;
         }
-        if single {
-            return Ok(());
-        }
+        Ok(())
+    }
+
+    /// The robots' colours and names, in rows below `row`.
+    fn legend_of_robots(&self, mut row: f64) -> Result<(), PlotError> {
+        let mut x = LEFT;
         for (place, track) in self.scene.tracks.iter().enumerate() {
             if place.is_multiple_of(NAMES_IN_A_ROW) {
                 (row, x) = (row + ROW, LEFT);
@@ -369,7 +379,7 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         let stroke = whole((width * self.scale).max(1.0));
         let style = ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: stroke };
         let points: Vec<(i32, i32)> = line.iter().map(|place| self.at(*place)).collect();
-        if !self.joins {
+        if !self.bitmap {
             return self.area.draw(&PathElement::new(points, style)).map_err(draw_error);
         }
         for pair in points.windows(2) {
@@ -397,8 +407,11 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         colour: RGBColor,
         anchor: (HPos, VPos),
     ) -> Result<(), PlotError> {
+        // The bitmap backend centres a line of text by its box, whose upper part is empty over most letters.
+        let lower = if self.bitmap && matches!(anchor.1, VPos::Center) { 0.12 * size } else { 0.0 };
+        let place = self.at([place[0], place[1] + lower]);
         let style = self.style(size, colour, anchor);
-        self.area.draw(&Text::new(text.to_owned(), self.at(place), style)).map_err(draw_error)
+        self.area.draw(&Text::new(text.to_owned(), place, style)).map_err(draw_error)
     }
 
     fn style(&self, size: f64, colour: RGBColor, (h, v): (HPos, VPos)) -> TextStyle<'static> {

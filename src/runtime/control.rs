@@ -8,10 +8,12 @@
 //! was away for that long has not been looking where it drives.
 
 use std::fmt;
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use arrayvec::{ArrayString, ArrayVec};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
 use crate::clock::Clock;
@@ -38,6 +40,19 @@ pub struct StopFlags {
 }
 
 impl StopFlags {
+    /// Flags that SIGINT, SIGTERM and SIGHUP raise from now on.
+    ///
+    /// # Errors
+    ///
+    /// The kernel does not take the handlers.
+    pub fn on_signals() -> io::Result<Self> {
+        let flags = Self::default();
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            signal_hook::flag::register(signal, Arc::clone(&flags.signal))?;
+        }
+        Ok(flags)
+    }
+
     /// True where anything asks to stop.
     #[must_use]
     pub fn is_raised(&self) -> bool {
@@ -172,7 +187,7 @@ impl Control<'_> {
         }
         self.heartbeat.beat();
         let estimate = step.estimate;
-        let range_is_new = senses.get(Channel::Range).is_some_and(|range| range.changed_ns == time_ns);
+        let range_is_new = estimate.sounding.is_some_and(|sounding| sounding.fresh);
         self.recorder.tick(&TickRecord {
             senses: *senses,
             estimate,

@@ -48,6 +48,10 @@ pub enum Refused {
         /// What went wrong.
         source: RecordError,
     },
+    /// The world has no place for a robot.
+    #[cfg(feature = "sim")]
+    #[error("the world")]
+    World(#[from] crate::sim::NoStartPose),
     /// This program was built without the simulated brick.
     #[error("this onbrick was built without the simulated brick")]
     NoSimulation,
@@ -202,10 +206,10 @@ impl Place {
     fn simulated(world: &super::Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
         use crate::clock::VirtualClock;
         use crate::sim::{Simulation, World, WorldPhysics};
-        let (parsed, _) = World::load(&world.name, world.text.as_bytes())?;
+        let (parsed, _) = World::parse(&world.name, world.text.as_bytes())?;
         let clock: Arc<dyn Clock> =
             if realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
-        let physics = WorldPhysics::new(parsed, seed);
+        let physics = WorldPhysics::new(parsed, 1, seed)?;
         let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), seed);
         Ok(Self {
             tree: simulation.brick(0),
@@ -223,7 +227,7 @@ impl Place {
     /// Where the robot really is.
     fn truth(&self) -> Option<Pose> {
         let truth =
-            self.simulation.as_ref()?.inspect(|world: &mut crate::sim::WorldPhysics| world.truth(0))?;
+            self.simulation.as_ref()?.inspect(|world: &mut crate::sim::WorldPhysics| world.truth(0))??;
         Some(Pose { x_m: truth.x_m, y_m: truth.y_m, heading_rad: truth.heading_rad })
     }
 }

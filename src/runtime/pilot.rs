@@ -163,18 +163,20 @@ impl Pilot {
         senses.fresh(channel, max_age_ns)
     }
 
+    /// What the estimator takes: angles that were read in this very tick, because an old one looks like slip; the range, whose
+    /// sensor has a new one ten times a second, for as long as it counts as fresh.
     fn inputs(&self, senses: &Senses) -> Inputs {
-        let timed = |channel| {
-            let reading = senses.get(channel)?;
-            self.fresh(senses, channel).map(|value| (value, reading.changed_ns))
-        };
+        let now = |channel| senses.fresh(channel, 0);
+        let changed_ns = |channel| senses.get(channel).map(|reading| reading.changed_ns);
+        let gyro = now(Channel::Gyro).zip(changed_ns(Channel::Gyro));
+        let range = self.fresh(senses, Channel::Range).zip(changed_ns(Channel::Range));
         Inputs {
             time_ns: senses.time_ns,
-            left_rad: self.fresh(senses, Channel::Left),
-            right_rad: self.fresh(senses, Channel::Right),
-            gyro: timed(Channel::Gyro).map(|(value_rad, changed_ns)| GyroReading { value_rad, changed_ns }),
-            head_rad: self.fresh(senses, Channel::Head),
-            range: timed(Channel::Range).map(|(value_m, changed_ns)| RangeReading { value_m, changed_ns }),
+            left_rad: now(Channel::Left),
+            right_rad: now(Channel::Right),
+            gyro: gyro.map(|(value_rad, changed_ns)| GyroReading { value_rad, changed_ns }),
+            head_rad: now(Channel::Head),
+            range: range.map(|(value_m, changed_ns)| RangeReading { value_m, changed_ns }),
         }
     }
 

@@ -236,7 +236,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
             senses,
             estimate: step.estimate,
             point: step.point,
-            range_is_new: senses.get(Channel::Range).is_some_and(|range| range.changed_ns == time_ns),
+            range_is_new: step.estimate.sounding.is_some_and(|sounding| sounding.fresh),
             timing: Timing::default(),
         });
         for transition in taken {

@@ -1,1 +1,8 @@
-//! Tests of ev3dev.
+//! Typed devices against fakes that are made of their own tables, and the tables against what the kernel's drivers said.
+
+mod fake;
+mod find;
+mod motors;
+mod others;
+mod sensors;
+mod tables;

@@ -5,4 +5,5 @@
 
 mod brenner;
 mod encoder_gyro;
+mod motor_steps;
 mod sonar;

@@ -7,7 +7,8 @@
     clippy::print_stdout,
     clippy::print_stderr,
     clippy::float_cmp,
-    reason = "tests stop by panicking, print what they measured, and compare bits"
+    unreachable_pub,
+    reason = "tests stop by panicking, print what they measured, compare bits, and share helpers between modules"
 )]
 
 mod behavior;

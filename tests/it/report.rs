@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
 use onbrick::runtime::recording::{Grid, Run};
 
@@ -69,7 +70,10 @@ fn pixels(bytes: &[u8]) -> (usize, Vec<[u8; 3]>) {
 
 #[test]
 fn a_png_has_red_points_a_green_path_and_grey_walls() {
-    let bytes = plot::png(&one()).unwrap();
+    let scene = one();
+    let started_ns = MonotonicClock.now_ns();
+    let bytes = plot::png(&scene).unwrap();
+    println!("drawn in {} ms", (MonotonicClock.now_ns() - started_ns) / 1_000_000);
     keep("one.png", &bytes);
     keep("several.png", &plot::png(&several()).unwrap());
     let (width, pixels) = pixels(&bytes);
@@ -153,6 +157,40 @@ fn a_browser_draws_the_page_and_its_slider_moves_through_time() {
         assert!((x - last.x_m).abs() < 2e-3, "{x} is drawn at {hash}, {} was recorded", last.x_m);
         assert!(dom.contains("mapper: map &lt;the room&gt; &amp; back</h1>"));
     }
+}
+
+/// What a person's hands do: slide to 10 s, zoom in at (400, 300), drag by (40, −25).
+const HANDS: &str = "<script>
+slider.value = 10;
+slider.dispatchEvent(new Event('input'));
+const box = plot.getBoundingClientRect();
+const under = () => [(400 - box.left - view.x) / view.scale, (300 - box.top - view.y) / view.scale];
+const [scale, place] = [view.scale, under()];
+plot.dispatchEvent(new WheelEvent('wheel', { deltaY: -500, clientX: 400, clientY: 300, cancelable: true }));
+plot.dataset.zoomed = (view.scale / scale).toFixed(4);
+plot.dataset.stayed = Math.hypot(under()[0] - place[0], under()[1] - place[1]).toFixed(6);
+const [x, y] = [view.x, view.y];
+const pointer = (name, clientX, clientY) => plot.dispatchEvent(new PointerEvent(name, { pointerId: 1, clientX, clientY }));
+pointer('pointerdown', 300, 300);
+pointer('pointermove', 340, 275);
+pointer('pointerup', 340, 275);
+pointer('pointermove', 500, 500);
+plot.dataset.dragged = `${(view.x - x).toFixed(1)} ${(view.y - y).toFixed(1)}`;
+</script></body>";
+
+#[test]
+fn a_hand_slides_zooms_and_drags_the_page() {
+    let scene = one();
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("map.html");
+    std::fs::write(&page, plot::html(&scene).replace("</body>", HANDS)).unwrap();
+    let Some(dom) = browse(&page, "", &["--dump-dom"]) else { return };
+    let points = scene.tracks[0].points.iter().filter(|point| point.time_s <= 10.0).count();
+    assert_eq!(attribute(&dom, "data-points"), points.to_string());
+    assert_eq!(attribute(&dom, "data-time"), "10.000");
+    assert_eq!(attribute(&dom, "data-zoomed"), "2.1170", "e to the 0.75");
+    assert_eq!(attribute(&dom, "data-stayed"), "0.000000", "the place under the mouse stays");
+    assert_eq!(attribute(&dom, "data-dragged"), "40.0 -25.0");
 }
 
 #[test]

@@ -1,22 +1,21 @@
-//! What tests share: where recordings of others lie, and how to pass over what a machine lacks.
+//! What the tests share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// The folder of shared recordings, if this machine has it.
-pub(crate) fn shared() -> Option<PathBuf> {
-    let beside = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared"));
-    std::env::var_os("ONBRICK_SHARED")
-        .map(PathBuf::from)
-        .into_iter()
-        .chain([beside])
-        .find(|folder| folder.join("data").is_dir())
+pub mod allocations;
+
+/// The folder of recordings beside the repository, or where `ONBRICK_SHARED` says; `None` where there is neither.
+pub fn shared() -> Option<PathBuf> {
+    let beside = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).to_owned();
+    let named = std::env::var_os("ONBRICK_SHARED").map(PathBuf::from);
+    [Some(beside), named].into_iter().flatten().find(|folder| folder.join("data").is_dir())
 }
 
-/// Says what is not tested here; under `ONBRICK_REQUIRE=1` that is failing.
-pub(crate) fn pass_over(what: &str) {
+/// Says what a test passes over because this machine lacks it; under `ONBRICK_REQUIRE=1` that is a failure.
+pub fn pass_over(what: &str) {
     assert!(
         std::env::var_os("ONBRICK_REQUIRE").is_none_or(|value| value != "1"),
-        "required, not there: {what}"
+        "required, and lacking: {what}"
     );
     println!("passed over: {what}");
 }

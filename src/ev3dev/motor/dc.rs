@@ -1,17 +1,17 @@
 //! Motors without a position: class `dc-motor`. One appears when an output port is put into the mode `dc-motor`.
 
-use std::cell::Cell;
 use std::sync::Arc;
 
 use crate::ev3dev::address::PortAddress;
 use crate::ev3dev::error::{DeviceError, FindError};
 use crate::ev3dev::find::{Class, Identity, find};
-use crate::ev3dev::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use crate::ev3dev::node::{Attribute, AttributeSpec, Node, attributes};
 use crate::ev3dev::tree::Tree;
 use crate::ev3dev::value::{Legal, Value, Word, Words};
 use crate::ev3dev::words::{DcCommand, Polarity, StopAction};
 use crate::units::Duty;
 
+use super::commanded::Commanded;
 use super::state::MotorState;
 
 /// The longest ramp that the driver takes, ms (`dc_motor_class.c`).
@@ -26,8 +26,7 @@ pub struct DcMotor {
     node: Node,
     files: DcFiles,
     identity: Identity,
-    may_drive: Cell<bool>,
-    stops_on_drop: Cell<bool>,
+    commanded: Commanded,
 }
 
 attributes! {
@@ -88,8 +87,7 @@ impl DcMotor {
     #[must_use]
     pub fn bind(tree: &Arc<dyn Tree>, identity: Identity) -> Self {
         let node = identity.node(tree);
-        let (may_drive, stops_on_drop) = (Cell::new(false), Cell::new(true));
-        Self { node, files: DcFiles::new(), identity, may_drive, stops_on_drop }
+        Self { node, files: DcFiles::new(), identity, commanded: Commanded::new() }
     }
 
     /// What identifies the motor, as it was found.
@@ -104,11 +102,7 @@ impl DcMotor {
     ///
     /// Any [`Cause`](crate::ev3dev::Cause) but `Malformed`.
     pub fn command(&self, command: DcCommand) -> Result<(), DeviceError> {
-        // Before it is written: a command whose answer is lost may be running.
-        self.may_drive.set(self.may_drive.get() || command.drives());
-        self.write_command(command)?;
-        self.may_drive.set(command.drives());
-        Ok(())
+        self.commanded.give(command.drives(), || self.write_command(command))
     }
 
     /// The stop action that was set, now.
@@ -122,7 +116,7 @@ impl DcMotor {
 
     /// Whether dropping this motor stops it if a command of ours may be running; it does unless told otherwise.
     pub fn set_stops_on_drop(&self, stops: bool) {
-        self.stops_on_drop.set(stops);
+        self.commanded.set_ends_on_drop(stops);
     }
 
     /// Lets the motor go on as it is: dropping it changes nothing.
@@ -134,7 +128,7 @@ impl DcMotor {
 impl Drop for DcMotor {
     fn drop(&mut self) {
         let file = &self.files.write_command;
-        if self.may_drive.get() && self.stops_on_drop.get() && file.is_open_for_writing() {
+        if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
             // Nobody is left to tell; a motor that is gone does not turn.
             let _ = file.write(&self.node, &DcCommand::Stop);
         }

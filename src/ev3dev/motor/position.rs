@@ -2,11 +2,11 @@
 //!
 //! # What we count on
 //!
-//! - Every command copies all set points; set points written later wait for the next command, but for `duty_cycle_sp` under `run-direct`.
+//! - Every command copies all set points; set points written later wait for the next command, but for `duty_cycle_sp`
+//!   under `run-direct`.
 //! - Polarity is the kernel's business: it turns set points and readings round.
 //! - After plug-in `position` need not be 0, and set points are whatever a former program left: write `reset` on start.
 
-use std::cell::Cell;
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,12 +14,13 @@ use std::time::Duration;
 use crate::ev3dev::address::PortAddress;
 use crate::ev3dev::error::{DeviceError, FindError};
 use crate::ev3dev::find::{Class, Identity, find_where};
-use crate::ev3dev::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use crate::ev3dev::node::{Attribute, AttributeSpec, Node, attributes};
 use crate::ev3dev::tree::Tree;
 use crate::ev3dev::value::{Legal, Value, Word, Words};
 use crate::ev3dev::words::{Polarity, StopAction, TachoCommand};
 use crate::units::Duty;
 
+use super::commanded::Commanded;
 use super::state::MotorState;
 
 /// The longest ramp that the driver takes, ms (`tacho_motor_class.c`).
@@ -35,8 +36,7 @@ pub struct PositionMotor<K: MotorKind> {
     identity: Identity,
     kind: K,
     max_speed: i32,
-    may_drive: Cell<bool>,
-    stops_on_drop: Cell<bool>,
+    commanded: Commanded,
 }
 
 /// A motor that turns.
@@ -55,12 +55,14 @@ pub trait MotorKind: kind::Sealed + Debug {
 }
 
 mod kind {
-    use super::{DeviceError, Identity, Node};
+    use std::sync::Arc;
+
+    use super::{DeviceError, Identity, Tree};
 
     /// How a kind is told from the other, and bound.
     pub trait Sealed: Sized {
         fn fits(identity: &Identity) -> bool;
-        fn bind(node: &Node) -> Result<Self, DeviceError>;
+        fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError>;
     }
 }
 
@@ -74,7 +76,8 @@ attributes! {
         /// The commands that the driver takes.
         pub readable "commands" => commands: Words;
         writeable "command" => write_command: TachoCommand;
-        readable "max_speed" => read_max_speed: i32;
+        /// The highest `speed_sp`, counts per second, read anew.
+        pub readable "max_speed" => read_max_speed: i32;
         /// Position, counts. Writing moves the zero, not the motor; while it holds, the motor jumps by the difference.
         pub readwriteable "position" => position / set_position: i32;
         /// Where `run-to-*` go, counts.
@@ -153,16 +156,8 @@ impl<K: MotorKind> PositionMotor<K> {
         let files = TachoFiles::new();
         let max_speed = files.read_max_speed.read(&node)?;
         files.speed_sp.limit(-i64::from(max_speed), i64::from(max_speed));
-        let kind = K::bind(&node)?;
-        Ok(Self {
-            node,
-            files,
-            identity,
-            kind,
-            max_speed,
-            may_drive: Cell::new(false),
-            stops_on_drop: Cell::new(true),
-        })
+        let kind = K::bind(tree, &identity)?;
+        Ok(Self { node, files, identity, kind, max_speed, commanded: Commanded::new() })
     }
 
     /// What identifies the motor, as it was found.
@@ -181,13 +176,10 @@ impl<K: MotorKind> PositionMotor<K> {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a command that this driver does not have; any other but `Malformed`.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a command that this driver does not have; any other but
+    /// `Malformed`.
     pub fn command(&self, command: TachoCommand) -> Result<(), DeviceError> {
-        // Before it is written: a command whose answer is lost may be running.
-        self.may_drive.set(self.may_drive.get() || command.drives());
-        self.write_command(command)?;
-        self.may_drive.set(command.drives());
-        Ok(())
+        self.commanded.give(command.drives(), || self.write_command(command))
     }
 
     /// The stop action that was set, now.
@@ -208,8 +200,9 @@ impl<K: MotorKind> PositionMotor<K> {
         self.command(TachoCommand::Reset)
     }
 
-    /// Waits until `state` may have changed since it was last read, or until `timeout`; true if it may have. The driver looks
-    /// every 50 ms, and never wakes a sleeper whose cable is pulled, so keep the timeout below 100 ms and read the state anyway.
+    /// Waits until `state` may have changed since it was last read, or until `timeout`; true if it may have. The
+    /// driver looks every 50 ms, and never wakes a sleeper whose cable is pulled, so keep the timeout below 100 ms
+    /// and read the state anyway.
     ///
     /// # Errors
     ///
@@ -220,7 +213,7 @@ impl<K: MotorKind> PositionMotor<K> {
 
     /// Whether dropping this motor stops it if a command of ours may be running; it does unless told otherwise.
     pub fn set_stops_on_drop(&self, stops: bool) {
-        self.stops_on_drop.set(stops);
+        self.commanded.set_ends_on_drop(stops);
     }
 
     /// Lets the motor go on as it is: dropping it changes nothing.
@@ -232,7 +225,7 @@ impl<K: MotorKind> PositionMotor<K> {
 impl<K: MotorKind> Drop for PositionMotor<K> {
     fn drop(&mut self) {
         let file = &self.files.write_command;
-        if self.may_drive.get() && self.stops_on_drop.get() && file.is_open_for_writing() {
+        if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
             // Nobody is left to tell; a motor that is gone does not turn.
             let _ = file.write(&self.node, &TachoCommand::Stop);
         }
@@ -252,12 +245,9 @@ pub struct Linear {
     full_travel_count: i32,
 }
 
-const COUNT_PER_ROT: AttributeSpec =
-    AttributeSpec { name: "count_per_rot", direction: Direction::Readable, legal: Legal::Number };
-const COUNT_PER_M: AttributeSpec =
-    AttributeSpec { name: "count_per_m", direction: Direction::Readable, legal: Legal::Number };
-const FULL_TRAVEL_COUNT: AttributeSpec =
-    AttributeSpec { name: "full_travel_count", direction: Direction::Readable, legal: Legal::Number };
+const COUNT_PER_ROT: AttributeSpec = AttributeSpec::readable("count_per_rot", Legal::Number);
+const COUNT_PER_M: AttributeSpec = AttributeSpec::readable("count_per_m", Legal::Number);
+const FULL_TRAVEL_COUNT: AttributeSpec = AttributeSpec::readable("full_travel_count", Legal::Number);
 
 impl MotorKind for Rotary {
     const WHAT: &'static str = "motor";
@@ -274,8 +264,8 @@ impl kind::Sealed for Rotary {
         !Linear::fits(identity)
     }
 
-    fn bind(node: &Node) -> Result<Self, DeviceError> {
-        Ok(Self { count_per_rot: Attribute::new(COUNT_PER_ROT).read(node)? })
+    fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError> {
+        Ok(Self { count_per_rot: Attribute::new(COUNT_PER_ROT).read(&identity.node(tree))? })
     }
 }
 
@@ -285,7 +275,8 @@ impl kind::Sealed for Linear {
         identity.name.starts_with("linear")
     }
 
-    fn bind(node: &Node) -> Result<Self, DeviceError> {
+    fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError> {
+        let node = &identity.node(tree);
         Ok(Self {
             count_per_m: Attribute::new(COUNT_PER_M).read(node)?,
             full_travel_count: Attribute::new(FULL_TRAVEL_COUNT).read(node)?,

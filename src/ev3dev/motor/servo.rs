@@ -1,16 +1,16 @@
 //! Servos: class `servo-motor`, from I²C controllers of other makers; no port of the EV3 itself makes one.
 
-use std::cell::Cell;
 use std::sync::Arc;
 
 use crate::ev3dev::address::PortAddress;
 use crate::ev3dev::error::{DeviceError, FindError};
 use crate::ev3dev::find::{Class, Identity, find};
-use crate::ev3dev::node::{Attribute, AttributeSpec, Direction, Node, attributes};
+use crate::ev3dev::node::{Attribute, AttributeSpec, Node, attributes};
 use crate::ev3dev::tree::Tree;
 use crate::ev3dev::value::{Legal, Value, Word};
 use crate::ev3dev::words::{Polarity, ServoCommand};
 
+use super::commanded::Commanded;
 use super::state::MotorState;
 
 /// A motor that goes to a place by itself and cannot say whether it is there.
@@ -19,8 +19,7 @@ pub struct ServoMotor {
     node: Node,
     files: ServoFiles,
     identity: Identity,
-    may_drive: Cell<bool>,
-    floats_on_drop: Cell<bool>,
+    commanded: Commanded,
 }
 
 attributes! {
@@ -75,8 +74,7 @@ impl ServoMotor {
     #[must_use]
     pub fn bind(tree: &Arc<dyn Tree>, identity: Identity) -> Self {
         let node = identity.node(tree);
-        let (may_drive, floats_on_drop) = (Cell::new(false), Cell::new(true));
-        Self { node, files: ServoFiles::new(), identity, may_drive, floats_on_drop }
+        Self { node, files: ServoFiles::new(), identity, commanded: Commanded::new() }
     }
 
     /// What identifies the servo, as it was found.
@@ -91,17 +89,12 @@ impl ServoMotor {
     ///
     /// Any [`Cause`](crate::ev3dev::Cause) but `Malformed`.
     pub fn command(&self, command: ServoCommand) -> Result<(), DeviceError> {
-        let drives = command == ServoCommand::Run;
-        // Before it is written: a command whose answer is lost may be running.
-        self.may_drive.set(self.may_drive.get() || drives);
-        self.write_command(command)?;
-        self.may_drive.set(drives);
-        Ok(())
+        self.commanded.give(command == ServoCommand::Run, || self.write_command(command))
     }
 
     /// Whether dropping this servo lets it float if a command of ours may be running; it does unless told otherwise.
     pub fn set_floats_on_drop(&self, floats: bool) {
-        self.floats_on_drop.set(floats);
+        self.commanded.set_ends_on_drop(floats);
     }
 
     /// Lets the servo go on as it is: dropping it changes nothing.
@@ -113,7 +106,7 @@ impl ServoMotor {
 impl Drop for ServoMotor {
     fn drop(&mut self) {
         let file = &self.files.write_command;
-        if self.may_drive.get() && self.floats_on_drop.get() && file.is_open_for_writing() {
+        if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
             // Nobody is left to tell; a servo that is gone does not push.
             let _ = file.write(&self.node, &ServoCommand::Float);
         }

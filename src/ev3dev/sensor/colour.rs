@@ -7,7 +7,8 @@ use super::Frame;
 use super::typed::{TypedSensor, sensor_modes};
 
 words! {
-    /// The colour sensor's usable modes. COL-CAL is left out: it is the factory's, and the sensor stops answering in it.
+    /// The colour sensor's usable modes. COL-CAL is left out: it is the factory's, and the sensor stops answering in
+    /// it.
     ColourMode {
         /// Reflected red light.
         Reflect = "COL-REFLECT",
@@ -22,7 +23,7 @@ words! {
     }
 }
 
-sensor_modes!(ColourMode, "lego-ev3-color", "colour sensor");
+sensor_modes!(ColourMode, Colour, "colour sensor");
 
 /// The colour sensor, `lego-ev3-color`.
 pub type ColourSensor = TypedSensor<ColourMode>;
@@ -88,7 +89,8 @@ impl ColourSensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode; [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
+    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
     pub fn reflected_pct(&self) -> Result<f64, DeviceError> {
         self.mode_among(&[ColourMode::Reflect], &["COL-REFLECT"])?;
         self.first_value(0, 100).map(f64::from)

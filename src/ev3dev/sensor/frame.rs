@@ -42,7 +42,7 @@ impl Frame {
     pub fn whole(&self, index: usize) -> Option<i64> {
         self.values
             .get(index)
-            .filter(|value| libm::trunc(**value).to_bits() == value.to_bits())
+            .filter(|value| value.is_finite() && libm::trunc(**value).to_bits() == value.to_bits())
             .map(|value| *value as i64)
     }
 }

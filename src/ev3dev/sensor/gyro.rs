@@ -1,9 +1,10 @@
-//! The gyro sensor. **Clockwise is positive here**, seen from the side with the arrows, as the sensor has it: `robot` turns it round, and nobody
-//! else.
+//! The gyro sensor. **Clockwise is positive here**, seen from the side with the arrows, as the sensor has it: `robot`
+//! turns it round, and nobody else.
 //!
 //! # What we count on
 //!
-//! - Whole degrees. At the end of its range (±32767°) the angle sticks or wraps, by the sensor's make; rates beyond ±440 °/s saturate and cost the angle its truth.
+//! - Whole degrees. At the end of its range (±32767°) the angle sticks or wraps, by the sensor's make; rates beyond
+//!   ±440 °/s saturate and cost the angle its truth.
 //! - It must stand still while it starts, or it drifts all session.
 //! - The most robust use is never to reset it, and to keep an offset.
 
@@ -31,7 +32,7 @@ words! {
     }
 }
 
-sensor_modes!(GyroMode, "lego-ev3-gyro", "gyro sensor");
+sensor_modes!(GyroMode, Gyro, "gyro sensor");
 
 /// The gyro sensor, `lego-ev3-gyro`.
 pub type GyroSensor = TypedSensor<GyroMode>;
@@ -45,7 +46,8 @@ pub struct AngleAndRate {
     pub rate_rad_s: f64,
 }
 
-/// What a newer sensor can be told to do; the older ones (date code ending in 2 or 3) do both at every real change of mode.
+/// What a newer sensor can be told to do; the older ones (date code ending in 2 or 3) do both at every real change of
+/// mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GyroReset {
     /// The present angle becomes 0, after about 25 ms.
@@ -61,7 +63,8 @@ impl GyroSensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode; [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 16 bits.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
+    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 16 bits.
     pub fn angle_rad(&self) -> Result<f64, DeviceError> {
         self.mode_among(&[GyroMode::Angle], &["GYRO-ANG"])?;
         self.in_radians()
@@ -77,7 +80,8 @@ impl GyroSensor {
         self.in_radians()
     }
 
-    /// Rate as the sensor's converter has it, −1464 to 1535, clockwise positive; its scale is written down nowhere. Mode [`GyroMode::Fast`].
+    /// Rate as the sensor's converter has it, −1464 to 1535, clockwise positive; its scale is written down nowhere.
+    /// Mode [`GyroMode::Fast`].
     ///
     /// # Errors
     ///
@@ -102,7 +106,8 @@ impl GyroSensor {
         })
     }
 
-    /// Rate about the second axis, radians per second, positive clockwise seen from the side opposite the plug. Mode [`GyroMode::TiltRate`].
+    /// Rate about the second axis, radians per second, positive clockwise seen from the side opposite the plug. Mode
+    /// [`GyroMode::TiltRate`].
     ///
     /// # Errors
     ///
@@ -112,7 +117,8 @@ impl GyroSensor {
         self.in_radians()
     }
 
-    /// Angle about the second axis, radians, positive clockwise seen from the side opposite the plug. Mode [`GyroMode::TiltAngle`].
+    /// Angle about the second axis, radians, positive clockwise seen from the side opposite the plug. Mode
+    /// [`GyroMode::TiltAngle`].
     ///
     /// # Errors
     ///

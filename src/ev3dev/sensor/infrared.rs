@@ -7,7 +7,8 @@ use super::Frame;
 use super::typed::{TypedSensor, sensor_modes};
 
 words! {
-    /// The infrared sensor's usable modes. IR-S-ALT and IR-CAL are left out: the sensor stops answering in the first, and the second is the factory's.
+    /// The infrared sensor's usable modes. IR-S-ALT and IR-CAL are left out: the sensor stops answering in the first,
+    /// and the second is the factory's.
     InfraredMode {
         /// How much comes back of what it sends.
         Proximity = "IR-PROX",
@@ -20,7 +21,7 @@ words! {
     }
 }
 
-sensor_modes!(InfraredMode, "lego-ev3-ir", "infrared sensor");
+sensor_modes!(InfraredMode, Infrared, "infrared sensor");
 
 /// The infrared sensor, `lego-ev3-ir`.
 pub type InfraredSensor = TypedSensor<InfraredMode>;
@@ -28,14 +29,15 @@ pub type InfraredSensor = TypedSensor<InfraredMode>;
 /// A beacon that is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beacon {
-    /// Where it is, −25 (left) to 25 (right); the sensor's own scale, no angle. Clockwise is positive, as the sensor has it.
+    /// Where it is, −25 (left) to 25 (right); the sensor's own scale, no angle. Clockwise is positive, as the sensor
+    /// has it.
     pub heading: i64,
     /// How far it is, percent of about 2 m.
     pub distance_pct: f64,
 }
 
-/// What is pressed on one channel of the remote; the discriminant is the sensor's code. Red is the left column, blue the right; more than two buttons
-/// mostly read as none.
+/// What is pressed on one channel of the remote; the discriminant is the sensor's code. Red is the left column, blue
+/// the right; more than two buttons mostly read as none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum RemoteCode {
@@ -109,11 +111,13 @@ const REM_A_NOTHING: i32 = 384;
 const NO_BEACON: i64 = -128;
 
 impl InfraredSensor {
-    /// How near something is, percent: 100 at about 70 cm or with nothing there. It has no unit and depends on the surface. Mode [`InfraredMode::Proximity`].
+    /// How near something is, percent: 100 at about 70 cm or with nothing there. It has no unit and depends on the
+    /// surface. Mode [`InfraredMode::Proximity`].
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode; [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode;
+    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond 0 to 100.
     pub fn proximity_pct(&self) -> Result<f64, DeviceError> {
         self.mode_among(&[InfraredMode::Proximity], &["IR-PROX"])?;
         self.first_value(0, 100).map(f64::from)
@@ -150,8 +154,8 @@ impl InfraredSensor {
         code(number.into()).ok_or_else(|| self.illegal(number, 0, 11))
     }
 
-    /// The buttons of channel 1, each by itself. For about a second after the last was let go, and while the beacon is on, none reads as pressed. Mode
-    /// [`InfraredMode::RemoteA`].
+    /// The buttons of channel 1, each by itself. For about a second after the last was let go, and while the beacon
+    /// is on, none reads as pressed. Mode [`InfraredMode::RemoteA`].
     ///
     /// # Errors
     ///

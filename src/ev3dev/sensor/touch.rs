@@ -15,7 +15,7 @@ words! {
     }
 }
 
-sensor_modes!(TouchMode, "lego-ev3-touch", "touch sensor");
+sensor_modes!(TouchMode, Touch, "touch sensor");
 
 /// The touch sensor, `lego-ev3-touch`.
 pub type TouchSensor = TypedSensor<TouchMode>;

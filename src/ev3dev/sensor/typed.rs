@@ -8,13 +8,14 @@ use crate::ev3dev::error::{Cause, DeviceError, FindError};
 use crate::ev3dev::find::{Class, Identity, find_where};
 use crate::ev3dev::tree::Tree;
 use crate::ev3dev::value::Legal;
+use crate::ev3dev::words::Driver;
 
 use super::{Frame, Sensor};
 
 /// The modes of one kind of sensor.
 pub trait SensorMode: Debug + Copy + Eq + 'static {
-    /// The driver's name.
-    const DRIVER: &'static str;
+    /// The driver.
+    const DRIVER: Driver;
 
     /// What the sensor is called in messages.
     const WHAT: &'static str;
@@ -49,7 +50,7 @@ impl<M: SensorMode> TypedSensor<M> {
     ///
     /// [`FindError`], which says what there is instead.
     pub fn find(tree: &Arc<dyn Tree>, port: Option<&PortAddress>) -> Result<Self, FindError> {
-        let fits = |identity: &Identity| identity.driver.as_str() == M::DRIVER;
+        let fits = |identity: &Identity| identity.known_driver() == Some(M::DRIVER);
         let identity = find_where(tree, Class::LegoSensor, port, M::WHAT, fits)?;
         let sensor = Sensor::bind(tree, identity)?;
         let mode = known(&sensor);
@@ -62,7 +63,8 @@ impl<M: SensorMode> TypedSensor<M> {
         self.mode
     }
 
-    /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are to be thrown away from now on.
+    /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are to be thrown away
+    /// from now on.
     ///
     /// # Errors
     ///
@@ -140,9 +142,9 @@ fn known<M: SensorMode>(sensor: &Sensor) -> Option<M> {
 
 /// Ties an enum of modes to its driver.
 macro_rules! sensor_modes {
-    ($modes:ident, $driver:literal, $what:literal) => {
+    ($modes:ident, $driver:ident, $what:literal) => {
         impl $crate::ev3dev::sensor::SensorMode for $modes {
-            const DRIVER: &'static str = $driver;
+            const DRIVER: $crate::ev3dev::Driver = $crate::ev3dev::Driver::$driver;
             const WHAT: &'static str = $what;
             const MODES: &'static [Self] = Self::ALL;
 

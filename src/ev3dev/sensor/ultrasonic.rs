@@ -2,8 +2,8 @@
 //!
 //! # What we count on
 //!
-//! - 255.0 cm means: no echo. The sensor says the same when something is nearer than about 4 cm; telling the two apart takes more than one reading and
-//!   is done above.
+//! - 255.0 cm means: no echo. The sensor says the same when something is nearer than about 4 cm; telling the two
+//!   apart takes more than one reading and is done above.
 //! - Two sensors that send disturb each other.
 
 use crate::clock::MILLISECOND_NS;
@@ -32,7 +32,7 @@ words! {
     }
 }
 
-sensor_modes!(UltrasonicMode, "lego-ev3-us", "ultrasonic sensor");
+sensor_modes!(UltrasonicMode, Ultrasonic, "ultrasonic sensor");
 
 /// The ultrasonic sensor, `lego-ev3-us`.
 pub type UltrasonicSensor = TypedSensor<UltrasonicMode>;
@@ -47,12 +47,13 @@ const NO_ECHO_TENTHS_CM: i32 = 2550;
 const NO_ECHO_TENTHS_IN: i32 = 1003;
 
 impl UltrasonicSensor {
-    /// Distance to what reflects, metres from the sensor, in steps of a millimetre or a tenth of an inch; `None` if there is no echo. Any mode but
-    /// [`UltrasonicMode::Listen`].
+    /// Distance to what reflects, metres from the sensor, in steps of a millimetre or a tenth of an inch; `None` if
+    /// there is no echo. Any mode but [`UltrasonicMode::Listen`].
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) while it listens; [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond what the sensor can say.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) while it listens;
+    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) beyond what the sensor can say.
     pub fn distance_m(&self) -> Result<Option<f64>, DeviceError> {
         use UltrasonicMode::{DcCm, DcIn, DistCm, DistIn, SingleCm, SingleIn};
         const USABLE: &[UltrasonicMode] = &[DistCm, DistIn, SingleCm, SingleIn, DcCm, DcIn];

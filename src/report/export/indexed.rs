@@ -55,22 +55,28 @@ pub fn mcap(runs: &[(&str, &[u8])]) -> Result<Vec<u8>, ExportError> {
         outcome?;
     }
     messages.sort_by_key(|message| message.log_time);
+    write(&mut writer, &messages)?;
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}
+
+/// Writes the messages, each on its namespace's channel.
+fn write(writer: &mut Writer<Cursor<Vec<u8>>>, messages: &[MessageRecord<'_>]) -> Result<(), McapError> {
     let mut channels = BTreeMap::new();
-    for message in &messages {
-        let channel_id = match channels.get(&(message.space, message.topic)) {
+    for message in messages {
+        let MessageRecord { sequence, log_time, space, topic, data } = *message;
+        let channel_id = match channels.get(&(space, topic)) {
             Some(channel) => *channel,
             None => {
-                let channel = describe(&mut writer, message.space, message.topic)?;
-                channels.insert((message.space, message.topic), channel);
+                let channel = describe(writer, space, topic)?;
+                channels.insert((space, topic), channel);
                 channel
             }
         };
-        let MessageRecord { sequence, log_time, space, topic, data } = *message;
         let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
         writer.write_to_known_channel(&header, &in_space(space, topic, data))?;
     }
-    writer.finish()?;
-    Ok(writer.into_inner().into_inner())
+    Ok(())
 }
 
 /// A message before it is written again.

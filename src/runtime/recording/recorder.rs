@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use mcap::records::Metadata;
 use rtrb::{Consumer, RingBuffer};
+use serde::Serialize;
 
 use super::encoder::Encoder;
 use super::file::{RecordError, RecordingFile};
@@ -29,7 +30,7 @@ const IDLE_LOOKS: u32 = 20;
 const STATUS_PERIOD_NS: i64 = 200 * MILLISECOND_NS;
 
 /// What a finished recording came to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Summary {
     /// The file's length, bytes.
     pub bytes: u64,
@@ -55,7 +56,7 @@ struct Closing {
 impl Recorder {
     /// Begins a recording: what is known of the run is on the disk when this returns.
     ///
-    /// `on_status` is called by the recorder's thread at most five times a second of the run's clock.
+    /// `on_status` is called by the recorder's thread at most five times a second of the run's clock, and at the end.
     ///
     /// # Errors
     ///
@@ -66,8 +67,9 @@ impl Recorder {
         options: Options,
         on_status: Box<dyn FnMut(&Status) + Send>,
     ) -> Result<(Self, TickSide), RecordError> {
-        let (put, take) = RingBuffer::new(options.ring_entries.max(1));
-        let ring_size = u32::try_from(options.ring_entries).unwrap_or(u32::MAX);
+        let ring_entries = options.ring_entries.max(1);
+        let (put, take) = RingBuffer::new(ring_entries);
+        let ring_size = u32::try_from(ring_entries).unwrap_or(u32::MAX);
         let pace = start.pace;
         let encoder = begin(sink, start, options.sync_period_ns, ring_size)?;
         let flags = Arc::new(Flags::default());
@@ -237,6 +239,7 @@ impl Work {
 
     fn close(&mut self, mut encoder: Encoder) -> Result<u64, RecordError> {
         let closing = std::mem::take(&mut *self.end.lock().unwrap_or_else(PoisonError::into_inner));
+        (self.on_status)(encoder.status());
         let finished = finish(&mut encoder, &closing).and_then(|()| encoder.file.finish());
         if finished.is_err() {
             self.flags.failed.store(true, Ordering::Relaxed);
@@ -256,6 +259,15 @@ impl Work {
         if status.time_ns >= self.next_status_ns {
             self.next_status_ns = status.time_ns.saturating_add(STATUS_PERIOD_NS);
             (self.on_status)(status);
+        }
+    }
+}
+
+impl Drop for Work {
+    fn drop(&mut self) {
+        // A panic in the status' callback must not look like a slow disk.
+        if std::thread::panicking() {
+            self.flags.failed.store(true, Ordering::Relaxed);
         }
     }
 }

@@ -5,6 +5,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::message::{self, Gap, TickStatistics};
@@ -45,7 +46,7 @@ pub(super) mod names {
 const MAX_BYTES: u64 = 2 << 30;
 
 /// What a run is.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Info {
     /// The version of onbrick that recorded it.
     pub version: String,
@@ -70,7 +71,7 @@ pub struct Info {
 }
 
 /// How a run ended.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Ending {
     /// Why, for people.
     pub reason: String,
@@ -100,7 +101,7 @@ pub struct RecordedPose {
 }
 
 /// A transition that a machine took.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Transition {
     /// The tick.
     pub tick: u64,
@@ -119,7 +120,7 @@ pub struct Transition {
 }
 
 /// A log line.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LogLine {
     /// Nanoseconds of the run's clock.
     pub time_ns: i64,

@@ -8,10 +8,17 @@
 //! # Not here
 //!
 //! No meaning of messages: that is `run`'s.
+//!
+//! # What we count on
+//!
+//! - Nobody can put a sync into a recording from within: a sync's first byte, 0x80, never begins a character of UTF-8, and all
+//!   that comes from people (files, names, log lines) is UTF-8.
 
 use std::ops::Range;
 
 use mcap::records::{MessageHeader, Record, op};
+use memchr::memmem;
+use serde::Serialize;
 
 use super::file::{SYNC_BODY, SYNC_MAGIC, SYNC_OPCODE, SyncBody};
 use super::topic::{Topic, table_checksum};
@@ -54,7 +61,7 @@ pub struct Context {
 }
 
 /// How much of a file was whole.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Integrity {
     /// The file's length in bytes.
     pub bytes: u64,
@@ -81,7 +88,11 @@ pub fn walk<'a>(
     let mut walk = Walk {
         bytes,
         channels: Channels::default(),
-        integrity: Integrity { bytes: bytes.len() as u64, ..Integrity::default() },
+        integrity: Integrity {
+            bytes: bytes.len() as u64,
+            complete: is_complete(bytes),
+            ..Integrity::default()
+        },
         found,
     };
     let mut start = 0;
@@ -122,7 +133,7 @@ fn next_stretch(bytes: &[u8], start: usize) -> Option<Closed> {
     }
     let mut damaged = None;
     let mut at = start;
-    while let Some(ahead) = bytes.get(at..).and_then(|rest| find(rest, &SYNC_START)) {
+    while let Some(ahead) = bytes.get(at..).and_then(|rest| memmem::find(rest, &SYNC_START)) {
         at += ahead;
         match closed(bytes, start, at) {
             Some(closed) if closed.holds => return Some(closed),
@@ -172,11 +183,6 @@ const SYNC_START: [u8; FRAME_BYTES + SYNC_MAGIC.len()] = {
     }
     start
 };
-
-/// Where `needle` first is in `bytes`.
-fn find(bytes: &[u8], needle: &[u8]) -> Option<usize> {
-    bytes.windows(needle.len()).position(|window| window == needle)
-}
 
 /// A record as framed.
 struct Frame<'a> {
@@ -241,12 +247,11 @@ impl<'a> Walk<'a, '_> {
         let context = Context { checked: false, wall_offset_ns: None };
         while let Some(record) = frame(self.bytes, at) {
             if record.opcode == op::DATA_END {
-                self.integrity.complete = is_end(self.bytes);
                 return;
             }
-            // A sync that did not hold: from here on nothing can be said of the framing, so nothing more is taken.
+            // A sync that cannot be believed: what comes next is anybody's guess, so nothing more is taken.
             if record.opcode == SYNC_OPCODE {
-                self.integrity.damaged.push(start as u64..self.bytes.len() as u64);
+                self.integrity.damaged.push(at as u64..self.bytes.len() as u64);
                 return;
             }
             if hand_on {
@@ -305,6 +310,6 @@ fn text(bytes: &[u8]) -> Option<(String, &[u8])> {
 }
 
 /// True where the bytes close as an MCAP file does.
-fn is_end(bytes: &[u8]) -> bool {
-    bytes.ends_with(mcap::MAGIC)
+fn is_complete(bytes: &[u8]) -> bool {
+    bytes.len() >= 2 * mcap::MAGIC.len() && bytes.ends_with(mcap::MAGIC)
 }

@@ -15,6 +15,7 @@ use std::thread::Thread;
 
 use arrayvec::ArrayString;
 use rtrb::{Producer, PushError};
+use serde::Serialize;
 
 use crate::behavior::{MachineState, Taken};
 use crate::mapping::{Estimate, EstimatorState, MapPoint};
@@ -51,7 +52,8 @@ pub struct Timing {
 }
 
 /// How much a log line matters; the numbers of `rcl_interfaces/Log`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
 #[repr(u8)]
 pub enum Level {
     /// For whoever works on the program.
@@ -80,9 +82,8 @@ impl Level {
     }
 }
 
-/// What goes through the ring.
+/// What goes through the ring; as large as its largest variant, so that the ring never allocates.
 #[derive(Debug, Clone, Copy)]
-#[expect(clippy::large_enum_variant, reason = "entries have a fixed size so that the ring never allocates")]
 pub(super) enum Entry {
     Tick(TickRecord),
     Transition { tick: u64, time_ns: i64, taken: Taken },
@@ -227,5 +228,59 @@ impl TickSide {
         let before = self.pending.unwrap_or(Dropped { first_tick: self.tick, last_tick: 0, entries: 0 });
         let entries = before.entries.saturating_add(1);
         self.pending = Some(Dropped { last_tick: self.tick, entries, ..before });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rtrb::RingBuffer;
+
+    fn side(entries: usize) -> (TickSide, rtrb::Consumer<Entry>) {
+        let (put, take) = RingBuffer::new(entries);
+        (TickSide::new(put, Arc::default(), None), take)
+    }
+
+    #[test]
+    fn an_entry_is_small_enough_for_a_ring_of_hundreds() {
+        let bytes = size_of::<Entry>();
+        assert!(bytes <= 4096, "an entry has {bytes} bytes");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named_as_soon_as_there_is_room() {
+        let (mut side, mut ring) = side(2);
+        for tick in 0..5 {
+            side.transition(tick, 0, Taken { machine: 0, from: 0, to: 1, transition: None });
+        }
+        assert_eq!(side.dropped(), 3);
+        while ring.pop().is_ok() {}
+        side.log(0, Level::Info, "room again");
+        let Ok(Entry::Gap(gap)) = ring.pop() else { panic!("a gap comes first") };
+        assert_eq!(gap, Dropped { first_tick: 2, last_tick: 4, entries: 3 });
+        assert!(matches!(ring.pop(), Ok(Entry::Log { .. })));
+        assert_eq!(side.pending(), None);
+    }
+
+    #[test]
+    fn a_gap_that_takes_the_last_room_costs_the_next_entry() {
+        let (mut side, mut ring) = side(1);
+        side.log(0, Level::Info, "fits");
+        side.log(0, Level::Info, "does not");
+        assert!(ring.pop().is_ok());
+        side.log(0, Level::Info, "after the gap");
+        assert!(matches!(ring.pop(), Ok(Entry::Gap(Dropped { entries: 1, .. }))));
+        assert_eq!(side.pending().map(|gap| gap.entries), Some(1));
+        assert_eq!(side.dropped(), 2);
+    }
+
+    #[test]
+    fn long_lines_are_cut_at_a_character_and_too_many_machines_are_not_recorded() {
+        let (mut side, mut ring) = side(4);
+        side.log(0, Level::Info, &"ü".repeat(200));
+        let Ok(Entry::Log { text, .. }) = ring.pop() else { panic!("a line") };
+        assert_eq!(text.as_str(), "ü".repeat(MAX_LOG_BYTES / 2));
+        side.checkpoint(0, 0, &EstimatorState::default(), &[MachineState::default(); MAX_MACHINES + 1]);
+        assert!(ring.pop().is_err());
     }
 }

@@ -1,0 +1,222 @@
+//! Simulated rooms: what stands in them, what is drawn on the floor, where the robots start.
+//!
+//! A world is a TOML file ([`World::parse`], commented template: [`World::TEMPLATE`]) or one of the built-in ones
+//! ([`World::named`]). Frame: metres, x and y as the file has them, headings anticlockwise from x.
+//!
+//! | name | for |
+//! |---|---|
+//! | `arena` | the default: cinder blocks round 2.5 by 2 m as in the seed, and a few inside |
+//! | `rooms`, `cylinders`, `corridor` | maps; nothing was tuned on these three |
+//! | `line` | a closed dark line on a white floor |
+//! | `table` | a floor that ends, no walls |
+//! | `wall` | something to follow |
+//! | `open` | nothing around |
+//! | `two-arenas` | two robots, the second at (3, 0) turned by +90° |
+//!
+//! # Not here
+//!
+//! Nothing that moves: `sim::world_physics`.
+//!
+//! # What we count on
+//!
+//! A world does not change while robots drive in it, and has at most [`World::MAX_THINGS`] things in each list.
+
+use crate::document::{Document, Findings};
+
+mod floor;
+pub(in crate::sim) mod geometry;
+mod parse;
+pub(in crate::sim) mod robot;
+
+pub use floor::Colour;
+pub(in crate::sim) use floor::{Floor, Ground, Mark};
+pub use robot::{Errors, RobotModel};
+
+use geometry::{Disc, Point, Surfaces};
+
+/// A simulated room.
+#[derive(Debug, Clone)]
+pub struct World {
+    name: String,
+    pub(in crate::sim) surfaces: Surfaces,
+    outlines: Vec<Vec<[f64; 2]>>,
+    pub(in crate::sim) floor: Floor,
+    starts: Vec<StartPose>,
+    pub(in crate::sim) remote: Vec<RemotePress>,
+    pub(in crate::sim) beacon: Option<Beacon>,
+    robot: RobotModel,
+}
+
+/// Where a robot starts, in the world's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StartPose {
+    /// Metres.
+    pub x_m: f64,
+    /// Metres.
+    pub y_m: f64,
+    /// Radians, anticlockwise from x.
+    pub heading_rad: f64,
+}
+
+/// A button held on the infrared remote.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::sim) struct RemotePress {
+    pub(in crate::sim) from_s: f64,
+    pub(in crate::sim) to_s: f64,
+    /// 0 to 3 for channels 1 to 4.
+    pub(in crate::sim) channel: usize,
+    /// 1 to 11.
+    pub(in crate::sim) code: i32,
+}
+
+/// The remote laid down as a beacon.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::sim) struct Beacon {
+    pub(in crate::sim) place: Point,
+    pub(in crate::sim) channel: usize,
+}
+
+macro_rules! built_in {
+    ($($name:literal),+) => {
+        const BUILT_IN: &[(&str, &str)] = &[$(($name, include_str!(concat!("worlds/", $name, ".toml")))),+];
+    };
+}
+built_in!("arena", "rooms", "cylinders", "corridor", "line", "table", "wall", "open", "two-arenas");
+
+impl World {
+    /// The most walls, blocks, circles, marks, starts or presses that a file may have of each.
+    pub const MAX_THINGS: usize = 2000;
+    /// A commented file for somebody who writes a world: every key with its unit and its default.
+    pub const TEMPLATE: &'static str = include_str!("worlds/template.toml");
+
+    /// The names of the built-in worlds; the first is the default.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// The file of a built-in world; `None` where there is none of that name.
+    #[must_use]
+    pub fn text(name: &str) -> Option<&'static str> {
+        BUILT_IN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+    }
+
+    /// A built-in world; `None` where there is none of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        // The files are part of this program, and a test reads each of them.
+        Self::parse(name, Self::text(name)?.as_bytes()).ok().map(|(world, _)| world)
+    }
+
+    /// Reads a world from the bytes of a file; `file` is what findings call it. Warnings come back beside the world.
+    ///
+    /// # Errors
+    ///
+    /// All mistakes with their places: what is not TOML, unknown keys, numbers out of range, too many things, shapes with
+    /// too few points, a robot that starts in a wall or in another robot.
+    pub fn parse(file: &str, bytes: &[u8]) -> Result<(Self, Findings), Findings> {
+        Document::new(file, bytes)?.read(parse::world)
+    }
+
+    /// The world's name, as its file has it.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Everything that stands in the world as polylines in metres, for drawing; closed ones repeat their first point.
+    #[must_use]
+    pub fn outlines(&self) -> &[Vec<[f64; 2]>] {
+        &self.outlines
+    }
+
+    /// Distance from a place to the nearest surface, in metres: how far off a map's point is. Infinite in a world
+    /// without surfaces.
+    #[must_use]
+    pub fn distance_to_nearest_surface(&self, x_m: f64, y_m: f64) -> f64 {
+        self.surfaces.distance(Point::new(x_m, y_m))
+    }
+
+    /// The start poses, one for each robot that the world has place for.
+    #[must_use]
+    pub fn starts(&self) -> &[StartPose] {
+        &self.starts
+    }
+
+    /// The true robot; all robots of a world are built alike.
+    #[must_use]
+    pub fn robot(&self) -> &RobotModel {
+        &self.robot
+    }
+
+    /// The same world with another robot in it.
+    #[must_use]
+    pub fn with_robot(mut self, robot: RobotModel) -> Self {
+        self.robot = robot;
+        self
+    }
+
+    /// The same world with a robot that has no imperfections.
+    #[must_use]
+    pub fn without_errors(mut self) -> Self {
+        self.robot.errors = Errors::NONE;
+        self
+    }
+
+    fn add_polyline(&mut self, points: &[Point], closed: bool) {
+        self.surfaces.add_polyline(points, closed);
+        let again = points.first().filter(|_| closed);
+        self.outlines.push(points.iter().chain(again).map(|p| [p.x, p.y]).collect());
+    }
+
+    fn add_disc(&mut self, disc: Disc) {
+        let corner = |n: i32| {
+            let point =
+                disc.centre + geometry::direction(crate::units::radians(f64::from(n) * 10.0)) * disc.radius_m;
+            [point.x, point.y]
+        };
+        self.outlines.push((0..=36).map(corner).collect());
+        self.surfaces.discs.push(disc);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_built_in_world_reads_without_a_finding() {
+        for (name, text) in BUILT_IN {
+            let (world, findings) =
+                World::parse(name, text.as_bytes()).unwrap_or_else(|findings| panic!("{findings}"));
+            assert!(findings.is_empty(), "{findings}");
+            assert_eq!(world.name(), *name);
+            assert!(!world.starts().is_empty(), "{name}");
+        }
+        assert!(
+            World::parse("template", World::TEMPLATE.as_bytes()).is_ok_and(|(_, notes)| notes.is_empty())
+        );
+    }
+
+    #[test]
+    fn the_template_with_its_comments_taken_away_is_a_world_too() {
+        let uncommented: String = World::TEMPLATE
+            .lines()
+            .map(|line| line.strip_prefix("#: ").unwrap_or(line))
+            .flat_map(|line| [line, "\n"])
+            .collect();
+        let (world, _) =
+            World::parse("template", uncommented.as_bytes()).unwrap_or_else(|findings| panic!("{findings}"));
+        assert_eq!(world.robot(), &RobotModel::default(), "the template shows the defaults");
+        assert_eq!(world.remote.len(), 1);
+    }
+
+    #[test]
+    fn the_distance_to_a_block_is_to_its_side() {
+        let text = "name = \"t\"\n[[block]]\nat = [1.0, 0.0]\nsize_m = [0.4, 0.2]\n";
+        let (world, _) = World::parse("t", text.as_bytes()).unwrap();
+        assert!((world.distance_to_nearest_surface(0.0, 0.0) - 0.8).abs() < 1e-12);
+        assert!((world.distance_to_nearest_surface(1.0, 0.05) - 0.05).abs() < 1e-12);
+        assert_eq!(world.outlines().len(), 1);
+        assert_eq!(world.outlines()[0].len(), 5);
+    }
+}

@@ -1,0 +1,135 @@
+//! The floor: its colour, what is drawn on it, and where it ends.
+//!
+//! # What we count on
+//!
+//! What stands later in the file lies above what stands earlier, patches above lines.
+
+use super::geometry::{Point, contains, distance_to_polyline};
+
+/// A colour that the colour sensor names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Colour {
+    /// Nothing to see: beyond the edge of the floor, or grey.
+    None,
+    /// Black.
+    Black,
+    /// Blue.
+    Blue,
+    /// Green.
+    Green,
+    /// Yellow.
+    Yellow,
+    /// Red.
+    Red,
+    /// White.
+    White,
+    /// Brown.
+    Brown,
+}
+
+impl Colour {
+    /// The words of a world's file.
+    pub(super) const WORDS: [(&'static str, Self); 8] = [
+        ("none", Self::None),
+        ("black", Self::Black),
+        ("blue", Self::Blue),
+        ("green", Self::Green),
+        ("yellow", Self::Yellow),
+        ("red", Self::Red),
+        ("white", Self::White),
+        ("brown", Self::Brown),
+    ];
+
+    /// The sensor's number for it (`COL-COLOR`, interfaces section 9).
+    #[must_use]
+    pub fn code(self) -> i32 {
+        match self {
+            Self::None => 0,
+            Self::Black => 1,
+            Self::Blue => 2,
+            Self::Green => 3,
+            Self::Yellow => 4,
+            Self::Red => 5,
+            Self::White => 6,
+            Self::Brown => 7,
+        }
+    }
+
+    /// What paper of the colour reflects of red, green and blue light, in percent. Red light makes `COL-REFLECT`: black
+    /// tape 5 to 10, white paper 60 to 90 (interfaces 15.3).
+    pub(super) fn reflects_pct(self) -> [f64; 3] {
+        match self {
+            Self::None => [35.0, 35.0, 35.0],
+            Self::Black => [7.0, 7.0, 7.0],
+            Self::Blue => [9.0, 18.0, 40.0],
+            Self::Green => [12.0, 32.0, 14.0],
+            Self::Yellow => [70.0, 55.0, 18.0],
+            Self::Red => [60.0, 10.0, 9.0],
+            Self::White => [75.0, 75.0, 75.0],
+            Self::Brown => [25.0, 15.0, 11.0],
+        }
+    }
+}
+
+/// One place of the floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::sim) struct Ground {
+    pub(in crate::sim) colour: Colour,
+    /// Red, green, blue.
+    pub(in crate::sim) reflects_pct: [f64; 3],
+}
+
+impl Ground {
+    /// Beyond the edge: no floor, no light.
+    const MISSING: Self = Self { colour: Colour::None, reflects_pct: [0.0; 3] };
+
+    /// A colour, or the same colour made lighter or darker so that its red is `reflect_pct`.
+    pub(super) fn new(colour: Colour, reflect_pct: Option<f64>) -> Self {
+        let own = colour.reflects_pct();
+        let factor = reflect_pct.map_or(1.0, |pct| pct / own[0]);
+        Self { colour, reflects_pct: own.map(|pct| (pct * factor).min(100.0)) }
+    }
+}
+
+/// Something drawn on the floor.
+#[derive(Debug, Clone)]
+pub(in crate::sim) struct Mark {
+    pub(in crate::sim) points: Vec<Point>,
+    /// A line of this width; `None` for a filled patch.
+    pub(in crate::sim) width_m: Option<f64>,
+    pub(in crate::sim) closed: bool,
+    pub(in crate::sim) ground: Ground,
+}
+
+impl Mark {
+    fn covers(&self, place: Point) -> bool {
+        match self.width_m {
+            Some(width_m) => distance_to_polyline(&self.points, self.closed, place) <= width_m / 2.0,
+            None => contains(&self.points, place),
+        }
+    }
+}
+
+/// The floor of a world.
+#[derive(Debug, Clone)]
+pub(in crate::sim) struct Floor {
+    pub(in crate::sim) ground: Ground,
+    pub(in crate::sim) marks: Vec<Mark>,
+    /// The floor's edge; empty for a floor without end.
+    pub(in crate::sim) table: Vec<Point>,
+}
+
+impl Floor {
+    /// What is at a place.
+    pub(in crate::sim) fn at(&self, place: Point) -> Ground {
+        if !self.has(place) {
+            return Ground::MISSING;
+        }
+        self.marks.iter().rev().find(|mark| mark.covers(place)).map_or(self.ground, |mark| mark.ground)
+    }
+
+    /// False beyond the edge.
+    pub(in crate::sim) fn has(&self, place: Point) -> bool {
+        self.table.is_empty() || contains(&self.table, place)
+    }
+}

@@ -1,0 +1,284 @@
+//! The true robot of a world: its measures, what is plugged in, and how imperfect it is.
+//!
+//! The defaults are the seed's robot with a bumper and a colour sensor added, so that every shipped mission can run on it.
+//!
+//! # Not here
+//!
+//! `robot.toml`, which is what the program *believes*; a test may make the two differ.
+
+use crate::document::{Item, Section};
+use crate::sim::physics::{MotorKind, Plug, SensorKind};
+
+/// A robot as it truly is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotModel {
+    /// Rolled by one turn of a drive motor, metres; 37.2 inches in five turns in the seed.
+    pub wheel_circumference_m: f64,
+    /// Between the wheels' points of contact, metres; 4.5 inches in the seed.
+    pub track_width_m: f64,
+    /// From the axle to the front end of the outline, metres.
+    pub front_m: f64,
+    /// From the axle to the rear end of the outline, metres.
+    pub rear_m: f64,
+    /// Half of the outline's width, metres.
+    pub half_width_m: f64,
+    /// Radius of the outline's corners, metres; with all four measures equal the robot is round.
+    pub corner_m: f64,
+    /// Mass, kilograms; its middle is over the axle.
+    pub mass_kg: f64,
+    /// What one tyre can push along the ground, newtons, before it slips. A 1 kg robot on a bare floor has about 4 and
+    /// spins its wheels against a wall; the default is above the motors' stall force, so that wheels stall there.
+    pub grip_n: f64,
+    /// Force of the caster as a share of the weight.
+    pub caster_drag: f64,
+    /// Output ports of the left and the right wheel's motor, 0 for outA.
+    pub drive: [usize; 2],
+    /// True where a drive motor is built in the other way round.
+    pub drive_inverted: [bool; 2],
+    /// Output port of the head's motor.
+    pub head: Option<usize>,
+    /// Head angle for a motor angle, with sign; 12:36 and turned round in the seed.
+    pub head_ratio: f64,
+    /// Range sensor (ultrasonic or infrared) ahead of the axle, metres; it turns with the head.
+    pub range_ahead_m: f64,
+    /// Colour sensor ahead of the axle, metres.
+    pub colour_ahead_m: f64,
+    /// Colour sensor left of the middle, metres.
+    pub colour_left_m: f64,
+    /// What is plugged in.
+    pub plug: Plug,
+    /// Imperfections.
+    pub errors: Errors,
+}
+
+impl Default for RobotModel {
+    fn default() -> Self {
+        Self {
+            wheel_circumference_m: 0.188_976,
+            track_width_m: 0.1143,
+            front_m: 0.09,
+            rear_m: 0.10,
+            half_width_m: 0.075,
+            corner_m: 0.02,
+            mass_kg: 0.9,
+            grip_n: 16.0,
+            caster_drag: 0.02,
+            drive: [1, 3],
+            drive_inverted: [false; 2],
+            head: Some(0),
+            head_ratio: -12.0 / 36.0,
+            range_ahead_m: 0.0508,
+            colour_ahead_m: 0.07,
+            colour_left_m: 0.0,
+            plug: Plug {
+                motors: [Some(MotorKind::Medium), Some(MotorKind::Large), None, Some(MotorKind::Large)],
+                sensors: [
+                    Some(SensorKind::Ultrasonic),
+                    Some(SensorKind::Touch),
+                    Some(SensorKind::Colour),
+                    Some(SensorKind::Gyro),
+                ],
+            },
+            errors: Errors::default(),
+        }
+    }
+}
+
+macro_rules! errors {
+    ($($(#[$doc:meta])* $name:ident = $default:literal, $low:literal to $high:literal, none $none:literal;)+) => {
+        /// Imperfections. Those that end in `_sd` are deviations, drawn once for each robot or each reading from the seed.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Errors {
+            $($(#[$doc])* pub $name: f64,)+
+        }
+
+        impl Default for Errors {
+            fn default() -> Self {
+                Self { $($name: $default),+ }
+            }
+        }
+
+        impl Errors {
+            /// No imperfection at all: what a drawing on paper says.
+            pub const NONE: Self = Self { $($name: $none),+ };
+            const KEYS: &'static [&'static str] = &[$(stringify!($name)),+];
+
+            fn read(section: &Section<'_>) -> Self {
+                section.allow(Self::KEYS);
+                Self { $($name: number(section, stringify!($name), $low, $high, $default)),+ }
+            }
+        }
+    };
+}
+
+errors! {
+    /// Gyro: turned angle read too large by this share. People find 1 to 4 % (`lego-sensor-tables`).
+    gyro_scale = 0.0, -0.2 to 0.2, none 0.0;
+    /// Gyro: deviation of the scale between sensors.
+    gyro_scale_sd = 0.01, 0.0 to 0.1, none 0.0;
+    /// Gyro: drift, degrees a second, clockwise on the sensor. A good start has none (interfaces 15.3).
+    gyro_drift_dps = 0.0, -20.0 to 20.0, none 0.0;
+    /// Left wheel larger by this share.
+    wheel_left = 0.0, -0.1 to 0.1, none 0.0;
+    /// Right wheel larger by this share.
+    wheel_right = 0.0, -0.1 to 0.1, none 0.0;
+    /// Deviation of each wheel's size between robots.
+    wheel_sd = 0.002, 0.0 to 0.05, none 0.0;
+    /// Creep of each tyre: deviation of a share that wanders within half a second.
+    slip_sd = 0.005, 0.0 to 0.2, none 0.0;
+    /// Ultrasonic: half of the cone, degrees. 14 fits the scans of `lego-rotating-sonar`; the NXT tables have 15.
+    cone_deg = 14.0, 0.5 to 45.0, none 14.0;
+    /// Ultrasonic: steepest incidence that still echoes, degrees. 32 fits the same scans.
+    incidence_deg = 32.0, 1.0 to 89.0, none 32.0;
+    /// Ultrasonic: nearest that is measured, metres; below, the sensor says 255 cm (5 mm does so, 25 mm reads 32: `lego-sensor-tables`).
+    too_near_m = 0.035, 0.0 to 0.3, none 0.035;
+    /// Ultrasonic: deviation of a reading near by, metres (50 mm ± 1.6, 100 mm ± 2.3 in `lego-sensor-tables`).
+    range_sd_m = 0.003, 0.0 to 0.1, none 0.0;
+    /// Ultrasonic: growth of that deviation with the range, metres a metre; 1 m ± 6 mm in `nxt_us_filwisher.md`.
+    range_sd_per_m = 0.003, 0.0 to 0.1, none 0.0;
+    /// Ultrasonic: bias, metres; the same tables have +1 to +4 mm.
+    range_bias_m = 0.002, -0.1 to 0.1, none 0.0;
+    /// Ultrasonic: share of readings without an echo that should have one; 1.8 % odd readings in `nxt_us_pedrokost.txt`.
+    range_dropout = 0.01, 0.0 to 1.0, none 0.0;
+    /// Ultrasonic: share of readings that another robot's sensor in sight spoils.
+    range_crosstalk = 0.0, 0.0 to 1.0, none 0.0;
+    /// Colour: deviation of a reading, percent.
+    colour_sd_pct = 0.7, 0.0 to 20.0, none 0.0;
+    /// Colour: diameter of the spot it sees, metres.
+    colour_spot_m = 0.01, 0.0 to 0.1, none 0.01;
+    /// Infrared: deviation of a reading, percent.
+    infrared_sd_pct = 1.0, 0.0 to 20.0, none 0.0;
+    /// Play of the head's gears, degrees of the head.
+    head_play_deg = 1.0, 0.0 to 20.0, none 0.0;
+    /// Battery at rest, volts.
+    battery_v = 7.6, 3.0 to 10.0, none 7.6;
+    /// Battery's own resistance, ohms.
+    battery_ohm = 0.2, 0.0 to 3.0, none 0.2;
+    /// Battery: volts lost in a second; for runs that end with an empty one.
+    battery_fade_v_per_s = 0.0, 0.0 to 1.0, none 0.0;
+}
+
+/// Output ports as a world's file names them.
+const OUTPUTS: [(&str, usize); 4] = [("outA", 0), ("outB", 1), ("outC", 2), ("outD", 3)];
+const MOTORS: [(&str, Option<MotorKind>); 6] = [
+    ("none", None),
+    ("large", Some(MotorKind::Large)),
+    ("medium", Some(MotorKind::Medium)),
+    ("linear50", Some(MotorKind::Linear50)),
+    ("linear100", Some(MotorKind::Linear100)),
+    ("rcx", Some(MotorKind::Rcx)),
+];
+const SENSORS: [(&str, Option<SensorKind>); 6] = [
+    ("none", None),
+    ("touch", Some(SensorKind::Touch)),
+    ("colour", Some(SensorKind::Colour)),
+    ("ultrasonic", Some(SensorKind::Ultrasonic)),
+    ("gyro", Some(SensorKind::Gyro)),
+    ("infrared", Some(SensorKind::Infrared)),
+];
+
+impl RobotModel {
+    /// Reads `[robot]`; what is left out keeps its default.
+    pub(super) fn read(section: &Section<'_>) -> Self {
+        section.allow(&[
+            "wheel_circumference_m",
+            "track_width_m",
+            "front_m",
+            "rear_m",
+            "half_width_m",
+            "corner_m",
+            "mass_kg",
+            "grip_n",
+            "caster_drag",
+            "left",
+            "right",
+            "left_inverted",
+            "right_inverted",
+            "head",
+            "head_gear",
+            "range_ahead_m",
+            "colour_ahead_m",
+            "colour_left_m",
+            "ports",
+            "errors",
+        ]);
+        let seed = Self::default();
+        let read = |key, low, high, default| number(section, key, low, high, default);
+        let flag = |key| section.get(key).and_then(|item| item.flag()).unwrap_or(false);
+        let port = |key, default| section.get(key).and_then(|item| item.word(&OUTPUTS)).unwrap_or(default);
+        let model = Self {
+            wheel_circumference_m: read("wheel_circumference_m", 0.01, 2.0, seed.wheel_circumference_m),
+            track_width_m: read("track_width_m", 0.02, 1.0, seed.track_width_m),
+            front_m: read("front_m", 0.02, 1.0, seed.front_m),
+            rear_m: read("rear_m", 0.02, 1.0, seed.rear_m),
+            half_width_m: read("half_width_m", 0.02, 1.0, seed.half_width_m),
+            corner_m: read("corner_m", 0.01, 1.0, seed.corner_m),
+            mass_kg: read("mass_kg", 0.1, 20.0, seed.mass_kg),
+            grip_n: read("grip_n", 0.1, 200.0, seed.grip_n),
+            caster_drag: read("caster_drag", 0.0, 1.0, seed.caster_drag),
+            drive: [port("left", seed.drive[0]), port("right", seed.drive[1])],
+            drive_inverted: [flag("left_inverted"), flag("right_inverted")],
+            head: head(section, seed.head),
+            head_ratio: section.get("head_gear").and_then(|item| ratio(&item)).unwrap_or(seed.head_ratio),
+            range_ahead_m: read("range_ahead_m", -1.0, 1.0, seed.range_ahead_m),
+            colour_ahead_m: read("colour_ahead_m", -1.0, 1.0, seed.colour_ahead_m),
+            colour_left_m: read("colour_left_m", -1.0, 1.0, seed.colour_left_m),
+            plug: section.section("ports").map_or(seed.plug, |ports| plug(&ports, seed.plug)),
+            errors: section.section("errors").map_or(seed.errors, |errors| Errors::read(&errors)),
+        };
+        model.check(section);
+        model
+    }
+
+    fn check(&self, section: &Section<'_>) {
+        if self.corner_m > self.half_width_m.min(self.front_m).min(self.rear_m) {
+            section
+                .error("the robot's corners are rounder than the robot is large".to_owned())
+                .hint("make `corner_m` at most `half_width_m`, `front_m` and `rear_m`");
+        }
+        let [left, right] = self.drive;
+        if left == right || self.head.is_some_and(|head| head == left || head == right) {
+            section
+                .error("two of `left`, `right` and `head` share an output port".to_owned())
+                .hint("left is outB, right is outD and head is outA unless you say otherwise");
+        }
+    }
+}
+
+fn head(section: &Section<'_>, default: Option<usize>) -> Option<usize> {
+    const HEADS: [(&str, Option<usize>); 5] =
+        [("none", None), ("outA", Some(0)), ("outB", Some(1)), ("outC", Some(2)), ("outD", Some(3))];
+    section.get("head").and_then(|item| item.word(&HEADS)).unwrap_or(default)
+}
+
+fn ratio(item: &Item<'_>) -> Option<f64> {
+    let [motor, head] = item.numbers::<2>(-1000.0..=1000.0)?;
+    if motor.abs() < 1.0 || head.abs() < 1.0 {
+        item.error("a gear has at least one tooth".to_owned())
+            .hint("teeth on the motor, then on the head: [-12, 36]");
+        return None;
+    }
+    Some(motor / head)
+}
+
+fn plug(section: &Section<'_>, mut plug: Plug) -> Plug {
+    const INPUTS: [&str; 4] = ["in1", "in2", "in3", "in4"];
+    let outputs = OUTPUTS.map(|(name, _)| name);
+    section.allow(&[outputs, INPUTS].concat());
+    for (name, slot) in outputs.iter().zip(&mut plug.motors) {
+        if let Some(kind) = section.get(name).and_then(|item| item.word(&MOTORS)) {
+            *slot = kind;
+        }
+    }
+    for (name, slot) in INPUTS.iter().zip(&mut plug.sensors) {
+        if let Some(kind) = section.get(name).and_then(|item| item.word(&SENSORS)) {
+            *slot = kind;
+        }
+    }
+    plug
+}
+
+/// A number under a key; the default where it is left out or wrong (and then there is a finding).
+pub(super) fn number(section: &Section<'_>, key: &str, low: f64, high: f64, default: f64) -> f64 {
+    section.get(key).and_then(|item| item.number(low..=high)).unwrap_or(default)
+}

@@ -1,0 +1,430 @@
+//! Robots in a world: motors, bodies and sensors under the drivers.
+//!
+//! [`WorldPhysics`] is the [`Physics`] of a [`World`]. Once it is inside the simulation nobody can ask it for more than the
+//! trait allows; an [`Observer`], taken before, still sees where the robots truly are, for scores and pictures.
+//!
+//! # Not here
+//!
+//! No driver behaviour, no files: `sim::driver`.
+//!
+//! # What we count on
+//!
+//! - One step is [`STEP_NS`]; it allocates nothing once the lists of contacts have grown, and takes a few microseconds a robot.
+//! - The same world, seed, bridges and calls of `measure` give the same bytes on every machine.
+
+use std::f64::consts::PI;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::body::{Body, Solver, Wheel, metres_per_radian};
+use super::chance::Chance;
+use super::motor::{Motor, MotorConstants};
+use super::physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
+use super::sensors::{Gyro, Scene};
+use super::world::geometry::Point;
+use super::world::{RobotModel, StartPose, World};
+use crate::clock::seconds;
+use crate::units::radians;
+
+/// What a head adds to its motor's shaft: about 50 g, 3 cm from the axis, through 12:36.
+const HEAD_LOAD_KG_M2: f64 = 0.000_005;
+const HEAD_FRICTION_NM: f64 = 0.002;
+/// What the brick itself draws, amperes.
+const IDLE_A: f64 = 0.18;
+/// How fast a tyre's creep wanders, seconds.
+const SLIP_S: f64 = 0.5;
+
+/// How things truly are with one robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Truth {
+    /// World frame, metres.
+    pub x_m: f64,
+    /// World frame, metres.
+    pub y_m: f64,
+    /// Anticlockwise from the world's x; not wrapped.
+    pub heading_rad: f64,
+    /// Forward speed, metres a second; negative backwards.
+    pub speed_mps: f64,
+    /// Shaft angles of the left and the right drive motor, radians, in the motors' own direction.
+    pub wheels_rad: [f64; 2],
+    /// Head against body, anticlockwise.
+    pub head_rad: f64,
+    /// Length of the path so far.
+    pub travelled_m: f64,
+    /// True while the outline pushes against something.
+    pub touching: bool,
+    /// True once the middle of the axle has been beyond the edge of the floor: the robot would have fallen.
+    pub fallen: bool,
+}
+
+/// Sees the truth of every robot while the physics is inside a simulation.
+#[derive(Debug, Clone)]
+pub struct Observer(Arc<Mutex<Vec<Truth>>>);
+
+impl Observer {
+    /// One robot's truth after the latest step; `None` where there is no such robot.
+    #[must_use]
+    pub fn truth(&self, robot: usize) -> Option<Truth> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(robot).copied()
+    }
+}
+
+/// A world has no place for that many robots: give it more start poses, or start fewer.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("world `{world}` has {starts} start poses, not {robots}")]
+pub struct NoStartPose {
+    /// The world's name.
+    pub world: String,
+    /// How many it has.
+    pub starts: usize,
+    /// How many were asked for.
+    pub robots: usize,
+}
+
+/// What goes wrong on purpose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fault {
+    /// The shaft of the motor on an output port (0 for outA) does not turn.
+    BlockedMotor(usize),
+    /// The motor on an output port turns again.
+    FreedMotor(usize),
+    /// The battery's voltage at rest from now on.
+    BatteryV(f64),
+}
+
+/// Robots in a world.
+#[derive(Debug)]
+pub struct WorldPhysics {
+    world: World,
+    steps: i64,
+    bodies: Vec<Body>,
+    motors: Vec<[Option<Motor>; 4]>,
+    wheels: Vec<[Wheel; 2]>,
+    rigs: Vec<Rig>,
+    solver: Solver,
+    truths: Arc<Mutex<Vec<Truth>>>,
+}
+
+/// What a robot has besides body and motors.
+#[derive(Debug)]
+struct Rig {
+    gyro: Gyro,
+    head_rad: f64,
+    ground_m_per_rad: [f64; 2],
+    slip: [f64; 2],
+    slip_chance: Chance,
+    sensor_chance: [Chance; 4],
+    battery_v: f64,
+    load_a: f64,
+    fallen: bool,
+}
+
+impl WorldPhysics {
+    /// The first `robots` start poses of a world, each with a robot on it; `seed` draws their imperfections and all noise.
+    ///
+    /// # Errors
+    ///
+    /// [`NoStartPose`] where the world has fewer.
+    pub fn new(world: World, robots: usize, seed: u64) -> Result<Self, NoStartPose> {
+        let starts = world.starts();
+        if robots > starts.len() {
+            return Err(NoStartPose { world: world.name().to_owned(), starts: starts.len(), robots });
+        }
+        let model = world.robot();
+        let body = |start: &StartPose| Body::new(model, Point::new(start.x_m, start.y_m), start.heading_rad);
+        let bodies: Vec<Body> = starts.iter().take(robots).map(body).collect();
+        let rigs: Vec<Rig> = (0_u64..).take(robots).map(|robot| Rig::new(model, seed, robot)).collect();
+        let wheels = rigs.iter().map(|rig| rig.wheels(model)).collect();
+        let motors = vec![motors(model); robots];
+        let solver = Solver::new(robots);
+        let mut physics =
+            Self { world, steps: 0, bodies, motors, wheels, rigs, solver, truths: Arc::default() };
+        physics.publish();
+        Ok(physics)
+    }
+
+    /// A handle on the truth that stays when the physics has gone into a simulation.
+    #[must_use]
+    pub fn observer(&self) -> Observer {
+        Observer(Arc::clone(&self.truths))
+    }
+
+    /// One robot's truth now; `None` where there is no such robot.
+    #[must_use]
+    pub fn truth(&self, robot: usize) -> Option<Truth> {
+        self.observer().truth(robot)
+    }
+
+    /// The world.
+    #[must_use]
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Makes something go wrong with a robot from the next step on.
+    pub fn fail(&mut self, robot: usize, fault: Fault) {
+        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else { return };
+        let mut block = |out: usize, blocked| {
+            if let Some(motor) = motors.get_mut(out).and_then(Option::as_mut) {
+                motor.block(blocked);
+            }
+        };
+        match fault {
+            Fault::BlockedMotor(out) => block(out, true),
+            Fault::FreedMotor(out) => block(out, false),
+            Fault::BatteryV(volts) => rig.battery_v = volts,
+        }
+    }
+
+    /// Puts a robot elsewhere, standing still, as a hand would; the gyro does not notice the turn.
+    pub fn carry(&mut self, robot: usize, pose: StartPose) {
+        if let Some(body) = self.bodies.get_mut(robot) {
+            body.place = Point::new(pose.x_m, pose.y_m);
+            body.heading_rad = pose.heading_rad;
+            body.velocity = Point::zeros();
+            body.turning_rad_s = 0.0;
+        }
+        self.publish();
+    }
+
+    /// How far a robot's outline is from the nearest surface, metres; negative where it has gone in.
+    #[must_use]
+    pub fn clearance(&self, robot: usize) -> Option<f64> {
+        self.bodies.get(robot).map(|body| body.outline_now().clearance(&self.world.surfaces))
+    }
+
+    /// The nearest echo before any error of the sensor, metres; `None` without one.
+    #[must_use]
+    pub fn echo(&self, robot: usize) -> Option<f64> {
+        self.scene(robot)?.echo()
+    }
+
+    fn scene(&self, robot: usize) -> Option<Scene<'_>> {
+        let head_rad = self.rigs.get(robot)?.head_rad;
+        let (world, bodies) = (&self.world, self.bodies.as_slice());
+        Some(Scene { world, model: world.robot(), bodies, robot, head_rad, time_s: self.time_s() })
+    }
+
+    fn time_s(&self) -> f64 {
+        seconds(self.steps.saturating_mul(STEP_NS))
+    }
+
+    fn publish(&mut self) {
+        let model = self.world.robot();
+        let mut truths = self.truths.lock().unwrap_or_else(PoisonError::into_inner);
+        truths.clear();
+        truths.extend(self.bodies.iter().zip(&self.motors).zip(&mut self.rigs).map(
+            |((body, motors), rig)| {
+                rig.fallen |= !self.world.floor.has(body.place);
+                let shaft =
+                    |out: usize| motors.get(out).and_then(Option::as_ref).map_or(0.0, |m| m.angle_rad);
+                Truth {
+                    x_m: body.place.x,
+                    y_m: body.place.y,
+                    heading_rad: body.heading_rad,
+                    speed_mps: body.velocity.dot(&super::world::geometry::direction(body.heading_rad)),
+                    wheels_rad: model.drive.map(shaft),
+                    head_rad: rig.head_rad,
+                    travelled_m: body.travelled_m,
+                    touching: body.touching,
+                    fallen: rig.fallen,
+                }
+            },
+        ));
+    }
+}
+
+impl Physics for WorldPhysics {
+    fn robots(&self) -> usize {
+        self.bodies.len()
+    }
+
+    fn plug(&self, _robot: usize) -> Plug {
+        self.world.robot().plug
+    }
+
+    fn step(&mut self, bridges: &[[Bridge; 4]]) {
+        let step_s = seconds(STEP_NS);
+        let model = self.world.robot();
+        let time_s = self.time_s();
+        for (((rig, motors), wheels), bridges) in
+            self.rigs.iter_mut().zip(&mut self.motors).zip(&mut self.wheels).zip(bridges)
+        {
+            rig.drive(motors, bridges, model, time_s, step_s);
+            rig.creep(wheels, model, step_s);
+        }
+        self.solver.step(&mut self.bodies, &mut self.motors, &self.wheels, &self.world.surfaces, step_s);
+        for ((rig, motors), body) in self.rigs.iter_mut().zip(&mut self.motors).zip(&self.bodies) {
+            rig.settle(motors, model, step_s);
+            rig.gyro.follow(body.turning_rad_s, step_s);
+        }
+        self.steps += 1;
+        self.publish();
+    }
+
+    fn edges(&self, robot: usize, out: usize) -> i64 {
+        let motor = self.motors.get(robot).and_then(|motors| motors.get(out)?.as_ref());
+        let kind = self.world.robot().plug.motors.get(out).copied().flatten();
+        motor.zip(kind).map_or(0, |(motor, kind)| whole(motor.angle_rad * edges_per_rad(kind)))
+    }
+
+    fn measure(&mut self, robot: usize, input: usize, mode: &str) -> [i32; 8] {
+        let kind = self.world.robot().plug.sensors.get(input).copied().flatten();
+        let Some(rig) = self.rigs.get_mut(robot) else { return [0; 8] };
+        let Some(own) = rig.sensor_chance.get_mut(input) else { return [0; 8] };
+        // Taken out and put back, because the scene looks at the whole of the physics.
+        let mut chance = own.clone();
+        let gyro = rig.gyro;
+        let Some(scene) = self.scene(robot) else { return [0; 8] };
+        let values = match kind {
+            Some(SensorKind::Ultrasonic) => scene.ultrasonic(mode, &mut chance),
+            Some(SensorKind::Infrared) => scene.infrared(mode, &mut chance),
+            Some(SensorKind::Colour) => scene.colour(mode, &mut chance),
+            Some(SensorKind::Gyro) => gyro.values(mode),
+            Some(SensorKind::Touch) => {
+                [i32::from(self.bodies.get(robot).is_some_and(|body| body.bumped)), 0, 0, 0, 0, 0, 0, 0]
+            }
+            None => [0; 8],
+        };
+        if let Some(own) = self.rigs.get_mut(robot).and_then(|rig| rig.sensor_chance.get_mut(input)) {
+            *own = chance;
+        }
+        values
+    }
+
+    fn battery(&self, robot: usize) -> (f64, f64) {
+        let ohm = self.world.robot().errors.battery_ohm;
+        self.rigs.get(robot).map_or((0.0, 0.0), |rig| {
+            let current_a = IDLE_A + rig.load_a;
+            (rig.rest_v(self.world.robot(), self.time_s()) - ohm * current_a, current_a)
+        })
+    }
+}
+
+impl Rig {
+    fn new(model: &RobotModel, seed: u64, robot: u64) -> Self {
+        let errors = &model.errors;
+        let stream = |number: u64| Chance::new(seed, robot * 16 + number);
+        let mut build = stream(0);
+        let gyro =
+            Gyro::new(errors.gyro_scale + errors.gyro_scale_sd * build.normal(), errors.gyro_drift_dps);
+        let nominal = metres_per_radian(model.wheel_circumference_m);
+        let wheel = |error: f64, inverted: bool, chance: &mut Chance| {
+            let size = nominal * (1.0 + error + errors.wheel_sd * chance.normal()).max(0.1);
+            if inverted { -size } else { size }
+        };
+        let [left_inverted, right_inverted] = model.drive_inverted;
+        let left = wheel(errors.wheel_left, left_inverted, &mut build);
+        let right = wheel(errors.wheel_right, right_inverted, &mut build);
+        Self {
+            gyro,
+            head_rad: 0.0,
+            ground_m_per_rad: [left, right],
+            slip: [0.0; 2],
+            slip_chance: stream(1),
+            sensor_chance: [stream(4), stream(5), stream(6), stream(7)],
+            battery_v: errors.battery_v,
+            load_a: 0.0,
+            fallen: false,
+        }
+    }
+
+    fn wheels(&self, model: &RobotModel) -> [Wheel; 2] {
+        let [left, right] = self.ground_m_per_rad;
+        let [left_out, right_out] = model.drive;
+        [
+            Wheel { out: left_out, side: -1.0, ground_m_per_rad: left },
+            Wheel { out: right_out, side: 1.0, ground_m_per_rad: right },
+        ]
+    }
+
+    /// The battery without load.
+    fn rest_v(&self, model: &RobotModel, time_s: f64) -> f64 {
+        (self.battery_v - model.errors.battery_fade_v_per_s * time_s).max(0.0)
+    }
+
+    /// Lets bridges and battery act on the motors; the sag is that of the step before.
+    fn drive(
+        &mut self,
+        motors: &mut [Option<Motor>; 4],
+        bridges: &[Bridge; 4],
+        model: &RobotModel,
+        time_s: f64,
+        step_s: f64,
+    ) {
+        let sag_v = model.errors.battery_ohm * (IDLE_A + self.load_a);
+        let battery_v = (self.rest_v(model, time_s) - sag_v).max(0.0);
+        self.load_a = 0.0;
+        for (motor, bridge) in motors.iter_mut().zip(bridges) {
+            let Some(motor) = motor else { continue };
+            motor.drive(*bridge, battery_v, step_s);
+            self.load_a += motor.current_a;
+        }
+    }
+
+    /// Lets the tyres' creep wander: an Ornstein-Uhlenbeck walk of each wheel's share.
+    fn creep(&mut self, wheels: &mut [Wheel; 2], model: &RobotModel, step_s: f64) {
+        let sd = model.errors.slip_sd;
+        if sd <= 0.0 {
+            return;
+        }
+        let kick = sd * libm::sqrt(2.0 * step_s / SLIP_S);
+        for ((wheel, slip), size) in wheels.iter_mut().zip(&mut self.slip).zip(self.ground_m_per_rad) {
+            *slip += kick * self.slip_chance.normal() - *slip * step_s / SLIP_S;
+            wheel.ground_m_per_rad = size * (1.0 - slip.clamp(-0.5, 0.5));
+        }
+    }
+
+    /// Turns the shafts, and the head within its gears' play.
+    fn settle(&mut self, motors: &mut [Option<Motor>; 4], model: &RobotModel, step_s: f64) {
+        for (motor, kind) in motors.iter_mut().zip(model.plug.motors) {
+            let Some(motor) = motor else { continue };
+            motor.turn(step_s);
+            stop_at_ends(motor, kind);
+        }
+        let head = model.head.and_then(|out| motors.get(out)?.as_ref());
+        if let Some(motor) = head {
+            let driven_rad = motor.angle_rad * model.head_ratio;
+            let play_rad = radians(model.errors.head_play_deg) / 2.0;
+            self.head_rad = self.head_rad.clamp(driven_rad - play_rad, driven_rad + play_rad);
+        }
+    }
+}
+
+fn motors(model: &RobotModel) -> [Option<Motor>; 4] {
+    let mut motors = [None; 4];
+    for (out, (slot, kind)) in motors.iter_mut().zip(model.plug.motors).enumerate() {
+        let (load, friction) =
+            if model.head == Some(out) { (HEAD_LOAD_KG_M2, HEAD_FRICTION_NM) } else { (0.0, 0.0) };
+        *slot = kind.map(|kind| Motor::new(MotorConstants::of(kind), load, friction));
+    }
+    motors
+}
+
+/// Edges for a radian of the shaft. Linear actuators do 24 counts (48 edges) a second where the medium motor that
+/// stands for them turns 1560 degrees (interfaces 2: `max_speed`); the RCX motor has no encoder.
+fn edges_per_rad(kind: MotorKind) -> f64 {
+    match kind {
+        MotorKind::Large | MotorKind::Medium => 720.0 / (2.0 * PI),
+        MotorKind::Linear50 | MotorKind::Linear100 => 48.0 / radians(1560.0),
+        MotorKind::Rcx => 0.0,
+    }
+}
+
+/// A linear actuator ends where its screw does: 100 or 200 counts of two edges (interfaces 2: `full_travel_count`).
+fn stop_at_ends(motor: &mut Motor, kind: Option<MotorKind>) {
+    let (kind, edges) = match kind {
+        Some(kind @ MotorKind::Linear50) => (kind, 200.0),
+        Some(kind @ MotorKind::Linear100) => (kind, 400.0),
+        _ => return,
+    };
+    let inside = motor.angle_rad.clamp(0.0, edges / edges_per_rad(kind));
+    if (inside - motor.angle_rad).abs() > 0.0 {
+        motor.angle_rad = inside;
+        motor.speed_rad_s = 0.0;
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates, and NaN becomes 0")]
+fn whole(value: f64) -> i64 {
+    libm::floor(value + 0.5) as i64
+}
