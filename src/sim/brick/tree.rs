@@ -37,7 +37,8 @@ impl Brick {
     /// ENOENT where there is no such folder.
     pub(crate) fn list(&self, folder: &str) -> Result<Vec<Entry>, Errno> {
         let mut entries = if let Some((_, folders)) = FIXED.iter().find(|(path, _)| *path == folder) {
-            let files = FILES.iter().filter_map(|path| path.rsplit_once('/').filter(|(parent, _)| *parent == folder));
+            let files =
+                FILES.iter().filter_map(|path| path.rsplit_once('/').filter(|(parent, _)| *parent == folder));
             let files = files.map(|(_, name)| self.device_file(name));
             folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
         } else if folder == "sys/class" {
@@ -130,7 +131,12 @@ impl Brick {
     fn device_file(&self, name: &str) -> Entry {
         let size = if SCREEN.ends_with(name) { self.lcd_bytes().len() } else { 0 };
         let file = Entry::file(&readwriteable(""));
-        Entry { name: name.to_owned(), size: u64::try_from(size).unwrap_or_default(), permissions: 0o660, ..file }
+        Entry {
+            name: name.to_owned(),
+            size: u64::try_from(size).unwrap_or_default(),
+            permissions: 0o660,
+            ..file
+        }
     }
 
     /// The entries of a device's folder, or of a folder in it (`speed_pid`).
@@ -212,7 +218,8 @@ impl Brick {
     /// The port that a device is on.
     fn port_of(&self, id: u32) -> Option<u32> {
         let index = self.ports.iter().position(|port| port.device == Some(id))?;
-        let port = self.nodes.iter().find(|node| matches!(node.device, Device::Port(other) if other == index));
+        let port =
+            self.nodes.iter().find(|node| matches!(node.device, Device::Port(other) if other == index));
         port.map(|port| port.id)
     }
 }

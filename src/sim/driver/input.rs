@@ -23,6 +23,9 @@ pub enum Button {
 }
 
 impl Button {
+    /// Every button.
+    pub const ALL: [Self; 6] = [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
+
     /// The kernel's key code.
     #[must_use]
     pub fn code(self) -> u16 {
@@ -204,12 +207,7 @@ impl Speaker {
     /// # Errors
     ///
     /// EINVAL where there is less than one event.
-    pub(crate) fn write(
-        &mut self,
-        bytes: &[u8],
-        layout: EventLayout,
-        now_ns: i64,
-    ) -> Result<usize, Errno> {
+    pub(crate) fn write(&mut self, bytes: &[u8], layout: EventLayout, now_ns: i64) -> Result<usize, Errno> {
         let events = bytes.chunks_exact(layout.length());
         if events.len() == 0 && !bytes.is_empty() {
             return Err(Errno::EINVAL);
