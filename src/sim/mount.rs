@@ -146,9 +146,9 @@ impl Mount {
         }
         if !session.guard.is_finished() {
             log::info!("{}: files are still open; they answer until this program ends", self.point.display());
-            // Dropped, it would unmount by path, and hit whatever is mounted there by then.
-            std::mem::forget(session);
         }
+        // Dropped, it would unmount by path once more, and hit whatever is mounted there by then. What is left is a descriptor.
+        std::mem::forget(session);
         Ok(())
     }
 }

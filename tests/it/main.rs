@@ -16,6 +16,7 @@ mod drivers_bench;
 mod ev3dev;
 mod figures;
 mod mapping;
+mod mount;
 mod recording;
 mod report;
 mod sim_drivers;

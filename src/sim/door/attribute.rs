@@ -192,6 +192,7 @@ impl AttributeFile for SimFile {
         if self.is_changed() {
             return Ok(true);
         }
-        wait(&self.shared, timeout, || self.wakes().then_some(()))
+        // Who was not woken looks once more when the time is over.
+        Ok(wait(&self.shared, timeout, || self.wakes().then_some(()))? || self.is_changed())
     }
 }

@@ -1,0 +1,50 @@
+//! Our own program against a mounted brick.
+
+use std::process::Command;
+use std::sync::Arc;
+
+use onbrick::clock::MonotonicClock;
+use onbrick::runtime::recording::Run;
+
+use super::bench::Mounted;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+
+#[test]
+fn our_devices_command_finds_everything_on_a_mounted_brick() {
+    let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
+    let output = Command::new(PROGRAM).args(["devices", "--brick"]).arg(mounted.root()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    for device in
+        ["lego-ev3-l-motor", "lego-ev3-m-motor", "lego-ev3-us", "lego-ev3-gyro", "voltage", "ev3-output-port"]
+    {
+        assert!(said.contains(device), "{device} in: {said}");
+    }
+}
+
+#[test]
+fn the_mapping_mission_drives_through_the_mount_and_knows_where_it_is() {
+    let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let start = mounted.observer.as_ref().unwrap().truth(0).unwrap();
+    let pose = format!("{},{},{}", start.x_m, start.y_m, start.heading_rad.to_degrees());
+    let output = Command::new(PROGRAM)
+        .args(["run", "map", "--set", "time_limit_s=8", "--pose", &pose, "--brick"])
+        .arg(mounted.root())
+        .arg("--out")
+        .arg(folder.path().join("out"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let run = Run::open(&folder.path().join("out/run.mcap")).unwrap();
+    let believed = run.poses.last().unwrap().pose;
+    let truth = mounted.observer.as_ref().unwrap().truth(0).unwrap();
+    let off_m = libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m);
+    println!("{said}off by {off_m:.4} m after {:.2} m; {} points", truth.travelled_m, run.points.len());
+    assert!(truth.travelled_m > 0.15, "it drove {} m", truth.travelled_m);
+    assert!(run.points.len() > 20, "{} points", run.points.len());
+    assert!(off_m < 0.03, "off by {off_m} m");
+    assert!(truth.speed_mps.abs() < 0.01, "left standing still, not at {} m/s", truth.speed_mps);
+}
