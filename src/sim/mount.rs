@@ -4,14 +4,16 @@
 //! same door as those of [`SimBrick`], so that nothing of a driver is written twice. Each read of an attribute at its beginning
 //! asks the driver anew, each `write` is one store, a poll for POLLPRI is woken within 10 ms.
 //!
-//! `point` looks after the mount point, `filesystem` answers the kernel, `open` keeps what is open, `ticker` lets time pass and wakes who
+//! `point` looks after the mount point, `filesystem` answers the kernel with what `files` finds, `open` keeps what is open, `ticker` lets time pass and wakes who
 //! waits, `events` answers an input device's ioctls.
 //!
 //! # Not here
 //!
 //! - Ioctls of the frame buffer and inotify: they do not cross FUSE.
 //! - Owners and rights as udev sets them: everything belongs to the user who mounted it, and nobody else gets in.
-//! - Private memory maps: sysfs refuses every map with ENODEV, FUSE only shared ones.
+//! - Private memory maps of attributes: sysfs refuses every map with ENODEV, FUSE only shared ones.
+//! - A screen that follows a map of `dev/fb0` at once: what is stored there arrives with `msync` or `munmap`, or when the kernel gets round to it.
+//!   What is written arrives at once.
 //!
 //! # What we count on
 //!
@@ -25,7 +27,7 @@ use std::thread::JoinHandle;
 
 use fuser::{BackgroundSession, Config, MountOption, Session};
 
-use self::filesystem::Files;
+use self::files::Files;
 use self::open::Open;
 pub use self::point::{MountError, Remedy, Unfit};
 use super::driver::input::EventLayout;
@@ -33,6 +35,7 @@ use super::{SimBrick, Simulation};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 
 mod events;
+mod files;
 mod filesystem;
 mod handle;
 mod nodes;
@@ -63,7 +66,7 @@ pub struct Mount {
     stop: Arc<AtomicBool>,
 }
 
-/// What a mount was made of before it: worth telling.
+/// What was done to the folder before something was mounted there; a person wants to know it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Found {
     /// The folder was not there, and was made.

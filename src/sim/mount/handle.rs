@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fuser::{PollEvents, PollNotifier, ReplyData};
 use nix::errno::Errno;
 
-use super::filesystem::refusal;
+use super::files::refusal;
 use super::{SimBrick, events};
 use crate::ev3dev::AttributeFile;
 use crate::sim::door::{SimFile, StreamFile, Write};

@@ -105,8 +105,7 @@ impl MountError {
 pub(super) fn prepare(point: &Path) -> Result<(PathBuf, Found), MountError> {
     check_fuse().map_err(MountError::NoFuse)?;
     let unfit = |why| MountError::Unfit { point: point.to_owned(), why };
-    let mut found = Found::default();
-    found.stale = clear(point)?;
+    let mut found = Found { made: false, stale: clear(point)? };
     match fs::symlink_metadata(point) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             fs::create_dir(point).map_err(|_| unfit(Unfit::NotThere))?;
@@ -252,25 +251,5 @@ mod tests {
         {
             assert_eq!(unescape(text.as_bytes()), expected, "{text}");
         }
-    }
-
-    #[test]
-    fn a_folder_in_use_is_refused_with_its_reason() {
-        if check_fuse().is_err() {
-            return;
-        }
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("file");
-        fs::write(&file, "").unwrap();
-        let why = |point: &Path| match prepare(point) {
-            Err(MountError::Unfit { why, .. }) => Some(why),
-            _ => None,
-        };
-        assert_eq!(why(folder.path()), Some(Unfit::NotEmpty));
-        assert_eq!(why(&file), Some(Unfit::NotAFolder));
-        assert_eq!(why(&folder.path().join("no/such")), Some(Unfit::NotThere));
-        assert_eq!(why(Path::new("/proc")), Some(Unfit::Busy("proc".to_owned())));
-        let (made, found) = prepare(&folder.path().join("new")).unwrap();
-        assert!(found.made && !found.stale && made.is_dir(), "{found:?}");
     }
 }

@@ -3,7 +3,7 @@
 use std::process::Command;
 use std::sync::Arc;
 
-use onbrick::clock::MonotonicClock;
+use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use onbrick::runtime::recording::Run;
 
 use super::bench::Mounted;
@@ -46,5 +46,11 @@ fn the_mapping_mission_drives_through_the_mount_and_knows_where_it_is() {
     assert!(truth.travelled_m > 0.15, "it drove {} m", truth.travelled_m);
     assert!(run.points.len() > 20, "{} points", run.points.len());
     assert!(off_m < 0.03, "off by {off_m} m");
-    assert!(truth.speed_mps.abs() < 0.01, "left standing still, not at {} m/s", truth.speed_mps);
+    for motor in ["motor0", "motor1", "motor2"] {
+        let state = mounted.path(&format!("sys/class/tacho-motor/{motor}/state"));
+        assert_eq!(std::fs::read_to_string(state).unwrap(), "\n", "{motor} was stopped");
+    }
+    MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 300 * MILLISECOND_NS);
+    let speed_mps = mounted.observer.as_ref().unwrap().truth(0).unwrap().speed_mps;
+    assert!(speed_mps.abs() < 1e-3, "left standing still, not at {speed_mps} m/s");
 }
