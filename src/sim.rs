@@ -3,11 +3,12 @@
 //! A [`Simulation`] owns a world ([`Physics`]) and, for each robot in it, the state of its drivers. A [`SimBrick`] is the door into one
 //! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 //!
-//! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in.
+//! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in,
+//! `mount` how one gets in that knows nothing of us.
 //!
 //! # Not here
 //!
-//! NXT and I²C sensors, `raw` ports, the screen, sampled sound. A sensor's values are integers of whole frames; nothing is known of the
+//! NXT and I²C sensors, `raw` ports, the screen's grey levels, sampled sound. A sensor's values are integers of whole frames; nothing is known of the
 //! electrical side of a port.
 
 mod body;
@@ -16,6 +17,7 @@ mod chance;
 mod door;
 mod driver;
 mod motor;
+mod mount;
 mod physics;
 mod sensors;
 mod simulation;
@@ -24,10 +26,12 @@ mod world_physics;
 
 pub use door::SimBrick;
 pub use driver::board::Pack;
-pub use driver::input::Button;
+pub use driver::input::{Button, EventLayout};
+pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
 pub use motor::{Motor, MotorConstants};
+pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
 pub use physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use simulation::{Options, Plugged, Port, Simulation, Written};
 pub use world::{Colour, Errors, RobotModel, StartPose, World};

@@ -1,8 +1,8 @@
 //! What several commands do: find a file by path or by name, load a robot, a mission or a world.
 
+use std::path::Path;
 #[cfg(feature = "host")]
 use std::path::PathBuf;
-use std::path::Path;
 
 use super::output::with_causes;
 use super::{Exit, Failure, Output};

@@ -20,6 +20,7 @@ mod figures;
 mod mapping;
 mod messages;
 mod missions;
+mod mount;
 mod recording;
 mod report;
 mod setup;
