@@ -3,7 +3,8 @@
 //! A [`Simulation`] owns a world ([`Physics`]) and, for each robot in it, the state of its drivers. A [`SimBrick`] is the door into one
 //! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 //!
-//! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in.
+//! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in,
+//! `fault` what goes wrong on purpose.
 //!
 //! # Not here
 //!
@@ -15,6 +16,7 @@ mod brick;
 mod chance;
 mod door;
 mod driver;
+mod fault;
 mod motor;
 mod physics;
 mod sensors;
@@ -27,8 +29,9 @@ pub use driver::board::Pack;
 pub use driver::input::Button;
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
+pub use fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario};
 pub use motor::{Motor, MotorConstants};
-pub use physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
+pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use simulation::{Options, Plugged, Port, Simulation, Written};
 pub use world::{Colour, Errors, RobotModel, StartPose, World};
-pub use world_physics::{Fault, NoStartPose, Observer, Truth, WorldPhysics};
+pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

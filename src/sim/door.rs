@@ -88,8 +88,7 @@ impl SimBrick {
         if (reads && spec.permissions & 0o444 == 0) || (writes && spec.permissions & 0o222 == 0) {
             return Err(Errno::EACCES);
         }
-        let age_ns = state.now_ns - brick.registered_ns(id).unwrap_or_default();
-        if writes && age_ns < state.access_delay_ns(self.robot) {
+        if writes && brick.is_denied(id, state.now_ns) {
             return Err(Errno::EACCES);
         }
         Ok(SimAttribute { id, name: spec.name, seen: Cell::new(None) })
@@ -150,7 +149,7 @@ impl AttributeFile for SimFile {
         let state = &mut *state;
         let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
         state.text.clear();
-        brick.read(self.attribute.id, self.attribute.name, &mut state.text)?;
+        brick.read(self.attribute.id, self.attribute.name, state.now_ns, &mut state.text)?;
         self.attribute.seen.set(Some(brick.notices(self.attribute.id, self.attribute.name)));
         let length = state.text.len().min(buffer.len());
         for (to, from) in buffer.iter_mut().zip(&state.text) {

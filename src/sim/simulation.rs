@@ -4,6 +4,7 @@
 //! [`STEP_NS`]. With a [`VirtualClock`](crate::clock::VirtualClock) a mission runs as fast as the machine allows.
 
 use std::any::Any;
+use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nix::errno::Errno;
@@ -14,6 +15,7 @@ use super::door::SimBrick;
 use super::driver::board::Pack;
 use super::driver::input::Button;
 use super::driver::sensor::{GyroMake, SerialLine};
+use super::fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario};
 use super::physics::{Bridge, Physics, STEP_NS};
 use crate::clock::Clock;
 
@@ -39,8 +41,50 @@ pub enum Port {
 }
 
 impl Port {
-    fn index(self) -> usize {
+    /// Every port, in the order of the brick's own list.
+    pub const ALL: [Self; 8] =
+        [Self::In1, Self::In2, Self::In3, Self::In4, Self::OutA, Self::OutB, Self::OutC, Self::OutD];
+
+    /// The port's short name.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::In1 => "in1",
+            Self::In2 => "in2",
+            Self::In3 => "in3",
+            Self::In4 => "in4",
+            Self::OutA => "outA",
+            Self::OutB => "outB",
+            Self::OutC => "outC",
+            Self::OutD => "outD",
+        }
+    }
+
+    /// The port with a name, short or full (`outB`, `ev3-ports:outB`).
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let short = name.strip_prefix("ev3-ports:").unwrap_or(name);
+        Self::ALL.into_iter().find(|port| port.as_str() == short)
+    }
+
+    pub(crate) fn index(self) -> usize {
         self as usize
+    }
+
+    /// Which output port it is, 0 for outA.
+    pub(crate) fn output(self) -> Option<usize> {
+        self.index().checked_sub(Self::OutA.index())
+    }
+
+    /// True for a motor's port.
+    pub(crate) fn is_output(self) -> bool {
+        self.output().is_some()
+    }
+}
+
+impl fmt::Display for Port {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
     }
 }
 
@@ -92,6 +136,7 @@ pub(crate) struct State {
     /// Time since the simulation began; a whole number of steps.
     pub(crate) now_ns: i64,
     journal: Option<Vec<Written>>,
+    pub(crate) faults: Faults,
     /// What a read produced, kept so that reads do not allocate.
     pub(crate) text: Vec<u8>,
 }
@@ -116,8 +161,15 @@ impl Simulation {
             .map(|(robot, seed)| Brick::new(robot, physics.as_mut(), options, seed))
             .collect();
         let bridges = vec![[Bridge::Coast; 4]; bricks.len()];
-        let state =
-            State { physics, bricks, bridges, now_ns: 0, journal: None, text: Vec::with_capacity(4096) };
+        let state = State {
+            physics,
+            bricks,
+            bridges,
+            now_ns: 0,
+            journal: None,
+            faults: Faults::default(),
+            text: Vec::with_capacity(4096),
+        };
         let start_ns = clock.now_ns();
         Self { shared: Arc::new(Shared { clock, start_ns, state: Mutex::new(state) }) }
     }
@@ -186,6 +238,83 @@ impl Simulation {
     /// ENODEV where no sensor is registered, ENOENT without such a robot.
     pub fn set_line(&self, robot: usize, port: Port, line: SerialLine) -> Result<(), Errno> {
         self.shared.with_brick(robot, |brick, _| brick.set_line(port.index(), line))
+    }
+
+    /// Makes something go wrong on a port, until it is cleared.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`] where it does not fit or the device refuses.
+    pub fn inject(&self, robot: usize, port: Port, fault: DeviceFault) -> Result<(), FaultError> {
+        self.follow(&Order { robot, act: Act::Inject(port, fault, None) })
+    }
+
+    /// As [`Simulation::inject`], for so many nanoseconds.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`] where it does not fit or the device refuses.
+    pub fn inject_for(
+        &self,
+        robot: usize,
+        port: Port,
+        fault: DeviceFault,
+        for_ns: i64,
+    ) -> Result<(), FaultError> {
+        self.follow(&Order { robot, act: Act::Inject(port, fault, Some(for_ns)) })
+    }
+
+    /// Takes all faults from a port; what was pulled is put back.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError::NoRobot`].
+    pub fn clear(&self, robot: usize, port: Port) -> Result<(), FaultError> {
+        self.follow(&Order { robot, act: Act::Clear(Some(port)) })
+    }
+
+    /// Does what is ordered, at the present time.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`]; nothing has changed then.
+    pub fn follow(&self, order: &Order) -> Result<(), FaultError> {
+        let state = &mut *self.shared.now();
+        state.faults.perform(order, state.now_ns, &mut state.bricks, state.physics.as_mut())
+    }
+
+    /// Follows the orders in a text, one a line: `in1 stuck`, `outB block for 2`, `battery 6.2`, `clear`, …; `robot` is meant where a
+    /// line names none.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::Order`] where the text is not understood, and nothing was done; [`ControlError::Fault`] for the first order
+    /// that could not be followed.
+    pub fn control(&self, robot: usize, text: &str) -> Result<(), ControlError> {
+        let orders = Order::parse(robot, text)?;
+        orders.iter().try_for_each(|order| self.follow(order)).map_err(ControlError::Fault)
+    }
+
+    /// Begins a scenario now, in place of what was left of one before. Its orders are followed to the step, also when a virtual clock
+    /// leaps over them.
+    pub fn play(&self, scenario: &Scenario) {
+        let state = &mut *self.shared.now();
+        state.faults.plan(scenario, state.now_ns);
+        state.faults.step(state.now_ns, &mut state.bricks, state.physics.as_mut());
+    }
+
+    /// What was done to the robots on purpose so far, in its order.
+    #[must_use]
+    pub fn faults_done(&self) -> Vec<FaultRecord> {
+        self.shared.now().faults.done().to_vec()
+    }
+
+    /// What is wrong with a robot's ports now.
+    #[must_use]
+    pub fn faults_active(&self, robot: usize) -> Vec<(Port, DeviceFault)> {
+        self.shared.now().bricks.get(robot).map_or_else(Vec::new, |brick| {
+            brick.faults_active().map(|(port, fault)| (port, fault.clone())).collect()
+        })
     }
 
     /// Adds an output of a third-party servo controller; returns its name in class `servo-motor`.
@@ -304,6 +433,7 @@ impl Shared {
 impl State {
     fn step(&mut self) {
         self.now_ns += STEP_NS;
+        self.faults.step(self.now_ns, &mut self.bricks, self.physics.as_mut());
         for (bridges, brick) in self.bridges.iter_mut().zip(&self.bricks) {
             *bridges = brick.bridges();
         }
@@ -311,11 +441,6 @@ impl State {
         for brick in &mut self.bricks {
             brick.step(self.now_ns, self.physics.as_mut());
         }
-    }
-
-    /// For how long a new device's files cannot be opened for writing.
-    pub(crate) fn access_delay_ns(&self, robot: usize) -> i64 {
-        self.bricks.get(robot).map_or(0, Brick::access_delay_ns)
     }
 
     /// Notes a write, if there is a journal.

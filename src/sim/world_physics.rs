@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::body::{Body, Solver, Wheel, metres_per_radian};
 use super::chance::Chance;
 use super::motor::{Motor, MotorConstants};
-use super::physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
+use super::physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 use super::sensors::{Gyro, Scene};
 use super::world::geometry::Point;
 use super::world::{RobotModel, StartPose, World};
@@ -78,17 +78,6 @@ pub struct NoStartPose {
     pub starts: usize,
     /// How many were asked for.
     pub robots: usize,
-}
-
-/// What goes wrong on purpose.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fault {
-    /// The shaft of the motor on an output port (0 for outA) does not turn.
-    BlockedMotor(usize),
-    /// The motor on an output port turns again.
-    FreedMotor(usize),
-    /// The battery's voltage at rest from now on.
-    BatteryV(f64),
 }
 
 /// Robots in a world.
@@ -172,6 +161,7 @@ impl WorldPhysics {
             Fault::BlockedMotor(out) => block(out, true),
             Fault::FreedMotor(out) => block(out, false),
             Fault::BatteryV(volts) => rig.battery_v = volts,
+            Fault::OwnBattery => rig.battery_v = self.world.robot().errors.battery_v,
         }
     }
 
@@ -289,6 +279,10 @@ impl Physics for WorldPhysics {
             *own = chance;
         }
         values
+    }
+
+    fn fail(&mut self, robot: usize, fault: Fault) {
+        Self::fail(self, robot, fault);
     }
 
     fn battery(&self, robot: usize) -> (f64, f64) {
