@@ -14,6 +14,7 @@
 mod behavior;
 mod drivers_bench;
 mod ev3dev;
+mod faults;
 mod figures;
 mod mapping;
 mod recording;

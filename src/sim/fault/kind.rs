@@ -25,7 +25,7 @@ pub enum DeviceFault {
     /// `garbage text`: random bytes where numbers should stand.
     GarbageText,
     /// `wrong [SCALE [OFFSET]]`: plausible, but multiplied and shifted. A motor's counts are scaled from where they are when it
-    /// begins; a touch sensor is inverted.
+    /// begins; a touch sensor is inverted, also by `jump`.
     Wrong {
         /// Factor.
         scale: f64,

@@ -5,7 +5,6 @@ use std::collections::VecDeque;
 use nix::errno::Errno;
 
 use super::DeviceFault;
-use crate::clock::MILLISECOND_NS;
 use crate::sim::chance::Chance;
 use crate::sim::driver::sensor::SerialLine;
 use crate::sim::physics::{STEP_NS, SensorKind};
@@ -264,7 +263,7 @@ impl Memory {
             DeviceFault::Wrong { scale, offset } => {
                 Some(plausible(kind, mode, values, |value| scaled(value.into(), *scale) + i64::from(*offset)))
             }
-            DeviceFault::Jump { by } if kind == SensorKind::Touch => Some(values.map(|value| value ^ (by & 1))),
+            DeviceFault::Jump { by } if kind == SensorKind::Touch => Some(values.map(|value| i32::from((value == 0) == (*by != 0)))),
             DeviceFault::Jump { by } => {
                 Some(plausible(kind, mode, values, |value| i64::from(value) + i64::from(*by)))
             }
@@ -327,13 +326,13 @@ fn random_frame(chance: &mut Chance, kind: SensorKind) -> [i32; 8] {
     if kind == SensorKind::Touch { values.map(|value| value & 1) } else { values }
 }
 
-/// One random moment is at most this long; said in `DeviceFault::Intermittent`.
-#[cfg(test)]
-const LONGEST_MOMENT_NS: i64 = 400 * MILLISECOND_NS;
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::MILLISECOND_NS;
+
+    /// One random moment is at most this long; said in `DeviceFault::Intermittent`.
+    const LONGEST_MOMENT_NS: i64 = 400 * MILLISECOND_NS;
 
     fn faulty(text: &str) -> PortFaults {
         let mut faults = PortFaults::new(5, 0);
