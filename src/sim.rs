@@ -4,7 +4,7 @@
 //! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 //!
 //! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in,
-//! `fault` what goes wrong on purpose.
+//! `fault` what goes wrong on purpose, `view` what a person sees, `page` in a browser.
 //!
 //! # Not here
 //!
@@ -21,6 +21,7 @@ mod motor;
 mod physics;
 mod sensors;
 mod simulation;
+mod view;
 mod world;
 mod world_physics;
 
@@ -33,5 +34,6 @@ pub use fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, 
 pub use motor::{Motor, MotorConstants};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use simulation::{Options, Plugged, Port, Simulation, Written};
+pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};
 pub use world::{Colour, Errors, RobotModel, StartPose, World};
 pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

@@ -497,13 +497,7 @@ impl Brick {
     fn bound_device(&self, id: u32) -> Option<String> {
         let Device::Port(index) = self.node(id)?.device else { return None };
         let port = self.ports.get(index)?;
-        let driver_name = match &self.node(port.device?)?.device {
-            Device::Tacho(_, motor) => motor.driver_name(),
-            Device::Dc(..) => DcMotor::driver_name(),
-            Device::Sensor(_, sensor) => sensor.driver_name(),
-            _ => return None,
-        };
-        Some(format!("{}:{driver_name}", port.address))
+        Some(format!("{}:{}", port.address, self.driver_name(port.device?)?))
     }
 }
 

@@ -17,6 +17,8 @@ use super::driver::input::Button;
 use super::driver::sensor::{GyroMake, SerialLine};
 use super::fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario};
 use super::physics::{Bridge, Physics, STEP_NS};
+use super::view::Trail;
+use super::world_physics::WorldPhysics;
 use crate::clock::Clock;
 
 /// A port of the brick.
@@ -137,6 +139,8 @@ pub(crate) struct State {
     pub(crate) now_ns: i64,
     journal: Option<Vec<Written>>,
     pub(crate) faults: Faults,
+    /// What is gathered for those who watch.
+    pub(crate) trail: Option<Trail>,
     /// What a read produced, kept so that reads do not allocate.
     pub(crate) text: Vec<u8>,
 }
@@ -168,6 +172,7 @@ impl Simulation {
             now_ns: 0,
             journal: None,
             faults: Faults::default(),
+            trail: None,
             text: Vec::with_capacity(4096),
         };
         let start_ns = clock.now_ns();
@@ -350,6 +355,11 @@ impl Simulation {
         self.set_button(robot, button, false)
     }
 
+    /// The state as of now.
+    pub(crate) fn state(&self) -> MutexGuard<'_, State> {
+        self.shared.now()
+    }
+
     fn set_button(&self, robot: usize, button: Button, down: bool) -> Result<(), Errno> {
         self.shared.with_brick(robot, |brick, now_ns| {
             brick.buttons.set(button, down, now_ns);
@@ -441,6 +451,21 @@ impl State {
         for brick in &mut self.bricks {
             brick.step(self.now_ns, self.physics.as_mut());
         }
+        let world: &dyn Any = self.physics.as_ref();
+        if let Some((trail, world)) = self.trail.as_mut().zip(world.downcast_ref()) {
+            trail.step(self.now_ns, &self.bricks, world);
+        }
+    }
+
+    /// Begins to gather what robots drive and see.
+    pub(crate) fn watch(&mut self) {
+        self.trail.get_or_insert_default();
+    }
+
+    /// The world, if the physics is one.
+    pub(crate) fn world(&self) -> Option<&WorldPhysics> {
+        let world: &dyn Any = self.physics.as_ref();
+        world.downcast_ref()
     }
 
     /// Notes a write, if there is a journal.

@@ -188,6 +188,18 @@ impl WorldPhysics {
         self.scene(robot)?.echo()
     }
 
+    /// The corners of a robot's body, world frame, metres.
+    pub(in crate::sim) fn outline(&self, robot: usize) -> Option<[[f64; 2]; 4]> {
+        let hull = self.bodies.get(robot)?.outline_now().hull();
+        Some(hull.map(|side| [side.from.x, side.from.y]))
+    }
+
+    /// Where a robot's range sensor is, where it looks, and half of its cone: world frame, metres and radians.
+    pub(in crate::sim) fn sight(&self, robot: usize) -> Option<([f64; 2], f64, f64)> {
+        let (from, axis_rad) = self.scene(robot)?.range_sensor()?;
+        Some(([from.x, from.y], axis_rad, radians(self.world.robot().errors.cone_deg)))
+    }
+
     fn scene(&self, robot: usize) -> Option<Scene<'_>> {
         let head_rad = self.rigs.get(robot)?.head_rad;
         let (world, bodies) = (&self.world, self.bodies.as_slice());

@@ -78,6 +78,16 @@ impl Brick {
         self.faults.get(port)
     }
 
+    /// The driver of a device on a port.
+    pub(crate) fn driver_name(&self, id: u32) -> Option<&'static str> {
+        match &self.node(id)?.device {
+            Device::Tacho(_, motor) => Some(motor.driver_name()),
+            Device::Dc(..) => Some(crate::sim::driver::dc::DcMotor::driver_name()),
+            Device::Sensor(_, sensor) => Some(sensor.driver_name()),
+            _ => None,
+        }
+    }
+
     fn write_as_another(
         &mut self,
         port: Port,
