@@ -18,6 +18,8 @@ mod door;
 mod driver;
 mod fault;
 mod motor;
+#[cfg(feature = "host")]
+mod page;
 mod physics;
 mod sensors;
 mod simulation;
@@ -32,6 +34,8 @@ pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
 pub use fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario};
 pub use motor::{Motor, MotorConstants};
+#[cfg(feature = "host")]
+pub use page::{Page, PageError};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use simulation::{Options, Plugged, Port, Simulation, Written};
 pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};

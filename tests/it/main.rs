@@ -20,6 +20,7 @@ mod mapping;
 mod recording;
 mod report;
 mod sim_drivers;
+mod sim_page;
 mod sim_world;
 mod support;
 mod tick;

@@ -158,10 +158,8 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
 /// A port by its name.
 pub(super) fn port(name: &str) -> Result<Port, Misread> {
     Port::named(name).ok_or_else(|| {
-        let names = Port::ALL.map(Port::as_str);
-        let near = nearest(name, names.into_iter().chain(["battery", "clear"]));
         Misread::new(format!("there is no port `{}`", shown(name)))
-            .hint(near.unwrap_or_else(|| format!("there are {}, `battery` and `clear`", names.join(", "))))
+            .hint("there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot")
     })
 }
 

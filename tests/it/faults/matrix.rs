@@ -112,6 +112,7 @@ fn a_stuck_device_says_what_it_last_said_and_then_the_truth_again() {
     }
     for port in MOTORS {
         inject(&rig, port, "stuck");
+        rig.pass_ms(2);
         turn(&rig, port, 90.0);
         rig.pass_ms(10);
         assert_eq!(raw(&rig, port), Ok(0), "{port}");
@@ -363,8 +364,8 @@ fn stale_values_outlive_a_change_of_mode() {
     for (port, mode) in [(Port::In1, "US-DIST-IN"), (Port::In3, "COL-AMBIENT"), (Port::In4, "GYRO-RATE")] {
         let before = raw(&rig, port).unwrap();
         inject(&rig, port, "stale 3000");
-        measure(&rig, port, 11);
         rig.write(port.as_str(), "mode", mode);
+        measure(&rig, port, 11);
         rig.pass_ms(2900);
         assert_eq!(raw(&rig, port), Ok(before), "{port}");
         rig.pass_ms(300);

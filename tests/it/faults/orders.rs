@@ -34,8 +34,8 @@ fn each_fault_reads_back_from_its_own_text() {
 fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
     #[rustfmt::skip]
     let cases = [
-        ("in9 stuck", "line 1: there is no port `in9`; did you mean `in1`?"),
-        ("\nmotor stuck", "line 2: there is no port `motor`; there are in1, in2, in3, in4, outA, outB, outC, outD, `battery` and `clear`"),
+        ("in9 stuck", "line 1: there is no port `in9`; there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot"),
+        ("\nmotor stuck", "line 2: there is no port `motor`; there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot"),
         ("in1 stuk", "line 1: there is no fault `stuk`; did you mean `stuck`?"),
         ("in1", "line 1: no fault is named; there are unplug, plug, off, stuck, garbage, wrong, slow, delayed, intermittent, jump, enxio, eio, denied, block, resync, stale, write, reset"),
         ("in1 delayed soon", "line 1: `soon` is not a number"),
@@ -134,16 +134,16 @@ fn every_mistake_in_a_scenario_has_its_place() {
                 [[fault]]\nat_s = 1\nuntil_s = 2\nport = \"outA\"\nkind = \"reset\"\n\n[[battery]]\nat_s = 0\nfrom_v = 99\nrobot = 0\n\n[wind]\n";
     let found = Scenario::parse("loose.toml", text.as_bytes()).unwrap_err().to_string();
     for expected in [
-        "error: `fault.at_s` is -1",
+        "error: `fault[0].at_s` is -1; it can be 0 to 86400\n  --> loose.toml:2:8",
         "error: there is no port `in7`\n  --> loose.toml:3:8",
-        "did you mean `in1`?",
+        "there are in1 to in4, outA to outD",
         "error: there is no fault `stuk`\n  --> loose.toml:4:8",
         "did you mean `stuck`?",
         "error: `until_s` is 4, which is not after `at_s`, 5\n  --> loose.toml:8:11",
         "error: unknown key `prot`",
         "error: `reset` is done at once\n  --> loose.toml:15:1",
-        "error: `battery.from_v` is 99",
-        "error: `battery.robot` is 0",
+        "error: `battery[0].from_v` is 99",
+        "error: `battery[0].robot` is 0",
         "error: unknown key `wind`",
     ] {
         assert!(found.contains(expected), "{expected:?} is not in\n{found}");
