@@ -35,6 +35,8 @@ mod replay;
 
 #[cfg(all(feature = "sim", feature = "host"))]
 mod demo;
+#[cfg(feature = "sim")]
+mod sim;
 
 pub use output::{Exit, Failure, Output};
 
@@ -56,6 +58,8 @@ struct Arguments {
 enum Command {
     #[cfg(all(feature = "sim", feature = "host"))]
     Demo(demo::Arguments),
+    #[cfg(feature = "sim")]
+    Sim(sim::Arguments),
     Run(run::Arguments),
     Check(check::Arguments),
     Graph(graph::Arguments),
@@ -89,6 +93,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let ended = match arguments.command {
         #[cfg(all(feature = "sim", feature = "host"))]
         Command::Demo(arguments) => demo::run(&arguments, &mut output),
+        #[cfg(feature = "sim")]
+        Command::Sim(arguments) => sim::run(&arguments, &mut output),
         Command::Run(arguments) => run::run(&arguments, &mut output),
         Command::Check(arguments) => check::run(&arguments, &mut output),
         Command::Graph(arguments) => graph::run(&arguments, &mut output),

@@ -4,11 +4,11 @@
 //! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 //!
 //! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in,
-//! `fault` what goes wrong on purpose, `view` what a person sees, `page` in a browser.
+//! `mount` how one gets in that knows nothing of us, `fault` what goes wrong on purpose, `view` what a person sees, `page` in a browser.
 //!
 //! # Not here
 //!
-//! NXT and I²C sensors, `raw` ports, the screen, sampled sound. A sensor's values are integers of whole frames; nothing is known of the
+//! NXT and I²C sensors, `raw` ports, the screen's grey levels, sampled sound. A sensor's values are integers of whole frames; nothing is known of the
 //! electrical side of a port.
 
 mod body;
@@ -18,6 +18,7 @@ mod door;
 mod driver;
 mod fault;
 mod motor;
+mod mount;
 #[cfg(feature = "host")]
 mod page;
 mod physics;
@@ -29,11 +30,13 @@ mod world_physics;
 
 pub use door::SimBrick;
 pub use driver::board::Pack;
-pub use driver::input::Button;
+pub use driver::input::{Button, EventLayout};
+pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
 pub use fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario};
 pub use motor::{Motor, MotorConstants};
+pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
 #[cfg(feature = "host")]
 pub use page::{Page, PageError};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};

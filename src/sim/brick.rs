@@ -4,6 +4,7 @@
 
 mod faults;
 mod port;
+pub(crate) mod tree;
 
 use nix::errno::Errno;
 use rand_chacha::ChaCha8Rng;
@@ -14,11 +15,12 @@ use self::port::{Change, PortState, Wanted};
 use super::driver::board::{Battery, Board};
 use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
+use super::driver::lcd::Lcd;
 use super::driver::led::Led;
 use super::driver::sensor::{Sensor, SerialLine};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
-use super::driver::{Context, Driver, Entry, Spec, Stored, readwriteable};
+use super::driver::{Context, Driver, Spec, Stored, readwriteable};
 use super::fault::{PortFaults, Reading};
 use super::physics::{Bridge, Physics};
 use super::simulation::Options;
@@ -50,6 +52,7 @@ const UEVENT: Spec = readwriteable("uevent");
 pub(crate) enum Class {
     BoardInfo,
     DcMotor,
+    Graphics,
     Leds,
     Port,
     Sensor,
@@ -59,9 +62,10 @@ pub(crate) enum Class {
 }
 
 impl Class {
-    pub(crate) const ALL: [Self; 8] = [
+    pub(crate) const ALL: [Self; 9] = [
         Self::BoardInfo,
         Self::DcMotor,
+        Self::Graphics,
         Self::Leds,
         Self::Port,
         Self::Sensor,
@@ -75,6 +79,7 @@ impl Class {
         match self {
             Self::BoardInfo => "board-info",
             Self::DcMotor => "dc-motor",
+            Self::Graphics => "graphics",
             Self::Leds => "leds",
             Self::Port => "lego-port",
             Self::Sensor => "lego-sensor",
@@ -93,6 +98,7 @@ enum Device {
     Sensor(usize, Sensor),
     Port(usize),
     Led(Led),
+    Lcd(Lcd),
     Battery(Battery),
     Board(Board),
 }
@@ -168,6 +174,8 @@ impl Brick {
             let led = Device::Led(Led::new(brightness, 255));
             self.register(Class::Leds, format!("{name}:brick-status"), 0, led);
         }
+        let lcd = Device::Lcd(Lcd::new(self.options.lcd));
+        self.register(Class::Graphics, "fb0".to_owned(), 0, lcd);
         let battery = Device::Battery(Battery::new(self.options.pack));
         self.register(Class::PowerSupply, "lego-ev3-battery".to_owned(), 0, battery);
         self.register(Class::BoardInfo, "board0".to_owned(), 0, Device::Board(Board::new(self.robot)));
@@ -307,6 +315,28 @@ impl Brick {
         })
     }
 
+    /// The picture on the screen.
+    pub(crate) fn lcd_bytes(&self) -> &[u8] {
+        let lcd = self.nodes.iter().find_map(|node| match &node.device {
+            Device::Lcd(lcd) => Some(lcd.bytes()),
+            _ => None,
+        });
+        lcd.unwrap_or_default()
+    }
+
+    /// Draws on the screen; returns how many bytes there was room for.
+    ///
+    /// # Errors
+    ///
+    /// ENOSPC at the picture's end.
+    pub(crate) fn draw(&mut self, offset: usize, bytes: &[u8]) -> Result<usize, Errno> {
+        let lcd = self.nodes.iter_mut().find_map(|node| match &mut node.device {
+            Device::Lcd(lcd) => Some(lcd),
+            _ => None,
+        });
+        lcd.ok_or(Errno::ENODEV)?.write(offset, bytes)
+    }
+
     /// Puts a frame into the sensor on an input port, or lets it measure again.
     ///
     /// # Errors
@@ -358,6 +388,7 @@ impl Brick {
             Device::Sensor(_, sensor) => sensor,
             Device::Port(index) => self.ports.get(*index)?,
             Device::Led(led) => led,
+            Device::Lcd(lcd) => lcd,
             Device::Battery(battery) => battery,
             Device::Board(board) => board,
         })
@@ -432,6 +463,7 @@ impl Brick {
             Device::Sensor(_, sensor) => sensor,
             Device::Port(index) => self.ports.get_mut(*index).ok_or(Errno::ENODEV)?,
             Device::Led(led) => led,
+            Device::Lcd(lcd) => lcd,
             Device::Battery(battery) => battery,
             Device::Board(board) => board,
         };
@@ -457,47 +489,6 @@ impl Brick {
             (Device::Sensor(_, sensor), "value0") => Some(sensor.notices()),
             _ => None,
         }
-    }
-
-    /// The entries of a device's folder, or of a folder in it (`speed_pid`).
-    ///
-    /// # Errors
-    ///
-    /// ENOENT where there is no such folder.
-    pub(crate) fn entries(&self, id: u32, folder: &str) -> Result<Vec<Entry>, Errno> {
-        let driver = self.driver(id).ok_or(Errno::ENOENT)?;
-        let inside = |spec: &Spec| spec.name.split_once('/');
-        if folder == "power" {
-            return Ok(Vec::new());
-        }
-        if !folder.is_empty() {
-            let files = driver.attributes().iter().filter_map(|spec| match spec.name.split_once('/') {
-                Some((parent, name)) if parent == folder => {
-                    Some(Entry { name: name.to_owned(), ..Entry::file(spec) })
-                }
-                _ => None,
-            });
-            let entries: Vec<Entry> = files.collect();
-            return if entries.is_empty() { Err(Errno::ENOENT) } else { Ok(entries) };
-        }
-        let mut entries: Vec<Entry> =
-            driver.attributes().iter().filter(|spec| inside(spec).is_none()).map(Entry::file).collect();
-        let mut folders: Vec<&str> =
-            driver.attributes().iter().filter_map(inside).map(|(folder, _)| folder).collect();
-        folders.dedup();
-        entries.extend(folders.into_iter().chain(["power"]).map(Entry::folder));
-        entries.extend(self.bound_device(id).iter().map(|name| Entry::folder(name)));
-        entries.extend(["device", "subsystem"].map(Entry::link));
-        entries.push(Entry::file(&UEVENT));
-        entries.sort_by(|one, other| one.name.cmp(&other.name));
-        Ok(entries)
-    }
-
-    /// A port has a folder for the device on it.
-    fn bound_device(&self, id: u32) -> Option<String> {
-        let Device::Port(index) = self.node(id)?.device else { return None };
-        let port = self.ports.get(index)?;
-        Some(format!("{}:{}", port.address, self.driver_name(port.device?)?))
     }
 }
 

@@ -15,6 +15,7 @@ pub(crate) mod board;
 pub(crate) mod dc;
 pub(crate) mod input;
 pub(crate) mod jiffies;
+pub(crate) mod lcd;
 pub(crate) mod led;
 pub(crate) mod sensor;
 pub(crate) mod servo;
@@ -92,19 +93,22 @@ pub(crate) struct Spec {
     pub(crate) size: u32,
 }
 
+/// What the kernel says of the size of every text.
+pub(crate) const TEXT_SIZE: u32 = 4096;
+
 /// An attribute that can be read.
 pub(crate) const fn readable(name: &'static str) -> Spec {
-    Spec { name, permissions: 0o444, size: 4096 }
+    Spec { name, permissions: 0o444, size: TEXT_SIZE }
 }
 
 /// An attribute that can be written.
 pub(crate) const fn writeable(name: &'static str) -> Spec {
-    Spec { name, permissions: 0o200, size: 4096 }
+    Spec { name, permissions: 0o200, size: TEXT_SIZE }
 }
 
 /// An attribute that can be read and written.
 pub(crate) const fn readwriteable(name: &'static str) -> Spec {
-    Spec { name, permissions: 0o644, size: 4096 }
+    Spec { name, permissions: 0o644, size: TEXT_SIZE }
 }
 
 /// A store that keeps its writer waiting.

@@ -14,6 +14,7 @@ pub use super::brick::Plugged;
 use super::door::SimBrick;
 use super::driver::board::Pack;
 use super::driver::input::Button;
+use super::driver::lcd::LcdGeometry;
 use super::driver::sensor::{GyroMake, SerialLine};
 use super::fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario};
 use super::physics::{Bridge, Physics, STEP_NS};
@@ -100,6 +101,8 @@ pub struct Options {
     /// For so long after a device appeared its files cannot be opened for writing (EACCES), until udev has got round to it.
     /// Nanoseconds; 0 for never.
     pub access_delay_ns: i64,
+    /// The screen.
+    pub lcd: LcdGeometry,
 }
 
 /// A write that reached a brick.
@@ -126,7 +129,8 @@ pub struct Simulation {
 #[derive(Debug)]
 pub(crate) struct Shared {
     pub(crate) clock: Arc<dyn Clock>,
-    start_ns: i64,
+    /// The simulation's zero on the clock. It moves on where time is given up for lost.
+    start_ns: Mutex<i64>,
     state: Mutex<State>,
 }
 
@@ -138,6 +142,8 @@ pub(crate) struct State {
     /// Time since the simulation began; a whole number of steps.
     pub(crate) now_ns: i64,
     journal: Option<Vec<Written>>,
+    most_behind_ns: Option<i64>,
+    lost_ns: i64,
     pub(crate) faults: Faults,
     /// What is gathered for those who watch.
     pub(crate) trail: Option<Trail>,
@@ -171,11 +177,13 @@ impl Simulation {
             bridges,
             now_ns: 0,
             journal: None,
+            most_behind_ns: None,
+            lost_ns: 0,
             faults: Faults::default(),
             trail: None,
             text: Vec::with_capacity(4096),
         };
-        let start_ns = clock.now_ns();
+        let start_ns = Mutex::new(clock.now_ns());
         Self { shared: Arc::new(Shared { clock, start_ns, state: Mutex::new(state) }) }
     }
 
@@ -200,6 +208,24 @@ impl Simulation {
     #[must_use]
     pub fn now_ns(&self) -> i64 {
         self.shared.now().now_ns
+    }
+
+    /// Never lets more than this pass at once. A simulation that is further behind its clock gives the rest up for lost, so that no
+    /// access waits long on a machine that is too slow, or that was asleep.
+    pub fn give_up_behind_ns(&self, most_ns: i64) {
+        self.shared.now().most_behind_ns = Some(most_ns.max(STEP_NS));
+    }
+
+    /// The time that was given up for lost, nanoseconds: by so much the simulation is behind its clock for good.
+    #[must_use]
+    pub fn lost_ns(&self) -> i64 {
+        self.shared.now().lost_ns
+    }
+
+    /// The picture on a robot's screen, in the layout of its [`LcdGeometry`]; empty without such a robot.
+    #[must_use]
+    pub fn lcd(&self, robot: usize) -> Vec<u8> {
+        self.shared.now().bricks.get(robot).map_or_else(Vec::new, |brick| brick.lcd_bytes().to_vec())
     }
 
     /// Looks into the world, or changes it, at the present time. `None` if the world is not a `W`.
@@ -408,7 +434,16 @@ impl Shared {
     pub(crate) fn now(&self) -> MutexGuard<'_, State> {
         // A panic under the lock cannot leave a step half done in a way that matters to a simulation.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let passed_ns = self.clock.now_ns() - self.start_ns;
+        let mut passed_ns = self.time_ns();
+        if let Some(most_ns) = state.most_behind_ns
+            && passed_ns - state.now_ns > most_ns
+        {
+            // Whole steps, so that moments stay where they were within a step.
+            let lost_ns = (passed_ns - state.now_ns - most_ns).div_euclid(STEP_NS) * STEP_NS;
+            state.lost_ns += lost_ns;
+            passed_ns -= lost_ns;
+            *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
+        }
         while state.now_ns + STEP_NS <= passed_ns {
             state.step();
         }
@@ -417,16 +452,19 @@ impl Shared {
 
     /// Keeps the caller waiting until a time of the simulation.
     pub(crate) fn wait_until(&self, time_ns: i64) {
-        let deadline_ns = self.start_ns + time_ns;
-        // A signal may end a sleep early; a driver's wait goes on.
-        while self.clock.now_ns() < deadline_ns {
-            self.clock.sleep_until_ns(deadline_ns);
+        // A signal may end a sleep early, or time may have been lost; a driver's wait goes on.
+        while self.time_ns() < time_ns {
+            self.clock.sleep_until_ns(self.start_ns() + time_ns);
         }
     }
 
     /// The time on the simulation's clock, which may be within a step.
     pub(crate) fn time_ns(&self) -> i64 {
-        self.clock.now_ns() - self.start_ns
+        self.clock.now_ns() - self.start_ns()
+    }
+
+    fn start_ns(&self) -> i64 {
+        *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn with_brick<R>(

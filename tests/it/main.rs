@@ -17,6 +17,7 @@ mod ev3dev;
 mod faults;
 mod figures;
 mod mapping;
+mod mount;
 mod recording;
 mod report;
 mod sim_drivers;

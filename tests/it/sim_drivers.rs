@@ -106,9 +106,17 @@ fn a_mode_write_waits_for_the_first_frame_on_a_serial_line_only() {
 
 /// A clock that stands still, also for sleepers, until it is moved.
 #[derive(Debug, Default)]
-struct HandClock {
+pub(crate) struct HandClock {
     now_ns: Mutex<i64>,
     moved: Condvar,
+}
+
+impl HandClock {
+    /// Moves it, and wakes those who sleep.
+    pub(crate) fn move_to_ns(&self, now_ns: i64) {
+        *self.now_ns.lock().unwrap() = now_ns;
+        self.moved.notify_all();
+    }
 }
 
 impl Clock for HandClock {
@@ -138,8 +146,7 @@ fn a_second_mode_write_is_busy_while_the_first_one_waits() {
         assert_eq!(second.write(b"COL-COLOR"), Err(Errno::EBUSY));
         let mut buffer = [0; 16];
         assert_eq!((second.read(&mut buffer), &buffer[..12]), (Ok(12), b"COL-REFLECT\n".as_slice()));
-        *clock.now_ns.lock().unwrap() = 60 * MILLISECOND_NS;
-        clock.moved.notify_all();
+        clock.move_to_ns(60 * MILLISECOND_NS);
         assert_eq!(writer.join().unwrap(), Ok(7));
         assert_eq!((second.read(&mut buffer), &buffer[..8]), (Ok(8), b"RGB-RAW\n".as_slice()));
     });

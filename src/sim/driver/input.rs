@@ -1,9 +1,9 @@
-//! Buttons and speaker: streams of the kernel's input events, in this machine's own layout.
+//! Buttons and speaker: streams of the kernel's input events.
 
 use std::collections::VecDeque;
+use std::ffi::c_long;
 
 use nix::errno::Errno;
-use nix::libc::input_event;
 
 /// The buttons of the brick, by the kernel's key codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -23,6 +23,9 @@ pub enum Button {
 }
 
 impl Button {
+    /// Every button.
+    pub const ALL: [Self; 6] = [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
+
     /// The kernel's key code.
     #[must_use]
     pub fn code(self) -> u16 {
@@ -46,9 +49,32 @@ const SYN_DROPPED: u16 = 3;
 const SND_BELL: u16 = 1;
 const SND_TONE: u16 = 2;
 
-/// How long one event is: 16 bytes on the brick, 24 on a 64-bit machine.
-pub(crate) const EVENT_LENGTH: usize = size_of::<input_event>();
-const TIME_LENGTH: usize = EVENT_LENGTH - 8;
+/// How wide the time before an event is: two C longs of whoever reads it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EventLayout {
+    /// 16 bytes an event: the brick's own, and what a 32-bit program reads, also one that an emulator runs on a 64-bit machine.
+    Bits32,
+    /// 24 bytes an event: 64-bit programs.
+    Bits64,
+}
+
+impl EventLayout {
+    /// This program's own.
+    pub const NATIVE: Self = if size_of::<c_long>() == 4 { Self::Bits32 } else { Self::Bits64 };
+
+    /// The length of an event, bytes.
+    #[must_use]
+    pub const fn length(self) -> usize {
+        self.time_length() + 8
+    }
+
+    const fn time_length(self) -> usize {
+        match self {
+            Self::Bits32 => 8,
+            Self::Bits64 => 16,
+        }
+    }
+}
 
 /// A reader that is further behind than this has lost events, as with the kernel's own buffer.
 const KEPT: usize = 64;
@@ -62,11 +88,11 @@ struct Event {
 }
 
 impl Event {
-    fn bytes(self, out: &mut Vec<u8>) {
+    fn bytes(self, layout: EventLayout, out: &mut Vec<u8>) {
         let microseconds = self.time_ns / 1000;
         for part in [microseconds / 1_000_000, microseconds % 1_000_000] {
             let bytes = part.to_ne_bytes();
-            let half = TIME_LENGTH / 2;
+            let half = layout.time_length() / 2;
             let low = if cfg!(target_endian = "big") { bytes.len() - half } else { 0 };
             out.extend_from_slice(bytes.get(low..low + half).unwrap_or_default());
         }
@@ -76,12 +102,64 @@ impl Event {
     }
 }
 
-/// What the buttons have done.
+/// The last events of a device, numbered from its start.
 #[derive(Debug, Default)]
-pub(crate) struct Buttons {
+pub(crate) struct Events {
     kept: VecDeque<Event>,
     /// Events ever: the number of the next one.
     total: usize,
+}
+
+impl Events {
+    /// The number of the next event: where a reader that opens the file now begins.
+    pub(crate) fn total(&self) -> usize {
+        self.total
+    }
+
+    /// Appends whole events from number `from` on, at most `room` bytes; returns the number of the next one.
+    ///
+    /// # Errors
+    ///
+    /// EINVAL where not one fits, EAGAIN where there is none.
+    pub(crate) fn read(
+        &self,
+        from: usize,
+        room: usize,
+        layout: EventLayout,
+        out: &mut Vec<u8>,
+    ) -> Result<usize, Errno> {
+        let room = room / layout.length();
+        if room == 0 {
+            return Err(Errno::EINVAL);
+        }
+        if from >= self.total {
+            return Err(Errno::EAGAIN);
+        }
+        let oldest = self.total - self.kept.len();
+        if from < oldest {
+            Event { time_ns: 0, kind: EV_SYN, code: SYN_DROPPED, value: 0 }.bytes(layout, out);
+            return Ok(oldest);
+        }
+        let events = self.kept.iter().skip(from - oldest).take(room);
+        Ok(from + events.inspect(|event| event.bytes(layout, out)).count())
+    }
+
+    /// An event and the report that ends it.
+    fn push(&mut self, time_ns: i64, kind: u16, code: u16, value: i32) {
+        for (kind, code, value) in [(kind, code, value), (EV_SYN, SYN_REPORT, 0)] {
+            self.kept.push_back(Event { time_ns, kind, code, value });
+            self.total += 1;
+            if self.kept.len() > KEPT {
+                self.kept.pop_front();
+            }
+        }
+    }
+}
+
+/// What the buttons have done.
+#[derive(Debug, Default)]
+pub(crate) struct Buttons {
+    pub(crate) events: Events,
     pressed: Vec<Button>,
 }
 
@@ -96,54 +174,19 @@ impl Buttons {
         } else {
             self.pressed.retain(|other| *other != button);
         }
-        self.push(now_ns, EV_KEY, button.code(), i32::from(pressed));
-        self.push(now_ns, EV_SYN, SYN_REPORT, 0);
+        self.events.push(now_ns, EV_KEY, button.code(), i32::from(pressed));
     }
 
     /// The buttons that are down.
     pub(crate) fn pressed(&self) -> &[Button] {
         &self.pressed
     }
-
-    /// The number of the next event: where a reader that opens the file now begins.
-    pub(crate) fn total(&self) -> usize {
-        self.total
-    }
-
-    /// Appends whole events from number `from` on, at most `room` bytes; returns the number of the next one.
-    ///
-    /// # Errors
-    ///
-    /// EAGAIN where there is none, EINVAL where not one fits.
-    pub(crate) fn read(&self, from: usize, room: usize, out: &mut Vec<u8>) -> Result<usize, Errno> {
-        if from >= self.total {
-            return Err(Errno::EAGAIN);
-        }
-        let room = room / EVENT_LENGTH;
-        if room == 0 {
-            return Err(Errno::EINVAL);
-        }
-        let oldest = self.total - self.kept.len();
-        if from < oldest {
-            Event { time_ns: 0, kind: EV_SYN, code: SYN_DROPPED, value: 0 }.bytes(out);
-            return Ok(oldest);
-        }
-        let events = self.kept.iter().skip(from - oldest).take(room);
-        Ok(from + events.inspect(|event| event.bytes(out)).count())
-    }
-
-    fn push(&mut self, time_ns: i64, kind: u16, code: u16, value: i32) {
-        self.kept.push_back(Event { time_ns, kind, code, value });
-        self.total += 1;
-        if self.kept.len() > KEPT {
-            self.kept.pop_front();
-        }
-    }
 }
 
-/// What the speaker plays.
+/// What the speaker plays. What is written to it, its readers read, as with any input device.
 #[derive(Debug, Default)]
 pub(crate) struct Speaker {
+    pub(crate) events: Events,
     tone_hz: Option<u32>,
     last_tone_hz: Option<u32>,
 }
@@ -164,24 +207,25 @@ impl Speaker {
     /// # Errors
     ///
     /// EINVAL where there is less than one event.
-    pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<usize, Errno> {
-        let events = bytes.chunks_exact(EVENT_LENGTH);
+    pub(crate) fn write(&mut self, bytes: &[u8], layout: EventLayout, now_ns: i64) -> Result<usize, Errno> {
+        let events = bytes.chunks_exact(layout.length());
         if events.len() == 0 && !bytes.is_empty() {
             return Err(Errno::EINVAL);
         }
-        let taken = events.len() * EVENT_LENGTH;
+        let taken = events.len() * layout.length();
         for event in events {
-            if let Some([kind_low, kind_high, code_low, code_high, value @ ..]) = event.get(TIME_LENGTH..) {
+            let fields = event.get(layout.time_length()..);
+            if let Some([kind_low, kind_high, code_low, code_high, value @ ..]) = fields {
                 let kind = u16::from_ne_bytes([*kind_low, *kind_high]);
                 let code = u16::from_ne_bytes([*code_low, *code_high]);
                 let value = value.try_into().map_or(0, i32::from_ne_bytes);
-                self.play(kind, code, value);
+                self.play(kind, code, value, now_ns);
             }
         }
         Ok(taken)
     }
 
-    fn play(&mut self, kind: u16, code: u16, value: i32) {
+    fn play(&mut self, kind: u16, code: u16, value: i32, now_ns: i64) {
         if kind != EV_SND {
             return;
         }
@@ -193,5 +237,6 @@ impl Speaker {
         };
         self.tone_hz = tone;
         self.last_tone_hz = tone.or(self.last_tone_hz);
+        self.events.push(now_ns, kind, code, value);
     }
 }

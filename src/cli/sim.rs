@@ -1,0 +1,149 @@
+//! `onbrick sim`: the simulated brick as a mounted file system.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::common::load_world;
+use super::{Exit, Failure, Output};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
+use crate::runtime::StopFlags;
+use crate::sim::{
+    EventLayout, Found, LcdGeometry, Mount, MountError, MountOptions, Options, Simulation, World,
+    WorldPhysics,
+};
+
+/// Mount a simulated brick, for any program that was written for ev3dev, until Ctrl-C.
+///
+/// Examples:
+///   onbrick sim /tmp/brick                        then: onbrick run map --brick /tmp/brick
+///   onbrick sim /tmp/bricks --robots 2 --world two-arenas
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// An empty folder, or one to be made; with several robots their bricks are in 1, 2 and so on below it.
+    mountpoint: PathBuf,
+    /// The room: a world's file, or the name of a built-in one.
+    #[arg(long, default_value = "arena")]
+    world: PathBuf,
+    /// How many robots are in it; each takes one of the world's start poses.
+    #[arg(long, default_value_t = 1, value_parser = robots)]
+    robots: usize,
+    /// What all chance comes from.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The screen's memory, dev/fb0: pixels across, pixels down, bits of a pixel.
+    #[arg(long, default_value = "178x128x32", value_name = "WxHxBITS")]
+    lcd: LcdGeometry,
+    /// How wide a long is in the programs that read button events: 32 for those of the brick, run in an emulator.
+    #[arg(long, default_value = native_bits(), value_parser = ["32", "64"], value_name = "BITS")]
+    event_bits: String,
+}
+
+/// More than this is behind for good, instead of keeping the next reader waiting: simulating so much takes some 20 ms for ten robots.
+const MOST_BEHIND_NS: i64 = 500 * MILLISECOND_NS;
+
+/// How often it is looked whether to end.
+const LOOK_NS: i64 = 50 * MILLISECOND_NS;
+
+#[derive(Serialize)]
+struct Mounted<'m> {
+    mountpoint: &'m str,
+    bricks: Vec<String>,
+    made_folder: bool,
+    cleared_stale_mount: bool,
+}
+
+#[derive(Serialize)]
+struct Ended {
+    simulated_s: f64,
+    lost_s: f64,
+    unmounted_by_others: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    // Before anything is mounted, so that no signal can leave it behind.
+    let flags = StopFlags::on_signals()
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let simulation = simulation(arguments)?;
+    let events = if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
+    let (mount, found) = Mount::new(&simulation, &arguments.mountpoint, MountOptions { events })
+        .map_err(|error| refused(&error))?;
+    tell(arguments, &mount, found, output);
+    while !flags.is_raised() && !mount.is_over() {
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+    }
+    let unmounted_by_others = mount.is_over();
+    mount.unmount().map_err(|error| {
+        Failure::from_error(Exit::Failed, "cannot take the mount away", &error).hint(error.hint())
+    })?;
+    let (simulated_s, lost_s) = (seconds(simulation.now_ns()), seconds(simulation.lost_ns()));
+    let lost = if lost_s > 0.0 {
+        format!(", and {lost_s:.1} s were lost: this machine was too slow")
+    } else {
+        String::new()
+    };
+    let by = if unmounted_by_others { " by somebody else" } else { "" };
+    output.show(
+        format!("unmounted{by} after {simulated_s:.1} simulated seconds{lost}"),
+        &Ended { simulated_s, lost_s, unmounted_by_others },
+    );
+    Ok(())
+}
+
+fn simulation(arguments: &Arguments) -> Result<Simulation, Failure> {
+    let (source, _) = load_world(&arguments.world)?;
+    let (world, _) = World::parse(&source.name, source.text.as_bytes())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let physics = WorldPhysics::new(world, arguments.robots, arguments.seed).map_err(|error| {
+        Failure::refused(error.to_string())
+            .hint("fewer --robots, or a world with more start poses (onbrick new world)")
+    })?;
+    let options = Options { lcd: arguments.lcd, ..Options::default() };
+    let clock = Arc::new(MonotonicClock);
+    let simulation = Simulation::with_options(clock, Box::new(physics), arguments.seed, options);
+    simulation.give_up_behind_ns(MOST_BEHIND_NS);
+    Ok(simulation)
+}
+
+fn refused(error: &MountError) -> Failure {
+    let exit = if matches!(error, MountError::Failed { .. }) { Exit::Failed } else { Exit::Refused };
+    Failure::from_error(exit, "no simulated brick", error).hint(error.hint())
+}
+
+fn tell(arguments: &Arguments, mount: &Mount, found: Found, output: &mut Output) {
+    let point = mount.point().display().to_string();
+    let bricks: Vec<String> =
+        (0..arguments.robots).map(|robot| mount.root(robot).display().to_string()).collect();
+    if found.stale {
+        output.line(format!("took away what a simulator had left mounted at {point}"));
+    }
+    if found.made {
+        output.line(format!("made the folder {point}"));
+    }
+    let first = bricks.first().cloned().unwrap_or_default();
+    let what = if bricks.len() == 1 {
+        "a simulated brick".to_owned()
+    } else {
+        format!("{} simulated bricks", bricks.len())
+    };
+    output.show(
+        format!(
+            "mounted {what} at {point}; Ctrl-C unmounts. Try, in another terminal:\n\
+             \x20 onbrick devices --brick {first}\n\
+             \x20 onbrick run map --brick {first}\n\
+             \x20 cat {first}/sys/class/tacho-motor/motor0/position"
+        ),
+        &Mounted { mountpoint: &point, bricks, made_folder: found.made, cleared_stale_mount: found.stale },
+    );
+}
+
+fn native_bits() -> &'static str {
+    if EventLayout::NATIVE == EventLayout::Bits32 { "32" } else { "64" }
+}
+
+fn robots(text: &str) -> Result<usize, String> {
+    let robots: usize = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (1..=100).contains(&robots) { Ok(robots) } else { Err("it can be 1 to 100".to_owned()) }
+}

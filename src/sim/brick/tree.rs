@@ -1,0 +1,217 @@
+//! Where a brick's devices are in its tree: `sys/class` with links, `sys/devices` with the folders, `dev`.
+//!
+//! The folders are those of ev3dev's stretch: a port below the platform device `ev3-ports`, the device that is plugged into it below the port.
+
+use nix::errno::Errno;
+
+use super::{ADDRESSES, Brick, Class, Device, UEVENT};
+use crate::sim::driver::{Entry, Spec, readwriteable};
+
+/// The buttons' stream of events.
+pub(crate) const BUTTONS: &str = "dev/input/by-path/platform-gpio_keys-event";
+
+/// The speaker's stream of events.
+pub(crate) const SPEAKER: &str = "dev/input/by-path/platform-sound-event";
+
+/// The screen's memory.
+pub(crate) const SCREEN: &str = "dev/fb0";
+
+/// Folders whose entries are always the same.
+const FIXED: &[(&str, &[&str])] = &[
+    ("", &["dev", "sys"]),
+    ("dev", &["input"]),
+    ("dev/input", &["by-path"]),
+    ("dev/input/by-path", &[]),
+    ("sys", &["class", "devices"]),
+];
+
+/// Files outside `sys`.
+const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN];
+
+impl Brick {
+    /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the links of `sys/class`.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT where there is no such folder.
+    pub(crate) fn list(&self, folder: &str) -> Result<Vec<Entry>, Errno> {
+        let mut entries = if let Some((_, folders)) = FIXED.iter().find(|(path, _)| *path == folder) {
+            let files =
+                FILES.iter().filter_map(|path| path.rsplit_once('/').filter(|(parent, _)| *parent == folder));
+            let files = files.map(|(_, name)| self.device_file(name));
+            folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
+        } else if folder == "sys/class" {
+            Class::ALL.iter().map(|class| Entry::folder(class.as_str())).collect()
+        } else if let Some((id, rest)) = self.locate(folder) {
+            self.entries(id, rest)?
+        } else if let Some(class) = folder.strip_prefix("sys/class/") {
+            let class = Class::ALL.into_iter().find(|known| known.as_str() == class).ok_or(Errno::ENOENT)?;
+            self.names(class).map(Entry::link).collect()
+        } else {
+            self.folders_between(folder.strip_prefix("sys/").ok_or(Errno::ENOENT)?)?
+        };
+        entries.sort_by(|one, other| one.name.cmp(&other.name));
+        Ok(entries)
+    }
+
+    /// One entry, as `lstat` shows it.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT where there is none.
+    pub(crate) fn entry(&self, path: &str) -> Result<Entry, Errno> {
+        if path.is_empty() {
+            return Ok(Entry::folder(""));
+        }
+        let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
+        self.list(folder)?.into_iter().find(|entry| entry.name == name).ok_or(Errno::ENOENT)
+    }
+
+    /// Where a link points to, relative to its folder.
+    ///
+    /// # Errors
+    ///
+    /// ENOENT where there is none, EINVAL where there is something else.
+    pub(crate) fn target(&self, path: &str) -> Result<String, Errno> {
+        let (id, rest) = self.locate(path).ok_or(Errno::EINVAL)?;
+        let folder = self.folder(id).ok_or(Errno::ENOENT)?;
+        let (class, _) = self.name(id).ok_or(Errno::ENOENT)?;
+        match rest {
+            "" if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
+            "subsystem" => Ok(format!("{}class/{}", "../".repeat(folder.split('/').count()), class.as_str())),
+            // Above are the class's folder, and the device that it belongs to.
+            "device" => Ok(format!("../../../{}", folder.rsplit('/').nth(2).unwrap_or_default())),
+            _ => Err(Errno::EINVAL),
+        }
+    }
+
+    /// The device whose folder a path is, or goes into, and the rest of the path. Of two, the inner one.
+    pub(crate) fn locate<'p>(&self, path: &'p str) -> Option<(u32, &'p str)> {
+        if let Some(path) = path.strip_prefix("sys/class/") {
+            let (class, path) = path.split_once('/')?;
+            let (name, rest) = path.split_once('/').unwrap_or((path, ""));
+            return Some((self.find(class, name)?, rest));
+        }
+        let path = path.strip_prefix("sys/")?;
+        let inside = self.folders().filter_map(|(id, folder)| {
+            let rest = path.strip_prefix(folder.as_str())?;
+            if rest.is_empty() { Some((id, rest)) } else { Some((id, rest.strip_prefix('/')?)) }
+        });
+        let (id, rest) = inside.min_by_key(|(_, rest)| rest.len())?;
+        // The folder of a device's driver lies in its port's, and is no part of the port.
+        let bound = self.bound_device(id);
+        let is_bound = bound.is_some_and(|bound| rest == bound || rest.starts_with(&format!("{bound}/")));
+        (!is_bound).then_some((id, rest))
+    }
+
+    /// A device's class and name.
+    pub(crate) fn name(&self, id: u32) -> Option<(Class, &str)> {
+        self.node(id).map(|node| (node.class, node.name.as_str()))
+    }
+
+    /// Folders on the way to those of devices.
+    fn folders_between(&self, folder: &str) -> Result<Vec<Entry>, Errno> {
+        let mut names: Vec<String> = self
+            .folders()
+            .filter_map(|(_, path)| {
+                let rest = path.strip_prefix(folder)?.strip_prefix('/')?;
+                Some(rest.split('/').next()?.to_owned())
+            })
+            .collect();
+        names.sort();
+        names.dedup();
+        if names.is_empty() {
+            return Err(Errno::ENOENT);
+        }
+        Ok(names.iter().map(|name| Entry::folder(name)).collect())
+    }
+
+    /// A file in `dev`: as long as the picture, or of no length.
+    fn device_file(&self, name: &str) -> Entry {
+        let size = if SCREEN.ends_with(name) { self.lcd_bytes().len() } else { 0 };
+        let file = Entry::file(&readwriteable(""));
+        Entry {
+            name: name.to_owned(),
+            size: u64::try_from(size).unwrap_or_default(),
+            permissions: 0o660,
+            ..file
+        }
+    }
+
+    /// The entries of a device's folder, or of a folder in it (`speed_pid`).
+    ///
+    /// # Errors
+    ///
+    /// ENOENT where there is no such folder.
+    fn entries(&self, id: u32, folder: &str) -> Result<Vec<Entry>, Errno> {
+        let driver = self.driver(id).ok_or(Errno::ENOENT)?;
+        let inside = |spec: &Spec| spec.name.split_once('/');
+        if folder == "power" {
+            return Ok(Vec::new());
+        }
+        if !folder.is_empty() {
+            let files = driver.attributes().iter().filter_map(|spec| match spec.name.split_once('/') {
+                Some((parent, name)) if parent == folder => {
+                    Some(Entry { name: name.to_owned(), ..Entry::file(spec) })
+                }
+                _ => None,
+            });
+            let entries: Vec<Entry> = files.collect();
+            return if entries.is_empty() { Err(Errno::ENOENT) } else { Ok(entries) };
+        }
+        let mut entries: Vec<Entry> =
+            driver.attributes().iter().filter(|spec| inside(spec).is_none()).map(Entry::file).collect();
+        let mut folders: Vec<&str> =
+            driver.attributes().iter().filter_map(inside).map(|(folder, _)| folder).collect();
+        folders.dedup();
+        entries.extend(folders.into_iter().chain(["power"]).map(Entry::folder));
+        entries.extend(self.bound_device(id).iter().map(|name| Entry::folder(name)));
+        entries.extend(["device", "subsystem"].map(Entry::link));
+        entries.push(Entry::file(&UEVENT));
+        entries.sort_by(|one, other| one.name.cmp(&other.name));
+        Ok(entries)
+    }
+
+    /// A port has a folder for the device on it.
+    fn bound_device(&self, id: u32) -> Option<String> {
+        let Device::Port(index) = self.node(id)?.device else { return None };
+        let port = self.ports.get(index)?;
+        Some(format!("{}:{}", port.address, self.driver_name(port.device?)?))
+    }
+
+    /// Every device, with its folder below `sys`.
+    fn folders(&self) -> impl Iterator<Item = (u32, String)> {
+        self.nodes.iter().filter_map(|node| Some((node.id, self.folder(node.id)?)))
+    }
+
+    /// A device's own folder below `sys`, to which its class has a link.
+    fn folder(&self, id: u32) -> Option<String> {
+        let node = self.node(id)?;
+        let parent = match (&node.device, self.port_of(id)) {
+            (Device::Port(index), _) => format!("ev3-ports/{}", ADDRESSES.get(*index)?),
+            (_, Some(port)) => {
+                return Some(format!(
+                    "{}/{}/{}/{}",
+                    self.folder(port)?,
+                    self.bound_device(port)?,
+                    node.class.as_str(),
+                    node.name
+                ));
+            }
+            (Device::Battery(_), _) => "battery".to_owned(),
+            (Device::Board(_), _) => "board".to_owned(),
+            (Device::Lcd(_), _) => "display".to_owned(),
+            (Device::Led(_), _) => "leds".to_owned(),
+            _ => "servo-controller".to_owned(),
+        };
+        Some(format!("devices/platform/{parent}/{}/{}", node.class.as_str(), node.name))
+    }
+
+    /// The port that a device is on.
+    fn port_of(&self, id: u32) -> Option<u32> {
+        let index = self.ports.iter().position(|port| port.device == Some(id))?;
+        let port =
+            self.nodes.iter().find(|node| matches!(node.device, Device::Port(other) if other == index));
+        port.map(|port| port.id)
+    }
+}

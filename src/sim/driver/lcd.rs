@@ -1,0 +1,203 @@
+//! The screen: class `graphics`, and the memory behind `dev/fb0`.
+//!
+//! A frame buffer is asked for its geometry by ioctls that say nothing of their length, and those cross no file system in user space. A program learns
+//! it from `sys/class/graphics/fb0`, or is told.
+//!
+//! # Not here
+//!
+//! The panel's four grey levels and its slow refresh: what was written is what the picture is.
+
+use std::str::FromStr;
+
+use nix::errno::Errno;
+
+use super::{Context, Driver, Spec, Wait, line, readable, readwriteable};
+
+const ATTRIBUTES: &[Spec] = &[
+    readwriteable("bits_per_pixel"),
+    readwriteable("modes"),
+    readable("name"),
+    readable("stride"),
+    readwriteable("virtual_size"),
+];
+
+/// What a frame buffer looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LcdGeometry {
+    width: u32,
+    height: u32,
+    bits_per_pixel: u32,
+}
+
+/// A text that is no geometry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a screen is WIDTHxHEIGHTxBITS: 1 to 4096 pixels each way, and 1, 8, 16, 24 or 32 bits a pixel")]
+pub struct BadGeometry;
+
+impl LcdGeometry {
+    /// A screen of this many pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`BadGeometry`] beyond 4096 pixels, for none, and for bits a pixel that no frame buffer has.
+    pub fn new(width: u32, height: u32, bits_per_pixel: u32) -> Result<Self, BadGeometry> {
+        let is_size = |pixels| (1..=4096).contains(&pixels);
+        if is_size(width) && is_size(height) && matches!(bits_per_pixel, 1 | 8 | 16 | 24 | 32) {
+            Ok(Self { width, height, bits_per_pixel })
+        } else {
+            Err(BadGeometry)
+        }
+    }
+
+    /// Pixels in a row.
+    #[must_use]
+    pub const fn width(self) -> u32 {
+        self.width
+    }
+
+    /// Rows.
+    #[must_use]
+    pub const fn height(self) -> u32 {
+        self.height
+    }
+
+    /// Bits of a pixel.
+    #[must_use]
+    pub const fn bits_per_pixel(self) -> u32 {
+        self.bits_per_pixel
+    }
+
+    /// Bytes from one row to the next: a whole number of 32-bit words.
+    #[must_use]
+    pub const fn line_length(self) -> u32 {
+        (self.width * self.bits_per_pixel).div_ceil(32) * 4
+    }
+
+    /// Bytes of a picture.
+    #[must_use]
+    pub const fn size(self) -> usize {
+        // At most 4096 x 16 384, which every machine's `usize` holds.
+        self.line_length() as usize * self.height as usize
+    }
+}
+
+/// The EV3's: 178 by 128, 32 bits a pixel (XRGB8888).
+impl Default for LcdGeometry {
+    fn default() -> Self {
+        Self { width: 178, height: 128, bits_per_pixel: 32 }
+    }
+}
+
+/// `178x128x32`.
+impl FromStr for LcdGeometry {
+    type Err = BadGeometry;
+
+    fn from_str(text: &str) -> Result<Self, BadGeometry> {
+        let numbers: Result<Vec<u32>, _> = text.split('x').map(str::parse).collect();
+        match numbers.map_err(|_| BadGeometry)?.as_slice() {
+            [width, height, bits_per_pixel] => Self::new(*width, *height, *bits_per_pixel),
+            _ => Err(BadGeometry),
+        }
+    }
+}
+
+/// One screen.
+#[derive(Debug)]
+pub(crate) struct Lcd {
+    geometry: LcdGeometry,
+    bytes: Vec<u8>,
+}
+
+impl Lcd {
+    /// A black one.
+    pub(crate) fn new(geometry: LcdGeometry) -> Self {
+        Self { geometry, bytes: vec![0; geometry.size()] }
+    }
+
+    /// The picture.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Puts bytes into the picture; returns how many there was room for.
+    ///
+    /// # Errors
+    ///
+    /// ENOSPC at its end, as a frame buffer has it.
+    pub(crate) fn write(&mut self, offset: usize, bytes: &[u8]) -> Result<usize, Errno> {
+        let room = self.bytes.get_mut(offset..).unwrap_or_default();
+        if room.is_empty() && !bytes.is_empty() {
+            return Err(Errno::ENOSPC);
+        }
+        let taken = room.len().min(bytes.len());
+        for (place, byte) in room.iter_mut().zip(bytes) {
+            *place = *byte;
+        }
+        Ok(taken)
+    }
+}
+
+impl Driver for Lcd {
+    fn attributes(&self) -> &'static [Spec] {
+        ATTRIBUTES
+    }
+
+    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        let LcdGeometry { width, height, bits_per_pixel } = self.geometry;
+        match attribute {
+            "bits_per_pixel" => line(out, bits_per_pixel),
+            "modes" => line(out, format_args!("U:{width}x{height}p-0")),
+            // The driver of the EV3's screen leaves it empty.
+            "name" => line(out, ""),
+            "stride" => line(out, self.geometry.line_length()),
+            "virtual_size" => line(out, format_args!("{width},{height}")),
+            _ => return Err(Errno::ENODEV),
+        }
+        Ok(())
+    }
+
+    fn store(
+        &mut self,
+        _attribute: &str,
+        _bytes: &[u8],
+        _context: &mut Context<'_>,
+    ) -> Result<Option<Wait>, Errno> {
+        // This screen cannot change its geometry.
+        Err(Errno::EINVAL)
+    }
+
+    fn uevent(&self, out: &mut Vec<u8>) {
+        out.extend_from_slice(b"MAJOR=29\nMINOR=0\nDEVNAME=fb0\n");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bricks_screens_have_the_lengths_of_the_reference() {
+        let size = |text: &str| {
+            let geometry: LcdGeometry = text.parse().unwrap();
+            (geometry.line_length(), geometry.size())
+        };
+        assert_eq!(size("178x128x32"), (712, 91_136));
+        assert_eq!(size("178x128x1"), (24, 3072));
+    }
+
+    #[test]
+    fn what_is_no_screen_is_refused() {
+        for text in ["", "178x128", "178x128x32x1", "0x1x1", "5000x1x8", "178x128x7", "-1x1x1", "axbxc"] {
+            assert_eq!(text.parse::<LcdGeometry>(), Err(BadGeometry), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_picture_takes_what_fits() {
+        let mut lcd = Lcd::new(LcdGeometry::new(8, 2, 32).unwrap());
+        assert_eq!(lcd.write(60, &[1; 8]), Ok(4));
+        assert_eq!(lcd.bytes().iter().filter(|byte| **byte == 1).count(), 4);
+        assert_eq!(lcd.write(64, &[1]), Err(Errno::ENOSPC));
+        assert_eq!(lcd.write(64, &[]), Ok(0));
+    }
+}

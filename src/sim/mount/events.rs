@@ -1,0 +1,110 @@
+//! An input device's ioctls: those that libraries ask before they believe in one (`linux/input.h`).
+//!
+//! They say how long their answer may be, and so cross FUSE. EVIOCGRAB does not: its argument is a number where FUSE expects an address.
+
+use nix::errno::Errno;
+
+use crate::sim::door::{Device, StreamFile};
+use crate::sim::driver::input::Button;
+
+/// Every ioctl of an input device has this as its second byte.
+const TYPE: u32 = b'E' as u32;
+
+/// `EV_VERSION` of the protocol.
+const VERSION: i32 = 0x01_00_01;
+
+// Event types, and the sounds a speaker knows.
+const EV_SYN: u16 = 0;
+const EV_KEY: u16 = 1;
+const EV_SND: u16 = 0x12;
+const SOUNDS: [u16; 2] = [1, 2];
+
+/// Bytes in a set of keys: codes to 0x2ff.
+const KEY_BYTES: usize = 96;
+
+/// Bytes in any smaller set.
+const SMALL_BYTES: usize = 8;
+
+/// Answers an ioctl: its result, and the bytes for the caller, at most `room`.
+///
+/// # Errors
+///
+/// ENOTTY for any other, ENOENT for a name that there is none of.
+pub(super) fn ioctl(file: &StreamFile, command: u32, room: usize) -> Result<(i32, Vec<u8>), Errno> {
+    if (command >> 8) & 0xff != TYPE {
+        return Err(Errno::ENOTTY);
+    }
+    let device = file.device();
+    let (is_length, mut bytes) = match command & 0xff {
+        0x01 => (false, VERSION.to_ne_bytes().to_vec()),
+        0x02 => (false, identity().to_vec()),
+        0x06 => (true, text(name(device))),
+        0x07 if device == Device::Buttons => (true, text("gpio-keys/input0")),
+        0x07 | 0x08 => return Err(Errno::ENOENT),
+        0x09 | 0x19 | 0x1b => (true, set(&[], SMALL_BYTES)),
+        0x18 => (true, set(&pressed(file), KEY_BYTES)),
+        0x1a => (true, set(&[], SMALL_BYTES)),
+        // The kernel's clock for the events' times: they are the simulation's, whichever was chosen.
+        0xa0 => (false, Vec::new()),
+        kind @ 0x20..=0x3f => (true, known(device, kind - 0x20)),
+        _ => return Err(Errno::ENOTTY),
+    };
+    bytes.truncate(room);
+    let result = if is_length { i32::try_from(bytes.len()).unwrap_or(i32::MAX) } else { 0 };
+    Ok((result, bytes))
+}
+
+/// Bus, vendor, product and version: BUS_HOST, 1, 1, 0x100.
+fn identity() -> [u8; 8] {
+    let mut bytes = [0; 8];
+    for (place, byte) in bytes.iter_mut().zip([0x19_u16, 1, 1, 0x100].into_iter().flat_map(u16::to_ne_bytes))
+    {
+        *place = byte;
+    }
+    bytes
+}
+
+fn name(device: Device) -> &'static str {
+    match device {
+        Device::Buttons => "EV3 Brick Buttons",
+        Device::Speaker => "LEGO MINDSTORMS EV3 Speaker",
+    }
+}
+
+fn text(text: &str) -> Vec<u8> {
+    text.bytes().chain([0]).collect()
+}
+
+fn pressed(file: &StreamFile) -> Vec<u16> {
+    if file.device() == Device::Buttons {
+        file.pressed().into_iter().map(Button::code).collect()
+    } else {
+        Vec::new()
+    }
+}
+
+/// The types of events that a device has, or the codes of one type.
+fn known(device: Device, kind: u32) -> Vec<u8> {
+    let kinds = match device {
+        Device::Buttons => [EV_SYN, EV_KEY],
+        Device::Speaker => [EV_SYN, EV_SND],
+    };
+    match (device, u16::try_from(kind)) {
+        (_, Ok(EV_SYN)) => set(&kinds, SMALL_BYTES),
+        (Device::Buttons, Ok(EV_KEY)) => set(&Button::ALL.map(Button::code), KEY_BYTES),
+        (Device::Speaker, Ok(EV_SND)) => set(&SOUNDS, SMALL_BYTES),
+        _ => set(&[], SMALL_BYTES),
+    }
+}
+
+/// A set of codes as the kernel gives it: an array of C longs, of which this machine's byte order makes an array of bytes.
+fn set(codes: &[u16], length: usize) -> Vec<u8> {
+    let mut bytes = vec![0; length];
+    let flip = if cfg!(target_endian = "big") { size_of::<std::ffi::c_long>() - 1 } else { 0 };
+    for code in codes {
+        if let Some(byte) = bytes.get_mut(usize::from(code / 8) ^ flip) {
+            *byte |= 1 << (code % 8);
+        }
+    }
+    bytes
+}

@@ -1,0 +1,179 @@
+//! What the kernel is told of files and folders, and what it is given when it opens one.
+
+use std::ffi::OsStr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use fuser::{FileAttr, FileType, FopenFlags, INodeNo, OpenAccMode, OpenFlags};
+use nix::errno::Errno;
+use nix::unistd::{getgid, getuid};
+
+use super::handle::{Handle, Listed};
+use super::nodes::{Nodes, Place, ROOT};
+use super::open::Open;
+use crate::clock::wall_ns;
+use crate::ev3dev::Access;
+use crate::sim::brick::tree::SCREEN;
+use crate::sim::driver::input::EventLayout;
+use crate::sim::{Entry, EntryKind, SimBrick};
+
+/// The kernel need not ask again for folders that are always there.
+const LASTING: Duration = Duration::from_secs(3600);
+
+/// Folders with so many parts are ports, `sys/devices/platform/ev3-ports/ev3-ports:outA/lego-port/port4`, or lie above them. What comes
+/// and goes lies in them.
+const LASTING_PARTS: usize = 7;
+
+/// What the kernel takes for a number that it does not know yet.
+const UNKNOWN: u64 = 0xffff_ffff;
+
+/// The files of one or several bricks.
+#[derive(Debug)]
+pub(super) struct Files {
+    bricks: Vec<Arc<SimBrick>>,
+    nodes: Mutex<Nodes>,
+    pub(super) open: Arc<Open>,
+    layout: EventLayout,
+    mounted: SystemTime,
+}
+
+impl Files {
+    pub(super) fn new(bricks: Vec<Arc<SimBrick>>, open: Arc<Open>, layout: EventLayout) -> Self {
+        let nodes = Mutex::new(Nodes::new(bricks.len()));
+        let mounted = UNIX_EPOCH + Duration::from_nanos(wall_ns().cast_unsigned());
+        Self { bricks, nodes, open, layout, mounted }
+    }
+
+    /// The numbers that the kernel knows.
+    pub(super) fn nodes(&self) -> MutexGuard<'_, Nodes> {
+        self.nodes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The place with a number.
+    pub(super) fn place(&self, node: INodeNo) -> Result<Place, Errno> {
+        self.nodes().place(node.0).cloned().ok_or(Errno::ENOENT)
+    }
+
+    /// A robot's brick.
+    pub(super) fn brick(&self, robot: usize) -> Result<&Arc<SimBrick>, Errno> {
+        self.bricks.get(robot).ok_or(Errno::ENOENT)
+    }
+
+    /// What `lstat` says of a place.
+    pub(super) fn entry(&self, place: &Place) -> Result<Entry, Errno> {
+        match place.robot {
+            Some(robot) => self.brick(robot)?.entry(&place.path),
+            None => Ok(Entry::folder("")),
+        }
+    }
+
+    /// The place of an entry of a folder.
+    fn inside(&self, folder: &Place, name: &OsStr) -> Result<Place, Errno> {
+        let name = name.to_str().ok_or(Errno::ENOENT)?;
+        if folder.robot.is_none() {
+            let robot = (0..self.bricks.len()).find(|robot| (robot + 1).to_string() == name);
+            return Ok(Place { robot: Some(robot.ok_or(Errno::ENOENT)?), path: String::new() });
+        }
+        let path = if folder.path.is_empty() { name.to_owned() } else { format!("{}/{name}", folder.path) };
+        Ok(Place { robot: folder.robot, path })
+    }
+
+    fn attributes(&self, node: u64, entry: &Entry) -> FileAttr {
+        FileAttr {
+            ino: INodeNo(node),
+            size: entry.size,
+            blocks: 0,
+            atime: self.mounted,
+            mtime: self.mounted,
+            ctime: self.mounted,
+            crtime: self.mounted,
+            kind: kind(entry.kind),
+            perm: u16::try_from(entry.permissions).unwrap_or_default(),
+            nlink: if entry.kind == EntryKind::Folder { 2 } else { 1 },
+            uid: getuid().as_raw(),
+            gid: getgid().as_raw(),
+            rdev: 0,
+            blksize: 4096,
+            flags: 0,
+        }
+    }
+
+    /// A folder, to be read in pieces.
+    pub(super) fn list(&self, node: INodeNo) -> Result<Vec<Listed>, Errno> {
+        let folder = self.place(node)?;
+        let entries = match folder.robot {
+            Some(robot) => self.brick(robot)?.entries(&folder.path)?,
+            None => (1..=self.bricks.len()).map(|number| Entry::folder(&number.to_string())).collect(),
+        };
+        let nodes = self.nodes();
+        let mut listed = vec![
+            Listed { number: node.0, kind: FileType::Directory, name: ".".to_owned() },
+            Listed { number: ROOT, kind: FileType::Directory, name: "..".to_owned() },
+        ];
+        for entry in entries {
+            let place = self.inside(&folder, entry.name.as_ref())?;
+            let number = nodes.number(&place).unwrap_or(UNKNOWN);
+            listed.push(Listed { number, kind: kind(entry.kind), name: entry.name });
+        }
+        Ok(listed)
+    }
+
+    /// Opens a file: what is kept of it, and what the kernel may do with it by itself.
+    pub(super) fn open_file(&self, node: INodeNo, flags: OpenFlags) -> Result<(Handle, FopenFlags), Errno> {
+        let place = self.place(node)?;
+        let brick = self.brick(place.robot.ok_or(Errno::EISDIR)?)?;
+        let access = match flags.acc_mode() {
+            OpenAccMode::O_RDONLY => Access::Read,
+            OpenAccMode::O_WRONLY => Access::Write,
+            OpenAccMode::O_RDWR => Access::ReadWrite,
+        };
+        if place.path == SCREEN {
+            // With the kernel's pages under it, so that it can be mapped, and with a last write when it is closed.
+            return Ok((Handle::Screen(Arc::clone(brick)), FopenFlags::empty()));
+        }
+        // Each read and write comes here as it is; a writer that waits holds up no other.
+        let direct = FopenFlags::FOPEN_DIRECT_IO | FopenFlags::FOPEN_NOFLUSH;
+        if let Some(file) = brick.open_stream(&place.path, access, self.layout) {
+            let handle = Handle::Events { file: file?, bytes: Vec::new(), readers: Vec::new(), poller: None };
+            return Ok((handle, direct | FopenFlags::FOPEN_STREAM));
+        }
+        let file = brick.open_attribute(&place.path, access)?;
+        let handle = Handle::Attribute { file, text: Vec::new(), poller: None };
+        Ok((handle, direct | FopenFlags::FOPEN_PARALLEL_DIRECT_WRITES))
+    }
+
+    /// What the kernel is told of an entry of a folder, and for how long.
+    pub(super) fn look_up(&self, parent: INodeNo, name: &OsStr) -> Result<(FileAttr, Duration), Errno> {
+        let place = self.inside(&self.place(parent)?, name)?;
+        let entry = self.entry(&place)?;
+        let ttl = lifetime(&place, &entry);
+        let number = self.nodes().look_up(place);
+        Ok((self.attributes(number, &entry), ttl))
+    }
+
+    /// What the kernel is told of a file it knows.
+    pub(super) fn attributes_of(&self, node: INodeNo) -> Result<(FileAttr, Duration), Errno> {
+        let place = self.place(node)?;
+        let entry = self.entry(&place)?;
+        Ok((self.attributes(node.0, &entry), lifetime(&place, &entry)))
+    }
+}
+
+/// An error number as FUSE sends it.
+pub(super) fn refusal(errno: Errno) -> fuser::Errno {
+    fuser::Errno::from_i32(errno as i32)
+}
+
+fn kind(kind: EntryKind) -> FileType {
+    match kind {
+        EntryKind::File => FileType::RegularFile,
+        EntryKind::Folder => FileType::Directory,
+        EntryKind::Link => FileType::Symlink,
+    }
+}
+
+/// For how long the kernel may believe what it was told: devices come and go, and so do links to them.
+fn lifetime(place: &Place, entry: &Entry) -> Duration {
+    let lasts = entry.kind == EntryKind::Folder && place.path.split('/').count() <= LASTING_PARTS;
+    if lasts { LASTING } else { Duration::ZERO }
+}

@@ -1,0 +1,386 @@
+//! The kernel's questions and their answers, one function each.
+
+use std::ffi::OsStr;
+use std::path::Path;
+use std::time::SystemTime;
+
+use fuser::{
+    AccessFlags, BsdFileFlags, FileHandle, Filesystem, FopenFlags, Generation, INodeNo, IoctlFlags,
+    LockOwner, OpenFlags, PollEvents, PollFlags, PollNotifier, RenameFlags, ReplyAttr, ReplyCreate,
+    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyIoctl, ReplyOpen, ReplyPoll, ReplyWrite,
+    ReplyXattr, Request, TimeOrNow, WriteFlags,
+};
+use nix::errno::Errno;
+
+use super::files::{Files, refusal};
+use super::handle::{Handle, Read};
+use crate::sim::door::Write;
+
+impl Filesystem for Files {
+    fn lookup(&self, _request: &Request, parent: INodeNo, name: &OsStr, reply: ReplyEntry) {
+        match self.look_up(parent, name) {
+            Ok((attributes, ttl)) => reply.entry(&ttl, &attributes, Generation(0)),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn forget(&self, _request: &Request, node: INodeNo, lookups: u64) {
+        self.nodes().forget(node.0, lookups);
+    }
+
+    fn getattr(&self, _request: &Request, node: INodeNo, _file: Option<FileHandle>, reply: ReplyAttr) {
+        match self.attributes_of(node) {
+            Ok((attributes, ttl)) => reply.attr(&ttl, &attributes),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    /// Lengths and times may be set, to no effect: a program truncates what it writes to. Owners and rights may not.
+    fn setattr(
+        &self,
+        request: &Request,
+        node: INodeNo,
+        mode: Option<u32>,
+        uid: Option<u32>,
+        gid: Option<u32>,
+        _size: Option<u64>,
+        _atime: Option<TimeOrNow>,
+        _mtime: Option<TimeOrNow>,
+        _ctime: Option<SystemTime>,
+        file: Option<FileHandle>,
+        _crtime: Option<SystemTime>,
+        _chgtime: Option<SystemTime>,
+        _bkuptime: Option<SystemTime>,
+        _flags: Option<BsdFileFlags>,
+        reply: ReplyAttr,
+    ) {
+        if mode.is_some() || uid.is_some() || gid.is_some() {
+            reply.error(fuser::Errno::EPERM);
+        } else {
+            self.getattr(request, node, file, reply);
+        }
+    }
+
+    fn readlink(&self, _request: &Request, node: INodeNo, reply: ReplyData) {
+        let target = self.place(node).and_then(|place| {
+            let brick = self.brick(place.robot.ok_or(Errno::EINVAL)?)?;
+            brick.target(&place.path)
+        });
+        match target {
+            Ok(target) => reply.data(target.as_bytes()),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn open(&self, _request: &Request, node: INodeNo, flags: OpenFlags, reply: ReplyOpen) {
+        match self.open_file(node, flags) {
+            Ok((handle, flags)) => reply.opened(FileHandle(self.open.insert(handle)), flags),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn read(
+        &self,
+        request: &Request,
+        _node: INodeNo,
+        file: FileHandle,
+        offset: u64,
+        size: u32,
+        flags: OpenFlags,
+        _lock_owner: Option<LockOwner>,
+        reply: ReplyData,
+    ) {
+        let read = Read {
+            offset,
+            room: usize::try_from(size).unwrap_or(usize::MAX),
+            blocks: flags.0 & nix::libc::O_NONBLOCK == 0,
+            thread: request.pid(),
+        };
+        // A number that is nothing's drops the reply, which answers EIO.
+        if self.open.with(file.0, |handle| Ok(handle.read(&read, reply))) == Ok(true) {
+            self.open.watch(file.0);
+        }
+    }
+
+    fn write(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        file: FileHandle,
+        offset: u64,
+        data: &[u8],
+        _write_flags: WriteFlags,
+        _flags: OpenFlags,
+        _lock_owner: Option<LockOwner>,
+        reply: ReplyWrite,
+    ) {
+        match self.open.with(file.0, |handle| handle.write(offset, data)) {
+            Ok(Write::Done(taken)) => written(Ok(taken), reply),
+            Ok(Write::Waits(waiting)) => {
+                // At most one writer waits for a sensor: the next one is refused with EBUSY. Without a thread the reply is dropped: EIO.
+                let _ = std::thread::Builder::new()
+                    .name("sim-write".to_owned())
+                    .spawn(move || written(waiting.finish(), reply));
+            }
+            Err(errno) => written(Err(errno), reply),
+        }
+    }
+
+    fn release(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        file: FileHandle,
+        _flags: OpenFlags,
+        _lock_owner: Option<LockOwner>,
+        _flush: bool,
+        reply: ReplyEmpty,
+    ) {
+        self.open.remove(file.0);
+        reply.ok();
+    }
+
+    fn opendir(&self, _request: &Request, node: INodeNo, _flags: OpenFlags, reply: ReplyOpen) {
+        match self.list(node) {
+            Ok(entries) => {
+                let number = self.open.insert(Handle::Folder(entries));
+                reply.opened(FileHandle(number), FopenFlags::empty());
+            }
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn readdir(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        file: FileHandle,
+        offset: u64,
+        mut reply: ReplyDirectory,
+    ) {
+        let listed = self.open.with(file.0, |handle| {
+            let Handle::Folder(entries) = handle else { return Err(Errno::ENOTDIR) };
+            let start = usize::try_from(offset).unwrap_or(usize::MAX);
+            for (next, entry) in (1_u64..).zip(entries.iter()).skip(start) {
+                if reply.add(INodeNo(entry.number), next, entry.kind, &entry.name) {
+                    break;
+                }
+            }
+            Ok(())
+        });
+        match listed {
+            Ok(()) => reply.ok(),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn releasedir(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        file: FileHandle,
+        _flags: OpenFlags,
+        reply: ReplyEmpty,
+    ) {
+        self.open.remove(file.0);
+        reply.ok();
+    }
+
+    fn poll(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        file: FileHandle,
+        notifier: PollNotifier,
+        _events: PollEvents,
+        flags: PollFlags,
+        reply: ReplyPoll,
+    ) {
+        let waits = flags.contains(PollFlags::FUSE_POLL_SCHEDULE_NOTIFY);
+        let events = self.open.with(file.0, |handle| Ok(handle.poll(waits.then_some(notifier))));
+        if waits {
+            self.open.watch(file.0);
+        }
+        match events {
+            Ok(events) => reply.poll(events),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn ioctl(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        file: FileHandle,
+        _flags: IoctlFlags,
+        command: u32,
+        _in_data: &[u8],
+        out_size: u32,
+        reply: ReplyIoctl,
+    ) {
+        let room = usize::try_from(out_size).unwrap_or(usize::MAX);
+        match self.open.with(file.0, |handle| handle.ioctl(command, room)) {
+            Ok((result, bytes)) => reply.ioctl(result, &bytes),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn access(&self, request: &Request, node: INodeNo, mask: AccessFlags, reply: ReplyEmpty) {
+        let entry = self.place(node).and_then(|place| self.entry(&place));
+        let wanted = mask.bits().cast_unsigned() & 0o7;
+        match entry {
+            // Root may read and write whatever the rights say, and find out by opening that sysfs does not let it.
+            Ok(entry) if request.uid() == 0 && (wanted & 1 == 0 || entry.permissions & 0o111 != 0) => {
+                reply.ok()
+            }
+            Ok(entry) if wanted & !(entry.permissions >> 6) == 0 => reply.ok(),
+            Ok(_) => reply.error(fuser::Errno::EACCES),
+            Err(errno) => reply.error(refusal(errno)),
+        }
+    }
+
+    fn flush(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        _file: FileHandle,
+        _owner: LockOwner,
+        reply: ReplyEmpty,
+    ) {
+        reply.ok();
+    }
+
+    fn fsync(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        _file: FileHandle,
+        _datasync: bool,
+        reply: ReplyEmpty,
+    ) {
+        reply.ok();
+    }
+
+    fn create(
+        &self,
+        _request: &Request,
+        _parent: INodeNo,
+        _name: &OsStr,
+        _mode: u32,
+        _umask: u32,
+        _flags: i32,
+        reply: ReplyCreate,
+    ) {
+        reply.error(fuser::Errno::EACCES);
+    }
+
+    fn mknod(
+        &self,
+        _request: &Request,
+        _parent: INodeNo,
+        _name: &OsStr,
+        _mode: u32,
+        _umask: u32,
+        _rdev: u32,
+        reply: ReplyEntry,
+    ) {
+        reply.error(fuser::Errno::EPERM);
+    }
+
+    fn mkdir(
+        &self,
+        _request: &Request,
+        _parent: INodeNo,
+        _name: &OsStr,
+        _mode: u32,
+        _umask: u32,
+        reply: ReplyEntry,
+    ) {
+        reply.error(fuser::Errno::EPERM);
+    }
+
+    fn unlink(&self, _request: &Request, _parent: INodeNo, _name: &OsStr, reply: ReplyEmpty) {
+        reply.error(fuser::Errno::EPERM);
+    }
+
+    fn rmdir(&self, _request: &Request, _parent: INodeNo, _name: &OsStr, reply: ReplyEmpty) {
+        reply.error(fuser::Errno::EPERM);
+    }
+
+    fn symlink(
+        &self,
+        _request: &Request,
+        _parent: INodeNo,
+        _name: &OsStr,
+        _target: &Path,
+        reply: ReplyEntry,
+    ) {
+        reply.error(fuser::Errno::EPERM);
+    }
+
+    fn rename(
+        &self,
+        _request: &Request,
+        _parent: INodeNo,
+        _name: &OsStr,
+        _new_parent: INodeNo,
+        _new_name: &OsStr,
+        _flags: RenameFlags,
+        reply: ReplyEmpty,
+    ) {
+        reply.error(fuser::Errno::EPERM);
+    }
+
+    fn link(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        _new_parent: INodeNo,
+        _new_name: &OsStr,
+        reply: ReplyEntry,
+    ) {
+        reply.error(fuser::Errno::EPERM);
+    }
+
+    // The kernel remembers ENOSYS and does not ask again.
+    fn getxattr(&self, _request: &Request, _node: INodeNo, _name: &OsStr, _size: u32, reply: ReplyXattr) {
+        reply.error(fuser::Errno::ENOSYS);
+    }
+
+    fn listxattr(&self, _request: &Request, _node: INodeNo, _size: u32, reply: ReplyXattr) {
+        reply.error(fuser::Errno::ENOSYS);
+    }
+
+    fn setxattr(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        _name: &OsStr,
+        _value: &[u8],
+        _flags: i32,
+        _position: u32,
+        reply: ReplyEmpty,
+    ) {
+        reply.error(fuser::Errno::ENOSYS);
+    }
+
+    fn lseek(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        _file: FileHandle,
+        _offset: i64,
+        _whence: i32,
+        reply: fuser::ReplyLseek,
+    ) {
+        reply.error(fuser::Errno::ENOSYS);
+    }
+}
+
+fn written(answer: Result<usize, Errno>, reply: ReplyWrite) {
+    match answer.map(u32::try_from) {
+        Ok(Ok(taken)) => reply.written(taken),
+        Ok(Err(_)) => reply.error(fuser::Errno::EIO),
+        Err(errno) => reply.error(refusal(errno)),
+    }
+}

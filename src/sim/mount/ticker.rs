@@ -1,0 +1,38 @@
+//! The thread that lets the simulation's time pass while nobody touches a file, and that wakes those who wait.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Builder, JoinHandle};
+
+use super::open::Open;
+use crate::clock::{Clock, MonotonicClock};
+use crate::sim::Simulation;
+use crate::sim::door::LOOK_NS;
+
+/// Whether a waiting reader was interrupted is looked at once in so many ticks.
+const INTERRUPT_TICKS: u32 = 5;
+
+/// Starts it; it ends when `stop` is set.
+pub(super) fn spawn(
+    simulation: Simulation,
+    open: Arc<Open>,
+    stop: Arc<AtomicBool>,
+) -> io::Result<JoinHandle<()>> {
+    Builder::new().name("sim-ticker".to_owned()).spawn(move || run(&simulation, &open, &stop))
+}
+
+fn run(simulation: &Simulation, open: &Open, stop: &AtomicBool) {
+    let mut due_ns = MonotonicClock.now_ns();
+    for tick in (0..INTERRUPT_TICKS).cycle() {
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        // Real time even where the simulation's is virtual: those who wait on a file wait really.
+        due_ns = (due_ns + LOOK_NS).max(MonotonicClock.now_ns());
+        MonotonicClock.sleep_until_ns(due_ns);
+        simulation.catch_up();
+        open.wake(tick == 0);
+    }
+    open.release_readers();
+}

@@ -1,0 +1,208 @@
+//! A simulator's life: where it mounts and where not, how it ends, and what is left when it is killed.
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Read};
+use std::os::unix::fs::{FileExt, PermissionsExt};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
+
+use nix::errno::Errno;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use onbrick::clock::VirtualClock;
+use onbrick::sim::{Mount, MountError, MountOptions, Simulation, Unfit};
+
+use super::bench::{Mounted, await_or_fail, errno, names, no_fuse};
+use crate::drivers_bench::Bench;
+use crate::support::pass_over;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+
+/// A simulator in a process of its own, that says that it has mounted.
+struct Simulator {
+    process: Child,
+    said: BufReader<std::process::ChildStdout>,
+    /// What it said until then.
+    greeting: String,
+}
+
+impl Simulator {
+    fn start(point: &Path) -> Self {
+        let mut process = Command::new(PROGRAM).arg("sim").arg(point).stdout(Stdio::piped()).spawn().unwrap();
+        let mut said = BufReader::new(process.stdout.take().unwrap());
+        let mut greeting = String::new();
+        while !greeting.contains("mounted a simulated brick") {
+            assert_ne!(said.read_line(&mut greeting).unwrap(), 0, "it ended and had said: {greeting}");
+        }
+        Self { process, said, greeting }
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill(Pid::from_raw(i32::try_from(self.process.id()).unwrap()), signal).unwrap();
+    }
+
+    /// Waits for the end; exit code, and what it said last.
+    fn end(mut self) -> (Option<i32>, String) {
+        let mut rest = String::new();
+        self.said.read_to_string(&mut rest).unwrap();
+        (self.process.wait().unwrap().code(), rest)
+    }
+}
+
+fn is_mounted(point: &Path) -> bool {
+    let table = fs::read_to_string("/proc/self/mountinfo").unwrap();
+    table.lines().any(|line| line.split(' ').nth(4) == point.to_str())
+}
+
+fn refused(arguments: &[&str]) -> (Option<i32>, String) {
+    let Output { status, stderr, .. } = Command::new(PROGRAM).arg("sim").args(arguments).output().unwrap();
+    (status.code(), String::from_utf8_lossy(&stderr).into_owned())
+}
+
+#[test]
+fn every_signal_that_asks_to_end_unmounts_also_with_files_open() {
+    if no_fuse() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let point = folder.path().join("brick");
+    for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
+        let simulator = Simulator::start(&point);
+        assert_eq!(
+            simulator.greeting.contains("made the folder"),
+            signal == Signal::SIGINT,
+            "{}",
+            simulator.greeting
+        );
+        let kept = File::open(point.join("sys/class/tacho-motor/motor0/position")).unwrap();
+        let mut text = [0; 8];
+        assert_eq!(kept.read_at(&mut text, 0).unwrap(), 2);
+        simulator.signal(signal);
+        let (code, last) = simulator.end();
+        assert_eq!(code, Some(0), "{signal}: {last}");
+        assert!(last.contains("unmounted after"), "{last}");
+        assert!(!is_mounted(&point), "{signal}");
+        assert_eq!(names(&point), [""; 0]);
+        assert_eq!(
+            kept.read_at(&mut text, 0).map_err(errno),
+            Err(Errno::ENOTCONN),
+            "answered, not kept waiting"
+        );
+    }
+}
+
+#[test]
+fn a_simulator_that_somebody_else_unmounts_ends_and_says_so() {
+    if no_fuse() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let simulator = Simulator::start(folder.path());
+    if nix::mount::umount(folder.path()).is_err() {
+        let _ = Command::new("fusermount3").arg("-u").arg(folder.path()).status();
+    }
+    let (code, last) = simulator.end();
+    assert_eq!(code, Some(0));
+    assert!(last.contains("unmounted by somebody else"), "{last}");
+}
+
+#[test]
+fn what_a_killed_simulator_leaves_is_cleaned_up_by_the_next_one() {
+    if no_fuse() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let point = folder.path().canonicalize().unwrap();
+    let mut first = Simulator::start(&point);
+    let kept = File::open(point.join("sys/class/tacho-motor/motor0/position")).unwrap();
+    let mut cat = Command::new("cat")
+        .arg(point.join("dev/input/by-path/platform-gpio_keys-event"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    first.signal(Signal::SIGKILL);
+    first.process.wait().unwrap();
+    let mut text = [0; 8];
+    assert_eq!(
+        kept.read_at(&mut text, 0).map_err(errno),
+        Err(Errno::ENOTCONN),
+        "no reader is taken down with it"
+    );
+    await_or_fail("the waiting reader's end", || cat.try_wait().unwrap().is_some());
+    assert_eq!(fs::metadata(&point).map(drop).map_err(errno), Err(Errno::ENOTCONN));
+    assert!(is_mounted(&point), "a mount without a program behind it");
+
+    let second = Simulator::start(&point);
+    assert!(second.greeting.contains("took away what a simulator had left"), "{}", second.greeting);
+    assert_eq!(fs::read_to_string(point.join("sys/class/tacho-motor/motor0/position")).unwrap(), "0\n");
+    second.signal(Signal::SIGTERM);
+    assert_eq!(second.end().0, Some(0));
+    assert!(!is_mounted(&point), "nothing is left of either");
+}
+
+#[test]
+fn a_place_that_is_no_mount_point_is_refused_before_anything_happens() {
+    if no_fuse() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::create_dir(path("full")).unwrap();
+    fs::write(path("full/file"), "mine").unwrap();
+    for (point, why) in [
+        (path("full"), "it is not empty"),
+        (path("full/file"), "it is not a folder"),
+        (path("no/such/folder"), "it cannot be made"),
+        ("/proc".to_owned(), "`proc` is mounted there already"),
+    ] {
+        let (code, said) = refused(&[&point]);
+        assert_eq!(code, Some(3), "{said}");
+        assert!(said.contains(why) && said.contains(&point) && said.contains("try:"), "{point}: {said}");
+    }
+    assert_eq!(fs::read_to_string(path("full/file")).unwrap(), "mine");
+    let (code, said) = refused(&[&path("new"), "--robots", "9"]);
+    assert!(code == Some(3) && said.contains("start poses"), "{said}");
+    let (code, said) = refused(&[&path("new"), "--world", "nowhere"]);
+    assert!(code == Some(3) && said.contains("arena"), "{said}");
+    for wrong in [["--robots", "0"], ["--lcd", "178x128"], ["--event-bits", "16"]] {
+        assert_eq!(refused(&[&path("new"), wrong[0], wrong[1]]).0, Some(2), "{wrong:?}");
+    }
+    assert_eq!(names(folder.path()), ["full"], "nothing was made");
+}
+
+#[test]
+fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
+    let Some(mounted) = Mounted::recorded() else { return };
+    let point = mounted.mount().point();
+    let simulation = Simulation::new(Arc::new(VirtualClock::default()), Box::new(Bench::as_recorded()), 1);
+    match Mount::new(&simulation, point, MountOptions::default()) {
+        Err(MountError::Unfit { why: Unfit::Busy(source), .. }) => assert_eq!(source, "onbrick-sim"),
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(fs::read_to_string(point.join("sys/class/tacho-motor/motor0/position")).unwrap(), "0\n");
+}
+
+#[test]
+fn who_is_not_root_and_has_no_helper_is_told_what_to_install() {
+    if no_fuse() {
+        return;
+    }
+    let helper = ["/usr/bin/fusermount3", "/bin/fusermount3"].iter().any(|path| Path::new(path).exists());
+    if !nix::unistd::geteuid().is_root() || helper {
+        return pass_over("root without fusermount3, to become somebody who cannot mount");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
+    let program = folder.path().join("onbrick");
+    // Somebody else may not be let into the folder where it was built.
+    fs::copy(PROGRAM, &program).unwrap();
+    let point = folder.path().join("brick");
+    let output = Command::new(&program).arg("sim").arg(&point).uid(65_534).gid(65_534).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("fusermount3 is missing") && said.contains("apt install fuse3"), "{said}");
+    assert!(!point.exists(), "nothing was made");
+}
