@@ -418,13 +418,7 @@ impl Brick {
     /// # Errors
     ///
     /// ENODEV for a device that is gone; else the driver's.
-    pub(crate) fn read(
-        &self,
-        id: u32,
-        attribute: &str,
-        now_ns: i64,
-        out: &mut Vec<u8>,
-    ) -> Result<(), Errno> {
+    pub(crate) fn read(&self, id: u32, attribute: &str, now_ns: i64, out: &mut Vec<u8>) -> Result<(), Errno> {
         let driver = self.driver(id).ok_or(Errno::ENODEV)?;
         match self.faults_of(id).and_then(|faults| faults.reading(attribute, now_ns)) {
             Some(Reading::Fails(errno)) => return Err(errno),

@@ -144,7 +144,8 @@ fn state(query: &str, simulation: &Simulation) -> Response<io::Cursor<Vec<u8>>> 
 }
 
 fn text(kind: &str, body: &str) -> Response<io::Cursor<Vec<u8>>> {
-    let headers = [("Content-Type", kind), ("Cache-Control", "no-store"), ("X-Content-Type-Options", "nosniff")];
+    let headers =
+        [("Content-Type", kind), ("Cache-Control", "no-store"), ("X-Content-Type-Options", "nosniff")];
     let headers = headers.iter().filter_map(|(name, value)| Header::from_bytes(*name, *value).ok());
     headers.fold(Response::from_string(body), Response::with_header)
 }

@@ -48,7 +48,7 @@ pub struct RobotView {
     pub y_m: f64,
     /// −180 to 180, anticlockwise from x.
     pub heading_deg: f64,
-    /// Head against body, anticlockwise.
+    /// Head against body, −180 to 180, anticlockwise.
     pub head_deg: f64,
     /// Metres a second; negative backwards.
     pub speed_mps: f64,
@@ -166,10 +166,7 @@ fn bounds(places: impl Iterator<Item = [f64; 2]>, margin_m: f64) -> Bounds {
 fn joined((low, high): Bounds, (other_low, other_high): Bounds) -> Bounds {
     let [x, y] = low;
     let [to_x, to_y] = high;
-    (
-        [x.min(other_low[0]), y.min(other_low[1])],
-        [to_x.max(other_high[0]), to_y.max(other_high[1])],
-    )
+    ([x.min(other_low[0]), y.min(other_low[1])], [to_x.max(other_high[0]), to_y.max(other_high[1])])
 }
 
 /// Reflected light as a colour on a screen, by the screen's own curve.
@@ -204,12 +201,17 @@ impl Simulation {
             let truth = world.truth(robot)?;
             let devices = brick.device_views(state.now_ns);
             let (from, axis_rad, half_rad) = world.sight(robot)?;
-            let beam = |echo_m| Beam { from, axis_deg: degrees(wrap_rad(axis_rad)), half_deg: degrees(half_rad), echo_m };
+            let beam = |echo_m| Beam {
+                from,
+                axis_deg: degrees(wrap_rad(axis_rad)),
+                half_deg: degrees(half_rad),
+                echo_m,
+            };
             Some(RobotView {
                 x_m: truth.x_m,
                 y_m: truth.y_m,
                 heading_deg: degrees(wrap_rad(truth.heading_rad)),
-                head_deg: degrees(truth.head_rad),
+                head_deg: degrees(wrap_rad(truth.head_rad)),
                 speed_mps: truth.speed_mps,
                 travelled_m: truth.travelled_m,
                 touching: truth.touching,
@@ -229,6 +231,12 @@ impl Simulation {
             format!("{:.1} s: {who}{}", seconds(record.time_ns), record.what)
         });
         let (marks, next) = state.trail.as_ref().map_or((Vec::new(), 0), |trail| trail.since(since));
-        Some(View { time_s: seconds(state.now_ns), robots: robots.collect(), marks, next, done: done.collect() })
+        Some(View {
+            time_s: seconds(state.now_ns),
+            robots: robots.collect(),
+            marks,
+            next,
+            done: done.collect(),
+        })
     }
 }

@@ -28,9 +28,9 @@ impl Brick {
                 return Ok(());
             }
             DeviceFault::Write { attribute, value } => {
-                return self.write_as_another(port, attribute, value, now_ns).map_err(|source| {
-                    FaultError::Refused { port, fault: fault.clone(), source }
-                });
+                return self
+                    .write_as_another(port, attribute, value, now_ns)
+                    .map_err(|source| FaultError::Refused { port, fault: fault.clone(), source });
             }
             DeviceFault::Unplug => {
                 if let Some(port) = self.ports.get_mut(port.index()) {

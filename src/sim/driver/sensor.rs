@@ -199,7 +199,9 @@ impl Sensor {
     /// The worse of what was set by hand and what a fault does.
     fn line(&self) -> SerialLine {
         match (self.line, self.faulty_line) {
-            (SerialLine::Resynchronising, _) | (_, SerialLine::Resynchronising) => SerialLine::Resynchronising,
+            (SerialLine::Resynchronising, _) | (_, SerialLine::Resynchronising) => {
+                SerialLine::Resynchronising
+            }
             (SerialLine::Silent, _) | (_, SerialLine::Silent) => SerialLine::Silent,
             _ => SerialLine::Sound,
         }

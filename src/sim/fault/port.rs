@@ -263,7 +263,9 @@ impl Memory {
             DeviceFault::Wrong { scale, offset } => {
                 Some(plausible(kind, mode, values, |value| scaled(value.into(), *scale) + i64::from(*offset)))
             }
-            DeviceFault::Jump { by } if kind == SensorKind::Touch => Some(values.map(|value| i32::from((value == 0) == (*by != 0)))),
+            DeviceFault::Jump { by } if kind == SensorKind::Touch => {
+                Some(values.map(|value| i32::from((value == 0) == (*by != 0))))
+            }
             DeviceFault::Jump { by } => {
                 Some(plausible(kind, mode, values, |value| i64::from(value) + i64::from(*by)))
             }

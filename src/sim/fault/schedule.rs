@@ -61,7 +61,8 @@ impl Faults {
             let Some((_, order)) = self.pending.pop_front() else { break };
             // A scenario's order that does not fit is recorded; nobody waits for its answer.
             if let Err(error) = self.perform(&order, now_ns, bricks, physics) {
-                let why = std::error::Error::source(&error).map_or(String::new(), |cause| format!(" ({cause})"));
+                let why =
+                    std::error::Error::source(&error).map_or(String::new(), |cause| format!(" ({cause})"));
                 self.note(now_ns, order.robot, format!("{}: {error}{why}", order.act));
             }
         }
@@ -145,7 +146,8 @@ impl Faults {
 
 impl Ramp {
     fn volts(&self, now_ns: i64) -> f64 {
-        let share = crate::clock::seconds(now_ns - self.start_ns) / crate::clock::seconds(self.over_ns.max(1));
+        let share =
+            crate::clock::seconds(now_ns - self.start_ns) / crate::clock::seconds(self.over_ns.max(1));
         self.from_v + (self.to_v - self.from_v) * share.clamp(0.0, 1.0)
     }
 }

@@ -189,12 +189,16 @@ fn battery(words: &[&str]) -> Result<Act, Misread> {
 }
 
 fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, Misread> {
-    let number: f64 =
-        text.parse().map_err(|_| Misread::new(format!("`{}` is not a number", shown(text))))?;
+    let number: f64 = text.parse().map_err(|_| Misread::new(format!("`{}` is not a number", shown(text))))?;
     if range.contains(&number) {
         return Ok(number);
     }
-    Err(Misread::new(format!("{} is out of range; it can be {} to {}", shown(text), range.start(), range.end())))
+    Err(Misread::new(format!(
+        "{} is out of range; it can be {} to {}",
+        shown(text),
+        range.start(),
+        range.end()
+    )))
 }
 
 /// The beginning of what a person wrote, for a message.
@@ -216,7 +220,9 @@ impl DeviceFault {
 
     pub(super) fn from_words(words: &[&str]) -> Result<Self, Misread> {
         let Some((word, arguments)) = words.split_first() else {
-            return Err(Misread::new("no fault is named").hint(format!("there are {}", Self::WORDS.join(", "))));
+            return Err(
+                Misread::new("no fault is named").hint(format!("there are {}", Self::WORDS.join(", ")))
+            );
         };
         match (*word, arguments) {
             ("garbage", ["text"]) => return Ok(Self::GarbageText),
@@ -238,12 +244,11 @@ impl DeviceFault {
             "off" => Self::Off,
             "stuck" => Self::Stuck,
             "garbage" => Self::Garbage,
-            "wrong" => {
-                Self::Wrong { scale: numbers.next(1.25, -100.0..=100.0)?, offset: numbers.whole(0, 1_000_000)? }
-            }
-            "slow" => {
-                Self::Slow { times: numbers.whole(10, 100_000)?.max(1).unsigned_abs() }
-            }
+            "wrong" => Self::Wrong {
+                scale: numbers.next(1.25, -100.0..=100.0)?,
+                offset: numbers.whole(0, 1_000_000)?,
+            },
+            "slow" => Self::Slow { times: numbers.whole(10, 100_000)?.max(1).unsigned_abs() },
             "delayed" => Self::Delayed { delay_ns: numbers.milliseconds(200.0, 10_000.0)? },
             "intermittent" => Self::Intermittent { share: numbers.next(0.3, 0.01..=0.99)? },
             "jump" => Self::Jump { by: numbers.whole(90, 1_000_000)? },

@@ -83,7 +83,10 @@ mod tests {
     #[test]
     fn echoes_are_in_metres_and_no_echo_is_none() {
         let near = |echo: Option<Option<f64>>, metres: f64| {
-            assert!(echo.flatten().is_some_and(|found| (found - metres).abs() < 1e-9), "{echo:?} is not {metres}");
+            assert!(
+                echo.flatten().is_some_and(|found| (found - metres).abs() < 1e-9),
+                "{echo:?} is not {metres}"
+            );
         };
         near(sighted_m(&device("lego-ev3-us", "US-DIST-CM", "1234")), 1.234);
         near(sighted_m(&device("lego-ev3-us", "US-DIST-IN", "100")), 0.254);

@@ -37,8 +37,7 @@ pub fn still(simulation: &Simulation) -> String {
         walls: Vec::new(),
         floor: Vec::new(),
     };
-    let nothing =
-        View { time_s: 0.0, robots: Vec::new(), marks: Vec::new(), next: 0, done: Vec::new() };
+    let nothing = View { time_s: 0.0, robots: Vec::new(), marks: Vec::new(), next: 0, done: Vec::new() };
     Picture::new(simulation.room().unwrap_or(empty), simulation.view(0).unwrap_or(nothing)).draw()
 }
 

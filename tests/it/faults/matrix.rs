@@ -14,12 +14,8 @@ use proptest::prelude::*;
 use crate::drivers_bench::{InProcess, Rig};
 
 /// The bench's devices: port, and for sensors two readings and how long a frame takes, ms.
-const SENSORS: [(Port, i32, i32, i64); 4] = [
-    (Port::In1, 1000, 700, 100),
-    (Port::In2, 0, 1, 10),
-    (Port::In3, 40, 60, 4),
-    (Port::In4, 100, 160, 4),
-];
+const SENSORS: [(Port, i32, i32, i64); 4] =
+    [(Port::In1, 1000, 700, 100), (Port::In2, 0, 1, 10), (Port::In3, 40, 60, 4), (Port::In4, 100, 160, 4)];
 const MOTORS: [Port; 3] = [Port::OutA, Port::OutB, Port::OutD];
 
 fn devices() -> impl Iterator<Item = Port> {
@@ -129,9 +125,11 @@ fn a_stuck_device_says_what_it_last_said_and_then_the_truth_again() {
 
 #[test]
 fn a_wrong_device_is_off_by_its_scale_and_a_jump_by_its_counts() {
-    for (fault, expected) in
-        [("wrong 1.25", [1250, 1, 50, 125]), ("jump 30", [1030, 1, 70, 130]), ("wrong 1 -5", [995, 1, 35, 95])]
-    {
+    for (fault, expected) in [
+        ("wrong 1.25", [1250, 1, 50, 125]),
+        ("jump 30", [1030, 1, 70, 130]),
+        ("wrong 1 -5", [995, 1, 35, 95]),
+    ] {
         let rig = rig();
         for ((port, before, ..), expected) in SENSORS.into_iter().zip(expected) {
             let typed = Typed::at(&rig.tree, port);
@@ -151,7 +149,10 @@ fn a_wrong_device_is_off_by_its_scale_and_a_jump_by_its_counts() {
             turn(&rig, port, 80.0);
             rig.pass_ms(10);
             assert_eq!(raw(&rig, port), Ok(expected), "{port} {fault}");
-            assert_eq!(Typed::at(&rig.tree, port).read().unwrap(), f64::from(i32::try_from(expected).unwrap()));
+            assert_eq!(
+                Typed::at(&rig.tree, port).read().unwrap(),
+                f64::from(i32::try_from(expected).unwrap())
+            );
             clear(&rig, port);
             assert_eq!(raw(&rig, port), Ok(80), "{port} after {fault}");
         }
@@ -242,7 +243,8 @@ fn a_device_that_answers_errors_answers_them_to_reads_of_values_and_to_all_write
             inject(&rig, port, fault);
             assert_eq!(raw(&rig, port), Err(errno), "{port}");
             assert_eq!(typed.read().unwrap_err().errno(), Some(errno), "{port}");
-            let (attribute, value) = if live(port) == "position" { ("command", "stop") } else { ("mode", "TOUCH") };
+            let (attribute, value) =
+                if live(port) == "position" { ("command", "stop") } else { ("mode", "TOUCH") };
             assert_eq!(rig.try_write(port.as_str(), attribute, value), Err(errno), "{port}");
             assert!(rig.try_read(port.as_str(), "driver_name").is_ok(), "{port}: the node is still there");
             clear(&rig, port);
@@ -433,7 +435,10 @@ fn a_blocked_wheel_stands_and_a_battery_sags_to_its_end() {
         rig.pass_ms(1000);
         let volts = battery_v(simulation);
         let rest_v = 8.0 - 0.05 * f64::from(second);
-        assert!(volts < last_v && (volts - rest_v).abs() < 0.1, "{volts} V at {second} s, at rest {rest_v} V");
+        assert!(
+            volts < last_v && (volts - rest_v).abs() < 0.1,
+            "{volts} V at {second} s, at rest {rest_v} V"
+        );
         last_v = volts;
     }
     rig.pass_ms(5000);

@@ -122,7 +122,8 @@ fn what_a_scenario_orders_in_vain_is_recorded_with_the_reason() {
     let text = "[[fault]]\nat_s = 0\nport = \"outC\"\nkind = \"reset\"\n[[fault]]\nat_s = 0\nrobot = 3\nport = \"in1\"\nkind = \"stuck\"\n";
     let rig = Rig::recorded();
     rig.bench.simulation.play(&Scenario::parse("vain.toml", text.as_bytes()).unwrap().0);
-    let done: Vec<String> = rig.bench.simulation.faults_done().into_iter().map(|record| record.what).collect();
+    let done: Vec<String> =
+        rig.bench.simulation.faults_done().into_iter().map(|record| record.what).collect();
     assert_eq!(done.len(), 2, "{done:?}");
     assert!(done[0].starts_with("outC reset: `reset` on outC was refused (ENODEV"), "{done:?}");
     assert_eq!(done[1], "in1 stuck: there is no robot 3; there are 1");
