@@ -118,5 +118,9 @@ pub(super) fn speaker(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 }
 
 fn advice(error: &DeviceError) -> &'static str {
-    if error.is_denied() { INPUT_GROUP } else { "is this an EV3 under ev3dev, with its buttons as an input device?" }
+    if error.is_denied() {
+        INPUT_GROUP
+    } else {
+        "is this an EV3 under ev3dev, with its buttons as an input device?"
+    }
 }
