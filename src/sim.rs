@@ -22,6 +22,7 @@ mod mount;
 #[cfg(feature = "host")]
 mod page;
 mod physics;
+mod ports;
 mod sensors;
 mod simulation;
 mod view;
@@ -40,7 +41,8 @@ pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
 #[cfg(feature = "host")]
 pub use page::{Page, PageError};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
-pub use simulation::{Options, Plugged, Port, Simulation, Written};
+pub use ports::Port;
+pub use simulation::{Options, Plugged, Simulation, Written};
 pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};
 pub use world::{Colour, Errors, RobotModel, StartPose, World};
 pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

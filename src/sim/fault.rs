@@ -34,7 +34,7 @@ pub use self::scenario::Scenario;
 pub use self::schedule::FaultRecord;
 pub(crate) use self::schedule::Faults;
 pub use self::text::{Act, Order, OrderError};
-use super::simulation::Port;
+use super::ports::Port;
 use nix::errno::Errno;
 
 /// Why a fault could not be done. Nothing has changed.

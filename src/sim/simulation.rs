@@ -4,7 +4,6 @@
 //! [`STEP_NS`]. With a [`VirtualClock`](crate::clock::VirtualClock) a mission runs as fast as the machine allows.
 
 use std::any::Any;
-use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nix::errno::Errno;
@@ -18,78 +17,10 @@ use super::driver::lcd::LcdGeometry;
 use super::driver::sensor::{GyroMake, SerialLine};
 use super::fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario};
 use super::physics::{Bridge, Physics, STEP_NS};
+use super::ports::Port;
 use super::view::Trail;
 use super::world_physics::WorldPhysics;
 use crate::clock::Clock;
-
-/// A port of the brick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Port {
-    /// `in1`.
-    In1,
-    /// `in2`.
-    In2,
-    /// `in3`.
-    In3,
-    /// `in4`.
-    In4,
-    /// `outA`.
-    OutA,
-    /// `outB`.
-    OutB,
-    /// `outC`.
-    OutC,
-    /// `outD`.
-    OutD,
-}
-
-impl Port {
-    /// Every port, in the order of the brick's own list.
-    pub const ALL: [Self; 8] =
-        [Self::In1, Self::In2, Self::In3, Self::In4, Self::OutA, Self::OutB, Self::OutC, Self::OutD];
-
-    /// The port's short name.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::In1 => "in1",
-            Self::In2 => "in2",
-            Self::In3 => "in3",
-            Self::In4 => "in4",
-            Self::OutA => "outA",
-            Self::OutB => "outB",
-            Self::OutC => "outC",
-            Self::OutD => "outD",
-        }
-    }
-
-    /// The port with a name, short or full (`outB`, `ev3-ports:outB`).
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        let short = name.strip_prefix("ev3-ports:").unwrap_or(name);
-        Self::ALL.into_iter().find(|port| port.as_str() == short)
-    }
-
-    pub(crate) fn index(self) -> usize {
-        self as usize
-    }
-
-    /// Which output port it is, 0 for outA.
-    pub(crate) fn output(self) -> Option<usize> {
-        self.index().checked_sub(Self::OutA.index())
-    }
-
-    /// True for a motor's port.
-    pub(crate) fn is_output(self) -> bool {
-        self.output().is_some()
-    }
-}
-
-impl fmt::Display for Port {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
 
 /// How a brick is made, where bricks differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

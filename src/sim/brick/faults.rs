@@ -2,7 +2,7 @@
 
 use super::{Brick, Device, FIRST_OUTPUT};
 use crate::sim::fault::{DeviceFault, FaultError, PortFaults};
-use crate::sim::simulation::Port;
+use crate::sim::ports::Port;
 use nix::errno::Errno;
 
 impl Brick {
