@@ -95,7 +95,7 @@ fn a_page_is_for_this_machine_and_changes_nothing() {
 
 #[test]
 fn a_view_has_the_truth_and_marks_come_once() {
-    let driven = driven("arena", 1, Arc::new(VirtualClock::default()));
+    let driven = driven("rooms", 1, Arc::new(VirtualClock::default()));
     driven.simulation.watch();
     driven.pass_s(5);
     let view = driven.simulation.view(0).unwrap();
@@ -104,8 +104,8 @@ fn a_view_has_the_truth_and_marks_come_once() {
     assert!((view.time_s - 5.0).abs() < 0.01 && truth.travelled_m > 0.2, "{} s, {truth:?}", view.time_s);
     let ports: Vec<&str> = view.robots[0].devices.iter().map(|device| device.port).collect();
     assert_eq!(ports, ["in1", "in2", "in3", "in4", "outA", "outB", "outD"]);
-    // Echoes lie on walls: the sensor was at its true place when it measured them.
-    let world = World::named("arena").unwrap();
+    // Echoes lie on the wall that the robot faces squarely: the sensor was at its true place when it measured them.
+    let world = World::named("rooms").unwrap();
     let mut distances: Vec<f64> = view
         .marks
         .iter()

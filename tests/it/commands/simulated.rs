@@ -135,7 +135,7 @@ fn a_run_that_is_refused_leaves_no_folder() {
 fn the_start_pose_is_the_worlds_or_the_persons() {
     let folder = tempfile::tempdir().unwrap();
     for (out, pose, expected) in
-        [("given", Some("1.5,-2,90"), [1.5, -2.0, 90.0]), ("worlds", None, [0.0, 0.0, 0.0])]
+        [("given", Some("1.5,-2,90"), [1.5, -2.0, 90.0]), ("worlds", None, [-0.5, 0.0, 30.0])]
     {
         let mut arguments = vec!["run", "map", "--sim", "arena", "--set", "time_limit_s=1", "--out", out];
         arguments.extend(pose.iter().flat_map(|pose| ["--pose", pose]));
