@@ -16,6 +16,7 @@ use super::driver::input::Button;
 use super::driver::lcd::LcdGeometry;
 use super::driver::sensor::{GyroMake, SerialLine};
 use super::physics::{Bridge, Physics, STEP_NS};
+use super::world_physics::WorldPhysics;
 use crate::clock::Clock;
 
 /// A port of the brick.
@@ -55,6 +56,9 @@ pub struct Options {
     /// For so long after a device appeared its files cannot be opened for writing (EACCES), until udev has got round to it.
     /// Nanoseconds; 0 for never.
     pub access_delay_ns: i64,
+    /// Files have the rights that udev's rules of ev3dev give them, instead of those they are born with. Programs look at them: some write
+    /// only to what the group may write to.
+    pub udev: bool,
     /// The screen.
     pub lcd: LcdGeometry,
 }
@@ -355,6 +359,12 @@ impl State {
         for brick in &mut self.bricks {
             brick.step(self.now_ns, self.physics.as_mut());
         }
+    }
+
+    /// The physics, if it is a world's.
+    pub(crate) fn world(&self) -> Option<&WorldPhysics> {
+        let physics: &dyn Any = self.physics.as_ref();
+        physics.downcast_ref()
     }
 
     /// For how long a new device's files cannot be opened for writing.
