@@ -13,19 +13,24 @@
 //! | 5 | some bricks failed |
 
 use std::ffi::OsString;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+mod calibrate;
 mod check;
 mod common;
 mod control;
 mod devices;
+mod doctor;
 mod graph;
 mod halt;
 mod new;
 mod output;
 mod run;
+mod setup;
+mod terminal;
 
 #[cfg(feature = "host")]
 mod export;
@@ -64,6 +69,9 @@ enum Command {
     Check(check::Arguments),
     Graph(graph::Arguments),
     New(new::Arguments),
+    Setup(setup::Arguments),
+    Calibrate(calibrate::Arguments),
+    Doctor(doctor::Arguments),
     Devices(devices::Arguments),
     Halt(halt::Arguments),
     #[cfg(feature = "host")]
@@ -87,7 +95,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let level = [log::LevelFilter::Warn, log::LevelFilter::Info, log::LevelFilter::Debug];
     let level = level.get(usize::from(arguments.verbose)).copied().unwrap_or(log::LevelFilter::Trace);
-    env_logger::Builder::new().filter_level(level).format_timestamp(None).init();
+    env_logger::Builder::new().filter_level(level).format(said).init();
 
     let mut output = Output::new(arguments.json);
     let ended = match arguments.command {
@@ -99,6 +107,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Check(arguments) => check::run(&arguments, &mut output),
         Command::Graph(arguments) => graph::run(&arguments, &mut output),
         Command::New(arguments) => new::run(&arguments, &mut output),
+        Command::Setup(arguments) => setup::run(&arguments, &mut output),
+        Command::Calibrate(arguments) => calibrate::run(&arguments, &mut output),
+        Command::Doctor(arguments) => doctor::run(&arguments, &mut output),
         Command::Devices(arguments) => devices::run(&arguments, &mut output),
         Command::Halt(arguments) => halt::run(&arguments, &mut output),
         #[cfg(feature = "host")]
@@ -112,4 +123,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => output.fail(&failure),
     }
+}
+
+/// A log line as a person reads it: the same form as a failure's.
+fn said(out: &mut env_logger::fmt::Formatter, record: &log::Record<'_>) -> std::io::Result<()> {
+    let text = record.args().to_string();
+    let prefix = match record.level() {
+        log::Level::Error if !text.starts_with("error:") => "error: ",
+        // Findings say "warning:" themselves.
+        log::Level::Warn if !text.starts_with("warning:") => "warning: ",
+        _ => "",
+    };
+    writeln!(out, "{prefix}{}", text.trim_end())
 }

@@ -53,7 +53,7 @@ impl Document {
             Findings::from(vec![finding])
         };
         if bytes.len() > Self::MAX_BYTES {
-            let message = format!("the file has {} bytes; at most {} are read", bytes.len(), Self::MAX_BYTES);
+            let message = format!("the file is too long: at most {} bytes are read", Self::MAX_BYTES);
             return Err(refuse(0, message, "is this the file you meant?"));
         }
         match std::str::from_utf8(bytes) {

@@ -1,4 +1,93 @@
-//! onbrick
+//! onbrick: a runtime that lives on the LEGO EV3 brick under ev3dev.
+//!
+//! One static file is copied to the brick and there senses, decides, drives and maps by itself; a network is never inside the control
+//! loop. The same program on a PC drives a simulated brick and draws what was found. As a library it is typed bindings, a
+//! behaviour engine, a mapper and the tick that joins them, for robots of your own.
+//!
+//! This page is the map of the code: what the parts are, which way the data flows, and what may be relied on.
+//!
+//! # The way the data flows
+//!
+//! ```text
+//!    ev3dev files                                                                  ev3dev files
+//!   attributes ──▶ senses ──▶ estimate ──▶ map ──▶ behaviour machines ──▶ demands ──▶ attributes
+//!                     │           │          │             │
+//!                     └───────────┴──────────┴─────────────┴──▶ recorder ──▶ run.mcap ──▶ plot, export, replay
+//! ```
+//!
+//! One turn of the loop is a *tick*: sense, estimate, map, decide, act, record, in this order, on one thread, from one monotonic
+//! time. A tick allocates nothing, waits for no disk, socket or lock, reads each attribute with one system call, and writes only what
+//! changed and the leases that are due. Tests count all of that (`tests/it/tick.rs`).
+//!
+//! # The parts
+//!
+//! `use` points downwards only; a test holds it to that.
+//!
+//! | part | what it is |
+//! |---|---|
+//! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
+//! | [`report`] | pictures and exports of finished runs (feature `host`) |
+//! | [`runtime`] | a run: checks, control loop, recorder, replay; before it, setting a robot up |
+//! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
+//! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure |
+//! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |
+//! | [`sim`] | simulated brick: world, body, driver behaviour (feature `sim`) |
+//! | [`ev3dev`] | typed devices over attribute files: motors, sensors, ports, lights, battery, buttons, sound |
+//! | [`document`] | files that people write: places, carets, nearest names |
+//! | [`clock`] | monotonic time: real, or virtual for simulation and tests |
+//! | [`units`] | quantities with a legal range, and angles |
+//!
+//! Absences are part of the design: only `ev3dev` touches device files; only `clock` reads a clock or sleeps; `behavior` and
+//! `mapping` do no I/O and take time as an argument; what runs on the tick's path knows no network and no pictures.
+//!
+//! # Processes
+//!
+//! `onbrick run` checks everything and then starts *control* as a process of its own (the same file under a hidden command): the process
+//! that drives. Control writes a heartbeat each tick and ends its run when its starter is gone; the starter shows how it goes.
+//!
+//! # Words
+//!
+//! *Brick*: the root under which `sys/class/...` is found: `/` on the brick, a mount point, or the in-process simulation.
+//! *Robot*: roles bound to ports (`robot.toml`). *Senses*: one tick's readings in SI units. *Demands*: what the machines want of the
+//! actuators. *Machine*, *state*, *transition*: one finite-state machine of a mission. *Mission*: machines that run side by side
+//! (`mission.toml`). *Run*: one execution of a mission, recorded in one `run.mcap`. *World*: a simulated room (`world.toml`).
+//! *Lease*: a motion that the kernel itself ends unless it is renewed.
+//!
+//! # Conventions
+//!
+//! Everywhere x is ahead, y left, anticlockwise positive; metres, seconds and radians in code and recordings; names carry the unit where
+//! a person writes them (`range_m`, `head_deg`, `left_dps`: degrees a second at the wheel's axle). The gyro's clockwise-positive reading
+//! is turned round in [`robot`], and nowhere else. Time is integer nanoseconds.
+//!
+//! What a recording can be replayed through computes the same bits on a PC and on the brick: one float type (`f64`), sines and their
+//! like through `libm` (a clippy list keeps `f64::sin` and the others out), no order from hash maps, ChaCha8 where there is
+//! chance.
+//!
+//! # Motion
+//!
+//! Every motion that a mission makes, the head's too, is a lease ([`robot::LeasedMotor`]): `run-timed` for 300 ms, renewed about every
+//! 100 ms while the loop is healthy, ramps 0, stop action brake. A position is reached by deciding the speed tick by tick. A process that is
+//! killed or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's end, an error, a panic,
+//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A lock that names its owner gives the
+//! hardware to one run at a time; between runs nothing of ours touches a motor.
+//!
+//! # What may never happen
+//!
+//! - A motor that turns after the process that commanded it is gone, hung, or was told to stop.
+//! - A motor of ours moved by anyone who is not the run's owner; a motor of someone else's moved by us.
+//! - A reading that was not read: no default, no zero, no last value without its age.
+//! - A map record lost that was synced, a wrong record taken for a right one, a cut file that cannot be opened.
+//! - A wait for network, entropy or disk before or during motion.
+//!
+//! # Features
+//!
+//! With none, the library is bindings, engine, mapping and tick. `sim` adds the simulated brick, `host` pictures and progress bars,
+//! `cli` (implied by `host`) the commands. `sim` and `host` are on by default.
+//!
+//! # Not here yet
+//!
+//! The service, the network link, the guard process, the menu and the package for the brick are issues of their own.
+
 pub mod behavior;
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -57,7 +57,7 @@ pub struct Robot {
     remote: Option<InfraredSensor>,
     battery: Option<Battery>,
     battery_due_ns: i64,
-    buttons: Option<Buttons>,
+    buttons: Result<Buttons, DeviceError>,
     lights: Option<StatusLights>,
     sound: Option<Sound>,
     led: Option<Led>,
@@ -116,6 +116,15 @@ impl Robot {
         let optional = optional.into_iter().filter(|(_, there)| *there).map(|(channel, _)| channel);
         let colour = self.colour.iter().map(|(_, channel)| *channel);
         [Channel::Left, Channel::Right].into_iter().chain(optional).chain(colour).chain(motors)
+    }
+
+    /// Whether a person can stop the robot by a button, or why not.
+    ///
+    /// # Errors
+    ///
+    /// What opening the buttons gave.
+    pub fn stop_button(&self) -> Result<(), &DeviceError> {
+        self.buttons.as_ref().map(|_| ())
     }
 
     /// Reads everything once, one system call an attribute, and notes it in `senses`, whose tick and time the caller has set. True if
@@ -227,6 +236,12 @@ impl Robot {
         reading.or_else(|| self.refused.as_ref().map(ToString::to_string))
     }
 
+    /// Why a channel could not be read the last time that anything could not be.
+    #[must_use]
+    pub fn trouble_with(&self, channel: Channel) -> Option<&DeviceError> {
+        self.trouble.as_ref().filter(|(troubled, _)| *troubled == channel).map(|(_, error)| error)
+    }
+
     /// Tells people near that the robot is about to move: three seconds of orange light and beeps, or until `stopped`.
     pub fn announce(&mut self, clock: &dyn Clock, stopped: &dyn Fn() -> bool) {
         const BEEP_HZ: i32 = 880;
@@ -244,7 +259,7 @@ impl Robot {
 
     /// Enter or Back went down since the last look, or is held down.
     fn stop_pressed(&mut self) -> bool {
-        let Some(buttons) = &mut self.buttons else { return false };
+        let Ok(buttons) = &mut self.buttons else { return false };
         let Ok(changes) = buttons.changes() else { return false };
         [Button::Enter, Button::Back].into_iter().any(|stop| changes.pressed.contains(stop))
     }

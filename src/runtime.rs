@@ -1,14 +1,17 @@
 //! A run: one execution of a mission, from the checks before anything moves to the recording that is left.
 //!
-//! [`execute`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
+//! [`execute()`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
 //! robot stands still and is in order (`prepare`), ticks (`control`), and leaves every motor stopped whichever way the run ends. The
-//! tick's thinking is the [`Pilot`]'s, which [`replay`] drives with recorded senses.
+//! tick's thinking is the [`Pilot`]'s, which [`replay()`] drives with recorded senses.
 //!
 //! ```text
 //! prepare ─▶ control: robot ─▶ pilot ─▶ robot        every tick
 //!                        └───────┴─▶ recorder ─▶ run.mcap
 //!            replay:  run.mcap ─▶ pilot ─▶ compared with run.mcap
 //! ```
+//!
+//! Before there is a run, a robot is set up: [`setup`](setup()) writes `robot.toml` by asking, [`calibrate`](calibrate()) measures it by driving,
+//! [`examine`] looks whether all is in order. They talk with a person through a [`Dialogue`], on a terminal or on the brick.
 //!
 //! # Not here
 //!
@@ -21,22 +24,35 @@ use serde::{Deserialize, Serialize};
 use crate::mapping::Pose;
 use crate::robot::Channel;
 
+mod calibrate;
 mod control;
+mod dialogue;
+mod doctor;
 mod execute;
+pub mod guard;
 mod lock;
 mod names;
 mod pilot;
 mod prepare;
 pub mod recording;
 mod replay;
+pub mod save;
+mod setup;
 mod stall;
 
+pub use calibrate::{
+    ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
+    calibrate, set_numbers,
+};
 pub use control::{Control, STALL_NS, StopFlags, Tally};
+pub use dialogue::{Dialogue, NoAnswer};
+pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
-pub use pilot::{Pilot, PilotError, Step};
+pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, map_again, replay, replay_with};
+pub use setup::{Draft, DraftHead, DraftMotor, DraftRange, SetupError, setup};
 
 /// A file as it was read, with the name that findings use.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,8 +116,10 @@ pub enum Event {
     Status(recording::Status),
     /// The run did not start.
     Refused {
-        /// Why, and what to do.
+        /// Why.
         message: String,
+        /// What to do, where the message does not say it.
+        hint: Option<String>,
     },
     /// The run is over.
     Ended(Ended),

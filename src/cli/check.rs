@@ -1,10 +1,10 @@
 //! `onbrick check`: is a mission in order?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::{load_mission, load_robot, read_source, shipped_mission};
+use super::common::{load_mission, load_robot, read_mission};
 use super::{Failure, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::document::Finding;
@@ -28,6 +28,9 @@ struct Checked<'f> {
     mission: String,
     ok: bool,
     findings: Vec<&'f Finding>,
+    /// Why the file could not even be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<&'f str>,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
@@ -37,7 +40,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     };
     let mut broken = 0;
     for path in &arguments.missions {
-        let source = read_source(path, shipped_mission)?;
+        let source = match read_mission(path) {
+            Ok(source) => source,
+            Err(unread) => {
+                broken += 1;
+                show_unread(path, &unread, output);
+                continue;
+            }
+        };
         let (mission, findings) = match load_mission(&source, &capabilities) {
             Ok((mission, warnings)) => (Some(mission), warnings),
             Err(findings) => (None, findings),
@@ -47,6 +57,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             mission: source.name.clone(),
             ok: mission.is_some(),
             findings: findings.iter().collect(),
+            error: None,
         };
         let verdict = mission.as_ref().map_or_else(|| "broken".to_owned(), summary);
         output.show(format!("{findings}{}: {verdict}", source.name), &checked);
@@ -56,6 +67,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         1 => Err(Failure::refused("1 mission is not in order")),
         more => Err(Failure::refused(format!("{more} missions are not in order"))),
     }
+}
+
+/// One file that cannot be read does not keep the others from being checked.
+fn show_unread(path: &Path, unread: &Failure, output: &mut Output) {
+    let mission = path.display().to_string();
+    let text = format!("{}\n{mission}: broken", unread.to_text());
+    output.show(text, &Checked { mission, ok: false, findings: Vec::new(), error: Some(&unread.message) });
 }
 
 fn summary(mission: &Mission) -> String {

@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::behavior::{Capabilities, Mission};
-use crate::document::{Document, Findings};
+use crate::document::{Document, Findings, nearest};
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
 use crate::report::{Scene, Track};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
-use crate::runtime::recording::Run;
+use crate::runtime::recording::{ReadError, Run};
 use crate::runtime::{Event, Source};
 
 /// A robot's file as it was read, and what it says.
@@ -34,6 +35,24 @@ pub(super) fn read_source(
     Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
 }
 
+/// Reads a mission's file, or takes a shipped one.
+pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
+    read_source(path, shipped_mission).map_err(|failure| {
+        let names = crate::behavior::shipped::MISSIONS.map(|mission| mission.name);
+        hint_at_names(failure, path, "mission", &names)
+    })
+}
+
+/// The way out where a file that may also be a name is neither; one that is there says itself what is wrong with it.
+fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> Failure {
+    if path.is_file() {
+        return failure;
+    }
+    let nearest = nearest(&path.to_string_lossy(), names.iter().copied());
+    let nearest = nearest.map(|hint| format!("; {hint}")).unwrap_or_default();
+    failure.hint(format!("a {what}'s file, or one of {}{nearest}", names.join(", ")))
+}
+
 /// Reads at most one byte more than a document may have: enough to say that it is too long.
 fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     let failed = |error: &std::io::Error| {
@@ -47,14 +66,16 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
+const SHOW_ROBOT: &str = "onbrick new robot, which shows a whole file with comments";
+
 /// Loads a robot's file, or the shipped one; warnings go to the log.
 pub(super) fn load_robot(path: Option<&Path>, _output: &mut Output) -> Result<LoadedRobot, Failure> {
     let source = match path {
-        Some(path) => read_source(path, |_| None)?,
+        Some(path) => read_source(path, |_| None).map_err(|failure| failure.hint(SHOW_ROBOT))?,
         None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
     };
     let (config, warnings) = RobotConfig::load(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+        .map_err(|findings| Failure::refused(findings.to_string()).hint(SHOW_ROBOT))?;
     warn(&warnings);
     Ok(LoadedRobot { source, config })
 }
@@ -65,11 +86,20 @@ pub(super) fn shipped_mission(name: &str) -> Option<&'static str> {
 }
 
 /// Loads a mission for a robot.
+///
+/// # Errors
+///
+/// What was found; [`broken_mission`] makes a failure of it.
 pub(super) fn load_mission(
     source: &Source,
     capabilities: &Capabilities,
 ) -> Result<(Mission, Findings), Findings> {
     Mission::parse(&source.name, source.text.as_bytes(), capabilities)
+}
+
+/// The failure of a mission that does not load.
+pub(super) fn broken_mission(findings: &Findings) -> Failure {
+    Failure::refused(findings.to_string()).hint("onbrick new mission, which shows a whole file with comments")
 }
 
 /// Puts warnings to the log: the file can be used all the same.
@@ -124,8 +154,14 @@ impl LoadedRun {
 /// Reads a recording; what a person should know about it goes to the log.
 pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     let name = path.display().to_string();
-    let run = Run::open(path)
-        .map_err(|error| Failure::from_error(Exit::Refused, &format!("cannot use {name}"), &error))?;
+    let run = Run::open(path).map_err(|error| {
+        let message = match &error {
+            // This one names the file itself.
+            ReadError::Io { .. } => with_causes(&error),
+            _ => format!("cannot use {name}: {}", with_causes(&error)),
+        };
+        Failure::refused(message).hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
+    })?;
     for warning in &run.warnings {
         log::warn!("{name}: {warning}");
     }
@@ -156,6 +192,15 @@ fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     None
 }
 
+/// Refuses to write over a file that is there.
+pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
+    if path.exists() {
+        return Err(Failure::refused(format!("{} is there already", path.display()))
+            .hint("another name: a file that is there is never written over"));
+    }
+    Ok(())
+}
+
 /// Writes a file that did not need to be kept.
 #[cfg(feature = "host")]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
@@ -168,15 +213,28 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 #[cfg(feature = "sim")]
 pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
     let source = read_source(path, crate::sim::World::text).map_err(|failure| {
-        let names = crate::sim::World::names().collect::<Vec<_>>().join(", ");
-        failure.hint(format!("a world's file, or one of {names}"))
+        let names = crate::sim::World::names().collect::<Vec<_>>();
+        hint_at_names(failure, path, "world", &names)
     })?;
-    let (world, warnings) = crate::sim::World::parse(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (world, warnings) =
+        crate::sim::World::parse(&source.name, source.text.as_bytes()).map_err(|findings| {
+            Failure::refused(findings.to_string())
+                .hint("onbrick new world, which shows a whole file with comments")
+        })?;
     warn(&warnings);
     let start = world.starts().first();
     let start = start.map(|start| Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
     Ok((source, start.unwrap_or_default()))
+}
+
+/// Below this folder is no brick.
+pub(super) fn no_brick(root: &Path) -> Failure {
+    let root = root.display();
+    Failure::new(
+        Exit::Failed,
+        format!("there is no brick below {root}: no devices of ev3dev in its sys/class"),
+    )
+    .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick")
 }
 
 /// What a person sees of a run while it goes on.

@@ -39,15 +39,18 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     pipe.set_blocking(true);
     match ended {
         Ok(ended) => pipe.send(&Event::Ended(ended)),
-        Err(refused) => pipe.send(&Event::Refused { message: refused.to_text() }),
+        Err(refused) => pipe
+            .send(&Event::Refused { message: refused.to_text(), hint: refused.way_out().map(str::to_owned) }),
     }
     Ok(())
 }
 
 fn read_job() -> Result<Job, Failure> {
     let mut line = String::new();
-    let failed =
-        |error: &dyn std::error::Error| Failure::from_error(Exit::Usage, "standard input has no job", error);
+    let failed = |error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Usage, "standard input has no job", error)
+            .hint("onbrick run, which starts this process and gives it its job")
+    };
     io::stdin().lock().take(LONGEST_JOB).read_line(&mut line).map_err(|error| failed(&error))?;
     serde_json::from_str(&line).map_err(|error| failed(&error))
 }
@@ -77,10 +80,9 @@ impl Pipe {
     }
 
     fn write(&self, bytes: &[u8]) {
-        match nix::unistd::write(io::stdout().as_fd(), bytes) {
-            Err(Errno::EPIPE) => self.closed.store(true, Ordering::Relaxed),
-            // A reader that lags misses a line; the next one is no worse.
-            Ok(_) | Err(_) => {}
+        // A reader that lags misses a line (EAGAIN); the next one is no worse.
+        if nix::unistd::write(io::stdout().as_fd(), bytes) == Err(Errno::EPIPE) {
+            self.closed.store(true, Ordering::Relaxed);
         }
     }
 

@@ -10,7 +10,7 @@ use super::common::{
 };
 use super::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
-use crate::mapping::{Pose, stats};
+use crate::mapping::stats;
 use crate::report::{export, plot};
 use crate::runtime::{Brick, Job, NoHeartbeat, Source, StopFlags, execute};
 use crate::sim::World;
@@ -56,6 +56,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let job = job(arguments, output)?;
     std::fs::create_dir_all(&arguments.out).map_err(|error| {
         Failure::from_error(Exit::Refused, &format!("cannot make {}", arguments.out.display()), &error)
+            .hint("--out with a folder that can be written to")
     })?;
     let robot = load_robot(None, output)?;
     let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())
@@ -70,7 +71,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let shown = std::sync::Arc::clone(&progress);
     let ended = execute(&job, &flags, &mut NoHeartbeat, move |event| shown.show(event));
     progress.finish();
-    let ended = ended.map_err(|refused| Failure::refused(refused.to_text()))?;
+    let ended = ended.map_err(|refused| Failure::of_refused(refused.to_text(), refused.way_out()))?;
     output.line(ended.to_string());
     if !ended.wanted {
         return Err(Failure::new(Exit::Failed, ended.reason));

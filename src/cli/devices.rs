@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::common::no_brick;
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{Inventory, LocalTree, Tree};
@@ -34,15 +35,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             inventory.devices.retain(|entry| entry.class != "lego-port");
         }
         if inventory.devices.is_empty() && inventory.battery.is_none() {
-            let root = arguments.brick.display();
-            return Err(Failure::new(
-                Exit::Failed,
-                format!("there is no brick below {root}: no sys/class of ev3dev"),
-            )
-            .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick"));
+            return Err(no_brick(&arguments.brick));
         }
         output.show(table(&inventory), &inventory);
-        if !arguments.watch {
+        // A watch that nobody reads any more ends.
+        if !arguments.watch || output.is_closed() {
             return Ok(());
         }
         output.line("");

@@ -7,6 +7,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde::Serialize;
 
+use super::common::no_brick;
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{LocalTree, Tree};
@@ -37,6 +38,10 @@ const PATIENCE_NS: i64 = SECOND_NS / 2;
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let clock = MonotonicClock;
     let stopped_run = stop_owner(arguments, &clock)?;
+    // A brick without motors is still; a folder that is no brick is a slip, and the robot may be driving elsewhere.
+    if !arguments.brick.join("sys/class").is_dir() {
+        return Err(no_brick(&arguments.brick));
+    }
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     let failed = |error: &dyn std::error::Error| {
         Failure::from_error(Exit::Failed, "cannot stop the motors", error)

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::common::shipped_mission;
+use super::common::{must_be_new, shipped_mission};
 use super::{Exit, Failure, Output};
 use crate::behavior::shipped;
+use crate::document::nearest;
 
 /// Write a commented template: a mission, a robot or a world.
 ///
@@ -30,6 +31,12 @@ enum What {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    if arguments.from.is_some() && !matches!(arguments.what, What::Mission) {
+        return Err(Failure::new(
+            Exit::Usage,
+            "--from is only for a mission: there is one robot and one world to start from",
+        ));
+    }
     let text = match arguments.what {
         What::Robot => crate::robot::DEFAULT_ROBOT,
         #[cfg(feature = "sim")]
@@ -37,24 +44,22 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         What::Mission => match &arguments.from {
             None => shipped::TEMPLATE,
             Some(name) => shipped_mission(name).ok_or_else(|| {
-                let names = shipped::MISSIONS.map(|mission| mission.name).join(", ");
+                let names = shipped::MISSIONS.map(|mission| mission.name);
+                let nearest = nearest(name, names).map(|hint| format!("; {hint}")).unwrap_or_default();
                 Failure::new(Exit::Usage, format!("there is no shipped mission `{name}`"))
-                    .hint(format!("one of {names}"))
+                    .hint(format!("one of {}{nearest}", names.join(", ")))
             })?,
         },
     };
     let Some(path) = &arguments.file else {
-        output.raw(text);
+        output.text(text, &serde_json::json!({ "text": text }));
         return Ok(());
     };
+    must_be_new(path)?;
     let written = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
     written.and_then(|mut file| std::io::Write::write_all(&mut file, text.as_bytes())).map_err(|error| {
-        let failure = Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), &error);
-        if error.kind() == std::io::ErrorKind::AlreadyExists {
-            failure.hint("another name: a file that is there is never overwritten")
-        } else {
-            failure
-        }
+        Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), &error)
+            .hint("a name in a folder that is there and can be written to")
     })?;
     output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
     Ok(())

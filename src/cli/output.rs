@@ -45,15 +45,25 @@ impl Failure {
         Self::new(Exit::Refused, message)
     }
 
+    /// A run did not start; nothing moved.
+    pub fn of_refused(message: impl Into<String>, way_out: Option<&str>) -> Self {
+        Self { hint: way_out.map(str::to_owned), ..Self::refused(message) }
+    }
+
     /// An error with all its causes, after what was being done.
     pub fn from_error(exit: Exit, doing: &str, error: &dyn Error) -> Self {
-        let mut message = format!("{doing}: {error}");
-        let mut cause = error.source();
-        while let Some(error) = cause {
-            let _ = write!(message, ": {error}");
-            cause = error.source();
-        }
-        Self::new(exit, message)
+        Self::new(exit, format!("{doing}: {}", with_causes(error)))
+    }
+
+    /// What a person reads.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        let message = self.message.trim_end();
+        // Findings say "error:" themselves, once each.
+        let prefix =
+            if message.starts_with("error:") || message.starts_with("warning:") { "" } else { "error: " };
+        let hint = self.hint.as_ref().map(|hint| format!("\n  try: {hint}")).unwrap_or_default();
+        format!("{prefix}{message}{hint}")
     }
 
     /// The same failure with a way out.
@@ -64,23 +74,41 @@ impl Failure {
     }
 }
 
+/// An error and all its causes, as a person reads it.
+pub(super) fn with_causes(error: &dyn Error) -> String {
+    let mut message = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let _ = write!(message, ": {error}");
+        cause = error.source();
+    }
+    message
+}
+
 /// Where a command prints to.
 #[derive(Debug)]
 pub struct Output {
     json: bool,
+    closed: bool,
 }
 
 impl Output {
     /// Text for people, or JSON for programs.
     #[must_use]
     pub fn new(json: bool) -> Self {
-        Self { json }
+        Self { json, closed: false }
     }
 
     /// True where a program reads the output.
     #[must_use]
     pub fn is_json(&self) -> bool {
         self.json
+    }
+
+    /// True once the reader of the output has gone away.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.closed
     }
 
     /// True where a person watches: progress is worth showing.
@@ -92,7 +120,7 @@ impl Output {
     /// Prints a line of text for people; nothing where a program reads.
     pub fn line(&mut self, text: impl AsRef<str>) {
         if !self.json {
-            print(text.as_ref());
+            self.print(text.as_ref());
         }
     }
 
@@ -100,7 +128,9 @@ impl Output {
     pub fn value(&mut self, value: &impl Serialize) {
         if self.json {
             // Values of ours are plain structs; what cannot be JSON would be a mistake in the program, and is said as such.
-            print(&serde_json::to_string(value).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}")));
+            self.print(
+                &serde_json::to_string(value).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}")),
+            );
         }
     }
 
@@ -110,9 +140,9 @@ impl Output {
         self.value(value);
     }
 
-    /// Prints text as it is, whoever reads it: a file's contents.
-    pub fn raw(&mut self, text: &str) {
-        print(text.trim_end_matches('\n'));
+    /// Prints the same thing to whoever reads it: a file's text as it is, for a program as the value.
+    pub fn text(&mut self, text: &str, value: &impl Serialize) {
+        self.show(text.trim_end_matches('\n'), value);
     }
 
     /// Says on the error stream why a command failed, and gives its exit code.
@@ -125,17 +155,13 @@ impl Output {
         }
         let exit = failure.exit as u8;
         self.value(&Said { error: &failure.message, hint: failure.hint.as_deref(), exit });
-        let message = failure.message.trim_end();
-        // Findings say "error:" themselves, once each.
-        let prefix =
-            if message.starts_with("error:") || message.starts_with("warning:") { "" } else { "error: " };
-        let hint = failure.hint.as_ref().map(|hint| format!("\n  try: {hint}")).unwrap_or_default();
-        let _ = writeln!(io::stderr(), "{prefix}{message}{hint}");
+        let _ = writeln!(io::stderr(), "{}", failure.to_text());
         ExitCode::from(exit)
     }
-}
 
-/// A reader that has gone away (`onbrick … | head`) is no failure.
-fn print(text: &str) {
-    let _ = writeln!(io::stdout().lock(), "{text}");
+    /// A reader that has gone away (`onbrick … | head`) is no failure.
+    fn print(&mut self, text: &str) {
+        let mut out = io::stdout().lock();
+        self.closed |= writeln!(out, "{text}").and_then(|()| out.flush()).is_err();
+    }
 }

@@ -1,6 +1,6 @@
 //! `onbrick plot`: runs as a picture.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::common::{open_run, scene_of, write_file};
 use super::{Exit, Failure, Output};
@@ -26,19 +26,14 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let kind = Kind::of(&arguments.output)?;
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
     let scene = scene_of(&runs, arguments.title.as_deref());
     let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
-    let ending = arguments.output.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-    let bytes = match ending.as_deref() {
-        Some("svg") => plot::svg(&scene).map_err(|error| failed(&error))?.into_bytes(),
-        Some("png") => plot::png(&scene).map_err(|error| failed(&error))?,
-        Some("html") => plot::html(&scene).into_bytes(),
-        _ => {
-            let name = arguments.output.display();
-            return Err(Failure::new(Exit::Usage, format!("what kind of picture is {name}?"))
-                .hint("a name that ends in .svg, .png or .html"));
-        }
+    let bytes = match kind {
+        Kind::Svg => plot::svg(&scene).map_err(|error| failed(&error))?.into_bytes(),
+        Kind::Png => plot::png(&scene).map_err(|error| failed(&error))?,
+        Kind::Html => plot::html(&scene).into_bytes(),
     };
     write_file(&arguments.output, &bytes)?;
     output.show(
@@ -46,4 +41,25 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         &serde_json::json!({ "wrote": arguments.output }),
     );
     Ok(())
+}
+
+/// What kind of picture a file's name asks for.
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Svg,
+    Png,
+    Html,
+}
+
+impl Kind {
+    fn of(file: &Path) -> Result<Self, Failure> {
+        let ending = file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        match ending.as_deref() {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            Some("html") => Ok(Self::Html),
+            _ => Err(Failure::new(Exit::Usage, format!("what kind of picture is {}?", file.display()))
+                .hint("a name that ends in .svg, .png or .html")),
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::common::{load_robot, open_run};
+use super::common::{load_robot, must_be_new, open_run};
 use super::{Exit, Failure, Output};
 use crate::runtime::{replay, replay_with};
 
@@ -30,6 +30,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let name = arguments.run.display().to_string();
     let recorded = open_run(&arguments.run)?.run;
     if let (Some(robot), Some(out)) = (&arguments.robot, &arguments.out) {
+        must_be_new(out)?;
         let robot = load_robot(Some(robot), output)?;
         let made = replay_with(&recorded, &robot.source, out)
             .map_err(|error| failed(&format!("cannot make {}", out.display()), &error))?;

@@ -8,7 +8,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::common::{load_mission, load_robot, pose, read_source, setting, shipped_mission, warn};
+use super::common::{broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, warn};
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -60,13 +60,19 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let robot = load_robot(arguments.robot.as_deref(), output)?;
-    let source = read_source(&arguments.mission, shipped_mission)?;
-    let (mission, warnings) = load_mission(&source, &robot.config.capabilities())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let source = read_mission(&arguments.mission)?;
+    let (mut mission, warnings) =
+        load_mission(&source, &robot.config.capabilities()).map_err(|findings| broken_mission(&findings))?;
     warn(&warnings);
+    for (name, value) in &arguments.set {
+        mission
+            .set(name, *value)
+            .map_err(|error| Failure::from_error(Exit::Usage, &format!("--set {name}={value}"), &error))?;
+    }
     let (brick, start) = brick(arguments)?;
     let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose { x_m, y_m, heading_rad: radians(deg) });
-    let file = recording(arguments.out.as_deref(), mission.name())?;
+    let folder = Folder::make(arguments.out.as_deref(), mission.name())?;
+    let file = folder.path.join("run.mcap");
     let job = Job {
         mission: source,
         robot: robot.source,
@@ -76,8 +82,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         file: file.clone(),
         sync_ns: nanoseconds(arguments.sync_s),
     };
-    let ended = drive(&job, &mission, output)?;
-    output.show(format!("{ended}\nrecorded in {}", file.display()), &ended);
+    let ended = drive(&job, &mission, output).inspect_err(|_| folder.take_back())?;
+    // A program has read it already: it was the last event.
+    output.line(format!("{ended}\nrecorded in {}", file.display()));
     if ended.wanted {
         Ok(())
     } else {
@@ -90,38 +97,52 @@ fn sync_period(text: &str) -> Result<f64, String> {
     if (0.1..=60.0).contains(&seconds) { Ok(seconds) } else { Err("it can be 0.1 to 60".to_owned()) }
 }
 
-#[cfg(feature = "sim")]
+/// Where the robot is, and its pose at the start where the world says it.
 fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
-    let Some(path) = &arguments.sim else {
-        return Ok((Brick::Local(arguments.brick.clone()), Pose::default()));
-    };
-    let (world, start) = super::common::load_world(path)?;
-    Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start))
-}
-
-#[cfg(not(feature = "sim"))]
-fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
+    #[cfg(feature = "sim")]
+    if let Some(path) = &arguments.sim {
+        let (world, start) = super::common::load_world(path)?;
+        return Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start));
+    }
+    if !arguments.brick.join("sys/class").is_dir() {
+        return Err(Failure { exit: Exit::Refused, ..no_brick(&arguments.brick) });
+    }
     Ok((Brick::Local(arguments.brick.clone()), Pose::default()))
 }
 
-/// The recording's path in a folder of its own; a recording that is there is never written over.
-fn recording(out: Option<&Path>, mission: &str) -> Result<PathBuf, Failure> {
-    let failed = |folder: &Path, error: &std::io::Error| {
-        Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
-            .hint("--out with a folder that can be written to")
-    };
-    let folder = match out {
-        Some(folder) => folder.to_owned(),
-        None => next_free(Path::new("onbrick-runs"), mission),
-    };
-    std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
-    let file = folder.canonicalize().map_err(|error| failed(&folder, &error))?.join("run.mcap");
-    if file.exists() {
-        return Err(
-            Failure::refused(format!("{} is there already", file.display())).hint("another folder for --out")
-        );
+/// A recording's own folder.
+struct Folder {
+    path: PathBuf,
+    /// The folders that were not there before, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Makes the folder where it is not there; a recording that is there is never written over.
+    fn make(out: Option<&Path>, mission: &str) -> Result<Self, Failure> {
+        let folder = out.map_or_else(|| next_free(Path::new("onbrick-runs"), mission), Path::to_owned);
+        let failed = |error: &std::io::Error| {
+            Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
+                .hint("--out with a folder that can be written to")
+        };
+        let named = folder.ancestors().filter(|folder| !folder.as_os_str().is_empty());
+        let made = named.take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
+        std::fs::create_dir_all(&folder).map_err(|error| failed(&error))?;
+        let path = folder.canonicalize().map_err(|error| failed(&error))?;
+        let file = path.join("run.mcap");
+        if file.exists() {
+            return Err(Failure::refused(format!("{} is there already", file.display()))
+                .hint("another folder for --out: a recording is never written over"));
+        }
+        Ok(Self { path, made })
     }
-    Ok(file)
+
+    /// A run that was refused leaves no empty folder. One that is not empty stays.
+    fn take_back(&self) {
+        for folder in &self.made {
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
 }
 
 /// `onbrick-runs/map-1`, `map-2` and so on: a brick's clock may stand at 1970, so no dates.
@@ -163,7 +184,7 @@ fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Fai
     drop(pipe);
     match last {
         Some(Event::Ended(ended)) => Ok(ended),
-        Some(Event::Refused { message }) => Err(Failure::refused(message)),
+        Some(Event::Refused { message, hint }) => Err(Failure::of_refused(message, hint.as_deref())),
         _ => Err(Failure::new(Exit::Failed, format!("control ended without a word ({status})"))
             .hint("onbrick halt, to be sure that the motors are still")),
     }

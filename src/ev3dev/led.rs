@@ -142,6 +142,18 @@ impl StatusLights {
         })
     }
 
+    /// Whether the lights could be switched; nothing is.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Other`] with EACCES for a user who is not in the group `ev3dev`.
+    pub fn check_writable(&self) -> Result<(), DeviceError> {
+        for led in [&self.left.0, &self.left.1, &self.right.0, &self.right.1] {
+            led.files.brightness.open_for_writing(&led.node)?;
+        }
+        Ok(())
+    }
+
     /// Takes the lights from whatever else switches them: brickman lets them blink while a program runs.
     ///
     /// # Errors

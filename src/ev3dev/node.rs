@@ -148,10 +148,20 @@ impl<T> Attribute<T> {
         Err(node.error(self.spec.name, Some(first_line(bytes)), cause))
     }
 
+    /// The error for a value that was read, and cannot be.
+    pub(crate) fn malformed(&self, node: &Node, value: &str, legal: Legal) -> DeviceError {
+        node.error(self.spec.name, Some(value.as_bytes()), Cause::Malformed(legal))
+    }
+
     /// Waits until the driver says that the attribute changed.
     pub(crate) fn wait_changed(&self, node: &Node, timeout: Duration) -> Result<bool, DeviceError> {
         let file = kept(&self.reader, || node.open(self.spec.name, Access::Read))?;
         file.wait_changed(timeout).map_err(|errno| node.error(self.spec.name, None, self.read_cause(errno)))
+    }
+
+    /// Opens the file for writing, which shows whether one may, and writes nothing.
+    pub(crate) fn open_for_writing(&self, node: &Node) -> Result<(), DeviceError> {
+        kept(&self.writer, || node.open(self.spec.name, Access::Write)).map(|_| ())
     }
 
     pub(crate) fn is_open_for_writing(&self) -> bool {

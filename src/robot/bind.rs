@@ -87,7 +87,7 @@ impl Robot {
             // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
             battery: Battery::open(tree).ok(),
             battery_due_ns: 0,
-            buttons: Buttons::open(tree, BUTTONS_PATH).ok(),
+            buttons: Buttons::open(tree, BUTTONS_PATH),
             lights: StatusLights::open(tree).ok(),
             sound: Sound::open(tree, SOUND_PATH).ok(),
             led: None,

@@ -21,7 +21,7 @@ use crate::ev3dev::StopAction;
 use crate::robot::{Channel, Robot, Senses};
 
 use super::pilot::{Pilot, Step};
-use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide, Timing};
+use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
 use super::{Heartbeat, StopReason};
 
 /// A tick this late ends the run, nanoseconds.
@@ -141,8 +141,7 @@ impl Control<'_> {
             let step = self.tick(&mut senses, &mut demands, late_ns);
             if senses.time_ns >= checkpoint_ns {
                 checkpoint_ns = senses.time_ns + CHECKPOINT_NS;
-                let (estimator, machines) = self.pilot.state();
-                self.recorder.checkpoint(senses.tick, senses.time_ns, &estimator, machines);
+                self.recorder.checkpoint(senses.tick, senses.time_ns, &self.pilot.state());
             }
             if step.paused != paused {
                 paused = step.paused;
@@ -193,7 +192,7 @@ impl Control<'_> {
             estimate,
             point: step.point,
             range_is_new,
-            timing: Timing { lateness_ns, duration_ns: 0 },
+            lateness_ns,
         });
         for transition in taken {
             self.recorder.transition(senses.tick, time_ns, transition);

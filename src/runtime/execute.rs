@@ -1,13 +1,13 @@
 //! One job from its checks to its recording.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::behavior::{Mission, SetError};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
-use crate::ev3dev::{LocalTree, StopAction, Tree};
+use crate::ev3dev::{DeviceError, LocalTree, StopAction, Tree};
 use crate::mapping::{Method, Pose};
 use crate::robot::{BindError, Robot, RobotConfig};
 
@@ -34,6 +34,9 @@ pub enum Refused {
     /// A role has no device.
     #[error("the robot is not as its file says")]
     Bind(#[from] BindError),
+    /// Nobody beside the robot could stop it.
+    #[error("the brick's buttons cannot be read, so nobody beside the robot could stop it")]
+    Buttons(#[source] DeviceError),
     /// The robot is not ready.
     #[error("not ready")]
     NotReady(#[from] NotReady),
@@ -69,6 +72,24 @@ impl Refused {
     pub fn to_text(&self) -> String {
         with_causes(self)
     }
+
+    /// What to do, where the message does not say it.
+    #[must_use]
+    pub fn way_out(&self) -> Option<&'static str> {
+        match self {
+            Self::Lock(LockError::Taken(_)) => Some("wait until it is over, or onbrick halt"),
+            Self::Lock(LockError::Io { .. }) => Some(
+                "look at the permissions of the lock file and its folder; nobody else needs the file, so it can be deleted",
+            ),
+            Self::Bind(_) => {
+                Some("onbrick devices shows what is plugged in; plug it in there, or change the robot's file")
+            }
+            Self::Buttons(_) => Some("a user of the group input, or root"),
+            Self::Record { .. } => Some("--out with a folder that can be written to, on a disk with room"),
+            Self::NoSimulation => Some("a program that was built with the feature `sim`"),
+            _ => None,
+        }
+    }
 }
 
 /// Does a job. `report` hears how it is going, at most five times a second, from more than one thread.
@@ -91,6 +112,7 @@ pub fn execute(
     }
     let place = Place::open(job, mission.name())?;
     let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
+    stoppable(job, &robot)?;
     prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
     if place.announce {
         robot.announce(&*place.clock, &|| flags.is_raised());
@@ -146,7 +168,7 @@ fn period_ns(mission: &Mission) -> i64 {
 }
 
 /// The error and all its causes, as a person reads it.
-fn with_causes(error: &dyn std::error::Error) -> String {
+pub(super) fn with_causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
@@ -154,6 +176,19 @@ fn with_causes(error: &dyn std::error::Error) -> String {
         cause = error.source();
     }
     text
+}
+
+/// On a brick, Enter and Back must stop a run. A brick below another root is a bench, with somebody at the keyboard.
+fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
+    match (&job.brick, robot.stop_button()) {
+        (_, Ok(())) => Ok(()),
+        (Brick::Local(root), Err(error)) if root == Path::new("/") => Err(Refused::Buttons(error.clone())),
+        (Brick::Local(root), Err(error)) => {
+            log::warn!("no stop button below {}: {error}", root.display());
+            Ok(())
+        }
+        (Brick::Simulated { .. }, Err(_)) => Ok(()),
+    }
 }
 
 type Report = dyn Fn(&Event) + Send + Sync;

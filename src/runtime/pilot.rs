@@ -8,9 +8,11 @@
 //!
 //! No devices (`robot`), no deadlines (`runtime::control`), no files (`runtime::recording`).
 
+use serde::{Deserialize, Serialize};
+
 use crate::behavior::{
-    Demands, Drive, EngineError, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress, Role, Signal,
-    Signals, Taken,
+    Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress,
+    Role, Signal, Signals, Taken,
 };
 use crate::clock::seconds;
 use crate::ev3dev::StopAction;
@@ -68,6 +70,20 @@ pub struct Step {
     pub end: Option<StopReason>,
 }
 
+/// What a pilot carries from tick to tick, so that a replay can go on after a gap in the recording.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct PilotState {
+    /// The estimator's part.
+    pub estimator: EstimatorState,
+    /// One entry a machine.
+    pub machines: [MachineState; MAX_MACHINES],
+    /// How many of them there are.
+    pub machine_count: u8,
+    stalls: StallWatch,
+    wheels_rad_s: [f64; 2],
+    paused: bool,
+}
+
 impl Pilot {
     /// A pilot at the start of a mission.
     ///
@@ -93,7 +109,7 @@ impl Pilot {
             on_lost: mission.on_lost(),
             time_limit_s: mission.time_limit_s(),
             estimator: Estimator::new(estimator, start),
-            map: Map::new(&estimator.geometry.range(), &start),
+            map: Map::new(estimator.geometry.range(), &start),
             program: mission.start()?,
             signals: Signals::default(),
             stalls: StallWatch::default(),
@@ -133,22 +149,33 @@ impl Pilot {
         &self.program
     }
 
-    /// What the estimator and the machines carry from tick to tick, for the recording.
+    /// What is carried from tick to tick; the map is not in it.
     #[must_use]
-    pub fn state(&self) -> (EstimatorState, &[MachineState]) {
-        (self.estimator.state(), self.program.checkpoint())
+    pub fn state(&self) -> PilotState {
+        let mut state = PilotState {
+            estimator: self.estimator.state(),
+            stalls: self.stalls,
+            wheels_rad_s: self.wheels_rad_s,
+            paused: self.paused,
+            ..PilotState::default()
+        };
+        for (place, machine) in state.machines.iter_mut().zip(self.program.checkpoint()) {
+            *place = *machine;
+            state.machine_count += 1;
+        }
+        state
     }
 
     /// Goes on from what was carried out of a tick; the map keeps what it has. False, with nothing changed, where it does not fit the
     /// mission.
-    ///
-    /// The watch over blocked wheels begins anew: it looks back a second at most.
-    pub fn restore(&mut self, estimator: EstimatorState, machines: &[MachineState]) -> bool {
+    pub fn restore(&mut self, state: &PilotState) -> bool {
+        let machines = state.machines.get(..usize::from(state.machine_count)).unwrap_or_default();
         let fits = self.program.restore(machines);
         if fits {
-            self.estimator.restore(estimator);
-            self.stalls = StallWatch::default();
-            self.wheels_rad_s = [0.0; 2];
+            self.estimator.restore(state.estimator);
+            self.stalls = state.stalls;
+            self.wheels_rad_s = state.wheels_rad_s;
+            self.paused = state.paused;
         }
         fits
     }

@@ -5,6 +5,7 @@
 //! (`ev3dev-interfaces`, 6.4), and only unplugging it helps.
 
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS};
+use crate::ev3dev::DeviceError;
 use crate::robot::{Channel, Robot, Senses};
 
 use super::StopFlags;
@@ -19,23 +20,29 @@ const PATIENCE_NS: i64 = 10 * SECOND_NS;
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
 /// A gyro at rest may flicker between two neighbouring degrees.
-const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
+pub(super) const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
 
 /// A wheel at rest may stand on the edge between two counts.
 const WHEEL_STILL_RAD: f64 = 0.0175 * 1.5;
 
 /// What a brick runs on: six cells, or LEGO's accumulator. Below, it would brown out as soon as the motors pull; above, the reading is wrong.
-const BATTERY_V: std::ops::RangeInclusive<f64> = 5.8..=10.0;
+pub(super) const BATTERY_V: std::ops::RangeInclusive<f64> = 5.8..=10.0;
+
+/// What a person is told before the gyro itself is blamed.
+const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the robot still";
 
 /// Why a run did not start; each says what to do.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotReady {
     /// A sensor or motor gave no reading.
-    #[error("no reading from {0}: unplug it, plug it in again, and wait three seconds")]
-    NoReading(Channel),
+    #[error("no reading from the {0}{because}: unplug it, plug it in again, and wait three seconds", because = because(.1.as_ref()))]
+    NoReading(Channel, Option<DeviceError>),
+    /// The battery's voltage cannot be read.
+    #[error("no reading from the battery{because}: wait ten seconds after switching on, and try again", because = because(.0.as_ref()))]
+    NoVoltage(Option<DeviceError>),
     /// The robot did not stand still.
     #[error(
-        "the robot does not stand still ({0} moves): put it down and keep your hands off until it starts"
+        "the robot does not stand still (the {0} moves): put it down and keep your hands off until it starts"
     )]
     Moving(Channel),
     /// The gyro turns although the wheels stand.
@@ -51,7 +58,12 @@ pub enum NotReady {
     Stopped,
 }
 
-/// Watches until the robot has stood still for a second. `say` is told what is being waited for, once each.
+fn because(error: Option<&DeviceError>) -> String {
+    error.map(|error| format!(" ({error})")).unwrap_or_default()
+}
+
+/// Waits until what the sensors say is no longer of their former mode, then watches until the robot has stood still for a second.
+/// `say` is told what is being waited for, once each.
 ///
 /// # Errors
 ///
@@ -66,6 +78,7 @@ pub fn prepare(
     let mut senses = Senses::default();
     let mut still_since: Option<(i64, Senses)> = None;
     let mut drifting = 0;
+    let mut said: Option<String> = None;
     loop {
         let now_ns = clock.now_ns();
         if flags.is_raised() {
@@ -75,7 +88,11 @@ pub fn prepare(
         if robot.sense(&mut senses) {
             return Err(NotReady::Stopped);
         }
-        let patient = senses.time_ns < PATIENCE_NS;
+        if senses.time_ns < robot.settle_ns() {
+            clock.sleep_until_ns(now_ns + LOOK_NS);
+            continue;
+        }
+        let patient = senses.time_ns < PATIENCE_NS + robot.settle_ns();
         match unready(robot, &senses, still_since.as_ref().map(|(_, senses)| senses)) {
             None => match still_since {
                 Some((since_ns, _)) if senses.time_ns - since_ns >= STILL_NS => return Ok(()),
@@ -89,7 +106,14 @@ pub fn prepare(
                 if !patient || drifting > 2 {
                     return Err(why);
                 }
-                say(&why.to_string());
+                let now = match why {
+                    NotReady::GyroDrifts(_) => KEEP_STILL.to_owned(),
+                    why => why.to_string(),
+                };
+                if said.as_ref() != Some(&now) {
+                    say(&now);
+                }
+                said = Some(now);
                 still_since = None;
             }
         }
@@ -99,8 +123,15 @@ pub fn prepare(
 
 /// What is not in order, compared with the moment from which on everything stood still.
 fn unready(robot: &Robot, senses: &Senses, since: Option<&Senses>) -> Option<NotReady> {
-    if let Some(missing) = robot.channels().find(|&channel| senses.get(channel).is_none()) {
-        return Some(NotReady::NoReading(missing));
+    let missing = |channel: &Channel| senses.get(*channel).is_none();
+    // Of several that are missing, one whose trouble is known tells more.
+    let troubled = robot.channels().filter(missing).find(|&channel| robot.trouble_with(channel).is_some());
+    if let Some(missing) = troubled.or_else(|| robot.channels().find(missing)) {
+        let error = robot.trouble_with(missing).cloned();
+        return Some(match missing {
+            Channel::Battery => NotReady::NoVoltage(error),
+            missing => NotReady::NoReading(missing, error),
+        });
     }
     if let Some(battery) = senses.get(Channel::Battery)
         && !BATTERY_V.contains(&battery.value)

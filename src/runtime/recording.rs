@@ -91,7 +91,7 @@ pub use recorder::{Recorder, Summary};
 pub use run::{Checkpoint, Ending, Info, LogLine, ReadError, RecordedPose, Run, Transition};
 pub use status::Status;
 pub use stretch::{Context, Found, Integrity, walk};
-pub use tick::{Level, MAX_LOG_BYTES, MAX_MACHINES, TickRecord, TickSide, Timing};
+pub use tick::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
 pub use topic::Topic;
 
 /// The frame that maps and poses are given in.

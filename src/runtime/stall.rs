@@ -3,6 +3,8 @@
 //! The kernel's own `stalled` flag is advisory and speaks only of a rotor that stands quite still; a wheel that shakes against a wall is
 //! not stalled to it. Here a wheel counts as blocked when over a while it has turned much less than it was told to.
 
+use serde::{Deserialize, Serialize};
+
 /// How long the watch looks back, nanoseconds. With the drivers' 0.3 s leases and a speed regulator that takes a few tenths of a second
 /// to give all it has, a second tells a slow start from a wall, and leaves a second until the two that a blocked wheel may last.
 const WINDOW_NS: i64 = 1_000_000_000;
@@ -14,8 +16,8 @@ const SHARE: f64 = 0.2;
 const SLOWEST_RAD_S: f64 = 0.17;
 
 /// Watches one wheel: what it was told to turn and what it turned since the window began.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct WheelWatch {
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+struct WheelWatch {
     since_ns: i64,
     demanded_rad_s: f64,
     from_rad: f64,
@@ -53,15 +55,20 @@ impl WheelWatch {
 }
 
 /// Watches both wheels.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct StallWatch {
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct StallWatch {
     left: WheelWatch,
     right: WheelWatch,
 }
 
 impl StallWatch {
     /// One tick: true if a wheel is blocked. Demands in radians per second, angles in radians, left before right.
-    pub fn step(&mut self, time_ns: i64, demanded_rad_s: [f64; 2], angle_rad: [Option<f64>; 2]) -> bool {
+    pub(super) fn step(
+        &mut self,
+        time_ns: i64,
+        demanded_rad_s: [f64; 2],
+        angle_rad: [Option<f64>; 2],
+    ) -> bool {
         let left = self.left.step(time_ns, demanded_rad_s[0], angle_rad[0]);
         let right = self.right.step(time_ns, demanded_rad_s[1], angle_rad[1]);
         left || right

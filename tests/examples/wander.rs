@@ -4,6 +4,8 @@
 //! seconds. Large motors on outB and outD; run it on the brick, or give the folder of a simulated brick as argument.
 //! Should the program die, the motors stop by themselves 0.3 s later: every motion is a lease.
 
+#![allow(clippy::print_stdout, reason = "an example shows what it did")]
+
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -11,15 +11,22 @@
     reason = "tests stop by panicking, print what they measured, compare bits, and share helpers between modules"
 )]
 
+mod bad_input;
 mod behavior;
+mod commands;
 mod drivers_bench;
 mod ev3dev;
 mod figures;
+mod foreign;
 mod mapping;
+mod messages;
 mod mount;
 mod recording;
 mod report;
+mod setup;
 mod sim_drivers;
 mod sim_world;
 mod support;
+mod tick;
+mod tidy;
 mod transcript;

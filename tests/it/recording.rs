@@ -7,11 +7,12 @@ use std::sync::{Arc, Condvar, Mutex};
 
 use onbrick::behavior::{MachineState, Taken};
 use onbrick::clock::{Clock, MonotonicClock};
-use onbrick::mapping::{Estimate, EstimatorState, MapPoint, Pose, Range};
+use onbrick::mapping::{Estimate, MapPoint, Pose, Range};
 use onbrick::robot::{Channel, Senses};
+use onbrick::runtime::PilotState;
 use onbrick::runtime::recording::{
     End, Grid, Level, MachineNames, Options, Pace, RangeSensor, ReadError, Recorder, Run, SYNC_OPCODE, Sink,
-    Start, StateNames, Status, TickRecord, TickSide, Timing, create,
+    Start, StateNames, Status, TickRecord, TickSide, create,
 };
 use proptest::prelude::*;
 
@@ -121,11 +122,9 @@ pub(crate) fn tick(number: u64) -> TickRecord {
         range: Some(range),
         ..Estimate::default()
     };
-    let timing = Timing {
-        lateness_ns: i64::try_from(number % 50).unwrap() * 1000,
-        duration_ns: if number % 50 == 3 { PERIOD_NS + 1 } else { 1_000_000 },
-    };
-    TickRecord { senses, estimate, point, range_is_new: number.is_multiple_of(5), timing }
+    let on_time_ns = i64::try_from(number % 50).unwrap() * 1000;
+    let lateness_ns = if number % 50 == 3 { PERIOD_NS + 1 } else { on_time_ns };
+    TickRecord { senses, estimate, point, range_is_new: number.is_multiple_of(5), lateness_ns }
 }
 
 /// From a pose to the wall of a square from (−1, −1) to (1, 1).
@@ -160,11 +159,12 @@ fn put(side: &mut TickSide, number: u64) {
     }
     side.tick(&record);
     if number.is_multiple_of(50) {
-        let mut state = EstimatorState::default();
-        state.pose.clone_from(&record.estimate.pose);
-        let machine =
+        let mut state = PilotState::default();
+        state.machine_count = 1;
+        state.estimator.pose = record.estimate.pose;
+        state.machines[0] =
             MachineState { state: 1, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
-        side.checkpoint(number, time_ns, &state, &[machine]);
+        side.checkpoint(number, time_ns, &state);
     }
 }
 
@@ -270,11 +270,11 @@ fn what_happened_is_recorded_by_name() {
     );
     let ticks: Vec<u64> = run.checkpoints.iter().map(|checkpoint| checkpoint.tick).collect();
     assert_eq!(ticks, [0, 50, 100]);
-    assert_eq!(run.checkpoints[1].estimator.pose, tick(50).estimate.pose);
-    assert_eq!(run.checkpoints[1].machines[0].entered_m, 0.5);
+    assert_eq!(run.checkpoints[1].state.estimator.pose, tick(50).estimate.pose);
+    assert_eq!(run.checkpoints[1].state.machines[0].entered_m, 0.5);
     let second = run.statistics[0];
     assert_eq!((second.first_tick, second.ticks, second.overruns), (0, 51, 1), "{second:?}");
-    assert_eq!((second.lateness_p50_ns, second.lateness_max_ns), (24_000, 49_000), "{second:?}");
+    assert_eq!((second.lateness_p50_ns, second.lateness_max_ns), (25_000, PERIOD_NS + 1), "{second:?}");
     assert_eq!(run.statistics.iter().map(|window| window.ticks).sum::<u32>(), 120);
 }
 

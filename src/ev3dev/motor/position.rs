@@ -154,7 +154,7 @@ impl<K: MotorKind> PositionMotor<K> {
     pub fn bind(tree: &Arc<dyn Tree>, identity: Identity) -> Result<Self, DeviceError> {
         let node = identity.node(tree);
         let files = TachoFiles::new();
-        let max_speed = files.read_max_speed.read(&node)?;
+        let max_speed = scale(&files.read_max_speed, &node)?;
         files.speed_sp.limit(-i64::from(max_speed), i64::from(max_speed));
         let kind = K::bind(tree, &identity)?;
         Ok(Self { node, files, identity, kind, max_speed, commanded: Commanded::new() })
@@ -189,6 +189,15 @@ impl<K: MotorKind> PositionMotor<K> {
     /// As [`PositionMotor::command`].
     pub fn stop(&self) -> Result<(), DeviceError> {
         self.command(TachoCommand::Stop)
+    }
+
+    /// Whether a command could be written; nothing is.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Other`](crate::ev3dev::Cause::Other) with EACCES for a user who is not in the group `ev3dev`.
+    pub fn check_writable(&self) -> Result<(), DeviceError> {
+        self.files.write_command.open_for_writing(&self.node)
     }
 
     /// Coasts and puts everything back to its default, the position to 0.
@@ -249,6 +258,13 @@ const COUNT_PER_ROT: AttributeSpec = AttributeSpec::readable("count_per_rot", Le
 const COUNT_PER_M: AttributeSpec = AttributeSpec::readable("count_per_m", Legal::Number);
 const FULL_TRAVEL_COUNT: AttributeSpec = AttributeSpec::readable("full_travel_count", Legal::Number);
 
+/// What everything else is measured by, so at least 1: nothing can be made of a driver that says otherwise.
+fn scale(attribute: &Attribute<i32>, node: &Node) -> Result<i32, DeviceError> {
+    const LEGAL: Legal = Legal::Range(1, i32::MAX as i64);
+    let value = attribute.read(node)?;
+    if value >= 1 { Ok(value) } else { Err(attribute.malformed(node, &value.to_string(), LEGAL)) }
+}
+
 impl MotorKind for Rotary {
     const WHAT: &'static str = "motor";
     const OWN_ATTRIBUTES: &'static [AttributeSpec] = &[COUNT_PER_ROT];
@@ -265,7 +281,7 @@ impl kind::Sealed for Rotary {
     }
 
     fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError> {
-        Ok(Self { count_per_rot: Attribute::new(COUNT_PER_ROT).read(&identity.node(tree))? })
+        Ok(Self { count_per_rot: scale(&Attribute::new(COUNT_PER_ROT), &identity.node(tree))? })
     }
 }
 
@@ -278,7 +294,7 @@ impl kind::Sealed for Linear {
     fn bind(tree: &Arc<dyn Tree>, identity: &Identity) -> Result<Self, DeviceError> {
         let node = &identity.node(tree);
         Ok(Self {
-            count_per_m: Attribute::new(COUNT_PER_M).read(node)?,
+            count_per_m: scale(&Attribute::new(COUNT_PER_M), node)?,
             full_travel_count: Attribute::new(FULL_TRAVEL_COUNT).read(node)?,
         })
     }

@@ -8,13 +8,14 @@ use serde::Serialize;
 use super::file::{RecordError, RecordingFile};
 use super::message::{self, Covariance, Gap, Header, Time, Vector3};
 use super::status::Status;
-use super::tick::{CheckpointEntry, Dropped, Entry, TickRecord};
+use super::tick::{Dropped, Entry, TickRecord};
 use super::topic::Topic;
 use super::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Grid, Pace, Start, grid, points};
 use crate::behavior::Taken;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::mapping::{Estimate, MapPoint, Range};
 use crate::robot::Channel;
+use crate::runtime::PilotState;
 
 /// How often odometry and transforms are written for viewers; `/pose` has every tick.
 const ODOMETRY_PERIOD_NS: i64 = 100 * MILLISECOND_NS;
@@ -55,7 +56,6 @@ struct Window {
     start_ns: i64,
     lateness_ns: Vec<i64>,
     overruns: u32,
-    duration_max_ns: i64,
 }
 
 impl Encoder {
@@ -91,7 +91,7 @@ impl Encoder {
         match entry {
             Entry::Tick(record) => self.tick(record),
             Entry::Transition { tick, time_ns, taken } => self.transition(*tick, *time_ns, *taken),
-            Entry::Checkpoint(checkpoint) => self.checkpoint(checkpoint),
+            Entry::Checkpoint { tick, time_ns, state } => self.checkpoint(*tick, *time_ns, state),
             Entry::Log { time_ns, level, text } => self.log(*time_ns, *level as u8, text),
             Entry::Gap(dropped) => self.gap(*dropped),
         }
@@ -274,15 +274,9 @@ impl Encoder {
         self.put(Topic::Transitions, time_ns, &message)
     }
 
-    fn checkpoint(&mut self, entry: &CheckpointEntry) -> Result<(), RecordError> {
-        let machines = entry.machines.get(..entry.machine_count).unwrap_or_default();
-        let message = message::CheckpointMessage {
-            tick: entry.tick,
-            time_ns: entry.time_ns,
-            estimator: state_bytes(&entry.estimator)?,
-            machines: state_bytes(machines)?,
-        };
-        self.put(Topic::Checkpoint, entry.time_ns, &message)
+    fn checkpoint(&mut self, tick: u64, time_ns: i64, state: &PilotState) -> Result<(), RecordError> {
+        let message = message::CheckpointMessage { tick, time_ns, state: state_bytes(state)? };
+        self.put(Topic::Checkpoint, time_ns, &message)
     }
 
     /// Writes a log line.
@@ -305,9 +299,8 @@ impl Encoder {
             window.first_tick = record.senses.tick;
             window.start_ns = record.senses.time_ns;
         }
-        window.lateness_ns.push(record.timing.lateness_ns);
-        window.overruns += u32::from(record.timing.duration_ns > self.start.period_ns);
-        window.duration_max_ns = window.duration_max_ns.max(record.timing.duration_ns);
+        window.lateness_ns.push(record.lateness_ns);
+        window.overruns += u32::from(record.lateness_ns >= self.start.period_ns);
     }
 
     fn flush_statistics(&mut self, time_ns: i64) -> Result<(), RecordError> {
@@ -322,7 +315,6 @@ impl Encoder {
             lateness_p50_ns: rank(&window.lateness_ns, 50),
             lateness_p99_ns: rank(&window.lateness_ns, 99),
             lateness_max_ns,
-            duration_max_ns: window.duration_max_ns,
             ring_high_water: std::mem::take(&mut self.ring.high_water),
             ring_size: self.ring.size,
         };

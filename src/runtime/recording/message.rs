@@ -261,8 +261,6 @@ pub struct TickStatistics {
     pub lateness_p99_ns: i64,
     /// The same, the worst.
     pub lateness_max_ns: i64,
-    /// The longest tick, nanoseconds.
-    pub duration_max_ns: i64,
     /// The fullest that the ring was, in entries; 0 where time is simulated.
     pub ring_high_water: u32,
     /// The ring's size, in entries.
@@ -274,8 +272,7 @@ pub struct TickStatistics {
 pub(super) struct CheckpointMessage {
     pub(super) tick: u64,
     pub(super) time_ns: i64,
-    pub(super) estimator: Vec<u8>,
-    pub(super) machines: Vec<u8>,
+    pub(super) state: Vec<u8>,
 }
 
 /// `onbrick_msgs/Gap`: what the recorder could not take.

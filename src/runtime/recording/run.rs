@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use super::message::{self, Gap, TickStatistics};
 use super::stretch::{Context, Found, Integrity, walk};
 use super::topic::Topic;
 use super::{Grid, Level, grid, points};
-use crate::behavior::{MachineState, Taken};
-use crate::mapping::{EstimatorState, MapPoint, Pose, Range};
+use crate::behavior::Taken;
+use crate::mapping::{MapPoint, Pose, Range};
 use crate::robot::{Channel, Reading, Senses};
+use crate::runtime::PilotState;
 
 /// The names that a recording's attachments and metadata have.
 pub(super) mod names {
@@ -137,10 +137,8 @@ pub struct Checkpoint {
     pub tick: u64,
     /// Its time, nanoseconds of the run's clock.
     pub time_ns: i64,
-    /// What the estimator carried.
-    pub estimator: EstimatorState,
-    /// Where each machine was.
-    pub machines: Vec<MachineState>,
+    /// What the pilot carried.
+    pub state: PilotState,
 }
 
 /// A recording that cannot be read.
@@ -458,13 +456,6 @@ fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
 }
 
 fn checkpoint(message: &message::CheckpointMessage) -> Option<Checkpoint> {
-    fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
-        message::decode(bytes)
-    }
-    Some(Checkpoint {
-        tick: message.tick,
-        time_ns: message.time_ns,
-        estimator: whole(&message.estimator)?,
-        machines: whole(&message.machines)?,
-    })
+    let state = message::decode(&message.state)?;
+    Some(Checkpoint { tick: message.tick, time_ns: message.time_ns, state })
 }

@@ -17,12 +17,10 @@ use arrayvec::ArrayString;
 use rtrb::{Producer, PushError};
 use serde::Serialize;
 
-use crate::behavior::{MachineState, Taken};
-use crate::mapping::{Estimate, EstimatorState, MapPoint};
+use crate::behavior::Taken;
+use crate::mapping::{Estimate, MapPoint};
 use crate::robot::Senses;
-
-/// The most machines that a checkpoint has room for.
-pub const MAX_MACHINES: usize = 16;
+use crate::runtime::PilotState;
 
 /// The longest log line, in bytes; what is beyond is cut off at a character.
 pub const MAX_LOG_BYTES: usize = 240;
@@ -38,17 +36,8 @@ pub struct TickRecord {
     pub point: Option<MapPoint>,
     /// True where the range reading is a new one and not the last one seen again.
     pub range_is_new: bool,
-    /// How punctual the tick was.
-    pub timing: Timing,
-}
-
-/// How punctual a tick was.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Timing {
-    /// How long after its deadline it began, nanoseconds.
+    /// How long after its deadline the tick began, nanoseconds.
     pub lateness_ns: i64,
-    /// How long it took, nanoseconds.
-    pub duration_ns: i64,
 }
 
 /// How much a log line matters; the numbers of `rcl_interfaces/Log`.
@@ -84,24 +73,16 @@ impl Level {
 
 /// What goes through the ring; as large as its largest variant, so that the ring never allocates.
 #[derive(Debug, Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "entries have a fixed size so that the ring never allocates")]
 pub(super) enum Entry {
     Tick(TickRecord),
     Transition { tick: u64, time_ns: i64, taken: Taken },
-    Checkpoint(CheckpointEntry),
+    Checkpoint { tick: u64, time_ns: i64, state: PilotState },
     Log { time_ns: i64, level: Level, text: LogText },
     Gap(Dropped),
 }
 
 pub(super) type LogText = ArrayString<MAX_LOG_BYTES>;
-
-#[derive(Debug, Clone, Copy)]
-pub(super) struct CheckpointEntry {
-    pub(super) tick: u64,
-    pub(super) time_ns: i64,
-    pub(super) estimator: EstimatorState,
-    pub(super) machines: [MachineState; MAX_MACHINES],
-    pub(super) machine_count: usize,
-}
 
 /// What did not fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,26 +128,10 @@ impl TickSide {
         self.put(Entry::Transition { tick, time_ns, taken });
     }
 
-    /// Records what estimator and machines carry from a tick to the next. Of more than [`MAX_MACHINES`] machines none is
-    /// recorded: half of them would be of no use.
-    pub fn checkpoint(
-        &mut self,
-        tick: u64,
-        time_ns: i64,
-        estimator: &EstimatorState,
-        machines: &[MachineState],
-    ) {
-        let mut all = [MachineState::default(); MAX_MACHINES];
-        let Some(room) = all.get_mut(..machines.len()) else { return };
-        room.copy_from_slice(machines);
+    /// Records what the pilot carries from a tick to the next.
+    pub fn checkpoint(&mut self, tick: u64, time_ns: i64, state: &PilotState) {
         self.tick = tick;
-        self.put(Entry::Checkpoint(CheckpointEntry {
-            tick,
-            time_ns,
-            estimator: *estimator,
-            machines: all,
-            machine_count: machines.len(),
-        }));
+        self.put(Entry::Checkpoint { tick, time_ns, state: *state });
     }
 
     /// Records a log line.
@@ -275,12 +240,10 @@ mod tests {
     }
 
     #[test]
-    fn long_lines_are_cut_at_a_character_and_too_many_machines_are_not_recorded() {
+    fn long_lines_are_cut_at_a_character() {
         let (mut side, mut ring) = side(4);
         side.log(0, Level::Info, &"ü".repeat(200));
         let Ok(Entry::Log { text, .. }) = ring.pop() else { panic!("a line") };
         assert_eq!(text.as_str(), "ü".repeat(MAX_LOG_BYTES / 2));
-        side.checkpoint(0, 0, &EstimatorState::default(), &[MachineState::default(); MAX_MACHINES + 1]);
-        assert!(ring.pop().is_err());
     }
 }

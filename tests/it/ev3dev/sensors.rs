@@ -45,7 +45,7 @@ fn near(a: f64, b: f64) -> bool {
 }
 
 #[test]
-fn touch() {
+fn touch_is_pressed_or_not() {
     let (fake, sensor) = typed::<TouchMode>("TOUCH\n");
     assert!(!sensor.is_pressed().unwrap());
     value0(&fake, 1);
@@ -72,7 +72,7 @@ fn colour_reflected_and_ambient_light() {
 }
 
 #[test]
-fn colour_numbers() {
+fn colours_are_told_by_their_numbers() {
     let (fake, mut sensor) = typed::<ColourMode>(COLOUR_MODES);
     sensor.set_mode(ColourMode::Colour).unwrap();
     for (number, colour) in (0..).zip(Colour::ALL) {
@@ -138,7 +138,7 @@ fn ultrasonic_distances_in_every_measuring_mode() {
 }
 
 #[test]
-fn ultrasonic_listening() {
+fn an_ultrasonic_sensor_listens_to_others() {
     let (fake, mut sensor) = typed::<UltrasonicMode>(ULTRASONIC_MODES);
     sensor.set_mode(UltrasonicMode::Listen).unwrap();
     assert!(!sensor.hears_another().unwrap());
@@ -225,7 +225,7 @@ fn infrared_proximity_and_remote() {
 }
 
 #[test]
-fn infrared_beacons() {
+fn an_infrared_sensor_sees_beacons() {
     let (fake, mut sensor) = typed::<InfraredMode>(INFRARED_MODES);
     frame(&fake, "8", "s8", &[0xe7, 50, 0, 0x80, 25, 100, 0, 0]);
     sensor.set_mode(InfraredMode::Seek).unwrap();

@@ -24,6 +24,11 @@ pub fn allocations<T>(work: impl FnOnce() -> T) -> (u64, T) {
     (COUNT.with(Cell::get) - before, result)
 }
 
+/// How many allocations this thread has made since it began.
+pub fn so_far() -> u64 {
+    COUNT.with(Cell::get)
+}
+
 fn count() {
     // A thread that is ending has no counter any more, and nobody asks for it.
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));

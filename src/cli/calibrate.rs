@@ -1,0 +1,132 @@
+//! `onbrick calibrate`: measure wheel circumference and track width by driving.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::common::load_robot;
+use super::setup::not_written;
+use super::terminal::{Terminal, stop_flags};
+use super::{Exit, Failure, Output};
+use crate::clock::MonotonicClock;
+use crate::ev3dev::{LocalTree, Tree};
+use crate::runtime::{ApplyError, CalibrateError, CalibrateOptions, HardwareLock, Straight, save};
+
+/// Measure wheel circumference and track width by driving, and write them into robot.toml.
+///
+/// The robot drives before a wall (or a metre that you measure) and spins on the spot, in both directions. Nothing is written where the
+/// measurements are not sure enough. Ctrl-C, and a button on the brick, stop it at once.
+///
+/// Examples:
+///   onbrick calibrate                      both, asking what is needed
+///   onbrick calibrate --only track --mark  by spins that you mark, which removes the gyro's own error
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The robot's file; the new numbers are written into it, and what was there is kept beside it.
+    #[arg(default_value = "robot.toml")]
+    robot: PathBuf,
+    /// Measure only one of the two.
+    #[arg(long)]
+    only: Option<Only>,
+    /// How to measure the circumference, instead of asking.
+    #[arg(long)]
+    straight: Option<How>,
+    /// Mark two spins by a line on the floor, which removes the gyro's own error, instead of asking.
+    #[arg(long)]
+    mark: bool,
+    /// Trust the gyro: mark no spins.
+    #[arg(long, conflicts_with = "mark")]
+    no_mark: bool,
+    /// How often each motion is driven in each direction.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=20))]
+    pairs: Option<u32>,
+    /// Measure and say, and write nothing.
+    #[arg(long)]
+    dry_run: bool,
+    /// A file of answers, one a line, instead of asking.
+    #[arg(long, value_name = "FILE")]
+    answers: Option<PathBuf>,
+    /// The folder under which sys/class is found.
+    #[arg(long, default_value = "/")]
+    brick: PathBuf,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Only {
+    Circumference,
+    Track,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum How {
+    Wall,
+    Metre,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let robot = load_robot(Some(&arguments.robot), output)?;
+    let flags = stop_flags()?;
+    let _lock = HardwareLock::take(&arguments.brick, "onbrick calibrate").map_err(|error| {
+        Failure::from_error(Exit::Refused, "the robot is taken", &error).hint("onbrick halt")
+    })?;
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
+    let calibration = crate::runtime::calibrate(
+        &tree,
+        &MonotonicClock,
+        &flags,
+        &mut terminal,
+        &robot.config,
+        &options(arguments),
+    )
+    .map_err(|error| failed(&error))?;
+    for (key, measured) in calibration.measured() {
+        output.line(format!(
+            "{key}: {:.6} before, {:.6} now ± {:.6}",
+            measured.before, measured.after, measured.standard_error
+        ));
+    }
+    output.value(&calibration);
+    let text = calibration.apply(&robot.source).map_err(|error| unsure(&error))?;
+    if arguments.dry_run {
+        return Ok(());
+    }
+    let kept = save::replace(&arguments.robot, &text).map_err(|error| not_written(&error))?;
+    let was = kept.map(|kept| format!(" (what was there is now {})", kept.display())).unwrap_or_default();
+    output.line(format!("wrote {}{was}", arguments.robot.display()));
+    Ok(())
+}
+
+fn options(arguments: &Arguments) -> CalibrateOptions {
+    let straight = match arguments.straight {
+        None => Straight::Ask,
+        Some(How::Wall) => Straight::Wall,
+        Some(How::Metre) => Straight::Metre,
+    };
+    CalibrateOptions {
+        straight: (arguments.only != Some(Only::Track)).then_some(straight),
+        track: arguments.only != Some(Only::Circumference),
+        mark: (arguments.mark || arguments.no_mark).then_some(arguments.mark),
+        pairs: arguments.pairs,
+        ..CalibrateOptions::default()
+    }
+}
+
+/// What was found before anything moved is a refusal; what went wrong on the way is a failure.
+fn failed(error: &CalibrateError) -> Failure {
+    let exit = match error {
+        CalibrateError::Lost { .. }
+        | CalibrateError::Blocked
+        | CalibrateError::TooFar(_)
+        | CalibrateError::Stopped => Exit::Failed,
+        _ => Exit::Refused,
+    };
+    Failure::from_error(exit, "not calibrated", error)
+}
+
+fn unsure(error: &ApplyError) -> Failure {
+    match error {
+        ApplyError::Findings(findings) => Failure::new(Exit::Failed, findings.to_string()),
+        error => Failure::from_error(Exit::Failed, "robot.toml stays as it is", error),
+    }
+}

@@ -1,0 +1,64 @@
+//! `onbrick doctor`: every check before motion, as a report.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::common::read_source;
+use super::terminal::stop_flags;
+use super::{Failure, Output};
+use crate::clock::{MonotonicClock, wall_ns};
+use crate::ev3dev::{LocalTree, Tree};
+use crate::runtime::{Patient, Verdict, examine};
+
+/// Look at everything that a run needs, before anything moves.
+///
+/// Example: onbrick doctor --missions missions/
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The robot's file.
+    #[arg(default_value = "robot.toml")]
+    robot: PathBuf,
+    /// Where recordings go.
+    #[arg(long, value_name = "DIR", default_value = "onbrick-runs")]
+    recordings: PathBuf,
+    /// Check the missions in this folder, too.
+    #[arg(long, value_name = "DIR")]
+    missions: Option<PathBuf>,
+    /// The folder under which sys/class is found.
+    #[arg(long, default_value = "/")]
+    brick: PathBuf,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let flags = stop_flags()?;
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    let robot = read_source(&arguments.robot, |_| None).map_err(|failure| failure.message);
+    let patient = Patient {
+        tree: &tree,
+        clock: &MonotonicClock,
+        flags: &flags,
+        robot: robot.as_ref().map_err(String::as_str),
+        root: Some(Path::new(&arguments.brick)),
+        recordings: &arguments.recordings,
+        missions: arguments.missions.as_deref(),
+        wall_ns: wall_ns(),
+    };
+    let diagnosis = examine(&patient);
+    for checked in &diagnosis.checks {
+        output.show(checked.to_string(), checked);
+    }
+    let warnings = match diagnosis.count(Verdict::Warning) {
+        0 => String::new(),
+        1 => "; 1 warning".to_owned(),
+        more => format!("; {more} warnings"),
+    };
+    match diagnosis.count(Verdict::Failed) {
+        0 => {
+            output.line(format!("ready to drive{warnings}"));
+            Ok(())
+        }
+        1 => Err(Failure::refused(format!("1 check failed{warnings}"))),
+        more => Err(Failure::refused(format!("{more} checks failed{warnings}"))),
+    }
+}

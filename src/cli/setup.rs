@@ -1,0 +1,77 @@
+//! `onbrick setup`: write `robot.toml` from what is plugged in.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::terminal::{Terminal, stop_flags};
+use super::{Exit, Failure, Output};
+use crate::clock::MonotonicClock;
+use crate::ev3dev::{LocalTree, Tree};
+use crate::runtime::save::{self, SaveError};
+use crate::runtime::{HardwareLock, SetupError};
+
+/// Write robot.toml from what is plugged in, asking which wheel moved.
+///
+/// Each motor turns for half a second, after it was announced.
+///
+/// Example: onbrick setup robot.toml
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// Where to write it.
+    #[arg(default_value = "robot.toml")]
+    file: PathBuf,
+    /// Replace a file that is there; what was in it is kept beside it.
+    #[arg(long)]
+    force: bool,
+    /// A file of answers, one a line, instead of asking.
+    #[arg(long, value_name = "FILE")]
+    answers: Option<PathBuf>,
+    /// The folder under which sys/class is found.
+    #[arg(long, default_value = "/")]
+    brick: PathBuf,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let file = &arguments.file;
+    if file.exists() && !arguments.force {
+        return Err(not_written(&SaveError::Exists(file.clone())));
+    }
+    let flags = stop_flags()?;
+    let _lock = HardwareLock::take(&arguments.brick, "onbrick setup").map_err(|error| {
+        Failure::from_error(Exit::Refused, "the robot is taken", &error).hint("onbrick halt")
+    })?;
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
+    let text = crate::runtime::setup(&tree, &MonotonicClock, &flags, &mut terminal)
+        .map_err(|error| refused(&error))?;
+    let kept = if arguments.force {
+        save::replace(file, &text).map_err(|error| not_written(&error))?
+    } else {
+        save::create(file, &text).map_err(|error| not_written(&error))?;
+        None
+    };
+    let was =
+        kept.as_ref().map(|kept| format!(" (what was there is now {})", kept.display())).unwrap_or_default();
+    output.show(
+        format!("wrote {}{was}; next: onbrick doctor, onbrick calibrate", file.display()),
+        &serde_json::json!({ "wrote": file, "kept": kept }),
+    );
+    Ok(())
+}
+
+fn refused(error: &SetupError) -> Failure {
+    match error {
+        SetupError::Findings(findings) => Failure::refused(findings.to_string()),
+        SetupError::Stopped => Failure::new(Exit::Failed, error.to_string()),
+        error => Failure::from_error(Exit::Refused, "no robot.toml was written", error),
+    }
+}
+
+pub(super) fn not_written(error: &SaveError) -> Failure {
+    let failure = Failure::from_error(Exit::Refused, "nothing was written", error);
+    match error {
+        SaveError::Exists(_) => failure.hint("another name, or --force, which keeps a copy"),
+        SaveError::Io { .. } => failure,
+    }
+}

@@ -1,0 +1,159 @@
+//! Numbers put into a file that a person wrote: comments, order and layout stay as they are.
+
+use std::ops::Range;
+
+use crate::document::{Document, Findings, Section};
+use crate::runtime::Source;
+
+/// Why a number could not be put in.
+#[derive(Debug, thiserror::Error)]
+pub enum EditError {
+    /// The file is no TOML any more.
+    #[error("{0}")]
+    Findings(Findings),
+    /// The file does not have this number: write it in by hand.
+    #[error("{file} has no `{key}` to write to")]
+    Missing {
+        /// The file's name.
+        file: String,
+        /// The number's key with its parents.
+        key: String,
+    },
+}
+
+/// The file's text with other numbers under some keys (`drive.track_width_m`), rounded to a micrometre. Comments behind a number stay in
+/// their column where there is room.
+///
+/// # Errors
+///
+/// [`EditError`]; no number is put in where one of them has no place.
+pub fn set_numbers(source: &Source, numbers: &[(&str, f64)]) -> Result<String, EditError> {
+    let document = Document::new(&source.name, source.text.as_bytes()).map_err(EditError::Findings)?;
+    let places =
+        document.read(|root| Some(numbers.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
+    let (places, _) = places.map_err(EditError::Findings)?;
+    let mut edits = Vec::new();
+    for ((key, number), place) in numbers.iter().zip(places) {
+        let missing = || EditError::Missing { file: source.name.clone(), key: (*key).to_owned() };
+        edits.push((place.ok_or_else(missing)?, rounded(*number)));
+    }
+    // From the end, so that the places before stay right.
+    edits.sort_by_key(|(place, _)| std::cmp::Reverse(place.start));
+    let mut text = source.text.clone();
+    for (place, number) in edits {
+        put(&mut text, place, &number);
+    }
+    Ok(text)
+}
+
+/// Where a number stands, if it is there and is one.
+fn place(root: &Section<'_>, key: &str) -> Option<Range<usize>> {
+    let mut parts = key.split('.');
+    let last = parts.next_back()?;
+    let mut section = root.clone();
+    for part in parts {
+        section = section.section(part)?;
+    }
+    let item = section.get(last)?;
+    item.number(f64::MIN..=f64::MAX)?;
+    Some(item.place())
+}
+
+fn rounded(number: f64) -> String {
+    let text = format!("{number:.6}");
+    let short = text.trim_end_matches('0');
+    // TOML wants a digit behind the point.
+    if short.ends_with('.') { format!("{short}0") } else { short.to_owned() }
+}
+
+/// Replaces a stretch; the spaces between it and a comment on its line take up the difference in length.
+fn put(text: &mut String, place: Range<usize>, number: &str) {
+    let rest = &text[place.end..];
+    let spaces = rest.len() - rest.trim_start_matches(' ').len();
+    let mut end = place.end;
+    let mut padding = String::new();
+    if spaces > 0 && rest[spaces..].starts_with('#') {
+        let width = place.len() + spaces;
+        end += spaces;
+        padding = " ".repeat(width.saturating_sub(number.len()).max(1));
+    }
+    text.replace_range(place.start..end, &format!("{number}{padding}"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{DEFAULT_ROBOT, RobotConfig};
+    use proptest::prelude::*;
+
+    fn source(text: &str) -> Source {
+        Source { name: "robot.toml".to_owned(), text: text.to_owned() }
+    }
+
+    #[test]
+    fn only_the_numbers_change_and_comments_keep_their_column() {
+        let numbers = [("drive.track_width_m", 0.115_432_1), ("drive.wheel_circumference_m", 0.19)];
+        let text = set_numbers(&source(DEFAULT_ROBOT), &numbers).unwrap();
+        let differing: Vec<(&str, &str)> =
+            DEFAULT_ROBOT.lines().zip(text.lines()).filter(|(before, after)| before != after).collect();
+        assert_eq!(
+            differing,
+            [
+                (
+                    "wheel_circumference_m = 0.188976        # metres driven in one turn of a wheel",
+                    "wheel_circumference_m = 0.19            # metres driven in one turn of a wheel"
+                ),
+                (
+                    "track_width_m = 0.1143                  # metres between the wheels",
+                    "track_width_m = 0.115432                # metres between the wheels"
+                ),
+            ]
+        );
+        assert_eq!(DEFAULT_ROBOT.lines().count(), text.lines().count());
+    }
+
+    #[test]
+    fn a_number_is_found_however_it_is_written() {
+        let inline = "drive = { track_width_m = 1, x = 2 }";
+        let text = set_numbers(&source(inline), &[("drive.track_width_m", 0.1)]).unwrap();
+        assert_eq!(text, "drive = { track_width_m = 0.1, x = 2 }");
+        let dotted = "drive.track_width_m = 0.1143# wide\n";
+        let text = set_numbers(&source(dotted), &[("drive.track_width_m", 2.0)]).unwrap();
+        assert_eq!(text, "drive.track_width_m = 2.0# wide\n");
+    }
+
+    #[test]
+    fn a_number_that_is_not_there_is_said_and_nothing_is_put_in() {
+        let error =
+            set_numbers(&source("[drive]\na = 1\n"), &[("drive.a", 2.0), ("drive.b", 2.0)]).unwrap_err();
+        assert_eq!(error.to_string(), "robot.toml has no `drive.b` to write to");
+        assert!(set_numbers(&source("[drive\n"), &[("drive.a", 2.0)]).is_err());
+        assert!(set_numbers(&source("drive = 1\n"), &[("drive.a", 2.0)]).is_err());
+        assert!(set_numbers(&source("drive.a = \"wide\"\n"), &[("drive.a", 2.0)]).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn the_file_reads_back_with_the_new_numbers_and_nothing_else_changed(
+            circumference_m in 0.01..=2.0_f64,
+            track_m in 0.01..=2.0_f64,
+            gap in 0..30_usize,
+        ) {
+            let gapped = DEFAULT_ROBOT.replacen("0.1143                  #", &format!("0.1143{}#", " ".repeat(gap)), 1);
+            let numbers = [("drive.wheel_circumference_m", circumference_m), ("drive.track_width_m", track_m)];
+            let text = set_numbers(&source(&gapped), &numbers).unwrap();
+            let (before, _) = RobotConfig::load("before", gapped.as_bytes()).unwrap();
+            let (mut after, _) = RobotConfig::load("after", text.as_bytes())
+                .map_err(|findings| TestCaseError::fail(findings.to_string()))?;
+            prop_assert!((after.wheel_circumference_m - circumference_m).abs() <= 0.5e-6);
+            prop_assert!((after.track_width_m - track_m).abs() <= 0.5e-6);
+            after.wheel_circumference_m = before.wheel_circumference_m;
+            after.track_width_m = before.track_width_m;
+            prop_assert_eq!(after, before);
+            let comments = |text: &str| text.matches('#').count();
+            prop_assert_eq!(comments(&text), comments(&gapped));
+            // Once more with the same numbers changes nothing: the layout has settled.
+            prop_assert_eq!(set_numbers(&source(&text), &numbers).unwrap(), text);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Writing a file that a person keeps: whole or not at all, and never over another one unasked.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Why a file was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum SaveError {
+    /// There is such a file already: choose another name, or say that it may be replaced.
+    #[error("{} is there already", .0.display())]
+    Exists(PathBuf),
+    /// The disk or its permissions.
+    #[error("cannot write {}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What went wrong.
+        source: io::Error,
+    },
+}
+
+/// Writes a new file.
+///
+/// # Errors
+///
+/// [`SaveError::Exists`] where there is one; a file that is there is never touched.
+pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
+    let mut file = OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
+        if source.kind() == io::ErrorKind::AlreadyExists {
+            SaveError::Exists(path.to_owned())
+        } else {
+            SaveError::Io { path: path.to_owned(), source }
+        }
+    })?;
+    fill(&mut file, text).map_err(|source| SaveError::Io { path: path.to_owned(), source })
+}
+
+/// Replaces a file and keeps what was there beside it, as `robot.toml.1` and so on; returns where. A file that is not there is created.
+///
+/// # Errors
+///
+/// [`SaveError`]; the file is then as it was.
+pub fn replace(path: &Path, text: &str) -> Result<Option<PathBuf>, SaveError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| SaveError::Io { path, source }
+    };
+    let backup = match std::fs::read(path) {
+        Ok(before) => Some(keep(path, &before)?),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => return Err(failed(path)(error)),
+    };
+    // A power cut leaves the old file or the new one: the name changes hands only when the bytes are on the disk.
+    let fresh = beside(path, "new");
+    let written = File::create(&fresh).and_then(|mut file| {
+        if let Ok(known) = std::fs::metadata(path) {
+            file.set_permissions(known.permissions())?;
+        }
+        fill(&mut file, text)
+    });
+    written.and_then(|()| std::fs::rename(&fresh, path)).map_err(|error| {
+        // The old file is untouched; what was begun is of no use to anybody.
+        let _ = std::fs::remove_file(&fresh);
+        failed(path)(error)
+    })?;
+    Ok(backup)
+}
+
+/// Copies what was there to the first free name.
+fn keep(path: &Path, before: &[u8]) -> Result<PathBuf, SaveError> {
+    let mut number = 1_u32;
+    loop {
+        let backup = beside(path, &number.to_string());
+        match OpenOptions::new().write(true).create_new(true).open(&backup) {
+            Ok(mut file) => {
+                let kept = file.write_all(before).and_then(|()| file.sync_all());
+                return kept
+                    .map(|()| backup.clone())
+                    .map_err(|source| SaveError::Io { path: backup.clone(), source });
+            }
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number = number.saturating_add(1),
+            Err(source) => return Err(SaveError::Io { path: backup, source }),
+        }
+    }
+}
+
+fn fill(file: &mut File, text: &str) -> io::Result<()> {
+    file.write_all(text.as_bytes())?;
+    file.sync_all()
+}
+
+fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_there_is_never_overwritten_unasked() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.toml");
+        create(&path, "first").unwrap();
+        let refused = create(&path, "second").unwrap_err();
+        assert!(matches!(refused, SaveError::Exists(_)), "{refused}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
+    }
+
+    #[test]
+    fn what_is_replaced_is_kept_under_a_name_of_its_own_each_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.toml");
+        assert_eq!(replace(&path, "first").unwrap(), None);
+        let one = replace(&path, "second").unwrap().unwrap();
+        let two = replace(&path, "third").unwrap().unwrap();
+        let texts = [&one, &two, &path].map(|path| std::fs::read_to_string(path).unwrap());
+        assert_eq!(texts, ["first", "second", "third"]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing else is left behind");
+    }
+
+    #[test]
+    fn a_folder_that_is_not_there_is_said() {
+        let error = replace(Path::new("not/there/robot.toml"), "x").unwrap_err();
+        assert!(error.to_string().contains("not/there/robot.toml"), "{error}");
+    }
+}

@@ -1,0 +1,324 @@
+//! The text of a `robot.toml` as `setup` writes it: the comments of the shipped file, the values of the answers.
+
+use std::fmt::Write as _;
+
+/// What was found out about a robot; the measures begin as those of the seed's robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Draft {
+    /// The robot's name.
+    pub name: String,
+    /// The left wheel's motor.
+    pub left: Option<DraftMotor>,
+    /// The right wheel's motor.
+    pub right: Option<DraftMotor>,
+    /// Metres driven in one turn of a wheel.
+    pub wheel_circumference_m: f64,
+    /// Metres between the wheels.
+    pub track_width_m: f64,
+    /// The motor that turns the range sensor.
+    pub head: Option<DraftHead>,
+    /// The range sensor.
+    pub range: Option<DraftRange>,
+    /// The gyro's port.
+    pub gyro: Option<String>,
+    /// The touch sensor's port.
+    pub touch: Option<String>,
+    /// The colour sensor's port.
+    pub colour: Option<String>,
+    /// The port of the infrared sensor that listens to the remote.
+    pub remote: Option<String>,
+    /// Further motors: name and port.
+    pub motors: Vec<(String, String)>,
+}
+
+/// A wheel's motor.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DraftMotor {
+    /// Where it is plugged in.
+    pub port: String,
+    /// It turns the wheel backwards when it turns forwards itself.
+    pub inverted: bool,
+}
+
+/// The head's motor.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DraftHead {
+    /// Where it is plugged in.
+    pub port: String,
+    /// Teeth on the motor, with a minus where the head turns the other way, and on the head.
+    pub gear: [i32; 2],
+}
+
+/// The range sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DraftRange {
+    /// Where it is plugged in.
+    pub port: String,
+    /// Metres from the middle between the wheels to the sensor.
+    pub ahead_m: f64,
+    /// Nothing beyond this becomes a point of the map, metres.
+    pub max_m: f64,
+}
+
+impl Default for DraftRange {
+    fn default() -> Self {
+        Self { port: String::new(), ahead_m: 0.0508, max_m: 2.0 }
+    }
+}
+
+impl Default for Draft {
+    fn default() -> Self {
+        Self {
+            name: "mapper".to_owned(),
+            left: None,
+            right: None,
+            wheel_circumference_m: 0.188_976,
+            track_width_m: 0.1143,
+            head: None,
+            range: None,
+            gyro: None,
+            touch: None,
+            colour: None,
+            remote: None,
+            motors: Vec::new(),
+        }
+    }
+}
+
+/// Where the comments behind values begin, in characters.
+const COMMENT_COLUMN: usize = 40;
+
+/// The head's motor turns at 130 counts a second in the seed.
+const HEAD_MOTOR_DPS: f64 = 130.0;
+
+impl Draft {
+    /// The file's text.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let mut page = Page::default();
+        page.bare("# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;");
+        page.bare("# `onbrick calibrate` measures it by driving, `onbrick doctor` looks whether it fits what is plugged in.");
+        page.bare("#");
+        page.bare(
+            "# Every section but [drive] can be left out; a port can be left out where only one device fits.",
+        );
+        page.bare("");
+        page.bare(&format!("name = {}", quoted(&self.name)));
+        page.line("# max_age_s = 0.3", "a reading older than this is lost");
+        self.drive(&mut page);
+        self.head(&mut page);
+        self.sensors(&mut page);
+        self.motors(&mut page);
+        page.text
+    }
+
+    fn drive(&self, page: &mut Page) {
+        page.bare("\n[drive]");
+        for (side, motor, note) in
+            [("left ", &self.left, "also: inverted = true, gear = [12, 36]"), ("right", &self.right, "")]
+        {
+            if let Some(motor) = motor {
+                let inverted = if motor.inverted { ", inverted = true" } else { "" };
+                page.line(&format!("{side} = {{ port = {}{inverted} }}", quoted(&motor.port)), note);
+            }
+        }
+        page.line(
+            &format!("wheel_circumference_m = {}", self.wheel_circumference_m),
+            "metres driven in one turn of a wheel",
+        );
+        page.line(&format!("track_width_m = {}", self.track_width_m), "metres between the wheels");
+        page.line(
+            "max_dps = 360",
+            "the fastest a wheel may turn, degrees per second; no mission may ask for more",
+        );
+    }
+
+    fn head(&self, page: &mut Page) {
+        let Some(head) = &self.head else {
+            return page.example(&["[head]", "port = \"outA\"", "gear = [-12, 36]", "speed_dps = 43.3"]);
+        };
+        let [motor, driven] = head.gear;
+        let speed_dps = HEAD_MOTOR_DPS * f64::from(motor.abs()) / f64::from(driven.max(1));
+        let speed_dps = libm::round(speed_dps.clamp(1.0, 360.0) * 10.0) / 10.0;
+        page.bare("\n[head]");
+        page.bare(&format!("port = {}", quoted(&head.port)));
+        page.line(
+            &format!("gear = [{motor}, {driven}]"),
+            "teeth on the motor, on the head; minus: turns the other way",
+        );
+        page.bare(&format!("speed_dps = {speed_dps}"));
+        page.line("limit_deg = 90", "no further than this to either side, for the cable's sake");
+    }
+
+    fn sensors(&self, page: &mut Page) {
+        match &self.range {
+            None => page.example(&["[range]", "port = \"in1\"", "ahead_m = 0.05", "max_m = 2.0"]),
+            Some(range) => {
+                page.bare("\n[range]");
+                page.line(
+                    &format!("port = {}", quoted(&range.port)),
+                    "ultrasonic, or infrared with its own scale (infrared_m_per_pct)",
+                );
+                page.line(
+                    &format!("ahead_m = {}", range.ahead_m),
+                    "the sensor, ahead of the middle between the wheels",
+                );
+                page.line(
+                    &format!("max_m = {:?}", range.max_m),
+                    "nothing beyond this becomes a point of the map",
+                );
+            }
+        }
+        for (role, port, example, note) in [
+            ("gyro", &self.gyro, "in4", ""),
+            ("touch", &self.touch, "in2", ""),
+            ("colour", &self.colour, "in3", ""),
+            ("remote", &self.remote, "in1", "the infrared sensor that hears the remote control"),
+        ] {
+            match port {
+                Some(port) => {
+                    page.bare("");
+                    page.line(&format!("[{role}]"), note);
+                    page.bare(&format!("port = {}", quoted(port)));
+                }
+                None => page.example(&[&format!("[{role}]"), &format!("port = \"{example}\"")]),
+            }
+        }
+    }
+
+    fn motors(&self, page: &mut Page) {
+        if self.motors.is_empty() {
+            page.example(&["[motor.arm]", "port = \"outC\"", "gear = [1, 1]", "max_dps = 200"]);
+        }
+        for (name, port) in &self.motors {
+            page.bare("");
+            page.line(&format!("[motor.{name}]"), "missions know it under this name");
+            page.bare(&format!("port = {}", quoted(port)));
+            page.bare("gear = [1, 1]");
+            page.bare("max_dps = 200");
+        }
+    }
+}
+
+/// Text that grows line by line.
+#[derive(Default)]
+struct Page {
+    text: String,
+}
+
+impl Page {
+    fn bare(&mut self, line: &str) {
+        self.text.push_str(line);
+        self.text.push('\n');
+    }
+
+    fn line(&mut self, line: &str, comment: &str) {
+        if comment.is_empty() {
+            self.bare(line);
+        } else {
+            // Writing to a string does not fail.
+            let _ =
+                writeln!(self.text, "{line:<width$}# {comment}", width = COMMENT_COLUMN.max(line.len() + 1));
+        }
+    }
+
+    /// A section that this robot does not have, as a comment to take up later.
+    fn example(&mut self, lines: &[&str]) {
+        self.text.push('\n');
+        for line in lines {
+            self.bare(&format!("# {line}"));
+        }
+    }
+}
+
+/// A text as TOML writes it; control characters do not come here.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{DEFAULT_ROBOT, RobotConfig};
+    use proptest::prelude::*;
+
+    /// The answers that describe the shipped robot.
+    fn seeds() -> Draft {
+        let port = |port: &str| Some(port.to_owned());
+        Draft {
+            left: Some(DraftMotor { port: "outB".to_owned(), inverted: false }),
+            right: Some(DraftMotor { port: "outD".to_owned(), inverted: false }),
+            head: Some(DraftHead { port: "outA".to_owned(), gear: [-12, 36] }),
+            range: Some(DraftRange { port: "in1".to_owned(), ..DraftRange::default() }),
+            gyro: port("in4"),
+            ..Draft::default()
+        }
+    }
+
+    #[test]
+    fn the_seeds_answers_make_the_shipped_robot() {
+        let (shipped, _) = RobotConfig::load("shipped", DEFAULT_ROBOT.as_bytes()).unwrap();
+        let text = seeds().to_toml();
+        let (written, findings) = RobotConfig::load("robot.toml", text.as_bytes())
+            .unwrap_or_else(|findings| panic!("{findings}\n{text}"));
+        assert!(findings.is_empty(), "{findings}");
+        assert_eq!(written, shipped, "{text}");
+    }
+
+    #[test]
+    fn what_is_commented_out_loads_when_it_is_taken_up() {
+        let bare = Draft { head: None, range: None, gyro: None, ..seeds() }.to_toml();
+        let taken_up: String = bare
+            .lines()
+            .skip_while(|line| !line.starts_with("[drive]"))
+            .map(|line| line.strip_prefix("# ").unwrap_or(line))
+            .filter(|line| !line.contains("[remote]"))
+            .collect::<Vec<_>>()
+            .join("\n")
+            .replacen("port = \"in1\"\n\n[motor", "\n[motor", 1);
+        let text = format!("name = \"x\"\n{taken_up}\n");
+        let (robot, _) = RobotConfig::load("robot.toml", text.as_bytes())
+            .unwrap_or_else(|findings| panic!("{findings}\n{text}"));
+        assert!(robot.head.is_some() && robot.range.is_some() && robot.gyro.is_some(), "{text}");
+        assert_eq!(robot.motors.len(), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_was_answered_loads_without_findings(
+            name in "[^\\p{Cc}]{1,16}",
+            inverted in any::<[bool; 2]>(),
+            circumference_m in 0.01..=2.0_f64,
+            track_m in 0.01..=2.0_f64,
+            ahead_m in -1.0..=1.0_f64,
+            gear in (1..=1000_i32, 1..=1000_i32, any::<bool>()),
+            there in any::<[bool; 4]>(),
+        ) {
+            let port = |there: bool, port: &str| there.then(|| port.to_owned());
+            let sign = if gear.2 { -1 } else { 1 };
+            let draft = Draft {
+                name: name.clone(),
+                left: Some(DraftMotor { port: "outB".to_owned(), inverted: inverted[0] }),
+                right: Some(DraftMotor { port: "outC".to_owned(), inverted: inverted[1] }),
+                wheel_circumference_m: circumference_m,
+                track_width_m: track_m,
+                head: there[0].then(|| DraftHead { port: "outA".to_owned(), gear: [sign * gear.0, gear.1] }),
+                range: port(there[1], "in1").map(|port| DraftRange { port, ahead_m, max_m: 0.7 }),
+                gyro: port(there[2], "in2"),
+                touch: port(there[3], "in3"),
+                colour: port(there[0], "in4"),
+                remote: None,
+                motors: port(there[1], "outD").map(|port| ("arm".to_owned(), port)).into_iter().collect(),
+            };
+            let text = draft.to_toml();
+            let (robot, findings) = RobotConfig::load("robot.toml", text.as_bytes())
+                .map_err(|findings| TestCaseError::fail(format!("{findings}\n{text}")))?;
+            prop_assert!(findings.is_empty());
+            prop_assert_eq!(robot.name, name);
+            prop_assert_eq!(robot.wheel_circumference_m.to_bits(), circumference_m.to_bits());
+            prop_assert_eq!(robot.track_width_m.to_bits(), track_m.to_bits());
+            prop_assert_eq!(robot.left.ratio < 0.0, inverted[0]);
+            prop_assert_eq!(robot.head.is_some(), there[0]);
+        }
+    }
+}

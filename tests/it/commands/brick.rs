@@ -1,0 +1,333 @@
+//! `run`, `halt` and `devices` on a brick of plain files: whatever happens to the run or to who started it, the motors end still.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use onbrick::mapping::Pose;
+use onbrick::robot::DEFAULT_ROBOT;
+use onbrick::runtime::recording::Run;
+use onbrick::runtime::{Brick, Heartbeat, Job, Source, StopFlags, execute};
+
+use super::{Done, done, keys, names, onbrick, run, text};
+use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
+
+/// A mission that drives straight on and moves the head for a minute.
+const DRIVE: &str = r#"
+name = "straight"
+time_limit_s = 60
+[machine.drive]
+start = "on"
+final = "off"
+[machine.drive.state.on]
+do = { left_dps = 90, right_dps = 90, head_deg = 60 }
+next = [{ when = "time_s > 50", go = "off" }]
+[machine.drive.state.off]
+"#;
+
+/// A run under way on a brick of plain files.
+struct Running {
+    brick: TurningBrick,
+    folder: tempfile::TempDir,
+    child: Child,
+}
+
+impl Running {
+    fn start(mission: &str) -> Self {
+        Self::on(TurningBrick::new(), mission)
+    }
+
+    fn on(brick: TurningBrick, mission: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("mission.toml"), mission).unwrap();
+        let root = text(brick.root().to_owned());
+        let child = onbrick(folder.path(), &["run", "mission.toml", "--brick", &root, "--out", "o"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        Self { brick, folder, child }
+    }
+
+    fn parent(&self) -> Pid {
+        Pid::from_raw(i32::try_from(self.child.id()).unwrap())
+    }
+
+    /// The process that drives, as the lock names it.
+    fn control(&self) -> Pid {
+        let mut owner = None;
+        await_that("the lock has an owner", || {
+            owner = self.brick.owner().filter(|owner| owner.pid > 0);
+            owner.is_some()
+        });
+        let owner = owner.unwrap();
+        assert_eq!(owner.doing, "mission straight");
+        Pid::from_raw(owner.pid)
+    }
+
+    /// Waits for the run's end and looks at what it leaves: the lock free, the recording readable.
+    fn finish(self) -> (TurningBrick, Done, Run) {
+        let Self { brick, folder, child } = self;
+        let said = done(&child.wait_with_output().unwrap());
+        await_that("the lock is free", || brick.owner().is_none());
+        let recorded = Run::open(&folder.path().join("o/run.mcap")).unwrap();
+        (brick, said, recorded)
+    }
+}
+
+#[test]
+fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
+    let case = |signal: Signal, to_control: bool| {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let control = running.control();
+        assert_ne!(control, running.parent(), "control is a process of its own");
+        let sent = Instant::now();
+        kill(if to_control { control } else { running.parent() }, signal).unwrap();
+        await_that("every motor is still", || running.brick.is_still());
+        let took = sent.elapsed();
+        let (brick, said, recorded) = running.finish();
+        let case = format!("{signal}, to control: {to_control}");
+        assert!(took < Duration::from_secs(1), "{case}: still after {took:?}");
+        assert_eq!(said.code, Some(0), "{case}: {}{}", said.out, said.err);
+        assert!(said.out.contains("stopped by a signal"), "{case}: {}", said.out);
+        assert_eq!(brick.commands(), ["stop"; 3], "{case}");
+        let ending = recorded.ending.expect("the recording is complete");
+        assert_eq!(ending.reason, "stopped by a signal", "{case}");
+        assert!(!recorded.senses.is_empty(), "{case}");
+    };
+    std::thread::scope(|scope| {
+        for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
+            scope.spawn(move || case(signal, false));
+            scope.spawn(move || case(signal, true));
+        }
+    });
+}
+
+#[test]
+fn control_stops_by_itself_when_its_starter_is_killed() {
+    let mut running = Running::start(DRIVE);
+    running.brick.await_driving();
+    running.child.kill().unwrap();
+    await_that("every motor is still", || running.brick.is_still());
+    let (brick, _, recorded) = running.finish();
+    assert_eq!(brick.commands(), ["stop"; 3]);
+    assert_eq!(recorded.ending.unwrap().reason, "whoever started the run is gone");
+}
+
+#[test]
+fn when_control_is_killed_the_leases_end_by_themselves_and_the_starter_says_so() {
+    let running = Running::start(DRIVE);
+    running.brick.await_driving();
+    kill(running.control(), Signal::SIGKILL).unwrap();
+    let (brick, said, recorded) = running.finish();
+    assert_eq!(said.code, Some(1), "{}", said.err);
+    assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
+    for (_, name, _) in MOTORS {
+        // What the kernel was told last is a motion that ends, with nothing to roll on with.
+        let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
+        assert_eq!(["command", "time_sp", "stop_action"].map(read), ["run-timed", "300", "brake"], "{name}");
+    }
+    assert!(recorded.ending.is_none(), "nobody was there to end it");
+    let root = text(brick.root().to_owned());
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &["halt", "--brick", &root]).expect(0);
+    assert_eq!(brick.commands(), ["stop"; 3]);
+}
+
+/// A heartbeat that fails after a few ticks, as a mistake in the program would.
+#[derive(Debug)]
+struct Failing(u32);
+
+impl Heartbeat for Failing {
+    fn beat(&mut self) {
+        self.0 += 1;
+        assert!(self.0 < 5, "a mistake, made on purpose");
+    }
+}
+
+#[test]
+fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
+    let brick = TurningBrick::new();
+    let folder = tempfile::tempdir().unwrap();
+    let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+    let job = Job {
+        mission: source("mission.toml", DRIVE),
+        robot: source("robot.toml", DEFAULT_ROBOT),
+        brick: Brick::Local(brick.root().to_owned()),
+        start: Pose::default(),
+        set: Vec::new(),
+        file: folder.path().join("run.mcap"),
+        sync_ns: 1_000_000_000,
+    };
+    let ended = execute(&job, &StopFlags::default(), &mut Failing(0), |_| {}).unwrap();
+    assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("panicked", false, true), "{ended}");
+    assert_eq!(brick.commands(), ["stop"; 3]);
+    assert_eq!(brick.owner(), None, "the lock is free");
+    let recorded = Run::open(&job.file).unwrap();
+    assert!(recorded.ending.unwrap().reason.contains("failed") && recorded.senses.len() >= 4);
+}
+
+#[test]
+fn a_signal_before_it_drives_ends_the_run_before_anything_moved() {
+    let running = Running::start(DRIVE);
+    kill(running.control(), Signal::SIGTERM).unwrap();
+    let said = done(&running.child.wait_with_output().unwrap());
+    assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
+    assert!(said.err.contains("stopped before it started"), "{}", said.err);
+    assert_eq!(running.brick.commands(), ["reset"; 3]);
+    assert_eq!(names(running.folder.path()), ["mission.toml"], "no empty folder stays behind");
+}
+
+#[test]
+fn a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
+    let running = Running::start(DRIVE);
+    running.brick.await_driving();
+    let root = text(running.brick.root().to_owned());
+    let folder = tempfile::tempdir().unwrap();
+    let refused = run(folder.path(), &["run", "map", "--brick", &root]).expect(3);
+    let owner = format!("mission straight (process {})", running.control());
+    assert!(refused.err.contains(&owner) && refused.err.contains("onbrick halt"), "{}", refused.err);
+    assert!(!running.brick.is_still(), "the first one drives on");
+
+    let [halted] =
+        run(folder.path(), &["halt", "--brick", &root, "--json"]).expect(0).json().try_into().unwrap();
+    assert_eq!(keys(&halted), ["motors", "still", "stopped_run"]);
+    assert_eq!(halted["stopped_run"]["doing"], "mission straight");
+    assert_eq!(halted["motors"].as_array().unwrap().len(), 3);
+    assert_eq!(halted["still"], true);
+    let (brick, said, _) = running.finish();
+    assert_eq!((said.code, brick.commands()), (Some(0), vec!["stop".to_owned(); 3]), "{}", said.err);
+}
+
+#[test]
+fn a_blocked_wheel_ends_the_run_as_failed() {
+    let running = Running::start(&DRIVE.replace("left_dps = 90", "left_dps = 10.5"));
+    running.brick.await_driving();
+    // From here on the left wheel stands at one place, whatever is commanded.
+    let position = running.brick.path("tacho-motor/motor1", "position");
+    std::fs::remove_file(&position).unwrap();
+    std::fs::create_dir(&position).unwrap();
+    let (brick, said, recorded) = running.finish();
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    assert_eq!(brick.commands(), ["stop"; 3]);
+    let reason = recorded.ending.unwrap().reason;
+    assert!(said.err.contains(&reason) && reason.contains("blocked"), "{reason}: {}", said.err);
+}
+
+#[test]
+fn a_device_that_goes_away_ends_the_run_with_its_name() {
+    let running = Running::start(DRIVE);
+    running.brick.await_driving();
+    // A reading that cannot be understood is no reading, and after 0.3 s it is lost.
+    running.brick.put("lego-sensor/sensor1", "value0", b"fly\n");
+    let (brick, said, recorded) = running.finish();
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    assert!(said.err.contains("lost: gyro") && said.err.contains("in4"), "{}", said.err);
+    assert_eq!(brick.commands(), ["stop"; 3]);
+    assert!(recorded.ending.unwrap().reason.starts_with("lost: gyro"));
+}
+
+#[test]
+fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
+    let refused = |prepare: &dyn Fn(&TurningBrick), expected: &[&str]| {
+        let brick = TurningBrick::new();
+        prepare(&brick);
+        let running = Running::on(brick, DRIVE);
+        let said = done(&running.child.wait_with_output().unwrap());
+        assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
+        for expected in expected {
+            assert!(said.err.contains(expected), "`{expected}` is not in\n{}", said.err);
+        }
+        assert!(running.brick.is_still(), "{:?}", running.brick.commands());
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            refused(
+                &|brick| brick.put("power_supply/lego-ev3-battery", "voltage_now", b"4900000\n"),
+                &["4.9 V", "charge"],
+            );
+        });
+        scope.spawn(|| {
+            let pull = |brick: &TurningBrick| {
+                std::fs::remove_dir_all(brick.path("lego-sensor/sensor1", "")).unwrap()
+            };
+            refused(&pull, &["gyro", "in4", "lego-ev3-us on in1"]);
+        });
+        scope.spawn(|| {
+            refused(
+                &|brick| brick.put("tacho-motor/motor2", "address", b"ev3-ports:outC\n"),
+                &["drive.right", "outD", "outC"],
+            );
+        });
+        scope.spawn(|| {
+            // Patience is ten seconds: a plug may be put in again meanwhile.
+            refused(
+                &|brick| brick.put("lego-sensor/sensor0", "value0", b"fly\n"),
+                &["range sensor", "`fly`"],
+            );
+        });
+    });
+}
+
+#[test]
+fn devices_shows_what_is_plugged_in_and_what_it_reads() {
+    let brick = TurningBrick::new();
+    let root = text(brick.root().to_owned());
+    let folder = tempfile::tempdir().unwrap();
+    let said = run(folder.path(), &["devices", "--brick", &root]).expect(0);
+    for expected in ["outA", "outB", "outD", "lego-ev3-l-motor", "in1", "lego-ev3-us", "in4", "7.5"] {
+        assert!(said.out.contains(expected), "`{expected}` is not in\n{}", said.out);
+    }
+    let [json] =
+        run(folder.path(), &["devices", "--brick", &root, "--json"]).expect(0).json().try_into().unwrap();
+    assert_eq!(keys(&json), ["battery", "devices"]);
+    assert_eq!(keys(&json["devices"][0]), ["address", "class", "driver", "name", "problem", "readings"]);
+
+    let mut watching = onbrick(folder.path(), &["devices", "--brick", &root, "--watch"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(watching.stdout.take().unwrap()).lines();
+    let tables = lines.map(Result::unwrap).filter(|line| line.starts_with("outA")).take(2).count();
+    assert_eq!(tables, 2, "it looks again");
+    // The reader is gone now, and nobody is left to watch for.
+    assert_eq!(watching.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn what_is_no_brick_is_said_to_be_none() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["devices", "halt"] {
+        let said = run(folder.path(), &[command, "--brick", "."]).expect(1);
+        assert!(
+            said.err.contains("there is no brick below .") && said.err.contains("--brick"),
+            "{}",
+            said.err
+        );
+    }
+}
+
+#[test]
+fn halt_stops_what_turns_and_says_what_still_does() {
+    let brick = TurningBrick::new();
+    let folder = tempfile::tempdir().unwrap();
+    let root = text(brick.root().to_owned());
+    brick.put("tacho-motor/motor1", "speed_sp", b"200\n");
+    brick.put("tacho-motor/motor1", "command", b"run-timed\n");
+    let said = run(folder.path(), &["halt", "--brick", &root]).expect(0);
+    assert_eq!(brick.commands(), ["stop"; 3]);
+    for port in ["outA", "outB", "outD"] {
+        assert!(said.out.contains(port), "{}", said.out);
+    }
+    // A motor that does not take the command: its file cannot be written.
+    let command = brick.path("tacho-motor/motor0", "command");
+    std::fs::remove_file(&command).unwrap();
+    std::fs::create_dir(&command).unwrap();
+    brick.put("tacho-motor/motor1", "command", b"run-forever\n");
+    let said = run(folder.path(), &["halt", "--brick", &root]).expect(1);
+    assert!(said.err.contains("outA") && said.err.contains("unplug"), "{}", said.err);
+    assert_eq!(brick.read("tacho-motor/motor1", "command"), "stop", "the others were told all the same");
+}

@@ -1,0 +1,263 @@
+//! `plot`, `export`, `replay`: finished runs, whole, cut and changed.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use onbrick::report::{Track, export};
+use onbrick::runtime::recording::{self, End, Options, Pace, ReadError, Recorder, Run, Start};
+use onbrick::runtime::{ReplayError, replay};
+
+use super::{keys, names, run};
+use crate::recording::{start, tick};
+
+/// A folder with two recordings of the simulated brick, `left.mcap` and `right.mcap`, made once.
+fn recorded() -> &'static Path {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let folder = FOLDER.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, seed) in [("left", "1"), ("right", "2")] {
+            let arguments =
+                ["run", "map", "--sim", "arena", "--set", "time_limit_s=2", "--seed", seed, "--out", name];
+            run(folder.path(), &arguments).expect(0);
+            let file = format!("{name}/run.mcap");
+            std::fs::rename(folder.path().join(file), folder.path().join(format!("{name}.mcap"))).unwrap();
+        }
+        folder
+    });
+    folder.path()
+}
+
+/// A folder of the test's own with both recordings in it.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["left.mcap", "right.mcap"] {
+        std::fs::copy(recorded().join(name), folder.path().join(name)).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn plot_draws_one_run_and_several_in_every_format() {
+    let folder = folder();
+    for (ending, begins) in [("svg", &b"<svg"[..]), ("png", b"\x89PNG"), ("html", b"<!DOCTYPE html>")] {
+        for (runs, name) in [(&["left.mcap"][..], "one"), (&["left.mcap", "right.mcap"], "both")] {
+            let file = format!("{name}.{ending}");
+            let arguments = [&["plot"], runs, &["-o", &file]].concat();
+            let said = run(folder.path(), &arguments).expect(0);
+            assert_eq!((said.out, said.err), (format!("wrote {file}\n"), String::new()));
+            let drawn = std::fs::read(folder.path().join(&file)).unwrap();
+            assert!(drawn.to_ascii_lowercase().starts_with(&begins.to_ascii_lowercase()), "{file}");
+        }
+    }
+    let json =
+        run(folder.path(), &["plot", "left.mcap", "-o", "j.SVG", "--title", "A & B", "--json"]).expect(0);
+    assert_eq!(json.json(), [serde_json::json!({ "wrote": "j.SVG" })]);
+    let titled = std::fs::read_to_string(folder.path().join("j.SVG")).unwrap();
+    assert!(titled.contains("A &amp; B"), "a title is text, not markup");
+    let said = run(folder.path(), &["plot", "left.mcap", "-o", "no/where.svg"]).expect(1);
+    assert!(said.err.contains("no/where.svg"), "{}", said.err);
+}
+
+#[test]
+fn export_writes_every_format() {
+    let folder = folder();
+    for (format, files) in [
+        ("csv", &["path.csv", "points.csv"][..]),
+        ("ply", &["points.ply"]),
+        ("pgm", &["map.pgm", "map.yaml"]),
+        ("mcap", &["export.mcap"]),
+    ] {
+        let said =
+            run(folder.path(), &["export", "left.mcap", "--format", format, "--out", format]).expect(0);
+        assert_eq!(names(&folder.path().join(format)), files, "{}", said.out);
+        assert_eq!(said.out.lines().count(), files.len());
+    }
+    run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "mcap", "--out", "both"]).expect(0);
+    let bytes = std::fs::read(folder.path().join("both/export.mcap")).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().expect("a summary: it is indexed");
+    assert!(!summary.chunk_indexes.is_empty() && summary.channels.len() > 10, "{:?}", summary.stats);
+    let said = run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "pgm"]).expect(2);
+    assert!(said.err.contains("one run"), "{}", said.err);
+}
+
+#[test]
+fn replay_of_an_honest_run_is_the_same_and_of_a_changed_one_is_not() {
+    let folder = folder();
+    let said = run(folder.path(), &["replay", "left.mcap"]).expect(0);
+    assert!(said.out.contains("the same, bit for bit"), "{}", said.out);
+    let [json] = run(folder.path(), &["replay", "left.mcap", "--json"]).expect(0).json().try_into().unwrap();
+    assert_eq!(
+        keys(&json),
+        [
+            "differences",
+            "differing",
+            "gaps",
+            "points",
+            "poses",
+            "skipped",
+            "ticks",
+            "transitions",
+            "unrecorded"
+        ]
+    );
+    assert_eq!(json["differing"], 0);
+
+    // With another robot's measures in it, the recorded poses are not what its senses come to.
+    let mut tampered = Run::open(&folder.path().join("left.mcap")).unwrap();
+    let robot = tampered.robot_toml.as_mut().unwrap();
+    *robot = robot.replace("wheel_circumference_m = 0.188976", "wheel_circumference_m = 0.2");
+    let replayed = replay(&tampered).unwrap();
+    assert!(!replayed.is_same() && !replayed.differences.is_empty(), "{replayed}");
+    assert!(replayed.to_string().contains("\ntick ") && replayed.to_string().contains("pose"), "{replayed}");
+
+    // A recording whose poses were made up.
+    make_up(&folder.path().join("made-up.mcap"));
+    let said = run(folder.path(), &["replay", "made-up.mcap"]).expect(1);
+    assert!(said.out.contains("differences") && said.err.contains("differs"), "{}{}", said.out, said.err);
+    let json = run(folder.path(), &["replay", "made-up.mcap", "--json"]).expect(1).json();
+    assert!(json[0]["differing"].as_u64().unwrap() > 0 && json[1]["exit"] == 1, "{json:?}");
+}
+
+/// A recording of the shipped robot and mission whose senses and poses have nothing to do with each other.
+fn make_up(file: &Path) {
+    let start = Start {
+        robot_toml: onbrick::robot::DEFAULT_ROBOT.to_owned(),
+        mission_toml: onbrick::behavior::shipped::find("map").unwrap().text.to_owned(),
+        settings: Vec::new(),
+        ..start(Pace::Virtual)
+    };
+    let sink = Box::new(recording::create(file).unwrap());
+    let (recorder, mut side) = Recorder::start(sink, start, Options::default(), Box::new(|_| {})).unwrap();
+    (0..100).for_each(|number| side.tick(&tick(number)));
+    let end = End { reason: "made up".to_owned(), time_ns: 2_000_000_000, truth: None, map: None };
+    recorder.finish(side, end).unwrap();
+}
+
+#[test]
+fn replay_with_another_robot_makes_a_new_run_and_never_writes_over_one() {
+    let folder = folder();
+    let wider = onbrick::robot::DEFAULT_ROBOT.replace("track_width_m = 0.1143", "track_width_m = 0.16");
+    std::fs::write(folder.path().join("wider.toml"), wider).unwrap();
+    let arguments = ["replay", "left.mcap", "--robot", "wider.toml", "--out", "wider.mcap"];
+    run(folder.path(), &arguments).expect(0);
+    run(folder.path(), &["replay", "wider.mcap"]).expect(0);
+    let before = std::fs::read(folder.path().join("left.mcap")).unwrap();
+    for out in ["left.mcap", "wider.mcap"] {
+        let arguments = ["replay", "left.mcap", "--robot", "wider.toml", "--out", out];
+        let said = run(folder.path(), &arguments).expect(3);
+        assert!(said.err.contains("is there already"), "{}", said.err);
+    }
+    assert!(before == std::fs::read(folder.path().join("left.mcap")).unwrap());
+}
+
+#[test]
+fn a_run_cut_at_every_offset_gives_plot_and_replay_what_came_before_the_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    // A quarter of a second is the whole file's structure with a few ticks in it: each offset of it is cut at.
+    let mission = onbrick::behavior::shipped::find("map").unwrap().text.replace("time_limit_s > 5", "");
+    std::fs::write(
+        folder.path().join("short.toml"),
+        mission.replace("time_s > time_limit_s", "time_s > 0.2"),
+    )
+    .unwrap();
+    run(folder.path(), &["run", "short.toml", "--sim", "arena", "--out", "o"]).expect(0);
+    let bytes = std::fs::read(folder.path().join("o/run.mcap")).unwrap();
+    let whole = Run::read(&bytes).unwrap();
+    let path = Track::of_run(&whole, "whole").path;
+    assert!(
+        whole.senses.len() > 8 && path.len() > 1,
+        "{} ticks, {} poses drawn",
+        whole.senses.len(),
+        path.len()
+    );
+    let (mut last, mut replays) = (0, 0);
+    for cut in 0..=bytes.len() {
+        let run = match Run::read(&bytes[..cut]) {
+            Ok(run) => run,
+            Err(ReadError::NotARecording { .. }) if cut < 60 => continue,
+            Err(error) => panic!("cut at {cut}: {error}"),
+        };
+        let ticks = run.senses.len();
+        assert!(ticks >= last, "cut at {cut}: {ticks} ticks, and {last} one byte earlier");
+        assert_eq!(run.senses, whole.senses[..ticks], "cut at {cut}");
+        let poses = run.poses.len();
+        assert!(poses <= ticks && poses + 1 >= ticks, "cut at {cut}: {poses} poses of {ticks} ticks");
+        assert_eq!(run.poses, whole.poses[..poses], "cut at {cut}");
+        let track = Track::of_run(&run, "cut");
+        assert_eq!(track.path.is_empty(), poses == 0, "cut at {cut}: what there is is drawn");
+        assert_eq!(track.points.len(), run.points.len(), "cut at {cut}");
+        if ticks > last || cut + 1 >= bytes.len() || cut % 997 == 0 {
+            replays += 1;
+            match replay(&run) {
+                Ok(replayed) => {
+                    assert_eq!(replayed.ticks, ticks as u64, "cut at {cut}");
+                    assert!(replayed.is_same(), "cut at {cut}: {replayed}");
+                }
+                Err(ReplayError::Beheaded(_)) => assert_eq!(ticks, 0, "cut at {cut}"),
+                Err(error) => panic!("cut at {cut}: {error}"),
+            }
+        }
+        last = ticks;
+    }
+    assert_eq!(last, whole.senses.len());
+    println!("cut at {} offsets, {replays} replays", bytes.len() + 1);
+}
+
+#[test]
+fn the_commands_take_a_cut_file_and_say_so() {
+    let folder = folder();
+    let bytes = std::fs::read(folder.path().join("left.mcap")).unwrap();
+    for percent in [0, 1, 20, 50, 90, 99] {
+        std::fs::write(folder.path().join("cut.mcap"), &bytes[..bytes.len() * percent / 100]).unwrap();
+        let code = if percent == 0 { 3 } else { 0 };
+        let plot = run(folder.path(), &["plot", "cut.mcap", "-o", "cut.svg"]).expect(code);
+        assert!(plot.err.contains("cut"), "{percent} %: {}", plot.err);
+        // One percent is still inside the beginning, which says what the run was.
+        let replay = run(folder.path(), &["replay", "cut.mcap"]).expect(if percent < 20 { 3 } else { 0 });
+        assert!(percent < 20 || replay.out.contains("the same"), "{percent} %: {}", replay.out);
+        assert!(
+            percent >= 20 || replay.err.contains("beginning") || replay.err.contains("empty"),
+            "{}",
+            replay.err
+        );
+        for format in ["csv", "ply", "mcap"] {
+            run(folder.path(), &["export", "cut.mcap", "--format", format, "--out", "x"]).expect(code);
+        }
+        if percent >= 20 {
+            run(folder.path(), &["export", "cut.mcap", "--format", "pgm", "--out", "x"]).expect(0);
+        }
+    }
+}
+
+#[test]
+fn what_is_no_recording_is_refused_by_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("empty"), "").unwrap();
+    std::fs::write(folder.path().join("text"), "x,y\n1,2\n").unwrap();
+    std::fs::write(folder.path().join("binary"), [0xff; 5000]).unwrap();
+    for file in ["empty", "text", "binary", "none", "."] {
+        for arguments in
+            [&["plot", file, "-o", "x.svg"][..], &["export", file, "--format", "csv"], &["replay", file]]
+        {
+            let said = run(folder.path(), arguments).expect(3);
+            assert!(said.err.contains(&format!(" {file}")), "{}", said.err);
+            assert_eq!(said.err.matches("cannot").count(), 1, "said once: {}", said.err);
+            assert!(said.err.contains("onbrick run"), "{}", said.err);
+        }
+    }
+    assert_eq!(names(folder.path()), ["binary", "empty", "text"]);
+}
+
+#[test]
+fn a_drawing_of_nothing_is_a_drawing() {
+    // A run that was cut before its first tick has no path and no points, and is still a picture with axes.
+    let run = Run { senses: Vec::new(), ..Run::default() };
+    let scene = onbrick::report::Scene {
+        title: String::new(),
+        tracks: vec![Track::of_run(&run, "nothing")],
+        outlines: Vec::new(),
+    };
+    assert!(onbrick::report::plot::svg(&scene).unwrap().contains("<svg"));
+    assert!(onbrick::report::plot::png(&scene).unwrap().len() > 100);
+    assert!(export::points_csv(&scene.tracks).lines().count() == 1, "the heading only");
+}

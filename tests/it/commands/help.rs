@@ -1,0 +1,106 @@
+//! Help, usage and what every command has in common.
+
+use std::process::Stdio;
+
+use super::{onbrick, run};
+
+const COMMANDS: [&str; 10] =
+    ["demo", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "replay"];
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let folder = tempfile::tempdir().unwrap();
+    let overview = run(folder.path(), &["--help"]).expect(0).out;
+    let listed = overview.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let listed: Vec<&str> = listed
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.strip_prefix("  ")?.split(' ').next().filter(|name| !name.is_empty()))
+        .collect();
+    assert!(!listed.contains(&"control"), "nobody starts control by hand: {overview}");
+    for command in COMMANDS {
+        assert!(listed.contains(&command), "`{command}` is not in\n{overview}");
+    }
+    for command in listed.into_iter().filter(|command| *command != "help") {
+        let help = run(folder.path(), &[command, "--help"]).expect(0);
+        assert!(
+            help.out.contains(&format!("onbrick {command} ")) && help.out.contains("Example"),
+            "{}",
+            help.out
+        );
+        assert!(help.out.contains("--json"), "{}", help.out);
+        assert_eq!(help.err, "");
+    }
+}
+
+#[test]
+fn wrong_usage_ends_with_2_and_says_what_is_right() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, expected) in [
+        (&[][..], "Usage: onbrick"),
+        (&["dmeo"], "'demo'"),
+        (&["run"], "<MISSION>"),
+        (&["run", "map", "--brcik", "/"], "'--brick'"),
+        (&["run", "map", "--sim", "arena", "--brick", "/tmp"], "cannot be used with"),
+        (&["run", "map", "--seed", "5"], "--sim"),
+        (&["run", "map", "--sim", "arena", "--set", "near_m"], "name=value"),
+        (&["run", "map", "--sim", "arena", "--set", "near_m=close"], "`close` is not a number"),
+        (&["run", "map", "--sim", "arena", "--set", "near_m=nan"], "finite"),
+        (&["run", "map", "--sim", "arena", "--set", "naer_m=1"], "did you mean `near_m`?"),
+        (&["run", "map", "--sim", "arena", "--set", "time_limit_s=1e9"], "it can be 1 to 36000"),
+        (&["run", "map", "--sim", "arena", "--pose", "1,2"], "x,y,deg"),
+        (&["run", "map", "--sim", "arena", "--pose", "1,2,nan"], "finite"),
+        (&["run", "map", "--sim", "arena", "--sync-s", "0"], "0.1 to 60"),
+        (&["demo", "--seconds", "0"], "1 to 36000"),
+        (&["demo", "--seconds", "inf"], "1 to 36000"),
+        (&["demo", "--seed", "-1"], "'-1'"),
+        (&["plot", "a.mcap"], "--output"),
+        (&["plot", "a.mcap", "-o", "a.bmp"], ".svg, .png or .html"),
+        (&["export", "a.mcap", "--format", "dxf"], "csv, ply, pgm, mcap"),
+        (&["replay", "a.mcap", "--robot", "b.toml"], "--out"),
+        (&["new", "rover"], "mission, robot, world"),
+        (&["new", "mission", "--from", "mapp"], "did you mean `map`?"),
+        (&["new", "robot", "--from", "map"], "only for a mission"),
+        (&["check"], "<MISSIONS>"),
+    ] {
+        let said = run(folder.path(), arguments).expect(2);
+        assert!(said.err.contains(expected), "{arguments:?} should say `{expected}`:\n{}", said.err);
+        assert_eq!(said.out, "", "{arguments:?}");
+    }
+    assert_eq!(super::names(folder.path()), [""; 0], "wrong usage leaves nothing behind");
+}
+
+#[test]
+fn a_failure_is_json_for_a_program_and_text_for_a_person() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = run(folder.path(), &["--json", "plot", "none.mcap", "-o", "map.svg"]).expect(3);
+    let [failure] = said.json().try_into().unwrap();
+    assert_eq!(super::keys(&failure), ["error", "exit", "hint"]);
+    assert_eq!(failure["exit"], 3);
+    assert!(failure["error"].as_str().unwrap().contains("none.mcap"), "{failure}");
+    assert!(said.err.starts_with("error: "), "{}", said.err);
+    let usage = run(folder.path(), &["--json", "plot"]).expect(2);
+    assert!(usage.err.contains("Usage"), "{}", usage.err);
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [
+        &["new", "mission"][..],
+        &["graph", "map"],
+        &["run", "map", "--sim", "arena", "--set", "time_limit_s=2", "--json"],
+    ] {
+        let mut child =
+            onbrick(folder.path(), arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let said = super::done(&child.wait_with_output().unwrap()).expect(0);
+        assert_eq!(said.err, "", "{arguments:?}");
+    }
+}
+
+#[test]
+fn control_without_a_job_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = run(folder.path(), &["control"]).expect(2);
+    assert!(said.err.contains("onbrick run"), "{}", said.err);
+}

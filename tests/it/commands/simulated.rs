@@ -1,0 +1,175 @@
+//! `demo`, and `run` on a simulated brick.
+
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+
+use onbrick::runtime::recording::Run;
+
+use super::{keys, names, onbrick, run, text};
+
+const FILES: [&str; 5] = ["map.png", "map.svg", "path.csv", "points.csv", "run.mcap"];
+
+#[test]
+fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = run(folder.path(), &["demo", "--seconds", "5"]).expect(0);
+    assert!(said.out.contains("to the nearest wall") && said.out.contains("onbrick-demo"), "{}", said.out);
+    assert_eq!(said.err, "", "progress is for terminals");
+    assert_eq!(names(&folder.path().join("onbrick-demo")), FILES);
+    for (out, seed) in [("again", "1"), ("other", "2")] {
+        let json =
+            run(folder.path(), &["demo", "--seconds", "5", "--seed", seed, "--out", out, "--json"]).expect(0);
+        let [quality] = json.json().try_into().unwrap();
+        assert_eq!(
+            keys(&quality),
+            ["heading_error_deg", "points", "pose_error_m", "travelled_m", "wall_median_m", "wall_p90_m"]
+        );
+    }
+    let read = |out: &str, file: &str| std::fs::read(folder.path().join(out).join(file)).unwrap();
+    for file in FILES {
+        assert!(read("onbrick-demo", file) == read("again", file), "{file} differs with the same seed");
+    }
+    assert!(read("onbrick-demo", "points.csv") != read("other", "points.csv"), "another seed, another run");
+    let again = run(folder.path(), &["demo", "--seconds", "1"]).expect(0);
+    assert!(again.out.contains("wrote run.mcap"), "a second demo takes the first one's place: {}", again.out);
+}
+
+#[test]
+fn demo_takes_another_world_and_refuses_one_that_is_none() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &["demo", "--seconds", "1", "--world", "rooms", "--out", "rooms"]).expect(0);
+    let said = run(folder.path(), &["demo", "--world", "areena", "--out", "none"]).expect(3);
+    assert!(said.err.contains("areena") && said.err.contains("arena, "), "{}", said.err);
+    std::fs::write(folder.path().join("w.toml"), "name = \"w\"\n[[block]]\nat = [0, 0]\nsize_m = [1, 1]\n")
+        .unwrap();
+    let said = run(folder.path(), &["demo", "--world", "w.toml", "--out", "none"]).expect(3);
+    assert!(said.err.contains("starts inside a wall") && said.err.contains("--> w.toml:"), "{}", said.err);
+    assert_eq!(names(folder.path()), ["rooms", "w.toml"]);
+}
+
+#[test]
+fn a_simulated_run_tells_how_it_goes_and_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["run", "map", "--sim", "arena", "--set", "time_limit_s=3", "--out", "first", "--json"];
+    let events = run(folder.path(), &arguments).expect(0).json();
+    assert_eq!(events[0]["event"], "driving", "{}", events[0]);
+    let statuses: Vec<_> = events.iter().filter(|event| event["event"] == "status").collect();
+    assert!(statuses.len() > 5, "{} statuses", statuses.len());
+    assert_eq!(
+        keys(statuses[0]),
+        [
+            "battery_v",
+            "dropped",
+            "elapsed_ns",
+            "event",
+            "points",
+            "pose",
+            "states",
+            "tick",
+            "time_ns",
+            "travelled_m"
+        ]
+    );
+    let ended = events.last().unwrap();
+    assert_eq!(
+        keys(ended),
+        [
+            "event",
+            "file",
+            "latest_s",
+            "overruns",
+            "points",
+            "reason",
+            "recording",
+            "stopped",
+            "ticks",
+            "time_s",
+            "travelled_m",
+            "wanted",
+            "word"
+        ]
+    );
+    assert_eq!((&ended["event"], &ended["word"]), (&"ended".into(), &"finished".into()));
+    assert_eq!(events.iter().filter(|event| event["event"] == "ended").count(), 1, "one end");
+    let file = folder.path().join("first/run.mcap");
+    assert_eq!(ended["file"].as_str().unwrap(), text(file.canonicalize().unwrap()));
+    let recorded = Run::open(&file).unwrap();
+    assert_eq!(recorded.senses.len() as u64, ended["ticks"].as_u64().unwrap());
+    assert!(recorded.warnings.is_empty(), "{:?}", recorded.warnings);
+
+    let before = std::fs::read(&file).unwrap();
+    let said = run(folder.path(), &arguments[..8]).expect(3);
+    assert!(said.err.contains("there already") && said.err.contains("--out"), "{}", said.err);
+    assert!(std::fs::read(&file).unwrap() == before, "a recording is never written over");
+}
+
+#[test]
+fn runs_without_a_folder_take_the_next_free_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["run", "map", "--sim", "arena", "--set", "time_limit_s=1"];
+    for number in 1..=3 {
+        let said = run(folder.path(), &arguments).expect(0);
+        assert!(said.out.contains(&format!("onbrick-runs/map-{number}/run.mcap")), "{}", said.out);
+        assert!(said.out.contains("the mission is finished"), "{}", said.out);
+        assert_eq!(said.err, "");
+    }
+    assert_eq!(names(&folder.path().join("onbrick-runs")), ["map-1", "map-2", "map-3"]);
+}
+
+#[test]
+fn a_run_that_is_refused_leaves_no_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = run(folder.path(), &["run", "map", "--brick", "nowhere"]).expect(3);
+    assert!(said.err.contains("no brick below nowhere") && said.err.contains("--brick"), "{}", said.err);
+    // A brick with nothing plugged in.
+    std::fs::create_dir_all(folder.path().join("bare/sys/class")).unwrap();
+    for out in ["mine", "mine/very/own"] {
+        let said = run(folder.path(), &["run", "map", "--brick", "bare", "--out", out]).expect(3);
+        assert!(said.err.contains("drive.left") && said.err.contains("nothing of this kind"), "{}", said.err);
+        assert!(said.err.contains("onbrick devices"), "{}", said.err);
+    }
+    assert_eq!(names(folder.path()), ["bare"]);
+}
+
+#[test]
+fn the_start_pose_is_the_worlds_or_the_persons() {
+    let folder = tempfile::tempdir().unwrap();
+    for (out, pose, expected) in
+        [("given", Some("1.5,-2,90"), [1.5, -2.0, 90.0]), ("worlds", None, [0.0, 0.0, 0.0])]
+    {
+        let mut arguments = vec!["run", "map", "--sim", "arena", "--set", "time_limit_s=1", "--out", out];
+        arguments.extend(pose.iter().flat_map(|pose| ["--pose", pose]));
+        run(folder.path(), &arguments).expect(0);
+        let start = Run::open(&folder.path().join(out).join("run.mcap")).unwrap().info.unwrap().start_pose;
+        let start = [start.x_m, start.y_m, start.heading_rad.to_degrees()];
+        assert!(start.iter().zip(expected).all(|(is, want)| (is - want).abs() < 1e-9), "{start:?}");
+    }
+}
+
+#[test]
+fn control_is_a_process_of_its_own_that_ends_with_its_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["run", "map", "--sim", "arena", "--realtime", "--json"];
+    let mut child = onbrick(folder.path(), &arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.next().unwrap().unwrap().contains("driving"));
+    let parent = child.id();
+    let children = std::fs::read_to_string(format!("/proc/{parent}/task/{parent}/children")).unwrap();
+    let control: i32 = children.trim().parse().expect("one child");
+    let command = std::fs::read(format!("/proc/{control}/cmdline")).unwrap();
+    assert!(command.ends_with(b"\0control\0"), "{}", String::from_utf8_lossy(&command));
+    nix::sys::signal::kill(nix::unistd::Pid::from_raw(control), nix::sys::signal::Signal::SIGINT).unwrap();
+    let ended = lines.last().unwrap().unwrap();
+    assert!(ended.contains("\"word\":\"signal\""), "{ended}");
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(!std::path::Path::new(&format!("/proc/{control}")).exists(), "control is gone and waited for");
+}
+
+#[test]
+fn a_run_says_once_that_it_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["run", "map", "--sim", "open", "--set", "time_limit_s=1", "--json"];
+    let said = run(folder.path(), &arguments).expect(0);
+    let events = said.json();
+    assert!(events.iter().all(|event| event["event"].is_string()), "every line is an event: {}", said.out);
+}

@@ -1,0 +1,346 @@
+//! `calibrate`: from wrong numbers to within 2 % of the true ones.
+
+use super::*;
+use onbrick::runtime::{ApplyError, CalibrateError, CalibrateOptions, Calibration, Straight, calibrate};
+use onbrick::sim::{Button, Fault, Port};
+
+/// How near the true numbers calibration must come.
+const NEAR: f64 = 0.02;
+
+type Mischief = Box<dyn Fn(&Simulation)>;
+
+/// A person with good eyes, a slow hand and a measuring tape.
+struct Measurer {
+    simulation: Simulation,
+    marked: Truth,
+    way: f64,
+    told: Vec<String>,
+    /// What the person does once when this text comes up.
+    mischief: Option<(&'static str, Mischief)>,
+    /// Never presses Enter.
+    asleep: bool,
+    /// How wrong the tape is read, in turn, metres.
+    tape_errors_m: Vec<f64>,
+}
+
+impl Measurer {
+    fn new(bench: &Bench) -> Self {
+        Self {
+            simulation: bench.simulation.clone(),
+            marked: bench.truth(),
+            way: 1.0,
+            told: Vec::new(),
+            mischief: None,
+            asleep: false,
+            tape_errors_m: vec![0.001, -0.001],
+        }
+    }
+
+    /// How far the robot is from standing along its line after two whole turns, radians; positive where it has yet to turn on.
+    fn missing_rad(&self) -> f64 {
+        let turned_rad = self.way * (truth(&self.simulation).heading_rad - self.marked.heading_rad);
+        4.0 * PI - turned_rad
+    }
+
+    fn hear(&mut self, text: &str) {
+        self.told.push(text.to_owned());
+        if self.mischief.as_ref().is_some_and(|(when, _)| text.contains(when))
+            && let Some((_, mischief)) = self.mischief.take()
+        {
+            mischief(&self.simulation);
+        }
+    }
+}
+
+impl Dialogue for Measurer {
+    fn say(&mut self, text: &str) {
+        self.hear(text);
+    }
+
+    fn choose(&mut self, question: &str, choices: &[&str], default: usize) -> Result<usize, NoAnswer> {
+        if question.contains("along a line") {
+            self.way = if question.contains("left") { 1.0 } else { -1.0 };
+        }
+        if question.contains("Mark on the floor") || question.contains("along a line") {
+            self.marked = truth(&self.simulation);
+        }
+        self.hear(question);
+        if question.contains("Does it stand along the line") {
+            let missing_rad = self.missing_rad();
+            let words = match missing_rad {
+                missing if missing > 0.015 => "further",
+                missing if missing < -0.015 => "back",
+                _ => "exactly",
+            };
+            return Ok(choices.iter().position(|choice| choice.contains(words)).unwrap());
+        }
+        Ok(default)
+    }
+
+    fn text(&mut self, question: &str, default: &str) -> Result<String, NoAnswer> {
+        if !question.contains("from its mark") {
+            return Ok(default.to_owned());
+        }
+        let now = truth(&self.simulation);
+        let error_m = self.tape_errors_m[0];
+        self.tape_errors_m.rotate_left(1);
+        let came_m = libm::hypot(now.x_m - self.marked.x_m, now.y_m - self.marked.y_m) + error_m;
+        Ok(format!("{came_m:.3}"))
+    }
+
+    fn is_pressed(&mut self) -> bool {
+        // A hand is a fifth of a second late: at 12 degrees a second, 2.4 degrees.
+        !self.asleep && self.missing_rad() < -0.04
+    }
+}
+
+/// The shipped robot with both measures wrong by a share, and without the gyro where asked.
+fn wrong(circumference: f64, track: f64, gyro: bool) -> Source {
+    let text = DEFAULT_ROBOT.replacen("0.188976", &format!("{:.6}", 0.188_976 * circumference), 1).replacen(
+        "0.1143",
+        &format!("{:.6}", 0.1143 * track),
+        1,
+    );
+    let text = if gyro { text } else { text.replacen("[gyro]\nport = \"in4\"\n", "", 1) };
+    Source { name: "robot.toml".to_owned(), text }
+}
+
+fn measure(bench: &Bench, robot: &Source, options: &CalibrateOptions) -> Result<Calibration, CalibrateError> {
+    let mut person = Measurer::new(bench);
+    measure_with(bench, robot, options, &mut person)
+}
+
+fn measure_with(
+    bench: &Bench,
+    robot: &Source,
+    options: &CalibrateOptions,
+    person: &mut Measurer,
+) -> Result<Calibration, CalibrateError> {
+    let measured = calibrate(&bench.tree, &*bench.clock, &bench.flags, person, &load(robot), options);
+    bench.assert_still();
+    measured
+}
+
+/// The file that comes out has both numbers within [`NEAR`] of the true ones.
+fn assert_near(what: &str, bench: &Bench, robot: &Source, calibration: &Calibration) {
+    let text = calibration.apply(robot).unwrap_or_else(|error| panic!("{what}: {error}\n{calibration:?}"));
+    let after = load(&Source { name: "robot.toml".to_owned(), text });
+    let numbers = [
+        ("circumference", after.wheel_circumference_m, bench.model.wheel_circumference_m),
+        ("track", after.track_width_m, bench.model.track_width_m),
+    ];
+    for (name, found, truth) in numbers {
+        let off = found / truth - 1.0;
+        println!("{what}: {name} {found:.5} m, truly {truth:.5} m, off by {:+.2} %", off * 100.0);
+        assert!(off.abs() < NEAR, "{what}: {name} is {found} m instead of {truth} m");
+    }
+}
+
+/// Wrong both ways, and both too large.
+const WRONG: [(f64, f64); 3] = [(0.9, 1.1), (1.1, 0.9), (1.1, 1.1)];
+
+#[test]
+fn wrong_numbers_end_near_the_true_ones_at_a_wall_and_by_gyro_and_marks() {
+    for seed in 1..=5 {
+        for (circumference, track) in WRONG {
+            let bench = Bench::new("", seed);
+            let robot = wrong(circumference, track, true);
+            let calibration = measure(&bench, &robot, &CalibrateOptions::default()).unwrap();
+            assert_near(&format!("wall, gyro, marks, seed {seed}"), &bench, &robot, &calibration);
+        }
+    }
+}
+
+#[test]
+fn the_gyro_alone_does_as_well_as_the_gyro_itself() {
+    for seed in 1..=5 {
+        for (circumference, track) in WRONG {
+            // Nothing on the robot sees the gyro's own scale, so this one counts truly.
+            let bench = Bench::new("[robot.errors]\ngyro_scale_sd = 0.0\n", seed);
+            let robot = wrong(circumference, track, true);
+            let options = CalibrateOptions { mark: Some(false), ..CalibrateOptions::default() };
+            let calibration = measure(&bench, &robot, &options).unwrap();
+            assert_near(&format!("wall, gyro, seed {seed}"), &bench, &robot, &calibration);
+            let track = calibration.track_width_m.unwrap();
+            assert!(track.to_string().contains("off together by 2 %"), "{track}");
+        }
+    }
+}
+
+#[test]
+fn wrong_numbers_end_near_the_true_ones_with_a_tape_and_marked_turns() {
+    for seed in 1..=3 {
+        for (circumference, track) in [(0.9, 1.1), (1.1, 0.9)] {
+            // Room for a metre: the wall is out of the way behind the robot.
+            let bench = Bench::new("", seed);
+            bench.simulation.inspect(|world: &mut WorldPhysics| {
+                world.carry(0, onbrick::sim::StartPose { x_m: -1.5, y_m: 0.0, heading_rad: 0.0 });
+            });
+            let robot = wrong(circumference, track, false);
+            let options = CalibrateOptions { straight: Some(Straight::Metre), ..CalibrateOptions::default() };
+            let calibration = measure(&bench, &robot, &options).unwrap();
+            assert_near(&format!("tape, marks, seed {seed}"), &bench, &robot, &calibration);
+            assert_eq!(calibration.gyro_scale, None);
+        }
+    }
+}
+
+#[test]
+fn a_marked_turn_takes_out_what_the_gyro_counts_too_much() {
+    let bench = Bench::new("[robot.errors]\ngyro_scale = 0.04\n", 4);
+    let robot = wrong(1.0, 1.1, true);
+    let options = CalibrateOptions { mark: Some(true), ..CalibrateOptions::default() };
+    let calibration = measure(&bench, &robot, &options).unwrap();
+    assert_near("gyro 4 % off, marked", &bench, &robot, &calibration);
+    let scale = calibration.gyro_scale.unwrap();
+    assert!((1.02..1.06).contains(&scale), "the gyro counts {scale} times what is turned");
+}
+
+#[test]
+fn the_wheels_alone_or_the_track_alone_leaves_the_other_number() {
+    let bench = Bench::new("", 2);
+    let robot = wrong(0.9, 1.1, true);
+    let track = CalibrateOptions { straight: None, ..CalibrateOptions::default() };
+    let calibration = measure(&bench, &robot, &track).unwrap();
+    assert!(calibration.wheel_circumference_m.is_none());
+    // What the heading needs is the ratio, and that is right though the circumference is not.
+    let text = calibration.apply(&robot).unwrap();
+    let after = load(&Source { name: "robot.toml".to_owned(), text });
+    let ratio = after.track_width_m / after.wheel_circumference_m;
+    let truth = bench.model.track_width_m / bench.model.wheel_circumference_m;
+    assert!((ratio / truth - 1.0).abs() < NEAR, "{ratio} instead of {truth}");
+    assert!((after.wheel_circumference_m - 0.188_976 * 0.9).abs() < 1e-6);
+}
+
+#[test]
+fn a_person_who_reads_the_tape_badly_is_told_and_nothing_is_written() {
+    let bench = Bench::new("", 1);
+    let mut person = Measurer::new(&bench);
+    person.tape_errors_m = vec![0.08, -0.08, 0.0];
+    let options =
+        CalibrateOptions { straight: Some(Straight::Metre), track: false, ..CalibrateOptions::default() };
+    bench.simulation.inspect(|world: &mut WorldPhysics| {
+        world.carry(0, onbrick::sim::StartPose { x_m: -1.5, y_m: 0.0, heading_rad: 0.0 });
+    });
+    let robot = wrong(1.0, 1.0, true);
+    let calibration = measure_with(&bench, &robot, &options, &mut person).unwrap();
+    let error = calibration.apply(&robot).unwrap_err();
+    assert!(matches!(error, ApplyError::Unsure { key: "drive.wheel_circumference_m", .. }), "{error}");
+    assert!(person.told.iter().any(|text| text.contains("not sure enough")), "{:?}", person.told);
+}
+
+#[test]
+fn every_motion_is_a_lease() {
+    let bench = Bench::new("", 1);
+    bench.simulation.record_writes(true);
+    measure(&bench, &wrong(1.0, 1.0, true), &CalibrateOptions::default()).unwrap();
+    for write in bench.simulation.take_writes().iter().filter(|write| write.path.ends_with("/command")) {
+        let command = String::from_utf8_lossy(&write.value).into_owned();
+        assert!(["reset", "run-timed", "stop"].contains(&command.trim()), "{} got {command}", write.path);
+    }
+}
+
+/// What a person does just before a motion begins, and what calibration says to it.
+fn ends_with(robot: &str, when: &'static str, mischief: impl Fn(&Simulation) + 'static) -> CalibrateError {
+    let bench = Bench::new(robot, 1);
+    let mut person = Measurer::new(&bench);
+    person.mischief = Some((when, Box::new(mischief)));
+    measure_with(&bench, &wrong(1.0, 1.0, true), &CalibrateOptions::default(), &mut person).unwrap_err()
+}
+
+#[test]
+fn whatever_goes_wrong_on_the_way_is_said_and_the_robot_stands() {
+    let blocked = ends_with("", "spin on the spot", |simulation| {
+        simulation.inspect(|world: &mut WorldPhysics| {
+            world.fail(0, Fault::BlockedMotor(1));
+            world.fail(0, Fault::BlockedMotor(3));
+        });
+    });
+    assert!(matches!(blocked, CalibrateError::Blocked), "{blocked}");
+    let one_blocked = ends_with("", "spin on the spot", |simulation| {
+        simulation.inspect(|world: &mut WorldPhysics| world.fail(0, Fault::BlockedMotor(3)));
+    });
+    assert!(matches!(one_blocked, CalibrateError::Blocked), "{one_blocked}");
+    let silent = ends_with("[robot.errors]\nrange_dropout = 1.0\n", "never", |_| ());
+    assert!(matches!(silent, CalibrateError::NoWall(_)), "{silent}");
+    let drifts = ends_with("[robot.errors]\ngyro_drift_dps = 3.0\n", "never", |_| ());
+    assert!(drifts.to_string().contains("not ready"), "{drifts}");
+    let pulled = ends_with("", "spin on the spot", |simulation| simulation.unplug(0, Port::In4).unwrap());
+    assert!(matches!(pulled, CalibrateError::Lost { .. }), "{pulled}");
+    let away = ends_with("", "before a plain wall", |simulation| {
+        simulation.inspect(|world: &mut WorldPhysics| {
+            world.carry(0, onbrick::sim::StartPose { x_m: 0.0, y_m: 0.0, heading_rad: PI });
+        });
+    });
+    assert!(matches!(away, CalibrateError::NoWall(_)), "{away}");
+    let flat = ends_with("[robot.errors]\nbattery_v = 5.2\n", "never", |_| ());
+    assert!(flat.to_string().contains("not ready"), "{flat}");
+    let unplugged = ends_with("[robot.ports]\nin4 = \"none\"\n", "never", |_| ());
+    assert!(matches!(unplugged, CalibrateError::Bind(_)), "{unplugged}");
+}
+
+#[test]
+fn a_person_who_never_presses_enter_does_not_keep_the_robot_spinning() {
+    let bench = Bench::new("", 1);
+    let mut person = Measurer::new(&bench);
+    person.asleep = true;
+    let options = CalibrateOptions { straight: None, ..CalibrateOptions::default() };
+    let robot = wrong(1.0, 1.0, false);
+    let error = measure_with(&bench, &robot, &options, &mut person).unwrap_err();
+    assert!(error.to_string().contains("nobody pressed Enter"), "{error}");
+    let turned = (bench.truth().heading_rad - person.marked.heading_rad).abs() / (2.0 * PI);
+    assert!((2.8..3.2).contains(&turned), "{turned} turns; one and a half times two are the most");
+}
+
+/// Stops when the robot has driven for a while, as a hand on the brick or Ctrl-C would.
+#[derive(Debug)]
+struct StopsAt {
+    clock: Arc<VirtualClock>,
+    at_ns: i64,
+    act: fn(&Simulation, &StopFlags),
+    simulation: Simulation,
+    flags: StopFlags,
+    done: std::sync::atomic::AtomicBool,
+}
+
+impl Clock for StopsAt {
+    fn now_ns(&self) -> i64 {
+        self.clock.now_ns()
+    }
+
+    fn sleep_until_ns(&self, deadline_ns: i64) {
+        self.clock.sleep_until_ns(deadline_ns);
+        if self.clock.now_ns() >= self.at_ns && !self.done.swap(true, Ordering::Relaxed) {
+            (self.act)(&self.simulation, &self.flags);
+        }
+    }
+}
+
+#[test]
+fn a_button_and_a_signal_stop_it_within_a_tenth_of_a_second() {
+    let acts: [fn(&Simulation, &StopFlags); 3] = [
+        |simulation, _| simulation.press(0, Button::Back).unwrap(),
+        |simulation, _| simulation.press(0, Button::Enter).unwrap(),
+        |_, flags| flags.signal.store(true, Ordering::Relaxed),
+    ];
+    for act in acts {
+        let bench = Bench::new("", 1);
+        let at_ns = bench.clock.now_ns() + 12 * SECOND_NS;
+        let clock = StopsAt {
+            clock: Arc::clone(&bench.clock),
+            at_ns,
+            act,
+            simulation: bench.simulation.clone(),
+            flags: bench.flags.clone(),
+            done: false.into(),
+        };
+        let mut person = Measurer::new(&bench);
+        let robot = load(&wrong(1.0, 1.0, true));
+        let options = CalibrateOptions::default();
+        let error = calibrate(&bench.tree, &clock, &bench.flags, &mut person, &robot, &options).unwrap_err();
+        let late_ns = bench.clock.now_ns() - at_ns;
+        assert!(matches!(error, CalibrateError::Stopped), "{error}");
+        assert!(late_ns < SECOND_NS / 10, "{late_ns} ns after it was asked to stop");
+        bench.assert_still();
+    }
+}

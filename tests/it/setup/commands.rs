@@ -1,0 +1,94 @@
+//! The commands as a script uses them: exit codes, files, and what is never overwritten.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use super::*;
+use crate::support::plain_brick;
+
+/// What a person would type for the seed's robot on a brick where nothing moves: name, ready, three motors, measures.
+const ANSWERS: &str = "tester\nyes\n1\nforwards\n\nback\n\n\n12 36\n0,2\n\n0.06\n";
+
+fn onbrick(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_onbrick"))
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+fn says(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+#[test]
+fn setup_writes_a_file_from_answers_and_never_over_one_that_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    plain_brick::write("open", &folder.path().join("brick"));
+    std::fs::write(folder.path().join("answers"), ANSWERS).unwrap();
+    let setup = ["setup", "--brick", "brick", "--answers", "answers"];
+
+    let done = onbrick(folder.path(), &setup);
+    assert_eq!(done.status.code(), Some(0), "{}", says(&done));
+    assert!(says(&done).contains("did not turn"), "a motor of plain files stands still: {}", says(&done));
+    let path = folder.path().join("robot.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let robot = load(&Source { name: "robot.toml".to_owned(), text: text.clone() });
+    assert_eq!((robot.name.as_str(), robot.wheel_circumference_m), ("tester", 0.2));
+    assert_eq!((robot.left.ratio, robot.right.ratio), (1.0, -1.0));
+    assert_eq!(robot.range.unwrap().ahead_m, 0.06);
+
+    let refused = onbrick(folder.path(), &setup);
+    assert_eq!(refused.status.code(), Some(3), "{}", says(&refused));
+    assert!(says(&refused).contains("--force"), "{}", says(&refused));
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+
+    let forced = onbrick(folder.path(), &[&setup[..], &["--force"]].concat());
+    assert_eq!(forced.status.code(), Some(0), "{}", says(&forced));
+    assert_eq!(std::fs::read_to_string(folder.path().join("robot.toml.1")).unwrap(), text);
+}
+
+#[test]
+fn an_input_that_ends_refuses_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    plain_brick::write("open", &folder.path().join("brick"));
+    let ended = onbrick(folder.path(), &["setup", "--brick", "brick"]);
+    assert_eq!(ended.status.code(), Some(3), "{}", says(&ended));
+    assert!(says(&ended).contains("the input has ended"), "{}", says(&ended));
+    assert!(!folder.path().join("robot.toml").exists());
+}
+
+#[test]
+fn calibrate_refuses_a_robot_that_is_not_ready_and_leaves_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    plain_brick::write("open", &folder.path().join("brick"));
+    std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT.replace("outD", "outC")).unwrap();
+    let refused = onbrick(folder.path(), &["calibrate", "--brick", "brick"]);
+    assert_eq!(refused.status.code(), Some(3), "{}", says(&refused));
+    assert!(says(&refused).contains("drive.right") && says(&refused).contains("outC"), "{}", says(&refused));
+    let missing = onbrick(folder.path(), &["calibrate", "other.toml", "--brick", "brick"]);
+    assert_eq!(missing.status.code(), Some(3), "{}", says(&missing));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing was written");
+}
+
+#[test]
+fn doctor_reports_for_people_and_for_programs_and_its_exit_code_tells() {
+    let folder = tempfile::tempdir().unwrap();
+    plain_brick::write("open", &folder.path().join("brick"));
+    std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT).unwrap();
+    let people = onbrick(folder.path(), &["doctor", "--brick", "brick"]);
+    // A brick of plain files has no buttons: nobody could stop it.
+    assert_eq!(people.status.code(), Some(3), "{}", says(&people));
+    assert!(says(&people).contains("failed   buttons"), "{}", says(&people));
+    assert!(says(&people).contains("ok       drive.left     lego-ev3-l-motor on outB"), "{}", says(&people));
+    let programs = onbrick(folder.path(), &["--json", "doctor", "--brick", "brick"]);
+    let lines: Vec<serde_json::Value> = String::from_utf8_lossy(&programs.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}")))
+        .collect();
+    let buttons = lines.iter().find(|line| line["check"] == "buttons").unwrap();
+    assert_eq!(buttons["verdict"], "failed");
+    assert_eq!(lines.iter().filter(|line| line["verdict"] == "failed").count(), 1, "{lines:?}");
+    assert!(!folder.path().join("onbrick-runs").exists(), "doctor makes nothing");
+}

@@ -1,0 +1,325 @@
+//! What the design says about the source as a whole, held against its text: layers, absences, and the house's order.
+
+use std::path::{Path, PathBuf};
+
+/// The layers from top to bottom; `use` points downwards only. Modules at the crate's root that are in none of them are a finding.
+const LAYERS: [&str; 14] = [
+    "cli", "menu", "report", "link", "service", "runtime", "robot", "behavior", "mapping", "sim", "ev3dev",
+    "clock", "units", "document",
+];
+
+/// One file of the source.
+struct Source {
+    /// Relative to `src`, such as `robot/lease.rs`.
+    path: String,
+    text: String,
+}
+
+impl Source {
+    /// The layer that the file belongs to: its first folder, or its own name.
+    fn layer(&self) -> &str {
+        self.path.split(['/', '.']).next().unwrap()
+    }
+
+    /// The lines that the program is made of, with their numbers: no comments, no tests.
+    fn code(&self) -> impl Iterator<Item = (usize, &str)> {
+        let numbered = self.text.lines().enumerate().map(|(at, line)| (at + 1, line));
+        let without_tests = numbered.take_while(|(_, line)| line.trim() != "#[cfg(test)]");
+        without_tests.filter(|(_, line)| !line.trim_start().starts_with("//"))
+    }
+
+    /// Lines with one of these in them, as `path:line: text`.
+    fn with(&self, words: &[&str]) -> Vec<String> {
+        let found = self.code().filter(|(_, line)| words.iter().any(|word| line.contains(word)));
+        found.map(|(at, line)| format!("src/{}:{at}: {}", self.path, line.trim())).collect()
+    }
+}
+
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let path = entry.path();
+        if path.is_dir() {
+            files.extend(rust_files(&path));
+        } else if path.extension().is_some_and(|ending| ending == "rs") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    files
+}
+
+fn sources_below(folder: &str) -> Vec<Source> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let source = |path: PathBuf| Source {
+        path: path.strip_prefix(&folder).unwrap().to_str().unwrap().to_owned(),
+        text: std::fs::read_to_string(&path).unwrap(),
+    };
+    rust_files(&folder).into_iter().map(source).collect()
+}
+
+fn sources() -> Vec<Source> {
+    sources_below("src")
+}
+
+/// A file that only holds the tests of the one beside it.
+fn is_tests(source: &Source) -> bool {
+    source.path.ends_with("/tests.rs")
+}
+
+#[track_caller]
+fn none(what: &str, found: &[String]) {
+    assert!(found.is_empty(), "{what}:\n{}", found.join("\n"));
+}
+
+#[test]
+fn use_points_downwards_only() {
+    let place = |layer: &str| LAYERS.iter().position(|known| *known == layer);
+    let mut found = Vec::new();
+    for source in sources().iter().filter(|source| !["lib.rs", "main.rs"].contains(&source.path.as_str())) {
+        let Some(own) = place(source.layer()) else {
+            found.push(format!("src/{} is in no layer", source.path));
+            continue;
+        };
+        for (at, line) in source.code() {
+            for used in line.split("crate::").skip(1) {
+                let used: String =
+                    used.chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect();
+                // `$crate::` of a macro and a path without a layer (`crate::{…}`) are looked at in the next lines' names.
+                if place(&used).is_some_and(|used| used < own) {
+                    found.push(format!("src/{}:{at}: {} uses {used}", source.path, source.layer()));
+                }
+            }
+        }
+    }
+    none("upward uses", &found);
+}
+
+#[test]
+fn modules_are_used_by_name_so_that_layers_can_be_seen() {
+    let found: Vec<String> = sources()
+        .iter()
+        .filter(|source| !is_tests(source))
+        .flat_map(|source| source.with(&["use crate::{", "use crate::*", "use super::*"]))
+        .collect();
+    none("uses that hide which layer they are of", &found);
+}
+
+#[test]
+fn only_clock_reads_a_clock_or_sleeps() {
+    let words =
+        ["Instant::", "SystemTime", "thread::sleep", "clock_gettime", "ClockId", "nanosleep", "UNIX_EPOCH"];
+    let found: Vec<String> = sources()
+        .iter()
+        .filter(|source| source.layer() != "clock")
+        .flat_map(|source| source.with(&words))
+        .collect();
+    none("clocks and sleeps outside src/clock.rs", &found);
+}
+
+const FILES: [&str; 6] =
+    ["std::fs", "File::open", "File::create", "OpenOptions", "std::net", "read_to_string("];
+
+#[test]
+fn behavior_and_mapping_do_no_io_and_know_no_clock() {
+    let words = [
+        &FILES[..],
+        &["std::io", "std::env", "std::process", "MonotonicClock", "Clock;", "now_ns()", "std::thread"],
+    ]
+    .concat();
+    let found: Vec<String> = sources()
+        .iter()
+        .filter(|source| ["behavior", "mapping"].contains(&source.layer()))
+        .flat_map(|source| source.with(&words))
+        .collect();
+    none("I/O in what should be pure", &found);
+}
+
+#[test]
+fn only_ev3dev_touches_device_files() {
+    // Who else opens files, and why.
+    let others = [
+        ("cli/", "files that people name on the command line"),
+        ("runtime/lock.rs", "the lock that names the hardware's owner"),
+        ("runtime/recording/", "run.mcap"),
+    ];
+    let may = |source: &Source| {
+        source.layer() == "ev3dev" || others.iter().any(|(path, _)| source.path.starts_with(path))
+    };
+    let files: Vec<String> =
+        sources().iter().filter(|source| !may(source)).flat_map(|source| source.with(&FILES)).collect();
+    none("files opened where none should be", &files);
+    // The simulated brick says the same names from the driver's side; the command looks whether there is a brick at all.
+    let names: Vec<String> = sources()
+        .iter()
+        .filter(|source| !["ev3dev", "sim", "cli"].contains(&source.layer()))
+        .flat_map(|source| source.with(&["sys/class", "/dev/"]))
+        .collect();
+    none("device files named outside ev3dev", &names);
+    for (path, why) in others {
+        assert!(
+            sources().iter().any(|source| source.path.starts_with(path)),
+            "nothing is at {path} any more ({why})"
+        );
+    }
+}
+
+#[test]
+fn only_cli_prints_and_only_its_output_knows_the_streams() {
+    let prints = ["println!", "eprintln!", "print!(", "dbg!"];
+    let streams = ["io::stdout", "io::stderr", "stdout()", "stderr()"];
+    let mut found = Vec::new();
+    for source in sources() {
+        found.extend(source.with(&prints));
+        if source.layer() != "cli" {
+            found.extend(source.with(&streams));
+        }
+    }
+    none("prints", &found);
+}
+
+#[test]
+fn what_is_on_the_ticks_path_knows_neither_report_nor_link_nor_cli() {
+    let found: Vec<String> = sources()
+        .iter()
+        .filter(|source| LAYERS.iter().position(|layer| *layer == source.layer()) >= Some(5))
+        .flat_map(|source| {
+            source.with(&[
+                "crate::report",
+                "crate::link",
+                "crate::cli",
+                "zmq",
+                "plotters",
+                "indicatif",
+                "clap::",
+            ])
+        })
+        .collect();
+    none("upper layers on the tick's path", &found);
+}
+
+#[test]
+fn every_file_opens_with_what_it_is() {
+    let mut found = Vec::new();
+    for folder in ["src", "tests"] {
+        for source in sources_below(folder) {
+            let first = source.text.lines().next().unwrap_or_default();
+            if !first.starts_with("//! ") || first.len() < 12 {
+                found.push(format!("{folder}/{}: {first}", source.path));
+            }
+        }
+    }
+    none("files that do not say what they are", &found);
+}
+
+#[test]
+fn files_are_short_enough_to_be_read() {
+    /// Lines without tests; the house's measure.
+    const LONGEST: usize = 500;
+    let length =
+        |source: &Source| source.text.lines().take_while(|line| line.trim() != "#[cfg(test)]").count();
+    let sources = sources();
+    let found: Vec<String> = sources
+        .iter()
+        .filter(|source| !is_tests(source) && length(source) > LONGEST)
+        .map(|source| format!("src/{}: {} lines", source.path, length(source)))
+        .collect();
+    none("long files", &found);
+}
+
+#[test]
+fn nothing_is_left_undone() {
+    // Written apart, so that this file does not find itself.
+    let words = [["todo", "!"], ["unimplemented", "!"], ["TO", "DO"], ["FIX", "ME"], ["#[ig", "nore"]]
+        .map(|parts| parts.concat());
+    let mut found = Vec::new();
+    for folder in ["src", "tests"] {
+        for source in sources_below(folder) {
+            for (at, line) in source
+                .text
+                .lines()
+                .enumerate()
+                .filter(|(_, line)| words.iter().any(|word| line.contains(word)))
+            {
+                found.push(format!("{folder}/{}:{}: {}", source.path, at + 1, line.trim()));
+            }
+        }
+    }
+    none("left undone", &found);
+}
+
+#[test]
+fn warnings_are_silenced_with_a_reason_and_for_no_longer_than_needed() {
+    let mut found = Vec::new();
+    for source in sources() {
+        for (at, line) in
+            source.code().filter(|(_, line)| line.contains("#[allow(") || line.contains("#![allow("))
+        {
+            // `expect` says when it is no longer needed; `allow` is for macros and features, with a reason.
+            let rest: String = source.text.lines().skip(at - 1).take(6).collect();
+            if !rest.split(")]").next().unwrap().contains("reason = ") {
+                found.push(format!("src/{}:{at}: {}", source.path, line.trim()));
+            }
+        }
+    }
+    none("allow without a reason", &found);
+}
+
+#[test]
+fn tests_are_named_by_sentences() {
+    let mut found = Vec::new();
+    for folder in ["src", "tests"] {
+        for source in sources_below(folder) {
+            let lines: Vec<&str> = source.text.lines().map(str::trim).collect();
+            for pair in lines.windows(2).filter(|pair| pair[0] == "#[test]") {
+                let name = pair[1].trim_start_matches("fn ").split('(').next().unwrap_or_default();
+                if name.split('_').count() < 3 || name.starts_with("test_") {
+                    found.push(format!("{folder}/{}: {name}", source.path));
+                }
+            }
+        }
+    }
+    none("tests whose names are no sentences", &found);
+}
+
+#[test]
+fn no_path_of_one_machine_is_in_the_repository() {
+    let home = [["/wo", "rk/"], ["/ho", "me/"], ["/ro", "ot/"]].map(|parts| parts.concat());
+    let mut found = Vec::new();
+    for folder in ["src", "tests"] {
+        for source in sources_below(folder) {
+            for (at, line) in source
+                .text
+                .lines()
+                .enumerate()
+                .filter(|(_, line)| home.iter().any(|path| line.contains(path)))
+            {
+                found.push(format!("{folder}/{}:{}: {}", source.path, at + 1, line.trim()));
+            }
+        }
+    }
+    none("paths of somebody's machine", &found);
+}
+
+#[test]
+fn floats_go_through_libm_by_a_list_that_is_complete() {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(".clippy.toml")).unwrap();
+    // Every method of std's floats whose result is the platform's own (std's documentation: "unspecified precision").
+    let methods = [
+        "powi", "powf", "exp", "exp2", "ln", "log", "log2", "log10", "cbrt", "hypot", "sin", "cos", "tan",
+        "asin", "acos", "atan", "atan2", "sin_cos", "exp_m1", "ln_1p", "sinh", "cosh", "tanh", "asinh",
+        "acosh", "atanh", "mul_add",
+    ];
+    for float in ["f32", "f64"] {
+        for method in methods {
+            let path = format!("\"{float}::{method}\"");
+            assert!(text.contains(&path), "{path} is not disallowed");
+        }
+    }
+    let matrices: Vec<String> =
+        sources().iter().flat_map(|source| source.with(&["DMatrix", "DVector", "MatrixXx"])).collect();
+    none("matrices of run-time size, whose products use FMA where there is any", &matrices);
+    let hashes: Vec<String> =
+        sources().iter().flat_map(|source| source.with(&["HashMap", "HashSet"])).collect();
+    none("orders that change from run to run", &hashes);
+}
