@@ -1,14 +1,14 @@
-"""Every sensor in every mode, then turning by the gyro, driving to a line by colour and to a wall by touch."""
+"""Touch, colour and gyro in every mode, then turning by the gyro, driving to a line by colour and to a wall by touch."""
 import json
 import time
 from ev3dev2.motor import OUTPUT_B, OUTPUT_D, MoveTank, SpeedPercent
-from ev3dev2.sensor import INPUT_1, INPUT_2, INPUT_3, INPUT_4, list_sensors
-from ev3dev2.sensor.lego import ColorSensor, GyroSensor, TouchSensor, UltrasonicSensor
+from ev3dev2.sensor import INPUT_2, INPUT_3, INPUT_4, list_sensors
+from ev3dev2.sensor.lego import ColorSensor, GyroSensor, TouchSensor
 
 # What comes in the first moments after a change of mode is left over from the one before.
 SETTLE_S = 0.3
 
-sonar, touch, eye, gyro = UltrasonicSensor(INPUT_1), TouchSensor(INPUT_2), ColorSensor(INPUT_3), GyroSensor(INPUT_4)
+touch, eye, gyro = TouchSensor(INPUT_2), ColorSensor(INPUT_3), GyroSensor(INPUT_4)
 said = {"sensors": sorted([sensor.address, sensor.driver_name] for sensor in list_sensors())}
 
 
@@ -28,11 +28,7 @@ def settled(read):
     return read()
 
 
-said["modes"] = {sensor.driver_name: modes(sensor) for sensor in (sonar, touch, eye, gyro)}
-said["cm"] = settled(lambda: sonar.distance_centimeters)
-said["inches"] = settled(lambda: sonar.distance_inches)
-said["ping_cm"] = sonar.distance_centimeters_ping
-said["hears_another"] = settled(lambda: sonar.other_sensor_present)
+said["modes"] = {sensor.driver_name: modes(sensor) for sensor in (touch, eye, gyro)}
 said["pressed"] = touch.is_pressed
 said["reflected"] = settled(lambda: eye.reflected_light_intensity)
 said["ambient"] = settled(lambda: eye.ambient_light_intensity)
@@ -52,9 +48,6 @@ while eye.color != ColorSensor.COLOR_BLACK:
     time.sleep(0.005)
 tank.off()
 said["colours_on_the_way"] = colours
-# The robot stands still now.
-time.sleep(0.3)
-said["cm_at_line"] = settled(lambda: sonar.distance_centimeters)
 
 settled(lambda: gyro.angle)
 gyro.reset()

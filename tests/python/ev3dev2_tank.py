@@ -1,5 +1,6 @@
 """Drives with MoveTank and MoveSteering as the documentation of python-ev3dev2 does; prints what the motors say."""
 import json
+import time
 from ev3dev2.motor import OUTPUT_B, OUTPUT_D, MoveSteering, MoveTank, SpeedDPS, SpeedPercent
 
 WHEEL_MM, TRACK_MM = 188.976, 114.3
@@ -9,6 +10,8 @@ steering = MoveSteering(OUTPUT_B, OUTPUT_D)
 
 
 def positions():
+    # A motor that holds is pulled back to its target.
+    time.sleep(0.3)
     return [tank.left_motor.position, tank.right_motor.position]
 
 
