@@ -84,6 +84,15 @@ impl Clock for VirtualClock {
     }
 }
 
+/// The wall clock's time as interfaces of the system want it, such as a file's.
+pub type WallTime = SystemTime;
+
+/// The wall clock as [`WallTime`]: for names and records only.
+#[must_use]
+pub fn wall_time() -> WallTime {
+    SystemTime::now()
+}
+
 /// The wall clock, nanoseconds since 1970: for names and records only. A clock before 1970 reads 0.
 #[must_use]
 pub fn wall_ns() -> i64 {

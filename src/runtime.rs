@@ -29,7 +29,6 @@ mod control;
 mod dialogue;
 mod doctor;
 mod execute;
-pub mod guard;
 mod lock;
 mod names;
 mod pilot;

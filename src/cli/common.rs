@@ -1,6 +1,8 @@
 //! What several commands do: find a file by path or by name, load a robot, a mission or a world.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+#[cfg(feature = "host")]
+use std::path::PathBuf;
 
 use super::output::with_causes;
 use super::{Exit, Failure, Output};
@@ -133,7 +135,9 @@ pub(super) fn pose(text: &str) -> Result<[f64; 3], String> {
 /// A recording that was read.
 #[derive(Debug)]
 pub(super) struct LoadedRun {
+    #[cfg(feature = "host")]
     pub(super) path: PathBuf,
+    #[cfg(feature = "host")]
     pub(super) name: String,
     pub(super) run: Run,
 }
@@ -165,7 +169,13 @@ pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     for warning in &run.warnings {
         log::warn!("{name}: {warning}");
     }
-    Ok(LoadedRun { path: path.to_owned(), name, run })
+    Ok(LoadedRun {
+        #[cfg(feature = "host")]
+        path: path.to_owned(),
+        #[cfg(feature = "host")]
+        name,
+        run,
+    })
 }
 
 /// All runs in one picture, with the walls of a world that they know.

@@ -60,6 +60,8 @@ impl Default for MountOptions {
 #[derive(Debug)]
 pub struct Mount {
     point: PathBuf,
+    /// The kernel's number of the mount.
+    identity: Option<String>,
     robots: usize,
     session: Option<BackgroundSession>,
     ticker: Option<JoinHandle<()>>,
@@ -102,7 +104,8 @@ impl Mount {
         let session = Session::new(files, &point, &config).and_then(Session::spawn).map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let ticker = ticker::spawn(simulation.clone(), open, Arc::clone(&stop)).map_err(failed)?;
-        Ok((Self { point, robots, session: Some(session), ticker: Some(ticker), stop }, found))
+        let identity = point::identity(&point);
+        Ok((Self { point, identity, robots, session: Some(session), ticker: Some(ticker), stop }, found))
     }
 
     /// The folder, as the kernel calls it.
@@ -139,7 +142,8 @@ impl Mount {
             let _ = ticker.join();
         }
         let Some(session) = self.session.take() else { return Ok(()) };
-        if !session.guard.is_finished() {
+        // Somebody else may have unmounted it, and even have mounted something new.
+        if self.identity.is_some() && point::identity(&self.point) == self.identity {
             point::detach(&self.point)
                 .map_err(|source| MountError::Failed { point: self.point.clone(), source })?;
         }

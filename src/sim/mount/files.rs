@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use fuser::{FileAttr, FileType, FopenFlags, INodeNo, OpenAccMode, OpenFlags};
 use nix::errno::Errno;
@@ -11,7 +11,7 @@ use nix::unistd::{getgid, getuid};
 use super::handle::{Handle, Listed};
 use super::nodes::{Nodes, Place, ROOT};
 use super::open::Open;
-use crate::clock::wall_ns;
+use crate::clock::{WallTime, wall_time};
 use crate::ev3dev::Access;
 use crate::sim::brick::tree::SCREEN;
 use crate::sim::driver::input::EventLayout;
@@ -34,14 +34,13 @@ pub(super) struct Files {
     nodes: Mutex<Nodes>,
     pub(super) open: Arc<Open>,
     layout: EventLayout,
-    mounted: SystemTime,
+    mounted: WallTime,
 }
 
 impl Files {
     pub(super) fn new(bricks: Vec<Arc<SimBrick>>, open: Arc<Open>, layout: EventLayout) -> Self {
         let nodes = Mutex::new(Nodes::new(bricks.len()));
-        let mounted = UNIX_EPOCH + Duration::from_nanos(wall_ns().cast_unsigned());
-        Self { bricks, nodes, open, layout, mounted }
+        Self { bricks, nodes, open, layout, mounted: wall_time() }
     }
 
     /// The numbers that the kernel knows.

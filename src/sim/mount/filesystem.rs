@@ -2,7 +2,6 @@
 
 use std::ffi::OsStr;
 use std::path::Path;
-use std::time::SystemTime;
 
 use fuser::{
     AccessFlags, BsdFileFlags, FileHandle, Filesystem, FopenFlags, Generation, INodeNo, IoctlFlags,
@@ -14,6 +13,7 @@ use nix::errno::Errno;
 
 use super::files::{Files, refusal};
 use super::handle::{Handle, Read};
+use crate::clock::WallTime;
 use crate::sim::door::Write;
 
 impl Filesystem for Files {
@@ -46,11 +46,11 @@ impl Filesystem for Files {
         _size: Option<u64>,
         _atime: Option<TimeOrNow>,
         _mtime: Option<TimeOrNow>,
-        _ctime: Option<SystemTime>,
+        _ctime: Option<WallTime>,
         file: Option<FileHandle>,
-        _crtime: Option<SystemTime>,
-        _chgtime: Option<SystemTime>,
-        _bkuptime: Option<SystemTime>,
+        _crtime: Option<WallTime>,
+        _chgtime: Option<WallTime>,
+        _bkuptime: Option<WallTime>,
         _flags: Option<BsdFileFlags>,
         reply: ReplyAttr,
     ) {

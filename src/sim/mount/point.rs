@@ -115,8 +115,8 @@ pub(super) fn prepare(point: &Path) -> Result<(PathBuf, Found), MountError> {
         Ok(_) => {}
     }
     let absolute = point.canonicalize().map_err(|_| unfit(Unfit::Forbidden))?;
-    if let Some((_, source)) = mounts_at(&absolute).pop() {
-        return Err(unfit(Unfit::Busy(source)));
+    if let Some(uppermost) = mounts_at(&absolute).pop() {
+        return Err(unfit(Unfit::Busy(uppermost.source)));
     }
     if !absolute.is_dir() {
         return Err(unfit(Unfit::NotAFolder));
@@ -151,9 +151,8 @@ fn clear(point: &Path) -> Result<bool, MountError> {
     // Several may lie over each other.
     while fs::metadata(point).is_err_and(|error| error.raw_os_error() == Some(Errno::ENOTCONN as i32)) {
         let absolute = absolute_of_stale(point);
-        let ours = mounts_at(&absolute)
-            .pop()
-            .is_some_and(|(kind, source)| kind.starts_with("fuse") && source == SOURCE);
+        let uppermost = mounts_at(&absolute).pop();
+        let ours = uppermost.is_some_and(|mount| mount.kind.starts_with("fuse") && mount.source == SOURCE);
         if !ours {
             return Err(MountError::Unfit { point: point.to_owned(), why: Unfit::Stale });
         }
@@ -191,21 +190,37 @@ fn detach_with_helper(point: &Path) -> io::Result<()> {
     }
 }
 
-/// Kind and source of what is mounted at a path, the uppermost last.
-fn mounts_at(point: &Path) -> Vec<(String, String)> {
+/// A line of the machine's table of mounts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct MountLine {
+    /// The kernel's own number of the mount.
+    id: String,
+    kind: String,
+    source: String,
+}
+
+/// The kernel's number of what is mounted at a path; none if nothing is.
+pub(super) fn identity(point: &Path) -> Option<String> {
+    mounts_at(point).pop().map(|mount| mount.id)
+}
+
+/// What is mounted at a path, the uppermost last.
+fn mounts_at(point: &Path) -> Vec<MountLine> {
     let table = fs::read("/proc/self/mountinfo").unwrap_or_default();
     table.split(|byte| *byte == b'\n').filter_map(|line| mount_at(line, point)).collect()
 }
 
-/// A line of the table (`proc_pid_mountinfo(5)`): the fifth field is the mount point; kind and source follow a single `-`.
-fn mount_at(line: &[u8], point: &Path) -> Option<(String, String)> {
+/// A line of the table (`proc_pid_mountinfo(5)`): the first field is the mount's number, the fifth the mount point; kind and source follow a
+/// single `-`.
+fn mount_at(line: &[u8], point: &Path) -> Option<MountLine> {
+    let text = |field: &[u8]| unescape(field).to_string_lossy().into_owned();
     let mut fields = line.split(|byte| *byte == b' ');
-    if unescape(fields.nth(4)?).as_bytes() != point.as_os_str().as_bytes() {
+    let id = text(fields.next()?);
+    if unescape(fields.nth(3)?).as_bytes() != point.as_os_str().as_bytes() {
         return None;
     }
     let mut fields = fields.skip_while(|field| *field != b"-").skip(1);
-    let mut text = || Some(unescape(fields.next()?).to_string_lossy().into_owned());
-    Some((text()?, text()?))
+    Some(MountLine { id, kind: text(fields.next()?), source: text(fields.next()?) })
 }
 
 /// The table writes spaces and their like as a backslash and three octal digits.
@@ -234,10 +249,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_of_the_table_of_mounts_gives_kind_and_source() {
+    fn a_line_of_the_table_of_mounts_gives_number_kind_and_source() {
         let line = b"98 32 0:45 / /tmp/my\\040brick rw,nosuid - fuse onbrick-sim rw,user_id=0";
         let found = mount_at(line, Path::new("/tmp/my brick"));
-        assert_eq!(found, Some(("fuse".to_owned(), "onbrick-sim".to_owned())));
+        let [id, kind, source] = ["98", "fuse", "onbrick-sim"].map(str::to_owned);
+        assert_eq!(found, Some(MountLine { id, kind, source }));
         assert_eq!(mount_at(line, Path::new("/tmp/my")), None);
         for odd in [b"".as_slice(), b"1 2 3 4", b"1 2 3 4 /a", b"1 2 3 4 /a rw -", b"1 2 3 4 /a rw - fuse"] {
             assert_eq!(mount_at(odd, Path::new("/a")), None, "{}", String::from_utf8_lossy(odd));

@@ -4,8 +4,8 @@ use std::process::Stdio;
 
 use super::{onbrick, run};
 
-const COMMANDS: [&str; 10] =
-    ["demo", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "replay"];
+const COMMANDS: [&str; 11] =
+    ["demo", "sim", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "replay"];
 
 #[test]
 fn every_command_has_help_with_an_example() {

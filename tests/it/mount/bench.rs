@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 use nix::errno::Errno;
@@ -29,15 +29,25 @@ pub(crate) struct Mounted {
     pub(crate) observer: Option<Observer>,
 }
 
-/// True, and said, where this machine cannot mount.
+/// True, and said, where this machine cannot mount: a mount is tried once.
 pub(crate) fn no_fuse() -> bool {
-    let device = OpenOptions::new().read(true).write(true).open("/dev/fuse");
-    let helper = ["/usr/bin/fusermount3", "/bin/fusermount3"].iter().any(|path| Path::new(path).exists());
-    let can = device.is_ok() && (nix::unistd::geteuid().is_root() || helper);
-    if !can {
-        pass_over("FUSE: /dev/fuse, and root's rights or fusermount3");
+    static REFUSED: OnceLock<Option<String>> = OnceLock::new();
+    let refused = REFUSED.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let clock = Arc::new(VirtualClock::default());
+        let simulation = Simulation::new(clock, Box::new(Bench::as_recorded()), 1);
+        Mount::new(&simulation, folder.path(), MountOptions::default()).err().map(|error| error.to_string())
+    });
+    if let Some(refused) = refused {
+        pass_over(&format!("FUSE ({refused})"));
     }
-    !can
+    refused.is_some()
+}
+
+/// Keeps those tests apart that take all the machine has, or that need their share of it in time.
+pub(crate) fn real_time() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Mounted {

@@ -10,16 +10,16 @@ use nix::sys::resource::{UsageWho, getrusage};
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, seconds};
 use onbrick::sim::World;
 
-use super::bench::Mounted;
+use super::bench::{Mounted, real_time};
 
 /// A room with so many robots in it.
 fn room(robots: usize) -> World {
-    let mut text = "name = \"hall\"\n[[wall]]\npoints = [[-1.0, -1.0], [9.0, -1.0], [9.0, 9.0], [-1.0, 9.0]]\nclosed = true\n".to_owned();
+    let mut text = "name = \"hall\"\n[[wall]]\npoints = [[-1.0, -1.0], [13.0, -1.0], [13.0, 13.0], [-1.0, 13.0]]\nclosed = true\n".to_owned();
     for robot in 0..robots {
         text.push_str(&format!(
             "[[start]]\nat = [{}.0, {}.0]\nheading_deg = {}\n",
-            robot % 8,
-            robot / 8,
+            robot % 13,
+            robot / 13,
             40 * robot % 360
         ));
     }
@@ -120,6 +120,7 @@ fn load(robots: usize, drives: bool, reads: bool, for_s: f64) -> Option<Load> {
 /// Alone on the machine: `cargo test --test it mount::figures -- --nocapture --test-threads=1`.
 #[test]
 fn figures_of_the_mounted_simulation() {
+    let _alone = real_time();
     let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
     let attribute = File::open(mounted.path("sys/class/tacho-motor/motor1/position")).unwrap();
     let folder = tempfile::Builder::new().tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
