@@ -4,8 +4,8 @@ import time
 from ev3dev2.sensor import INPUT_1
 from ev3dev2.sensor.lego import UltrasonicSensor
 
-# Between modes that are very different it goes on with old values for up to two seconds.
-SETTLE_S = 2.1
+# Between modes that are very different it goes on with old values for a second, some say two.
+SETTLE_S = 1.3
 
 sonar = UltrasonicSensor(INPUT_1)
 said = {"address": sonar.address, "first_cm": [sonar.distance_centimeters for _ in range(5)], "modes": {}}
