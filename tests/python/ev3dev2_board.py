@@ -29,7 +29,7 @@ red = leds.leds["red_left"]
 red.trigger = "timer"
 red.delay_on = 200
 red.delay_off = 100
-said["timer"] = [red.trigger, red.delay_on, red.delay_off, "heartbeat" in red.triggers]
+said["timer"] = [red.delay_on, red.delay_off, "heartbeat" in red.triggers]
 leds.all_off()
 said["all_off"] = lights()
 leds.reset()

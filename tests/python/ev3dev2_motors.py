@@ -46,6 +46,7 @@ motor.duty_cycle_sp = -40
 time.sleep(0.1)
 said["duty"] = motor.duty_cycle
 motor.stop()
+time.sleep(0.3)
 
 motor.ramp_up_sp = 1500
 motor.run_forever(speed_sp=800)

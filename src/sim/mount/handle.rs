@@ -182,12 +182,7 @@ fn attribute<'t>(
 }
 
 /// A part of the truth, which is found out when its beginning is read.
-fn truth<'t>(
-    file: &TruthFile,
-    text: &'t mut Vec<u8>,
-    offset: usize,
-    room: usize,
-) -> Result<&'t [u8], Errno> {
+fn truth<'t>(file: &TruthFile, text: &'t mut Vec<u8>, offset: usize, room: usize) -> Result<&'t [u8], Errno> {
     if offset == 0 || text.is_empty() {
         file.read_into(text)?;
     }

@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::mount::bench::no_fuse;
 use crate::support::pass_over;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+pub(super) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// No program here takes longer.
 const LONGEST_NS: i64 = 90 * SECOND_NS;
@@ -89,7 +89,7 @@ impl Simulator {
     }
 
     pub(super) fn truth(&self) -> Truth {
-        truth(&self.root())
+        serde_json::from_str(&fs::read_to_string(self.root().join("sim/truth")).unwrap()).unwrap()
     }
 }
 
@@ -101,10 +101,6 @@ impl Drop for Simulator {
         }
         let _ = self.process.wait();
     }
-}
-
-pub(super) fn truth(brick: &Path) -> Truth {
-    serde_json::from_str(&fs::read_to_string(brick.join("sim/truth")).unwrap()).unwrap()
 }
 
 impl Foreign {
