@@ -100,7 +100,7 @@ fn check_differential(said: &Value, truth: &Truth) {
     }
     near("true x", truth.x_m, float(&said["end"][0]) / 1e3, 0.02);
     near("true y", truth.y_m, float(&said["end"][1]) / 1e3, 0.02);
-    near("true heading", truth.heading_deg, float(&said["end"][2]), 3.0);
+    near("true heading", truth.heading_deg, float(&said["end"][2]), 5.0);
     let way_m = 0.3 + FRAC_PI_2 * arc_m + libm::hypot(0.35, 0.25);
     near("way", truth.travelled_m, way_m, 0.05);
 }
@@ -122,10 +122,10 @@ fn check_motors(said: &Value, truth: &Truth) {
         near(&format!("position after {name}"), float(&said[name][0]), position, within);
         near(&format!("duration of {name}"), float(&said[name][1]), seconds, within_s);
     };
-    step("degrees", 90.0, 7.0, 0.3, 0.25);
-    step("rotations_back", -90.0, 7.0, 1.1, 0.3);
+    step("degrees", 90.0, 12.0, 0.3, 0.25);
+    step("rotations_back", -90.0, 12.0, 1.1, 0.3);
     step("seconds", 90.0, 12.0, 1.05, 0.2);
-    step("to_position", 0.0, 7.0, 0.6, 0.3);
+    step("to_position", 0.0, 12.0, 0.6, 0.3);
     assert_eq!(said["holding"], json!(["holding"]));
     assert_eq!(said["wait_running"], true);
     step("wait_end", 97.0, 15.0, 0.5, 0.2);
@@ -139,7 +139,7 @@ fn check_motors(said: &Value, truth: &Truth) {
     let ramped = float(&said["ramping"][1]);
     assert!((100.0..600.0).contains(&ramped), "0.3 s into a ramp that takes 0.77 s to 800: {ramped}");
     assert_eq!(said["too_fast"], "The given speed value b'1561' was out of range. Max speed: +/-1560");
-    near("45 degrees, inversed", float(&said["inversed"]), 45.0, 9.0);
+    near("45 degrees, inversed", float(&said["inversed"]), 45.0, 14.0);
     assert_eq!(said["reset"], json!(["normal", 0, []]));
     near("nothing drove", truth.travelled_m, 0.0, 1e-9);
 }
@@ -192,7 +192,7 @@ fn check_sensors(said: &Value, truth: &Truth) {
     assert!((0.62..0.71).contains(&truth.x_m), "stopped at the black strip: {truth:?}");
     // Clockwise counts up on the gyro.
     assert_eq!(said["reset_angle"], 0);
-    near("angle", float(&said["angle"]), 90.0, 3.0);
+    near("angle", float(&said["angle"]), 90.0, 5.0);
     near("true heading", truth.heading_deg, -90.0, 5.0);
     near("gyro against the truth", float(&said["angle"]), -truth.heading_deg, 4.0);
     // The wall is at −1.2 m, the robot's front 0.09 m ahead of its axle.
