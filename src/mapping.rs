@@ -23,6 +23,7 @@
 //! | slip | recent turns by encoders and gyro differ by more than 4° and a fifth | `mapping/slip.rs` |
 //! | covariance | first order; wheel errors grow with the way, gyro errors with turn and time | *Probabilistic Robotics* 5.4; Chong, Kleeman 1997; UMBmark for what calibration removes |
 //! | point | pose × (translation to the sensor) × (rotation by the head) × (range, 0), for the default at the instant of the reading | MappingRobots.jl |
+//! | echo | off the axis towards falling ranges, for the default | `mapping/bearing.rs` |
 //! | grid | log-odds, a sonar cone | *Probabilistic Robotics* 9.2; Elfes 1989 |
 //!
 //! # Not here
@@ -40,6 +41,7 @@
 //! ultrasonic sensor has ten soundings a second: at 100 ticks a second all is 2.2 million instructions a second at most, about one percent
 //! of a brick. A tick in which the full cloud is thinned moves 0.2 MB once more.
 
+mod bearing;
 mod cloud;
 mod estimator;
 mod events;

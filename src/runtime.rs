@@ -46,6 +46,8 @@ pub use calibrate::{
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
+#[cfg(feature = "sim")]
+pub use execute::execute_observed;
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};

@@ -4,7 +4,7 @@
 //! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 //!
 //! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in,
-//! `mount` how one gets in that knows nothing of us.
+//! `mount` how one gets in that knows nothing of us, `fault` what goes wrong on purpose, `view` what a person sees, `page` in a browser.
 //!
 //! # Not here
 //!
@@ -16,11 +16,16 @@ mod brick;
 mod chance;
 mod door;
 mod driver;
+mod fault;
 mod motor;
 mod mount;
+#[cfg(feature = "host")]
+mod page;
 mod physics;
+mod ports;
 mod sensors;
 mod simulation;
+mod view;
 mod world;
 mod world_physics;
 
@@ -30,9 +35,14 @@ pub use driver::input::{Button, EventLayout};
 pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
+pub use fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario};
 pub use motor::{Motor, MotorConstants};
 pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
-pub use physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
-pub use simulation::{Options, Plugged, Port, Simulation, Written};
+#[cfg(feature = "host")]
+pub use page::{Page, PageError};
+pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
+pub use ports::Port;
+pub use simulation::{Options, Plugged, Simulation, Written};
+pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};
 pub use world::{Colour, Errors, RobotModel, StartPose, World};
-pub use world_physics::{Fault, NoStartPose, Observer, Truth, WorldPhysics};
+pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

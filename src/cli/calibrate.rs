@@ -13,8 +13,9 @@ use crate::runtime::{ApplyError, CalibrateError, CalibrateOptions, HardwareLock,
 
 /// Measure wheel circumference and track width by driving, and write them into robot.toml.
 ///
-/// The robot drives before a wall (or a metre that you measure) and spins on the spot, in both directions. Nothing is written where the
-/// measurements are not sure enough. Ctrl-C, and a button on the brick, stop it at once.
+/// The robot drives before a wall (or a metre that you measure) and spins on the spot, in both
+/// directions. Nothing is written where the measurements are not sure enough. Ctrl-C, and a
+/// button on the brick, stop it at once.
 ///
 /// Examples:
 ///   onbrick calibrate                      both, asking what is needed

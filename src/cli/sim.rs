@@ -1,24 +1,25 @@
 //! `onbrick sim`: the simulated brick as a mounted file system.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::load_world;
+use super::common::{load_world, read_source, warn};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
 use crate::sim::{
-    EventLayout, Found, LcdGeometry, Mount, MountError, MountOptions, Options, Simulation, World,
-    WorldPhysics,
+    EventLayout, Found, LcdGeometry, Mount, MountError, MountOptions, Options, Scenario, Simulation, World,
+    WorldPhysics, still,
 };
 
 /// Mount a simulated brick, for any program that was written for ev3dev, until Ctrl-C.
 ///
 /// Examples:
 ///   onbrick sim /tmp/brick                        then: onbrick run map --brick /tmp/brick
-///   onbrick sim /tmp/bricks --robots 2 --world two-arenas
+///   onbrick sim /tmp/bricks --robots 2 --world two-arenas --page
+///   onbrick sim /tmp/brick --scenario loose-plug.toml --show end.svg
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -39,6 +40,16 @@ pub(super) struct Arguments {
     /// How wide a long is in the programs that read button events: 32 for those of the brick, run in an emulator.
     #[arg(long, default_value = native_bits(), value_parser = ["32", "64"], value_name = "BITS")]
     event_bits: String,
+    /// A file that says what goes wrong when: a device pulled, a sensor stuck, a wheel blocked.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Show the room in a browser on this machine, at a port of your choice or any that is free.
+    #[cfg(feature = "host")]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    page: Option<u16>,
+    /// At the end, draw the room, what the robots drove and what they saw.
+    #[arg(long, value_name = "FILE.svg")]
+    show: Option<PathBuf>,
 }
 
 /// More than this is behind for good, instead of keeping the next reader waiting: simulating so much takes some 20 ms for ten robots.
@@ -60,6 +71,15 @@ struct Ended {
     simulated_s: f64,
     lost_s: f64,
     unmounted_by_others: bool,
+    faults: Vec<Done>,
+}
+
+/// Something that was done to a robot on purpose.
+#[derive(Serialize)]
+struct Done {
+    time_s: f64,
+    robot: usize,
+    what: String,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
@@ -71,6 +91,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let (mount, found) = Mount::new(&simulation, &arguments.mountpoint, MountOptions { events })
         .map_err(|error| refused(&error))?;
     tell(arguments, &mount, found, output);
+    #[cfg(feature = "host")]
+    let _page = page(arguments, &simulation, output)?;
     while !flags.is_raised() && !mount.is_over() {
         MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
     }
@@ -85,14 +107,61 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         String::new()
     };
     let by = if unmounted_by_others { " by somebody else" } else { "" };
+    let faults = done(&simulation);
+    let told: String = faults
+        .iter()
+        .map(|done| format!("\n{:8.3} s, robot {}: {}", done.time_s, done.robot, done.what))
+        .collect();
     output.show(
-        format!("unmounted{by} after {simulated_s:.1} simulated seconds{lost}"),
-        &Ended { simulated_s, lost_s, unmounted_by_others },
+        format!("unmounted{by} after {simulated_s:.1} simulated seconds{lost}{told}"),
+        &Ended { simulated_s, lost_s, unmounted_by_others, faults },
     );
-    Ok(())
+    match &arguments.show {
+        Some(file) => draw(file, &simulation),
+        None => Ok(()),
+    }
+}
+
+/// What was done to the robots on purpose.
+fn done(simulation: &Simulation) -> Vec<Done> {
+    let done = simulation.faults_done().into_iter();
+    done.map(|record| Done { time_s: seconds(record.time_ns), robot: record.robot + 1, what: record.what })
+        .collect()
+}
+
+/// Writes the still.
+fn draw(file: &Path, simulation: &Simulation) -> Result<(), Failure> {
+    std::fs::write(file, still(simulation)).map_err(|error| {
+        Failure::from_error(Exit::Failed, &format!("cannot write {}", file.display()), &error)
+    })
+}
+
+/// Serves the page, where it is asked for.
+#[cfg(feature = "host")]
+fn page(
+    arguments: &Arguments,
+    simulation: &Simulation,
+    output: &mut Output,
+) -> Result<Option<crate::sim::Page>, Failure> {
+    let Some(port) = arguments.page else { return Ok(None) };
+    let page = crate::sim::Page::serve(simulation, port)
+        .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
+    output.show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
+    Ok(Some(page))
+}
+
+/// The scenario, read before anything is mounted.
+fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
+    let Some(path) = &arguments.scenario else { return Ok(None) };
+    let source = read_source(path, |_| None)?;
+    let (scenario, warnings) = Scenario::parse(&source.name, source.text.as_bytes())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    warn(&warnings);
+    Ok(Some(scenario))
 }
 
 fn simulation(arguments: &Arguments) -> Result<Simulation, Failure> {
+    let scenario = scenario(arguments)?;
     let (source, _) = load_world(&arguments.world)?;
     let (world, _) = World::parse(&source.name, source.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
@@ -104,6 +173,12 @@ fn simulation(arguments: &Arguments) -> Result<Simulation, Failure> {
     let clock = Arc::new(MonotonicClock);
     let simulation = Simulation::with_options(clock, Box::new(physics), arguments.seed, options);
     simulation.give_up_behind_ns(MOST_BEHIND_NS);
+    if arguments.show.is_some() {
+        simulation.watch();
+    }
+    if let Some(scenario) = scenario {
+        simulation.play(&scenario);
+    }
     Ok(simulation)
 }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bearing::Sweep;
 use super::geometry::{EstimatorConfig, Method};
 use super::gyro::{GyroInput, GyroState};
 use super::history::{History, Placement};
@@ -38,6 +39,7 @@ pub struct EstimatorState {
     history: History,
     near: RangeFilter,
     schedule: Schedule,
+    sweep: Sweep,
 }
 
 /// Estimates the pose from wheels and gyro, and places range readings. See [`crate::mapping`] for the formulas.
@@ -215,8 +217,17 @@ impl Estimator {
                 (due_ns?.saturating_sub(self.config.geometry.range().latency_ns), true)
             }
         };
-        let beam = self.beam(&self.state.history.at(time_ns))?;
-        Some(Sounding::new(time_ns, &beam, range, fresh))
+        let placement = self.state.history.at(time_ns);
+        let beam = self.beam(&placement)?;
+        let sounding = Sounding::new(time_ns, &beam, range, fresh);
+        if self.config.method == Method::Seed {
+            return Some(sounding);
+        }
+        let mount = self.config.geometry.range();
+        let head_rad = placement.head_rad.filter(|_| mount.on_head).unwrap_or(0.0);
+        let bearing_rad = placement.pose.heading_rad + head_rad;
+        let off_rad = self.state.sweep.off_axis_rad(&beam, bearing_rad, range, mount.half_cone_rad);
+        Some(sounding.with_echo_off_axis(off_rad))
     }
 
     /// Pose × translation to the sensor × rotation by the head's angle; `None` where the head's angle is not known.

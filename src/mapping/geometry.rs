@@ -22,6 +22,9 @@ const MAX_WHEEL_RAD_S: f64 = 20.0;
 /// How old a distance is when it can first be read: the middle of the 20 to 100 ms that a frame of the sensor takes.
 const RANGE_LATENCY_NS: i64 = 50 * MILLISECOND_NS;
 
+/// Half of the ultrasonic's cone: 14° fits the scans of `lego-rotating-sonar`.
+const HALF_CONE_RAD: f64 = 14.0 * (std::f64::consts::PI / 180.0);
+
 /// The longest latency that the history of poses can serve (`history` keeps at least 225 ms).
 const RANGE_LATENCY_MAX_NS: i64 = 200 * MILLISECOND_NS;
 
@@ -56,6 +59,8 @@ pub struct RangeMount {
     pub max_m: f64,
     /// How old a distance is when it can first be read, nanoseconds; 0 to 200 ms.
     pub latency_ns: i64,
+    /// Half of the cone that it hears in, radians; 0 to 0.5. 0 for a narrow beam.
+    pub half_cone_rad: f64,
     /// Whether it sits on a head that turns. If it does, readings are placed only while the head's angle is known.
     pub on_head: bool,
 }
@@ -67,6 +72,7 @@ impl Default for RangeMount {
             left_m: 0.0,
             max_m: SEED_RANGE_MAX_M,
             latency_ns: RANGE_LATENCY_NS,
+            half_cone_rad: HALF_CONE_RAD,
             on_head: true,
         }
     }
@@ -132,6 +138,7 @@ impl Geometry {
         within("range ahead_m", range.ahead_m, -1.0, 1.0)?;
         within("range left_m", range.left_m, -1.0, 1.0)?;
         within("range max_m", range.max_m, 0.1, 10.0)?;
+        within("range half_cone_rad", range.half_cone_rad, 0.0, 0.5)?;
         #[expect(clippy::cast_precision_loss, reason = "only compared and shown")]
         within("range latency_ns", range.latency_ns as f64, 0.0, RANGE_LATENCY_MAX_NS as f64)?;
         Ok(Self { range, ..self })

@@ -361,7 +361,7 @@ mod tests {
 
     fn sounding(x_m: f64, y_m: f64, direction_rad: f64, range: Range) -> Sounding {
         let beam = [libm::cos(direction_rad), libm::sin(direction_rad)];
-        Sounding { time_ns: 0, x_m, y_m, beam, range, fresh: true }
+        Sounding { time_ns: 0, x_m, y_m, beam, echo: beam, range, fresh: true }
     }
 
     fn repeated(range: Range) -> OccupancyGrid {
@@ -491,7 +491,7 @@ mod tests {
         ) {
             let mut grid = OccupancyGrid::around(&Pose { x_m: x, y_m: y, heading_rad: 0.0 });
             for range in [Range::Echo(range), Range::NoEcho, Range::TooNear] {
-                grid.add(&Sounding { time_ns: 0, x_m: x, y_m: y, beam: [cos, sin], range, fresh: true }, 2.0);
+                grid.add(&Sounding { time_ns: 0, x_m: x, y_m: y, beam: [cos, sin], echo: [cos, sin], range, fresh: true }, 2.0);
             }
             prop_assert_eq!(grid.cells.len(), 40_000);
         }

@@ -21,6 +21,8 @@ pub struct Sounding {
     pub y_m: f64,
     /// Unit vector of the beam's axis, world frame.
     pub beam: [f64; 2],
+    /// Unit vector of the direction in which the echo is taken to be, within the cone around the axis.
+    pub echo: [f64; 2],
     /// What it read.
     pub range: Range,
     /// Whether it is a reading of its own and not the one before once more (the seed places the same one in each tick).
@@ -29,13 +31,24 @@ pub struct Sounding {
 
 impl Sounding {
     pub(super) fn new(time_ns: i64, beam: &Beam, range: Range, fresh: bool) -> Self {
-        Self { time_ns, x_m: beam.x_m, y_m: beam.y_m, beam: [beam.cos, beam.sin], range, fresh }
+        let axis = [beam.cos, beam.sin];
+        Self { time_ns, x_m: beam.x_m, y_m: beam.y_m, beam: axis, echo: axis, range, fresh }
     }
 
-    /// The place on the beam's axis at this distance in metres, world frame.
+    /// The same with an echo from so far beside the axis, radians anticlockwise.
+    pub(super) fn with_echo_off_axis(self, off_rad: f64) -> Self {
+        if off_rad == 0.0 {
+            return self;
+        }
+        let [cos, sin] = self.beam;
+        let (off_sin, off_cos) = libm::sincos(off_rad);
+        Self { echo: [cos * off_cos - sin * off_sin, sin * off_cos + cos * off_sin], ..self }
+    }
+
+    /// The place at this distance in metres in the direction of the echo, world frame.
     #[must_use]
     pub fn at(&self, range_m: f64) -> [f64; 2] {
-        let [cos, sin] = self.beam;
+        let [cos, sin] = self.echo;
         [self.x_m + cos * range_m, self.y_m + sin * range_m]
     }
 }

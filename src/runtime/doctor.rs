@@ -92,7 +92,7 @@ impl fmt::Display for Checked {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:<8} {:<14} {}", self.verdict.word(), self.check, self.found)?;
         match &self.to_do {
-            Some(to_do) => write!(f, ": {to_do}"),
+            Some(to_do) => write!(f, " -> {to_do}"),
             None => Ok(()),
         }
     }

@@ -103,64 +103,128 @@ pub fn execute(
     heartbeat: &mut dyn Heartbeat,
     report: impl Fn(&Event) + Send + Sync + 'static,
 ) -> Result<Ended, Refused> {
-    let report: Arc<Report> = Arc::new(report);
-    let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
-    let (mut mission, _) =
-        Mission::parse(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
-    for (name, value) in &job.set {
-        mission.set(name, *value)?;
-    }
-    let place = Place::open(job, mission.name())?;
-    let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
-    stoppable(job, &robot)?;
-    prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
-    if place.announce {
-        robot.announce(&*place.clock, &|| flags.is_raised());
-    }
-    let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
-    let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
-    report(&Event::Driving { file: job.file.clone() });
+    Stage::set(job)?.play(job, flags, heartbeat, Arc::new(report))
+}
 
-    let mut control = Control {
-        robot: &mut robot,
-        pilot: &mut pilot,
-        recorder: &mut tick_side,
-        clock: &*place.clock,
-        flags,
-        heartbeat,
-        period_ns: period_ns(&mission),
-        tally: Tally::default(),
-    };
-    // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
-    let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
-    let tally = control.tally;
-    let stopped = robot.stop(StopAction::Brake);
-    let word = driven.unwrap_or(StopReason::Panicked);
-    let reason = match robot.trouble().filter(|_| matches!(word, StopReason::Lost(_))) {
-        Some(trouble) => format!("{word}: {trouble}"),
-        None => word.to_string(),
-    };
-    let end = End {
-        reason: reason.clone(),
-        time_ns: tally.time_ns,
-        truth: place.truth(),
-        map: Some(recording::Grid::from(pilot.map().grid())),
-    };
-    let recording = recorder.finish(tick_side, end).err().map(|error| with_causes(&error));
-    Ok(Ended {
-        word: word.word().to_owned(),
-        reason,
-        wanted: word.is_wanted(),
-        stopped,
-        ticks: tally.ticks,
-        time_s: seconds(tally.time_ns),
-        travelled_m: tally.travelled_m,
-        points: tally.points,
-        overruns: tally.overruns,
-        latest_s: seconds(tally.latest_ns),
-        file: job.file.clone(),
-        recording,
-    })
+/// Does a job on a simulated brick, and shows how things truly are after each tick: for tests and for judging missions.
+///
+/// `see` gets nothing where the job's brick is not a simulated one.
+///
+/// # Errors
+///
+/// As [`execute`].
+#[cfg(feature = "sim")]
+pub fn execute_observed(
+    job: &Job,
+    flags: &StopFlags,
+    see: impl FnMut(&crate::sim::Truth) + Send,
+) -> Result<Ended, Refused> {
+    let stage = Stage::set(job)?;
+    let mut witness = Witness { observer: stage.place.observer.clone(), see };
+    stage.play(job, flags, &mut witness, Arc::new(|_: &Event| {}))
+}
+
+/// Looks at the truth with each beat.
+#[cfg(feature = "sim")]
+struct Witness<F> {
+    observer: Option<crate::sim::Observer>,
+    see: F,
+}
+
+#[cfg(feature = "sim")]
+impl<F> std::fmt::Debug for Witness<F> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Witness").field("observer", &self.observer).finish_non_exhaustive()
+    }
+}
+
+#[cfg(feature = "sim")]
+impl<F: FnMut(&crate::sim::Truth) + Send> Heartbeat for Witness<F> {
+    fn beat(&mut self) {
+        if let Some(truth) = self.observer.as_ref().and_then(|observer| observer.truth(0)) {
+            (self.see)(&truth);
+        }
+    }
+}
+
+/// What a job is done with: its files, read and found in order, and the place it is done in.
+struct Stage {
+    config: RobotConfig,
+    mission: Mission,
+    place: Place,
+}
+
+impl Stage {
+    fn set(job: &Job) -> Result<Self, Refused> {
+        let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
+        let (mut mission, _) =
+            Mission::parse(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
+        for (name, value) in &job.set {
+            mission.set(name, *value)?;
+        }
+        let place = Place::open(job, mission.name())?;
+        Ok(Self { config, mission, place })
+    }
+
+    fn play(
+        self,
+        job: &Job,
+        flags: &StopFlags,
+        heartbeat: &mut dyn Heartbeat,
+        report: Arc<Report>,
+    ) -> Result<Ended, Refused> {
+        let Self { config, mission, place } = self;
+        let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
+        stoppable(job, &robot)?;
+        prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
+        if place.announce {
+            robot.announce(&*place.clock, &|| flags.is_raised());
+        }
+        let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
+        let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
+        report(&Event::Driving { file: job.file.clone() });
+
+        let mut control = Control {
+            robot: &mut robot,
+            pilot: &mut pilot,
+            recorder: &mut tick_side,
+            clock: &*place.clock,
+            flags,
+            heartbeat,
+            period_ns: period_ns(&mission),
+            tally: Tally::default(),
+        };
+        // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
+        let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
+        let tally = control.tally;
+        let stopped = robot.stop(StopAction::Brake);
+        let word = driven.unwrap_or(StopReason::Panicked);
+        let reason = match robot.trouble().filter(|_| matches!(word, StopReason::Lost(_))) {
+            Some(trouble) => format!("{word}: {trouble}"),
+            None => word.to_string(),
+        };
+        let end = End {
+            reason: reason.clone(),
+            time_ns: tally.time_ns,
+            truth: place.truth(),
+            map: Some(recording::Grid::from(pilot.map().grid())),
+        };
+        let recording = recorder.finish(tick_side, end).err().map(|error| with_causes(&error));
+        Ok(Ended {
+            word: word.word().to_owned(),
+            reason,
+            wanted: word.is_wanted(),
+            stopped,
+            ticks: tally.ticks,
+            time_s: seconds(tally.time_ns),
+            travelled_m: tally.travelled_m,
+            points: tally.points,
+            overruns: tally.overruns,
+            latest_s: seconds(tally.latest_ns),
+            file: job.file.clone(),
+            recording,
+        })
+    }
 }
 
 fn period_ns(mission: &Mission) -> i64 {
@@ -205,6 +269,8 @@ struct Place {
     announce: bool,
     #[cfg(feature = "sim")]
     simulation: Option<crate::sim::Simulation>,
+    #[cfg(feature = "sim")]
+    observer: Option<crate::sim::Observer>,
     _lock: Option<HardwareLock>,
 }
 
@@ -224,6 +290,8 @@ impl Place {
                     announce: true,
                     #[cfg(feature = "sim")]
                     simulation: None,
+                    #[cfg(feature = "sim")]
+                    observer: None,
                     _lock: Some(lock),
                 })
             }
@@ -245,6 +313,7 @@ impl Place {
         let clock: Arc<dyn Clock> =
             if realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
         let physics = WorldPhysics::new(parsed, 1, seed)?;
+        let observer = physics.observer();
         let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), seed);
         Ok(Self {
             tree: simulation.brick(0),
@@ -255,6 +324,7 @@ impl Place {
             world_toml: Some(world.text.clone()),
             announce: false,
             simulation: Some(simulation),
+            observer: Some(observer),
             _lock: None,
         })
     }

@@ -51,7 +51,7 @@ pub enum NotReady {
     )]
     GyroDrifts(f64),
     /// The battery is flat, or its reading is nonsense.
-    #[error("the battery has {0:.1} V: charge it, or put in fresh cells (at least {min} V)", min = BATTERY_V.start())]
+    #[error("the battery has {0:.1} V: charge it, or put in fresh cells (it takes {min} to {max} V)", min = BATTERY_V.start(), max = BATTERY_V.end())]
     Battery(f64),
     /// Somebody asked to stop.
     #[error("stopped before it started")]

@@ -258,7 +258,8 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
     Ok(remade)
 }
 
-/// The same senses as another robot would have given them: where its gears differ, the angles of its axles do.
+/// The same senses as another robot would have given them: where its gears differ, the angles of its axles do, and what it does
+/// not have says nothing.
 fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
     let mut senses = *senses;
     let mut scale = |channel: Channel, from: f64, to: f64| {
@@ -275,6 +276,16 @@ fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
     }
     for (channel, (from, to)) in Channel::MOTORS.into_iter().zip(from.motors.iter().zip(&to.motors)) {
         scale(channel, from.motor.ratio, to.motor.ratio);
+    }
+    let has = [
+        (Channel::Head, to.head.is_some()),
+        (Channel::Range, to.range.is_some()),
+        (Channel::Gyro, to.gyro.is_some()),
+        (Channel::Touch, to.touch.is_some()),
+        (Channel::Remote, to.remote.is_some()),
+    ];
+    for (channel, _) in has.into_iter().filter(|(_, has)| !has) {
+        senses.readings[channel as usize] = None;
     }
     senses
 }

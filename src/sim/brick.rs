@@ -2,6 +2,7 @@
 //!
 //! Numbers only grow: a device that comes back has a new one, and `motorN` and `linearN` share their counter.
 
+mod faults;
 mod port;
 pub(crate) mod tree;
 
@@ -20,6 +21,7 @@ use super::driver::sensor::{Sensor, SerialLine};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
 use super::driver::{Context, Driver, Spec, Stored, readwriteable};
+use super::fault::{PortFaults, Reading};
 use super::physics::{Bridge, Physics};
 use super::simulation::Options;
 
@@ -129,6 +131,7 @@ pub(crate) struct Brick {
     nodes: Vec<Node>,
     counters: Counters,
     chance: ChaCha8Rng,
+    faults: [PortFaults; 8],
     pub(crate) buttons: Buttons,
     pub(crate) speaker: Speaker,
 }
@@ -153,6 +156,7 @@ impl Brick {
             nodes: Vec::new(),
             counters: Counters::default(),
             chance: ChaCha8Rng::seed_from_u64(seed),
+            faults: [0, 1, 2, 3, 4, 5, 6, 7].map(|port| PortFaults::new(seed, port)),
             buttons: Buttons::default(),
             speaker: Speaker::default(),
         };
@@ -183,14 +187,22 @@ impl Brick {
             self.step_port(index, now_ns, physics);
         }
         let robot = self.robot;
+        self.faults.iter_mut().for_each(|faults| faults.step(now_ns));
         for node in &mut self.nodes {
             match &mut node.device {
                 Device::Tacho(out, motor) => {
-                    motor.tick((physics.edges(robot, *out), physics.edge_position(robot, *out)), now_ns);
+                    let count = (physics.edges(robot, *out), physics.edge_position(robot, *out));
+                    let faults = self.faults.get_mut(FIRST_OUTPUT + *out);
+                    motor.tick(faults.map_or(count, |faults| faults.count(count, now_ns)), now_ns);
                 }
                 Device::Dc(_, motor) => motor.tick(now_ns),
                 Device::Sensor(input, sensor) => {
-                    sensor.tick(now_ns, |mode| physics.measure(robot, *input, mode));
+                    let Some(faults) = self.faults.get_mut(*input) else { continue };
+                    let kind = sensor.kind();
+                    sensor.suffer(faults.line(), faults.stale_ns());
+                    sensor.tick(now_ns, |mode| {
+                        faults.frame(kind, mode, now_ns, || physics.measure(robot, *input, mode))
+                    });
                 }
                 Device::Battery(battery) if now_ns % BATTERY_NS == 0 => {
                     battery.sample(physics.battery(robot))
@@ -258,7 +270,8 @@ impl Brick {
                 Device::Dc(out, motor) => (*out, motor.bridge()),
                 _ => continue,
             };
-            if let Some(entry) = bridges.get_mut(out) {
+            let off = self.faults.get(FIRST_OUTPUT + out).is_some_and(PortFaults::is_off);
+            if let Some(entry) = bridges.get_mut(out).filter(|_| !off) {
                 *entry = bridge;
             }
         }
@@ -381,9 +394,10 @@ impl Brick {
         })
     }
 
-    /// For how long a new device's files cannot be opened for writing.
-    pub(crate) fn access_delay_ns(&self) -> i64 {
-        self.options.access_delay_ns
+    /// True while a device's files cannot be opened for writing.
+    pub(crate) fn is_denied(&self, id: u32, now_ns: i64) -> bool {
+        let age_ns = now_ns - self.registered_ns(id).unwrap_or_default();
+        age_ns < self.options.access_delay_ns || self.faults_of(id).is_some_and(PortFaults::is_denied)
     }
 
     /// The row of an attribute; none if the device has none of that name now.
@@ -404,8 +418,16 @@ impl Brick {
     /// # Errors
     ///
     /// ENODEV for a device that is gone; else the driver's.
-    pub(crate) fn read(&self, id: u32, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+    pub(crate) fn read(&self, id: u32, attribute: &str, now_ns: i64, out: &mut Vec<u8>) -> Result<(), Errno> {
         let driver = self.driver(id).ok_or(Errno::ENODEV)?;
+        match self.faults_of(id).and_then(|faults| faults.reading(attribute, now_ns)) {
+            Some(Reading::Fails(errno)) => return Err(errno),
+            Some(Reading::Reads(text)) => {
+                out.extend(text);
+                return Ok(());
+            }
+            None => {}
+        }
         if attribute == UEVENT.name {
             driver.uevent(out);
             return Ok(());
@@ -425,7 +447,9 @@ impl Brick {
         bytes: &[u8],
         now_ns: i64,
     ) -> Result<Stored, Errno> {
+        let refusal = self.faults_of(id).filter(|_| attribute != UEVENT.name).and_then(PortFaults::refusal);
         let node = self.nodes.iter_mut().find(|node| node.id == id).ok_or(Errno::ENODEV)?;
+        refusal.map_or(Ok(()), Err)?;
         let driver: &mut dyn Driver = match &mut node.device {
             Device::Tacho(_, motor) => &mut **motor,
             Device::Dc(_, motor) => motor,

@@ -33,6 +33,22 @@ impl Chance {
         radius * libm::cos(2.0 * PI * self.even())
     }
 
+    /// A whole number from 0 up to, and without, `limit`; 0 for 0. Its unevenness, 1 in 2^32, does not matter here.
+    pub(in crate::sim) fn below(&mut self, limit: u16) -> u16 {
+        u16::try_from(self.0.next_u32() % u32::from(limit).max(1)).unwrap_or(0)
+    }
+
+    /// Any number of 32 bits.
+    pub(in crate::sim) fn any(&mut self) -> i32 {
+        self.0.next_u32().cast_signed()
+    }
+
+    /// Any byte.
+    pub(in crate::sim) fn byte(&mut self) -> u8 {
+        let [byte, ..] = self.0.next_u32().to_le_bytes();
+        byte
+    }
+
     /// True with a probability.
     pub(in crate::sim) fn happens(&mut self, probability: f64) -> bool {
         self.even() < probability

@@ -57,6 +57,19 @@ pub struct Plug {
     pub sensors: [Option<SensorKind>; 4],
 }
 
+/// What goes wrong on purpose where the drivers do not see it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fault {
+    /// The shaft of the motor on an output port (0 for outA) does not turn.
+    BlockedMotor(usize),
+    /// The motor on an output port turns again.
+    FreedMotor(usize),
+    /// The battery's voltage at rest from now on.
+    BatteryV(f64),
+    /// The battery is again as the world has it.
+    OwnBattery,
+}
+
 /// Motors, bodies and what sensors see, for every robot in one world.
 pub trait Physics: Any + Debug + Send {
     /// How many robots there are.
@@ -86,6 +99,9 @@ pub trait Physics: Any + Debug + Send {
     ///
     /// Called once for each frame the sensor sends, which is how often there is a new value; noise is drawn here.
     fn measure(&mut self, robot: usize, input: usize, mode: &str) -> [i32; 8];
+
+    /// Makes something go wrong with a robot from the next step on. A world without such faults takes no notice.
+    fn fail(&mut self, _robot: usize, _fault: Fault) {}
 
     /// Battery voltage and current, volts and amperes.
     fn battery(&self, robot: usize) -> (f64, f64);

@@ -120,7 +120,7 @@ impl Scene<'_> {
     }
 
     /// Where the range sensor is, and where it looks.
-    fn range_sensor(&self) -> Option<(Point, f64)> {
+    pub(in crate::sim) fn range_sensor(&self) -> Option<(Point, f64)> {
         let body = self.body()?;
         let origin = body.place + direction(body.heading_rad) * self.model.range_ahead_m;
         Some((origin, body.heading_rad + self.head_rad))

@@ -15,36 +15,12 @@ use super::driver::board::Pack;
 use super::driver::input::Button;
 use super::driver::lcd::LcdGeometry;
 use super::driver::sensor::{GyroMake, SerialLine};
+use super::fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario};
 use super::physics::{Bridge, Physics, STEP_NS};
+use super::ports::Port;
+use super::view::Trail;
 use super::world_physics::WorldPhysics;
 use crate::clock::Clock;
-
-/// A port of the brick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Port {
-    /// `in1`.
-    In1,
-    /// `in2`.
-    In2,
-    /// `in3`.
-    In3,
-    /// `in4`.
-    In4,
-    /// `outA`.
-    OutA,
-    /// `outB`.
-    OutB,
-    /// `outC`.
-    OutC,
-    /// `outD`.
-    OutD,
-}
-
-impl Port {
-    fn index(self) -> usize {
-        self as usize
-    }
-}
 
 /// How a brick is made, where bricks differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -102,6 +78,9 @@ pub(crate) struct State {
     journal: Option<Vec<Written>>,
     most_behind_ns: Option<i64>,
     lost_ns: i64,
+    pub(crate) faults: Faults,
+    /// What is gathered for those who watch.
+    pub(crate) trail: Option<Trail>,
     /// What a read produced, kept so that reads do not allocate.
     pub(crate) text: Vec<u8>,
 }
@@ -134,6 +113,8 @@ impl Simulation {
             journal: None,
             most_behind_ns: None,
             lost_ns: 0,
+            faults: Faults::default(),
+            trail: None,
             text: Vec::with_capacity(4096),
         };
         let start_ns = Mutex::new(clock.now_ns());
@@ -224,6 +205,83 @@ impl Simulation {
         self.shared.with_brick(robot, |brick, _| brick.set_line(port.index(), line))
     }
 
+    /// Makes something go wrong on a port, until it is cleared.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`] where it does not fit or the device refuses.
+    pub fn inject(&self, robot: usize, port: Port, fault: DeviceFault) -> Result<(), FaultError> {
+        self.follow(&Order { robot, act: Act::Inject(port, fault, None) })
+    }
+
+    /// As [`Simulation::inject`], for so many nanoseconds.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`] where it does not fit or the device refuses.
+    pub fn inject_for(
+        &self,
+        robot: usize,
+        port: Port,
+        fault: DeviceFault,
+        for_ns: i64,
+    ) -> Result<(), FaultError> {
+        self.follow(&Order { robot, act: Act::Inject(port, fault, Some(for_ns)) })
+    }
+
+    /// Takes all faults from a port; what was pulled is put back.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError::NoRobot`].
+    pub fn clear(&self, robot: usize, port: Port) -> Result<(), FaultError> {
+        self.follow(&Order { robot, act: Act::Clear(Some(port)) })
+    }
+
+    /// Does what is ordered, at the present time.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`]; nothing has changed then.
+    pub fn follow(&self, order: &Order) -> Result<(), FaultError> {
+        let state = &mut *self.shared.now();
+        state.faults.perform(order, state.now_ns, &mut state.bricks, state.physics.as_mut())
+    }
+
+    /// Follows the orders in a text, one a line: `in1 stuck`, `outB block for 2`, `battery 6.2`, `clear`, …; `robot` is meant where a
+    /// line names none.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::Order`] where the text is not understood, and nothing was done; [`ControlError::Fault`] for the first order
+    /// that could not be followed.
+    pub fn control(&self, robot: usize, text: &str) -> Result<(), ControlError> {
+        let orders = Order::parse(robot, text)?;
+        orders.iter().try_for_each(|order| self.follow(order)).map_err(ControlError::Fault)
+    }
+
+    /// Begins a scenario now, in place of what was left of one before. Its orders are followed to the step, also when a virtual clock
+    /// leaps over them.
+    pub fn play(&self, scenario: &Scenario) {
+        let state = &mut *self.shared.now();
+        state.faults.plan(scenario, state.now_ns);
+        state.faults.step(state.now_ns, &mut state.bricks, state.physics.as_mut());
+    }
+
+    /// What was done to the robots on purpose so far, in its order.
+    #[must_use]
+    pub fn faults_done(&self) -> Vec<FaultRecord> {
+        self.shared.now().faults.done().to_vec()
+    }
+
+    /// What is wrong with a robot's ports now.
+    #[must_use]
+    pub fn faults_active(&self, robot: usize) -> Vec<(Port, DeviceFault)> {
+        self.shared.now().bricks.get(robot).map_or_else(Vec::new, |brick| {
+            brick.faults_active().map(|(port, fault)| (port, fault.clone())).collect()
+        })
+    }
+
     /// Adds an output of a third-party servo controller; returns its name in class `servo-motor`.
     ///
     /// # Errors
@@ -255,6 +313,11 @@ impl Simulation {
     /// ENOENT without such a robot.
     pub fn release(&self, robot: usize, button: Button) -> Result<(), Errno> {
         self.set_button(robot, button, false)
+    }
+
+    /// The state as of now.
+    pub(crate) fn state(&self) -> MutexGuard<'_, State> {
+        self.shared.now()
     }
 
     fn set_button(&self, robot: usize, button: Button, down: bool) -> Result<(), Errno> {
@@ -352,6 +415,7 @@ impl Shared {
 impl State {
     fn step(&mut self) {
         self.now_ns += STEP_NS;
+        self.faults.step(self.now_ns, &mut self.bricks, self.physics.as_mut());
         for (bridges, brick) in self.bridges.iter_mut().zip(&self.bricks) {
             *bridges = brick.bridges();
         }
@@ -359,17 +423,21 @@ impl State {
         for brick in &mut self.bricks {
             brick.step(self.now_ns, self.physics.as_mut());
         }
+        let world: &dyn Any = self.physics.as_ref();
+        if let Some((trail, world)) = self.trail.as_mut().zip(world.downcast_ref()) {
+            trail.step(self.now_ns, &self.bricks, world);
+        }
     }
 
-    /// The physics, if it is a world's.
+    /// Begins to gather what robots drive and see.
+    pub(crate) fn watch(&mut self) {
+        self.trail.get_or_insert_default();
+    }
+
+    /// The world, if the physics is one.
     pub(crate) fn world(&self) -> Option<&WorldPhysics> {
-        let physics: &dyn Any = self.physics.as_ref();
-        physics.downcast_ref()
-    }
-
-    /// For how long a new device's files cannot be opened for writing.
-    pub(crate) fn access_delay_ns(&self, robot: usize) -> i64 {
-        self.bricks.get(robot).map_or(0, Brick::access_delay_ns)
+        let world: &dyn Any = self.physics.as_ref();
+        world.downcast_ref()
     }
 
     /// Notes a write, if there is a journal.

@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::body::{Body, Solver, Wheel, metres_per_radian};
 use super::chance::Chance;
 use super::motor::{Motor, MotorConstants};
-use super::physics::{Bridge, MotorKind, Physics, Plug, STEP_NS, SensorKind};
+use super::physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 use super::sensors::{Gyro, Scene};
 use super::world::geometry::Point;
 use super::world::{RobotModel, StartPose, World};
@@ -78,17 +78,6 @@ pub struct NoStartPose {
     pub starts: usize,
     /// How many were asked for.
     pub robots: usize,
-}
-
-/// What goes wrong on purpose.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fault {
-    /// The shaft of the motor on an output port (0 for outA) does not turn.
-    BlockedMotor(usize),
-    /// The motor on an output port turns again.
-    FreedMotor(usize),
-    /// The battery's voltage at rest from now on.
-    BatteryV(f64),
 }
 
 /// Robots in a world.
@@ -172,6 +161,7 @@ impl WorldPhysics {
             Fault::BlockedMotor(out) => block(out, true),
             Fault::FreedMotor(out) => block(out, false),
             Fault::BatteryV(volts) => rig.battery_v = volts,
+            Fault::OwnBattery => rig.battery_v = self.world.robot().errors.battery_v,
         }
     }
 
@@ -196,6 +186,18 @@ impl WorldPhysics {
     #[must_use]
     pub fn echo(&self, robot: usize) -> Option<f64> {
         self.scene(robot)?.echo()
+    }
+
+    /// The corners of a robot's body, world frame, metres.
+    pub(in crate::sim) fn outline(&self, robot: usize) -> Option<[[f64; 2]; 4]> {
+        let hull = self.bodies.get(robot)?.outline_now().hull();
+        Some(hull.map(|side| [side.from.x, side.from.y]))
+    }
+
+    /// Where a robot's range sensor is, where it looks, and half of its cone: world frame, metres and radians.
+    pub(in crate::sim) fn sight(&self, robot: usize) -> Option<([f64; 2], f64, f64)> {
+        let (from, axis_rad) = self.scene(robot)?.range_sensor()?;
+        Some(([from.x, from.y], axis_rad, radians(self.world.robot().errors.cone_deg)))
     }
 
     fn scene(&self, robot: usize) -> Option<Scene<'_>> {
@@ -289,6 +291,10 @@ impl Physics for WorldPhysics {
             *own = chance;
         }
         values
+    }
+
+    fn fail(&mut self, robot: usize, fault: Fault) {
+        Self::fail(self, robot, fault);
     }
 
     fn battery(&self, robot: usize) -> (f64, f64) {

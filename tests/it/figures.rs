@@ -5,5 +5,6 @@
 
 mod brenner;
 mod encoder_gyro;
+mod maps;
 mod motor_steps;
 mod sonar;

@@ -16,12 +16,15 @@ use std::f64::consts::FRAC_PI_2;
 use std::process::Command;
 use std::sync::Arc;
 
-use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use nix::errno::Errno;
+use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, VirtualClock};
+use onbrick::ev3dev::{Access, Tree};
 use onbrick::runtime::recording::Run;
 use onbrick::sim::{Button, Mount, MountOptions, Options, Simulation, World, WorldPhysics};
 use serde_json::{Value, json};
 
 use self::bench::{Foreign, PROGRAM, Simulator, Truth, example, no_namespaces, no_python, script};
+use crate::drivers_bench::{Bench, InProcess};
 use crate::mount::bench::{no_fuse, real_time};
 
 /// Rolled by one turn of a wheel of the worlds' robot.
@@ -333,6 +336,51 @@ fn a_program_on_ev3dev_lang_rust_drives_and_senses() {
     near("volts", floats("volts")[0], 7.5, 0.3);
     assert_eq!(said["lights_at_first"], "Some((0, 255))");
     assert_eq!(said["lights"], "Some((255, 128))");
+}
+
+/// What the two libraries look at before they open a file: what the group may do.
+#[test]
+fn the_group_may_write_where_udev_lets_it_and_nobody_writes_the_truth() {
+    let physics = || WorldPhysics::new(World::named("arena").unwrap(), 1, 1).unwrap();
+    let clock = || Arc::new(VirtualClock::default());
+    let options = Options { udev: true, ..Options::default() };
+    let simulation = Simulation::with_options(clock(), Box::new(physics()), 1, options);
+    let born = Simulation::new(clock(), Box::new(physics()), 1);
+    for (path, with_udev, without) in [
+        ("sys/class/tacho-motor/motor0/command", 0o220, 0o200),
+        ("sys/class/tacho-motor/motor0/hold_pid/Kp", 0o664, 0o644),
+        ("sys/class/tacho-motor/motor0/state", 0o444, 0o444),
+        ("sys/class/lego-sensor/sensor0/mode", 0o664, 0o644),
+        ("sys/class/lego-port/port0/mode", 0o664, 0o644),
+        ("sys/class/leds/led0:red:brick-status/brightness", 0o664, 0o644),
+        ("sys/class/power_supply/lego-ev3-battery/technology", 0o644, 0o644),
+        ("sim/truth", 0o444, 0o444),
+    ] {
+        let rights = |simulation: &Simulation| simulation.brick(0).entry(path).unwrap().permissions;
+        assert_eq!(
+            (rights(&simulation), rights(&born)),
+            (with_udev, without),
+            "{path}: {:o}",
+            rights(&simulation)
+        );
+    }
+    let brick = simulation.brick(0);
+    let mut text = [0; 1024];
+    let length = brick.open("sim/truth", Access::Read).unwrap().read(&mut text).unwrap();
+    let line: Value = serde_json::from_slice(&text[..length]).unwrap();
+    let expected = physics().truth(0).unwrap();
+    assert_eq!((float(&line["x_m"]), float(&line["y_m"])), (expected.x_m, expected.y_m));
+    for access in [Access::Write, Access::ReadWrite] {
+        assert_eq!(brick.open("sim/truth", access).map(drop).unwrap_err(), Errno::EACCES);
+    }
+}
+
+/// A bench of bare motors has no world, and so no truth.
+#[test]
+fn where_there_is_no_world_the_truth_is_not_known() {
+    let bench = InProcess::new(Bench::as_recorded(), Options::default());
+    let file = bench.brick.open("sim/truth", Access::Read).unwrap();
+    assert_eq!(file.read(&mut [0; 64]), Err(Errno::ENODATA));
 }
 
 /// Our own program, through the mount and in process, over the same time: the maps are as good, measured by how far their points are from the

@@ -304,6 +304,7 @@ fn the_maps_memory_is_bounded_over_ten_hours_and_keeps_first_and_last() {
                 x_m: sin,
                 y_m: 1.0 - cos,
                 beam: [sin, -cos],
+                echo: [sin, -cos],
                 range: Range::Echo(1.0),
                 fresh: true,
             });
@@ -341,8 +342,12 @@ const ROOM_M: f64 = 1.5;
 /// distances from the walls.
 fn map_of_a_room(method: Method) -> Vec<f64> {
     let mut robot = Robot::new(true);
-    let mut estimator = Estimator::new(config(method), Pose { x_m: 0.0, y_m: -0.4, heading_rad: 0.0 });
-    let mut map = Map::new(&RangeMount::default(), &Pose::default());
+    // These distances are along the axis alone: a beam without a width.
+    let mount = RangeMount { half_cone_rad: 0.0, ..RangeMount::default() };
+    let geometry = Geometry::seed().with_range(mount).expect("a mount");
+    let start = Pose { x_m: 0.0, y_m: -0.4, heading_rad: 0.0 };
+    let mut estimator = Estimator::new(EstimatorConfig { geometry, method }, start);
+    let mut map = Map::new(&mount, &Pose::default());
     let mut waiting = None;
     for tick in 0..6000_i32 {
         robot.move_by(0.001, 0.001 / 0.4);

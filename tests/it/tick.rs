@@ -112,7 +112,7 @@ fn expect_calls(ticks: &[Calls]) {
 
 /// Nowhere.
 #[derive(Debug)]
-struct Nothing;
+pub(crate) struct Nothing;
 
 impl Sink for Nothing {
     fn write_all(&mut self, _bytes: &[u8]) -> std::io::Result<()> {
@@ -178,7 +178,7 @@ fn a_tick_allocates_nothing_after_the_first() {
     assert_eq!(first, None, "the first tick that allocates");
 }
 
-fn start(mission: &Mission) -> Start {
+pub(crate) fn start(mission: &Mission) -> Start {
     Start {
         brick: "mapper".to_owned(),
         mission: mission.name().to_owned(),

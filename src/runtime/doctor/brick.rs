@@ -20,7 +20,7 @@ pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         Err(error) => diagnosis.fail("brick", with_causes(&error), "onbrick devices shows more"),
         Ok(inventory) if inventory.devices.is_empty() && inventory.battery.is_none() => diagnosis.fail(
             "brick",
-            format!("there is none below {root}: no sys/class of ev3dev"),
+            format!("there is none below {root}: no device classes of ev3dev"),
             "run this on the brick, or give --brick the folder where one is mounted",
         ),
         Ok(inventory) => {
@@ -118,5 +118,9 @@ pub(super) fn speaker(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 }
 
 fn advice(error: &DeviceError) -> &'static str {
-    if error.is_denied() { INPUT_GROUP } else { "is this an EV3 under ev3dev, and is /dev/input there?" }
+    if error.is_denied() {
+        INPUT_GROUP
+    } else {
+        "is this an EV3 under ev3dev, with its buttons as an input device?"
+    }
 }

@@ -64,6 +64,8 @@ pub(crate) struct PortState {
     is_input: bool,
     mode: usize,
     plugged: Option<Plugged>,
+    /// What was last put in: it is put back after a pull.
+    pub(crate) home: Option<Plugged>,
     motor_driver: Option<&'static Model>,
     appear_ns: Option<i64>,
     vanish_ns: Option<i64>,
@@ -89,6 +91,7 @@ impl PortState {
             is_input,
             mode: 0,
             plugged,
+            home: plugged,
             motor_driver: None,
             appear_ns: plugged.map(|_| 0),
             vanish_ns: None,
@@ -106,16 +109,33 @@ impl PortState {
         if plugged.is_some_and(|plugged| matches!(plugged, Plugged::Sensor(_)) != self.is_input) {
             return Err(Errno::EINVAL);
         }
+        self.home = plugged.or(self.home);
+        self.change(plugged, now_ns);
+        Ok(())
+    }
+
+    /// Takes out what is in.
+    pub(crate) fn pull(&mut self, now_ns: i64) {
+        self.change(None, now_ns);
+    }
+
+    /// Puts back what was pulled; nothing happens where something is in.
+    pub(crate) fn put_back(&mut self, now_ns: i64) {
+        if self.plugged.is_none() {
+            self.change(self.home, now_ns);
+        }
+    }
+
+    fn change(&mut self, plugged: Option<Plugged>, now_ns: i64) {
         self.plugged = plugged;
         if self.mode != 0 {
             // A forced mode detects nothing.
-            return Ok(());
+            return;
         }
         if self.device.is_some() {
             self.vanish_ns = Some(now_ns + VANISH_NS);
         }
         self.appear_ns = plugged.map(|plugged| now_ns + detection_ns(plugged));
-        Ok(())
     }
 
     /// What has to happen now.

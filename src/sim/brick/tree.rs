@@ -5,7 +5,6 @@
 use nix::errno::Errno;
 
 use super::{ADDRESSES, Brick, Class, Device, UEVENT};
-use crate::sim::driver::dc::DcMotor;
 use crate::sim::driver::{Entry, Spec, readable, readwriteable};
 
 /// The buttons' stream of events.
@@ -195,14 +194,7 @@ impl Brick {
     fn bound_device(&self, id: u32) -> Option<String> {
         let Device::Port(index) = self.node(id)?.device else { return None };
         let port = self.ports.get(index)?;
-        let driver_name = match &self.node(port.device?)?.device {
-            Device::Tacho(_, motor) => motor.driver_name(),
-            Device::Dc(..) => DcMotor::driver_name(),
-            Device::Sensor(_, sensor) => sensor.driver_name(),
-            Device::Led(_) => "led",
-            _ => return None,
-        };
-        Some(format!("{}:{driver_name}", port.address))
+        Some(format!("{}:{}", port.address, self.driver_name(port.device?)?))
     }
 
     /// Every device, with its folder below `sys`.

@@ -86,8 +86,7 @@ impl SimFile {
         if (reads && spec.permissions & 0o444 == 0) || (writes && spec.permissions & 0o222 == 0) {
             return Err(Errno::EACCES);
         }
-        let age_ns = state.now_ns - brick.registered_ns(id).unwrap_or_default();
-        if writes && age_ns < state.access_delay_ns(robot) {
+        if writes && brick.is_denied(id, state.now_ns) {
             return Err(Errno::EACCES);
         }
         let (class, name) = brick.name(id).ok_or(Errno::ENOENT)?;
@@ -111,9 +110,10 @@ impl SimFile {
             return Err(Errno::EBADF);
         }
         let mut state = self.shared.now();
+        let now_ns = state.now_ns;
         let brick = brick_of(&mut state, self.robot)?;
         text.clear();
-        brick.read(self.id, self.spec.name, text)?;
+        brick.read(self.id, self.spec.name, now_ns, text)?;
         self.seen.set(Some(brick.notices(self.id, self.spec.name)));
         Ok(())
     }

@@ -89,6 +89,8 @@ pub(crate) struct Sensor {
     address: &'static str,
     make: GyroMake,
     line: SerialLine,
+    faulty_line: SerialLine,
+    least_stale_ns: i64,
     mode: usize,
     frame: [u8; 32],
     next_frame_ns: i64,
@@ -114,6 +116,8 @@ impl Sensor {
             address,
             make,
             line: SerialLine::Sound,
+            faulty_line: SerialLine::Sound,
+            least_stale_ns: 0,
             mode: 0,
             frame: [0; 32],
             next_frame_ns: now_ns,
@@ -128,6 +132,11 @@ impl Sensor {
         }
     }
 
+    /// What it is.
+    pub(crate) fn kind(&self) -> SensorKind {
+        self.kind
+    }
+
     /// The driver's name for a kind of sensor.
     pub(crate) fn driver_name(&self) -> &'static str {
         self.model.driver_name
@@ -138,8 +147,9 @@ impl Sensor {
         self.notices
     }
 
-    /// What happens in one step. `measure` is asked for the numbers of a frame when one is due.
-    pub(crate) fn tick(&mut self, now_ns: i64, measure: impl FnOnce(&str) -> [i32; 8]) {
+    /// What happens in one step. `measure` is asked for the numbers of a frame when one is due; it has none where the frame does
+    /// not come.
+    pub(crate) fn tick(&mut self, now_ns: i64, measure: impl FnOnce(&'static str) -> Option<[i32; 8]>) {
         if self.switch.as_ref().is_some_and(|switch| switch.due_ns <= now_ns) {
             self.finish_switch(now_ns);
         }
@@ -147,12 +157,12 @@ impl Sensor {
             return;
         }
         self.next_frame_ns = now_ns + self.model.period_ns;
-        if self.fed || self.spent || self.line != SerialLine::Sound || now_ns < self.stale_until_ns {
+        if self.fed || self.spent || self.line() != SerialLine::Sound || now_ns < self.stale_until_ns {
             return;
         }
         let Some(mode) = self.mode_table() else { return };
+        let Some(mut values) = measure(mode.name) else { return };
         self.spent = mode.name.starts_with("US-SI");
-        let mut values = measure(mode.name);
         self.zero(mode.name, &mut values, now_ns);
         if !self.model.uart {
             values = values.map(|value| if value == 0 { 0 } else { PRESSED_PIN_MV });
@@ -180,6 +190,23 @@ impl Sensor {
         }
     }
 
+    /// Faults that lie on the wire: how the line is, and how long old values stay after a change of mode, at least.
+    pub(crate) fn suffer(&mut self, line: SerialLine, stale_ns: i64) {
+        self.faulty_line = if self.model.uart { line } else { SerialLine::Sound };
+        self.least_stale_ns = stale_ns;
+    }
+
+    /// The worse of what was set by hand and what a fault does.
+    fn line(&self) -> SerialLine {
+        match (self.line, self.faulty_line) {
+            (SerialLine::Resynchronising, _) | (_, SerialLine::Resynchronising) => {
+                SerialLine::Resynchronising
+            }
+            (SerialLine::Silent, _) | (_, SerialLine::Silent) => SerialLine::Silent,
+            _ => SerialLine::Sound,
+        }
+    }
+
     fn notice_touch(&mut self) {
         let pressed = self.kind == SensorKind::Touch && self.value(0) == Some(1);
         if pressed != self.pressed {
@@ -193,7 +220,7 @@ impl Sensor {
     }
 
     fn value(&self, index: usize) -> Option<i32> {
-        let described = self.line != SerialLine::Resynchronising;
+        let described = self.line() != SerialLine::Resynchronising;
         let mode = self.mode_table().filter(|mode| described && index < mode.values)?;
         let value = mode.format.decode(&self.frame, index);
         Some(if self.model.uart { value } else { i32::from(value > PRESSED_MV) })
@@ -217,13 +244,13 @@ impl Sensor {
         if !self.model.uart {
             return Ok(None);
         }
-        if self.line == SerialLine::Resynchronising {
+        if self.line() == SerialLine::Resynchronising {
             return Err(Errno::ENODEV);
         }
         if self.switch.is_some() {
             return Err(Errno::EBUSY);
         }
-        if self.line == SerialLine::Silent {
+        if self.line() == SerialLine::Silent {
             let due_ns = context.now_ns + TIMEOUT_NS;
             self.switch = Some(Switch { mode: self.mode, due_ns });
             return Ok(Some(Wait { until_ns: due_ns, then: Some(Errno::ETIMEDOUT) }));
@@ -243,7 +270,7 @@ impl Sensor {
         if before == switch.mode {
             return;
         }
-        self.stale_until_ns = now_ns + self.settling_ns(before);
+        self.stale_until_ns = now_ns + self.settling_ns(before).max(self.least_stale_ns);
         if self.kind == SensorKind::Gyro && self.make == GyroMake::Old {
             self.zero_due_ns = Some(now_ns);
         }

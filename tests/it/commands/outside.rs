@@ -36,7 +36,7 @@ fn the_documented_program_wanders_under_leases_and_stops() {
     assert_eq!(brick.commands(), ["reset", "stop", "stop"], "and drops its motors, which stops them");
     // Straight for half a metre at 3 rad/s of a 0.189 m wheel, turning for a second: it is away from where it began.
     let numbers: Vec<f64> = said.out.split([' ', ',']).filter_map(|word| word.trim().parse().ok()).collect();
-    assert!(numbers[0].hypot(numbers[1]) > 0.2 && numbers[2].abs() > 0.1, "{}", said.out);
+    assert!(libm::hypot(numbers[0], numbers[1]) > 0.2 && numbers[2].abs() > 0.1, "{}", said.out);
 }
 
 #[test]

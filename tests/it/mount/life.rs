@@ -206,3 +206,52 @@ fn who_is_not_root_and_has_no_helper_is_told_what_to_install() {
     assert!(said.contains("fusermount3 is missing") && said.contains("apt install fuse3"), "{said}");
     assert!(!point.exists(), "nothing was made");
 }
+
+/// A simulator with more to do than to mount, until a line that it says.
+fn simulate(point: &Path, arguments: &[&str], until: &str) -> Simulator {
+    let mut process =
+        Command::new(PROGRAM).arg("sim").arg(point).args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(process.stdout.take().unwrap());
+    let mut greeting = String::new();
+    while !greeting.contains(until) {
+        assert_ne!(said.read_line(&mut greeting).unwrap(), 0, "it ended and had said: {greeting}");
+    }
+    Simulator { process, said, greeting }
+}
+
+#[test]
+fn a_simulator_follows_a_scenario_shows_a_page_and_leaves_a_still() {
+    if no_fuse() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = folder.path().join("loose.toml");
+    fs::write(&scenario, "[[fault]]\nat_s = 0.2\nport = \"outB\"\nkind = \"write speed_sp 77\"\n").unwrap();
+    let still = folder.path().join("end.svg");
+    let arguments = ["--page", "--scenario", scenario.to_str().unwrap(), "--show", still.to_str().unwrap()];
+    let point = folder.path().join("brick");
+    let simulator = simulate(&point, &arguments, "the room is at http://127.0.0.1:");
+    await_or_fail("the other program's write", || {
+        let set = |name: &str| {
+            fs::read_to_string(point.join("sys/class/tacho-motor").join(name).join("speed_sp")).unwrap()
+        };
+        names(&point.join("sys/class/tacho-motor")).iter().any(|name| set(name) == "77\n")
+    });
+    simulator.signal(Signal::SIGINT);
+    let (code, last) = simulator.end();
+    assert_eq!(code, Some(0), "{last}");
+    assert!(last.contains("0.200 s, robot 1: outB write speed_sp 77"), "{last}");
+    let picture = fs::read_to_string(still).unwrap();
+    assert!(picture.contains("class=\"robot\"") && picture.contains("done at 0.2 s: outB write speed_sp 77"));
+}
+
+#[test]
+fn a_scenario_with_a_mistake_is_refused_before_anything_is_mounted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scenario, point) = (folder.path().join("loose.toml"), folder.path().join("brick"));
+    fs::write(&scenario, "[[fault]]\nat_s = 1\nport = \"outB\"\nkind = \"blok\"\n").unwrap();
+    let (code, said) = refused(&[point.to_str().unwrap(), "--scenario", scenario.to_str().unwrap()]);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("there is no fault `blok`") && said.contains("did you mean `block`?"), "{said}");
+    assert!(!point.exists());
+}

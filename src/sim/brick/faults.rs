@@ -1,0 +1,107 @@
+//! The faults on a brick's ports: `sim::fault` says what they do.
+
+use super::{Brick, Device, FIRST_OUTPUT};
+use crate::sim::fault::{DeviceFault, FaultError, PortFaults};
+use crate::sim::ports::Port;
+use nix::errno::Errno;
+
+impl Brick {
+    /// Puts a fault on a port, or does it where it is momentary.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`] where it does not fit or a driver refuses.
+    pub(crate) fn inject(
+        &mut self,
+        port: Port,
+        fault: &DeviceFault,
+        until_ns: Option<i64>,
+        now_ns: i64,
+    ) -> Result<(), FaultError> {
+        fault.fit(port, self.ports.get(port.index()).and_then(|port| port.home))?;
+        match fault {
+            DeviceFault::Plug => {
+                self.put_back(port, now_ns);
+                if let Some(faults) = self.faults.get_mut(port.index()) {
+                    faults.remove(&DeviceFault::Unplug);
+                }
+                return Ok(());
+            }
+            DeviceFault::Write { attribute, value } => {
+                return self
+                    .write_as_another(port, attribute, value, now_ns)
+                    .map_err(|source| FaultError::Refused { port, fault: fault.clone(), source });
+            }
+            DeviceFault::Unplug => {
+                if let Some(port) = self.ports.get_mut(port.index()) {
+                    port.pull(now_ns);
+                }
+            }
+            _ => {}
+        }
+        if let Some(faults) = self.faults.get_mut(port.index()) {
+            faults.add(fault.clone(), until_ns);
+        }
+        Ok(())
+    }
+
+    /// Takes the faults from a port; what they were is for the caller to undo.
+    pub(crate) fn clear(&mut self, port: Port) -> Vec<DeviceFault> {
+        self.faults.get_mut(port.index()).map(PortFaults::clear).unwrap_or_default()
+    }
+
+    /// Takes one fault whose end has come from a port; what it was is for the caller to undo.
+    pub(crate) fn take_ended(&mut self, port: Port, now_ns: i64) -> Option<DeviceFault> {
+        self.faults.get_mut(port.index())?.take_ended(now_ns)
+    }
+
+    /// Puts what belongs into a port into it, if it is empty.
+    pub(crate) fn put_back(&mut self, port: Port, now_ns: i64) {
+        if let Some(port) = self.ports.get_mut(port.index()) {
+            port.put_back(now_ns);
+        }
+    }
+
+    /// What is wrong with the ports now.
+    pub(crate) fn faults_active(&self) -> impl Iterator<Item = (Port, &DeviceFault)> {
+        let ports = Port::ALL.into_iter().zip(&self.faults);
+        ports.flat_map(|(port, faults)| faults.active().map(move |fault| (port, fault)))
+    }
+
+    /// The faults of the port that a device is on.
+    pub(super) fn faults_of(&self, id: u32) -> Option<&PortFaults> {
+        let port = match &self.node(id)?.device {
+            Device::Tacho(out, _) | Device::Dc(out, _) => FIRST_OUTPUT + out,
+            Device::Sensor(input, _) => *input,
+            _ => return None,
+        };
+        self.faults.get(port)
+    }
+
+    /// The driver of a device on a port; of a light too, which a port in mode `led` has.
+    pub(crate) fn driver_name(&self, id: u32) -> Option<&'static str> {
+        match &self.node(id)?.device {
+            Device::Tacho(_, motor) => Some(motor.driver_name()),
+            Device::Dc(..) => Some(crate::sim::driver::dc::DcMotor::driver_name()),
+            Device::Sensor(_, sensor) => Some(sensor.driver_name()),
+            Device::Led(_) => Some("led"),
+            _ => None,
+        }
+    }
+
+    fn write_as_another(
+        &mut self,
+        port: Port,
+        attribute: &str,
+        value: &str,
+        now_ns: i64,
+    ) -> Result<(), Errno> {
+        let id = self.ports.get(port.index()).and_then(|port| port.device).ok_or(Errno::ENODEV)?;
+        let spec = self.attribute(id, attribute).ok_or(Errno::ENOENT)?;
+        if spec.permissions & 0o222 == 0 {
+            return Err(Errno::EACCES);
+        }
+        // Whoever waits for the end of the write is not in this program.
+        self.store(id, spec.name, value.as_bytes(), now_ns).map(|_| ())
+    }
+}

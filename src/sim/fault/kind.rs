@@ -1,0 +1,172 @@
+//! The faults that a port can have, and their text.
+
+use std::fmt;
+
+use super::{FaultError, Port};
+use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
+use crate::sim::brick::Plugged;
+use crate::sim::physics::{MotorKind, SensorKind};
+
+/// What is wrong with the device on a port. The text form is what [`fmt::Display`] writes.
+///
+/// "Counts" are the integers that a driver gives: a motor's position, a sensor's `value0` without its decimals.
+#[derive(Debug, Clone, PartialEq)]
+pub enum DeviceFault {
+    /// `unplug`: the device is pulled. It is plugged in again at the fault's end.
+    Unplug,
+    /// `plug`: what was pulled is put back. It comes with a new number and its defaults.
+    Plug,
+    /// `off`: no power. A motor coasts and is still counted; a sensor sends nothing: values stand still, a change of mode ends in ETIMEDOUT.
+    Off,
+    /// `stuck`: what is measured stays as it is.
+    Stuck,
+    /// `garbage`: random numbers, new ones with each frame of a sensor and each 2 ms of a motor.
+    Garbage,
+    /// `garbage text`: random bytes where numbers should stand.
+    GarbageText,
+    /// `wrong [SCALE [OFFSET]]`: plausible, but multiplied and shifted. A motor's counts are scaled from where they are when it
+    /// begins; a touch sensor is inverted, also by `jump`.
+    Wrong {
+        /// Factor.
+        scale: f64,
+        /// Counts, added after scaling.
+        offset: i32,
+    },
+    /// `slow [TIMES]`: new values come so many times more seldom. A motor is counted each 2 ms times this.
+    Slow {
+        /// How many times the usual period.
+        times: u32,
+    },
+    /// `delayed [MS]`: values come late.
+    Delayed {
+        /// By so much, nanoseconds.
+        delay_ns: i64,
+    },
+    /// `intermittent [SHARE]`: ENXIO for moments of 20 to 400 ms, at random.
+    Intermittent {
+        /// Share of the time that it is away.
+        share: f64,
+    },
+    /// `jump [COUNTS]`: from now on, everything is so much more.
+    Jump {
+        /// Counts.
+        by: i32,
+    },
+    /// `enxio`: measurements and all writes answer ENXIO.
+    Enxio,
+    /// `eio`: measurements and all writes answer EIO.
+    Eio,
+    /// `denied`: files cannot be opened for writing (EACCES), as before udev has been there.
+    Denied,
+    /// `block`: the motor's shaft does not turn.
+    Block,
+    /// `resync`: the serial line is lost and the sensor describes itself again: values answer ENXIO, a write of `mode` ENODEV.
+    Resync,
+    /// `stale [MS]`: after a change of mode the old mode's values stay for at least this long.
+    Stale {
+        /// Nanoseconds.
+        for_ns: i64,
+    },
+    /// `write ATTRIBUTE VALUE`: another program writes. `reset` is `write command reset`.
+    Write {
+        /// The attribute.
+        attribute: String,
+        /// What is written.
+        value: String,
+    },
+}
+
+impl DeviceFault {
+    /// The words that a fault's text can begin with.
+    pub const WORDS: [&'static str; 18] = [
+        "unplug",
+        "plug",
+        "off",
+        "stuck",
+        "garbage",
+        "wrong",
+        "slow",
+        "delayed",
+        "intermittent",
+        "jump",
+        "enxio",
+        "eio",
+        "denied",
+        "block",
+        "resync",
+        "stale",
+        "write",
+        "reset",
+    ];
+
+    /// Each fault once, with the numbers that a text without numbers means.
+    #[must_use]
+    pub fn examples() -> Vec<Self> {
+        let texts = Self::WORDS.iter().copied().filter(|word| *word != "write").chain(["garbage text"]);
+        texts.filter_map(|text| Self::parse(text).ok()).collect()
+    }
+
+    /// True where the fault is over as soon as it is done.
+    #[must_use]
+    pub fn is_momentary(&self) -> bool {
+        matches!(self, Self::Plug | Self::Write { .. })
+    }
+
+    /// Says whether a port can have the fault; `home` is what belongs into the port.
+    pub(crate) fn fit(&self, port: Port, home: Option<Plugged>) -> Result<(), FaultError> {
+        let of_signal = matches!(
+            self,
+            Self::Stuck
+                | Self::Garbage
+                | Self::GarbageText
+                | Self::Wrong { .. }
+                | Self::Slow { .. }
+                | Self::Delayed { .. }
+                | Self::Jump { .. }
+        );
+        let of_line = matches!(self, Self::Resync | Self::Stale { .. });
+        let why = match home {
+            _ if of_line && port.is_output() => "it has no serial line",
+            _ if *self == Self::Block && !port.is_output() => "nothing turns there",
+            Some(Plugged::Sensor(SensorKind::Touch)) if of_line => "a touch sensor has no serial line",
+            Some(Plugged::Motor(MotorKind::Rcx)) if of_signal => "the motor has no encoder",
+            None if *self == Self::Plug => "nothing was in it",
+            _ => return Ok(()),
+        };
+        Err(FaultError::Unfit { port, fault: self.clone(), why })
+    }
+
+    /// Two faults of the same kind on one port replace each other.
+    pub(crate) fn replaces(&self, other: &Self) -> bool {
+        std::mem::discriminant(self) == std::mem::discriminant(other)
+    }
+}
+
+impl fmt::Display for DeviceFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let milliseconds = |ns: i64| seconds(ns.saturating_mul(SECOND_NS / MILLISECOND_NS));
+        match self {
+            Self::Unplug => f.write_str("unplug"),
+            Self::Plug => f.write_str("plug"),
+            Self::Off => f.write_str("off"),
+            Self::Stuck => f.write_str("stuck"),
+            Self::Garbage => f.write_str("garbage"),
+            Self::GarbageText => f.write_str("garbage text"),
+            Self::Wrong { scale, offset } => write!(f, "wrong {scale} {offset}"),
+            Self::Slow { times } => write!(f, "slow {times}"),
+            Self::Delayed { delay_ns } => write!(f, "delayed {}", milliseconds(*delay_ns)),
+            Self::Intermittent { share } => write!(f, "intermittent {share}"),
+            Self::Jump { by } => write!(f, "jump {by}"),
+            Self::Enxio => f.write_str("enxio"),
+            Self::Eio => f.write_str("eio"),
+            Self::Denied => f.write_str("denied"),
+            Self::Block => f.write_str("block"),
+            Self::Resync => f.write_str("resync"),
+            Self::Stale { for_ns } => write!(f, "stale {}", milliseconds(*for_ns)),
+            Self::Write { attribute, value } if attribute == "command" && value == "reset" => {
+                f.write_str("reset")
+            }
+            Self::Write { attribute, value } => write!(f, "write {attribute} {value}"),
+        }
+    }
+}

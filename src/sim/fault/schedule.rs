@@ -1,0 +1,169 @@
+//! Faults in time: what is still to come, what ends, and the record of what was done.
+
+use std::collections::VecDeque;
+
+use super::{Act, DeviceFault, FaultError, Order, Port, Scenario};
+use crate::sim::brick::Brick;
+use crate::sim::physics::{Fault, Physics};
+
+/// A battery is set this often while it changes: each time that the driver looks at it.
+const BATTERY_NS: i64 = 10_000_000;
+
+/// The record keeps this many entries; what is done after that is done without one.
+const MOST_DONE: usize = 100_000;
+
+/// Something that was done to a robot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FaultRecord {
+    /// When, nanoseconds since the simulation began.
+    pub time_ns: i64,
+    /// Whose, from 0.
+    pub robot: usize,
+    /// What: an order's text; `… is over` at a fault's end; with the reason, what a scenario ordered in vain.
+    pub what: String,
+}
+
+/// What is ordered and what was done, for all robots.
+#[derive(Debug, Default)]
+pub(crate) struct Faults {
+    /// In order of time.
+    pending: VecDeque<(i64, Order)>,
+    ramps: Vec<Ramp>,
+    done: Vec<FaultRecord>,
+}
+
+/// A battery that changes.
+#[derive(Debug, Clone, Copy)]
+struct Ramp {
+    robot: usize,
+    from_v: f64,
+    to_v: f64,
+    start_ns: i64,
+    over_ns: i64,
+}
+
+impl Faults {
+    /// Takes the orders of a scenario, its time counted from `now_ns`, in place of what was still to come.
+    pub(crate) fn plan(&mut self, scenario: &Scenario, now_ns: i64) {
+        let orders = scenario.orders().iter();
+        self.pending = orders.map(|(at_ns, order)| (now_ns.saturating_add(*at_ns), order.clone())).collect();
+    }
+
+    /// What was done so far.
+    pub(crate) fn done(&self) -> &[FaultRecord] {
+        &self.done
+    }
+
+    /// Does what is due.
+    pub(crate) fn step(&mut self, now_ns: i64, bricks: &mut [Brick], physics: &mut dyn Physics) {
+        self.end(now_ns, bricks, physics);
+        while self.pending.front().is_some_and(|(at_ns, _)| *at_ns <= now_ns) {
+            let Some((_, order)) = self.pending.pop_front() else { break };
+            // A scenario's order that does not fit is recorded; nobody waits for its answer.
+            if let Err(error) = self.perform(&order, now_ns, bricks, physics) {
+                let why =
+                    std::error::Error::source(&error).map_or(String::new(), |cause| format!(" ({cause})"));
+                self.note(now_ns, order.robot, format!("{}: {error}{why}", order.act));
+            }
+        }
+        if now_ns % BATTERY_NS == 0 {
+            self.discharge(now_ns, physics);
+        }
+    }
+
+    /// Does what is ordered, now.
+    ///
+    /// # Errors
+    ///
+    /// [`FaultError`]; nothing has changed then.
+    pub(crate) fn perform(
+        &mut self,
+        order: &Order,
+        now_ns: i64,
+        bricks: &mut [Brick],
+        physics: &mut dyn Physics,
+    ) -> Result<(), FaultError> {
+        let Order { robot, act } = order;
+        let robots = bricks.len();
+        let brick = bricks.get_mut(*robot).ok_or(FaultError::NoRobot { robot: *robot, robots })?;
+        match act {
+            Act::Inject(port, fault, for_ns) => {
+                let until_ns = for_ns.map(|for_ns| now_ns.saturating_add(for_ns));
+                brick.inject(*port, fault, until_ns, now_ns)?;
+                if let (DeviceFault::Block, Some(out)) = (fault, port.output()) {
+                    physics.fail(*robot, Fault::BlockedMotor(out));
+                }
+            }
+            Act::Clear(port) => {
+                let ports = Port::ALL.into_iter().filter(|other| port.is_none_or(|port| port == *other));
+                for port in ports {
+                    for fault in brick.clear(port) {
+                        restore(brick, *robot, port, &fault, now_ns, physics);
+                    }
+                }
+                if port.is_none() {
+                    self.ramps.retain(|ramp| ramp.robot != *robot);
+                    physics.fail(*robot, Fault::OwnBattery);
+                }
+            }
+            Act::Battery { from_v, to_v, over_ns } => {
+                self.ramps.retain(|ramp| ramp.robot != *robot);
+                let ramp =
+                    Ramp { robot: *robot, from_v: *from_v, to_v: *to_v, start_ns: now_ns, over_ns: *over_ns };
+                physics.fail(*robot, Fault::BatteryV(ramp.volts(now_ns)));
+                self.ramps.push(ramp);
+            }
+        }
+        self.note(now_ns, *robot, act.to_string());
+        Ok(())
+    }
+
+    /// Ends what has lasted long enough.
+    fn end(&mut self, now_ns: i64, bricks: &mut [Brick], physics: &mut dyn Physics) {
+        for (robot, brick) in bricks.iter_mut().enumerate() {
+            for port in Port::ALL {
+                while let Some(fault) = brick.take_ended(port, now_ns) {
+                    restore(brick, robot, port, &fault, now_ns, physics);
+                    self.note(now_ns, robot, format!("{port} {fault} is over"));
+                }
+            }
+        }
+    }
+
+    fn discharge(&mut self, now_ns: i64, physics: &mut dyn Physics) {
+        for ramp in &self.ramps {
+            physics.fail(ramp.robot, Fault::BatteryV(ramp.volts(now_ns)));
+        }
+        self.ramps.retain(|ramp| now_ns - ramp.start_ns < ramp.over_ns);
+    }
+
+    fn note(&mut self, time_ns: i64, robot: usize, what: String) {
+        if self.done.len() < MOST_DONE {
+            self.done.push(FaultRecord { time_ns, robot, what });
+        }
+    }
+}
+
+impl Ramp {
+    fn volts(&self, now_ns: i64) -> f64 {
+        let share =
+            crate::clock::seconds(now_ns - self.start_ns) / crate::clock::seconds(self.over_ns.max(1));
+        self.from_v + (self.to_v - self.from_v) * share.clamp(0.0, 1.0)
+    }
+}
+
+/// Undoes what a fault has done to the world: a pulled plug goes in again, a blocked shaft is free.
+fn restore(
+    brick: &mut Brick,
+    robot: usize,
+    port: Port,
+    fault: &DeviceFault,
+    now_ns: i64,
+    physics: &mut dyn Physics,
+) {
+    match (fault, port.output()) {
+        (DeviceFault::Unplug, _) => brick.put_back(port, now_ns),
+        (DeviceFault::Block, Some(out)) => physics.fail(robot, Fault::FreedMotor(out)),
+        _ => {}
+    }
+}

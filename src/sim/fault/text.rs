@@ -1,0 +1,305 @@
+//! Faults and orders from text: one parser for control commands, scenario files and the command line.
+//!
+//! ```text
+//! in1 stuck                     outB block for 2.5
+//! in4 delayed 200               outB write speed_sp 500
+//! in4 unplug                    battery 6.2
+//! in4 plug                      battery 8 5 60
+//! in4 clear                     clear
+//! robot 2 in1 garbage text      # a comment
+//! ```
+
+use std::fmt;
+use std::ops::RangeInclusive;
+
+use super::{DeviceFault, Port};
+use crate::clock::{nanoseconds, seconds};
+use crate::document::nearest;
+
+/// The longest time that an order can name, seconds: a day.
+pub(super) const LONGEST_S: f64 = 86_400.0;
+
+/// Volts that a battery can have: no cells, to more than any pack gives.
+pub(super) const VOLTS: RangeInclusive<f64> = 0.0..=12.0;
+
+/// What to do.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Act {
+    /// Something goes wrong on a port, for so many nanoseconds or until it is cleared.
+    Inject(Port, DeviceFault, Option<i64>),
+    /// A port is in order again, with what was in it; without one, the whole robot.
+    Clear(Option<Port>),
+    /// The battery goes from a voltage at rest to another.
+    Battery {
+        /// Volts at first.
+        from_v: f64,
+        /// Volts at the end, and from then on.
+        to_v: f64,
+        /// How long that takes, nanoseconds; 0 at once.
+        over_ns: i64,
+    },
+}
+
+impl fmt::Display for Act {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Inject(port, fault, None) => write!(f, "{port} {fault}"),
+            Self::Inject(port, fault, Some(for_ns)) => write!(f, "{port} {fault} for {}", seconds(*for_ns)),
+            Self::Clear(Some(port)) => write!(f, "{port} clear"),
+            Self::Clear(None) => f.write_str("clear"),
+            Self::Battery { to_v, over_ns: 0, .. } => write!(f, "battery {to_v}"),
+            Self::Battery { from_v, to_v, over_ns } => {
+                write!(f, "battery {from_v} {to_v} {}", seconds(*over_ns))
+            }
+        }
+    }
+}
+
+/// What to do, and with which robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Order {
+    /// From 0. People and files count from 1.
+    pub robot: usize,
+    /// What.
+    pub act: Act,
+}
+
+/// A text that is no order.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {message}{}", Hint(hint.as_deref()))]
+pub struct OrderError {
+    /// Which line, from 1.
+    pub line: usize,
+    /// What is wrong.
+    pub message: String,
+    /// The way out.
+    pub hint: Option<String>,
+}
+
+struct Hint<'h>(Option<&'h str>);
+
+impl fmt::Display for Hint<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.map_or(Ok(()), |hint| write!(f, "; {hint}"))
+    }
+}
+
+/// What is wrong with some words, and the way out.
+#[derive(Debug)]
+pub(super) struct Misread {
+    pub(super) message: String,
+    pub(super) hint: Option<String>,
+}
+
+impl Misread {
+    fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), hint: None }
+    }
+
+    fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+impl Order {
+    /// The orders in a text, one a line; `robot` is meant where a line names none. Empty lines and comments (`#`) are left out.
+    ///
+    /// # Errors
+    ///
+    /// [`OrderError`] for the first line that is not understood.
+    pub fn parse(robot: usize, text: &str) -> Result<Vec<Self>, OrderError> {
+        let mut orders = Vec::new();
+        for (index, line) in text.lines().enumerate() {
+            let words: Vec<&str> = line.split('#').next().unwrap_or_default().split_whitespace().collect();
+            if words.is_empty() {
+                continue;
+            }
+            let order = Self::from_words(robot, &words);
+            orders.push(order.map_err(|Misread { message, hint }| OrderError {
+                line: index + 1,
+                message,
+                hint,
+            })?);
+        }
+        Ok(orders)
+    }
+
+    fn from_words(robot: usize, words: &[&str]) -> Result<Self, Misread> {
+        if let ["robot", number, rest @ ..] = words {
+            let robot = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+            let robot = robot.ok_or_else(|| {
+                Misread::new(format!("`robot {}` is no robot", shown(number))).hint("robots count from 1")
+            })?;
+            return Ok(Self { robot, act: act(rest)? });
+        }
+        Ok(Self { robot, act: act(words)? })
+    }
+}
+
+fn act(words: &[&str]) -> Result<Act, Misread> {
+    match words {
+        [] => Err(Misread::new("there is no order").hint("write for example `in1 stuck`")),
+        ["clear"] => Ok(Act::Clear(None)),
+        ["battery", rest @ ..] => battery(rest),
+        [name, "clear"] => Ok(Act::Clear(Some(port(name)?))),
+        [name, rest @ ..] => {
+            let port = port(name)?;
+            let (words, for_ns) = duration(rest)?;
+            let fault = DeviceFault::from_words(words)?;
+            if for_ns.is_some() && fault.is_momentary() {
+                return Err(Misread::new(format!("`{fault}` is done at once")).hint("leave out `for`"));
+            }
+            Ok(Act::Inject(port, fault, for_ns))
+        }
+    }
+}
+
+/// A port by its name.
+pub(super) fn port(name: &str) -> Result<Port, Misread> {
+    Port::named(name).ok_or_else(|| {
+        Misread::new(format!("there is no port `{}`", shown(name)))
+            .hint("there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot")
+    })
+}
+
+/// Takes `for SECONDS` from the end. `write ATTRIBUTE VALUE` keeps its words: a value may be anything.
+fn duration<'w, 't>(words: &'w [&'t str]) -> Result<(&'w [&'t str], Option<i64>), Misread> {
+    match words {
+        ["write", ..] => Ok((words, None)),
+        [rest @ .., "for", time] => Ok((rest, Some(nanoseconds(number(time, 0.002..=LONGEST_S)?)))),
+        _ => Ok((words, None)),
+    }
+}
+
+fn battery(words: &[&str]) -> Result<Act, Misread> {
+    match words {
+        [volts] => {
+            let volts = number(volts, VOLTS)?;
+            Ok(Act::Battery { from_v: volts, to_v: volts, over_ns: 0 })
+        }
+        [from, to, over] => Ok(Act::Battery {
+            from_v: number(from, VOLTS)?,
+            to_v: number(to, VOLTS)?,
+            over_ns: nanoseconds(number(over, 0.0..=LONGEST_S)?),
+        }),
+        _ => Err(Misread::new("`battery` takes one number or three")
+            .hint("`battery 6.2`, or `battery 8 5 60`: from 8 V to 5 V in 60 s")),
+    }
+}
+
+fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, Misread> {
+    let number: f64 = text.parse().map_err(|_| Misread::new(format!("`{}` is not a number", shown(text))))?;
+    if range.contains(&number) {
+        return Ok(number);
+    }
+    Err(Misread::new(format!(
+        "{} is out of range; it can be {} to {}",
+        shown(text),
+        range.start(),
+        range.end()
+    )))
+}
+
+/// The beginning of what a person wrote, for a message.
+fn shown(text: &str) -> String {
+    let start: String = text.chars().take(40).map(|c| if c.is_control() { '?' } else { c }).collect();
+    if start.len() < text.len() && text.chars().count() > 40 { format!("{start}…") } else { start }
+}
+
+impl DeviceFault {
+    /// A fault from its text, such as `delayed 200`.
+    ///
+    /// # Errors
+    ///
+    /// [`OrderError`] with the nearest word.
+    pub fn parse(text: &str) -> Result<Self, OrderError> {
+        let words: Vec<&str> = text.split_whitespace().collect();
+        Self::from_words(&words).map_err(|Misread { message, hint }| OrderError { line: 1, message, hint })
+    }
+
+    pub(super) fn from_words(words: &[&str]) -> Result<Self, Misread> {
+        let Some((word, arguments)) = words.split_first() else {
+            return Err(
+                Misread::new("no fault is named").hint(format!("there are {}", Self::WORDS.join(", ")))
+            );
+        };
+        match (*word, arguments) {
+            ("garbage", ["text"]) => return Ok(Self::GarbageText),
+            ("write", [attribute, value @ ..]) if !value.is_empty() => {
+                return Ok(Self::Write { attribute: (*attribute).to_owned(), value: value.join(" ") });
+            }
+            ("write", _) => return Err(Misread::new("`write` takes an attribute and a value")),
+            _ => {}
+        }
+        let mut numbers = Numbers { word, rest: arguments };
+        let fault = Self::with_numbers(word, &mut numbers)?;
+        numbers.end(fault)
+    }
+
+    fn with_numbers(word: &str, numbers: &mut Numbers<'_>) -> Result<Self, Misread> {
+        Ok(match word {
+            "unplug" => Self::Unplug,
+            "plug" => Self::Plug,
+            "off" => Self::Off,
+            "stuck" => Self::Stuck,
+            "garbage" => Self::Garbage,
+            "wrong" => Self::Wrong {
+                scale: numbers.next(1.25, -100.0..=100.0)?,
+                offset: numbers.whole(0, 1_000_000)?,
+            },
+            "slow" => Self::Slow { times: numbers.whole(10, 100_000)?.max(1).unsigned_abs() },
+            "delayed" => Self::Delayed { delay_ns: numbers.milliseconds(200.0, 10_000.0)? },
+            "intermittent" => Self::Intermittent { share: numbers.next(0.3, 0.01..=0.99)? },
+            "jump" => Self::Jump { by: numbers.whole(90, 1_000_000)? },
+            "enxio" => Self::Enxio,
+            "eio" => Self::Eio,
+            "denied" => Self::Denied,
+            "block" => Self::Block,
+            "resync" => Self::Resync,
+            "stale" => Self::Stale { for_ns: numbers.milliseconds(2000.0, 60_000.0)? },
+            "reset" => Self::Write { attribute: "command".to_owned(), value: "reset".to_owned() },
+            _ => {
+                let near = nearest(word, Self::WORDS);
+                return Err(Misread::new(format!("there is no fault `{}`", shown(word)))
+                    .hint(near.unwrap_or_else(|| format!("there are {}", Self::WORDS.join(", ")))));
+            }
+        })
+    }
+}
+
+/// The numbers behind a fault's word; each may be left out.
+struct Numbers<'w> {
+    word: &'w str,
+    rest: &'w [&'w str],
+}
+
+impl Numbers<'_> {
+    fn next(&mut self, default: f64, range: RangeInclusive<f64>) -> Result<f64, Misread> {
+        let Some((first, rest)) = self.rest.split_first() else { return Ok(default) };
+        self.rest = rest;
+        number(first, range)
+    }
+
+    fn milliseconds(&mut self, default: f64, most: f64) -> Result<i64, Misread> {
+        Ok(nanoseconds(self.next(default, 0.0..=most)? / 1e3))
+    }
+
+    fn whole(&mut self, default: i32, most: i32) -> Result<i32, Misread> {
+        let Some((first, rest)) = self.rest.split_first() else { return Ok(default) };
+        self.rest = rest;
+        let whole: i32 =
+            first.parse().map_err(|_| Misread::new(format!("`{}` is not a whole number", shown(first))))?;
+        if whole.unsigned_abs() <= most.unsigned_abs() {
+            return Ok(whole);
+        }
+        Err(Misread::new(format!("{} is out of range; it can be -{most} to {most}", shown(first))))
+    }
+
+    fn end(self, fault: DeviceFault) -> Result<DeviceFault, Misread> {
+        match self.rest.first() {
+            None => Ok(fault),
+            Some(word) => Err(Misread::new(format!("`{}` does not belong to `{}`", shown(word), self.word))),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! The eight ports of a brick, by name and by number.
+//!
+//! # Not here
+//!
+//! What is plugged in and how it is found: `sim::brick`.
+
+use std::fmt;
+
+/// A port of the brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Port {
+    /// `in1`.
+    In1,
+    /// `in2`.
+    In2,
+    /// `in3`.
+    In3,
+    /// `in4`.
+    In4,
+    /// `outA`.
+    OutA,
+    /// `outB`.
+    OutB,
+    /// `outC`.
+    OutC,
+    /// `outD`.
+    OutD,
+}
+
+impl Port {
+    /// Every port, in the order of the brick's own list.
+    pub const ALL: [Self; 8] =
+        [Self::In1, Self::In2, Self::In3, Self::In4, Self::OutA, Self::OutB, Self::OutC, Self::OutD];
+
+    /// The port's short name.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::In1 => "in1",
+            Self::In2 => "in2",
+            Self::In3 => "in3",
+            Self::In4 => "in4",
+            Self::OutA => "outA",
+            Self::OutB => "outB",
+            Self::OutC => "outC",
+            Self::OutD => "outD",
+        }
+    }
+
+    /// The port with a name, short or full (`outB`, `ev3-ports:outB`).
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let short = name.strip_prefix("ev3-ports:").unwrap_or(name);
+        Self::ALL.into_iter().find(|port| port.as_str() == short)
+    }
+
+    pub(crate) fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Which output port it is, 0 for outA.
+    pub(crate) fn output(self) -> Option<usize> {
+        self.index().checked_sub(Self::OutA.index())
+    }
+
+    /// True for a motor's port.
+    pub(crate) fn is_output(self) -> bool {
+        self.output().is_some()
+    }
+}
+
+impl fmt::Display for Port {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}

@@ -1,0 +1,101 @@
+//! What of a brick's devices a person is shown: what a program would read now.
+
+use super::DeviceView;
+use crate::ev3dev::PortAddress;
+use crate::sim::brick::{Brick, Class};
+
+/// Furthest that the ultrasonic measures, in the numbers of its two units; what it says without an echo.
+const FAR: [(&str, f64, f64); 2] = [("CM", 2550.0, 0.001), ("IN", 1003.0, 0.002_54)];
+
+/// One per cent of infrared proximity, metres: 100 % are about 70 cm (interfaces 9).
+const INFRARED_M: f64 = 0.007;
+
+impl Brick {
+    /// The devices on the ports, in the order of the ports.
+    pub(crate) fn device_views(&self, now_ns: i64) -> Vec<DeviceView> {
+        let mut views: Vec<DeviceView> = [Class::Sensor, Class::TachoMotor, Class::DcMotor]
+            .into_iter()
+            .flat_map(|class| self.names(class).filter_map(move |name| self.device_view(class, name, now_ns)))
+            .collect();
+        views.sort_by_key(|view| view.port);
+        views
+    }
+
+    fn device_view(&self, class: Class, name: &str, now_ns: i64) -> Option<DeviceView> {
+        let id = self.find(class.as_str(), name)?;
+        let read = |attribute: &str| {
+            let mut text = Vec::new();
+            match self.read(id, attribute, now_ns, &mut text) {
+                Ok(()) => shown(&text),
+                Err(errno) => format!("{errno:?}"),
+            }
+        };
+        let (state, value) = match class {
+            Class::Sensor => ("mode", "value0"),
+            Class::DcMotor => ("state", "duty_cycle"),
+            _ => ("state", "speed"),
+        };
+        let address: PortAddress = read("address").parse().ok()?;
+        Some(DeviceView {
+            port: crate::sim::Port::named(address.short())?.as_str(),
+            name: name.to_owned(),
+            driver: self.driver_name(id)?,
+            state: read(state),
+            value: read(value),
+        })
+    }
+}
+
+/// A text that may be garbage, as it can be shown: its first line, the beginning of it.
+fn shown(text: &[u8]) -> String {
+    let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let text = String::from_utf8_lossy(line);
+    text.chars().take(40).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+}
+
+/// For a range sensor: what it says in metres, with nothing for no echo and for no answer.
+#[expect(clippy::option_option, reason = "no range sensor, and no echo")]
+pub(super) fn sighted_m(device: &DeviceView) -> Option<Option<f64>> {
+    let value: Option<f64> = device.value.parse().ok();
+    match device.driver {
+        "lego-ev3-us" => {
+            let far = FAR.iter().find(|(unit, ..)| device.state.ends_with(unit));
+            let echo = value.zip(far).filter(|(value, (_, far, _))| (0.0..*far).contains(value));
+            Some(echo.map(|(value, (_, _, metres))| value * metres))
+        }
+        "lego-ev3-ir" => {
+            let echo = value.filter(|value| device.state == "IR-PROX" && (0.0..100.0).contains(value));
+            Some(echo.map(|value| value * INFRARED_M))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(driver: &'static str, state: &str, value: &str) -> DeviceView {
+        let [state, value] = [state, value].map(str::to_owned);
+        DeviceView { port: "in1", name: "sensor0".to_owned(), driver, state, value }
+    }
+
+    #[test]
+    fn echoes_are_in_metres_and_no_echo_is_none() {
+        let near = |echo: Option<Option<f64>>, metres: f64| {
+            assert!(
+                echo.flatten().is_some_and(|found| (found - metres).abs() < 1e-9),
+                "{echo:?} is not {metres}"
+            );
+        };
+        near(sighted_m(&device("lego-ev3-us", "US-DIST-CM", "1234")), 1.234);
+        near(sighted_m(&device("lego-ev3-us", "US-DIST-IN", "100")), 0.254);
+        near(sighted_m(&device("lego-ev3-ir", "IR-PROX", "50")), 0.35);
+        for (state, value) in
+            [("US-DIST-CM", "2550"), ("US-DIST-CM", "ENXIO"), ("US-LISTEN", "1"), ("US-DIST-CM", "-7")]
+        {
+            assert_eq!(sighted_m(&device("lego-ev3-us", state, value)), Some(None), "{state} {value}");
+        }
+        assert_eq!(sighted_m(&device("lego-ev3-gyro", "GYRO-ANG", "5")), None);
+    }
+}

@@ -1,0 +1,107 @@
+//! The shipped missions on the simulated brick, judged as a person beside the robot would: by what it truly does, not by what it
+//! believes.
+
+mod replay;
+mod shipped;
+
+use std::path::PathBuf;
+
+use onbrick::behavior::shipped::find;
+use onbrick::clock::SECOND_NS;
+use onbrick::mapping::Pose;
+use onbrick::runtime::recording::Run;
+use onbrick::runtime::{Brick, Ended, Job, Source, StopFlags, execute_observed};
+use onbrick::sim::{Truth, World};
+
+/// The shipped robot, and the same with every further role that the simulated one has sensors for.
+const ROBOT: &str = include_str!("../../brick-image/robot.toml");
+const MORE_ROLES: &str = "[touch]\nport = \"in2\"\n\n[colour]\nport = \"in3\"\n";
+
+/// What a run left behind, and what truly happened, tick by tick.
+pub struct Played {
+    pub ended: Ended,
+    pub truths: Vec<Truth>,
+    pub tick_s: f64,
+    pub bytes: Vec<u8>,
+    /// Holds the recording for as long as somebody looks at it.
+    pub folder: tempfile::TempDir,
+}
+
+impl Played {
+    pub fn run(&self) -> Run {
+        Run::read(&self.bytes).expect("a recording")
+    }
+
+    /// The tick at a time of the run, seconds.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "times of a run are short and positive"
+    )]
+    pub fn tick_at(&self, time_s: f64) -> usize {
+        (time_s / self.tick_s).round() as usize
+    }
+
+    /// The longest time without a break in which something was so, seconds.
+    pub fn longest_s(&self, so: impl Fn(&Truth) -> bool) -> f64 {
+        let (mut longest, mut ticks) = (0_u32, 0_u32);
+        for truth in &self.truths {
+            ticks = if so(truth) { ticks + 1 } else { 0 };
+            longest = longest.max(ticks);
+        }
+        f64::from(longest) * self.tick_s
+    }
+
+    /// The share of ticks in which something was so.
+    pub fn share(&self, so: impl Fn(&Truth) -> bool) -> f64 {
+        let so = self.truths.iter().filter(|truth| so(truth)).count();
+        so as f64 / self.truths.len() as f64
+    }
+}
+
+/// A robot with every role of the usual simulated one.
+pub fn robot() -> String {
+    format!("{ROBOT}\n{MORE_ROLES}")
+}
+
+/// The job of a shipped mission in a world.
+pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: PathBuf) -> Job {
+    let (name, text) = world;
+    let parsed = World::parse(name, text.as_bytes()).expect("a world").0;
+    let start = parsed.starts()[0];
+    Job {
+        mission: Source {
+            name: format!("{mission}.toml"),
+            text: find(mission).expect("a shipped mission").text.to_owned(),
+        },
+        robot: Source { name: "robot.toml".to_owned(), text: robot.to_owned() },
+        brick: Brick::Simulated {
+            world: Source { name: name.to_owned(), text: text.to_owned() },
+            seed,
+            realtime: false,
+        },
+        start: Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad },
+        set: Vec::new(),
+        file,
+        sync_ns: SECOND_NS,
+    }
+}
+
+/// Does a job in virtual time.
+pub fn play(job: impl FnOnce(PathBuf) -> Job) -> Played {
+    let folder = tempfile::tempdir().expect("a folder");
+    let job = job(folder.path().join("run.mcap"));
+    let mut truths = Vec::new();
+    let ended = execute_observed(&job, &StopFlags::default(), |truth| truths.push(*truth))
+        .unwrap_or_else(|refused| panic!("{}: {}", job.mission.name, refused.to_text()));
+    assert!(ended.stopped && ended.recording.is_none(), "{ended}");
+    let bytes = std::fs::read(&job.file).expect("a recording");
+    let tick_s = ended.time_s / (truths.len() - 1) as f64;
+    Played { ended, truths, tick_s, bytes, folder }
+}
+
+/// A shipped mission in a built-in world, with every role.
+pub fn play_in(mission: &str, world: &str, seed: u64) -> Played {
+    let text = World::text(world).expect("a built-in world");
+    play(|file| job(mission, &robot(), (world, text), seed, file))
+}

@@ -1,0 +1,128 @@
+//! Replays of the shipped missions' recordings.
+
+use std::process::Command;
+
+use onbrick::runtime::recording::Run;
+use onbrick::runtime::{Source, replay, replay_with};
+use onbrick::sim::World;
+
+use super::{ROBOT, job, play, play_in};
+
+#[test]
+fn every_run_replays_bit_for_bit() {
+    let runs = [
+        ("map", "arena"),
+        ("map", "rooms"),
+        ("bump", "rooms"),
+        ("wall", "wall"),
+        ("line", "line"),
+        ("edge", "table"),
+        ("square", "open"),
+    ];
+    for (mission, world) in runs {
+        let played = play_in(mission, world, 3);
+        let run = played.run();
+        let replayed = replay(&run).unwrap();
+        println!("{mission} in {world}: {replayed}");
+        assert!(replayed.is_same(), "{mission}: {replayed}");
+        assert_eq!(replayed.ticks, played.ended.ticks);
+        assert_eq!(replayed.poses, played.ended.ticks);
+        assert_eq!(replayed.points, played.ended.points);
+        assert_eq!(replayed.transitions, run.transitions.len() as u64);
+    }
+}
+
+#[test]
+fn a_replay_goes_on_from_the_checkpoint_after_a_gap() {
+    for (mission, world) in [("map", "arena"), ("bump", "rooms"), ("line", "line")] {
+        let played = play_in(mission, world, 2);
+        let whole = played.run();
+        // Senses and everything made of them are gone for 3.3 seconds in the middle.
+        let mut run = whole.clone();
+        let lost = 1000..1165;
+        run.senses.retain(|senses| !lost.contains(&senses.tick));
+        run.poses.retain(|pose| !lost.contains(&pose.tick));
+        run.transitions.retain(|transition| !lost.contains(&transition.tick));
+        run.checkpoints.retain(|checkpoint| !lost.contains(&checkpoint.tick));
+        let replayed = replay(&run).unwrap();
+        println!("{mission}: {replayed}");
+        assert_eq!(replayed.gaps, [(1000, 1164)]);
+        assert!(replayed.is_same(), "{mission}: {replayed}");
+        assert!(replayed.skipped > 0 && replayed.skipped <= 51, "{} skipped", replayed.skipped);
+        assert_eq!(replayed.ticks + replayed.skipped + 165, whole.senses.len() as u64);
+    }
+}
+
+#[test]
+fn a_damaged_stretch_is_a_gap_and_the_rest_replays() {
+    let played = play_in("map", "arena", 2);
+    let whole = played.run();
+    // One byte flipped in the middle of the file: its stretch no longer has the sum that its sync says.
+    let mut bytes = played.bytes.clone();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x10;
+    let run = Run::read(&bytes).unwrap();
+    println!("{:?}", run.warnings);
+    let missing = whole.senses.len() - run.senses.len();
+    assert!(missing > 0 && missing <= 60, "{missing} ticks are missing");
+    assert!(!run.warnings.is_empty());
+    let replayed = replay(&run).unwrap();
+    println!("{replayed}");
+    assert_eq!(replayed.gaps.len(), 1, "{replayed}");
+    assert!(replayed.is_same(), "{replayed}");
+    assert!(replayed.ticks > 5_800, "{replayed}");
+}
+
+#[test]
+fn another_robot_makes_another_path_of_the_same_ticks() {
+    let played = play_in("square", "open", 1);
+    let run = played.run();
+    // Without a gyro, so that the track width decides about the heading.
+    let narrow = ROBOT.replace("track_width_m = 0.1143", "track_width_m = 0.1100");
+    let text = narrow.replace("[gyro]\nport = \"in4\"\n", "");
+    assert!(text != narrow && narrow != ROBOT, "the shipped robot has both lines");
+    let robot = Source { name: "narrow.toml".to_owned(), text };
+    let file = played.folder.path().join("again.mcap");
+    let remade = replay_with(&run, &robot, &file).unwrap();
+    println!("as recorded {:?}; {remade}", run.poses.last().unwrap().pose);
+    assert_eq!(remade.ticks, played.ended.ticks);
+    let again = Run::open(&file).unwrap();
+    assert_eq!(again.senses.len(), run.senses.len());
+    let last = run.poses.last().unwrap().pose;
+    let off_m = libm::hypot(remade.end.x_m - last.x_m, remade.end.y_m - last.y_m);
+    assert!(off_m > 0.05, "only {off_m} m apart");
+    assert!(replay(&again).unwrap().is_same(), "what was remade replays too");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
+    let [first, again, other] = [7, 7, 8].map(|seed| play_in("map", "cylinders", seed));
+    assert!(first.bytes == again.bytes, "two runs with seed 7 differ");
+    assert!(first.bytes != other.bytes, "seeds 7 and 8 gave the same run");
+    assert!(first.truths == again.truths);
+}
+
+#[test]
+fn two_processes_make_the_same_bytes() {
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let [first, again] = folders.each_ref().map(|folder| {
+        let done = Command::new(env!("CARGO_BIN_EXE_onbrick"))
+            .args(["demo", "--seconds", "30", "--seed", "5", "--out"])
+            .arg(folder.path())
+            .output()
+            .unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        ["run.mcap", "map.svg", "map.png", "points.csv", "path.csv"]
+            .map(|name| std::fs::read(folder.path().join(name)).unwrap())
+    });
+    assert!(first == again, "two processes differ");
+    // And the same as in this one.
+    let text = World::text("arena").unwrap();
+    let here = play(|file| {
+        let mut job = job("map", ROBOT, ("arena", text), 5, file);
+        job.set.push(("time_limit_s".to_owned(), 30.0));
+        job
+    });
+    let there = Run::read(&first[0]).unwrap();
+    assert_eq!(here.run().poses, there.poses);
+}

@@ -1,0 +1,236 @@
+//! Each shipped mission, with several seeds.
+
+use std::f64::consts::TAU;
+
+use onbrick::sim::{Truth, World};
+use onbrick::units::{degrees, wrap_rad};
+
+use super::{Played, job, play, play_in, robot};
+
+/// A point of the body in the world, ahead of the axle's middle and left of it.
+fn point(truth: &Truth, ahead_m: f64, left_m: f64) -> [f64; 2] {
+    let (sin, cos) = libm::sincos(truth.heading_rad);
+    [truth.x_m + cos * ahead_m - sin * left_m, truth.y_m + sin * ahead_m + cos * left_m]
+}
+
+fn distance_m(a: &Truth, b: &Truth) -> f64 {
+    libm::hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+}
+
+/// How many runs of ticks there are in which something is so.
+fn times(played: &Played, so: impl Fn(&Truth) -> bool) -> usize {
+    played.truths.windows(2).filter(|two| !so(&two[0]) && so(&two[1])).count()
+}
+
+#[test]
+fn map_looks_round_without_touching_a_wall() {
+    for seed in 1..=10 {
+        let played = play_in("map", "arena", seed);
+        let world = World::named("arena").unwrap();
+        let run = played.run();
+        let near = |point: &onbrick::mapping::MapPoint| {
+            world.distance_to_nearest_surface(point.x_m, point.y_m) < 0.10
+        };
+        let near = run.points.iter().filter(|point| near(point)).count() as f64 / run.points.len() as f64;
+        let touching_s = played.share(|truth| truth.touching) * played.ended.time_s;
+        println!(
+            "map {seed}: {} points, {:.0} % within 10 cm of a wall, touching for {touching_s:.1} s",
+            run.points.len(),
+            near * 100.0
+        );
+        assert_eq!(played.ended.word, "finished");
+        assert!(run.points.len() > 700, "{} points", run.points.len());
+        assert!(near > 0.9, "{near} of the points are near walls");
+        assert!(touching_s < 1.0, "touching for {touching_s} s");
+    }
+}
+
+#[test]
+fn bump_backs_off_each_time_and_gets_about() {
+    for seed in 1..=5 {
+        let played = play_in("bump", "rooms", seed);
+        let bumps = times(&played, |truth| truth.touching);
+        let pushing_s = played.longest_s(|truth| truth.touching && truth.speed_mps.abs() < 0.01);
+        let way_m = played.truths.last().unwrap().travelled_m;
+        let far_m =
+            played.truths.iter().map(|truth| distance_m(truth, &played.truths[0])).fold(0.0, f64::max);
+        println!(
+            "bump {seed}: {bumps} bumps, pushing for {pushing_s:.2} s at most, {way_m:.2} m, {far_m:.2} m away"
+        );
+        assert_eq!(played.ended.word, "finished");
+        assert!(bumps >= 3, "{bumps} bumps");
+        assert!(pushing_s < 1.5, "pushed for {pushing_s} s");
+        assert!(way_m > 3.0 && far_m > 0.6, "{way_m} m driven, {far_m} m away at most");
+    }
+}
+
+#[test]
+fn wall_keeps_near_its_wall() {
+    let world = World::named("wall").unwrap();
+    for seed in 1..=5 {
+        let played = play_in("wall", "wall", seed);
+        let wall_m = |truth: &Truth| world.distance_to_nearest_surface(truth.x_m, truth.y_m);
+        let following = played.run().transitions.into_iter().find(|taken| taken.to == "follow");
+        let found_s = following.expect("it finds a wall").time_ns as f64 / 1e9;
+        let found = played.tick_at(found_s);
+        let followed = &played.truths[found..];
+        let near = followed.iter().filter(|truth| (0.10..0.40).contains(&wall_m(truth))).count() as f64
+            / followed.len() as f64;
+        let touching_s = played.longest_s(|truth| truth.touching);
+        let way_m = played.truths.last().unwrap().travelled_m;
+        println!(
+            "wall {seed}: within 10 to 40 cm for {:.0} % of the time from {:.1} s on, {way_m:.2} m, touching for {touching_s:.2} s at most",
+            near * 100.0,
+            found_s
+        );
+        assert_eq!(played.ended.word, "finished");
+        assert!(near > 0.9, "{near} of the time");
+        assert!(way_m > 4.0, "{way_m} m driven");
+        // The sensor does not see a wall ahead that the beam meets obliquely; blocked wheels are noticed within a second.
+        assert!(touching_s < 2.2, "touching for {touching_s} s");
+    }
+}
+
+#[test]
+fn line_stays_on_its_edge_for_a_whole_lap() {
+    let points = line_points(World::text("line").unwrap());
+    let half_m = 0.015;
+    for seed in 1..=5 {
+        let played = play_in("line", "line", seed);
+        let off_m = |truth: &Truth| (to_ring_m(&points, point(truth, 0.07, 0.0)) - half_m).abs();
+        let start = &played.truths[0];
+        let settled = played.tick_at(3.0);
+        let lap = played.truths.iter().position(|truth| {
+            (truth.heading_rad - start.heading_rad).abs() > 0.9 * TAU && distance_m(truth, start) < 0.06
+        });
+        let Some(lap) = lap else {
+            let last = played.truths.last().unwrap();
+            panic!(
+                "line {seed}: no lap, at {last:?} after {:.1} s ({})",
+                played.ended.time_s, played.ended.reason
+            )
+        };
+        let worst_m = played.truths[settled..lap].iter().map(off_m).fold(0.0, f64::max);
+        println!(
+            "line {seed}: a lap in {:.1} s, at most {:.1} mm from the edge",
+            lap as f64 * played.tick_s,
+            worst_m * 1000.0
+        );
+        assert!(worst_m < 0.02, "{worst_m} m from the edge");
+    }
+}
+
+/// The corners of the world's one line, as its file has them.
+fn line_points(world: &str) -> Vec<[f64; 2]> {
+    let line = world.split("points = [").nth(1).unwrap().split("\n]").next().unwrap();
+    let points: Vec<[f64; 2]> = line
+        .split(']')
+        .filter_map(|point| point.split('[').nth(1))
+        .map(|point| {
+            let (x, y) = point.split_once(", ").unwrap();
+            [x.parse().unwrap(), y.parse().unwrap()]
+        })
+        .collect();
+    assert!(points.len() > 40 && world.contains("width_m = 0.03"), "{} points", points.len());
+    points
+}
+
+/// Distance to a closed line.
+fn to_ring_m(ring: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
+    let sides = ring.iter().zip(ring.iter().cycle().skip(1));
+    sides
+        .map(|([x1, y1], [x2, y2])| {
+            let (dx, dy) = (x2 - x1, y2 - y1);
+            let along = (((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
+            libm::hypot(x - x1 - along * dx, y - y1 - along * dy)
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn edge_never_falls_off_the_table() {
+    let on_table = |[x, y]: [f64; 2]| (-0.5..=1.1).contains(&x) && (-0.5..=0.6).contains(&y);
+    for seed in 1..=8 {
+        let played = play_in("edge", "table", seed);
+        let wheels_on =
+            |truth: &Truth| [-0.057, 0.057].iter().all(|left_m| on_table(point(truth, 0.0, *left_m)));
+        let edges = times(&played, |truth| !on_table(point(truth, 0.07, 0.0)));
+        let off = played.truths.iter().position(|truth| truth.fallen || !wheels_on(truth));
+        println!("edge {seed}: the sensor was over the edge {edges} times");
+        assert_eq!(off.map(|tick| tick as f64 * played.tick_s), None, "fell off, at so many seconds");
+        assert!(edges >= 3, "{edges} edges");
+        assert_eq!(played.ended.word, "finished");
+    }
+}
+
+#[test]
+fn remote_drives_as_its_buttons_say() {
+    let world = include_str!("../../data/remote-world.toml");
+    let robot = robot().replace("[range]\nport = \"in1\"", "[remote]\nport = \"in1\"");
+    let robot: String = robot
+        .lines()
+        .filter(|line| !line.starts_with("ahead_m") && !line.starts_with("max_m"))
+        .fold(String::new(), |text, line| text + line + "\n");
+    for seed in 1..=3 {
+        let played = play(|file| job("remote", &robot, ("remote", world), seed, file));
+        assert_eq!(played.ended.word, "finished");
+        // The first press moves the robot; from there on the buttons are at the times that the world's file says.
+        let first = played.truths.iter().position(|truth| truth.travelled_m > 0.002).expect("it drives");
+        let tick = |pressed_s: f64| first + played.tick_at(pressed_s - 5.0);
+        let between = |from_s: f64, to_s: f64| {
+            let (from, to) = (&played.truths[tick(from_s)], &played.truths[tick(to_s)]);
+            let (sin, cos) = libm::sincos(from.heading_rad);
+            let ahead_m = (to.x_m - from.x_m) * cos + (to.y_m - from.y_m) * sin;
+            (ahead_m, to.heading_rad - from.heading_rad)
+        };
+        let moves = [
+            // button              from, s  to, s  ahead, m  turned, degrees
+            ("both up", 5.0, 8.5, 0.36, 0.0),
+            ("both down", 9.0, 12.5, -0.24, 0.0),
+            ("left up", 13.0, 15.5, 0.11, -83.0),
+            ("left down, right up", 16.0, 18.5, 0.0, 105.0),
+        ];
+        for (button, from_s, to_s, ahead_m, turned_deg) in moves {
+            let (went_m, turned_rad) = between(from_s, to_s);
+            println!(
+                "remote {seed}, {button}: {went_m:.3} m ahead, turned {:.1} degrees",
+                degrees(turned_rad)
+            );
+            assert!((went_m - ahead_m).abs() < 0.05, "{button}: {went_m} m ahead, not {ahead_m}");
+            let off_deg = degrees(turned_rad) - turned_deg;
+            assert!(off_deg.abs() < 12.0, "{button}: turned {} degrees", degrees(turned_rad));
+        }
+        let (still_m, _) = between(8.5, 8.9);
+        assert!(still_m.abs() < 0.002, "without a button it went on for {still_m} m");
+    }
+}
+
+#[test]
+fn square_comes_back_to_its_start() {
+    for seed in 1..=6 {
+        let played = play_in("square", "open", seed);
+        let run = played.run();
+        let at = |time_ns: i64| &played.truths[played.tick_at(time_ns as f64 / 1e9)];
+        let entered = |state: &str| {
+            let taken = run.transitions.iter().find(|taken| taken.to == state);
+            at(taken.unwrap_or_else(|| panic!("never in {state}")).time_ns)
+        };
+        let start = &played.truths[0];
+        let corners = ["corner_1", "corner_2", "corner_3", "corner_4"].map(entered);
+        let mut sides = vec![distance_m(start, corners[0])];
+        sides.extend(corners.windows(2).map(|two| distance_m(two[0], two[1])));
+        let end = played.truths.last().unwrap();
+        let (off_m, off_deg) =
+            (distance_m(start, end), degrees(wrap_rad(end.heading_rad - start.heading_rad)));
+        println!(
+            "square {seed}: sides {sides:.3?} m, ends {:.1} cm and {off_deg:.1} degrees off, after {:.1} s",
+            off_m * 100.0,
+            played.ended.time_s
+        );
+        assert_eq!(played.ended.word, "finished");
+        assert!(sides.iter().all(|side_m| (side_m - 1.0).abs() < 0.03), "{sides:?} m");
+        // What is left is the gyro's scale: with a deviation of 1 % whole turns come out 4 degrees wrong, and some 8.
+        assert!(off_m < 0.15, "ends {off_m} m off");
+        assert!(off_deg.abs() < 9.0, "ends {off_deg} degrees off");
+    }
+}
