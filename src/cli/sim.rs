@@ -169,7 +169,7 @@ fn simulation(arguments: &Arguments) -> Result<Simulation, Failure> {
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")
     })?;
-    let options = Options { lcd: arguments.lcd, ..Options::default() };
+    let options = Options { lcd: arguments.lcd, udev: true, ..Options::default() };
     let clock = Arc::new(MonotonicClock);
     let simulation = Simulation::with_options(clock, Box::new(physics), arguments.seed, options);
     simulation.give_up_behind_ns(MOST_BEHIND_NS);

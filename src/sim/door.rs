@@ -1,10 +1,12 @@
 //! The door for programs in this process: a brick's files as a [`Tree`]. The mounted file system goes through the same one.
 //!
 //! Beside `sys` there are two streams of input events, the buttons and the speaker, and the screen's memory. A read of a stream takes what came since the
-//! last one; there is no ioctl here, so the keys that are held at the start are not known.
+//! last one; there is no ioctl here, so the keys that are held at the start are not known. In `sim`, where no program looks for anything,
+//! is the truth about the robot.
 
 mod attribute;
 mod stream;
+mod truth;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,8 +16,9 @@ use nix::errno::Errno;
 
 pub(crate) use self::attribute::{SimFile, Write};
 pub(crate) use self::stream::{Device, StreamFile};
+pub(crate) use self::truth::TruthFile;
 use super::brick::Brick;
-use super::brick::tree::{BUTTONS, SCREEN, SPEAKER};
+use super::brick::tree::{BUTTONS, SCREEN, SPEAKER, TRUTH};
 use super::driver::Entry;
 use super::driver::input::EventLayout;
 use super::simulation::{Shared, State};
@@ -88,6 +91,11 @@ impl SimBrick {
         Some(StreamFile::open(&self.shared, self.robot, device, access, layout))
     }
 
+    /// Opens the truth; none at any other path.
+    pub(crate) fn open_truth(&self, path: &str, access: Access) -> Option<Result<TruthFile, Errno>> {
+        (path == TRUTH).then(|| TruthFile::open(&self.shared, self.robot, access))
+    }
+
     /// Reads the picture on the screen from an offset.
     pub(crate) fn picture(&self, offset: usize, most: usize) -> Result<Vec<u8>, Errno> {
         self.look(|brick| {
@@ -116,6 +124,9 @@ impl Tree for SimBrick {
         if path == SCREEN {
             let brick = Self::new(Arc::clone(&self.shared), self.robot);
             return Ok(Box::new(ScreenFile { brick, access }));
+        }
+        if let Some(truth) = self.open_truth(path, access) {
+            return Ok(Box::new(truth?));
         }
         Ok(Box::new(self.open_attribute(path, access)?))
     }

@@ -10,7 +10,7 @@
 //! # Not here
 //!
 //! - Ioctls of the frame buffer and inotify: they do not cross FUSE.
-//! - Owners and rights as udev sets them: everything belongs to the user who mounted it, and nobody else gets in.
+//! - Owners as udev sets them: everything belongs to the user who mounted it, and nobody else gets in. Rights are as [`Options::udev`](super::Options) says.
 //! - Private memory maps of attributes: sysfs refuses every map with ENODEV, FUSE only shared ones.
 //! - A screen that follows a map of `dev/fb0` at once: what is stored there arrives with `msync` or `munmap`, or when the kernel gets round to it.
 //!   What is written arrives at once.

@@ -32,6 +32,9 @@ pub struct Options {
     /// For so long after a device appeared its files cannot be opened for writing (EACCES), until udev has got round to it.
     /// Nanoseconds; 0 for never.
     pub access_delay_ns: i64,
+    /// Files have the rights that udev's rules of ev3dev give them, instead of those they are born with. Programs look at them: some write
+    /// only to what the group may write to.
+    pub udev: bool,
     /// The screen.
     pub lcd: LcdGeometry,
 }

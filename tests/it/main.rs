@@ -18,6 +18,7 @@ mod drivers_bench;
 mod ev3dev;
 mod faults;
 mod figures;
+mod foreign;
 mod mapping;
 mod messages;
 mod missions;

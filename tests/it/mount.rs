@@ -1,7 +1,7 @@
 //! The mounted simulation: the same drivers through the kernel's files, against the kernel's transcript, against the door of this process,
 //! and against people who pull plugs, kill readers and mount where they should not.
 
-mod bench;
+pub(crate) mod bench;
 mod figures;
 mod life;
 mod missions;

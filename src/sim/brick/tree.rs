@@ -5,7 +5,7 @@
 use nix::errno::Errno;
 
 use super::{ADDRESSES, Brick, Class, Device, UEVENT};
-use crate::sim::driver::{Entry, Spec, readwriteable};
+use crate::sim::driver::{Entry, Spec, readable, readwriteable};
 
 /// The buttons' stream of events.
 pub(crate) const BUTTONS: &str = "dev/input/by-path/platform-gpio_keys-event";
@@ -16,17 +16,21 @@ pub(crate) const SPEAKER: &str = "dev/input/by-path/platform-sound-event";
 /// The screen's memory.
 pub(crate) const SCREEN: &str = "dev/fb0";
 
+/// Where a robot truly is: no file of a real brick, and so outside the folders that programs look into.
+pub(crate) const TRUTH: &str = "sim/truth";
+
 /// Folders whose entries are always the same.
 const FIXED: &[(&str, &[&str])] = &[
-    ("", &["dev", "sys"]),
+    ("", &["dev", "sim", "sys"]),
     ("dev", &["input"]),
     ("dev/input", &["by-path"]),
     ("dev/input/by-path", &[]),
+    ("sim", &[]),
     ("sys", &["class", "devices"]),
 ];
 
 /// Files outside `sys`.
-const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN];
+const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH];
 
 impl Brick {
     /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the links of `sys/class`.
@@ -38,7 +42,7 @@ impl Brick {
         let mut entries = if let Some((_, folders)) = FIXED.iter().find(|(path, _)| *path == folder) {
             let files =
                 FILES.iter().filter_map(|path| path.rsplit_once('/').filter(|(parent, _)| *parent == folder));
-            let files = files.map(|(_, name)| self.device_file(name));
+            let files = files.map(|(_, name)| self.other_file(name));
             folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
         } else if folder == "sys/class" {
             Class::ALL.iter().map(|class| Entry::folder(class.as_str())).collect()
@@ -126,8 +130,11 @@ impl Brick {
         Ok(names.iter().map(|name| Entry::folder(name)).collect())
     }
 
-    /// A file in `dev`: as long as the picture, or of no length.
-    fn device_file(&self, name: &str) -> Entry {
+    /// A file in `dev`, as long as the picture, or of no length; or the truth, which nobody writes.
+    fn other_file(&self, name: &str) -> Entry {
+        if TRUTH.ends_with(name) {
+            return Entry { name: name.to_owned(), size: 0, ..Entry::file(&readable("")) };
+        }
         let size = if SCREEN.ends_with(name) { self.lcd_bytes().len() } else { 0 };
         let file = Entry::file(&readwriteable(""));
         Entry {
@@ -145,6 +152,7 @@ impl Brick {
     /// ENOENT where there is no such folder.
     fn entries(&self, id: u32, folder: &str) -> Result<Vec<Entry>, Errno> {
         let driver = self.driver(id).ok_or(Errno::ENOENT)?;
+        let file = |spec: &Spec| self.with_udev(id, Entry::file(spec));
         let inside = |spec: &Spec| spec.name.split_once('/');
         if folder == "power" {
             return Ok(Vec::new());
@@ -152,7 +160,7 @@ impl Brick {
         if !folder.is_empty() {
             let files = driver.attributes().iter().filter_map(|spec| match spec.name.split_once('/') {
                 Some((parent, name)) if parent == folder => {
-                    Some(Entry { name: name.to_owned(), ..Entry::file(spec) })
+                    Some(Entry { name: name.to_owned(), ..file(spec) })
                 }
                 _ => None,
             });
@@ -160,16 +168,26 @@ impl Brick {
             return if entries.is_empty() { Err(Errno::ENOENT) } else { Ok(entries) };
         }
         let mut entries: Vec<Entry> =
-            driver.attributes().iter().filter(|spec| inside(spec).is_none()).map(Entry::file).collect();
+            driver.attributes().iter().filter(|spec| inside(spec).is_none()).map(file).collect();
         let mut folders: Vec<&str> =
             driver.attributes().iter().filter_map(inside).map(|(folder, _)| folder).collect();
         folders.dedup();
         entries.extend(folders.into_iter().chain(["power"]).map(Entry::folder));
         entries.extend(self.bound_device(id).iter().map(|name| Entry::folder(name)));
         entries.extend(["device", "subsystem"].map(Entry::link));
-        entries.push(Entry::file(&UEVENT));
+        entries.push(file(&UEVENT));
         entries.sort_by(|one, other| one.name.cmp(&other.name));
         Ok(entries)
+    }
+
+    /// As udev's rules leave it: in the classes that people use, the group `ev3dev` may do what the owner may.
+    fn with_udev(&self, id: u32, entry: Entry) -> Entry {
+        let class = self.node(id).map(|node| node.class);
+        let untouched = [Class::BoardInfo, Class::Graphics, Class::PowerSupply].map(Some);
+        if !self.options.udev || untouched.contains(&class) {
+            return entry;
+        }
+        Entry { permissions: entry.permissions | ((entry.permissions & 0o600) >> 3), ..entry }
     }
 
     /// A port has a folder for the device on it.

@@ -136,6 +136,9 @@ impl Files {
             let handle = Handle::Events { file: file?, bytes: Vec::new(), readers: Vec::new(), poller: None };
             return Ok((handle, direct | FopenFlags::FOPEN_STREAM));
         }
+        if let Some(file) = brick.open_truth(&place.path, access) {
+            return Ok((Handle::Truth { file: file?, text: Vec::new() }, direct));
+        }
         let file = brick.open_attribute(&place.path, access)?;
         let handle = Handle::Attribute { file, text: Vec::new(), poller: None };
         Ok((handle, direct | FopenFlags::FOPEN_PARALLEL_DIRECT_WRITES))

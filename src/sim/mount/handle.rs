@@ -9,7 +9,7 @@ use nix::errno::Errno;
 use super::files::refusal;
 use super::{SimBrick, events};
 use crate::ev3dev::AttributeFile;
-use crate::sim::door::{SimFile, StreamFile, Write};
+use crate::sim::door::{SimFile, StreamFile, TruthFile, Write};
 
 /// An open file or folder.
 #[derive(Debug)]
@@ -22,6 +22,8 @@ pub(super) enum Handle {
     Events { file: StreamFile, bytes: Vec<u8>, readers: Vec<Reader>, poller: Option<PollNotifier> },
     /// The screen's memory.
     Screen(Arc<SimBrick>),
+    /// The truth, with the line that was made when its beginning was last read.
+    Truth { file: TruthFile, text: Vec<u8> },
 }
 
 /// An entry of a listing.
@@ -73,6 +75,10 @@ impl Handle {
                 Ok(bytes) => reply.data(&bytes),
                 Err(errno) => reply.error(refusal(errno)),
             },
+            Self::Truth { file, text } => match truth(file, text, offset, read.room) {
+                Ok(bytes) => reply.data(bytes),
+                Err(errno) => reply.error(refusal(errno)),
+            },
         }
         false
     }
@@ -87,6 +93,8 @@ impl Handle {
             Self::Folder(_) => Err(Errno::EISDIR),
             Self::Attribute { file, .. } => file.begin_write(offset, bytes),
             Self::Events { file, .. } => file.write(bytes).map(Write::Done),
+            // The kernel writes to no file that was opened for reading only.
+            Self::Truth { .. } => Err(Errno::EBADF),
             Self::Screen(brick) => {
                 brick.draw(usize::try_from(offset).unwrap_or(usize::MAX), bytes).map(Write::Done)
             }
@@ -98,7 +106,7 @@ impl Handle {
         let readable = PollEvents::POLLIN | PollEvents::POLLRDNORM;
         let writeable = PollEvents::POLLOUT | PollEvents::POLLWRNORM;
         match self {
-            Self::Folder(_) | Self::Screen(_) => readable | writeable,
+            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } => readable | writeable,
             Self::Attribute { file, poller, .. } => {
                 *poller = keep.or(poller.take());
                 let changed = PollEvents::POLLPRI | PollEvents::POLLERR;
@@ -126,7 +134,7 @@ impl Handle {
     /// Wakes who waits and has something to be woken for, or, where `interrupts` is set, was interrupted; false if nobody waits any more.
     pub(super) fn wake(&mut self, interrupts: bool) -> bool {
         match self {
-            Self::Folder(_) | Self::Screen(_) => false,
+            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } => false,
             Self::Attribute { file, poller, .. } => {
                 if file.wakes() {
                     notify(poller);
@@ -168,6 +176,15 @@ fn attribute<'t>(
         file.read_into(text)?;
     } else if file.is_gone() {
         return Err(Errno::ENODEV);
+    }
+    let rest = text.get(offset..).unwrap_or_default();
+    Ok(rest.get(..room).unwrap_or(rest))
+}
+
+/// A part of the truth, which is found out when its beginning is read.
+fn truth<'t>(file: &TruthFile, text: &'t mut Vec<u8>, offset: usize, room: usize) -> Result<&'t [u8], Errno> {
+    if offset == 0 || text.is_empty() {
+        file.read_into(text)?;
     }
     let rest = text.get(offset..).unwrap_or_default();
     Ok(rest.get(..room).unwrap_or(rest))

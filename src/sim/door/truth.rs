@@ -1,0 +1,106 @@
+//! Where a robot truly is: the file `sim/truth`, one line of JSON, made anew by each read at its beginning.
+//!
+//! No brick has it. A test reads it after somebody's program has driven, to see whether the robot is where that program meant it to go.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use nix::errno::Errno;
+use serde::Serialize;
+
+use super::{copy, wait};
+use crate::clock::seconds;
+use crate::ev3dev::{Access, AttributeFile};
+use crate::sim::simulation::Shared;
+use crate::units::degrees;
+
+/// What the line says. World frame; angles anticlockwise and not wrapped.
+#[derive(Serialize)]
+struct Line {
+    time_s: f64,
+    x_m: f64,
+    y_m: f64,
+    heading_deg: f64,
+    speed_mps: f64,
+    travelled_m: f64,
+    /// Shafts of the drive motors, in the motors' own direction.
+    left_deg: f64,
+    right_deg: f64,
+    /// Head against body.
+    head_deg: f64,
+    /// The nearest echo before any error of the sensor; null without one.
+    echo_m: Option<f64>,
+    touching: bool,
+    fallen: bool,
+}
+
+/// The open file.
+#[derive(Debug)]
+pub(crate) struct TruthFile {
+    shared: Arc<Shared>,
+    robot: usize,
+}
+
+impl TruthFile {
+    /// Opens it for reading.
+    ///
+    /// # Errors
+    ///
+    /// EACCES for a writer.
+    pub(crate) fn open(shared: &Arc<Shared>, robot: usize, access: Access) -> Result<Self, Errno> {
+        if access != Access::Read {
+            return Err(Errno::EACCES);
+        }
+        Ok(Self { shared: Arc::clone(shared), robot })
+    }
+
+    /// The line as of now, in place of what is in `text`.
+    ///
+    /// # Errors
+    ///
+    /// ENODATA where the physics is no world's: nobody knows the truth there.
+    pub(crate) fn read_into(&self, text: &mut Vec<u8>) -> Result<(), Errno> {
+        let line = self.line().ok_or(Errno::ENODATA)?;
+        text.clear();
+        serde_json::to_writer(&mut *text, &line).map_err(|_| Errno::EIO)?;
+        text.push(b'\n');
+        Ok(())
+    }
+
+    fn line(&self) -> Option<Line> {
+        let state = self.shared.now();
+        let world = state.world()?;
+        let truth = world.truth(self.robot)?;
+        let [left_deg, right_deg] = truth.wheels_rad.map(degrees);
+        Some(Line {
+            time_s: seconds(state.now_ns),
+            x_m: truth.x_m,
+            y_m: truth.y_m,
+            heading_deg: degrees(truth.heading_rad),
+            speed_mps: truth.speed_mps,
+            travelled_m: truth.travelled_m,
+            left_deg,
+            right_deg,
+            head_deg: degrees(truth.head_rad),
+            echo_m: world.echo(self.robot),
+            touching: truth.touching,
+            fallen: truth.fallen,
+        })
+    }
+}
+
+impl AttributeFile for TruthFile {
+    fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
+        let mut text = Vec::new();
+        self.read_into(&mut text)?;
+        Ok(copy(&text, buffer))
+    }
+
+    fn write(&self, _value: &[u8]) -> Result<usize, Errno> {
+        Err(Errno::EBADF)
+    }
+
+    fn wait_changed(&self, timeout: Duration) -> Result<bool, Errno> {
+        wait(&self.shared, timeout, || None)
+    }
+}

@@ -1,0 +1,433 @@
+//! Programs on libraries that nobody here wrote, over a mounted brick: PyPI's `python-ev3dev2` and crates.io's `ev3dev-lang-rust`, both unmodified.
+//!
+//! Each runs in a mount namespace of its own, in which the brick's tree lies over `/sys` and its input devices in `/dev/input`, so that it takes
+//! this machine for an EV3. What it says it did is compared with where the robot truly is.
+//!
+//! # Not here
+//!
+//! - `ev3dev2.sound` starts `/usr/bin/beep`, `aplay` and `espeak`, which are not of the brick's files.
+//! - `ev3dev2.display` asks the frame buffer by ioctls that do not cross FUSE.
+//! - `Button.wait_for_pressed` looks for a character device, which a file of FUSE cannot be. `buttons_pressed` and `process` do not.
+
+mod bench;
+
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
+use std::process::Command;
+use std::sync::Arc;
+
+use nix::errno::Errno;
+use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, VirtualClock};
+use onbrick::ev3dev::{Access, Tree};
+use onbrick::runtime::recording::Run;
+use onbrick::sim::{Button, Mount, MountOptions, Options, Simulation, World, WorldPhysics};
+use serde_json::{Value, json};
+
+use self::bench::{Foreign, PROGRAM, Simulator, Truth, example, no_namespaces, no_python, script};
+use crate::drivers_bench::{Bench, InProcess};
+use crate::mount::bench::{no_fuse, real_time};
+
+/// Rolled by one turn of a wheel of the worlds' robot.
+const WHEEL_M: f64 = 0.188_976;
+const TRACK_M: f64 = 0.1143;
+
+#[test]
+fn programs_on_python_ev3dev2_drive_and_sense_as_their_documentation_says() {
+    if no_namespaces() || no_python() {
+        return;
+    }
+    let _alone = real_time();
+    let programs = [
+        ("ev3dev2_tank", "foreign-yard", check_tank as fn(&Value, &Truth)),
+        ("ev3dev2_differential", "foreign-yard", check_differential),
+        ("ev3dev2_motors", "foreign-yard", check_motors),
+        ("ev3dev2_sensors", "foreign-yard", check_sensors),
+        ("ev3dev2_sonar", "foreign-yard", check_sonar),
+        ("ev3dev2_infrared", "foreign-infrared", check_infrared),
+    ];
+    // All at once: each waits for its own robot most of the time.
+    let running = programs.map(|(name, world, check)| {
+        let simulator = Simulator::start(world);
+        let program = Foreign::start(name, &simulator.root(), &["python3", &script(name)]);
+        (program, simulator, check)
+    });
+    for (program, simulator, check) in running {
+        let said = program.json();
+        let truth = simulator.truth();
+        println!("{truth:?}");
+        assert!(!truth.fallen, "{truth:?}");
+        check(&said, &truth);
+    }
+}
+
+/// Two turns of the wheels ahead, a quarter to the right, two turns more.
+fn check_tank(said: &Value, truth: &Truth) {
+    assert_eq!(said["start"], json!([0, 0]));
+    let quarter_deg = 90.0 * TRACK_M / WHEEL_M * std::f64::consts::PI;
+    let ahead = 720.0;
+    for (step, left, right, within) in [
+        ("ahead", ahead, ahead, 3.0),
+        ("turned", ahead + quarter_deg, ahead - quarter_deg, 4.0),
+        ("timed", ahead + quarter_deg + 360.0, ahead - quarter_deg + 360.0, 20.0),
+        ("end", ahead + quarter_deg + 720.0, ahead - quarter_deg + 720.0, 24.0),
+    ] {
+        near(&format!("left at {step}"), float(&said[step][0]), left, within);
+        near(&format!("right at {step}"), float(&said[step][1]), right, within);
+    }
+    assert_eq!(said["holding"], json!([true, true]));
+    assert_eq!(said["state"], json!([[], []]), "coasting");
+    // What the motors say is what the wheels did.
+    near("left wheel", truth.left_deg, float(&said["end"][0]), 4.0);
+    near("right wheel", truth.right_deg, float(&said["end"][1]), 4.0);
+    near("heading", truth.heading_deg, -90.0, 5.0);
+    near("x", truth.x_m, 2.0 * WHEEL_M, 0.04);
+    near("y", truth.y_m, -2.0 * WHEEL_M, 0.04);
+}
+
+/// The odometry of the library against the truth, in its millimetres; and both roughly against the plan, since a motor that holds is still being
+/// pulled back when the next motion begins.
+fn check_differential(said: &Value, truth: &Truth) {
+    let arc_m = 0.25;
+    let plan = [
+        ("ahead", [0.3, 0.0, 0.0]),
+        ("left", [0.3, 0.0, 90.0]),
+        ("arc", [0.3 + arc_m, arc_m, 0.0]),
+        ("right", [0.3 + arc_m, arc_m, -90.0]),
+        ("there", [0.2, 0.0, libm::atan2(-0.25, -0.35).to_degrees()]),
+        ("end", [0.2, 0.0, 0.0]),
+    ];
+    for (step, [x_m, y_m, heading_deg]) in plan {
+        near(&format!("x of {step}"), float(&said[step][0]) / 1e3, x_m, 0.035);
+        near(&format!("y of {step}"), float(&said[step][1]) / 1e3, y_m, 0.035);
+        near(&format!("heading of {step}"), float(&said[step][2]), heading_deg, 8.0);
+    }
+    near("true x", truth.x_m, float(&said["end"][0]) / 1e3, 0.02);
+    near("true y", truth.y_m, float(&said["end"][1]) / 1e3, 0.02);
+    near("true heading", truth.heading_deg, float(&said["end"][2]), 5.0);
+    let way_m = 0.3 + FRAC_PI_2 * arc_m + libm::hypot(0.35, 0.25);
+    near("way", truth.travelled_m, way_m, 0.05);
+}
+
+fn check_motors(said: &Value, truth: &Truth) {
+    let motors = json!([
+        ["ev3-ports:outA", "lego-ev3-m-motor"],
+        ["ev3-ports:outB", "lego-ev3-l-motor"],
+        ["ev3-ports:outD", "lego-ev3-l-motor"]
+    ]);
+    assert_eq!(said["motors"], motors);
+    assert_eq!(said["nothing_in_c"], "LargeMotor(ev3-ports:outC) is not connected.");
+    let commands =
+        ["run-forever", "run-to-abs-pos", "run-to-rel-pos", "run-timed", "run-direct", "stop", "reset"];
+    let stops = ["coast", "brake", "hold"];
+    assert_eq!(said["found"], json!(["ev3-ports:outA", 360, 1560, commands, stops, "normal"]));
+    // Position afterwards, and how long it took; at most a few degrees beyond, which hold pulls back.
+    let step = |name: &str, position: f64, within: f64, seconds: f64, within_s: f64| {
+        near(&format!("position after {name}"), float(&said[name][0]), position, within);
+        near(&format!("duration of {name}"), float(&said[name][1]), seconds, within_s);
+    };
+    step("degrees", 90.0, 12.0, 0.3, 0.25);
+    step("rotations_back", -90.0, 12.0, 1.1, 0.3);
+    step("seconds", 90.0, 12.0, 1.05, 0.2);
+    step("to_position", 0.0, 12.0, 0.6, 0.3);
+    assert_eq!(said["holding"], json!(["holding"]));
+    assert_eq!(said["wait_running"], true);
+    step("wait_end", 97.0, 15.0, 0.5, 0.2);
+    assert_eq!(said["wait_end"][2], true);
+    near("300 ms", float(&said["wait_too_long"][1]), 0.35, 0.15);
+    assert_eq!(said["wait_too_long"][2], false, "it still ran");
+    near("a fifth of the speed", float(&said["speed"]), 312.0, 40.0);
+    assert_eq!((&said["wait_off"][2], &said["off"]), (&json!(true), &json!([])));
+    assert_eq!(said["duty"], -40);
+    assert_eq!(said["ramping"][0], true);
+    let ramped = float(&said["ramping"][1]);
+    assert!((100.0..600.0).contains(&ramped), "0.3 s into a ramp that takes 0.77 s to 800: {ramped}");
+    assert_eq!(said["too_fast"], "The given speed value b'1561' was out of range. Max speed: +/-1560");
+    near("45 degrees, inversed", float(&said["inversed"]), 45.0, 14.0);
+    assert_eq!(said["reset"], json!(["normal", 0, []]));
+    near("nothing drove", truth.travelled_m, 0.0, 1e-9);
+}
+
+fn check_sensors(said: &Value, truth: &Truth) {
+    let sensors = json!([
+        ["ev3-ports:in1", "lego-ev3-us"],
+        ["ev3-ports:in2", "lego-ev3-touch"],
+        ["ev3-ports:in3", "lego-ev3-color"],
+        ["ev3-ports:in4", "lego-ev3-gyro"]
+    ]);
+    assert_eq!(said["sensors"], sensors);
+    let modes = &said["modes"];
+    let touch = &modes["lego-ev3-touch"];
+    assert_eq!(touch, &json!({ "TOUCH": [[0], "", 0, "s32", [0, 0, 0, 0]] }));
+    let eye = &modes["lego-ev3-color"];
+    for (mode, values, units, format) in [
+        ("COL-REFLECT", 1, "pct", "s8"),
+        ("COL-AMBIENT", 1, "pct", "s8"),
+        ("COL-COLOR", 1, "col", "s8"),
+        ("REF-RAW", 2, "", "s16"),
+        ("RGB-RAW", 3, "", "s16"),
+        ("COL-CAL", 3, "", "u16"),
+    ] {
+        let [found, found_units, decimals, found_format, _] = [0, 1, 2, 3, 4].map(|part| &eye[mode][part]);
+        assert_eq!(found.as_array().unwrap().len(), values, "{mode}");
+        assert_eq!((found_units, decimals, found_format), (&json!(units), &json!(0), &json!(format)));
+    }
+    assert_eq!(eye["COL-COLOR"][0], json!([6]), "white");
+    near("white reflects", float(&said["reflected"]), 75.0, 4.0);
+    assert_eq!(said["colour"], "White");
+    assert!((0..3).all(|part| float(&said["rgb"][part]) > 300.0), "{}", said["rgb"]);
+    near("saturation after the white balance", float(&said["hsv"][1]), 0.0, 0.05);
+    let gyro = &modes["lego-ev3-gyro"];
+    for (mode, values, units) in [
+        ("GYRO-ANG", 1, "deg"),
+        ("GYRO-RATE", 1, "d/s"),
+        ("GYRO-FAS", 1, ""),
+        ("GYRO-G&A", 2, ""),
+        ("GYRO-CAL", 4, ""),
+        ("TILT-RATE", 1, "d/s"),
+        ("TILT-ANG", 1, "deg"),
+    ] {
+        assert_eq!(gyro[mode][0], json!(vec![0; values]), "{mode} of a robot that stands");
+        assert_eq!(gyro[mode][1], units, "{mode}");
+    }
+    assert_eq!((&said["angle_and_rate"], &said["pressed"]), (&json!([0, 0]), &json!(0)));
+    // White, then the red strip, then it stopped at the black one, whose edge is at 0.7 m; the sensor is 0.07 m ahead.
+    assert_eq!(said["colours_on_the_way"], json!([6, 5]));
+    assert!((0.62..0.71).contains(&truth.x_m), "stopped at the black strip: {truth:?}");
+    // Clockwise counts up on the gyro.
+    assert_eq!(said["reset_angle"], 0);
+    near("angle", float(&said["angle"]), 90.0, 5.0);
+    near("true heading", truth.heading_deg, -90.0, 5.0);
+    near("gyro against the truth", float(&said["angle"]), -truth.heading_deg, 4.0);
+    // The wall is at −1.2 m, the robot's front 0.09 m ahead of its axle.
+    assert_eq!((&said["bumped"], &said["pressed_at_wall"]), (&json!(true), &json!(1)));
+    near("y at the wall", truth.y_m, -1.2 + 0.09, 0.02);
+    assert!(truth.touching || truth.speed_mps.abs() < 0.1, "{truth:?}");
+}
+
+fn check_sonar(said: &Value, truth: &Truth) {
+    let true_cm = truth.echo_m.unwrap() * 100.0;
+    // One in a hundred readings has no echo; of five, most have.
+    let first: Vec<f64> = said["first_cm"].as_array().unwrap().iter().map(float).collect();
+    assert!(first.iter().all(|cm| (cm - true_cm).abs() < 5.0 || (cm - 255.0).abs() < 0.01), "{first:?}");
+    for (mode, units, decimals, expected) in [
+        ("US-DIST-CM", "cm", 1, true_cm),
+        ("US-DIST-IN", "in", 1, true_cm / 2.54),
+        ("US-SI-CM", "cm", 1, true_cm),
+        ("US-SI-IN", "in", 1, true_cm / 2.54),
+        ("US-DC-CM", "cm", 1, true_cm),
+        ("US-DC-IN", "in", 1, true_cm / 2.54),
+    ] {
+        let found = &said["modes"][mode];
+        assert_eq!((&found[1], &found[2]), (&json!(units), &json!(decimals)), "{mode}");
+        range(mode, float(&found[0][0]) / 10.0, expected, units);
+    }
+    assert_eq!(said["modes"]["US-LISTEN"], json!([[0], "", 0]));
+    range("distance_centimeters", float(&said["cm"]), true_cm, "cm");
+    range("distance_inches", float(&said["inches"]), true_cm / 2.54, "in");
+    range("distance_centimeters_ping", float(&said["ping_cm"]), true_cm, "cm");
+    assert_eq!(said["hears_another"], false);
+}
+
+/// A measured range is near the true one, or the value that stands for no echo, which one in a hundred is.
+fn range(what: &str, found: f64, expected: f64, units: &str) {
+    let (none, within) = if units == "cm" { (255.0, 5.0) } else { (100.4, 2.0) };
+    assert!(
+        (found - expected).abs() < within || (found - none).abs() < 0.1,
+        "{what}: {found}, not {expected} {units}"
+    );
+}
+
+/// A wall 1.2 m ahead of the axle, the beacon at (0.6, 0.3) m on channel 2, code 5 (both up) on channel 1.
+fn check_infrared(said: &Value, _truth: &Truth) {
+    assert_eq!(said["address"], "ev3-ports:in1");
+    let modes = &said["modes"];
+    assert_eq!((&modes["IR-PROX"][1], &modes["IR-SEEK"][1]), (&json!("pct"), &json!("pct")));
+    assert_eq!(modes["IR-REMOTE"][0], json!([5, 0, 0, 0]));
+    assert_eq!(modes["IR-REM-A"], json!([[0x150], "", "s16"]), "red up and blue up");
+    assert_eq!(said["proximity"], 100, "nothing within 0.7 m");
+    let (ahead_m, left_m): (f64, f64) = (0.6 - 0.0508, 0.3);
+    let bearing_rad = libm::atan2(left_m, ahead_m);
+    near("heading", float(&said["heading"]), -25.0 * bearing_rad / 1.6, 1.0);
+    near("distance", float(&said["distance"]), libm::hypot(ahead_m, left_m) * 50.0, 1.0);
+    assert_eq!(said["no_beacon"], json!([0, null]));
+    assert_eq!(said["buttons"], json!(["top_left", "top_right"]));
+    assert_eq!((&said["top_left"], &said["bottom_left"]), (&json!(true), &json!(false)));
+    assert_eq!(said["other_channel"], json!([]));
+}
+
+#[test]
+fn a_program_on_python_ev3dev2_sees_lights_battery_and_buttons() {
+    if no_namespaces() || no_python() {
+        return;
+    }
+    let _alone = real_time();
+    // In this process, which can press buttons.
+    let physics = WorldPhysics::new(World::named("arena").unwrap(), 1, 1).unwrap();
+    let options = Options { udev: true, ..Options::default() };
+    let simulation = Simulation::with_options(Arc::new(MonotonicClock), Box::new(physics), 1, options);
+    let folder = tempfile::tempdir().unwrap();
+    let (mount, _) = Mount::new(&simulation, folder.path(), MountOptions::default()).unwrap();
+    let mut program = Foreign::start("board", &mount.root(0), &["python3", &script("ev3dev2_board")]);
+    assert_eq!(program.line(), "ready");
+    let pause = || MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 200 * MILLISECOND_NS);
+    for button in [Button::Enter, Button::Left] {
+        pause();
+        simulation.press(0, button).unwrap();
+        pause();
+        simulation.release(0, button).unwrap();
+    }
+    let said = program.json();
+    assert_eq!(said["platform"], "ev3");
+    let battery = &said["battery"];
+    near("volts", float(&battery[0]), 7.55, 0.15);
+    near("amperes", float(&battery[1]), 0.18, 0.03);
+    assert_eq!(
+        [2, 3, 4, 5].map(|part| battery[part].clone()),
+        [json!(90_000_000), json!(48_000_000), json!("Unknown"), json!("Battery")]
+    );
+    let lights = |red_left: i64, green_left: i64, red_right: i64, green_right: i64| json!({ "red_left": red_left, "green_left": green_left, "red_right": red_right, "green_right": green_right });
+    assert_eq!(said["lights_at_first"], lights(0, 255, 0, 255));
+    assert_eq!(said["RED"], lights(255, 0, 0, 255));
+    assert_eq!(said["AMBER"], lights(255, 255, 0, 255));
+    assert_eq!(said["ORANGE"], lights(255, 127, 0, 255));
+    assert_eq!(said["half"], lights(255, 127, 127, 127));
+    assert_eq!(said["timer"], json!([200, 100, true]));
+    assert_eq!(said["all_off"], lights(0, 0, 0, 0));
+    assert_eq!(said["reset"], lights(0, 255, 0, 255));
+    assert_eq!(said["port"][0], "ev3-ports:outC");
+    assert_eq!(said["pressed_at_first"], json!([]));
+    assert_eq!(said["buttons"], json!([["enter", true], ["enter", false], ["left", true], ["left", false]]));
+}
+
+#[test]
+fn a_program_on_ev3dev_lang_rust_drives_and_senses() {
+    if no_namespaces() {
+        return;
+    }
+    let Some(program) = example("ev3dev-lang-rust") else { return };
+    let _alone = real_time();
+    let simulator = Simulator::start("foreign-yard");
+    let said = Foreign::start("ev3dev-lang-rust", &simulator.root(), &[program.to_str().unwrap()]).end();
+    let truth = simulator.truth();
+    println!("{truth:?}");
+    let said: BTreeMap<&str, &str> = said.lines().filter_map(|line| line.split_once(' ')).collect();
+    let floats =
+        |key: &str| -> Vec<f64> { said[key].split(' ').filter_map(|word| word.parse().ok()).collect() };
+    assert_eq!(said["motors"], "ev3-ports:outB ev3-ports:outD ev3-ports:outA");
+    assert_eq!(said["large"], "2");
+    for (key, left, right) in [("ahead", 720.0, 720.0), ("turned", 549.0, 891.0), ("end", 909.0, 1251.0)] {
+        near(&format!("left {key}"), floats(key)[0], left, 3.0);
+        near(&format!("right {key}"), floats(key)[1], right, 3.0);
+    }
+    assert_eq!(said["state"], "holding");
+    near("x", truth.x_m, 2.0 * WHEEL_M, 0.02);
+    near("y", truth.y_m, WHEEL_M, 0.02);
+    near("heading", truth.heading_deg, 90.0, 3.0);
+    let timed = floats("timed");
+    near("half a second at 200 degrees a second", timed[0], 97.0, 12.0);
+    assert!(said["timed"].contains("true"), "{}", said["timed"]);
+    near("seconds until it was woken", timed[1], 0.5, 0.15);
+    // Turned left, the sonar sees the wall at 1.2 m; its head was turned meanwhile.
+    let cm = floats("cm")[0];
+    assert!((3.0..255.1).contains(&cm), "{cm}");
+    assert_eq!(said["modes"], "US-DIST-CM,US-DIST-IN,US-LISTEN,US-SI-CM,US-SI-IN,US-DC-CM,US-DC-IN");
+    assert_eq!((said["touch"], said["colour"]), ("false", "6"), "on white, before the red strip");
+    near("gyro against the truth", floats("angle")[0], -truth.heading_deg, 3.0);
+    near("volts", floats("volts")[0], 7.5, 0.3);
+    assert_eq!(said["lights_at_first"], "Some((0, 255))");
+    assert_eq!(said["lights"], "Some((255, 128))");
+}
+
+/// What the two libraries look at before they open a file: what the group may do.
+#[test]
+fn the_group_may_write_where_udev_lets_it_and_nobody_writes_the_truth() {
+    let physics = || WorldPhysics::new(World::named("arena").unwrap(), 1, 1).unwrap();
+    let clock = || Arc::new(VirtualClock::default());
+    let options = Options { udev: true, ..Options::default() };
+    let simulation = Simulation::with_options(clock(), Box::new(physics()), 1, options);
+    let born = Simulation::new(clock(), Box::new(physics()), 1);
+    for (path, with_udev, without) in [
+        ("sys/class/tacho-motor/motor0/command", 0o220, 0o200),
+        ("sys/class/tacho-motor/motor0/hold_pid/Kp", 0o664, 0o644),
+        ("sys/class/tacho-motor/motor0/state", 0o444, 0o444),
+        ("sys/class/lego-sensor/sensor0/mode", 0o664, 0o644),
+        ("sys/class/lego-port/port0/mode", 0o664, 0o644),
+        ("sys/class/leds/led0:red:brick-status/brightness", 0o664, 0o644),
+        ("sys/class/power_supply/lego-ev3-battery/technology", 0o644, 0o644),
+        ("sim/truth", 0o444, 0o444),
+    ] {
+        let rights = |simulation: &Simulation| simulation.brick(0).entry(path).unwrap().permissions;
+        assert_eq!(
+            (rights(&simulation), rights(&born)),
+            (with_udev, without),
+            "{path}: {:o}",
+            rights(&simulation)
+        );
+    }
+    let brick = simulation.brick(0);
+    let mut text = [0; 1024];
+    let length = brick.open("sim/truth", Access::Read).unwrap().read(&mut text).unwrap();
+    let line: Value = serde_json::from_slice(&text[..length]).unwrap();
+    let expected = physics().truth(0).unwrap();
+    assert_eq!((float(&line["x_m"]), float(&line["y_m"])), (expected.x_m, expected.y_m));
+    for access in [Access::Write, Access::ReadWrite] {
+        assert_eq!(brick.open("sim/truth", access).map(drop).unwrap_err(), Errno::EACCES);
+    }
+}
+
+/// A bench of bare motors has no world, and so no truth.
+#[test]
+fn where_there_is_no_world_the_truth_is_not_known() {
+    let bench = InProcess::new(Bench::as_recorded(), Options::default());
+    let file = bench.brick.open("sim/truth", Access::Read).unwrap();
+    assert_eq!(file.read(&mut [0; 64]), Err(Errno::ENODATA));
+}
+
+/// Our own program, through the mount and in process, over the same time: the maps are as good, measured by how far their points are from the
+/// walls.
+#[test]
+fn our_mapping_mission_maps_through_the_mount_as_well_as_in_process() {
+    if no_fuse() {
+        return;
+    }
+    let _alone = real_time();
+    let simulator = Simulator::start("arena");
+    let folder = tempfile::tempdir().unwrap();
+    let root = simulator.root();
+    let [mounted_m, in_process_m] =
+        [("--brick", root.to_str().unwrap()), ("--sim", "arena")].map(|(door, place)| {
+            let out = folder.path().join(door);
+            let output = Command::new(PROGRAM)
+                .args(["run", "map", "--set", "time_limit_s=20", door, place, "--out"])
+                .arg(&out)
+                .output()
+                .unwrap();
+            let said = String::from_utf8_lossy(&output.stdout).into_owned();
+            assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+            let run = Run::open(&out.join("run.mcap")).unwrap();
+            let walls = World::named("arena").unwrap();
+            let mut off_m: Vec<f64> = run
+                .points
+                .iter()
+                .map(|point| walls.distance_to_nearest_surface(point.x_m, point.y_m))
+                .collect();
+            off_m.sort_by(f64::total_cmp);
+            assert!(off_m.len() > 100, "{} points", off_m.len());
+            let median_m = off_m[off_m.len() / 2];
+            println!("{door}: {} points, half of them within {median_m:.4} m of a wall", off_m.len());
+            median_m
+        });
+    assert!(mounted_m < 0.05, "{mounted_m} m");
+    assert!(
+        mounted_m < 1.5 * in_process_m + 0.005,
+        "through the mount {mounted_m} m, in process {in_process_m} m"
+    );
+}
+
+fn float(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+fn near(what: &str, found: f64, expected: f64, within: f64) {
+    assert!((found - expected).abs() <= within, "{what}: {found}, not within {within} of {expected}");
+}

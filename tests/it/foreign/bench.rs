@@ -1,0 +1,206 @@
+//! A simulator in a process of its own, and a namespace in which a program takes it for the machine's devices.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use serde_json::Value;
+
+use crate::mount::bench::no_fuse;
+use crate::support::pass_over;
+
+pub(super) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+
+/// No program here takes longer.
+const LONGEST_NS: i64 = 90 * SECOND_NS;
+
+/// A brick's `sys` over this machine's, and a `/dev` that has the usual files and the brick's input devices; then the program.
+const ENTER: &str = r#"
+set -e
+brick=$1; aside=$2; shift 2
+mount --rbind "$brick/sys" /sys
+mount --rbind /dev "$aside"
+mount -t tmpfs tmpfs /dev
+for file in null zero full random urandom; do touch "/dev/$file"; mount --bind "$aside/$file" "/dev/$file"; done
+mkdir /dev/input
+mount --bind "$brick/dev/input" /dev/input
+exec "$@"
+"#;
+
+/// `onbrick sim` with a brick in a folder of its own.
+pub(super) struct Simulator {
+    process: Child,
+    folder: tempfile::TempDir,
+}
+
+/// Where the robot truly is.
+#[derive(Debug, serde::Deserialize)]
+pub(super) struct Truth {
+    pub(super) x_m: f64,
+    pub(super) y_m: f64,
+    pub(super) heading_deg: f64,
+    pub(super) speed_mps: f64,
+    pub(super) travelled_m: f64,
+    pub(super) left_deg: f64,
+    pub(super) right_deg: f64,
+    pub(super) echo_m: Option<f64>,
+    pub(super) touching: bool,
+    pub(super) fallen: bool,
+}
+
+/// Somebody's program, running in its namespace.
+pub(super) struct Foreign {
+    name: String,
+    process: Child,
+    said: BufReader<ChildStdout>,
+    _aside: tempfile::TempDir,
+}
+
+impl Simulator {
+    /// Starts it in a world of `tests/data` or a built-in one.
+    pub(super) fn start(world: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let file = format!("{}/tests/data/{world}.toml", env!("CARGO_MANIFEST_DIR"));
+        let world = if Path::new(&file).exists() { &file } else { world };
+        let mut process = Command::new(PROGRAM)
+            .arg("sim")
+            .arg(folder.path().join("brick"))
+            .args(["--world", world])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(process.stdout.take().unwrap());
+        let mut line = String::new();
+        while !line.starts_with("mounted") {
+            line.clear();
+            assert_ne!(said.read_line(&mut line).unwrap(), 0, "the simulator ended before it mounted");
+        }
+        // The pipe stays open, so that its last words do not kill it before it has unmounted.
+        process.stdout = Some(said.into_inner());
+        Self { process, folder }
+    }
+
+    pub(super) fn root(&self) -> PathBuf {
+        self.folder.path().join("brick")
+    }
+
+    pub(super) fn truth(&self) -> Truth {
+        serde_json::from_str(&fs::read_to_string(self.root().join("sim/truth")).unwrap()).unwrap()
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        // It unmounts on this signal; the folder is taken away after it.
+        if let Ok(process) = i32::try_from(self.process.id()) {
+            let _ = kill(Pid::from_raw(process), Signal::SIGTERM);
+        }
+        let _ = self.process.wait();
+    }
+}
+
+impl Foreign {
+    /// Starts a program in a namespace where a brick is mounted.
+    pub(super) fn start(name: &str, brick: &Path, command: &[&str]) -> Self {
+        let aside = tempfile::tempdir().unwrap();
+        let mut process = unshare()
+            .args(["sh", "-c", ENTER, "sh"])
+            .args([brick, aside.path()])
+            .args(command)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let said = BufReader::new(process.stdout.take().unwrap());
+        Self { name: name.to_owned(), process, said, _aside: aside }
+    }
+
+    /// The next line it says.
+    pub(super) fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.said.read_line(&mut line).unwrap();
+        line.trim_end().to_owned()
+    }
+
+    /// Waits for its end; what it said.
+    pub(super) fn end(mut self) -> String {
+        let deadline_ns = MonotonicClock.now_ns() + LONGEST_NS;
+        let status = loop {
+            if let Some(status) = self.process.try_wait().unwrap() {
+                break status;
+            }
+            assert!(MonotonicClock.now_ns() < deadline_ns, "{} does not end", self.name);
+            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+        };
+        let mut said = String::new();
+        self.said.read_to_string(&mut said).unwrap();
+        assert!(status.success(), "{} failed: {status}; it said {said}", self.name);
+        println!("{}: {said}", self.name);
+        said
+    }
+
+    /// Waits for its end; the JSON in its last line.
+    pub(super) fn json(self) -> Value {
+        let said = self.end();
+        serde_json::from_str(said.lines().last().unwrap_or_default()).unwrap()
+    }
+}
+
+impl Drop for Foreign {
+    fn drop(&mut self) {
+        // For the test that fails while it runs; one that has ended is not there to be killed.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// A command in a mount namespace of its own: with the rights we have, or as root of a user namespace.
+fn unshare() -> Command {
+    let mut command = Command::new("unshare");
+    if !nix::unistd::geteuid().is_root() {
+        command.args(["--user", "--map-root-user"]);
+    }
+    command.args(["--mount", "--propagation", "private"]);
+    command
+}
+
+/// True, and said, where this machine cannot mount, or has no namespaces.
+pub(super) fn no_namespaces() -> bool {
+    if no_fuse() {
+        return true;
+    }
+    let can = unshare().args(["mount", "-t", "tmpfs", "tmpfs", "/dev"]).output();
+    let can = can.is_ok_and(|output| output.status.success());
+    if !can {
+        pass_over("mount namespaces: unshare, with root's rights or user namespaces");
+    }
+    !can
+}
+
+/// True, and said, where python or the library is missing.
+pub(super) fn no_python() -> bool {
+    let probe = Command::new("python3").args(["-c", "import ev3dev2, evdev, PIL"]).output();
+    let can = probe.is_ok_and(|output| output.status.success());
+    if !can {
+        pass_over("python3 with the packages python-ev3dev2, evdev and pillow");
+    }
+    !can
+}
+
+/// A program of `tests/python`.
+pub(super) fn script(name: &str) -> String {
+    format!("{}/tests/python/{name}.py", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// An example of this crate, which `cargo test` builds beside its binary.
+pub(super) fn example(name: &str) -> Option<PathBuf> {
+    let path = Path::new(PROGRAM).parent()?.join("examples").join(name);
+    if !path.exists() {
+        pass_over(&format!("the example {name}: cargo test builds it, cargo test --test it does not"));
+        return None;
+    }
+    Some(path)
+}
