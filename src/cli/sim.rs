@@ -10,8 +10,8 @@ use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
 use crate::sim::{
-    EventLayout, Found, LcdGeometry, Mount, MountError, MountOptions, Options, Scenario, Simulation, World,
-    WorldPhysics, still,
+    EventLayout, Found, LcdGeometry, Mount, MountError, MountOptions, Options, Order, Scenario, Simulation,
+    World, WorldPhysics, still,
 };
 
 /// Mount a simulated brick, for any program that was written for ev3dev, until Ctrl-C.
@@ -20,11 +20,15 @@ use crate::sim::{
 ///   onbrick sim /tmp/brick                        then: onbrick run map --brick /tmp/brick
 ///   onbrick sim /tmp/bricks --robots 2 --world two-arenas --page
 ///   onbrick sim /tmp/brick --scenario loose-plug.toml --show end.svg
+///   onbrick sim fault /tmp/brick in1 stuck
 #[derive(Debug, clap::Args)]
-#[command(verbatim_doc_comment)]
+#[command(verbatim_doc_comment, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
+    #[command(subcommand)]
+    command: Option<SimCommand>,
     /// An empty folder, or one to be made; with several robots their bricks are in 1, 2 and so on below it.
-    mountpoint: PathBuf,
+    #[arg(required = true)]
+    mountpoint: Option<PathBuf>,
     /// The room: a world's file, or the name of a built-in one.
     #[arg(long, default_value = "arena")]
     world: PathBuf,
@@ -82,14 +86,50 @@ struct Done {
     what: String,
 }
 
+#[derive(Debug, clap::Subcommand)]
+enum SimCommand {
+    /// Make something go wrong on a mounted brick, now: `in1 stuck`, `outB block for 2`, `in4 unplug`, `battery 6.2`, `clear`.
+    Fault {
+        /// Where the brick is mounted: with several robots, the folder of one.
+        brick: PathBuf,
+        /// What is to go wrong, and where.
+        #[arg(required = true)]
+        order: Vec<String>,
+    },
+}
+
+/// Writes an order to a mounted brick's `sim/faults`.
+fn fault(brick: &Path, order: &[String], output: &mut Output) -> Result<(), Failure> {
+    let order = order.join(" ");
+    Order::parse(0, &order).map_err(|error| Failure::from_error(Exit::Usage, "no such fault", &error))?;
+    let file = brick.join("sim/faults");
+    if !file.exists() {
+        return Err(Failure::refused(format!("there is no simulated brick mounted at {}", brick.display()))
+            .hint("onbrick sim FOLDER, and then the same folder here"));
+    }
+    std::fs::write(&file, &order).map_err(|error| {
+        Failure::from_error(Exit::Failed, &format!("`{order}` was not done"), &error).hint(
+            "a device that is there, and a fault that fits it; onbrick devices shows what is plugged in",
+        )
+    })?;
+    output.show(format!("done: {order}"), &serde_json::json!({ "done": order }));
+    Ok(())
+}
+
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    if let Some(SimCommand::Fault { brick, order }) = &arguments.command {
+        return fault(brick, order, output);
+    }
+    let Some(mountpoint) = &arguments.mountpoint else {
+        return Err(Failure::new(Exit::Usage, "where is the brick to be mounted?").hint("onbrick sim FOLDER"));
+    };
     // Before anything is mounted, so that no signal can leave it behind.
     let flags = StopFlags::on_signals()
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     let simulation = simulation(arguments)?;
     let events = if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
-    let (mount, found) = Mount::new(&simulation, &arguments.mountpoint, MountOptions { events })
-        .map_err(|error| refused(&error))?;
+    let (mount, found) =
+        Mount::new(&simulation, mountpoint, MountOptions { events }).map_err(|error| refused(&error))?;
     tell(arguments, &mount, found, output);
     #[cfg(feature = "host")]
     let _page = page(arguments, &simulation, output)?;

@@ -5,6 +5,7 @@
 //! is the truth about the robot.
 
 mod attribute;
+mod faults;
 mod stream;
 mod truth;
 
@@ -15,10 +16,11 @@ use std::time::Duration;
 use nix::errno::Errno;
 
 pub(crate) use self::attribute::{SimFile, Write};
+pub(crate) use self::faults::FaultsFile;
 pub(crate) use self::stream::{Device, StreamFile};
 pub(crate) use self::truth::TruthFile;
 use super::brick::Brick;
-use super::brick::tree::{BUTTONS, SCREEN, SPEAKER, TRUTH};
+use super::brick::tree::{BUTTONS, FAULTS, SCREEN, SPEAKER, TRUTH};
 use super::driver::Entry;
 use super::driver::input::EventLayout;
 use super::simulation::{Shared, State};
@@ -96,6 +98,11 @@ impl SimBrick {
         (path == TRUTH).then(|| TruthFile::open(&self.shared, self.robot, access))
     }
 
+    /// Opens what is wrong on purpose; none at any other path.
+    pub(crate) fn open_faults(&self, path: &str) -> Option<FaultsFile> {
+        (path == FAULTS).then(|| FaultsFile::open(&self.shared, self.robot))
+    }
+
     /// Reads the picture on the screen from an offset.
     pub(crate) fn picture(&self, offset: usize, most: usize) -> Result<Vec<u8>, Errno> {
         self.look(|brick| {
@@ -127,6 +134,9 @@ impl Tree for SimBrick {
         }
         if let Some(truth) = self.open_truth(path, access) {
             return Ok(Box::new(truth?));
+        }
+        if let Some(faults) = self.open_faults(path) {
+            return Ok(Box::new(faults));
         }
         Ok(Box::new(self.open_attribute(path, access)?))
     }

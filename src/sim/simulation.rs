@@ -121,6 +121,11 @@ impl Simulation {
         Self { shared: Arc::new(Shared { clock, start_ns, state: Mutex::new(state) }) }
     }
 
+    /// A handle on the simulation behind an open file.
+    pub(crate) fn of(shared: &Arc<Shared>) -> Self {
+        Self { shared: Arc::clone(shared) }
+    }
+
     /// How many robots there are.
     #[must_use]
     pub fn robots(&self) -> usize {

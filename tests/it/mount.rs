@@ -2,6 +2,7 @@
 //! and against people who pull plugs, kill readers and mount where they should not.
 
 pub(crate) mod bench;
+mod faults;
 mod figures;
 mod life;
 mod missions;

@@ -19,6 +19,9 @@ pub(crate) const SCREEN: &str = "dev/fb0";
 /// Where a robot truly is: no file of a real brick, and so outside the folders that programs look into.
 pub(crate) const TRUTH: &str = "sim/truth";
 
+/// What is wrong on purpose: written to make it so.
+pub(crate) const FAULTS: &str = "sim/faults";
+
 /// Folders whose entries are always the same.
 const FIXED: &[(&str, &[&str])] = &[
     ("", &["dev", "sim", "sys"]),
@@ -30,7 +33,7 @@ const FIXED: &[(&str, &[&str])] = &[
 ];
 
 /// Files outside `sys`.
-const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH];
+const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH, FAULTS];
 
 impl Brick {
     /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the links of `sys/class`.

@@ -139,6 +139,9 @@ impl Files {
         if let Some(file) = brick.open_truth(&place.path, access) {
             return Ok((Handle::Truth { file: file?, text: Vec::new() }, direct));
         }
+        if let Some(file) = brick.open_faults(&place.path) {
+            return Ok((Handle::Faults { file, text: Vec::new() }, direct));
+        }
         let file = brick.open_attribute(&place.path, access)?;
         let handle = Handle::Attribute { file, text: Vec::new(), poller: None };
         Ok((handle, direct | FopenFlags::FOPEN_PARALLEL_DIRECT_WRITES))

@@ -9,7 +9,7 @@ use nix::errno::Errno;
 use super::files::refusal;
 use super::{SimBrick, events};
 use crate::ev3dev::AttributeFile;
-use crate::sim::door::{SimFile, StreamFile, TruthFile, Write};
+use crate::sim::door::{FaultsFile, SimFile, StreamFile, TruthFile, Write};
 
 /// An open file or folder.
 #[derive(Debug)]
@@ -24,6 +24,8 @@ pub(super) enum Handle {
     Screen(Arc<SimBrick>),
     /// The truth, with the line that was made when its beginning was last read.
     Truth { file: TruthFile, text: Vec<u8> },
+    /// What is wrong on purpose, with the text that was made when its beginning was last read.
+    Faults { file: FaultsFile, text: Vec<u8> },
 }
 
 /// An entry of a listing.
@@ -79,6 +81,12 @@ impl Handle {
                 Ok(bytes) => reply.data(bytes),
                 Err(errno) => reply.error(refusal(errno)),
             },
+            Self::Faults { file, text } => {
+                if offset == 0 {
+                    file.read_into(text);
+                }
+                reply.data(part(text, offset, read.room));
+            }
         }
         false
     }
@@ -95,6 +103,7 @@ impl Handle {
             Self::Events { file, .. } => file.write(bytes).map(Write::Done),
             // The kernel writes to no file that was opened for reading only.
             Self::Truth { .. } => Err(Errno::EBADF),
+            Self::Faults { file, .. } => file.order(bytes).map(Write::Done),
             Self::Screen(brick) => {
                 brick.draw(usize::try_from(offset).unwrap_or(usize::MAX), bytes).map(Write::Done)
             }
@@ -106,7 +115,9 @@ impl Handle {
         let readable = PollEvents::POLLIN | PollEvents::POLLRDNORM;
         let writeable = PollEvents::POLLOUT | PollEvents::POLLWRNORM;
         match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } => readable | writeable,
+            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Faults { .. } => {
+                readable | writeable
+            }
             Self::Attribute { file, poller, .. } => {
                 *poller = keep.or(poller.take());
                 let changed = PollEvents::POLLPRI | PollEvents::POLLERR;
@@ -134,7 +145,7 @@ impl Handle {
     /// Wakes who waits and has something to be woken for, or, where `interrupts` is set, was interrupted; false if nobody waits any more.
     pub(super) fn wake(&mut self, interrupts: bool) -> bool {
         match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } => false,
+            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Faults { .. } => false,
             Self::Attribute { file, poller, .. } => {
                 if file.wakes() {
                     notify(poller);
@@ -177,8 +188,7 @@ fn attribute<'t>(
     } else if file.is_gone() {
         return Err(Errno::ENODEV);
     }
-    let rest = text.get(offset..).unwrap_or_default();
-    Ok(rest.get(..room).unwrap_or(rest))
+    Ok(part(text, offset, room))
 }
 
 /// A part of the truth, which is found out when its beginning is read.
@@ -186,8 +196,12 @@ fn truth<'t>(file: &TruthFile, text: &'t mut Vec<u8>, offset: usize, room: usize
     if offset == 0 || text.is_empty() {
         file.read_into(text)?;
     }
+    Ok(part(text, offset, room))
+}
+
+fn part(text: &[u8], offset: usize, room: usize) -> &[u8] {
     let rest = text.get(offset..).unwrap_or_default();
-    Ok(rest.get(..room).unwrap_or(rest))
+    rest.get(..room).unwrap_or(rest)
 }
 
 fn notify(poller: &mut Option<PollNotifier>) {
