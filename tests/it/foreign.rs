@@ -394,11 +394,14 @@ fn our_mapping_mission_maps_through_the_mount_as_well_as_in_process() {
     let simulator = Simulator::start("arena");
     let folder = tempfile::tempdir().unwrap();
     let root = simulator.root();
+    // A mounted brick does not say where it stands; a person does.
+    let start = simulator.truth();
+    let pose = format!("--pose={},{},{}", start.x_m, start.y_m, start.heading_deg);
     let [mounted_m, in_process_m] =
         [("--brick", root.to_str().unwrap()), ("--sim", "arena")].map(|(door, place)| {
             let out = folder.path().join(door);
             let output = Command::new(PROGRAM)
-                .args(["run", "map", "--set", "time_limit_s=20", door, place, "--out"])
+                .args(["run", "map", "--set", "time_limit_s=20", &pose, door, place, "--out"])
                 .arg(&out)
                 .output()
                 .unwrap();
