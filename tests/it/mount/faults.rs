@@ -36,8 +36,8 @@ fn an_order_that_makes_no_sense_does_nothing_and_says_why() {
     let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(VirtualClock::default())) else { return };
     let unknown = fault(&mounted, &["in1", "stukc"]);
     assert_eq!(unknown.status.code(), Some(2), "{}", String::from_utf8_lossy(&unknown.stderr));
-    let unfit = fault(&mounted, &["outC", "block"]);
-    assert_eq!(unfit.status.code(), Some(1), "nothing is plugged in there");
+    let unfit = fault(&mounted, &["in2", "block"]);
+    assert_eq!(unfit.status.code(), Some(1), "a sensor has no shaft to block");
     assert!(std::fs::write(mounted.root().join("sim/faults"), "in9 stuck\n").is_err());
     assert!(std::fs::write(mounted.root().join("sim/faults"), [0xff, 0xfe]).is_err());
     assert_eq!(std::fs::read_to_string(mounted.root().join("sim/faults")).unwrap(), "");
