@@ -143,7 +143,10 @@ fn socket(section: &Section<'_>, config: &mut SocketConfig, folder: &Path) {
         && let Some(named) = path(&item, folder)
     {
         if named.as_os_str().len() > LONGEST_SOCKET {
-            item.error(format!("`{}` is longer than the {LONGEST_SOCKET} bytes that a socket's name may have", item.path()));
+            item.error(format!(
+                "`{}` is longer than the {LONGEST_SOCKET} bytes that a socket's name may have",
+                item.path()
+            ));
         }
         config.path = named;
     }
@@ -211,8 +214,18 @@ mod tests {
     #[test]
     fn every_mistake_has_its_place() {
         let text = "qouta_mb = 5\nquota_mb = 0\nwhen_menu_closes = \"stopp\"\nmissions = 3\n[link]\nport = 70000\npairing_port = 5670\n[socket]\ngroup = \"\"\n";
-        let findings = Config::load("onbrick.toml", text.as_bytes(), Path::new("/x")).unwrap_err().to_string();
-        for part in ["onbrick.toml:1:1", "quota_mb", "onbrick.toml:2", "\"stop\"", "onbrick.toml:4", "70000", "`port` and `pairing_port`", "group"] {
+        let findings =
+            Config::load("onbrick.toml", text.as_bytes(), Path::new("/x")).unwrap_err().to_string();
+        for part in [
+            "onbrick.toml:1:1",
+            "quota_mb",
+            "onbrick.toml:2",
+            "\"stop\"",
+            "onbrick.toml:4",
+            "70000",
+            "`port` and `pairing_port`",
+            "group",
+        ] {
             assert!(findings.contains(part), "{part}: {findings}");
         }
     }
