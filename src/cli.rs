@@ -25,6 +25,7 @@ mod control;
 mod devices;
 mod doctor;
 mod graph;
+mod guard;
 mod halt;
 mod new;
 mod output;
@@ -32,6 +33,7 @@ mod run;
 mod serve;
 mod setup;
 mod terminal;
+mod urgency;
 
 #[cfg(feature = "host")]
 mod export;
@@ -83,6 +85,8 @@ enum Command {
     Replay(replay::Arguments),
     #[command(hide = true)]
     Control(control::Arguments),
+    #[command(hide = true)]
+    Guard(guard::Arguments),
 }
 
 /// Parses the arguments, runs the one command they name, and gives its exit code.
@@ -123,6 +127,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Export(arguments) => export::run(&arguments, &mut output),
         Command::Replay(arguments) => replay::run(&arguments, &mut output),
         Command::Control(arguments) => control::run(&arguments, &mut output),
+        Command::Guard(arguments) => guard::run(&arguments, &mut output),
     };
     match ended {
         Ok(()) => ExitCode::SUCCESS,

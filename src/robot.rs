@@ -32,7 +32,7 @@ mod senses;
 
 pub use bind::BindError;
 pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole};
-pub use halt::{HaltError, Halted, halt, watch_still};
+pub use halt::{HaltError, Halted, halt, still, watch_still};
 pub use lease::{LEASE_MS, LeasedMotor, RENEW_NS};
 pub use senses::{Channel, Reading, Senses};
 
@@ -116,6 +116,13 @@ impl Robot {
         let optional = optional.into_iter().filter(|(_, there)| *there).map(|(channel, _)| channel);
         let colour = self.colour.iter().map(|(_, channel)| *channel);
         [Channel::Left, Channel::Right].into_iter().chain(optional).chain(colour).chain(motors)
+    }
+
+    /// The ports of the motors that this robot has taken over, as the kernel names them.
+    #[must_use]
+    pub fn motor_ports(&self) -> Vec<String> {
+        let motors = [&self.left, &self.right].into_iter().chain(&self.head).chain(&self.motors);
+        motors.map(|motor| motor.motor().identity().address.to_string()).collect()
     }
 
     /// Whether a person can stop the robot by a button, or why not.

@@ -30,6 +30,7 @@ mod control;
 mod dialogue;
 mod doctor;
 mod execute;
+mod guard;
 mod lock;
 mod names;
 mod pilot;
@@ -51,6 +52,7 @@ pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 #[cfg(feature = "sim")]
 pub use execute::execute_observed;
 pub use execute::{Refused, execute};
+pub use guard::{Lines, MISSED_NS, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
@@ -87,6 +89,19 @@ pub struct Job {
     pub run: Option<String>,
     /// What becomes of the run when whoever started it is gone.
     pub when_abandoned: WhenAbandoned,
+    /// Who holds the hardware's lock.
+    pub lock: Lock,
+}
+
+/// Who holds the hardware's lock for a run on a brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Lock {
+    /// Nobody yet: whoever does the job takes it.
+    #[default]
+    Take,
+    /// The guard that started this process, which shares the lock by inheritance.
+    Inherited,
 }
 
 /// What becomes of a run when whoever started it is gone: when the pipe of its orders closes.
@@ -129,6 +144,8 @@ pub enum Event {
     Driving {
         /// The recording.
         file: PathBuf,
+        /// The ports of the motors that the run has taken over, as the kernel names them.
+        motors: Vec<String>,
     },
     /// How it is going.
     Status(recording::Status),
@@ -243,6 +260,8 @@ pub enum StopReason {
     Late,
     /// The recording cannot be written.
     Recording,
+    /// The process that drives was gone or hung, and the guard stopped the motors.
+    Guard,
     /// The program itself failed.
     Panicked,
 }
@@ -263,6 +282,7 @@ impl StopReason {
             Self::Stalled => "stalled",
             Self::Late => "late",
             Self::Recording => "recording",
+            Self::Guard => "guard",
             Self::Panicked => "panicked",
         }
     }
@@ -291,6 +311,7 @@ impl std::fmt::Display for StopReason {
             Self::Stalled => f.write_str("a wheel is blocked"),
             Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
             Self::Recording => f.write_str("the recording cannot be written"),
+            Self::Guard => f.write_str("the guard stopped the motors"),
             Self::Panicked => f.write_str("the program failed; please report it"),
         }
     }

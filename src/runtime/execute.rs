@@ -15,8 +15,8 @@ use super::control::{Control, Tally};
 use super::pilot::PilotError;
 use super::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 use super::{
-    Brick, Ended, Event, HardwareLock, Heartbeat, Job, LockError, NotReady, Pilot, StopFlags, StopReason,
-    names, prepare,
+    Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Pilot, StopFlags,
+    StopReason, names, prepare,
 };
 
 /// Why a run did not start. Nothing has moved.
@@ -182,7 +182,7 @@ impl Stage {
         }
         let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
         let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
-        report(&Event::Driving { file: job.file.clone() });
+        report(&Event::Driving { file: job.file.clone(), motors: robot.motor_ports() });
 
         let mut control = Control {
             robot: &mut robot,
@@ -279,7 +279,14 @@ impl Place {
     fn open(job: &Job, mission: &str) -> Result<Self, Refused> {
         match &job.brick {
             Brick::Local(root) => {
-                let lock = HardwareLock::take(root, &format!("mission {mission}"))?;
+                let doing = format!("mission {mission}");
+                let lock = match job.lock {
+                    Lock::Take => Some(HardwareLock::take(root, &doing)?),
+                    Lock::Inherited => {
+                        HardwareLock::name_owner(root, &doing)?;
+                        None
+                    }
+                };
                 let clock = MonotonicClock;
                 Ok(Self {
                     tree: Arc::new(LocalTree::new(root)),
@@ -293,7 +300,7 @@ impl Place {
                     simulation: None,
                     #[cfg(feature = "sim")]
                     observer: None,
-                    _lock: Some(lock),
+                    _lock: lock,
                 })
             }
             #[cfg(feature = "sim")]

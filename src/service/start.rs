@@ -17,7 +17,7 @@ use super::{missions, signs, with_causes};
 use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::mapping::Pose;
-use crate::runtime::{HardwareLock, Job, LockError, RunProcess, Source, StopBy, Stopper, recording};
+use crate::runtime::{HardwareLock, Job, Lock, LockError, RunProcess, Source, StopBy, Stopper, recording};
 use crate::units::radians;
 
 /// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them within a tick.
@@ -274,6 +274,7 @@ impl Service {
             sync_ns: self.inner.config.sync_ns,
             run: Some(run.to_string()),
             when_abandoned: self.inner.config.when_service_dies,
+            lock: Lock::default(),
         }
     }
 

@@ -184,6 +184,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::Stalled,
         StopReason::Late,
         StopReason::Recording,
+        StopReason::Guard,
         StopReason::Panicked,
     ] {
         writeln!(out, "{}: {reason}", reason.word()).unwrap();

@@ -196,7 +196,7 @@ pub(super) fn script(name: &str) -> String {
 }
 
 /// An example of this crate, which `cargo test` builds beside its binary.
-pub(super) fn example(name: &str) -> Option<PathBuf> {
+pub(crate) fn example(name: &str) -> Option<PathBuf> {
     let path = Path::new(PROGRAM).parent()?.join("examples").join(name);
     if !path.exists() {
         pass_over(&format!("the example {name}: cargo test builds it, cargo test --test it does not"));
