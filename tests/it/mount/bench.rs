@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use nix::errno::Errno;
@@ -16,6 +16,7 @@ use onbrick::sim::{
 
 use crate::drivers_bench::{Bench, InProcess, Rig};
 use crate::support::pass_over;
+pub(crate) use crate::support::real_time::alone as real_time;
 use crate::transcript::Control;
 
 /// A mounted simulation in a folder of its own.
@@ -42,12 +43,6 @@ pub(crate) fn no_fuse() -> bool {
         pass_over(&format!("FUSE ({refused})"));
     }
     refused.is_some()
-}
-
-/// Keeps those tests apart that take all the machine has, or that need their share of it in time.
-pub(crate) fn real_time() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Mounted {
