@@ -48,7 +48,12 @@ pub(crate) fn no_fuse() -> bool {
 impl Mounted {
     /// The bench of the transcript, over a clock that moves when somebody sleeps on it.
     pub(crate) fn recorded() -> Option<Self> {
-        let bench = InProcess::new(Bench::as_recorded(), Options::default());
+        Self::with_options(Options::default())
+    }
+
+    /// The same, with a brick that is not as usual.
+    pub(crate) fn with_options(options: Options) -> Option<Self> {
+        let bench = InProcess::new(Bench::as_recorded(), options);
         let mut mounted = Self::of(bench.simulation.clone(), bench.clock.clone())?;
         let tree = MovingTree { tree: LocalTree::new(mounted.root()), clock: bench.clock.clone() };
         mounted.rig = Some(Rig { bench, tree: Arc::new(tree) });
