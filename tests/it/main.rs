@@ -26,6 +26,7 @@ mod mount;
 mod promises;
 mod recording;
 mod report;
+mod scenarios;
 mod setup;
 mod sim_drivers;
 mod sim_page;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 pub mod allocations;
 pub mod plain_brick;
+pub mod real_time;
 pub mod turning_brick;
 
 /// The folder of recordings beside the repository, or where `ONBRICK_SHARED` says; `None` where there is neither.
