@@ -7,6 +7,7 @@ use std::sync::{Arc, Condvar, Mutex};
 
 use onbrick::behavior::{MachineState, Taken};
 use onbrick::clock::{Clock, MonotonicClock};
+use onbrick::ev3dev::Technology;
 use onbrick::mapping::{Estimate, MapPoint, Pose, Range};
 use onbrick::robot::{Channel, Senses};
 use onbrick::runtime::PilotState;
@@ -59,6 +60,7 @@ pub(crate) fn start(pace: Pace) -> Start {
         period_ns: PERIOD_NS,
         pace,
         seed: Some(7),
+        cells: Technology::LiIon,
         settings: vec![("near_m".to_owned(), 0.1 + 0.2)],
         range: Some(RangeSensor {
             ahead_m: 0.05,
@@ -292,6 +294,7 @@ fn what_the_run_is_and_how_it_ended_is_recorded() {
     assert_eq!((info.start_pose, info.start_ns), (expected.start_pose, 1_000));
     assert_eq!((info.wall_offset_ns, info.period_ns), (expected.wall_offset_ns, PERIOD_NS));
     assert_eq!((info.virtual_time, info.seed, info.settings), (true, Some(7), expected.settings));
+    assert_eq!(info.cells, Technology::LiIon);
     let ending = run.ending.unwrap();
     assert_eq!((ending.reason.as_str(), ending.truth), ("finished", end(10).truth));
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, VirtualClock};
-use onbrick::ev3dev::Tree;
+use onbrick::ev3dev::{Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::recording::{MachineNames, Options, Pace, Recorder, Sink, Start};
@@ -192,6 +192,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         period_ns: 20_000_000,
         pace: Pace::Virtual,
         seed: None,
+        cells: Technology::Unknown,
         settings: Vec::new(),
         range: None,
         machines: mission

@@ -172,6 +172,7 @@ fn about(start: &Start) -> Metadata {
     if let Some(seed) = start.seed {
         put(names::SEED, seed.to_string());
     }
+    put(names::CELLS, start.cells.to_string());
     for (name, value) in &start.settings {
         put(&format!("{}{name}", names::SETTING), value.to_string());
     }

@@ -26,6 +26,9 @@ pub struct Status {
     pub states: Vec<(String, String)>,
     /// Battery, volts; `None` where it is not sensed.
     pub battery_v: Option<f64>,
+    /// The last log line that is a warning or worse.
+    #[serde(default)]
+    pub warning: Option<String>,
     /// Entries that the recorder could not take.
     pub dropped: u32,
 }
@@ -45,6 +48,7 @@ impl Status {
             points: 0,
             states: start.machines.iter().map(first).collect(),
             battery_v: None,
+            warning: None,
             dropped: 0,
         }
     }
