@@ -23,6 +23,7 @@ mod mapping;
 mod messages;
 mod missions;
 mod mount;
+mod promises;
 mod recording;
 mod report;
 mod setup;

@@ -1,0 +1,18 @@
+//! The promises of "nothing keeps driving", each with tests that count. A test's name begins with its promise's number, `promise_5_…`; tests
+//! of a promise may stand anywhere in this binary. [`table`] prints them all with what they counted:
+//!
+//! ```text
+//! cargo test --test it table_of_promises -- --ignored --nocapture
+//! ```
+//!
+//! `ONBRICK_LONG=1` before it (and `--release` behind `cargo test`) takes the long forms.
+#![cfg(all(feature = "host", feature = "sim"))]
+
+mod attributes;
+mod battery;
+mod commands;
+mod disk;
+mod flips;
+mod soak;
+mod table;
+mod wall_clock;
