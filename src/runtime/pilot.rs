@@ -194,14 +194,20 @@ impl Pilot {
         fits
     }
 
-    /// The first channel that the mission needs and that could not be read for too long.
+    /// The first channel that the mission needs and that could not be read for too long. When a run begins, at 0, all had just been read
+    /// (`prepare`): a reading that fails in the first tick is no more a loss than one that fails later.
     fn lost(&self, senses: &Senses) -> Option<Channel> {
-        self.required.iter().copied().find(|&channel| self.fresh(senses, channel).is_none())
+        let read_ns = |channel| senses.get(channel).map_or(0, |reading| reading.read_ns);
+        let too_old = |&channel: &Channel| senses.time_ns - read_ns(channel) > self.max_age_ns(channel);
+        self.required.iter().copied().find(too_old)
     }
 
     fn fresh(&self, senses: &Senses, channel: Channel) -> Option<f64> {
-        let max_age_ns = if channel == Channel::Battery { BATTERY_AGE_NS } else { self.config.max_age_ns };
-        senses.fresh(channel, max_age_ns)
+        senses.fresh(channel, self.max_age_ns(channel))
+    }
+
+    fn max_age_ns(&self, channel: Channel) -> i64 {
+        if channel == Channel::Battery { BATTERY_AGE_NS } else { self.config.max_age_ns }
     }
 
     /// What the estimator takes: angles that were read in this very tick, because an old one looks like slip; the range, whose

@@ -42,7 +42,7 @@ fn promise_3_a_call_that_fails_once_or_comes_short_is_got_over() {
         Trouble::Short(0),
         Trouble::Short(1),
     ];
-    let (mut tried, mut differing) = (0, 0);
+    let mut tried = 0;
     for (nth, trouble) in some_of(calls, 36).zip(troubles.iter().cycle()) {
         let plan = Plan::once(&CALLS, nth, trouble.clone());
         let played = play(&plan);
@@ -52,9 +52,8 @@ fn promise_3_a_call_that_fails_once_or_comes_short_is_got_over() {
         let replayed = replay(&played.run()).unwrap();
         assert!(replayed.is_same(), "call {nth} {trouble:?}: {replayed}");
         tried += 1;
-        differing += u32::from(played.tally.travelled_m.to_bits() == 0);
+        assert!(played.tally.travelled_m > 0.1, "call {nth}: {} m", played.tally.travelled_m);
     }
-    assert_eq!(differing, 0, "every run drove");
     promised(&format!(
         "{tried} of {calls} attribute calls of a run failed or came short, one a run: every run finished and replays bit for bit"
     ));
