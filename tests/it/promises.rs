@@ -2,10 +2,10 @@
 //! of a promise may stand anywhere in this binary. [`table`] prints them all with what they counted:
 //!
 //! ```text
-//! cargo test --test it table_of_promises -- --ignored --nocapture
+//! ONBRICK_PROMISES=1 cargo test --test it table_of_promises -- --nocapture
 //! ```
 //!
-//! `ONBRICK_LONG=1` before it (and `--release` behind `cargo test`) takes the long forms.
+//! With `ONBRICK_LONG=1` besides (and `--release` behind `cargo test`) it takes the long forms.
 #![cfg(all(feature = "host", feature = "sim"))]
 
 mod attributes;

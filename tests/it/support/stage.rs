@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
-use onbrick::ev3dev::{StopAction, Tree};
+use onbrick::ev3dev::{Access, StopAction, Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::recording::{
@@ -142,13 +142,14 @@ impl Play {
             drove_s: onbrick::clock::seconds(drove_ns),
             recorded,
             truth,
+            states: ["outA", "outB", "outD"].map(|port| state_of(&*simulation.brick(0), port)),
             writes: simulation.take_writes(),
             faults: simulation.faults_done().into_iter().map(|record| record.what).collect(),
             disk,
         })
     }
 
-    fn known(&self, mission: &Mission, start_pose: Pose, cells: onbrick::ev3dev::Technology) -> Start {
+    fn known(&self, mission: &Mission, start_pose: Pose, cells: Technology) -> Start {
         let state = |name: &str| StateNames { name: name.to_owned(), conditions: Vec::new() };
         let machines = mission.machines().iter().map(|machine| MachineNames {
             name: machine.name().to_owned(),
@@ -185,6 +186,8 @@ pub struct Played {
     pub recorded: Result<(), RecordError>,
     /// A second after the end.
     pub truth: Truth,
+    /// What the motors' drivers say of the head, the left and the right wheel then; nothing for one that is not there.
+    pub states: [String; 3],
     pub writes: Vec<Written>,
     pub faults: Vec<String>,
     pub disk: MemoryDisk,
@@ -195,9 +198,23 @@ impl Played {
         Run::read(&self.disk.bytes()).unwrap()
     }
 
-    /// The robot stands, a second after the end.
+    /// The robot stands, a second after the end, and no motor is under a command.
     pub fn assert_at_rest(&self, what: &str) {
+        assert!(self.states.iter().all(String::is_empty), "{what}: motors are {:?}", self.states);
         let speed_mps = self.truth.speed_mps;
         assert!(speed_mps.abs() < 1e-3, "{what}: {speed_mps} m/s a second after the end");
     }
+}
+
+/// What a motor's driver says that it does; nothing for one that is not there.
+fn state_of(tree: &dyn Tree, port: &str) -> String {
+    let read = |path: &str| {
+        let mut buffer = [0; 256];
+        let length = tree.open(path, Access::Read).and_then(|file| file.read(&mut buffer)).ok()?;
+        Some(String::from_utf8_lossy(&buffer[..length]).trim().to_owned())
+    };
+    let names = tree.list("sys/class/tacho-motor").unwrap();
+    let address = Some(format!("ev3-ports:{port}"));
+    let found = names.iter().find(|name| read(&format!("sys/class/tacho-motor/{name}/address")) == address);
+    found.and_then(|name| read(&format!("sys/class/tacho-motor/{name}/state"))).unwrap_or_default()
 }
