@@ -70,7 +70,8 @@
 //! Every motion that a mission makes, the head's too, is a lease ([`robot::LeasedMotor`]): `run-timed` for 300 ms, renewed about every
 //! 100 ms while the loop is healthy, ramps 0, stop action brake. A position is reached by deciding the speed tick by tick. A process that is
 //! killed or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's end, an error, a panic,
-//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A lock that names its owner gives the
+//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A battery that gets low ([`robot::BatteryLimits`])
+//! slows the robot down and then ends the run. A lock that names its owner gives the
 //! hardware to one run at a time; between runs nothing of ours touches a motor.
 //!
 //! # What may never happen

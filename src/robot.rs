@@ -23,6 +23,7 @@ use crate::ev3dev::{
     StatusLights, StopAction, TouchSensor, UltrasonicSensor,
 };
 
+mod battery;
 mod bind;
 mod config;
 mod drive;
@@ -30,6 +31,7 @@ mod halt;
 mod lease;
 mod senses;
 
+pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::BindError;
 pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole};
 pub use halt::{HaltError, Halted, halt, still, watch_still};

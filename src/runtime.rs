@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use crate::mapping::Pose;
 use crate::robot::Channel;
 
+mod battery;
 mod calibrate;
 mod child;
 mod control;
@@ -41,6 +42,7 @@ pub mod save;
 mod setup;
 mod stall;
 
+pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
 pub use calibrate::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
     calibrate, set_numbers,
@@ -256,6 +258,8 @@ pub enum StopReason {
     Lost(Channel),
     /// A wheel that was told to turn did not.
     Stalled,
+    /// The battery is too low to go on.
+    Battery,
     /// The loop was away for longer than [`STALL_NS`].
     Late,
     /// The recording cannot be written.
@@ -280,6 +284,7 @@ impl StopReason {
             Self::Abandoned => "abandoned",
             Self::Lost(_) => "lost",
             Self::Stalled => "stalled",
+            Self::Battery => "battery",
             Self::Late => "late",
             Self::Recording => "recording",
             Self::Guard => "guard",
@@ -309,6 +314,7 @@ impl std::fmt::Display for StopReason {
             Self::Abandoned => f.write_str("whoever started the run is gone"),
             Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
             Self::Stalled => f.write_str("a wheel is blocked"),
+            Self::Battery => Charge::Empty.fmt(f),
             Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
             Self::Recording => f.write_str("the recording cannot be written"),
             Self::Guard => f.write_str("the guard stopped the motors"),

@@ -73,8 +73,14 @@ impl Robot {
             .remote
             .as_ref()
             .map(|role| sensor(tree, "remote", role.port.as_ref(), InfraredMode::Remote, &mut settle));
+        // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
+        let battery = Battery::open(tree).ok();
+        let mut config = config.clone();
+        // Cells that cannot be asked are taken for the usual ones.
+        config.battery.cells =
+            battery.as_ref().and_then(|battery| battery.technology().ok()).unwrap_or_default();
         Ok(Self {
-            config: config.clone(),
+            config,
             left,
             right,
             head: head.transpose()?,
@@ -84,8 +90,7 @@ impl Robot {
             touch: touch.transpose()?,
             colour: colour.transpose()?,
             remote: remote.transpose()?,
-            // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
-            battery: Battery::open(tree).ok(),
+            battery,
             battery_due_ns: 0,
             buttons: Buttons::open(tree, BUTTONS_PATH),
             lights: StatusLights::open(tree).ok(),

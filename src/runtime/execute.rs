@@ -175,6 +175,8 @@ impl Stage {
     ) -> Result<Ended, Refused> {
         let Self { config, mission, place } = self;
         let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
+        // As it was bound: with the cells that the brick runs on.
+        let config = robot.config().clone();
         stoppable(job, &robot)?;
         prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
         if place.announce {
@@ -376,6 +378,7 @@ fn record(
         period_ns: period_ns(mission),
         pace: place.pace,
         seed: place.seed,
+        cells: config.battery.cells,
         settings: job.set.clone(),
         range: names::range_sensor(config),
         machines: names::machines(mission),

@@ -30,6 +30,9 @@ pub struct Status {
     pub overruns: u64,
     /// The latest tick, nanoseconds after its deadline.
     pub latest_ns: i64,
+    /// The last log line that is a warning or worse.
+    #[serde(default)]
+    pub warning: Option<String>,
     /// Entries that the recorder could not take.
     pub dropped: u32,
 }
@@ -51,6 +54,7 @@ impl Status {
             battery_v: None,
             overruns: 0,
             latest_ns: 0,
+            warning: None,
             dropped: 0,
         }
     }
