@@ -37,6 +37,9 @@ pub enum Refused {
     /// Nobody beside the robot could stop it.
     #[error("the brick's buttons cannot be read, so nobody beside the robot could stop it")]
     Buttons(#[source] DeviceError),
+    /// There is no room for the thread that looks for devices that were unplugged.
+    #[error("cannot start a thread")]
+    Helper(#[source] std::io::Error),
     /// The robot is not ready.
     #[error("not ready")]
     NotReady(#[from] NotReady),
@@ -176,6 +179,9 @@ impl Stage {
         let Self { config, mission, place } = self;
         let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
         stoppable(job, &robot)?;
+        if place.pace == Pace::Real {
+            robot.mend_in_background().map_err(Refused::Helper)?;
+        }
         prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
         if place.announce {
             robot.announce(&*place.clock, &|| flags.is_raised());

@@ -2,4 +2,5 @@
 #![cfg(all(feature = "cli", feature = "sim"))]
 
 mod kills;
+mod plugs;
 mod witness;
