@@ -44,8 +44,18 @@
 //!
 //! # Processes
 //!
-//! `onbrick run` checks everything and then starts *control* as a process of its own (the same file under a hidden command): the process
-//! that drives. Control writes a heartbeat each tick and ends its run when its starter is gone; the starter shows how it goes.
+//! ```text
+//! run, or the service ── orders ──▶ guard ──▶ control
+//!                     ◀── events ──       ◀── heartbeat, events
+//! ```
+//!
+//! A run has processes of its own, this same file started again under hidden commands ([`runtime::RunProcess`]). *Control* drives, and
+//! beats each tick. The *guard* holds the hardware's lock, passes orders and events on, and stops the motors when control is gone or
+//! hung ([`runtime::Watch`]): it kills control first, so that one that wakes up cannot renew a lease, and waits until it is gone. When
+//! the guard is gone, control stops the run; when the starter is, the guard has control stop it, unless the job says otherwise. When
+//! guard and control are killed at once, the leases end by themselves. The guard has a higher real-time priority than control,
+//! control may not spin for more than 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
+//! inside control, and has no guard.
 //!
 //! # Words
 //!
@@ -74,6 +84,10 @@
 //! slows the robot down and then ends the run. A lock that names its owner gives the
 //! hardware to one run at a time; between runs nothing of ours touches a motor.
 //!
+//! Each tick also looks at one aspect of each motor, and a motor that another program has commanded or reset ends the run; it is left
+//! alone from then on. A device that was unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where
+//! they were, modes are restored, a motion never. What the mission does meanwhile is its `on_lost`.
+//!
 //! # What may never happen
 //!
 //! - A motor that turns after the process that commanded it is gone, hung, or was told to stop.
@@ -89,7 +103,7 @@
 //!
 //! # Not here yet
 //!
-//! The service, the network link, the guard process, the menu and the package for the brick are issues of their own.
+//! The service, the network link, the menu and the package for the brick are issues of their own.
 
 pub mod behavior;
 #[cfg(feature = "cli")]

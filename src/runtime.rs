@@ -254,6 +254,8 @@ pub enum StopReason {
     Signal,
     /// Whoever started the run is gone.
     Abandoned,
+    /// Another program has commanded or reset a motor of ours.
+    Outside(Channel),
     /// A device is gone, or cannot be read any more.
     Lost(Channel),
     /// A wheel that was told to turn did not.
@@ -282,6 +284,7 @@ impl StopReason {
             Self::MenuClosed => "menu closed",
             Self::Signal => "signal",
             Self::Abandoned => "abandoned",
+            Self::Outside(_) => "outside",
             Self::Lost(_) => "lost",
             Self::Stalled => "stalled",
             Self::Battery => "battery",
@@ -312,6 +315,9 @@ impl std::fmt::Display for StopReason {
             Self::MenuClosed => f.write_str("the brick's menu is gone"),
             Self::Signal => f.write_str("stopped by a signal"),
             Self::Abandoned => f.write_str("whoever started the run is gone"),
+            Self::Outside(channel) => {
+                write!(f, "stopped from outside: another program commands the {channel}")
+            }
             Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
             Self::Stalled => f.write_str("a wheel is blocked"),
             Self::Battery => Charge::Empty.fmt(f),

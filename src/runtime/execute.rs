@@ -37,6 +37,9 @@ pub enum Refused {
     /// Nobody beside the robot could stop it.
     #[error("the brick's buttons cannot be read, so nobody beside the robot could stop it")]
     Buttons(#[source] DeviceError),
+    /// There is no room for the thread that looks for devices that were unplugged.
+    #[error("cannot start a thread")]
+    Helper(#[source] std::io::Error),
     /// The robot is not ready.
     #[error("not ready")]
     NotReady(#[from] NotReady),
@@ -178,6 +181,9 @@ impl Stage {
         // As it was bound: with the cells that the brick runs on.
         let config = robot.config().clone();
         stoppable(job, &robot)?;
+        if place.pace == Pace::Real {
+            robot.mend_in_background().map_err(Refused::Helper)?;
+        }
         prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
         if place.announce {
             robot.announce(&*place.clock, &|| flags.is_raised());

@@ -14,6 +14,7 @@ mod commands;
 mod disk;
 mod flips;
 mod kills;
+mod plugs;
 mod soak;
 mod table;
 mod wall_clock;

@@ -117,7 +117,7 @@ fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
 }
 
 #[test]
-fn control_stops_by_itself_when_its_starter_is_killed() {
+fn promise_1_the_run_stops_when_its_starter_is_killed() {
     let mut running = Running::start(DRIVE);
     running.brick.await_driving();
     running.child.kill().unwrap();
@@ -208,7 +208,7 @@ impl Heartbeat for Failing {
 }
 
 #[test]
-fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
+fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
     let brick = TurningBrick::new();
     let folder = tempfile::tempdir().unwrap();
     let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
@@ -244,7 +244,7 @@ fn a_signal_before_it_drives_ends_the_run_before_anything_moved() {
 }
 
 #[test]
-fn a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
+fn promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
     let running = Running::start(DRIVE);
     running.brick.await_driving();
     let root = text(running.brick.root().to_owned());
