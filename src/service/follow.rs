@@ -15,6 +15,9 @@ use crate::runtime::{Ended, Event, NotReady, RunError, RunProcess, StopReason, r
 /// How often a run that was found is looked at, nanoseconds: nothing tells us when it ends.
 const LOOK_NS: i64 = 100 * MILLISECOND_NS;
 
+/// The word of a run whose recording has no end.
+const CUT: &str = "cut";
+
 impl Service {
     /// Follows a run in a thread of its own.
     pub(super) fn follow(&self, mut process: RunProcess, run: &RunStatus) -> io::Result<()> {
@@ -43,6 +46,9 @@ impl Service {
                 }
                 _ => drop(self.note_found_end(&record, &file)),
             }
+        }
+        if let Some(last) = self.inner.store.last_end() {
+            self.inner.now().machine.recall(last);
         }
         Ok(())
     }
@@ -94,7 +100,7 @@ impl Service {
         };
         let end = self.ended(&record.run, &record.mission, word, reason, wanted);
         log::info!("run {}: {}", record.run, end.reason);
-        let told = (word != "died").then(|| end.clone());
+        let told = (word != CUT).then(|| end.clone());
         self.inner.store.end(&record.run, told, None, None);
         end
     }

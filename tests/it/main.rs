@@ -25,6 +25,7 @@ mod missions;
 mod mount;
 mod recording;
 mod report;
+mod service;
 mod setup;
 mod sim_drivers;
 mod sim_page;
