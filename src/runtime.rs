@@ -50,6 +50,8 @@ pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 #[cfg(feature = "sim")]
 pub use execute::execute_observed;
+#[cfg(feature = "cli")]
+pub(crate) use execute::with_causes;
 pub use execute::{Refused, execute};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};

@@ -9,7 +9,7 @@
 //! - `ev3dev2.display` asks the frame buffer by ioctls that do not cross FUSE.
 //! - `Button.wait_for_pressed` looks for a character device, which a file of FUSE cannot be. `buttons_pressed` and `process` do not.
 
-mod bench;
+pub(crate) mod bench;
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;

@@ -52,7 +52,7 @@ pub struct Served {
     pub client: Client,
     arguments: Vec<String>,
     /// Runs of ours need their share of the machine in time.
-    _alone: Option<MutexGuard<'static, ()>>,
+    alone: Option<MutexGuard<'static, ()>>,
 }
 
 impl Served {
@@ -65,7 +65,9 @@ impl Served {
     pub fn with(arguments: &[&str], config: &str) -> Self {
         let alone = real_time();
         let folder = folder(config);
-        Self { _alone: Some(alone), ..Self::started(folder, arguments, |command| command) }
+        let mut served = Self::started(folder, arguments, |command| command);
+        served.alone = Some(alone);
+        served
     }
 
     /// In a folder that is there, started by whatever `wrap` makes of the command.
@@ -73,7 +75,7 @@ impl Served {
         let arguments: Vec<String> = arguments.iter().map(|&argument| argument.to_owned()).collect();
         let child = serve(folder.path(), &arguments, wrap);
         let client = Client::at(folder.path().join("socket"));
-        Self { folder, child, client, arguments, _alone: None }
+        Self { folder, child, client, arguments, alone: None }
     }
 
     /// Killed without a word, and started anew.
@@ -194,6 +196,8 @@ impl Drop for Served {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+        // The next one may have the machine only now.
+        drop(self.alone.take());
     }
 }
 

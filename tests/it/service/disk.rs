@@ -6,6 +6,7 @@ use onbrick::service::protocol::{Kind, LocalOnly, State};
 
 use super::{Served, folder, refused_as, start};
 use crate::commands::run;
+use crate::foreign::bench::unshare;
 use crate::mount::bench::real_time;
 use crate::support::pass_over;
 use crate::support::turning_brick::await_that;
@@ -35,7 +36,7 @@ fn a_disk_that_fills_up_ends_the_run_as_a_fault_that_says_so() {
 
 /// The service with its runs on a file system of its own, in a namespace of its own.
 fn on_a_file_system(options: &str) -> Option<Served> {
-    let can = Command::new("unshare").args(["-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]).output();
+    let can = unshare().args(["mount", "-t", "tmpfs", "tmpfs", "/mnt"]).output();
     if !can.is_ok_and(|output| output.status.success()) {
         pass_over("mount namespaces: unshare, with root's rights or user namespaces");
         return None;
@@ -46,9 +47,9 @@ fn on_a_file_system(options: &str) -> Option<Served> {
     let mount = format!("mount -t tmpfs -o {options} tmpfs {}", runs.display());
     Some(Served::started(folder, &["--sim", "arena"], |command| {
         let inside = behind(&mount, &command);
-        let mut unshare = Command::new("unshare");
-        unshare.arg("-rm").arg(inside.get_program()).args(inside.get_args());
-        unshare
+        let mut apart = unshare();
+        apart.arg(inside.get_program()).args(inside.get_args());
+        apart
     }))
 }
 

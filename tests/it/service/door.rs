@@ -1,7 +1,7 @@
 //! The local socket: rights, many clients, slow ones, garbage; and what systemd hears.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixDatagram, UnixStream};
 use std::time::Duration;
 
@@ -25,9 +25,11 @@ fn reply(reader: &mut impl BufRead) -> Reply {
 
 #[test]
 fn a_hundred_clients_are_answered_whatever_a_slow_and_a_silent_one_do() {
-    let served = Served::started(folder(""), &["--sim", "arena"], |command| command);
-    let mode = std::fs::metadata(served.path("socket")).unwrap().permissions().mode();
-    assert_eq!(mode & 0o777, 0o660);
+    let group = nix::unistd::Group::from_gid(nix::unistd::getegid()).unwrap().unwrap();
+    let config = format!("[socket]\ngroup = \"{}\"", group.name);
+    let served = Served::started(folder(&config), &["--sim", "arena"], |command| command);
+    let socket = std::fs::metadata(served.path("socket")).unwrap();
+    assert_eq!((socket.permissions().mode() & 0o777, socket.gid()), (0o660, group.gid.as_raw()));
     let _silent = connect(&served);
     let mut half = connect(&served);
     half.write_all(b"{\"version\":1,").unwrap();
