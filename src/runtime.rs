@@ -53,6 +53,8 @@ pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 #[cfg(feature = "sim")]
 pub use execute::execute_observed;
+#[cfg(feature = "cli")]
+pub(crate) use execute::with_causes;
 pub use execute::{Refused, execute};
 pub use guard::{Lines, MISSED_NS, Watch};
 pub use lock::{HardwareLock, LockError, Owner};

@@ -241,7 +241,7 @@ fn period_ns(mission: &Mission) -> i64 {
 }
 
 /// The error and all its causes, as a person reads it.
-pub(super) fn with_causes(error: &dyn std::error::Error) -> String {
+pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {

@@ -27,6 +27,7 @@ mod promises;
 mod recording;
 mod report;
 mod scenarios;
+mod service;
 mod setup;
 mod sim_drivers;
 mod sim_page;
