@@ -26,6 +26,7 @@
 //! | part | what it is |
 //! |---|---|
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
+//! | [`menu`] | what stands on the brick's screen, and what its buttons do (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
 //! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
 //! | [`runtime`] | a run: checks, control loop, recorder, replay; before it, setting a robot up |
@@ -87,7 +88,7 @@
 //!
 //! # Not here yet
 //!
-//! The service, the network link, the guard process, the menu and the package for the brick are issues of their own.
+//! The service, the network link, the guard process and the package for the brick are issues of their own.
 
 pub mod behavior;
 #[cfg(feature = "cli")]
@@ -96,6 +97,8 @@ pub mod clock;
 pub mod document;
 pub mod ev3dev;
 pub mod mapping;
+#[cfg(feature = "cli")]
+pub mod menu;
 #[cfg(feature = "host")]
 pub mod report;
 pub mod robot;

@@ -6,7 +6,10 @@
 //!
 //! - `linux/fb.h` and `linux/kd.h`: the numbers and layouts below have not changed since Linux 2.4.
 
-#![allow(unsafe_code, reason = "frame buffer and console are ioctls and a memory map, which have no safe wrapper")]
+#![allow(
+    unsafe_code,
+    reason = "frame buffer and console are ioctls and a memory map, which have no safe wrapper"
+)]
 
 use std::ffi::c_ulong;
 use std::fs::File;
@@ -72,7 +75,9 @@ nix::ioctl_write_int_bad!(set_console_mode, 0x4B3A);
 
 /// A layout that this program cannot draw in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{width}x{height}, {bits} bits a pixel (red {red}, green {green}, blue {blue}), {line_length} bytes a row")]
+#[error(
+    "{width}x{height}, {bits} bits a pixel (red {red}, green {green}, blue {blue}), {line_length} bytes a row"
+)]
 pub(super) struct OtherLayout {
     width: u32,
     height: u32,

@@ -116,12 +116,8 @@ pub fn walk<'a>(
 ///
 /// A stretch whose checksum does not hold is passed over.
 pub fn walk_part<'a>(part: &'a [u8], base: u64, found: &mut dyn FnMut(Context, Found<'a>)) -> usize {
-    let mut walk = Walk {
-        bytes: part,
-        channels: Channels::default(),
-        integrity: Integrity::default(),
-        found,
-    };
+    let mut walk =
+        Walk { bytes: part, channels: Channels::default(), integrity: Integrity::default(), found };
     let first = if base == 0 { mcap::MAGIC.len() } else { 0 };
     let mut done = 0;
     while let Some(at) = next_sync(part, done.max(first)) {
