@@ -28,6 +28,7 @@
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
 //! | [`menu`] | what stands on the brick's screen, and what its buttons do (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
+//! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
 //! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
 //! | [`runtime`] | a run: checks, control loop, recorder, replay; before it, setting a robot up |
 //! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
@@ -96,6 +97,8 @@ pub mod cli;
 pub mod clock;
 pub mod document;
 pub mod ev3dev;
+#[cfg(feature = "link")]
+pub mod link;
 pub mod mapping;
 #[cfg(feature = "cli")]
 pub mod menu;

@@ -52,9 +52,6 @@ mod talk;
 mod text;
 mod track;
 
-#[cfg(test)]
-mod tests;
-
 use std::collections::VecDeque;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
