@@ -151,6 +151,8 @@ struct Seen {
     pairing: Option<Pairing>,
     /// The service does not answer, and why.
     gone: Option<String>,
+    /// It answers, and does not want to show what the page is about.
+    refused: Option<String>,
 }
 
 impl Seen {
@@ -224,7 +226,7 @@ impl Menu {
     /// A menu that knows nothing yet.
     #[must_use]
     pub fn new(options: MenuOptions) -> Self {
-        Self {
+        let mut menu = Self {
             options,
             now_ns: 0,
             seen: Seen::default(),
@@ -250,6 +252,15 @@ impl Menu {
             corner: String::new(),
             canvas: Canvas::default(),
             shown: None,
+        };
+        menu.announce();
+        menu
+    }
+
+    /// A menu whose end ends the run says that it is there, each time that a connection has to be made anew.
+    fn announce(&mut self) {
+        if self.options.started_by == StartedBy::Brickman {
+            self.asks.order(LocalRequest::Own(LocalOnly::MenuHere));
         }
     }
 

@@ -36,14 +36,14 @@ impl Menu {
                     );
                 }
             }
-            Err(Trouble::Refused(refusal)) => self.refused(&request, refusal),
-            Err(Trouble::Gone(why)) => self.gone(lane, why),
+            Err(Trouble::Refused(refusal)) => self.refused(lane, &request, refusal),
+            Err(Trouble::Gone(why)) => self.gone(lane, &request, why),
         }
     }
 
-    fn gone(&mut self, lane: Lane, why: String) {
+    fn gone(&mut self, lane: Lane, request: &LocalRequest, why: String) {
         // What is looked at comes again by itself; an order does not, and nobody knows whether it was done.
-        if lane == Lane::Order && self.seen.gone.is_none() {
+        if lane == Lane::Order && *request != LocalRequest::Own(LocalOnly::MenuHere) {
             self.refuse("the service did not answer".to_owned(), Some("look whether it was done".to_owned()));
         }
         if self.seen.gone.as_ref() != Some(&why) {
@@ -53,23 +53,24 @@ impl Menu {
         }
     }
 
-    fn refused(&mut self, request: &LocalRequest, refusal: Refusal) {
-        self.seen.gone = None;
+    fn refused(&mut self, lane: Lane, request: &LocalRequest, refusal: Refusal) {
         match request {
+            // A service of another version: there is nothing to show.
+            LocalRequest::Shared(Request::Status) => return self.gone(lane, request, refusal.message),
             LocalRequest::Shared(Request::Fetch(fetch)) => {
                 if let Some(track) = self.track.as_mut().filter(|track| track.run == fetch.run) {
                     track.trouble = Some(refusal.message);
                     self.changed = true;
                 }
-                return;
             }
-            // A service of another version: there is nothing to show.
-            LocalRequest::Shared(Request::Status) => return self.gone(Lane::Look, refusal.message),
-            // The button is still held: one message is enough.
-            LocalRequest::Own(LocalOnly::Jog { .. }) => self.let_go(),
-            _ => {}
+            // It is asked again and again: said on the page, and not in the way.
+            _ if lane == Lane::Look => note(&mut self.seen.refused, refusal.message, &mut self.changed),
+            _ => {
+                // A button that is still held would be refused again.
+                self.let_go();
+                self.refuse(refusal.message, refusal.hint);
+            }
         }
-        self.refuse(refusal.message, refusal.hint);
     }
 
     pub(super) fn refuse(&mut self, message: String, hint: Option<String>) {
@@ -81,6 +82,10 @@ impl Menu {
     /// `None` where the answer is not what such a request is answered with.
     fn answered(&mut self, request: &LocalRequest, answer: Answer) -> Option<()> {
         if self.seen.gone.take().is_some() {
+            self.changed = true;
+            self.announce();
+        }
+        if *request != LocalRequest::Shared(Request::Status) && self.seen.refused.take().is_some() {
             self.changed = true;
         }
         match request {

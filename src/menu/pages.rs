@@ -75,6 +75,11 @@ impl Menu {
         }
     }
 
+    /// What stands where a list would, until it is there.
+    fn waiting(&self, title: &'static str) -> Sheet {
+        Sheet::new(title).line(self.seen.refused.clone().unwrap_or_else(|| "looking...".to_owned()))
+    }
+
     /// Where a person is on the page on the screen.
     pub(super) fn view(&self) -> View {
         match self.showing() {
@@ -99,8 +104,8 @@ impl Menu {
     }
 
     fn missions(&self) -> Sheet {
+        let Some(missions) = &self.seen.missions else { return self.waiting("Missions") };
         let sheet = Sheet::new("Missions");
-        let Some(missions) = &self.seen.missions else { return sheet.line("looking...") };
         if missions.missions.is_empty() {
             return sheet
                 .strong("There are no missions.")
@@ -141,8 +146,8 @@ impl Menu {
     }
 
     fn runs(&self) -> Sheet {
+        let Some(runs) = &self.seen.runs else { return self.waiting("Runs") };
         let sheet = Sheet::new("Runs");
-        let Some(runs) = &self.seen.runs else { return sheet.line("looking...") };
         if runs.runs.is_empty() {
             return sheet.strong("There are no runs yet.");
         }
@@ -150,8 +155,8 @@ impl Menu {
     }
 
     fn ports(&self) -> Sheet {
+        let Some(live) = &self.seen.live else { return self.waiting("Ports") };
         let sheet = Sheet::new("Ports");
-        let Some(live) = &self.seen.live else { return sheet.line("looking...") };
         if live.devices.is_empty() {
             return sheet.strong("Nothing is plugged in.").line("A sensor needs up to three seconds.");
         }
@@ -188,8 +193,8 @@ impl Menu {
     }
 
     fn settings(&self) -> Sheet {
+        let Some(settings) = &self.seen.settings else { return self.waiting("Settings") };
         let sheet = Sheet::new("Settings");
-        let Some(settings) = &self.seen.settings else { return sheet.line("looking...") };
         let on = |is_on: bool| if is_on { "on" } else { "off" };
         let limit = settings.time_limit_s.map_or_else(|| "none".to_owned(), duration);
         let sheet = sheet

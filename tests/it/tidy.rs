@@ -148,6 +148,7 @@ fn only_ev3dev_touches_device_files() {
         ("runtime/doctor/machine.rs", "whether a recording could be written; missions"),
         ("runtime/recording/", "run.mcap"),
         ("runtime/save.rs", "robot.toml, as setup and calibrate write it"),
+        ("service/", "runs, missions, the configuration, the local socket"),
         ("sim/page.rs", "the live page, on this machine's own address"),
         ("sim/mount/", "the mount point, the machine's table of mounts, the signals of who waits"),
     ];
