@@ -26,6 +26,7 @@ mod devices;
 mod doctor;
 mod graph;
 mod halt;
+mod menu;
 mod new;
 mod output;
 mod run;
@@ -68,6 +69,7 @@ enum Command {
     Sim(sim::Arguments),
     Run(run::Arguments),
     Serve(serve::Arguments),
+    Menu(menu::Arguments),
     Check(check::Arguments),
     Graph(graph::Arguments),
     New(new::Arguments),
@@ -109,6 +111,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments, &mut output),
         Command::Run(arguments) => run::run(&arguments, &mut output),
         Command::Serve(arguments) => serve::run(&arguments, &mut output),
+        Command::Menu(arguments) => menu::run(&arguments, &mut output),
         Command::Check(arguments) => check::run(&arguments, &mut output),
         Command::Graph(arguments) => graph::run(&arguments, &mut output),
         Command::New(arguments) => new::run(&arguments, &mut output),

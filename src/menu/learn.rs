@@ -48,6 +48,7 @@ impl Menu {
         }
         if self.seen.gone.as_ref() != Some(&why) {
             self.seen.gone = Some(why);
+            self.seen.live = None;
             self.let_go();
             self.changed = true;
         }
@@ -64,7 +65,11 @@ impl Menu {
                 }
             }
             // It is asked again and again: said on the page, and not in the way.
-            _ if lane == Lane::Look => note(&mut self.seen.refused, refusal.message, &mut self.changed),
+            _ if lane == Lane::Look => {
+                // What was read before is not what is.
+                self.seen.live = None;
+                note(&mut self.seen.refused, refusal.message, &mut self.changed);
+            }
             _ => {
                 // A button that is still held would be refused again.
                 self.let_go();

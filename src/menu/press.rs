@@ -231,6 +231,7 @@ impl Menu {
 
     fn turn_to(&mut self, place: usize) {
         self.tab = Tab::ALL.get(place).copied().unwrap_or(Tab::Missions);
+        self.seen.live = None;
         let looks = match self.tab {
             Tab::Missions => Look::Missions,
             Tab::Runs => Look::Runs,

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::Button;
-use onbrick::menu::{Effect, Lane, Menu, MenuOptions, StartedBy, Trouble};
+use onbrick::menu::{Canvas, Effect, Lane, Menu, MenuOptions, StartedBy, Trouble};
 use onbrick::service::protocol::{Answer, Caller, LocalRequest, Operations};
 
 use scripted::Scripted;
@@ -32,8 +32,9 @@ struct Bench {
     late_ns: i64,
     flights: [VecDeque<Flight>; 2],
     effects: Vec<Effect>,
-    /// How many pictures there were.
+    /// How many pictures there were, and the last.
     frames: u64,
+    shown: Canvas,
 }
 
 impl Bench {
@@ -46,6 +47,7 @@ impl Bench {
             flights: Default::default(),
             effects: Vec::new(),
             frames: 0,
+            shown: Canvas::default(),
         }
     }
 
@@ -74,7 +76,20 @@ impl Bench {
         while let Some(effect) = self.menu.next_effect() {
             self.effects.push(effect);
         }
-        self.frames += u64::from(self.menu.picture().is_some());
+        self.look();
+    }
+
+    fn look(&mut self) {
+        if let Some(picture) = self.menu.picture() {
+            self.shown = picture.clone();
+            self.frames += 1;
+        }
+    }
+
+    /// What the screen shows now.
+    fn screen(&mut self) -> Canvas {
+        self.look();
+        self.shown.clone()
     }
 
     fn pass(&mut self, milliseconds: i64) {

@@ -7,9 +7,9 @@ use onbrick::clock::{MILLISECOND_NS, SECOND_NS, seconds};
 use onbrick::mapping::{Pose, Range};
 use onbrick::runtime::recording;
 use onbrick::service::protocol::{
-    Answer, Caller, Chosen, Disk, Done, Fetch, Fetched, Kind, LastStop, Live, LiveDevice, LocalOnly, MissionInfo,
-    Missions, Operations, Pairing, Refusal, Request, RunId, RunInfo, RunStatus, Runs, Settings, Start, Started, State,
-    Status, Stopped,
+    Answer, Caller, Chosen, Disk, Done, Fetch, Fetched, Kind, LastStop, Live, LiveDevice, LocalOnly,
+    MissionInfo, Missions, Operations, Pairing, Refusal, Request, RunId, RunInfo, RunStatus, Runs, Settings,
+    Start, Started, State, Status, Stopped,
 };
 use serde::Serialize;
 
@@ -209,7 +209,10 @@ pub fn progress(elapsed_s: f64) -> recording::Status {
         travelled_m: 0.1 * elapsed_s,
         range: Some(Range::Echo(0.82)),
         points: u64::try_from(elapsed_ns / SECOND_NS * 9).unwrap(),
-        states: vec![("drive".to_owned(), "forward".to_owned()), ("head".to_owned(), "sweep_left".to_owned())],
+        states: vec![
+            ("drive".to_owned(), "forward".to_owned()),
+            ("head".to_owned(), "sweep_left".to_owned()),
+        ],
         battery_v: Some(7.8),
         dropped: 0,
     }
@@ -338,7 +341,8 @@ impl Operations for Scripted {
             }
             LocalOnly::PairingWindow { seconds } => {
                 world.done.push(format!("pairing window {seconds} s"));
-                world.pairing = if *seconds > 0 { Pairing::Open { seconds: *seconds } } else { Pairing::Closed };
+                world.pairing =
+                    if *seconds > 0 { Pairing::Open { seconds: *seconds } } else { Pairing::Closed };
                 return answer(&world.pairing);
             }
             LocalOnly::PairingAnswer { same } => {

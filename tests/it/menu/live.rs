@@ -1,0 +1,1 @@
+//! The real menu against a real service.
