@@ -205,6 +205,8 @@ pub struct Menu {
     /// When a stop that a button should have brought about is asked for.
     stop_due_ns: Option<i64>,
     started: u32,
+    /// The service knows that its run ends with this menu, where it does.
+    is_known: bool,
     changed: bool,
     /// What the head's right corner said last.
     corner: String,
@@ -248,6 +250,7 @@ impl Menu {
             held: None,
             stop_due_ns: None,
             started: 0,
+            is_known: false,
             changed: true,
             corner: String::new(),
             canvas: Canvas::default(),
@@ -257,9 +260,11 @@ impl Menu {
         menu
     }
 
-    /// A menu whose end ends the run says that it is there, each time that a connection has to be made anew.
+    /// A menu whose end ends the run says that it is there, each time that a connection has to be made anew. It shows nothing before the service
+    /// knows: whatever is seen and started on this screen ends with it.
     fn announce(&mut self) {
-        if self.options.started_by == StartedBy::Brickman {
+        self.is_known = self.options.started_by != StartedBy::Brickman;
+        if !self.is_known {
             self.asks.order(LocalRequest::Own(LocalOnly::MenuHere));
         }
     }
@@ -316,7 +321,7 @@ impl Menu {
     fn showing(&self) -> Showing {
         if self.talk.is_some() {
             Showing::Talk
-        } else if self.seen.status.is_none() || self.seen.gone.is_some() {
+        } else if self.seen.status.is_none() || self.seen.gone.is_some() || !self.is_known {
             Showing::NoService
         } else if self.seen.is_running() {
             Showing::Running

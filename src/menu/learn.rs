@@ -57,7 +57,9 @@ impl Menu {
     fn refused(&mut self, lane: Lane, request: &LocalRequest, refusal: Refusal) {
         match request {
             // A service of another version: there is nothing to show.
-            LocalRequest::Shared(Request::Status) => return self.gone(lane, request, refusal.message),
+            LocalRequest::Shared(Request::Status) | LocalRequest::Own(LocalOnly::MenuHere) => {
+                self.gone(lane, request, refusal.message);
+            }
             LocalRequest::Shared(Request::Fetch(fetch)) => {
                 if let Some(track) = self.track.as_mut().filter(|track| track.run == fetch.run) {
                     track.trouble = Some(refusal.message);
@@ -110,6 +112,10 @@ impl Menu {
                 LocalOnly::PairingWindow { .. } | LocalOnly::PairingState | LocalOnly::PairingAnswer { .. },
             ) => note(&mut self.seen.pairing, read::<Pairing>(answer)?, &mut self.changed),
             LocalRequest::Own(LocalOnly::Delete { .. }) => self.asks.refresh(Look::Runs),
+            LocalRequest::Own(LocalOnly::MenuHere) => {
+                self.is_known = true;
+                self.changed = true;
+            }
             LocalRequest::Own(_) | LocalRequest::Shared(_) => self.asks.refresh(Look::Status),
         }
         Some(())

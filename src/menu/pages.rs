@@ -231,7 +231,7 @@ impl Menu {
         };
         let sheet = progress(sheet.strong(run.mission.clone()), run).line(format!("link: {}", status.link));
         let is_stopping = status.state == State::Stopping || self.stop_due_ns.is_some();
-        sheet.foot(if is_stopping { "stopping..." } else { "STOP: Enter" })
+        sheet.foot(if is_stopping { "stopping..." } else { "STOP: Enter, Back" })
     }
 
     fn notice_sheet(&self, notice: &Notice) -> Sheet {
@@ -338,7 +338,7 @@ fn run_line(run: &RunInfo) -> String {
         Some(end) => end.word.as_str(),
         None => "was cut",
     };
-    let points = run.points.map_or_else(String::new, |points| format!(", {points} points"));
+    let points = run.points.map_or_else(String::new, |points| format!(", {points} pts"));
     format!("{} {}: {end}{points}", run.number, run.mission)
 }
 

@@ -283,10 +283,11 @@ impl Talk {
                 sheet = sheet.strong(question.clone());
                 choices.iter().fold(sheet, |sheet, choice| sheet.item(choice.clone()))
             }
+            // What is written stands last: Up and Down no longer scroll once it is in view.
             (None, Some(Question::Write { question, letters, place, .. })) => sheet
                 .strong(question.clone())
-                .row(Row::Item(with_cursor(letters, *place)))
-                .line("Up, Down: letter. Left, Right: place. Enter: done."),
+                .line("Up, Down: letter. Left, Right: place. Enter: done.")
+                .row(Row::Item(with_cursor(letters, *place))),
             (None, None) => sheet.line("..."),
         }
     }

@@ -11,7 +11,7 @@ use embedded_graphics::primitives::{Line, PrimitiveStyle, Rectangle, Triangle};
 
 use super::canvas::{Canvas, HEIGHT, INK, PAPER, WIDTH};
 use super::sheet::{HEAD, head, size};
-use super::text::{Face, width, write};
+use super::text::{Face, write};
 use crate::mapping::Pose;
 use crate::runtime::recording::{Growing, Piece};
 use crate::service::protocol::RunId;
@@ -129,10 +129,8 @@ impl Track {
         }
         fit.bar(canvas);
         head(canvas, title, corner, true);
-        let (y, right) = (HIGH - 14, WIDE - 2);
-        let note = self.note_text();
-        if let Some(note) = note {
-            write(canvas, note, Point::new(right - width(note, Face::Plain), y), Face::Plain, INK);
+        if let Some(note) = self.note_text() {
+            write(canvas, note, Point::new(2, HEAD), Face::Plain, INK);
         }
     }
 

@@ -110,7 +110,7 @@ impl Default for Scripted {
             disk: Disk { used: 12 << 20, quota: 512 << 20, free: 4 << 30 },
             robot: None,
         };
-        let broken = "mission.toml:4:9: there is no signal `rang_m`; did you mean `range_m`?";
+        let broken = "wall.toml:14:12: there is no signal `rang_m`; did you mean `range_m`?\nwall.toml:21:1: the state `turn_back` can never be reached\nwall.toml:30:14: two machines drive `left_dps`: `drive` and `head`";
         Self(Mutex::new(World {
             now_ns: 0,
             gone: false,
@@ -307,6 +307,7 @@ impl Operations for Scripted {
             LocalOnly::Live => return answer(&world.live),
             LocalOnly::Settings => return answer(&world.settings),
             LocalOnly::PairingState => return answer(&world.pairing),
+            LocalOnly::MenuHere => return answer(&Done {}),
             _ => world.refused()?,
         }
         match request {
