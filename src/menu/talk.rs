@@ -186,7 +186,7 @@ impl Talk {
                 if self.said.len() > MOST_LINES {
                     self.said.remove(0);
                 }
-                return self.follow();
+                self.follow();
             }
             Told::Choose { question, choices, default } => {
                 self.question = Some(Question::Choose { question, choices });
