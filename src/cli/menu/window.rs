@@ -101,8 +101,9 @@ fn dots(picture: &Canvas) -> String {
     text
 }
 
-/// How many turns of the menu's loop a key counts as held: longer than keyboards wait before they repeat.
-const HELD_TURNS: u32 = 12;
+/// How many turns of the menu's loop a key counts as held: 0.4 s, shorter than the menu waits before it repeats by itself, and long enough for
+/// most keyboards' own repeat to hold on.
+const HELD_TURNS: u32 = 8;
 
 /// The buttons on a keyboard.
 #[derive(Debug)]

@@ -95,12 +95,22 @@ impl Served {
         })
     }
 
+    /// The machine had no time for the control loop, which ends the run as it should; nothing of the menu's can be seen then.
+    fn is_too_slow(&self) -> bool {
+        let last = self.status().ok().and_then(|status| status.last);
+        last.is_some_and(|last| ["late", "guard"].contains(&last.word.as_str()))
+    }
+
     fn start(&self, name: &str) {
         let run = RunId::new(name).unwrap();
         let start =
             Start { run, mission: Chosen::Name("map".to_owned()), token: None, pose: None, set: Vec::new() };
         let asked = LocalOnly::StartHere(start);
-        let _: Started = self.client().ask_own(&asked, Duration::from_secs(20)).unwrap();
+        // The run before may just be letting go of the hardware.
+        eventually("a run that is started", || {
+            let started: Result<Started, _> = self.client().ask_own(&asked, DEADLINE);
+            started.map_err(|error| error.to_string())
+        });
     }
 }
 
@@ -125,11 +135,16 @@ impl Piped {
         self.keys.write_all(keys.as_bytes()).unwrap();
     }
 
+    /// The page once it says this; `None` where the machine was too slow for the run.
     #[track_caller]
-    fn shows(&self, what: &str) -> String {
+    fn shows(&self, served: &Served, what: &str) -> Option<String> {
         eventually(what, || {
             let page = fs::read_to_string(self.frames.join("page.txt")).unwrap_or_default();
-            if page.contains(what) { Ok(page) } else { Err(page) }
+            match page.contains(what) {
+                true => Ok(Some(page)),
+                false if page.starts_with("[Fault]") && served.is_too_slow() => Ok(None),
+                false => Err(page),
+            }
         })
     }
 
@@ -139,48 +154,62 @@ impl Piped {
     }
 }
 
+/// Tries again where the machine was too slow for a run; a menu that does not work fails at once.
+#[track_caller]
+fn on_a_machine_that_keeps_up(scenario: impl Fn() -> Option<()>) {
+    let tries = 10;
+    assert!(
+        (0..tries).any(|_| scenario().is_some()),
+        "the machine was too slow for the control loop {tries} times"
+    );
+}
+
 #[test]
 fn a_mission_is_chosen_started_watched_and_stopped_from_the_menu() {
     let _alone = real_time();
-    let served = Served::new();
-    let mut menu = Piped::at(&served);
-    let missions = menu.shows("  map");
-    let place =
-        missions.lines().skip(1).position(|line| line.trim_start_matches("> ").trim() == "map").unwrap();
-    menu.keys(&"d".repeat(place));
-    menu.shows("> map");
-    menu.keys("e");
-    menu.shows("> Start");
-    menu.keys("e");
-    menu.shows("points");
-    menu.keys("r");
-    menu.shows("[Map]");
-    // The map grows without a key.
-    let before = menu.pictures();
-    eventually("a map that grows", || {
-        let count = menu.pictures();
-        if count > before + 2 { Ok(()) } else { Err(format!("{count} pictures, {before} before")) }
+    on_a_machine_that_keeps_up(|| {
+        let served = Served::new();
+        let mut menu = Piped::at(&served);
+        let missions = menu.shows(&served, "  map")?;
+        let name = |line: &str| line.trim_start_matches("> ").trim().to_owned();
+        let place = missions.lines().skip(1).position(|line| name(line) == "map").unwrap();
+        menu.keys(&"d".repeat(place));
+        menu.shows(&served, "> map")?;
+        menu.keys("e");
+        menu.shows(&served, "> Start")?;
+        menu.keys("e");
+        menu.shows(&served, "points")?;
+        menu.keys("r");
+        menu.shows(&served, "[Map]")?;
+        // The map grows without a key.
+        let before = menu.pictures();
+        let grown = eventually("a map that grows", || match menu.pictures() {
+            count if count > before + 2 => Ok(Some(())),
+            _ if served.is_too_slow() => Ok(None),
+            count => Err(format!("{count} pictures, {before} before")),
+        });
+        grown?;
+        menu.keys("e");
+        menu.shows(&served, "> Show the map")?;
+        let last = served.until("the run is over", |status| status.state == State::Stopped).last.unwrap();
+        assert_eq!((last.mission.as_str(), last.wanted), ("map", true), "{last:?}");
+        menu.keys("e");
+        menu.shows(&served, "[Run 1]")?;
+        menu.keys("ede");
+        menu.shows(&served, "There are no runs yet.")?;
+        Some(())
     });
-    menu.keys("e");
-    menu.shows("> Show the map");
-    let last = served.until("the run is over", |status| status.state == State::Stopped).last.unwrap();
-    assert_eq!((last.mission.as_str(), last.wanted), ("map", true), "{last:?}");
-    menu.keys("e");
-    menu.shows("[Run 1]");
-    menu.keys("ede");
-    menu.shows("There are no runs yet.");
 }
 
 #[test]
 fn the_menu_says_when_the_service_is_gone_and_finds_it_again() {
-    let _alone = real_time();
     let mut served = Served::new();
     let menu = Piped::at(&served);
-    menu.shows("[Missions]");
+    menu.shows(&served, "[Missions]");
     served.serve = None;
-    menu.shows("No service");
+    menu.shows(&served, "No service");
     served.begin();
-    menu.shows("[Missions]");
+    menu.shows(&served, "[Missions]");
 }
 
 /// A brick's root with a screen and buttons, as plain files: enough for a menu.
@@ -244,7 +273,6 @@ impl Root {
 
 #[test]
 fn the_bricks_buttons_turn_the_pages_on_its_screen() {
-    let _alone = real_time();
     let served = Served::new();
     let mut root = Root::new();
     let menu = root.menu(&served, &["--at-boot"]);
@@ -262,8 +290,12 @@ fn a_menu_of_brickmans_that_is_killed_takes_its_run_with_it_and_one_of_ours_does
         std::env::var("ONBRICK_MENU_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(2);
     let served = Served::new();
     let root = Root::new();
-    let mut ends = std::collections::BTreeMap::<String, u32>::new();
-    for kill in 0..kills {
+    let mut ends = std::collections::BTreeMap::<String, u64>::new();
+    // Some more, where the machine was too slow for a run.
+    for kill in 0..kills + 20 {
+        if ends.get("menu closed") >= Some(&kills) {
+            break;
+        }
         fs::write(root.path().join("dev/fb0"), []).unwrap();
         let mut menu = root.menu(&served, &[]);
         root.list();
@@ -276,13 +308,21 @@ fn a_menu_of_brickmans_that_is_killed_takes_its_run_with_it_and_one_of_ours_does
         *ends.entry(status.last.unwrap().word).or_default() += 1;
     }
     println!("{kills} menus killed; the runs ended by {ends:?}");
-    assert!(ends.keys().all(|word| word == "menu closed"), "{ends:?}");
+    assert_eq!(ends.get("menu closed"), Some(&kills), "{ends:?}");
+    assert!(ends.keys().all(|word| ["menu closed", "late", "guard"].contains(&word.as_str())), "{ends:?}");
 
-    let menu = root.menu(&served, &["--at-boot"]);
-    served.start("survives");
-    served.until("it drives", |status| status.state == State::Running);
-    drop(menu);
-    std::thread::sleep(Duration::from_secs(1));
-    let status = served.status().unwrap();
-    assert_eq!(status.state, State::Running, "{status:?}");
+    on_a_machine_that_keeps_up(|| {
+        let menu = root.menu(&served, &["--at-boot"]);
+        served.start(&format!("survives-{}", served.status().unwrap().state_s.to_bits()));
+        let drives = |status: &Status| status.state == State::Running || status.run.is_none();
+        served.until("it drives", drives);
+        drop(menu);
+        std::thread::sleep(Duration::from_secs(1));
+        let status = served.status().unwrap();
+        if status.run.is_none() && served.is_too_slow() {
+            return None;
+        }
+        assert_eq!(status.state, State::Running, "{status:?}");
+        Some(())
+    });
 }
