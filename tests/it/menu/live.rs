@@ -6,16 +6,18 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::sys::stat::Mode;
 use nix::unistd::{Pid, mkfifo};
+use onbrick::clock::MonotonicClock;
 use onbrick::ev3dev::Button;
 use onbrick::service::client::Client;
 use onbrick::service::protocol::{Chosen, LocalOnly, Request, RunId, Start, Started, State, Status};
 
-use crate::mount::bench::real_time;
+use crate::mount::bench::{Mounted, real_time};
 
 /// Far more than anything here takes on a machine that does other things as well.
 const DEADLINE: Duration = Duration::from_secs(120);
@@ -59,12 +61,19 @@ fn eventually<T>(what: &str, mut look: impl FnMut() -> Result<T, String>) -> T {
 /// A service with a folder of its own.
 struct Served {
     folder: tempfile::TempDir,
+    /// `--sim` and a world, or `--brick` and a root.
+    place: [String; 2],
     serve: Option<Running>,
 }
 
 impl Served {
     fn new() -> Self {
-        let mut served = Self { folder: tempfile::tempdir().unwrap(), serve: None };
+        Self::at(["--sim", "arena"])
+    }
+
+    fn at(place: [&str; 2]) -> Self {
+        let place = place.map(str::to_owned);
+        let mut served = Self { folder: tempfile::tempdir().unwrap(), place, serve: None };
         served.begin();
         served
     }
@@ -74,7 +83,8 @@ impl Served {
     }
 
     fn begin(&mut self) {
-        let serve = onbrick(&["serve", "--sim", "arena", "--config", self.config()]).spawn().unwrap();
+        let serve =
+            onbrick(&["serve", &self.place[0], &self.place[1], "--config", self.config()]).spawn().unwrap();
         self.serve = Some(Running(serve));
         self.until("the service answers", |_| true);
     }
@@ -123,10 +133,14 @@ struct Piped {
 
 impl Piped {
     fn at(served: &Served) -> Self {
+        Self::with(served, &[])
+    }
+
+    fn with(served: &Served, more: &[&str]) -> Self {
         let frames = served.folder.path().join("frames");
         let mut command =
             onbrick(&["menu", "--config", served.config(), "--frames", frames.to_str().unwrap()]);
-        let mut menu = command.stdin(Stdio::piped()).spawn().unwrap();
+        let mut menu = command.args(more).stdin(Stdio::piped()).spawn().unwrap();
         let keys = menu.stdin.take().unwrap();
         Self { _menu: Running(menu), keys, frames }
     }
@@ -139,13 +153,17 @@ impl Piped {
     #[track_caller]
     fn shows(&self, served: &Served, what: &str) -> Option<String> {
         eventually(what, || {
-            let page = fs::read_to_string(self.frames.join("page.txt")).unwrap_or_default();
+            let page = self.page();
             match page.contains(what) {
                 true => Ok(Some(page)),
                 false if page.starts_with("[Fault]") && served.is_too_slow() => Ok(None),
                 false => Err(page),
             }
         })
+    }
+
+    fn page(&self) -> String {
+        fs::read_to_string(self.frames.join("page.txt")).unwrap_or_default()
     }
 
     fn pictures(&self) -> usize {
@@ -210,6 +228,41 @@ fn the_menu_says_when_the_service_is_gone_and_finds_it_again() {
     menu.shows(&served, "No service");
     served.begin();
     menu.shows(&served, "[Missions]");
+}
+
+#[test]
+fn setting_up_on_the_screen_writes_the_robots_file_by_the_commands_own_code() {
+    let Some(brick) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
+    let _alone = real_time();
+    let root = brick.root();
+    let root = root.to_str().unwrap();
+    let served = Served::at(["--brick", root]);
+    let mut menu = Piped::with(&served, &["--brick", root]);
+    menu.shows(&served, "[Missions]");
+    menu.keys("rrr");
+    menu.shows(&served, "> Set up the robot");
+    menu.keys("e");
+    // Every question is answered by what stands there at first; Enter scrolls where it is not in view yet.
+    let over = eventually("the end of the questions", || {
+        let page = menu.page();
+        if page.contains("robot.toml is written.") || page.contains("Nothing was written.") {
+            return Ok(page);
+        }
+        if page.contains("\n> ") {
+            // The next press only when this one has shown, if only by scrolling.
+            let before = menu.pictures();
+            menu.keys("e");
+            eventually(
+                "another picture",
+                || if menu.pictures() > before { Ok(()) } else { Err(menu.page()) },
+            );
+        }
+        Err(page)
+    });
+    assert!(over.contains("robot.toml is written."), "{over}");
+    let written = fs::read(served.folder.path().join("robot.toml")).unwrap();
+    let (robot, _) = onbrick::robot::RobotConfig::load("robot.toml", &written).unwrap();
+    assert_eq!(robot.name, "mapper");
 }
 
 /// A brick's root with a screen and buttons, as plain files: enough for a menu.
