@@ -27,6 +27,7 @@ mod doctor;
 mod graph;
 mod guard;
 mod halt;
+mod menu;
 mod new;
 mod output;
 mod run;
@@ -70,6 +71,7 @@ enum Command {
     Sim(sim::Arguments),
     Run(run::Arguments),
     Serve(serve::Arguments),
+    Menu(menu::Arguments),
     Check(check::Arguments),
     Graph(graph::Arguments),
     New(new::Arguments),
@@ -113,6 +115,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments, &mut output),
         Command::Run(arguments) => run::run(&arguments, &mut output),
         Command::Serve(arguments) => serve::run(&arguments, &mut output),
+        Command::Menu(arguments) => menu::run(&arguments, &mut output),
         Command::Check(arguments) => check::run(&arguments, &mut output),
         Command::Graph(arguments) => graph::run(&arguments, &mut output),
         Command::New(arguments) => new::run(&arguments, &mut output),

@@ -26,6 +26,7 @@
 //! | part | what it is |
 //! |---|---|
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
+//! | [`menu`] | what stands on the brick's screen, and what its buttons do (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
 //! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
 //! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
@@ -103,7 +104,7 @@
 //!
 //! # Not here yet
 //!
-//! The service, the network link, the menu and the package for the brick are issues of their own.
+//! The package for the brick is an issue of its own.
 
 pub mod behavior;
 #[cfg(feature = "cli")]
@@ -114,6 +115,8 @@ pub mod ev3dev;
 #[cfg(feature = "link")]
 pub mod link;
 pub mod mapping;
+#[cfg(feature = "cli")]
+pub mod menu;
 #[cfg(feature = "host")]
 pub mod report;
 pub mod robot;

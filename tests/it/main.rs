@@ -20,6 +20,7 @@ mod faults;
 mod figures;
 mod foreign;
 mod mapping;
+mod menu;
 mod messages;
 mod missions;
 mod mount;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Start;
 use super::tick::TickRecord;
-use crate::mapping::Pose;
+use crate::mapping::{Pose, Range};
 use crate::robot::Channel;
 
 /// How a run is going, as the recorder saw it last.
@@ -20,6 +20,9 @@ pub struct Status {
     pub pose: Pose,
     /// Metres driven.
     pub travelled_m: f64,
+    /// What the range sensor said last, where there is one.
+    #[serde(default)]
+    pub range: Option<Range>,
     /// How many points the map has.
     pub points: u64,
     /// The state that each machine is in, by the machine's place in the mission: names.
@@ -49,6 +52,7 @@ impl Status {
             elapsed_ns: 0,
             pose: start.start_pose,
             travelled_m: 0.0,
+            range: None,
             points: 0,
             states: start.machines.iter().map(first).collect(),
             battery_v: None,
@@ -67,6 +71,7 @@ impl Status {
         self.travelled_m = record.estimate.travelled_m;
         self.overruns += u64::from(record.lateness_ns >= start.period_ns);
         self.latest_ns = self.latest_ns.max(record.lateness_ns);
+        self.range = record.estimate.range;
         self.points += u64::from(record.point.is_some());
         self.battery_v = record.senses.get(Channel::Battery).map(|battery| battery.value);
     }
