@@ -74,6 +74,7 @@ mod encoder;
 mod file;
 mod grid;
 pub mod message;
+mod outside;
 mod points;
 mod recorder;
 mod run;
@@ -87,6 +88,7 @@ use crate::mapping::Pose;
 
 pub use file::{RecordError, SYNC_MAGIC, SYNC_OPCODE, Sink, create};
 pub use message::{Gap, TickStatistics};
+pub use outside::{ending_of, writer};
 pub use recorder::{Recorder, Summary};
 pub use run::{Checkpoint, Ending, Info, LogLine, ReadError, RecordedPose, Run, Transition};
 pub use status::Status;
@@ -106,6 +108,8 @@ pub const FRAME_RANGE: &str = "range_link";
 /// What is known of a run when it starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
+    /// The run's identifier, where whoever started it chose one.
+    pub run: Option<String>,
     /// The brick's name.
     pub brick: String,
     /// The mission's name.
