@@ -36,9 +36,10 @@ use std::thread::JoinHandle;
 use super::curve::NoCurve;
 use super::keys::{Authorised, KeyError, KeyPair};
 use super::pairing::Desk;
+use crate::service::NetworkDoor;
 #[cfg(doc)]
 use crate::service::protocol::MAX_REQUEST_BYTES;
-use crate::service::protocol::Operations;
+use crate::service::protocol::{Operations, Pairing};
 
 mod door;
 mod front;
@@ -206,6 +207,31 @@ impl Server {
     #[must_use]
     pub fn pairing_port(&self) -> u16 {
         self.shared.pairing_port.load(Ordering::Relaxed)
+    }
+}
+
+impl NetworkDoor for Server {
+    fn state(&self) -> String {
+        Self::state(self).to_string()
+    }
+
+    fn fingerprint(&self) -> Option<String> {
+        match Self::state(self) {
+            LinkState::Ready { fingerprint } => Some(fingerprint),
+            LinkState::Waits(_) | LinkState::Ended(_) => None,
+        }
+    }
+
+    fn pairing(&self) -> Pairing {
+        self.desk().state()
+    }
+
+    fn open_pairing(&self, seconds: u32) -> Pairing {
+        self.desk().open(seconds)
+    }
+
+    fn answer_pairing(&self, same: bool) -> Pairing {
+        self.desk().answer(same)
     }
 }
 
