@@ -1,0 +1,78 @@
+# shellcheck shell=dash
+# What every scenario has at hand: runs inside the emulated brick, under busybox's shell. $1 is the scenario, the rest its arguments.
+
+failures=0
+
+# figure NAME VALUE UNIT [COMPARISON BOUND]: prints a figure; one outside its bound fails the scenario at its end.
+figure() {
+  if [ $# -le 3 ]; then
+    echo "figure: $1: $2 $3"
+  elif awk "BEGIN { exit !($2 $4 $5) }"; then
+    echo "figure: $1: $2 $3 (bound: $4 $5)"
+  else
+    echo "FAILED: $1: $2 $3, and the bound is $4 $5"
+    failures=$((failures + 1))
+  fi
+}
+
+# expect NAME COMMAND…: a check that is either so or not.
+expect() {
+  name=$1
+  shift
+  if "$@"; then echo "ok: $name"; else
+    echo "FAILED: $name ($*)"
+    failures=$((failures + 1))
+  fi
+}
+
+# refuse NAME COMMAND…: it must not be so.
+refuse() {
+  name=$1
+  shift
+  if "$@"; then
+    echo "FAILED: $name ($*)"
+    failures=$((failures + 1))
+  else echo "ok: $name"; fi
+}
+
+# wait_for SECONDS COMMAND…: until it is so.
+wait_for() {
+  tenths=$(($1 * 10))
+  shift
+  until "$@" >/dev/null 2>&1; do
+    tenths=$((tenths - 1))
+    [ $tenths -gt 0 ] || return 1
+    sleep 0.1
+  done
+}
+
+# brick_up [WORLD]: the simulated brick below /tmp/brick.
+brick_up() {
+  mkdir -p /tmp/brick
+  onbrick-sim sim /tmp/brick --world "${1:-arena}" >/tmp/sim.log 2>&1 &
+  sim=$!
+  wait_for 60 test -e /tmp/brick/sys/class/tacho-motor/motor0/position || {
+    cat /tmp/sim.log
+    echo "FAILED: the simulated brick did not come up"
+    return 1
+  }
+}
+
+brick_down() {
+  kill -INT "$sim"
+  wait "$sim" || true
+}
+
+# field FILE NAME: what the last line of a file of JSON lines says of a number.
+field() {
+  sed -n "s/.*\"$2\":\\(-\\{0,1\\}[0-9.]*\\).*/\\1/p" "$1" | tail -n 1
+}
+
+scenario=$1
+shift
+# shellcheck disable=SC1090  # the scenario that was asked for
+. "$scenario"
+[ "$failures" = 0 ] || {
+  echo "$failures failed"
+  exit 1
+}
