@@ -1,9 +1,7 @@
 //! What one typed reading costs, beside the same reading by crates.io's `ev3dev-lang-rust`: nanoseconds each, on two lines.
 //!
-//! `read_cost BRICK COUNT`: below the folder BRICK, the motor on outB has a `position` that leads to a file of the kernel's
+//! `reading BRICK COUNT`: below the folder BRICK, the motor on outB has a `position` that leads to a file of the kernel's
 //! own sysfs, `/sys/class/net/lo/mtu`. The scenario `reading` makes that folder on the emulated brick and compares with a bare C loop.
-
-#![allow(clippy::print_stdout, reason = "what it prints is its result")]
 
 use std::error::Error;
 use std::hint::black_box;
@@ -13,15 +11,11 @@ use std::sync::Arc;
 use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::ev3dev::{LocalTree, TachoMotor, Tree};
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let (Some(brick), Some(count)) = (arguments.next(), arguments.next()) else {
-        return Err("usage: read_cost BRICK COUNT".into());
-    };
+pub(crate) fn reading(brick: &str, count: &str) -> Result<(), Box<dyn Error>> {
     let count: u32 = count.parse()?;
-    let position = Path::new(&brick).join("sys/class/tacho-motor/motor0/position");
+    let position = Path::new(brick).join("sys/class/tacho-motor/motor0/position");
 
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&brick));
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
     let motor = TachoMotor::at(&tree, &"outB".parse()?)?;
     motor.position()?;
     println!("ours {}", nanoseconds_each(count, || Ok(motor.position().map(|value| _ = black_box(value))?))?);
