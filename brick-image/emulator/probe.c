@@ -77,14 +77,19 @@ static int processor_time(pid_t pid) {
   return 0;
 }
 
-/* Samples by the processor time of every thread that the process has now. */
+/* Samples the processor, whatever runs on it, and counts what was of one process, all its threads. */
 static int split(pid_t pid, double seconds) {
   enum { PAGES = 64 };
+  struct sample {
+    struct perf_event_header header;
+    unsigned long long place;
+    unsigned process, thread;
+  };
   struct perf_event_attr what = {
       .type = PERF_TYPE_SOFTWARE, .size = sizeof what, .config = PERF_COUNT_SW_CPU_CLOCK,
-      .sample_period = 191000, .sample_type = PERF_SAMPLE_IP,
+      .sample_period = 191000, .sample_type = PERF_SAMPLE_IP | PERF_SAMPLE_TID,
   };
-  int file = syscall(SYS_perf_event_open, &what, pid, -1, -1, 0);
+  int file = syscall(SYS_perf_event_open, &what, -1, 0, -1, 0);
   if (file < 0) return fail("perf_event_open");
   size_t page = sysconf(_SC_PAGESIZE), size = PAGES * page;
   char *ring = mmap(0, page + size, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
@@ -93,15 +98,18 @@ static int split(pid_t pid, double seconds) {
   long user = 0, kernel = 0;
   long long end = on(CLOCK_MONOTONIC) + (long long)(seconds * 1e9);
   while (on(CLOCK_MONOTONIC) < end) {
-    poll(0, 0, 200);
+    poll(0, 0, 100);
     __sync_synchronize();
     while (head->data_tail < head->data_head) {
-      struct perf_event_header *record = (void *)(ring + page + head->data_tail % size);
-      if (record->type == PERF_RECORD_SAMPLE) {
-        if ((record->misc & PERF_RECORD_MISC_CPUMODE_MASK) == PERF_RECORD_MISC_USER) user++;
+      /* Records are multiples of 8 bytes, so a header never wraps; a sample's fields may. */
+      struct sample record;
+      for (size_t at = 0; at < sizeof record; at += 8)
+        memcpy((char *)&record + at, ring + page + (head->data_tail + at) % size, 8);
+      if (record.header.type == PERF_RECORD_SAMPLE && record.process == (unsigned)pid) {
+        if ((record.header.misc & PERF_RECORD_MISC_CPUMODE_MASK) == PERF_RECORD_MISC_USER) user++;
         else kernel++;
       }
-      head->data_tail += record->size;
+      head->data_tail += record.header.size;
     }
   }
   printf("%ld %ld\n", user, kernel);
