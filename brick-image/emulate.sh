@@ -21,7 +21,7 @@ brick, and what is left in /tmp/out comes out.
   --disk FILE       a raw disk image, /dev/vda inside
   --timeout S       give up after so many seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
-  --with-sim FILE   the same with feature sim (default: built into target/emulator when it is missing or old)
+  --tools DIR       onbrick-sim and brick-figures for the brick's processor (default: target/emulator, built when it is not there)
   --image IMAGE     boot this SD card image with its own systemd instead; its console is this terminal
   --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670
   -h, --help        this
@@ -30,7 +30,7 @@ Exit codes: the scenario's own; 124 when the time is over; 1 when the emulator c
 END
 }
 
-exact=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' onbrick='' with_sim=''
+exact=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' onbrick='' tools=''
 added=() arguments=()
 while [ $# -gt 0 ]; do
   case $1 in
@@ -41,7 +41,7 @@ while [ $# -gt 0 ]; do
     --disk) disk=${2:?} && shift ;;
     --timeout) timeout=${2:?} && shift ;;
     --onbrick) onbrick=${2:?} && shift ;;
-    --with-sim) with_sim=${2:?} && shift ;;
+    --tools) tools=${2:?} && shift ;;
     --image) image=${2:?} && shift ;;
     --forward) forward=${2:?} && shift ;;
     -h | --help) usage && exit 0 ;;
@@ -89,12 +89,6 @@ fetch_busybox() {
   rm -rf "$apt"
 }
 
-# The file with the simulated brick inside, built beside the brick's own with the same flags.
-build_with_sim() {
-  "$checkout/brick-image/build.sh" --with-sim >&2
-  echo "$checkout/target/brick/onbrick-sim"
-}
-
 # put FILE PATH: into the machine's first file system.
 put() { install -D -m 755 "$1" "$work/root/$2"; }
 
@@ -105,7 +99,7 @@ first_file_system() {
   put "$here/scenario.sh" lib/scenario.sh
   put "$here/room.toml" lib/room.toml
   put "${onbrick:-$checkout/target/brick/onbrick}" usr/bin/onbrick
-  put "${with_sim:-$(build_with_sim)}" usr/bin/onbrick-sim
+  for tool in onbrick-sim brick-figures; do put "$tools/$tool" "usr/bin/$tool"; done
   arm-linux-gnueabi-gcc -O2 -static -Wall -o "$work/probe" "$here/probe.c"
   put "$work/probe" usr/bin/probe
   local missions

@@ -6,6 +6,8 @@
  *   probe cpu PID             nanoseconds of processor time that a process has used, by its own processor clock
  *   probe split PID SECONDS   samples a process; prints how many fell into user and into kernel code
  *   probe now                 nanoseconds since boot
+ *   probe stamp               copies lines, each with nanoseconds since boot before it
+ *   probe fifo PRIORITY CMD.. runs CMD with a real-time priority
  *   probe random              how a request for random bytes that may not wait ends
  */
 #define _GNU_SOURCE
@@ -16,6 +18,7 @@
 #include <linux/perf_event.h>
 #include <linux/seccomp.h>
 #include <poll.h>
+#include <sched.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -116,6 +119,22 @@ static int split(pid_t pid, double seconds) {
   return 0;
 }
 
+static int stamp(void) {
+  char line[65536];
+  while (fgets(line, sizeof line, stdin)) {
+    printf("%lld %s", on(CLOCK_MONOTONIC), line);
+    fflush(stdout);
+  }
+  return 0;
+}
+
+static int fifo(int priority, char **command) {
+  struct sched_param parameter = {.sched_priority = priority};
+  if (sched_setscheduler(0, SCHED_FIFO, &parameter) != 0) return fail("real-time priority");
+  execvp(command[0], command);
+  return fail(command[0]);
+}
+
 int main(int count, char **words) {
   const char *form = count > 1 ? words[1] : "";
   if (!strcmp(form, "read") && count == 4) return read_loop(words[2], atol(words[3]));
@@ -124,11 +143,13 @@ int main(int count, char **words) {
   if (!strcmp(form, "cpu") && count == 3) return processor_time(atoi(words[2]));
   if (!strcmp(form, "split") && count == 4) return split(atoi(words[2]), atof(words[3]));
   if (!strcmp(form, "now")) return printf("%lld\n", on(CLOCK_MONOTONIC)) < 0;
+  if (!strcmp(form, "stamp")) return stamp();
+  if (!strcmp(form, "fifo") && count > 3) return fifo(atoi(words[2]), words + 3);
   if (!strcmp(form, "random")) {
     char byte;
     puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
     return 0;
   }
-  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | cpu PID | split PID SECONDS | now | random\n", stderr);
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random\n", stderr);
   return 2;
 }

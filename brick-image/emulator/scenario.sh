@@ -50,7 +50,8 @@ wait_for() {
 # of this processor, which nobody who simulates a brick on a brick would be surprised at.
 brick_up() {
   mkdir -p /tmp/brick
-  onbrick-sim sim /tmp/brick --world "${1:-/lib/room.toml}" >/tmp/sim.log 2>&1 &
+  # It stands for hardware, which answers at once whatever else the processor is asked to do.
+  probe fifo 60 onbrick-sim sim /tmp/brick --world "${1:-/lib/room.toml}" >/tmp/sim.log 2>&1 &
   sim=$!
   wait_for 60 test -e /tmp/brick/sys/class/tacho-motor/motor0/position || {
     cat /tmp/sim.log
@@ -62,6 +63,37 @@ brick_up() {
 brick_down() {
   kill -INT "$sim"
   wait "$sim" || true
+}
+
+# mission NAME RATE SECONDS: the shipped mission of this name, at another rate and for another time.
+mission() {
+  sed -e "s/^rate_hz = .*/rate_hz = $2/" -e "s/^time_limit_s = .*/time_limit_s = $3/" "/etc/onbrick/missions/$1.toml" >"/tmp/$1.toml"
+  echo "/tmp/$1.toml"
+}
+
+# drive MISSION: a run in the background; its events, each with the time at which it came, are in /tmp/events. Returns when it drives.
+drive() {
+  rm -rf /tmp/run /tmp/events
+  (onbrick --json run "$1" --brick /tmp/brick --robot /etc/onbrick/robot.toml --out /tmp/run 2>&1 && echo '{"exit":0}') |
+    probe stamp >/tmp/events &
+  driving=$!
+  wait_for 60 grep -q '"event":"driving"' /tmp/events || {
+    cat /tmp/events
+    echo "FAILED: the run did not start"
+    return 1
+  }
+  # shellcheck disable=SC2034  # for the scenarios
+  control=$(process "onbrick control")
+}
+
+# arrive: waits for the run's end, which must be a good one.
+arrive() {
+  wait "$driving" || true
+  if ! grep -q '{"exit":0}' /tmp/events; then
+    tail -n 3 /tmp/events
+    echo "FAILED: the run did not end well"
+    return 1
+  fi
 }
 
 # process WORDS: the number of the process whose command line has these words in it.

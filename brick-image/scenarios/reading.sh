@@ -1,3 +1,4 @@
+# shellcheck shell=dash
 # One typed reading from a kept file of the kernel's own sysfs, against a bare C loop of pread and atoi on the same file, and beside
 # it the same by crates.io's ev3dev-lang-rust.
 brick_up
@@ -5,7 +6,7 @@ brick_up
 motor=/tmp/plain/sys/class/tacho-motor/motor0
 mkdir -p $motor
 for attribute in /tmp/brick/sys/class/tacho-motor/motor0/*; do
-  [ -f "$attribute" ] && cp "$attribute" $motor/ 2>/dev/null || true
+  if [ -f "$attribute" ]; then cp "$attribute" $motor/ 2>/dev/null || true; fi
 done
 echo "ev3-ports:outB" >$motor/address
 rm -f $motor/position
