@@ -27,6 +27,8 @@
 //! |---|---|
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
+//! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
+//! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
 //! | [`runtime`] | a run: checks, control loop, recorder, replay; before it, setting a robot up |
 //! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
 //! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure |
@@ -94,11 +96,15 @@ pub mod cli;
 pub mod clock;
 pub mod document;
 pub mod ev3dev;
+#[cfg(feature = "link")]
+pub mod link;
 pub mod mapping;
 #[cfg(feature = "host")]
 pub mod report;
 pub mod robot;
 pub mod runtime;
+#[cfg(feature = "cli")]
+pub mod service;
 #[cfg(feature = "sim")]
 pub mod sim;
 pub mod units;

@@ -25,6 +25,7 @@ use crate::mapping::Pose;
 use crate::robot::Channel;
 
 mod calibrate;
+mod child;
 mod control;
 mod dialogue;
 mod doctor;
@@ -43,6 +44,7 @@ pub use calibrate::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
     calibrate, set_numbers,
 };
+pub use child::{Order, RunError, RunProcess, StartError, StopBy, Stopper, next_order, read_job};
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
@@ -81,6 +83,21 @@ pub struct Job {
     pub file: PathBuf,
     /// How often the recording is brought to the disk, nanoseconds: at most what came since is lost in a power cut.
     pub sync_ns: i64,
+    /// The run's identifier, where whoever started it chose one; it goes into the recording.
+    pub run: Option<String>,
+    /// What becomes of the run when whoever started it is gone.
+    pub when_abandoned: WhenAbandoned,
+}
+
+/// What becomes of a run when whoever started it is gone: when the pipe of its orders closes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WhenAbandoned {
+    /// It stops.
+    #[default]
+    Stop,
+    /// It goes on to its own end.
+    GoOn,
 }
 
 /// Where a robot's attribute files are.
@@ -115,6 +132,15 @@ pub enum Event {
     },
     /// How it is going.
     Status(recording::Status),
+    /// The motors were told to stop; what follows is the recording's end, which may take a while.
+    Stopped {
+        /// One word: see [`StopReason::word`].
+        word: String,
+        /// Why it ended, for people.
+        reason: String,
+        /// Every motor took the command to stop.
+        stopped: bool,
+    },
     /// The run did not start.
     Refused {
         /// Why.
@@ -201,7 +227,11 @@ pub enum StopReason {
     TimeLimit,
     /// Somebody pressed Enter or Back on the brick.
     Button,
-    /// SIGINT, SIGTERM or SIGHUP.
+    /// Somebody asked for it over the network.
+    Remote,
+    /// The menu on the brick is gone, and runs were to end with it.
+    MenuClosed,
+    /// SIGINT, SIGTERM or SIGHUP, at whichever of the run's processes.
     Signal,
     /// Whoever started the run is gone.
     Abandoned,
@@ -225,6 +255,8 @@ impl StopReason {
             Self::Finished => "finished",
             Self::TimeLimit => "time limit",
             Self::Button => "button",
+            Self::Remote => "remote",
+            Self::MenuClosed => "menu closed",
             Self::Signal => "signal",
             Self::Abandoned => "abandoned",
             Self::Lost(_) => "lost",
@@ -238,7 +270,10 @@ impl StopReason {
     /// True where the run ended as the mission or a person wanted it.
     #[must_use]
     pub const fn is_wanted(self) -> bool {
-        matches!(self, Self::Finished | Self::TimeLimit | Self::Button | Self::Signal)
+        matches!(
+            self,
+            Self::Finished | Self::TimeLimit | Self::Button | Self::Remote | Self::MenuClosed | Self::Signal
+        )
     }
 }
 
@@ -248,6 +283,8 @@ impl std::fmt::Display for StopReason {
             Self::Finished => f.write_str("the mission is finished"),
             Self::TimeLimit => f.write_str("the mission's time limit"),
             Self::Button => f.write_str("stopped by a button on the brick"),
+            Self::Remote => f.write_str("stopped over the network"),
+            Self::MenuClosed => f.write_str("the brick's menu is gone"),
             Self::Signal => f.write_str("stopped by a signal"),
             Self::Abandoned => f.write_str("whoever started the run is gone"),
             Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),

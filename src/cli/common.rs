@@ -275,6 +275,7 @@ impl Progress {
             Event::Preparing { what } => log::warn!("{what}"),
             Event::Driving { .. } => log::info!("driving"),
             Event::Status(status) => self.status(status),
+            Event::Stopped { reason, .. } => log::info!("{reason}"),
             Event::Refused { .. } | Event::Ended(_) => {}
         }
     }

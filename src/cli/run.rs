@@ -1,11 +1,7 @@
 //! `onbrick run`: a mission, here and now, in the foreground.
 
-use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::common::{broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, warn};
@@ -13,7 +9,7 @@ use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::mapping::Pose;
-use crate::runtime::{Brick, Ended, Event, Job};
+use crate::runtime::{Brick, Ended, Job, RunError, RunProcess, StopBy, Stopper, WhenAbandoned};
 use crate::units::radians;
 
 /// Run a mission here, in the foreground, and record it.
@@ -81,6 +77,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         set: arguments.set.clone(),
         file: file.clone(),
         sync_ns: nanoseconds(arguments.sync_s),
+        run: None,
+        when_abandoned: WhenAbandoned::Stop,
     };
     let ended = drive(&job, &mission, output).inspect_err(|_| folder.take_back())?;
     // A program has read it already: it was the last event.
@@ -161,62 +159,35 @@ fn next_free(folder: &Path, mission: &str) -> PathBuf {
     }
 }
 
-/// Starts control, hands it the job, and follows it to its end.
+/// Starts the run in a process of its own and follows it to its end.
 fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Failure> {
     let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
     let program = std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
-    let mut control = Command::new(program)
-        .arg("control")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .map_err(|error| failed("cannot start control", &error))?;
-    forward_signals(&control)?;
-    // Kept to the end: closing it tells control that we are gone.
-    let mut pipe = control.stdin.take();
-    let mut line = serde_json::to_vec(job).map_err(|error| failed("cannot write the job", &error))?;
-    line.push(b'\n');
-    if let Some(pipe) = &mut pipe {
-        pipe.write_all(&line).map_err(|error| failed("control did not take its job", &error))?;
-    }
-    let last = follow(&mut control, mission, output);
-    let status = control.wait().map_err(|error| failed("cannot wait for control", &error))?;
-    drop(pipe);
-    match last {
-        Some(Event::Ended(ended)) => Ok(ended),
-        Some(Event::Refused { message, hint }) => Err(Failure::of_refused(message, hint.as_deref())),
-        _ => Err(Failure::new(Exit::Failed, format!("control ended without a word ({status})"))
-            .hint("onbrick halt, to be sure that the motors are still")),
-    }
-}
-
-/// Shows what control says until it says nothing more; its last word.
-fn follow(control: &mut Child, mission: &Mission, output: &mut Output) -> Option<Event> {
+    let mut run =
+        RunProcess::start(&program, job).map_err(|error| failed("the run did not start", &error))?;
+    forward_signals(run.stopper())?;
     let progress = super::common::Progress::new(mission, output);
-    let mut last = None;
-    for line in BufReader::new(control.stdout.take()?).lines() {
-        let Ok(line) = line else { break };
-        // An empty line is the heartbeat. The guard will listen to it; a person sees the status.
-        let Ok(event) = serde_json::from_str::<Event>(&line) else { continue };
+    while let Some(event) = run.next_event() {
         output.value(&event);
         progress.show(&event);
-        last = Some(event);
     }
     progress.finish();
-    last
+    run.wait().map_err(|error| match error {
+        RunError::Refused { message, hint } => Failure::of_refused(message, hint.as_deref()),
+        RunError::Silent { .. } | RunError::Io(_) => {
+            failed("the run", &error).hint("onbrick halt, to be sure that the motors are still")
+        }
+    })
 }
 
 /// Whoever stops us means the run. From a terminal control hears it as well, and hearing it twice does no harm.
-fn forward_signals(control: &Child) -> Result<(), Failure> {
-    let failed =
-        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot listen to signals", error);
-    let pid = Pid::from_raw(i32::try_from(control.id()).map_err(|error| failed(&error))?);
-    let mut signals =
-        signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|error| failed(&error))?;
+fn forward_signals(run: Stopper) -> Result<(), Failure> {
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     std::thread::spawn(move || {
         for _ in signals.forever() {
-            // A control that is gone needs no telling.
-            let _ = kill(pid, Signal::SIGTERM);
+            // A run that is gone needs no telling.
+            let _ = run.stop(StopBy::Terminal);
         }
     });
     Ok(())

@@ -22,7 +22,7 @@ use crate::robot::{Channel, Robot, Senses};
 
 use super::pilot::{Pilot, Step};
 use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
-use super::{Heartbeat, StopReason};
+use super::{Heartbeat, StopBy, StopReason};
 
 /// A tick this late ends the run, nanoseconds.
 pub const STALL_NS: i64 = 200_000_000;
@@ -37,6 +37,10 @@ pub struct StopFlags {
     pub signal: Arc<AtomicBool>,
     /// Whoever started the run is gone.
     pub abandoned: Arc<AtomicBool>,
+    /// Somebody asked over the network.
+    pub remote: Arc<AtomicBool>,
+    /// The menu is gone.
+    pub menu_closed: Arc<AtomicBool>,
 }
 
 impl StopFlags {
@@ -53,6 +57,16 @@ impl StopFlags {
         Ok(flags)
     }
 
+    /// Asks to stop on somebody's behalf.
+    pub fn raise(&self, by: StopBy) {
+        let flag = match by {
+            StopBy::Remote => &self.remote,
+            StopBy::MenuClosed => &self.menu_closed,
+            StopBy::Terminal => &self.signal,
+        };
+        flag.store(true, Ordering::Relaxed);
+    }
+
     /// True where anything asks to stop.
     #[must_use]
     pub fn is_raised(&self) -> bool {
@@ -60,13 +74,13 @@ impl StopFlags {
     }
 
     fn reason(&self) -> Option<StopReason> {
-        if self.signal.load(Ordering::Relaxed) {
-            Some(StopReason::Signal)
-        } else if self.abandoned.load(Ordering::Relaxed) {
-            Some(StopReason::Abandoned)
-        } else {
-            None
-        }
+        let raised = [
+            (&self.signal, StopReason::Signal),
+            (&self.remote, StopReason::Remote),
+            (&self.menu_closed, StopReason::MenuClosed),
+            (&self.abandoned, StopReason::Abandoned),
+        ];
+        raised.into_iter().find(|(flag, _)| flag.load(Ordering::Relaxed)).map(|(_, reason)| reason)
     }
 }
 

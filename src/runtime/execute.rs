@@ -203,6 +203,7 @@ impl Stage {
             Some(trouble) => format!("{word}: {trouble}"),
             None => word.to_string(),
         };
+        report(&Event::Stopped { word: word.word().to_owned(), reason: reason.clone(), stopped });
         let end = End {
             reason: reason.clone(),
             time_ns: tally.time_ns,
@@ -356,6 +357,7 @@ fn record(
     let sink = recording::create(&job.file)
         .map_err(|source| failed(RecordError { doing: "create the file", source }))?;
     let start = Start {
+        run: job.run.clone(),
         brick: config.name.clone(),
         mission: mission.name().to_owned(),
         robot_toml: job.robot.text.clone(),

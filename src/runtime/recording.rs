@@ -106,6 +106,8 @@ pub const FRAME_RANGE: &str = "range_link";
 /// What is known of a run when it starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
+    /// The run's identifier, where whoever started it chose one.
+    pub run: Option<String>,
     /// The brick's name.
     pub brick: String,
     /// The mission's name.

@@ -208,6 +208,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
     let (config, _) = RobotConfig::load(&robot.name, robot.text.as_bytes())?;
     let mut cast = Cast::of(run, Some(&config))?;
     let start = Start {
+        run: cast.info.run.clone(),
         brick: config.name.clone(),
         mission: cast.mission.name().to_owned(),
         robot_toml: robot.text.clone(),

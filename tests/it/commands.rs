@@ -11,6 +11,7 @@ mod files;
 mod finished;
 mod help;
 mod outside;
+mod processes;
 mod simulated;
 
 /// How a command ended, and what it said.

@@ -176,6 +176,8 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::Finished,
         StopReason::TimeLimit,
         StopReason::Button,
+        StopReason::Remote,
+        StopReason::MenuClosed,
         StopReason::Signal,
         StopReason::Abandoned,
         StopReason::Lost(onbrick::robot::Channel::Gyro),

@@ -47,6 +47,7 @@ pub(crate) fn start(pace: Pace) -> Start {
         conditions: conditions.iter().map(|text| (*text).to_owned()).collect(),
     };
     Start {
+        run: Some("7f3a".to_owned()),
         brick: "mapper".to_owned(),
         mission: "map <the room> & back".to_owned(),
         robot_toml: "name = \"mapper\"\n".to_owned(),
@@ -286,6 +287,7 @@ fn what_the_run_is_and_how_it_ended_is_recorded() {
     assert_eq!(run.mission_toml, Some(expected.mission_toml));
     assert_eq!(run.world_toml, expected.world_toml);
     let info = run.info.unwrap();
+    assert_eq!(info.run.as_deref(), Some("7f3a"));
     assert_eq!((info.brick.as_str(), info.mission.as_str()), ("mapper", "map <the room> & back"));
     assert_eq!((info.start_pose, info.start_ns), (expected.start_pose, 1_000));
     assert_eq!((info.wall_offset_ns, info.period_ns), (expected.wall_offset_ns, PERIOD_NS));

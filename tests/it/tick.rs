@@ -180,6 +180,7 @@ fn a_tick_allocates_nothing_after_the_first() {
 
 pub(crate) fn start(mission: &Mission) -> Start {
     Start {
+        run: None,
         brick: "mapper".to_owned(),
         mission: mission.name().to_owned(),
         robot_toml: String::new(),

@@ -157,6 +157,9 @@ fn about(start: &Start) -> Metadata {
     let mut values = BTreeMap::new();
     let mut put = |key: &str, value: String| values.insert(key.to_owned(), value);
     put(names::VERSION, env!("CARGO_PKG_VERSION").to_owned());
+    if let Some(run) = &start.run {
+        put(names::RUN, run.clone());
+    }
     put(names::BRICK, start.brick.clone());
     put(names::MISSION_NAME, start.mission.clone());
     put(names::START_X, start.start_pose.x_m.to_string());

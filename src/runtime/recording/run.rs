@@ -23,6 +23,7 @@ pub(super) mod names {
     pub(crate) const WORLD: &str = "world.toml";
     pub(crate) const ABOUT: &str = "onbrick";
     pub(crate) const VERSION: &str = "version";
+    pub(crate) const RUN: &str = "run";
     pub(crate) const BRICK: &str = "brick";
     pub(crate) const MISSION_NAME: &str = "mission";
     pub(crate) const START_X: &str = "start_x_m";
@@ -50,6 +51,8 @@ const MAX_BYTES: u64 = 2 << 30;
 pub struct Info {
     /// The version of onbrick that recorded it.
     pub version: String,
+    /// The run's identifier, where whoever started it chose one.
+    pub run: Option<String>,
     /// The brick's name.
     pub brick: String,
     /// The mission's name.
@@ -367,6 +370,7 @@ fn info(metadata: &Metadata) -> Info {
     };
     Info {
         version: text(names::VERSION),
+        run: metadata.metadata.get(names::RUN).cloned(),
         brick: text(names::BRICK),
         mission: text(names::MISSION_NAME),
         start_pose: pose_of(metadata, [names::START_X, names::START_Y, names::START_HEADING])

@@ -9,7 +9,7 @@ use nix::unistd::Pid;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording::Run;
-use onbrick::runtime::{Brick, Heartbeat, Job, Source, StopFlags, execute};
+use onbrick::runtime::{Brick, Heartbeat, Job, Source, StopFlags, WhenAbandoned, execute};
 
 use super::{Done, done, keys, names, onbrick, run, text};
 use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
@@ -161,6 +161,8 @@ fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
         set: Vec::new(),
         file: folder.path().join("run.mcap"),
         sync_ns: 1_000_000_000,
+        run: None,
+        when_abandoned: WhenAbandoned::Stop,
     };
     let ended = execute(&job, &StopFlags::default(), &mut Failing(0), |_| {}).unwrap();
     assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("panicked", false, true), "{ended}");
