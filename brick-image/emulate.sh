@@ -127,12 +127,12 @@ scenario_file() {
 without_noise() { sed -u -e '/^vpb_sic_write: /d' -e '/^reboot: /d' -e 's/\r$//'; }
 
 run_scenario() {
-  touch "$work/code" "$work/out.tar"
-  machine+=(-initrd "$work/rd.gz" -append "$words rdinit=/init" -serial stdio -serial "file:$work/code" -serial "file:$work/out.tar")
+  touch "$work/code" "$work/out.tgz"
+  machine+=(-initrd "$work/rd.gz" -append "$words rdinit=/init" -serial stdio -serial "file:$work/code" -serial "file:$work/out.tgz")
   local ended=0
   timeout --foreground "$timeout" "${machine[@]}" </dev/null 2>"$work/qemu.log" | without_noise || ended=$?
   [ "$ended" != 124 ] || { say "gave up after $timeout s" && exit 124; }
-  if [ -n "$out" ] && [ -s "$work/out.tar" ]; then mkdir -p "$out" && tar xf "$work/out.tar" -C "$out"; fi
+  if [ -n "$out" ] && [ -s "$work/out.tgz" ]; then mkdir -p "$out" && tar xzf "$work/out.tgz" -C "$out"; fi
   local code
   code=$(tr -d '\r\n' <"$work/code")
   # QEMU complains of missing sound cards and the like; that matters only where nothing came of it.

@@ -36,6 +36,8 @@ mod terminal;
 mod export;
 #[cfg(feature = "host")]
 mod plot;
+#[cfg(feature = "host")]
+mod push;
 mod replay;
 
 #[cfg(all(feature = "sim", feature = "host"))]
@@ -78,6 +80,8 @@ enum Command {
     Plot(plot::Arguments),
     #[cfg(feature = "host")]
     Export(export::Arguments),
+    #[cfg(feature = "host")]
+    Push(push::Arguments),
     Replay(replay::Arguments),
     #[command(hide = true)]
     Control(control::Arguments),
@@ -116,6 +120,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plot(arguments) => plot::run(&arguments, &mut output),
         #[cfg(feature = "host")]
         Command::Export(arguments) => export::run(&arguments, &mut output),
+        #[cfg(feature = "host")]
+        Command::Push(arguments) => push::run(&arguments, &mut output),
         Command::Replay(arguments) => replay::run(&arguments, &mut output),
         Command::Control(arguments) => control::run(&arguments, &mut output),
     };
