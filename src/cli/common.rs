@@ -56,7 +56,7 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
 }
 
 /// Reads at most one byte more than a document may have: enough to say that it is too long.
-fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
+pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     let failed = |error: &std::io::Error| {
         Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), error)
     };

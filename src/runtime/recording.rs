@@ -74,6 +74,7 @@ mod encoder;
 mod file;
 mod grid;
 pub mod message;
+mod outside;
 mod points;
 mod recorder;
 mod run;
@@ -87,6 +88,7 @@ use crate::mapping::Pose;
 
 pub use file::{RecordError, SYNC_MAGIC, SYNC_OPCODE, Sink, create};
 pub use message::{Gap, TickStatistics};
+pub use outside::{ending_of, writer};
 pub use recorder::{Recorder, Summary};
 pub use run::{Checkpoint, Ending, Info, LogLine, ReadError, RecordedPose, Run, Transition};
 pub use status::Status;

@@ -155,7 +155,9 @@ pub enum LocalOnly {
     },
     /// Hand a job over to be run; the same as `start` for somebody at the brick: no token. Answered with [`Started`].
     StartHere(Start),
-    /// Stop because the menu was closed; otherwise as `stop`.
+    /// This connection is the menu's: when it closes, however that happens, it is as if `menu_closed` had been asked. Answered with [`Done`].
+    MenuHere,
+    /// Stop because the menu was closed, where the configuration says that a run ends with it; otherwise as `stop`.
     MenuClosed,
     /// The fault was seen; answered with [`Done`].
     Acknowledge,

@@ -384,7 +384,7 @@ fn info(metadata: &Metadata) -> Info {
     }
 }
 
-fn ending(metadata: &Metadata) -> Ending {
+pub(super) fn ending(metadata: &Metadata) -> Ending {
     let text = |key: &str| metadata.metadata.get(key).cloned().unwrap_or_default();
     Ending {
         reason: text(names::REASON),

@@ -98,7 +98,8 @@ pub struct LastStop {
     pub run: Option<RunId>,
     /// Its mission's name.
     pub mission: String,
-    /// One word: `finished`, `time limit`, `button`, `remote`, `menu closed`, `outside`, `guard`, … ([`StopReason::word`](crate::runtime::StopReason::word)).
+    /// One word: `finished`, `time limit`, `button`, `remote`, `menu closed`, `outside`, `guard`, … ([`StopReason::word`](crate::runtime::StopReason::word));
+    /// besides `refused` (it did not start), `died` (its process ended without a word), and, where no run is meant, `robot` and `disk`.
     pub word: String,
     /// The reason, for people.
     pub reason: String,
@@ -187,7 +188,8 @@ pub struct Fetched {
     pub total: u64,
     /// The recording is complete: `total` does not grow.
     pub complete: bool,
-    /// SHA-256 of the whole, in hexadecimal, once it is complete and this part reaches its end.
+    /// SHA-256 of the whole, in hexadecimal, once it is complete and this part reaches its end. It is computed in the background: a part that
+    /// reaches the end of a complete recording and has none came too early; asking again from there, for no bytes, brings it.
     pub sha256: Option<String>,
 }
 

@@ -19,11 +19,12 @@ pub struct NotUnderstood {
 const SHARED: [&str; 7] = ["status", "missions", "start", "stop", "runs", "fetch", "identify"];
 
 /// Operations of [`LocalOnly`].
-const OWN: [&str; 11] = [
+const OWN: [&str; 12] = [
     "live",
     "jog",
     "delete",
     "start_here",
+    "menu_here",
     "menu_closed",
     "acknowledge",
     "pairing_window",

@@ -56,6 +56,8 @@ pub enum Kind {
     BeyondEnd,
     /// Too much at once.
     TooMany,
+    /// The disk or the quota has no room for a run.
+    NoRoom,
     /// It went wrong on the brick.
     Failed,
     /// A kind that this version does not know.
