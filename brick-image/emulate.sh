@@ -19,9 +19,10 @@ brick, and what is left in /tmp/out comes out.
   --out DIR         where the files of /tmp/out go
   --add FILE:PATH   one more file, at this path inside; can be repeated
   --disk FILE       a raw disk image, /dev/vda inside
+  --pid FILE        the emulator's process number goes there: killing it is a power cut
   --timeout S       give up after so many seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
-  --tools DIR       onbrick-sim and brick-figures for the brick's processor (default: target/emulator, built when it is not there)
+  --tools DIR       onbrick-sim and brick-figures for the brick's processor (default: built into target/emulator)
   --image IMAGE     boot this SD card image with its own systemd instead; its console is this terminal
   --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670
   -h, --help        this
@@ -30,7 +31,7 @@ Exit codes: the scenario's own; 124 when the time is over; 1 when the emulator c
 END
 }
 
-exact=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' onbrick='' tools=''
+exact=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' machine_pid='' onbrick='' tools=''
 added=() arguments=()
 while [ $# -gt 0 ]; do
   case $1 in
@@ -39,6 +40,7 @@ while [ $# -gt 0 ]; do
     --out) out=${2:?} && shift ;;
     --add) added+=("${2:?}") && shift ;;
     --disk) disk=${2:?} && shift ;;
+    --pid) machine_pid=${2:?} && shift ;;
     --timeout) timeout=${2:?} && shift ;;
     --onbrick) onbrick=${2:?} && shift ;;
     --tools) tools=${2:?} && shift ;;
@@ -58,8 +60,9 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 machine=(qemu-system-arm -M versatilepb -cpu arm926 -m 64M -kernel "$kernel/zImage" -dtb "$kernel/versatile-pb.dtb" -no-reboot -monitor none -display none)
-# A disk that says it has written has written it to the image: a power cut is this process's death.
-virtio_disk() { machine+=(-drive "file=$1,format=raw,if=none,id=d,cache=writethrough" -device "virtio-blk-pci,drive=d"); }
+# What the guest has written is in the image, or in this machine's memory on its way there: a power cut is the emulator's death.
+virtio_disk() { machine+=(-drive "file=$1,format=raw,if=none,id=d" -device "virtio-blk-pci,drive=d"); }
+[ -z "$machine_pid" ] || machine+=(-pidfile "$machine_pid")
 [ "$exact" = no ] || machine+=(-icount "shift=2,sleep=off")
 [ -z "$disk" ] || virtio_disk "$disk"
 words="console=ttyAMA0 quiet video=vfb:178x128-32"
@@ -99,6 +102,7 @@ first_file_system() {
   put "$here/scenario.sh" lib/scenario.sh
   put "$here/room.toml" lib/room.toml
   put "${onbrick:-$checkout/target/brick/onbrick}" usr/bin/onbrick
+  tools=${tools:-$("$here/tools.sh")}
   for tool in onbrick-sim brick-figures; do put "$tools/$tool" "usr/bin/$tool"; done
   arm-linux-gnueabi-gcc -O2 -static -Wall -o "$work/probe" "$here/probe.c"
   put "$work/probe" usr/bin/probe

@@ -47,3 +47,16 @@ locked() {
     "$@"
   ) 9>"$cache/$name.lock"
 }
+
+# arm_cargo ARGUMENTS…: cargo for the brick's processor, with whichever compiler is there (build.sh installs one).
+arm_cargo() {
+  local target=armv5te-unknown-linux-gnueabi
+  if [ -d "$(rustc --print target-libdir --target $target 2>/dev/null)" ]; then
+    cargo "$@" --config "$checkout/cross.toml"
+  elif [ -d /usr/lib/rustlib/src/rust/library ]; then
+    # Debian's, which builds the standard library as well. The PATH keeps rustup's programs out of the way.
+    RUSTC_BOOTSTRAP=1 PATH=/usr/bin:/bin cargo "$@" --config "$checkout/cross.toml"
+  else
+    fail "there is no Rust compiler for the brick's processor" "brick-image/build.sh, which installs one"
+  fi
+}

@@ -13,7 +13,7 @@ if [ $# -gt 0 ]; then
 fi
 
 suite=bookworm
-packages=systemd-sysv,udev,dbus,iproute2,openssh-server,sudo,procps
+contents=systemd-sysv,udev,dbus,iproute2,openssh-server,sudo,procps
 key=$(sha256sum "${BASH_SOURCE[0]}" | cut -c1-16)
 archive=$cache/root-$key.tar.gz
 
@@ -45,7 +45,7 @@ build() {
   trap "rm -rf '$work'" EXIT
   enable_emulation
   say "making a Debian armel root, once; a few minutes"
-  debootstrap --arch=armel --variant=minbase --include="$packages" "$suite" "$work/root" >"$work/log" 2>&1 || {
+  debootstrap --arch=armel --variant=minbase --include="$contents" "$suite" "$work/root" >"$work/log" 2>&1 || {
     tail -n 20 "$work/log" >&2
     fail "debootstrap did not make a root" "its last lines are above"
   }
