@@ -8,12 +8,12 @@ Usage: brick-image/inject.sh IMAGE [OPTIONS]
 
 Puts the package into IMAGE, an ev3dev SD card image (unpacked: a file that ends in .img). At its first start the brick installs it by
 itself. Needs no root. A dozen bricks are twelve commands:
-  brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" --key ~/.config/onbrick/public.key
+  brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" --key "$(onbrick key show)"
 
   --out NEW.img     leave IMAGE alone and make this one
   --name NAME       the brick's name on the network; without it all are called ev3dev
   --wifi NAME       join this wireless network; the password is asked for, or the first line of standard input
-  --key KEY         let this PC in: a public key as `onbrick key show` prints it, or a file with it in; can be repeated
+  --key KEY         let this PC in: what `onbrick key show` prints, or a file with that in it; can be repeated
   --deb FILE        the package (default: target/brick/onbrick_*_armel.deb)
   -h, --help        this
 END
@@ -61,12 +61,13 @@ check_name() {
     fail "$name cannot be a brick's name" "small letters a to z, digits, and - in between; at most 63"
 }
 
-# A key is 40 signs of Z85, alone on a line.
+# A key is 40 signs of Z85, alone or as `onbrick key show` prints it.
 read_keys() {
   local place=0 key
   for key in ${keys[@]+"${keys[@]}"}; do
-    if [ -f "$key" ]; then key=$(grep -xE '[]0-9a-zA-Z.:+=^!/*?&<>()[{}@%$#-]{40}' "$key" | head -n 1 || true); fi
-    [ ${#key} = 40 ] || fail "this is no key: ${keys[$place]}" "a key has 40 signs; onbrick key show prints this PC's"
+    if [ -f "$key" ]; then key=$(<"$key"); fi
+    key=$(tr -s ' ' '\n' <<<"$key" | grep -xE '[]0-9a-zA-Z.:+=^!/*?&<>()[{}@%$#-]{40}' | head -n 1) ||
+      fail "this is no key: ${keys[$place]}" "a key has 40 signs; onbrick key show prints this PC's"
     keys[place]=$key
     place=$((place + 1))
   done

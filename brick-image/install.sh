@@ -56,10 +56,18 @@ fi
 if [ -z "$deb" ]; then deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1); fi
 if [ -z "$deb" ] || [ ! -f "$deb" ]; then fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"; fi
 
+if [ -z "$onbrick" ]; then
+  for file in "$here/../target/brick/onbrick-pc" "$here/../target/release/onbrick" "$(command -v onbrick || true)"; do
+    if [ -x "$file" ]; then onbrick=$file && break; fi
+  done
+fi
+if [ "$key" = yes ] && [ -z "$onbrick" ]; then fail "there is no onbrick for this PC, whose key the brick is to know" "cargo build --release, or --no-key"; fi
+
 # One connection for everything, so that ssh asks for the password once.
 work=$(mktemp -d)
 control=(-o ControlMaster=auto -o "ControlPath=$work/ssh" -o ControlPersist=60)
 trap 'ssh "${control[@]}" -O exit "$host" 2>/dev/null || true; rm -rf "$work"' EXIT
+# shellcheck disable=SC2029  # what is expanded here is meant to be
 on_brick() { ssh "${control[@]}" "$host" "$@"; }
 
 say "connecting to $host"
@@ -77,8 +85,10 @@ if ! on_brick sudo -n true </dev/null 2>/dev/null; then
   if [ -t 0 ]; then read -rsp "password of ${host%%@*} on the brick, for sudo: " password && echo; else read -r password || true; fi
   printf '%s\n' "$password" | on_brick sudo -S -p "''" true 2>/dev/null || fail "the brick's sudo did not take that password" "the password of a new ev3dev is maker" 3
 fi
+# quoted WORD: for a shell on the other side, whichever it is.
+quoted() { printf "'%s'" "${1//\'/\'\\\'\'}"; }
 # as_root COMMAND: one command line for the brick's root shell, which gets its files from somewhere else than standard input.
-as_root() { printf '%s\n' "$password" | on_brick "sudo -S -p '' sh -c $(printf %q "$1")"; }
+as_root() { printf '%s\n' "$password" | on_brick "sudo -S -p '' sh -c $(quoted "$1")"; }
 
 # The file is whole before anything happens; dpkg then unpacks it beside the old version, and changes over at once.
 sum=$(sha256sum <"$deb" | cut -d' ' -f1)
@@ -127,5 +137,23 @@ if as_root "perl -e '\$hash = (getpwnam(q($SUDO_USER_ON_BRICK)))[1]; exit(crypt(
   say "  try: ssh -t $host passwd"
 fi
 
-@KEY@
+# This PC's key into the brick, and the brick's into this PC's list; what is shown by both sides over ssh needs no comparing of codes.
+introduce() {
+  local ours theirs address
+  ours=$("$onbrick" --json key show 2>/dev/null) || ours=$("$onbrick" key new >/dev/null && "$onbrick" --json key show)
+  ours=$(sed -n 's/.*"key":"\([^"]*\)".*/\1/p' <<<"$ours")
+  as_root "runuser -u onbrick -- onbrick key authorise $(quoted "$ours") --name $(quoted "$(id -un)@$(hostname)") --keys /etc/onbrick/keys" ||
+    return 1
+  theirs=$(as_root "runuser -u onbrick -- onbrick --json key show --keys /etc/onbrick/keys" | sed -n 's/.*"key":"\([^"]*\)".*/\1/p')
+  address=${host#ssh://}
+  address=${address#*@}
+  address=${address%%:*}
+  [ -z "$name" ] || address=$name.local
+  "$onbrick" key know "${name:-$address}" "$address" "$theirs"
+}
+
+if [ "$key" = yes ]; then
+  introduce || fail "the brick is installed, but this PC's key is not in it" "onbrick pair $host"
+  say "this PC may talk to it: onbrick status ${name:-${host#*@}}"
+fi
 say "done"

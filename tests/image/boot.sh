@@ -8,7 +8,6 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 image=$work/card.img
 linux=offset=$((106496 * 512))
 port=$((20000 + $$ % 20000))
-pc=${ONBRICK:-$checkout/target/debug/onbrick}
 tools=${ONBRICK_TOOLS:-$("$checkout/brick-image/emulator/tools.sh")}
 
 # add FILE PATH MODE: what only this test has: instead of the EV3's hardware, the simulated brick.
@@ -36,6 +35,7 @@ cut_power() {
   kill -KILL "$(cat "$work/pid")"
   wait "$emulator" || true
 }
+# shellcheck disable=SC2016  # when it is run
 cleaning+=('kill -KILL "$(cat "$work/pid")" 2>/dev/null')
 
 # wait_until SECONDS COMMAND…

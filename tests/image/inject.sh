@@ -51,7 +51,7 @@ check "so is a key that is none" not inject "$image" --key 12345
 check "nothing was changed by any of that" [ "$(sha256sum <"$image")" = "$before" ]
 
 key='rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7'
-echo "secret of room 12" | inject "$image" --out "$work/red.img" --name red --wifi "Room 12" --key "$key" || { cat "$work/said" && exit 1; }
+echo "secret of room 12" | inject "$image" --out "$work/red.img" --name red --wifi "Room 12" --key "key          $key"$'\n'"fingerprint  0123-4567-89ab-cdef" || { cat "$work/said" && exit 1; }
 check "the original is as it was" [ "$(sha256sum <"$image")" = "$before" ]
 check "the password is nowhere in what is said" not says "$work/said" "secret"
 check "the package is in it" [ "$(in_image 'cat /var/cache/onbrick/onbrick.deb' "$work/red.img" | sha256sum)" = "$(sha256sum <"$deb")" ]

@@ -101,6 +101,7 @@ fn used_ns() -> Result<i64, Box<dyn Error>> {
 
 fn start(mission: &Mission) -> Start {
     Start {
+        run: None,
         brick: "mapper".to_owned(),
         mission: mission.name().to_owned(),
         robot_toml: String::new(),
