@@ -40,6 +40,8 @@ mod urgency;
 mod export;
 #[cfg(feature = "host")]
 mod plot;
+#[cfg(feature = "host")]
+mod push;
 mod replay;
 
 #[cfg(all(feature = "sim", feature = "host"))]
@@ -127,6 +129,8 @@ enum Command {
     Plot(plot::Arguments),
     #[cfg(feature = "host")]
     Export(export::Arguments),
+    #[cfg(feature = "host")]
+    Push(push::Arguments),
     Replay(replay::Arguments),
     #[command(hide = true)]
     Control(control::Arguments),
@@ -191,6 +195,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plot(arguments) => plot::run(&arguments, &mut output),
         #[cfg(feature = "host")]
         Command::Export(arguments) => export::run(&arguments, &mut output),
+        #[cfg(feature = "host")]
+        Command::Push(arguments) => push::run(&arguments, &mut output),
         Command::Replay(arguments) => replay::run(&arguments, &mut output),
         Command::Control(arguments) => control::run(&arguments, &mut output),
         Command::Guard(arguments) => guard::run(&arguments, &mut output),
