@@ -2,5 +2,6 @@
 #![cfg(all(feature = "cli", feature = "sim"))]
 
 mod kills;
+mod matrix;
 mod plugs;
 mod witness;
