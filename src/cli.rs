@@ -27,9 +27,11 @@ mod doctor;
 mod graph;
 mod guard;
 mod halt;
+mod menu;
 mod new;
 mod output;
 mod run;
+mod serve;
 mod setup;
 mod terminal;
 mod urgency;
@@ -68,6 +70,8 @@ enum Command {
     #[cfg(feature = "sim")]
     Sim(sim::Arguments),
     Run(run::Arguments),
+    Serve(serve::Arguments),
+    Menu(menu::Arguments),
     Check(check::Arguments),
     Graph(graph::Arguments),
     New(new::Arguments),
@@ -98,7 +102,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let level = [log::LevelFilter::Warn, log::LevelFilter::Info, log::LevelFilter::Debug];
-    let level = level.get(usize::from(arguments.verbose)).copied().unwrap_or(log::LevelFilter::Trace);
+    // What a service does is what its log is read for.
+    let more = usize::from(matches!(arguments.command, Command::Serve(_)));
+    let level = level.get(usize::from(arguments.verbose) + more).copied().unwrap_or(log::LevelFilter::Trace);
     env_logger::Builder::new().filter_level(level).format(said).init();
 
     let mut output = Output::new(arguments.json);
@@ -108,6 +114,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         #[cfg(feature = "sim")]
         Command::Sim(arguments) => sim::run(&arguments, &mut output),
         Command::Run(arguments) => run::run(&arguments, &mut output),
+        Command::Serve(arguments) => serve::run(&arguments, &mut output),
+        Command::Menu(arguments) => menu::run(&arguments, &mut output),
         Command::Check(arguments) => check::run(&arguments, &mut output),
         Command::Graph(arguments) => graph::run(&arguments, &mut output),
         Command::New(arguments) => new::run(&arguments, &mut output),
@@ -139,5 +147,18 @@ fn said(out: &mut env_logger::fmt::Formatter, record: &log::Record<'_>) -> std::
         log::Level::Warn if !text.starts_with("warning:") => "warning: ",
         _ => "",
     };
-    writeln!(out, "{prefix}{}", text.trim_end())
+    writeln!(out, "{}{prefix}{}", journal_level(record.level()), text.trim_end())
+}
+
+/// Where the journal reads, the number by which it sorts (`sd-daemon(3)`).
+fn journal_level(level: log::Level) -> &'static str {
+    if std::env::var_os("JOURNAL_STREAM").is_none() {
+        return "";
+    }
+    match level {
+        log::Level::Error => "<3>",
+        log::Level::Warn => "<4>",
+        log::Level::Info => "<6>",
+        log::Level::Debug | log::Level::Trace => "<7>",
+    }
 }

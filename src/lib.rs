@@ -26,7 +26,10 @@
 //! | part | what it is |
 //! |---|---|
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
+//! | [`menu`] | what stands on the brick's screen, and what its buttons do (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
+//! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
+//! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
 //! | [`runtime`] | a run: checks, control loop, recorder, replay; before it, setting a robot up |
 //! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
 //! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure |
@@ -78,7 +81,8 @@
 //! Every motion that a mission makes, the head's too, is a lease ([`robot::LeasedMotor`]): `run-timed` for 300 ms, renewed about every
 //! 100 ms while the loop is healthy, ramps 0, stop action brake. A position is reached by deciding the speed tick by tick. A process that is
 //! killed or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's end, an error, a panic,
-//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A lock that names its owner gives the
+//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A battery that gets low ([`robot::BatteryLimits`])
+//! slows the robot down and then ends the run. A lock that names its owner gives the
 //! hardware to one run at a time; between runs nothing of ours touches a motor.
 //!
 //! Each tick also looks at one aspect of each motor, and a motor that another program has commanded or reset ends the run; it is left
@@ -100,7 +104,7 @@
 //!
 //! # Not here yet
 //!
-//! The service, the network link, the menu and the package for the brick are issues of their own.
+//! The package for the brick is an issue of its own.
 
 pub mod behavior;
 #[cfg(feature = "cli")]
@@ -108,11 +112,17 @@ pub mod cli;
 pub mod clock;
 pub mod document;
 pub mod ev3dev;
+#[cfg(feature = "link")]
+pub mod link;
 pub mod mapping;
+#[cfg(feature = "cli")]
+pub mod menu;
 #[cfg(feature = "host")]
 pub mod report;
 pub mod robot;
 pub mod runtime;
+#[cfg(feature = "cli")]
+pub mod service;
 #[cfg(feature = "sim")]
 pub mod sim;
 pub mod units;

@@ -25,6 +25,7 @@ use crate::ev3dev::{
     Sound, StatusLights, StopAction, TouchSensor, UltrasonicSensor,
 };
 
+mod battery;
 mod bind;
 mod config;
 mod drive;
@@ -36,6 +37,7 @@ mod senses;
 use bind::Bound;
 use mend::{Mended, Mender};
 
+pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::BindError;
 pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole};
 pub use halt::{HaltError, Halted, halt, still, watch_still};

@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use crate::mapping::Pose;
 use crate::robot::Channel;
 
+mod battery;
 mod calibrate;
 mod child;
 mod control;
@@ -41,6 +42,7 @@ pub mod save;
 mod setup;
 mod stall;
 
+pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
 pub use calibrate::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
     calibrate, set_numbers,
@@ -51,6 +53,8 @@ pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 #[cfg(feature = "sim")]
 pub use execute::execute_observed;
+#[cfg(feature = "cli")]
+pub(crate) use execute::with_causes;
 pub use execute::{Refused, execute};
 pub use guard::{Lines, MISSED_NS, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
@@ -258,6 +262,8 @@ pub enum StopReason {
     Lost(Channel),
     /// A wheel that was told to turn did not.
     Stalled,
+    /// The battery is too low to go on.
+    Battery,
     /// The loop was away for longer than [`STALL_NS`].
     Late,
     /// The recording cannot be written.
@@ -283,6 +289,7 @@ impl StopReason {
             Self::Outside(_) => "outside",
             Self::Lost(_) => "lost",
             Self::Stalled => "stalled",
+            Self::Battery => "battery",
             Self::Late => "late",
             Self::Recording => "recording",
             Self::Guard => "guard",
@@ -315,6 +322,7 @@ impl std::fmt::Display for StopReason {
             }
             Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
             Self::Stalled => f.write_str("a wheel is blocked"),
+            Self::Battery => Charge::Empty.fmt(f),
             Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
             Self::Recording => f.write_str("the recording cannot be written"),
             Self::Guard => f.write_str("the guard stopped the motors"),

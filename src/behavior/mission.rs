@@ -212,7 +212,7 @@ impl Mission {
     pub const TIME_LIMIT: &str = "time_limit_s";
 
     /// Longest and shortest time that a mission may be given, seconds; ten hours outlast the batteries.
-    const TIME_LIMITS_S: (f64, f64) = (1.0, 36_000.0);
+    pub const TIME_LIMITS_S: (f64, f64) = (1.0, 36_000.0);
 
     /// What a mission's own number may be.
     const NUMBERS: (f64, f64) = (-1e9, 1e9);
@@ -320,6 +320,15 @@ impl Mission {
     #[must_use]
     pub fn numbers(&self) -> &BTreeMap<String, f64> {
         &self.numbers
+    }
+
+    /// Whether any state switches the brick's lights.
+    #[must_use]
+    pub fn switches_lights(&self) -> bool {
+        let mut states = self.machines.iter().flat_map(|machine| &machine.states);
+        states.any(|state| {
+            [&state.doing, &state.on_entry, &state.on_exit].iter().any(|outputs| outputs.led.is_some())
+        })
     }
 
     /// The machines, in the order of the file; [`super::Taken`] counts them so.

@@ -56,7 +56,7 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
 }
 
 /// Reads at most one byte more than a document may have: enough to say that it is too long.
-fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
+pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     let failed = |error: &std::io::Error| {
         Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), error)
     };
@@ -294,10 +294,11 @@ impl Progress {
         let states = status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
         bar.set_position(u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0));
         bar.set_message(format!(
-            "{:.0} s, {:.1} m, {} points; {states}",
+            "{:.0} s, {:.1} m, {} points; {states}{}",
             crate::clock::seconds(status.elapsed_ns),
             status.travelled_m,
-            status.points
+            status.points,
+            status.warning.as_ref().map(|warning| format!("; {warning}")).unwrap_or_default()
         ));
     }
 

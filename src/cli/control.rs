@@ -11,6 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::poll::{PollFd, PollFlags, poll};
+use signal_hook::consts::SIGXFSZ;
 
 use super::{Exit, Failure, Output, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
@@ -27,6 +29,9 @@ const PATIENCE_NS: i64 = 2 * SECOND_NS;
 
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
     let flags = StopFlags::on_signals()
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    // A file that may not grow is then an error of its write (EFBIG) and not the end of the process that drives.
+    signal_hook::flag::register(SIGXFSZ, Arc::default())
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     let mut orders = BufReader::new(io::stdin());
     let job = read_job(&mut orders).map_err(|error| {

@@ -7,7 +7,7 @@ use super::{Exit, Failure, Output};
 use crate::behavior::shipped;
 use crate::document::nearest;
 
-/// Write a commented template: a mission, a robot or a world.
+/// Write a commented template: a mission, a robot, a world, or the service's configuration.
 ///
 /// Example: onbrick new mission my-mission.toml
 #[derive(Debug, clap::Args)]
@@ -28,17 +28,19 @@ enum What {
     Robot,
     #[cfg(feature = "sim")]
     World,
+    Service,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     if arguments.from.is_some() && !matches!(arguments.what, What::Mission) {
         return Err(Failure::new(
             Exit::Usage,
-            "--from is only for a mission: there is one robot and one world to start from",
+            "--from is only for a mission: of the others there is one to start from",
         ));
     }
     let text = match arguments.what {
         What::Robot => crate::robot::DEFAULT_ROBOT,
+        What::Service => crate::service::config::DEFAULT_CONFIG,
         #[cfg(feature = "sim")]
         What::World => crate::sim::World::TEMPLATE,
         What::Mission => match &arguments.from {

@@ -50,10 +50,16 @@ impl Robot {
         };
         let mut settle_ns = 0;
         let mut settle = |ns: i64| settle_ns = settle_ns.max(ns);
+        // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
+        let battery = Battery::open(tree).ok();
+        let mut known = config.clone();
+        // Cells that cannot be asked are taken for the usual ones.
+        known.battery.cells =
+            battery.as_ref().and_then(|battery| battery.technology().ok()).unwrap_or_default();
         let motors =
             Channel::MOTORS.into_iter().take(config.motors.len()).map(|channel| recipe.motor(channel));
         let mut robot = Self {
-            config: config.clone(),
+            config: known,
             left: recipe.motor(Channel::Left)?,
             right: recipe.motor(Channel::Right)?,
             head: config.head.as_ref().map(|_| recipe.motor(Channel::Head)).transpose()?,
@@ -63,8 +69,7 @@ impl Robot {
             touch: config.touch.as_ref().map(|_| recipe.touch(&mut settle)).transpose()?,
             colour: config.colour.as_ref().map(|_| recipe.colour(&mut settle)).transpose()?,
             remote: config.remote.as_ref().map(|_| recipe.remote(&mut settle)).transpose()?,
-            // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
-            battery: Battery::open(tree).ok(),
+            battery,
             battery_due_ns: 0,
             buttons: Buttons::open(tree, BUTTONS_PATH),
             lights: StatusLights::open(tree).ok(),

@@ -178,6 +178,8 @@ impl Stage {
     ) -> Result<Ended, Refused> {
         let Self { config, mission, place } = self;
         let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
+        // As it was bound: with the cells that the brick runs on.
+        let config = robot.config().clone();
         stoppable(job, &robot)?;
         if place.pace == Pace::Real {
             robot.mend_in_background().map_err(Refused::Helper)?;
@@ -239,7 +241,7 @@ fn period_ns(mission: &Mission) -> i64 {
 }
 
 /// The error and all its causes, as a person reads it.
-pub(super) fn with_causes(error: &dyn std::error::Error) -> String {
+pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
@@ -382,6 +384,7 @@ fn record(
         period_ns: period_ns(mission),
         pace: place.pace,
         seed: place.seed,
+        cells: config.battery.cells,
         settings: job.set.clone(),
         range: names::range_sensor(config),
         machines: names::machines(mission),

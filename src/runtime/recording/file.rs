@@ -73,13 +73,16 @@ impl Sink for File {
     }
 }
 
-/// Creates the file of a recording, empty, and makes its name survive a loss of power. What was there before is gone.
+/// Creates the file of a recording, empty, and makes its name survive a loss of power. What was there before is gone. While the file is open,
+/// [`writer`](super::writer) names this process.
 ///
 /// # Errors
 ///
 /// What the file system says.
 pub fn create(path: &Path) -> io::Result<File> {
     let file = File::create(path)?;
+    // A file system without locks still takes a recording.
+    let _ = super::outside::hold(&file);
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),

@@ -3,11 +3,15 @@
 use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
 
-use super::stage::{Ended, Stage, assert_at_rest, fault};
+use crate::support::stage::{Play, Played};
 
 /// Runs the map mission for at most 60 s under a scenario that begins with it.
-fn run(scenario: &str) -> Ended {
-    Stage { scenario, ..Stage::default() }.play()
+fn run(scenario: &str) -> Played {
+    Play::of("map", "arena", 3).seconds(60.0).scenario(scenario).play().unwrap()
+}
+
+fn fault(port: &str, kind: &str) -> String {
+    format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"{kind}\"\n")
 }
 
 #[test]
@@ -15,11 +19,11 @@ fn a_run_without_faults_comes_to_its_end() {
     let ended = run("");
     assert_eq!(ended.reason, StopReason::Finished);
     assert!(ended.truth.travelled_m > 1.0, "{} m", ended.truth.travelled_m);
-    assert_at_rest(&ended, "clean");
+    ended.assert_at_rest("clean");
 }
 
 #[test]
-fn a_run_that_loses_a_device_stops_its_motors_and_says_which() {
+fn promise_3_a_run_that_loses_a_device_stops_its_motors_and_says_which() {
     for (port, kind, channel) in [
         ("in4", "unplug", Channel::Gyro),
         ("in4", "eio", Channel::Gyro),
@@ -32,11 +36,11 @@ fn a_run_that_loses_a_device_stops_its_motors_and_says_which() {
         ("outA", "unplug", Channel::Head),
     ] {
         let ended = run(&fault(port, kind));
-        println!("{port} {kind}: {} after {:.2} s", ended.reason, ended.time_s - 10.0);
+        println!("{port} {kind}: {} after {:.2} s", ended.reason, ended.drove_s - 10.0);
         assert_eq!(ended.reason, StopReason::Lost(channel), "{port} {kind}");
-        assert!((10.0..11.0).contains(&ended.time_s), "{port} {kind}: after {} s", ended.time_s);
-        assert_at_rest(&ended, kind);
-        assert_eq!(ended.done, [format!("{port} {kind}")]);
+        assert!((10.0..11.0).contains(&ended.drove_s), "{port} {kind}: after {} s", ended.drove_s);
+        ended.assert_at_rest(kind);
+        assert_eq!(ended.faults, [format!("{port} {kind}")]);
     }
 }
 
@@ -44,17 +48,17 @@ fn a_run_that_loses_a_device_stops_its_motors_and_says_which() {
 fn promise_4_a_blocked_wheel_is_noticed_within_two_seconds_and_ends_the_run() {
     for port in ["outB", "outD"] {
         let ended = run(&fault(port, "block"));
-        println!("{port} blocked: noticed after {:.2} s", ended.time_s - 10.0);
+        println!("{port} blocked: noticed after {:.2} s", ended.drove_s - 10.0);
         assert_eq!(ended.reason, StopReason::Stalled);
-        assert!((10.0..=12.0).contains(&ended.time_s), "after {} s", ended.time_s - 10.0);
-        assert_at_rest(&ended, "block");
+        assert!((10.0..=12.0).contains(&ended.drove_s), "after {} s", ended.drove_s - 10.0);
+        ended.assert_at_rest("block");
     }
 }
 
 #[test]
-fn a_loose_plug_of_a_moment_does_not_end_a_run() {
+fn promise_3_a_loose_plug_of_a_moment_does_not_end_a_run() {
     let text = "[[fault]]\nat_s = 10\nuntil_s = 10.2\nport = \"in4\"\nkind = \"enxio\"\n";
     let ended = run(text);
-    assert_eq!(ended.reason, StopReason::Finished, "{:?}", ended.done);
-    assert_at_rest(&ended, "a moment");
+    assert_eq!(ended.reason, StopReason::Finished, "{:?}", ended.faults);
+    ended.assert_at_rest("a moment");
 }

@@ -1,0 +1,45 @@
+//! The build script: libzmq with CURVE, for the feature `link`.
+//!
+//! The crate `zmq` brings a libzmq that has no CURVE, and no option of it switches that on. So libzmq is built here, against the libsodium that
+//! `libsodium-sys-stable` has built, and a `links` override in Cargo's configuration (`.cargo/config.toml`, `cross.toml`) keeps
+//! zmq-sys from building its own. Where there is no such override - in a program of somebody else's that uses this crate - both are built, and
+//! `src/link/curve.rs` sees to it that this one is linked.
+//!
+//! # Not here
+//!
+//! Without the feature nothing is built, and no C++ compiler is needed.
+
+fn main() {
+    println!("cargo:rerun-if-changed=src/build.rs");
+    #[cfg(feature = "link")]
+    libzmq();
+}
+
+#[cfg(feature = "link")]
+fn libzmq() {
+    let told = |name: &str| std::env::var(name).unwrap_or_else(|_| panic!("Cargo did not say {name}"));
+    // What libsodium-sys-stable says of itself reaches the build scripts of the packages that depend on it.
+    let sodium = zeromq_src::LibLocation::new(told("DEP_SODIUM_LIB"), told("DEP_SODIUM_INCLUDE"));
+    zeromq_src::Build::new().with_libsodium(Some(sodium)).build();
+
+    let features = std::env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default();
+    if features.split(',').any(|feature| feature == "crt-static") {
+        // GNU ld reads archives once and in order, and these need each other.
+        let group = [
+            "-Bstatic",
+            "--start-group",
+            "-lzmq",
+            "-lsodium",
+            "-lstdc++",
+            "-lgcc",
+            "-lgcc_eh",
+            "-lc",
+            "--end-group",
+        ];
+        for argument in group {
+            let argument =
+                if argument.starts_with("-l") { argument.to_owned() } else { format!("-Wl,{argument}") };
+            println!("cargo:rustc-link-arg={argument}");
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! `onbrick serve`: the service of a brick, in the foreground, as systemd or a person starts it.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use super::{Exit, Failure, Output};
+use crate::mapping::Pose;
+use crate::runtime::Brick;
+use crate::service::config::{BRICK_FOLDER, CONFIG_FILE};
+use crate::service::{Config, Door, Place, Service};
+
+/// Serve a brick: missions are started and stopped, and runs kept, for the menu and for PCs.
+///
+/// Examples:
+///   onbrick serve                          on the brick, as set up in /etc/onbrick
+///   onbrick serve --sim arena              on a PC: each run on a simulated brick
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The folder of onbrick.toml; without it /etc/onbrick, and a folder of your own with --sim or --brick.
+    #[arg(long, value_name = "DIR")]
+    config: Option<PathBuf>,
+    /// The folder under which sys/class is found.
+    #[arg(long, value_name = "ROOT", default_value = "/", conflicts_with = "sim")]
+    brick: PathBuf,
+    /// Each run drives a simulated brick in this world: a file, or the name of a built-in world.
+    #[cfg(feature = "sim")]
+    #[arg(long, value_name = "WORLD")]
+    sim: Option<PathBuf>,
+    /// What all chance in the simulation comes from.
+    #[cfg(feature = "sim")]
+    #[arg(long, default_value_t = 1, requires = "sim")]
+    seed: u64,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    // Before anything is done: a signal that comes early must find the way out as well.
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
+        .map_err(|error| failed("cannot listen to signals", &error))?;
+    let config = load_config(&config_folder(arguments)?, arguments.config.is_some())?;
+    let place = place(arguments)?;
+    let program = std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
+    let service = Service::open(config, place, program)
+        .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
+    let door = Door::open(&service.config().socket, Arc::new(service.clone()))
+        .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
+    start_link(&service);
+    let socket = service.config().socket.path.display().to_string();
+    log::info!("{} is ready: runs in {}", service.name(), service.config().runs.display());
+    output.show(
+        format!("serving {} at {socket}", service.name()),
+        &serde_json::json!({ "serving": service.name(), "socket": socket }),
+    );
+    tell_systemd(sd_notify::NotifyState::Ready);
+    if let Some(signal) = signals.forever().next() {
+        log::info!("told to end (signal {signal})");
+    }
+    tell_systemd(sd_notify::NotifyState::Stopping);
+    service.close();
+    drop(door);
+    Ok(())
+}
+
+const ANOTHER: &str = "stop the other one (systemctl stop onbrick), or --config with another folder";
+
+/// The network's door opens when it can; nothing waits for it.
+fn start_link(service: &Service) {
+    service.no_link("this onbrick was built without the link");
+}
+
+/// A service that systemd did not start has nobody to tell.
+fn tell_systemd(state: sd_notify::NotifyState<'_>) {
+    if let Err(error) = sd_notify::notify(&[state]) {
+        log::warn!("systemd was not told: {error}");
+    }
+}
+
+/// The folder of the configuration: named, the brick's, or one of the user's own, which is made.
+fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
+    if let Some(folder) = &arguments.config {
+        return Ok(folder.clone());
+    }
+    if !is_simulated(arguments) && arguments.brick == Path::new("/") {
+        return Ok(PathBuf::from(BRICK_FOLDER));
+    }
+    let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from);
+    let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".config"));
+    let folder = config.or_else(home).ok_or_else(|| {
+        Failure::new(Exit::Usage, "there is no HOME to keep a configuration below")
+            .hint("--config with a folder")
+    })?;
+    let folder = folder.join("onbrick");
+    std::fs::create_dir_all(&folder).map_err(|error| {
+        Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), &error)
+            .hint("--config with a folder that can be written to")
+    })?;
+    Ok(folder)
+}
+
+#[cfg(feature = "sim")]
+fn is_simulated(arguments: &Arguments) -> bool {
+    arguments.sim.is_some()
+}
+
+#[cfg(not(feature = "sim"))]
+fn is_simulated(_arguments: &Arguments) -> bool {
+    false
+}
+
+/// Reads the folder's `onbrick.toml`. A folder without one is set up as the file's absence says; a folder that was named must be there.
+pub(super) fn load_config(folder: &Path, named: bool) -> Result<Config, Failure> {
+    let path = folder.join(CONFIG_FILE);
+    let refused = |error: &std::io::Error| {
+        Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), error)
+            .hint("onbrick new service, which shows a whole file with comments")
+    };
+    let folder = match folder.canonicalize() {
+        Ok(folder) => folder,
+        Err(error) if named || error.kind() != std::io::ErrorKind::NotFound => return Err(refused(&error)),
+        Err(_) => folder.to_owned(),
+    };
+    if !path.exists() {
+        return Ok(Config::below(&folder));
+    }
+    let bytes = super::common::read_bounded(&path)?;
+    let (config, warnings) =
+        Config::load(&path.display().to_string(), &bytes, &folder).map_err(|findings| {
+            Failure::refused(findings.to_string())
+                .hint("onbrick new service, which shows a whole file with comments")
+        })?;
+    super::common::warn(&warnings);
+    Ok(config)
+}
+
+/// Where the robot is; a simulated one keeps step with the clock, because people watch.
+fn place(arguments: &Arguments) -> Result<Place, Failure> {
+    #[cfg(feature = "sim")]
+    if let Some(path) = &arguments.sim {
+        let (world, start) = super::common::load_world(path)?;
+        return Ok(Place { brick: Brick::Simulated { world, seed: arguments.seed, realtime: true }, start });
+    }
+    Ok(Place { brick: Brick::Local(arguments.brick.clone()), start: Pose::default() })
+}

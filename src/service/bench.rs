@@ -1,0 +1,248 @@
+//! The hardware between runs: what is plugged in, turning a motor while a button is held, beeps and lights.
+//!
+//! A motor turns as a lease that the kernel itself ends, and under the hardware's lock, which is let go right after: between runs other
+//! people's programs have the motors.
+//!
+//! A service on a simulated brick has one only during a run; for what is asked in between, a brick in the same world is made when it is
+//! asked for and forgotten when nobody has for a while.
+//!
+//! # Not here
+//!
+//! Whether a run is going on: the caller looks, and [`Bench::let_go`] comes before each run.
+
+use std::f64::consts::PI;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::Place;
+use super::protocol::{Kind, Live, LiveDevice, Refusal};
+use crate::clock::{MILLISECOND_NS, SECOND_NS};
+use crate::ev3dev::{
+    Battery, Entry, Inventory, LocalTree, NotAPort, PortAddress, StopAction, TachoMotor, Tree,
+};
+use crate::robot::{LeasedMotor, RobotConfig};
+use crate::runtime::{Brick, HardwareLock, LockError};
+
+/// A jog that is not renewed is over after this, nanoseconds: its lease, and a little for a client that lags.
+const JOG_NS: i64 = 500 * MILLISECOND_NS;
+
+/// A simulated brick that nobody asks for is forgotten after this, nanoseconds; it would have all the time since to catch up with.
+#[cfg(feature = "sim")]
+const FORGET_NS: i64 = 5 * SECOND_NS;
+
+/// The hardware between runs.
+#[derive(Debug)]
+pub(super) struct Bench {
+    place: Place,
+    jog: Mutex<Option<Jog>>,
+    battery: Mutex<Option<(i64, Option<f64>)>>,
+    #[cfg(feature = "sim")]
+    simulated: Mutex<Option<(i64, Arc<dyn Tree>)>>,
+}
+
+/// A motor that is being turned.
+#[derive(Debug)]
+struct Jog {
+    port: String,
+    motor: LeasedMotor,
+    renewed_ns: i64,
+    /// Nothing on a simulated brick, which nobody else can have.
+    _lock: Option<HardwareLock>,
+}
+
+impl Bench {
+    pub(super) fn new(place: Place) -> Self {
+        Self {
+            place,
+            jog: Mutex::new(None),
+            battery: Mutex::new(None),
+            #[cfg(feature = "sim")]
+            simulated: Mutex::new(None),
+        }
+    }
+
+    /// The brick's files; nothing where there is no brick now.
+    pub(super) fn tree(&self, now_ns: i64) -> Option<Arc<dyn Tree>> {
+        match &self.place.brick {
+            Brick::Local(root) => Some(Arc::new(LocalTree::new(root))),
+            #[cfg(feature = "sim")]
+            Brick::Simulated { world, seed, .. } => self.simulated(world, *seed, now_ns),
+            #[cfg(not(feature = "sim"))]
+            Brick::Simulated { .. } => {
+                let _ = now_ns;
+                None
+            }
+        }
+    }
+
+    /// The real brick's root.
+    pub(super) fn root(&self) -> Option<&Path> {
+        match &self.place.brick {
+            Brick::Local(root) => Some(root),
+            Brick::Simulated { .. } => None,
+        }
+    }
+
+    /// What is plugged in and what it reads.
+    pub(super) fn live(&self, robot: Option<&RobotConfig>, now_ns: i64) -> Result<Live, Refusal> {
+        let failed = |why: String| Refusal::new(Kind::Failed, format!("cannot look at the devices: {why}"));
+        let tree = self.tree(now_ns).ok_or_else(|| failed("there is no brick".to_owned()))?;
+        let inventory = Inventory::read(&tree).map_err(|error| failed(error.to_string()))?;
+        let plugged = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
+        let mut devices: Vec<LiveDevice> = plugged.map(|entry| live_device(entry, robot)).collect();
+        devices.sort_by(|one, other| one.port.cmp(&other.port));
+        Ok(Live { devices })
+    }
+
+    /// Turns a motor for one lease.
+    ///
+    /// - `percent`: of its full speed; 0 stops it and lets go.
+    pub(super) fn jog(&self, port: &str, percent: i32, now_ns: i64) -> Result<(), Refusal> {
+        let wrong = |message: String| Refusal::new(Kind::BadRequest, message);
+        if !(-100..=100).contains(&percent) {
+            return Err(wrong(format!("{percent} percent; it can be -100 to 100")));
+        }
+        let address: PortAddress = port.parse().map_err(|error: NotAPort| wrong(error.to_string()))?;
+        let mut held = lock(&self.jog);
+        if held.as_ref().is_some_and(|jog| jog.port != port) {
+            release(&mut held);
+        }
+        if percent == 0 {
+            release(&mut held);
+            return Ok(());
+        }
+        if held.is_none() {
+            *held = Some(self.take(port, &address, now_ns)?);
+        }
+        let Some(jog) = held.as_mut() else { return Ok(()) };
+        let motor = jog.motor.motor();
+        let full_rad_s = f64::from(motor.max_speed()) * 2.0 * PI / f64::from(motor.count_per_rot().max(1));
+        jog.renewed_ns = now_ns;
+        jog.motor.turn(full_rad_s * f64::from(percent) / 100.0, now_ns).map_err(|error| {
+            release(&mut held);
+            Refusal::new(Kind::Failed, format!("the motor at {port}: {error}"))
+        })
+    }
+
+    /// Stops a jog whose button was let go without a word.
+    pub(super) fn tend(&self, now_ns: i64) {
+        let mut held = lock(&self.jog);
+        if held.as_ref().is_some_and(|jog| now_ns.saturating_sub(jog.renewed_ns) > JOG_NS) {
+            release(&mut held);
+        }
+        #[cfg(feature = "sim")]
+        {
+            let mut simulated = lock(&self.simulated);
+            if simulated.as_ref().is_some_and(|(used_ns, _)| now_ns.saturating_sub(*used_ns) > FORGET_NS) {
+                *simulated = None;
+            }
+        }
+    }
+
+    /// Stops a jog and lets go of the hardware: a run begins.
+    pub(super) fn let_go(&self) {
+        release(&mut lock(&self.jog));
+    }
+
+    /// The battery's voltage, read at most once a second; nothing where it cannot be read.
+    pub(super) fn battery_v(&self, now_ns: i64) -> Option<f64> {
+        let root = self.root()?;
+        let mut known = lock(&self.battery);
+        if let Some((read_ns, volts)) = *known
+            && now_ns.saturating_sub(read_ns) < SECOND_NS
+        {
+            return volts;
+        }
+        let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
+        let volts = Battery::open(&tree).and_then(|battery| battery.voltage_v()).ok();
+        *known = Some((now_ns, volts));
+        volts
+    }
+
+    fn take(&self, port: &str, address: &PortAddress, now_ns: i64) -> Result<Jog, Refusal> {
+        let lock = match self.root() {
+            Some(root) => Some(HardwareLock::take(root, "turning a motor by hand").map_err(taken)?),
+            None => None,
+        };
+        let failed = |error: String| Refusal::new(Kind::NotReady, format!("no motor to turn: {error}"));
+        let tree = self.tree(now_ns).ok_or_else(|| failed("there is no brick".to_owned()))?;
+        let motor =
+            TachoMotor::find(&tree, Some(address), None).map_err(|error| failed(error.to_string()))?;
+        let motor =
+            LeasedMotor::take(motor, 1.0, f64::INFINITY).map_err(|error| failed(error.to_string()))?;
+        Ok(Jog { port: port.to_owned(), motor, renewed_ns: now_ns, _lock: lock })
+    }
+
+    #[cfg(feature = "sim")]
+    fn simulated(&self, world: &crate::runtime::Source, seed: u64, now_ns: i64) -> Option<Arc<dyn Tree>> {
+        use crate::clock::{Clock, MonotonicClock};
+        use crate::sim::{Simulation, World, WorldPhysics};
+        let mut simulated = lock(&self.simulated);
+        if let Some((used_ns, tree)) = simulated.as_mut() {
+            *used_ns = now_ns;
+            return Some(Arc::clone(tree));
+        }
+        let (world, _) = World::parse(&world.name, world.text.as_bytes()).ok()?;
+        let physics = WorldPhysics::new(world, 1, seed).ok()?;
+        let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
+        let tree: Arc<dyn Tree> = Simulation::new(clock, Box::new(physics), seed).brick(0);
+        *simulated = Some((now_ns, Arc::clone(&tree)));
+        Some(tree)
+    }
+}
+
+/// Somebody has the hardware.
+pub(super) fn taken(error: LockError) -> Refusal {
+    let kind = if matches!(error, LockError::Taken(_)) { Kind::Busy } else { Kind::Failed };
+    Refusal::new(kind, crate::runtime::with_causes(&error)).hint("wait until it is over, or onbrick halt")
+}
+
+fn release(held: &mut Option<Jog>) {
+    if let Some(mut jog) = held.take()
+        && let Err(error) = jog.motor.stop(StopAction::Brake)
+    {
+        // Its lease ends by itself.
+        log::warn!("the motor at {} did not take the command to stop: {error}", jog.port);
+    }
+}
+
+fn live_device(entry: &Entry, robot: Option<&RobotConfig>) -> LiveDevice {
+    let unit = |unit: &str| if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let readings = entry
+        .readings
+        .iter()
+        .map(|reading| format!("{} {}{}", reading.name, reading.value, unit(&reading.unit)));
+    let reading = readings.chain(entry.problem.clone()).collect::<Vec<_>>().join(", ");
+    let address: Option<PortAddress> = entry.address.parse().ok();
+    let port = address.as_ref().map_or(entry.address.as_str(), PortAddress::short).to_owned();
+    LiveDevice {
+        role: address.zip(robot).and_then(|(address, robot)| role_at(&address, robot)),
+        port,
+        driver: entry.driver.clone(),
+        reading,
+        motor: entry.class == "tacho-motor",
+    }
+}
+
+/// What a robot's file uses a port for.
+fn role_at(address: &PortAddress, robot: &RobotConfig) -> Option<String> {
+    let sensor = |role: &Option<crate::robot::SensorRole>| role.as_ref().and_then(|role| role.port.clone());
+    let roles = [
+        ("left wheel", robot.left.port.clone()),
+        ("right wheel", robot.right.port.clone()),
+        ("head", robot.head.as_ref().and_then(|head| head.motor.port.clone())),
+        ("range", robot.range.as_ref().and_then(|range| range.port.clone())),
+        ("gyro", sensor(&robot.gyro)),
+        ("touch", sensor(&robot.touch)),
+        ("colour", sensor(&robot.colour)),
+        ("remote", sensor(&robot.remote)),
+    ];
+    let named = robot.motors.iter().map(|named| (named.name.as_str(), named.motor.port.clone()));
+    let mut all = roles.into_iter().chain(named);
+    all.find(|(_, port)| port.as_ref().is_some_and(|port| port.fits(address)))
+        .map(|(role, _)| role.to_owned())
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

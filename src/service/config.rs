@@ -1,0 +1,232 @@
+//! `onbrick.toml`: the service's folders, limits and doors.
+//!
+//! # Not here
+//!
+//! Nothing is opened or made: whether a folder can be written to shows when the service starts.
+
+use std::path::{Path, PathBuf};
+
+use crate::clock::nanoseconds;
+use crate::document::{Document, Findings, Item, Section};
+use crate::runtime::WhenAbandoned;
+
+/// The shipped `onbrick.toml`, which explains every key.
+pub const DEFAULT_CONFIG: &str = include_str!("../../brick-image/onbrick.toml");
+
+/// The file's name in the folder of the configuration.
+pub const CONFIG_FILE: &str = "onbrick.toml";
+
+/// Where the configuration is on a brick.
+pub const BRICK_FOLDER: &str = "/etc/onbrick";
+
+/// How a service is set up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Config {
+    /// What this brick is called; `None` for the machine's host name.
+    pub name: Option<String>,
+    /// The folder of missions; where there is none, the shipped missions are offered.
+    pub missions: PathBuf,
+    /// The robot's file; where there is none, the shipped one is used.
+    pub robot: PathBuf,
+    /// The folder of runs.
+    pub runs: PathBuf,
+    /// The folder of keys.
+    pub keys: PathBuf,
+    /// Recordings may take this much, bytes.
+    pub quota_bytes: u64,
+    /// How often a recording is brought to the disk, nanoseconds.
+    pub sync_ns: i64,
+    /// What a run does when the service dies.
+    pub when_service_dies: WhenAbandoned,
+    /// What a run does when the menu closes.
+    pub when_menu_closes: WhenAbandoned,
+    /// The local door.
+    pub socket: SocketConfig,
+    /// The network's door.
+    pub link: LinkConfig,
+}
+
+/// The local door.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SocketConfig {
+    /// The socket's file.
+    pub path: PathBuf,
+    /// Whose members may use it; without one, only the user that the service runs as, and that user's group.
+    pub group: Option<String>,
+}
+
+/// The network's door.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LinkConfig {
+    /// The address that it listens at: `*`, or one of the brick's.
+    pub address: String,
+    /// Its port.
+    pub port: u16,
+    /// The port of the pairing window.
+    pub pairing_port: u16,
+}
+
+impl Config {
+    /// What holds where the file says nothing; everything is below `folder`.
+    #[must_use]
+    pub fn below(folder: &Path) -> Self {
+        Self {
+            name: None,
+            missions: folder.join("missions"),
+            robot: folder.join("robot.toml"),
+            runs: folder.join("runs"),
+            keys: folder.join("keys"),
+            quota_bytes: 512 << 20,
+            sync_ns: crate::clock::SECOND_NS,
+            when_service_dies: WhenAbandoned::Stop,
+            when_menu_closes: WhenAbandoned::Stop,
+            socket: SocketConfig { path: folder.join("socket"), group: None },
+            link: LinkConfig { address: "*".to_owned(), port: 5670, pairing_port: 5671 },
+        }
+    }
+
+    /// Reads a configuration; `name` is what findings call it, and paths in it are below `folder`.
+    ///
+    /// # Errors
+    ///
+    /// Everything that is wrong in it, each with its place.
+    pub fn load(name: &str, bytes: &[u8], folder: &Path) -> Result<(Self, Findings), Findings> {
+        Document::new(name, bytes)?.read(|root| Some(read(root, Self::below(folder), folder)))
+    }
+}
+
+/// The longest name, bytes: it is shown in tables and on the brick's screen.
+const LONGEST_NAME: usize = 64;
+
+/// The kernel takes no longer name of a socket (`unix(7)`: 108 with the final 0).
+const LONGEST_SOCKET: usize = 107;
+
+/// Starts from what holds without the file, and takes over what it says; what is wrong is a finding and ends the reading.
+fn read(root: &Section<'_>, mut config: Config, folder: &Path) -> Config {
+    root.allow(&[
+        "name",
+        "missions",
+        "robot",
+        "runs",
+        "keys",
+        "quota_mb",
+        "sync_s",
+        "when_service_dies",
+        "when_menu_closes",
+        "socket",
+        "link",
+    ]);
+    set(&mut config.name, root.get("name").and_then(|item| short(&item)).map(Some));
+    let path = |key| root.get(key).and_then(|item| path(&item, folder));
+    set(&mut config.missions, path("missions"));
+    set(&mut config.robot, path("robot"));
+    set(&mut config.runs, path("runs"));
+    set(&mut config.keys, path("keys"));
+    let quota_mb = root.get("quota_mb").and_then(|item| item.integer(16..=1 << 20));
+    set(&mut config.quota_bytes, quota_mb.and_then(|mb| u64::try_from(mb).ok()).map(|mb| mb << 20));
+    set(&mut config.sync_ns, root.get("sync_s").and_then(|item| item.number(0.1..=60.0)).map(nanoseconds));
+    let fate = |key| root.get(key)?.word(&[("stop", WhenAbandoned::Stop), ("go on", WhenAbandoned::GoOn)]);
+    set(&mut config.when_service_dies, fate("when_service_dies"));
+    set(&mut config.when_menu_closes, fate("when_menu_closes"));
+    if let Some(section) = root.section("socket") {
+        socket(&section, &mut config.socket, folder);
+    }
+    if let Some(section) = root.section("link") {
+        link(&section, &mut config.link);
+    }
+    config
+}
+
+fn socket(section: &Section<'_>, config: &mut SocketConfig, folder: &Path) {
+    section.allow(&["path", "group"]);
+    if let Some(item) = section.get("path")
+        && let Some(named) = path(&item, folder)
+    {
+        if named.as_os_str().len() > LONGEST_SOCKET {
+            item.error(format!(
+                "`{}` is longer than the {LONGEST_SOCKET} bytes that a socket's name may have",
+                item.path()
+            ));
+        }
+        config.path = named;
+    }
+    set(&mut config.group, section.get("group").and_then(|item| short(&item)).map(Some));
+}
+
+fn link(section: &Section<'_>, config: &mut LinkConfig) {
+    section.allow(&["address", "port", "pairing_port"]);
+    set(&mut config.address, section.get("address").and_then(|item| short(&item)));
+    let port = |key| u16::try_from(section.get(key)?.integer(1..=65_535)?).ok();
+    set(&mut config.port, port("port"));
+    set(&mut config.pairing_port, port("pairing_port"));
+    if config.port == config.pairing_port {
+        section.error("`port` and `pairing_port` are the same".to_owned()).hint("two different ports");
+    }
+}
+
+fn set<T>(place: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *place = value;
+    }
+}
+
+fn short(item: &Item<'_>) -> Option<String> {
+    let text = item.text()?;
+    if (1..=LONGEST_NAME).contains(&text.len()) && !text.contains(char::is_control) {
+        return Some(text.to_owned());
+    }
+    item.error(format!("`{}` must have 1 to {LONGEST_NAME} bytes on one line", item.path()));
+    None
+}
+
+fn path(item: &Item<'_>, folder: &Path) -> Option<PathBuf> {
+    let text = item.text()?;
+    if text.is_empty() || text.contains('\0') {
+        item.error(format!("`{}` names no file", item.path()));
+        return None;
+    }
+    Some(folder.join(text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_configuration_is_in_order_and_names_the_bricks_own_folders() {
+        let (config, warnings) =
+            Config::load("onbrick.toml", DEFAULT_CONFIG.as_bytes(), Path::new(BRICK_FOLDER)).unwrap();
+        assert!(warnings.iter().next().is_none(), "{warnings}");
+        assert_eq!(config.runs, Path::new("/var/lib/onbrick/runs"));
+        assert_eq!(config.socket.group.as_deref(), Some("robot"));
+        assert_eq!((config.link.port, config.quota_bytes), (5670, 512 << 20));
+    }
+
+    #[test]
+    fn an_empty_file_is_a_configuration_and_paths_are_below_its_folder() {
+        let folder = Path::new("/some/where");
+        let (config, _) = Config::load("onbrick.toml", b"", folder).unwrap();
+        assert_eq!(config, Config::below(folder));
+        let (config, _) = Config::load("onbrick.toml", b"runs = \"kept\"", folder).unwrap();
+        assert_eq!(config.runs, folder.join("kept"));
+    }
+
+    #[test]
+    fn every_mistake_has_its_place() {
+        let text = "qouta_mb = 5\nquota_mb = 0\nwhen_menu_closes = \"stopp\"\nmissions = 3\n[link]\nport = 70000\npairing_port = 5670\n[socket]\ngroup = \"\"\n";
+        let findings =
+            Config::load("onbrick.toml", text.as_bytes(), Path::new("/x")).unwrap_err().to_string();
+        for part in [
+            "onbrick.toml:1:1",
+            "quota_mb",
+            "onbrick.toml:2",
+            "\"stop\"",
+            "onbrick.toml:4",
+            "70000",
+            "`port` and `pairing_port`",
+            "group",
+        ] {
+            assert!(findings.contains(part), "{part}: {findings}");
+        }
+    }
+}

@@ -1,0 +1,344 @@
+//! The service itself: what the doors ask, answered from the state, the store and the bench.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use serde::Serialize;
+
+use super::bench::Bench;
+use super::config::Config;
+use super::machine::{Happening, Machine};
+use super::protocol::{
+    Answer, Caller, Done, Kind, LocalOnly, Missions, Operations, Pairing, Refusal, Request, RunInfo, Runs,
+    Settings, SettingsChange, Status, VERSION,
+};
+use super::settings::{Kept, addresses, host_name};
+use super::start::Stop;
+use super::store::{Store, StoreError};
+use super::token::Tokens;
+use super::{NetworkDoor, Place, missions};
+use crate::behavior::Capabilities;
+use crate::clock::{Clock, MonotonicClock, wall_ns};
+use crate::runtime::{StopBy, WhenAbandoned};
+
+/// Why there is no service.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// Another service keeps the folder of runs: stop it, or use another configuration.
+    #[error("{0}")]
+    Kept(String),
+    /// No threads: the machine is full.
+    #[error("cannot start a thread")]
+    Threads(#[from] std::io::Error),
+}
+
+/// A brick's service. Clones are handles on the same one.
+#[derive(Debug, Clone)]
+pub struct Service {
+    pub(super) inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+pub(super) struct Inner {
+    pub(super) config: Config,
+    pub(super) place: Place,
+    pub(super) name: String,
+    /// This program, which is started again for each run.
+    pub(super) program: PathBuf,
+    pub(super) tokens: Tokens,
+    pub(super) store: Store,
+    pub(super) bench: Bench,
+    pub(super) now: Mutex<Now>,
+    /// The state has changed.
+    pub(super) changed: Condvar,
+    /// One start at a time; it is long, because it makes room on the disk.
+    pub(super) starting: Mutex<()>,
+    link: Mutex<Link>,
+}
+
+/// What changes.
+#[derive(Debug)]
+pub(super) struct Now {
+    pub(super) machine: Machine,
+    pub(super) kept: Kept,
+    /// What stops the run that is going on.
+    pub(super) stop: Option<Stop>,
+    /// On whose behalf it was asked to stop first, and what they are called.
+    pub(super) stopped_by: Option<(StopBy, String)>,
+    /// The mission that is going on switches the lights itself.
+    pub(super) missions_lights: bool,
+    /// What is wrong with the robot's file.
+    pub(super) robot: Option<String>,
+    /// Nothing starts any more: the service is about to end.
+    pub(super) closing: bool,
+}
+
+/// The network's door, or why there is none.
+#[derive(Debug)]
+enum Link {
+    Waits(String),
+    Door(Arc<dyn NetworkDoor>),
+}
+
+impl Service {
+    /// Takes the folder of runs, finds a run that goes on since an earlier service, and begins to keep state, lights and disk.
+    ///
+    /// - `program`: this program's file (`std::env::current_exe`).
+    ///
+    /// # Errors
+    ///
+    /// [`OpenError`]. A disk or a robot that is not in order is none: the state tells.
+    pub fn open(config: Config, place: Place, program: PathBuf) -> Result<Self, OpenError> {
+        let store = Store::open(&config.runs, config.quota_bytes)
+            .map_err(|error| OpenError::Kept(error.to_string()))?;
+        let now_ns = MonotonicClock.now_ns();
+        let now = Now {
+            machine: Machine::new(now_ns),
+            kept: Kept::read(&config.runs),
+            stop: None,
+            stopped_by: None,
+            missions_lights: false,
+            robot: None,
+            closing: false,
+        };
+        let inner = Arc::new(Inner {
+            name: config.name.clone().unwrap_or_else(host_name),
+            bench: Bench::new(place.clone()),
+            config,
+            place,
+            program,
+            tokens: Tokens::new(now_ns, wall_ns()),
+            store,
+            now: Mutex::new(now),
+            changed: Condvar::new(),
+            starting: Mutex::new(()),
+            link: Mutex::new(Link::Waits(
+                "there is no link: this onbrick, or this service, has none".to_owned(),
+            )),
+        });
+        let service = Self { inner };
+        service.find_runs()?;
+        service.keep()?;
+        Ok(service)
+    }
+
+    /// How it is set up.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.inner.config
+    }
+
+    /// The brick's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// The network's door is there: from now on it tells its own state.
+    pub fn attach_link(&self, door: Arc<dyn NetworkDoor>) {
+        *self.inner.link() = Link::Door(door);
+    }
+
+    /// There is no network's door, or not yet: why.
+    pub fn no_link(&self, why: &str) {
+        *self.inner.link() = Link::Waits(why.to_owned());
+    }
+
+    fn status(&self) -> Status {
+        let inner = &self.inner;
+        let now_ns = MonotonicClock.now_ns();
+        let disk = inner.store.disk();
+        let link = match &*inner.link() {
+            Link::Waits(why) => why.clone(),
+            Link::Door(door) => door.state(),
+        };
+        let now = inner.now();
+        let progress = now.machine.run().and_then(|run| run.progress.as_ref());
+        let sensed_v = progress.and_then(|progress| progress.battery_v);
+        let status = Status {
+            brick: inner.name.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            protocol: VERSION,
+            state: now.machine.state(),
+            state_s: now.machine.state_s(now_ns),
+            run: now.machine.run().cloned(),
+            last: now.machine.last().cloned(),
+            battery_v: sensed_v,
+            token: inner.tokens.make(now_ns),
+            link,
+            disk,
+            robot: now.robot.clone(),
+        };
+        drop(now);
+        Status { battery_v: sensed_v.or_else(|| inner.bench.battery_v(now_ns)), ..status }
+    }
+
+    fn missions(&self) -> Result<Missions, Refusal> {
+        let folder = &self.inner.config.missions;
+        let robot = missions::robot(&self.inner.config.robot).ok();
+        // A robot that is not in order is said elsewhere; missions are then checked for themselves.
+        let capabilities = robot.map_or_else(Capabilities::all, |robot| robot.config.capabilities());
+        let missions = missions::list(folder, &capabilities).map_err(|error| {
+            Refusal::new(Kind::Failed, format!("cannot list the missions in {}: {error}", folder.display()))
+        })?;
+        Ok(Missions { missions })
+    }
+
+    fn runs(&self) -> Runs {
+        let mut runs = self.inner.store.list();
+        let now = self.inner.now();
+        if let Some(run) = now.machine.run()
+            && let Some(progress) = &run.progress
+        {
+            for info in runs.iter_mut().filter(|info| info.run == run.run) {
+                *info = RunInfo {
+                    travelled_m: Some(progress.travelled_m),
+                    points: Some(progress.points),
+                    ..info.clone()
+                };
+            }
+        }
+        Runs { runs }
+    }
+
+    fn settings(&self) -> Settings {
+        let kept = self.inner.now().kept.clone();
+        let fingerprint = match &*self.inner.link() {
+            Link::Waits(_) => None,
+            Link::Door(door) => door.fingerprint(),
+        };
+        Settings {
+            brick: self.inner.name.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            addresses: addresses(),
+            fingerprint,
+            lights: kept.lights,
+            sounds: kept.sounds,
+            time_limit_s: kept.time_limit_s,
+        }
+    }
+
+    fn set(&self, change: &SettingsChange) -> Result<Settings, Refusal> {
+        let kept = self.inner.now().kept.changed(change)?;
+        kept.write(&self.inner.config.runs).map_err(|error| {
+            let folder = self.inner.config.runs.display();
+            Refusal::new(Kind::Failed, format!("cannot keep the settings in {folder}: {error}"))
+        })?;
+        self.inner.now().kept = kept;
+        Ok(self.settings())
+    }
+
+    fn pairing(&self, ask: impl FnOnce(&dyn NetworkDoor) -> Pairing) -> Pairing {
+        let door = match &*self.inner.link() {
+            Link::Waits(why) => return Pairing::NoLink { why: why.clone() },
+            Link::Door(door) => Arc::clone(door),
+        };
+        ask(&*door)
+    }
+
+    fn menu_closed(&self, asker: &str) -> Result<Answer, Refusal> {
+        if self.inner.config.when_menu_closes == WhenAbandoned::GoOn {
+            return answer(&super::protocol::Stopped { run: None, stopped: true });
+        }
+        answer(&self.stop(None, StopBy::MenuClosed, asker)?)
+    }
+
+    /// Nothing of ours or of others may drive while a person looks or turns motors by hand.
+    fn between_runs(&self) -> Result<(), Refusal> {
+        match self.inner.now().machine.run() {
+            Some(run) => Err(Refusal::new(Kind::Busy, format!("the run `{}` has the hardware", run.run))),
+            None => Ok(()),
+        }
+    }
+
+    fn delete(&self, run: &super::protocol::RunId) -> Result<Done, Refusal> {
+        self.inner.store.delete(run)?;
+        Ok(Done {})
+    }
+}
+
+impl Operations for Service {
+    fn shared(&self, request: &Request, caller: &Caller) -> Result<Answer, Refusal> {
+        match request {
+            Request::Status => answer(&self.status()),
+            Request::Missions => answer(&self.missions()?),
+            Request::Start(start) => answer(&self.start(start, caller, true)?),
+            Request::Stop { run } => answer(&self.stop(run.as_ref(), StopBy::Remote, &named(caller))?),
+            Request::Runs => answer(&self.runs()),
+            Request::Fetch(fetch) => {
+                let (fetched, bytes) =
+                    self.inner.store.fetch(fetch).map_err(|error: StoreError| Refusal::from(error))?;
+                Ok(Answer { bytes: Some(bytes), ..answer(&fetched)? })
+            }
+            Request::Identify => answer(&self.identify()),
+        }
+    }
+
+    fn own(&self, request: &LocalOnly, caller: &Caller) -> Result<Answer, Refusal> {
+        let now_ns = MonotonicClock.now_ns();
+        match request {
+            LocalOnly::Live => {
+                self.between_runs()?;
+                let robot = missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
+                answer(&self.inner.bench.live(robot.as_ref(), now_ns)?)
+            }
+            LocalOnly::Jog { port, percent } => {
+                // A start waits until this turn of the motor is on its way, and then takes it back.
+                let _no_start = self.inner.starting();
+                self.between_runs()?;
+                self.inner.bench.jog(port, *percent, now_ns)?;
+                answer(&Done {})
+            }
+            LocalOnly::Delete { run } => answer(&self.delete(run)?),
+            LocalOnly::StartHere(start) => answer(&self.start(start, caller, false)?),
+            LocalOnly::MenuHere => answer(&Done {}),
+            LocalOnly::MenuClosed => self.menu_closed(&named(caller)),
+            LocalOnly::Acknowledge => {
+                self.inner.happen(Happening::Acknowledged);
+                answer(&Done {})
+            }
+            LocalOnly::PairingWindow { seconds } => answer(&self.pairing(|door| door.open_pairing(*seconds))),
+            LocalOnly::PairingState => answer(&self.pairing(|door| door.pairing())),
+            LocalOnly::PairingAnswer { same } => answer(&self.pairing(|door| door.answer_pairing(*same))),
+            LocalOnly::Settings => answer(&self.settings()),
+            LocalOnly::SetSettings(change) => answer(&self.set(change)?),
+        }
+    }
+}
+
+impl Inner {
+    pub(super) fn now(&self) -> MutexGuard<'_, Now> {
+        lock(&self.now)
+    }
+
+    pub(super) fn starting(&self) -> MutexGuard<'_, ()> {
+        lock(&self.starting)
+    }
+
+    /// Something happens now.
+    pub(super) fn happen(&self, happening: Happening) {
+        self.now().machine.happen(MonotonicClock.now_ns(), happening);
+        self.changed.notify_all();
+    }
+
+    fn link(&self) -> MutexGuard<'_, Link> {
+        lock(&self.link)
+    }
+}
+
+/// What a caller is called.
+pub(super) fn named(caller: &Caller) -> String {
+    match caller {
+        Caller::Key(name) => name.clone(),
+        Caller::Here { .. } => "here".to_owned(),
+    }
+}
+
+fn answer(value: &impl Serialize) -> Result<Answer, Refusal> {
+    let value = serde_json::to_value(value).map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
+    Ok(Answer { value, bytes: None })
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

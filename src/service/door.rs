@@ -1,0 +1,291 @@
+//! The local door: a Unix socket with file permissions, for the menu, `onbrick run` and a person's scripts on the brick itself.
+//!
+//! Requests and replies are lines of JSON ([`protocol`](super::protocol)); after the reply to a `fetch` come as many bytes as its `length` says.
+//! Requests of one connection are answered in their order.
+//!
+//! Each client has a thread, so a slow or silent one disturbs nobody. What a client can cost is bounded: so many connections, so long a
+//! line, and one *long* line at a time.
+//!
+//! # Not here
+//!
+//! What an operation does. Whether a user may come in is the kernel's decision, by the socket's mode and group.
+
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
+use nix::unistd::Group;
+
+use super::config::SocketConfig;
+use super::protocol::{
+    Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome, Refusal,
+    Reply, parse_local,
+};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+
+/// Connections at a time.
+pub const MAX_CLIENTS: usize = 128;
+
+/// Who may use the socket: its user and its group.
+const MODE: u32 = 0o660;
+
+/// Lines up to here are taken from every client at once; longer ones carry a mission's text, and come one at a time.
+const SHORT_LINE: usize = 16 << 10;
+
+/// How long a reply waits for a client that does not read, and a long line for its end.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Only a part of it is ever used; the deepest is the check of a mission.
+const STACK_BYTES: usize = 1 << 20;
+
+/// Why the door cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum DoorError {
+    /// A service answers there already: stop it, or use another configuration.
+    #[error("a service is at {} already", .0.display())]
+    Taken(PathBuf),
+    /// There is no such group: make it, or name another.
+    #[error("the socket's group `{0}` is not there")]
+    NoGroup(String),
+    /// The socket cannot be made: look at its folder.
+    #[error("cannot make the socket {}", path.display())]
+    Io {
+        /// The socket.
+        path: PathBuf,
+        /// What went wrong.
+        source: io::Error,
+    },
+}
+
+/// The open door; the socket's file goes when this is dropped. Clients that are connected stay so.
+#[derive(Debug)]
+pub struct Door {
+    path: PathBuf,
+}
+
+impl Door {
+    /// Opens the door and answers in threads of its own from now on.
+    ///
+    /// # Errors
+    ///
+    /// [`DoorError`].
+    pub fn open(config: &SocketConfig, operations: Arc<dyn Operations>) -> Result<Self, DoorError> {
+        let path = config.path.clone();
+        let failed = |source| DoorError::Io { path: path.clone(), source };
+        let listener = listen(config)?;
+        let door = Self { path: path.clone() };
+        let hall = Hall { operations, clients: AtomicUsize::new(0), long_line: Mutex::new(()) };
+        let thread = std::thread::Builder::new().name("door".to_owned());
+        thread.spawn(move || Arc::new(hall).welcome(&listener)).map_err(failed)?;
+        Ok(door)
+    }
+}
+
+impl Drop for Door {
+    fn drop(&mut self) {
+        // Whoever comes now shall be told that there is no service.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+fn listen(config: &SocketConfig) -> Result<UnixListener, DoorError> {
+    let path = &config.path;
+    let failed = |source| DoorError::Io { path: path.clone(), source };
+    let group = match &config.group {
+        Some(name) => Some(
+            Group::from_name(name)
+                .map_err(|errno| failed(errno.into()))?
+                .ok_or_else(|| DoorError::NoGroup(name.clone()))?
+                .gid
+                .as_raw(),
+        ),
+        None => None,
+    };
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    clear(path)?;
+    let listener = UnixListener::bind(path).map_err(failed)?;
+    // Until here the usual umask lets only our own user write to it, that is, connect.
+    if group.is_some() {
+        chown(path, None, group).map_err(failed)?;
+    }
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(MODE)).map_err(failed)?;
+    Ok(listener)
+}
+
+/// Takes away what a service that died has left.
+fn clear(path: &Path) -> Result<(), DoorError> {
+    match UnixStream::connect(path) {
+        Ok(_) => Err(DoorError::Taken(path.to_owned())),
+        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
+            std::fs::remove_file(path).map_err(|source| DoorError::Io { path: path.to_owned(), source })
+        }
+        // What is no socket stays; binding will say so.
+        Err(_) => Ok(()),
+    }
+}
+
+/// What the clients' threads share.
+struct Hall {
+    operations: Arc<dyn Operations>,
+    clients: AtomicUsize,
+    long_line: Mutex<()>,
+}
+
+impl Hall {
+    fn welcome(self: &Arc<Self>, listener: &UnixListener) {
+        loop {
+            match listener.accept() {
+                Ok((stream, _)) => self.show_in(stream),
+                Err(error) => {
+                    // Too many files, as a rule: those who are in will go.
+                    log::warn!("the local socket takes nobody in: {error}");
+                    let clock = MonotonicClock;
+                    clock.sleep_until_ns(clock.now_ns() + 100 * MILLISECOND_NS);
+                }
+            }
+        }
+    }
+
+    fn show_in(self: &Arc<Self>, stream: UnixStream) {
+        let client = Guest { hall: Arc::clone(self) };
+        if self.clients.fetch_add(1, Ordering::Relaxed) >= MAX_CLIENTS {
+            let refusal = Refusal::new(Kind::TooMany, format!("{MAX_CLIENTS} clients are connected already"));
+            // It has just come, so a line fits into its buffer; if not, it is left without a word.
+            let _ = stream.set_nonblocking(true);
+            let _ = send(&mut &stream, &Reply { id: None, outcome: Outcome::Error(refusal) }, None);
+            return;
+        }
+        let thread = std::thread::Builder::new().name("client".to_owned()).stack_size(STACK_BYTES);
+        if let Err(error) = thread.spawn(move || client.talk(&stream)) {
+            log::warn!("no thread for a client: {error}");
+        }
+    }
+}
+
+/// A client, counted while it is in.
+struct Guest {
+    hall: Arc<Hall>,
+}
+
+impl Drop for Guest {
+    fn drop(&mut self) {
+        self.hall.clients.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+impl Guest {
+    fn talk(&self, stream: &UnixStream) {
+        let Ok(peer) = getsockopt(stream, PeerCredentials) else { return };
+        let caller = Caller::Here { uid: peer.uid(), pid: peer.pid() };
+        let mut is_menu = false;
+        // However the talk ends: closed, broken, too slow.
+        if let Err(error) = self.requests(stream, &caller, &mut is_menu) {
+            log::debug!("process {} at the local socket: {error}", peer.pid());
+        }
+        if is_menu {
+            let closed = self.hall.operations.own(&LocalOnly::MenuClosed, &caller);
+            log::debug!("the menu is gone: {closed:?}");
+        }
+    }
+
+    fn requests(&self, stream: &UnixStream, caller: &Caller, is_menu: &mut bool) -> io::Result<()> {
+        stream.set_write_timeout(Some(PATIENCE))?;
+        let mut reader = BufReader::new(stream);
+        let mut line = Vec::new();
+        loop {
+            line.clear();
+            match self.read_line(stream, &mut reader, &mut line)? {
+                Line::End => return Ok(()),
+                Line::TooLong => {
+                    let message = format!(
+                        "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a line's end"
+                    );
+                    let outcome = Outcome::Error(Refusal::new(Kind::BadRequest, message));
+                    // What follows in the stream cannot be told from the rest of it.
+                    return send(&mut &*stream, &Reply { id: None, outcome }, None);
+                }
+                Line::Whole => {}
+            }
+            let (reply, bytes) = self.answer(&line, caller, is_menu);
+            send(&mut &*stream, &reply, bytes.as_deref())?;
+        }
+    }
+
+    fn read_line(
+        &self,
+        stream: &UnixStream,
+        reader: &mut BufReader<&UnixStream>,
+        line: &mut Vec<u8>,
+    ) -> io::Result<Line> {
+        if read_up_to(reader, line, SHORT_LINE)? == 0 {
+            return Ok(Line::End);
+        }
+        if line.last() != Some(&b'\n') && line.len() >= SHORT_LINE {
+            let _one_at_a_time = self.hall.long_line.lock().unwrap_or_else(PoisonError::into_inner);
+            stream.set_read_timeout(Some(PATIENCE))?;
+            read_up_to(reader, line, MAX_REQUEST_BYTES + 1)?;
+            stream.set_read_timeout(None)?;
+        }
+        match line.last() {
+            Some(b'\n') => {
+                line.pop();
+                Ok(Line::Whole)
+            }
+            _ if line.len() > MAX_REQUEST_BYTES => Ok(Line::TooLong),
+            // A client that went away in the middle of a word.
+            _ => Ok(Line::End),
+        }
+    }
+
+    fn answer(&self, line: &[u8], caller: &Caller, is_menu: &mut bool) -> (Reply, Option<Vec<u8>>) {
+        let (id, answered) = match parse_local(line) {
+            Ok(Asked { id, request }) => {
+                let operations = &self.hall.operations;
+                let answered = match &request {
+                    LocalRequest::Shared(request) => operations.shared(request, caller),
+                    LocalRequest::Own(request) => {
+                        *is_menu |= *request == LocalOnly::MenuHere;
+                        operations.own(request, caller)
+                    }
+                };
+                (Some(id), answered)
+            }
+            Err(error) => (error.id, Err(error.refusal)),
+        };
+        match answered {
+            Ok(Answer { value, bytes }) => (Reply { id, outcome: Outcome::Ok(value) }, bytes),
+            Err(refusal) => (Reply { id, outcome: Outcome::Error(refusal) }, None),
+        }
+    }
+}
+
+/// What was read.
+enum Line {
+    /// A line, without its end.
+    Whole,
+    /// More than a request may have.
+    TooLong,
+    /// The client is gone.
+    End,
+}
+
+/// Reads on to the line's end, or until `line` has `most` bytes; how many it has then.
+fn read_up_to(reader: &mut BufReader<&UnixStream>, line: &mut Vec<u8>, most: usize) -> io::Result<usize> {
+    let more = u64::try_from(most.saturating_sub(line.len())).unwrap_or(0);
+    reader.by_ref().take(more).read_until(b'\n', line)?;
+    Ok(line.len())
+}
+
+fn send(stream: &mut impl Write, reply: &Reply, bytes: Option<&[u8]>) -> io::Result<()> {
+    let mut line = serde_json::to_vec(reply)?;
+    line.push(b'\n');
+    stream.write_all(&line)?;
+    bytes.map_or(Ok(()), |bytes| stream.write_all(bytes))
+}

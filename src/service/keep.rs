@@ -1,0 +1,140 @@
+//! What goes on by itself: lights and sounds, room for the run that grows, the look at disk and robot, the hash of each run, the watchdog.
+
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::core::{Inner, Service};
+use super::machine::Happening;
+use super::missions;
+use super::protocol::LastStop;
+use super::signs::{self, Shown, Signs};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use crate::ev3dev::LocalTree;
+
+/// The pace, nanoseconds: half a pulse of the lights is twice as long.
+const PACE_NS: i64 = 250 * MILLISECOND_NS;
+
+/// How often disk and robot are looked at, nanoseconds.
+const LOOK_NS: i64 = 2 * SECOND_NS;
+
+/// How long the hasher sleeps at most; it is woken when a run ends.
+const HASHER_PATIENCE: Duration = Duration::from_secs(2);
+
+impl Service {
+    /// Begins to keep, in threads of its own that last as long as the process.
+    pub(super) fn keep(&self) -> io::Result<()> {
+        let mut keeper = Keeper::new(Arc::clone(&self.inner));
+        // Once before anybody asks.
+        keeper.look();
+        let thread = |name: &str| std::thread::Builder::new().name(name.to_owned());
+        thread("keeper").spawn(move || keeper.keep())?;
+        let inner = Arc::clone(&self.inner);
+        thread("hasher").spawn(move || hash(&inner))?;
+        Ok(())
+    }
+}
+
+struct Keeper {
+    inner: Arc<Inner>,
+    signs: Signs,
+    looked_ns: i64,
+    /// The robot's file as it was read last, and what is wrong with it.
+    robot: Option<Vec<u8>>,
+    /// What keeps runs from starting, as it was said last.
+    found: Option<LastStop>,
+}
+
+impl Keeper {
+    fn new(inner: Arc<Inner>) -> Self {
+        Self { inner, signs: Signs::default(), looked_ns: MonotonicClock.now_ns(), robot: None, found: None }
+    }
+
+    fn keep(mut self) {
+        loop {
+            let now_ns = MonotonicClock.now_ns();
+            self.show(now_ns);
+            self.inner.bench.tend(now_ns);
+            if now_ns.saturating_sub(self.looked_ns) >= LOOK_NS {
+                self.looked_ns = now_ns;
+                self.inner.store.grow();
+                self.inner.store.save();
+                self.look();
+            }
+            watched();
+            MonotonicClock.sleep_until_ns(now_ns + PACE_NS);
+        }
+    }
+
+    /// Lights and sounds of the state; on a real brick only.
+    fn show(&mut self, now_ns: i64) {
+        let shown = {
+            // A service whose state cannot be had any more stops here, and with it the watchdog's signs of life.
+            let now = self.inner.now();
+            Shown {
+                state: now.machine.state(),
+                lights: now.kept.lights,
+                sounds: now.kept.sounds,
+                missions_own: now.missions_lights,
+            }
+        };
+        let Some(root) = self.inner.bench.root() else { return };
+        let (colour, tone_hz) = self.signs.follow(shown, now_ns);
+        let tree: Arc<dyn crate::ev3dev::Tree> = Arc::new(LocalTree::new(root));
+        if let Some(colour) = colour {
+            signs::light(&tree, colour);
+        }
+        if let Some(tone_hz) = tone_hz {
+            signs::tone(&tree, tone_hz);
+        }
+    }
+
+    /// What keeps any run from starting.
+    fn look(&mut self) {
+        let inner = Arc::clone(&self.inner);
+        let robot = self.robot_trouble();
+        let disk = inner.store.trouble().map(|error| trouble("disk", error.to_string()));
+        let found = disk.or_else(|| robot.clone().map(|why| trouble("robot", why)));
+        if let Some(found) = found.as_ref().filter(|_| found != self.found) {
+            log::warn!("{}", found.reason);
+        }
+        self.found.clone_from(&found);
+        let mut now = inner.now();
+        now.robot = robot;
+        now.machine.happen(MonotonicClock.now_ns(), Happening::Trouble(found));
+    }
+
+    /// What is wrong with the robot's file; it is read each time and understood when it has changed.
+    fn robot_trouble(&mut self) -> Option<String> {
+        let path: &Path = &self.inner.config.robot;
+        let bytes = missions::read(path).ok();
+        if self.robot == bytes && bytes.is_some() {
+            return self.inner.now().robot.clone();
+        }
+        self.robot = bytes;
+        missions::robot(path).err()
+    }
+}
+
+fn trouble(word: &str, reason: String) -> LastStop {
+    LastStop { run: None, mission: String::new(), word: word.to_owned(), reason, wanted: false }
+}
+
+/// A sign of life for systemd, where it asks for one.
+fn watched() {
+    if sd_notify::watchdog_enabled().is_some() {
+        // Whoever does not hear it restarts us.
+        let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
+    }
+}
+
+/// Hashes what is complete, then sleeps until something changes.
+fn hash(inner: &Inner) {
+    loop {
+        while inner.store.hash_one() {}
+        let now = inner.now();
+        // Woken or not: it looks again. A poisoned lock is no reason to stop.
+        drop(inner.changed.wait_timeout(now, HASHER_PATIENCE));
+    }
+}

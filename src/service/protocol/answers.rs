@@ -1,0 +1,284 @@
+//! What a brick answers: the contents of a reply's `ok`.
+
+use serde::{Deserialize, Serialize};
+
+use super::RunId;
+use crate::runtime::recording;
+
+/// What a reply's `ok` holds where there is nothing to say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Done {}
+
+/// The one state of a brick.
+///
+/// ```text
+///  ready ──start──▶ preparing ──▶ running ──▶ stopping ──▶ stopped ──▶ (start again)
+///    ▲                  │                                     │
+///    └── acknowledge ── fault ◀── a run that ended unwanted ──┘
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Waits for a start; no run since the service began.
+    Ready,
+    /// A run waits for the robot to stand still, beeps, and so on.
+    Preparing,
+    /// A run drives.
+    Running,
+    /// The motors were told to stop; the recording is being finished.
+    Stopping,
+    /// The last run ended as the mission or a person wanted it. A start is taken, as in `ready`.
+    Stopped,
+    /// The last run did not end as wanted, or something keeps any run from starting. A start is taken where the brick is able to; a person can
+    /// acknowledge the fault on the brick.
+    Fault,
+}
+
+/// How a brick is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// The brick's name.
+    pub brick: String,
+    /// The version of onbrick.
+    pub version: String,
+    /// The protocol's version.
+    pub protocol: u32,
+    /// The state.
+    pub state: State,
+    /// How long it has been in this state, seconds of the brick's clock.
+    pub state_s: f64,
+    /// The run that is going on.
+    pub run: Option<RunStatus>,
+    /// How the last run ended, or what else keeps the brick from being ready.
+    pub last: Option<LastStop>,
+    /// Volts, where they can be read.
+    pub battery_v: Option<f64>,
+    /// For a `start`, within [`TOKEN_LIFE_NS`](super::TOKEN_LIFE_NS).
+    pub token: String,
+    /// How the link is: `ready`, or what it waits for.
+    pub link: String,
+    /// Bytes of runs on disk, and how many there may be.
+    pub disk: Disk,
+    /// A robot that has a finding in its file: the finding; otherwise nothing.
+    pub robot: Option<String>,
+}
+
+/// Room for runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Disk {
+    /// Bytes of runs.
+    pub used: u64,
+    /// At most so many.
+    pub quota: u64,
+    /// Free on the file system.
+    pub free: u64,
+}
+
+/// A run that is going on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunStatus {
+    /// Which.
+    pub run: RunId,
+    /// Its mission's name.
+    pub mission: String,
+    /// The mission's time limit, seconds.
+    pub time_limit_s: f64,
+    /// Who started it: a key's name, `menu`, `here`.
+    pub by: String,
+    /// What it waits for, while it prepares.
+    pub waits: Option<String>,
+    /// How it is going, once it drives.
+    pub progress: Option<recording::Status>,
+}
+
+/// How the last run ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LastStop {
+    /// Which run, where it was one.
+    pub run: Option<RunId>,
+    /// Its mission's name.
+    pub mission: String,
+    /// One word: `finished`, `time limit`, `button`, `remote`, `menu closed`, `outside`, `guard`, … ([`StopReason::word`](crate::runtime::StopReason::word));
+    /// besides `refused` (it did not start), `died` (its process ended without a word), `cut` (nobody saw its end), and, where no run is meant, `robot` and `disk`.
+    pub word: String,
+    /// The reason, for people.
+    pub reason: String,
+    /// It ended as the mission or a person wanted it.
+    pub wanted: bool,
+}
+
+/// The missions of a brick.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Missions {
+    /// By name.
+    pub missions: Vec<MissionInfo>,
+}
+
+/// A mission that a brick has.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MissionInfo {
+    /// By this name it is started.
+    pub name: String,
+    /// SHA-256 of its file, in hexadecimal: the same mission on two bricks has the same.
+    pub sha256: String,
+    /// Its time limit, seconds; nothing where it cannot be read.
+    pub time_limit_s: Option<f64>,
+    /// What `check` says against it, where it cannot be started.
+    pub findings: Option<String>,
+}
+
+/// A run was started, or had been already.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Started {
+    /// Which.
+    pub run: RunId,
+    /// A run with this identifier was there before: this start did nothing.
+    pub repeated: bool,
+}
+
+/// The motors have been told, or nothing was running.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stopped {
+    /// The run that was stopped.
+    pub run: Option<RunId>,
+    /// Every motor took the command.
+    pub stopped: bool,
+}
+
+/// The runs on a brick's disk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Runs {
+    /// The newest first.
+    pub runs: Vec<RunInfo>,
+}
+
+/// A run on a brick's disk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunInfo {
+    /// Which.
+    pub run: RunId,
+    /// Its mission's name.
+    pub mission: String,
+    /// Counts up on this brick, whatever its calendar says.
+    pub number: u64,
+    /// Bytes of its recording.
+    pub bytes: u64,
+    /// It is still being written.
+    pub going_on: bool,
+    /// Somebody has fetched all of it.
+    pub fetched: bool,
+    /// How it ended; nothing where it is going on or was cut.
+    pub end: Option<LastStop>,
+    /// Metres driven and points, as far as they are known.
+    pub travelled_m: Option<f64>,
+    /// Points of its map.
+    pub points: Option<u64>,
+}
+
+/// A part of a recording; its bytes come beside it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fetched {
+    /// Which run.
+    pub run: RunId,
+    /// Where the part begins.
+    pub offset: u64,
+    /// How long it is.
+    pub length: u32,
+    /// How long the recording is by now.
+    pub total: u64,
+    /// The recording is complete: `total` does not grow.
+    pub complete: bool,
+    /// SHA-256 of the whole, in hexadecimal, once it is complete and this part reaches its end. It is computed in the background: a part that
+    /// reaches the end of a complete recording and has none came too early; asking again from there, for no bytes, brings it.
+    pub sha256: Option<String>,
+}
+
+/// What is plugged in and what it reads.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Live {
+    /// By port.
+    pub devices: Vec<LiveDevice>,
+}
+
+/// A device that is plugged in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LiveDevice {
+    /// Short, such as `outB`, `in1`.
+    pub port: String,
+    /// Such as `lego-ev3-l-motor`.
+    pub driver: String,
+    /// What the robot's file uses it for, where it does.
+    pub role: Option<String>,
+    /// What it reads, with its unit.
+    pub reading: String,
+    /// It can be jogged.
+    pub motor: bool,
+}
+
+/// The pairing window.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "pairing", rename_all = "snake_case")]
+pub enum Pairing {
+    /// Nobody can pair.
+    Closed,
+    /// It waits for a PC.
+    Open {
+        /// For how long yet, seconds.
+        seconds: u32,
+    },
+    /// A PC shows a code: is it this one?
+    Compare {
+        /// The short code.
+        code: String,
+        /// What the PC calls itself.
+        name: String,
+    },
+    /// Done: the PC is known.
+    Paired {
+        /// What the PC calls itself.
+        name: String,
+    },
+    /// Not done.
+    Failed {
+        /// Why.
+        why: String,
+    },
+    /// This onbrick, or this moment, has no link.
+    NoLink {
+        /// Why.
+        why: String,
+    },
+}
+
+/// What a person can set on the brick.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// The brick's name.
+    pub brick: String,
+    /// The version of onbrick.
+    pub version: String,
+    /// The brick's addresses on the network.
+    pub addresses: Vec<String>,
+    /// The fingerprint of the brick's key, where it has one.
+    pub fingerprint: Option<String>,
+    /// Lights follow the state.
+    pub lights: bool,
+    /// Sounds are made.
+    pub sounds: bool,
+    /// The next run ends at this time at the latest, seconds.
+    pub time_limit_s: Option<f64>,
+}
+
+/// Settings to be changed; those that are left out stay.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct SettingsChange {
+    /// Lights follow the state.
+    #[serde(default)]
+    pub lights: Option<bool>,
+    /// Sounds are made.
+    #[serde(default)]
+    pub sounds: Option<bool>,
+    /// The next run ends at this time at the latest, seconds; 0 takes the limit away.
+    #[serde(default)]
+    pub time_limit_s: Option<f64>,
+}

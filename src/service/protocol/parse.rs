@@ -1,0 +1,199 @@
+//! From bytes to a request, or to a refusal that says what is wrong with them.
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::{Asked, Id, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Refusal, Request, VERSION};
+
+/// A request that was not understood, with its client's name for it where that could be read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NotUnderstood {
+    /// The request's, where it could be read.
+    pub id: Option<Id>,
+    /// What is wrong.
+    pub refusal: Refusal,
+}
+
+/// Operations of [`Request`].
+const SHARED: [&str; 7] = ["status", "missions", "start", "stop", "runs", "fetch", "identify"];
+
+/// Operations of [`LocalOnly`].
+const OWN: [&str; 12] = [
+    "live",
+    "jog",
+    "delete",
+    "start_here",
+    "menu_here",
+    "menu_closed",
+    "acknowledge",
+    "pairing_window",
+    "pairing_state",
+    "pairing_answer",
+    "settings",
+    "set_settings",
+];
+
+/// What every request has. A key that is there twice is refused, because two readers could each believe another one.
+#[derive(Deserialize)]
+struct Envelope {
+    id: Id,
+    version: u32,
+    op: String,
+}
+
+/// Longer names of requests would only fill the replies.
+const MAX_ID_BYTES: usize = 64;
+
+/// Reads a request that came over the network.
+///
+/// # Errors
+///
+/// [`NotUnderstood`], to be sent back.
+pub fn parse(bytes: &[u8]) -> Result<Asked<Request>, NotUnderstood> {
+    let envelope = envelope(bytes, &[&SHARED])?;
+    let request = body(bytes, &envelope.id)?;
+    Ok(Asked { id: envelope.id, request })
+}
+
+/// Reads a request that came over the local socket.
+///
+/// # Errors
+///
+/// [`NotUnderstood`], to be sent back.
+pub fn parse_local(bytes: &[u8]) -> Result<Asked<LocalRequest>, NotUnderstood> {
+    let envelope = envelope(bytes, &[&SHARED, &OWN])?;
+    let request = if OWN.contains(&envelope.op.as_str()) {
+        LocalRequest::Own(body::<LocalOnly>(bytes, &envelope.id)?)
+    } else {
+        LocalRequest::Shared(body::<Request>(bytes, &envelope.id)?)
+    };
+    Ok(Asked { id: envelope.id, request })
+}
+
+fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> {
+    let refuse =
+        |id: Option<Id>, kind, message: String| NotUnderstood { id, refusal: Refusal::new(kind, message) };
+    if bytes.len() > MAX_REQUEST_BYTES {
+        let message = format!("the request has {} bytes, and {MAX_REQUEST_BYTES} are the most", bytes.len());
+        return Err(refuse(None, Kind::BadRequest, message));
+    }
+    let envelope: Envelope = serde_json::from_slice(bytes).map_err(|error| {
+        // A request that can be read at all is answered under its own name.
+        refuse(id_of(bytes), Kind::BadRequest, format!("not a request: {error}"))
+    })?;
+    if matches!(&envelope.id, Id::Text(text) if text.len() > MAX_ID_BYTES) {
+        return Err(refuse(None, Kind::BadRequest, format!("an id has at most {MAX_ID_BYTES} bytes")));
+    }
+    if envelope.version != VERSION {
+        let message = format!("version {} is asked for, and this is version {VERSION}", envelope.version);
+        let refusal = Refusal::new(Kind::Version, message).hint("the same onbrick on both sides");
+        return Err(NotUnderstood { id: Some(envelope.id), refusal });
+    }
+    if !known.iter().any(|names| names.contains(&envelope.op.as_str())) {
+        let op: String = envelope.op.chars().take(40).collect();
+        let names = known.concat().join(", ");
+        let message = format!("there is no operation `{op}`; there are {names}");
+        return Err(refuse(Some(envelope.id), Kind::UnknownOperation, message));
+    }
+    Ok(envelope)
+}
+
+fn id_of(bytes: &[u8]) -> Option<Id> {
+    let value: Value = serde_json::from_slice(bytes).ok()?;
+    let id: Id = serde_json::from_value(value.get("id")?.clone()).ok()?;
+    match &id {
+        Id::Text(text) if text.len() > MAX_ID_BYTES => None,
+        _ => Some(id),
+    }
+}
+
+fn body<R: DeserializeOwned>(bytes: &[u8], id: &Id) -> Result<R, NotUnderstood> {
+    serde_json::from_slice(bytes).map_err(|error| NotUnderstood {
+        id: Some(id.clone()),
+        refusal: Refusal::new(Kind::BadRequest, format!("the request's fields: {error}")),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::service::protocol::{Chosen, Outcome, Reply, RunId};
+
+    fn refused(text: &[u8]) -> NotUnderstood {
+        parse(text).unwrap_err()
+    }
+
+    #[test]
+    fn a_request_in_json_is_a_request() {
+        let asked =
+            parse(br#"{"version":1,"id":"a","op":"start","run":"r-1","mission":{"name":"map"},"later":[1]}"#);
+        let asked = asked.unwrap();
+        assert_eq!(asked.id, Id::Text("a".to_owned()));
+        let Request::Start(start) = asked.request else { panic!("{:?}", asked.request) };
+        assert_eq!((start.run.as_str(), start.mission), ("r-1", Chosen::Name("map".to_owned())));
+        assert_eq!(
+            parse(br#"{"version":1,"id":3,"op":"stop"}"#).unwrap().request,
+            Request::Stop { run: None }
+        );
+    }
+
+    #[test]
+    fn every_named_operation_is_one() {
+        for op in SHARED.into_iter().chain(OWN) {
+            let text = format!(r#"{{"version":1,"id":1,"op":"{op}"}}"#);
+            let kind = parse_local(text.as_bytes()).map(|_| ()).map_err(|error| error.refusal.message);
+            // Those with fields say which is missing; none is unknown.
+            if let Err(message) = kind {
+                assert!(message.contains("missing field"), "{op}: {message}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_understood_says_why_under_its_own_name() {
+        let unknown = refused(br#"{"version":1,"id":9,"op":"jog","port":"outA","percent":100}"#);
+        assert_eq!((unknown.id, unknown.refusal.kind), (Some(Id::Number(9)), Kind::UnknownOperation));
+        assert!(unknown.refusal.message.contains("status, missions, start"), "{}", unknown.refusal.message);
+        let version = refused(br#"{"version":2,"id":9,"op":"status"}"#);
+        assert_eq!((version.id, version.refusal.kind), (Some(Id::Number(9)), Kind::Version));
+        for bad in [
+            &b"\xff\xfe"[..],
+            b"",
+            b"[]",
+            br#"{"id":1,"version":1}"#,
+            br#"{"id":1,"id":2,"version":1,"op":"status"}"#,
+            br#"{"id":1,"version":1,"op":"stop","run":"../../etc/passwd"}"#,
+            br#"{"id":1,"version":1,"op":"fetch","run":"r","offset":-1,"length":1}"#,
+            br#"{"id":1,"version":1,"op":"stop","run":"a","run":"b"}"#,
+        ] {
+            assert_eq!(refused(bad).refusal.kind, Kind::BadRequest, "{}", String::from_utf8_lossy(bad));
+        }
+        let deep = format!(r#"{{"id":1,"version":1,"op":"status","x":{}"#, "[".repeat(100_000));
+        assert_eq!(refused(deep.as_bytes()).refusal.kind, Kind::BadRequest);
+    }
+
+    #[test]
+    fn a_reply_has_the_outcome_beside_its_id() {
+        let reply = Reply { id: Some(Id::Number(7)), outcome: Outcome::Ok(serde_json::json!({"run": "r"})) };
+        assert_eq!(serde_json::to_string(&reply).unwrap(), r#"{"id":7,"ok":{"run":"r"}}"#);
+        let text = r#"{"id":7,"error":{"kind":"from_the_future","message":"m","hint":null}}"#;
+        let reply: Reply = serde_json::from_str(text).unwrap();
+        assert_eq!(reply.outcome, Outcome::Error(Refusal::new(Kind::Other, "m")));
+    }
+
+    #[test]
+    fn identifiers_are_names_of_folders_and_nothing_else() {
+        for bad in ["", ".", "..", "a/b", "a b", "ä", &"x".repeat(41)] {
+            assert!(RunId::new(bad).is_err(), "{bad}");
+        }
+        assert_eq!(RunId::new("map-1_X").unwrap().as_str(), "map-1_X");
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_bytes_are_a_request_or_a_refusal(bytes: Vec<u8>) {
+            let _ = parse_local(&bytes);
+        }
+    }
+}

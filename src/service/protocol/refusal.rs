@@ -1,0 +1,66 @@
+//! Why a brick does not do what it was asked.
+
+use serde::{Deserialize, Serialize};
+
+/// Why something was not done.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[error("{message}")]
+pub struct Refusal {
+    /// For programs.
+    pub kind: Kind,
+    /// For people: what, and where.
+    pub message: String,
+    /// The way out, where the message does not say it.
+    pub hint: Option<String>,
+}
+
+impl Refusal {
+    /// A refusal without a hint.
+    pub fn new(kind: Kind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into(), hint: None }
+    }
+
+    /// With a way out.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+/// Why something was not done, for programs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Not JSON, not an object, a field that is missing or wrong.
+    BadRequest,
+    /// Another version of the protocol.
+    Version,
+    /// No such operation here; the message lists those that there are.
+    UnknownOperation,
+    /// The key is not, or no longer, authorised.
+    NotAuthorised,
+    /// The token is too old, or not of this brick.
+    StaleToken,
+    /// Something runs already, here or by somebody else's hand.
+    Busy,
+    /// The robot is not in order.
+    NotReady,
+    /// No such mission.
+    UnknownMission,
+    /// A mission with findings; the message is their text.
+    BrokenMission,
+    /// No such run.
+    UnknownRun,
+    /// The offset is beyond the end.
+    BeyondEnd,
+    /// Too much at once.
+    TooMany,
+    /// The disk or the quota has no room for a run.
+    NoRoom,
+    /// It went wrong on the brick.
+    Failed,
+    /// A kind that this version does not know.
+    #[serde(other)]
+    Other,
+}

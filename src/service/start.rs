@@ -1,0 +1,299 @@
+//! Starting a run and stopping it.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use super::bench::taken;
+use super::core::{Service, named};
+use super::machine::Happening;
+use super::protocol::{
+    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped,
+};
+use super::store::Record;
+use super::{missions, signs};
+use crate::behavior::Mission;
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use crate::mapping::Pose;
+use crate::runtime::with_causes;
+use crate::runtime::{HardwareLock, Job, Lock, LockError, RunProcess, Source, StopBy, Stopper, recording};
+use crate::units::radians;
+
+/// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them within a tick.
+const STOP_PATIENCE_NS: i64 = 2 * SECOND_NS;
+
+/// Poses farther away than this are slips of the pen, metres and degrees.
+const FARTHEST: f64 = 1e6;
+
+/// What stops a run.
+#[derive(Debug)]
+pub(super) enum Stop {
+    /// We started it.
+    Ours(Stopper),
+    /// An earlier service did; this is the process that drives.
+    Found {
+        /// The recording, which tells whether it is still that process.
+        file: PathBuf,
+    },
+}
+
+impl Stop {
+    fn ask(&self, by: StopBy) {
+        let asked = match self {
+            Self::Ours(stopper) => stopper.stop(by),
+            Self::Found { file } => match recording::writer(file) {
+                Ok(Some(pid)) => kill(Pid::from_raw(pid), Signal::SIGTERM).map_err(Into::into),
+                // Over already.
+                Ok(None) => Ok(()),
+                Err(error) => Err(error),
+            },
+        };
+        if let Err(error) = asked {
+            log::warn!("the run could not be asked to stop, so it is about to be gone: {error}");
+        }
+    }
+}
+
+/// A start that was found in order: all that a run needs.
+struct Prepared {
+    mission: Mission,
+    source: Source,
+    robot: Source,
+    start: Pose,
+    set: Vec<(String, f64)>,
+}
+
+impl Service {
+    /// Starts a run; a repeat does nothing.
+    pub(super) fn start(
+        &self,
+        start: &Start,
+        caller: &Caller,
+        needs_token: bool,
+    ) -> Result<Started, Refusal> {
+        let inner = &self.inner;
+        let _one_at_a_time = inner.starting();
+        if inner.store.knows(&start.run) {
+            return Ok(Started { run: start.run.clone(), repeated: true });
+        }
+        if needs_token || start.token.is_some() {
+            let token = start.token.as_deref().unwrap_or_default();
+            inner.tokens.check(token, MonotonicClock.now_ns()).map_err(|error| {
+                Refusal::new(Kind::StaleToken, error.to_string())
+                    .hint("ask for the status again: it brings a new one")
+            })?;
+        }
+        self.may_start()?;
+        let prepared = self.prepared(start)?;
+        inner.bench.let_go();
+        self.is_free()?;
+        let by = named(caller);
+        let run = RunStatus {
+            run: start.run.clone(),
+            mission: prepared.mission.name().to_owned(),
+            time_limit_s: prepared.mission.time_limit_s(),
+            by: by.clone(),
+            waits: None,
+            progress: None,
+        };
+        let file = inner.store.begin(Record::new(start.run.clone(), &run.mission, run.time_limit_s, &by))?;
+        let missions_lights = prepared.mission.switches_lights();
+        let job = self.job(&start.run, prepared, file);
+        log::info!("run {}: mission {}, started by {by}", run.run, run.mission);
+        {
+            let mut now = inner.now();
+            if let Err(other) = now.machine.start(MonotonicClock.now_ns(), run.clone()) {
+                drop(now);
+                inner.store.take_back(&start.run);
+                return Err(busy(&other));
+            }
+            now.stopped_by = None;
+            now.missions_lights = missions_lights;
+        }
+        inner.changed.notify_all();
+        let begun = RunProcess::start(&inner.program, &job).map_err(|error| with_causes(&error)).and_then(
+            |process| {
+                let mut now = inner.now();
+                let stop = Stop::Ours(process.stopper());
+                if let Some((by, _)) = now.stopped_by {
+                    // Somebody was faster than the process.
+                    stop.ask(by);
+                }
+                now.stop = Some(stop);
+                drop(now);
+                self.follow(process, &run).map_err(|error| with_causes(&error))
+            },
+        );
+        if let Err(why) = begun {
+            let last = LastStop {
+                run: Some(start.run.clone()),
+                mission: run.mission,
+                word: "refused".to_owned(),
+                reason: why.clone(),
+                wanted: false,
+            };
+            inner.now().stop = None;
+            inner.happen(Happening::Ended(last));
+            inner.store.take_back(&start.run);
+            return Err(Refusal::new(Kind::Failed, why));
+        }
+        Ok(Started { run: start.run.clone(), repeated: false })
+    }
+
+    /// Stops a run, and waits until the motors have been told.
+    pub(super) fn stop(&self, run: Option<&RunId>, by: StopBy, asker: &str) -> Result<Stopped, Refusal> {
+        let inner = &self.inner;
+        let mut now = inner.now();
+        let running = now.machine.run().map(|running| running.run.clone());
+        let Some(running) = running.filter(|running| run.is_none_or(|run| run == running)) else {
+            drop(now);
+            return match run {
+                Some(run) if !inner.store.knows(run) => {
+                    Err(Refusal::new(Kind::UnknownRun, format!("there is no run `{run}` here")))
+                }
+                run => Ok(Stopped { run: run.cloned(), stopped: true }),
+            };
+        };
+        if now.stopped_by.is_none() {
+            log::info!("run {running}: asked to stop by {asker}");
+            now.stopped_by = Some((by, asker.to_owned()));
+        }
+        now.machine.happen(MonotonicClock.now_ns(), Happening::StopAsked);
+        if let Some(stop) = &now.stop {
+            stop.ask(by);
+        }
+        let deadline_ns = MonotonicClock.now_ns() + STOP_PATIENCE_NS;
+        loop {
+            let is_over = now.machine.run().is_none_or(|now| now.run != running);
+            if let Some(stopped) = now.machine.motors_told() {
+                return Ok(Stopped { run: Some(running), stopped });
+            }
+            if is_over {
+                // It ended before it drove: no motor was ever told to turn.
+                return Ok(Stopped { run: Some(running), stopped: true });
+            }
+            let left_ns = deadline_ns.saturating_sub(MonotonicClock.now_ns());
+            let Ok(left_ns @ 1..) = u64::try_from(left_ns) else {
+                let message = "the run was asked to stop and has not said that the motors were told";
+                return Err(
+                    Refusal::new(Kind::Failed, message).hint("onbrick halt, to be sure that they are still")
+                );
+            };
+            // It may begin to drive only now and not have had the order when it was asked.
+            now = match inner.changed.wait_timeout(now, Duration::from_nanos(left_ns)) {
+                Ok((now, _)) => now,
+                Err(poisoned) => poisoned.into_inner().0,
+            };
+        }
+    }
+
+    /// Ends the service: nothing starts any more, and a run that is going on is stopped and waited for, as long as its recording takes.
+    pub fn close(&self) {
+        let inner = &self.inner;
+        inner.now().closing = true;
+        inner.bench.let_go();
+        if let Err(error) = self.stop(None, StopBy::Terminal, "the service's own end") {
+            log::warn!("{error}");
+        }
+        let deadline_ns = MonotonicClock.now_ns() + 20 * SECOND_NS;
+        while inner.now().machine.run().is_some() && MonotonicClock.now_ns() < deadline_ns {
+            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+        }
+        inner.store.save();
+    }
+
+    /// Beeps and blinks, in a thread of its own.
+    pub(super) fn identify(&self) -> Done {
+        let inner = &self.inner;
+        log::info!("asked which brick this is: {}", inner.name);
+        let idle = inner.now().machine.run().is_none();
+        if inner.bench.root().is_some()
+            && let Some(tree) = inner.bench.tree(MonotonicClock.now_ns())
+        {
+            let thread = std::thread::Builder::new().name("identify".to_owned());
+            let started = thread.spawn(move || signs::identify(&tree, idle));
+            if let Err(error) = started {
+                log::warn!("no thread to beep: {error}");
+            }
+        }
+        Done {}
+    }
+
+    fn may_start(&self) -> Result<(), Refusal> {
+        let now = self.inner.now();
+        if now.closing {
+            return Err(Refusal::new(Kind::NotReady, "the service is about to end"));
+        }
+        match now.machine.run() {
+            Some(run) => Err(busy(&run.run)),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether anybody else has the hardware. The run itself takes it; asking first makes a better answer.
+    fn is_free(&self) -> Result<(), Refusal> {
+        let Some(root) = self.inner.bench.root() else { return Ok(()) };
+        match HardwareLock::owner(root) {
+            Ok(Some(owner)) => Err(taken(LockError::Taken(owner))),
+            Ok(None) => Ok(()),
+            Err(error) => Err(taken(error)),
+        }
+    }
+
+    fn prepared(&self, start: &Start) -> Result<Prepared, Refusal> {
+        let inner = &self.inner;
+        let robot = missions::robot(&inner.config.robot).map_err(|why| Refusal::new(Kind::NotReady, why))?;
+        let source = missions::choose(&inner.config.missions, &start.mission)?;
+        let mut mission = missions::load(&source, &robot.config.capabilities())?;
+        let mut set = start.set.clone();
+        for (name, value) in &set {
+            mission
+                .set(name, *value)
+                .map_err(|error| Refusal::new(Kind::BadRequest, format!("{name} = {value}: {error}")))?;
+        }
+        if let Some(limit_s) =
+            inner.now().kept.time_limit_s.filter(|limit_s| *limit_s < mission.time_limit_s())
+        {
+            set.push((Mission::TIME_LIMIT.to_owned(), limit_s));
+            mission
+                .set(Mission::TIME_LIMIT, limit_s)
+                .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
+        }
+        let start = match start.pose {
+            Some(pose) if !pose.iter().all(|number| number.abs() <= FARTHEST) => {
+                return Err(Refusal::new(Kind::BadRequest, "a pose's numbers are small and finite"));
+            }
+            Some([x_m, y_m, deg]) => Pose { x_m, y_m, heading_rad: radians(deg) },
+            None => inner.place.start,
+        };
+        Ok(Prepared { mission, source, robot: robot.source, start, set })
+    }
+
+    fn job(&self, run: &RunId, prepared: Prepared, file: PathBuf) -> Job {
+        Job {
+            mission: prepared.source,
+            robot: prepared.robot,
+            brick: self.inner.place.brick.clone(),
+            start: prepared.start,
+            set: prepared.set,
+            file,
+            sync_ns: self.inner.config.sync_ns,
+            run: Some(run.to_string()),
+            when_abandoned: self.inner.config.when_service_dies,
+            lock: Lock::default(),
+        }
+    }
+
+    /// The state, for those who follow it here.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.inner.now().machine.state()
+    }
+}
+
+fn busy(run: &RunId) -> Refusal {
+    Refusal::new(Kind::Busy, format!("the run `{run}` is going on"))
+        .hint("stop it first, or wait until it is over")
+}
