@@ -35,6 +35,7 @@
 //! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure |
 //! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |
 //! | [`sim`] | simulated brick: world, body, driver behaviour (feature `sim`) |
+//! | [`page`] | a page for a browser on this machine: the server behind live pages (feature `host`) |
 //! | [`ev3dev`] | typed devices over attribute files: motors, sensors, ports, lights, battery, buttons, sound |
 //! | [`document`] | files that people write: places, carets, nearest names |
 //! | [`clock`] | monotonic time: real, or virtual for simulation and tests |
@@ -117,6 +118,8 @@ pub mod link;
 pub mod mapping;
 #[cfg(feature = "cli")]
 pub mod menu;
+#[cfg(feature = "host")]
+pub mod page;
 #[cfg(feature = "host")]
 pub mod report;
 pub mod robot;

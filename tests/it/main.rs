@@ -19,6 +19,7 @@ mod ev3dev;
 mod faults;
 mod figures;
 mod foreign;
+mod image;
 mod mapping;
 mod menu;
 mod messages;
