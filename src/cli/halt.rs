@@ -49,6 +49,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             .hint("unplug the motors' cables, or take out the battery")
     };
     let motors = halt(&tree).map_err(|error| failed(&error))?;
+    let stopped_run = stopped_run?;
     let moving = watch_still(&tree, &clock, SECOND_NS).map_err(|error| failed(&error))?;
     if let Some(owner) = &stopped_run {
         output.line(format!("stopped {} (process {})", owner.doing, owner.pid));

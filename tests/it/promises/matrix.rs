@@ -2,6 +2,7 @@
 //! was driven blind, and where the robot believes to be at the end.
 
 use crate::faults::stage::{Ended, Stage, assert_at_rest, fault};
+use crate::support::promised::promised;
 use onbrick::runtime::StopReason;
 
 const FAULTS: [&str; 8] = ["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "jump"];
@@ -26,10 +27,14 @@ fn blind_m(ended: &Ended) -> f64 {
 #[test]
 fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetectable() {
     let clean = Stage::default().play();
-    println!("clean run: {:.2} m, off by {:.3} m at the end", clean.truth.travelled_m, clean.pose_error_m());
-    println!(
+    promised(&format!(
+        "clean run: {:.2} m, off by {:.3} m at the end",
+        clean.truth.travelled_m,
+        clean.pose_error_m()
+    ));
+    promised(&format!(
         "device  fault         noticed                                        after s  blind m  off by m"
-    );
+    ));
     let cells = DEVICES.iter().flat_map(|device| FAULTS.iter().map(move |fault| (device, fault)));
     let played: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> = cells
@@ -47,12 +52,12 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
     for (device, kind, ended) in &played {
         let noticed = (ended.reason != StopReason::Finished).then(|| ended.reason.to_string());
         let blind_m = blind_m(ended);
-        println!(
+        promised(&format!(
             "{device:7} {kind:13} {:46} {:7.2} {blind_m:8.2} {:9.3}",
             noticed.as_deref().unwrap_or("no"),
             ended.time_s - 10.0,
             ended.pose_error_m()
-        );
+        ));
         assert_at_rest(ended, &format!("{device} {kind}"));
         let cell = format!("{device} {kind}:");
         let known = undetectable.lines().any(|line| line.starts_with(&cell) && line.len() > cell.len() + 10);
