@@ -191,14 +191,14 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
 
 /// The walls of the world that is in a recording.
 #[cfg(all(feature = "host", feature = "sim"))]
-fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
+pub(super) fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     let text = run.world_toml.as_ref()?;
     let (world, _) = crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;
     Some(world.outlines().to_vec())
 }
 
 #[cfg(all(feature = "host", not(feature = "sim")))]
-fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
+pub(super) fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     None
 }
 

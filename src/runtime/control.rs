@@ -198,6 +198,8 @@ impl Control<'_> {
         });
         if pressed {
             step.end = Some(StopReason::Button);
+        } else if let Some(channel) = self.robot.outside() {
+            step.end = Some(StopReason::Outside(channel));
         } else if self.recorder.failed() {
             step.end = Some(StopReason::Recording);
         }

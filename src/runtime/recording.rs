@@ -73,6 +73,7 @@
 mod encoder;
 mod file;
 mod grid;
+mod growing;
 pub mod message;
 mod outside;
 mod points;
@@ -88,12 +89,13 @@ use crate::ev3dev::Technology;
 use crate::mapping::Pose;
 
 pub use file::{RecordError, SYNC_MAGIC, SYNC_OPCODE, Sink, create};
+pub use growing::{Growing, Piece};
 pub use message::{Gap, TickStatistics};
 pub use outside::{ending_of, writer};
 pub use recorder::{Recorder, Summary};
 pub use run::{Checkpoint, Ending, Info, LogLine, ReadError, RecordedPose, Run, Transition};
 pub use status::Status;
-pub use stretch::{Context, Found, Integrity, walk};
+pub use stretch::{Context, Found, Integrity, walk, walk_part};
 pub use tick::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
 pub use topic::Topic;
 

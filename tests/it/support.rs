@@ -7,6 +7,7 @@ pub mod chance;
 pub mod faulty;
 pub mod memory;
 pub mod plain_brick;
+pub mod real_time;
 pub mod promised;
 pub mod stage;
 pub mod turning_brick;

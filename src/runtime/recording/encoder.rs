@@ -139,7 +139,7 @@ impl Encoder {
 
     fn tick(&mut self, record: &TickRecord) -> Result<(), RecordError> {
         let time_ns = record.senses.time_ns;
-        self.status.note(record, self.start.start_ns);
+        self.status.note(record, &self.start);
         self.senses(record)?;
         self.pose(record)?;
         if due(&mut self.next_odometry_ns, time_ns, ODOMETRY_PERIOD_NS) {

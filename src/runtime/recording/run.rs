@@ -424,7 +424,7 @@ fn senses(message: &message::SensesMessage) -> Option<Senses> {
     Some(senses)
 }
 
-fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
+pub(super) fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
     let range = match message.range {
         0 => None,
         1 => Some(Range::Echo(message.range_m)),
