@@ -196,6 +196,7 @@ fn word_of(reason: &str) -> (&'static str, bool) {
         Reason::Signal,
         Reason::Abandoned,
         Reason::Stalled,
+        Reason::Battery,
         Reason::Late,
         Reason::Recording,
         Reason::Panicked,
@@ -214,6 +215,7 @@ mod tests {
     fn a_recorded_reason_gives_its_word_back() {
         assert_eq!(word_of("stopped by a button on the brick"), ("button", true));
         assert_eq!(word_of("whoever started the run is gone"), ("abandoned", false));
+        assert_eq!(word_of(&StopReason::Battery.to_string()), ("battery", false));
         assert_eq!(word_of(&format!("{}: ENODEV", StopReason::Lost(Channel::Gyro))), ("lost", false));
     }
 }
