@@ -47,6 +47,9 @@
 //! `onbrick run` checks everything and then starts *control* as a process of its own (the same file under a hidden command): the process
 //! that drives. Control writes a heartbeat each tick and ends its run when its starter is gone; the starter shows how it goes.
 //!
+//! `onbrick serve` starts the same processes for whoever asks at one of its doors ([`service`]); they do not need it, and one that is started
+//! anew finds a run that goes on.
+//!
 //! # Words
 //!
 //! *Brick*: the root under which `sys/class/...` is found: `/` on the brick, a mount point, or the in-process simulation.
@@ -88,7 +91,7 @@
 //!
 //! # Not here yet
 //!
-//! The service, the network link, the guard process, the menu and the package for the brick are issues of their own.
+//! The network link, the guard process, the menu and the package for the brick are issues of their own.
 
 pub mod behavior;
 #[cfg(feature = "cli")]
