@@ -9,7 +9,7 @@ use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::mapping::Pose;
-use crate::runtime::{Brick, Ended, Job, RunError, RunProcess, StopBy, Stopper, WhenAbandoned};
+use crate::runtime::{Brick, Ended, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned};
 use crate::units::radians;
 
 mod through;
@@ -88,6 +88,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         sync_ns: nanoseconds(arguments.sync_s),
         run: None,
         when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
     };
     let ended = drive(&job, &mission, output).inspect_err(|_| folder.take_back())?;
     // A program has read it already: it was the last event.

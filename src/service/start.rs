@@ -18,7 +18,7 @@ use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::mapping::Pose;
 use crate::runtime::with_causes;
-use crate::runtime::{HardwareLock, Job, LockError, RunProcess, Source, StopBy, Stopper, recording};
+use crate::runtime::{HardwareLock, Job, Lock, LockError, RunProcess, Source, StopBy, Stopper, recording};
 use crate::units::radians;
 
 /// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them within a tick.
@@ -282,6 +282,7 @@ impl Service {
             sync_ns: self.inner.config.sync_ns,
             run: Some(run.to_string()),
             when_abandoned: self.inner.config.when_service_dies,
+            lock: Lock::default(),
         }
     }
 
