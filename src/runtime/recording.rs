@@ -85,6 +85,7 @@ mod tick;
 mod topic;
 
 use crate::clock::SECOND_NS;
+use crate::ev3dev::Technology;
 use crate::mapping::Pose;
 
 pub use file::{RecordError, SYNC_MAGIC, SYNC_OPCODE, Sink, create};
@@ -134,6 +135,8 @@ pub struct Start {
     pub pace: Pace,
     /// The seed of the simulation, where there is one.
     pub seed: Option<u64>,
+    /// What the brick runs on, which decides about the thresholds of its battery.
+    pub cells: Technology,
     /// Named numbers that were set for this run.
     pub settings: Vec<(String, f64)>,
     /// The range sensor, where there is one.

@@ -29,6 +29,13 @@ pub struct Status {
     pub states: Vec<(String, String)>,
     /// Battery, volts; `None` where it is not sensed.
     pub battery_v: Option<f64>,
+    /// Ticks that came a whole period late or later.
+    pub overruns: u64,
+    /// The latest tick, nanoseconds after its deadline.
+    pub latest_ns: i64,
+    /// The last log line that is a warning or worse.
+    #[serde(default)]
+    pub warning: Option<String>,
     /// Entries that the recorder could not take.
     pub dropped: u32,
 }
@@ -49,16 +56,21 @@ impl Status {
             points: 0,
             states: start.machines.iter().map(first).collect(),
             battery_v: None,
+            overruns: 0,
+            latest_ns: 0,
+            warning: None,
             dropped: 0,
         }
     }
 
-    pub(super) fn note(&mut self, record: &TickRecord, start_ns: i64) {
+    pub(super) fn note(&mut self, record: &TickRecord, start: &Start) {
         self.tick = record.senses.tick;
         self.time_ns = record.senses.time_ns;
-        self.elapsed_ns = self.time_ns.saturating_sub(start_ns);
+        self.elapsed_ns = self.time_ns.saturating_sub(start.start_ns);
         self.pose = record.estimate.pose;
         self.travelled_m = record.estimate.travelled_m;
+        self.overruns += u64::from(record.lateness_ns >= start.period_ns);
+        self.latest_ns = self.latest_ns.max(record.lateness_ns);
         self.range = record.estimate.range;
         self.points += u64::from(record.point.is_some());
         self.battery_v = record.senses.get(Channel::Battery).map(|battery| battery.value);

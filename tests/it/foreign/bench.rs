@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use crate::mount::bench::no_fuse;
 use crate::support::pass_over;
+use crate::support::real_time::Pace;
 
 pub(super) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
@@ -62,17 +63,18 @@ pub(super) struct Foreign {
 
 impl Simulator {
     /// Starts it in a world of `tests/data` or a built-in one.
-    pub(super) fn start(world: &str) -> Self {
+    pub(super) fn start(pace: &Pace, world: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = format!("{}/tests/data/{world}.toml", env!("CARGO_MANIFEST_DIR"));
         let world = if Path::new(&file).exists() { &file } else { world };
-        let mut process = Command::new(PROGRAM)
+        let mut process = Pace::command(PROGRAM)
             .arg("sim")
             .arg(folder.path().join("brick"))
             .args(["--world", world])
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
+        pace.watch(&process);
         let mut said = BufReader::new(process.stdout.take().unwrap());
         let mut line = String::new();
         while !line.starts_with("mounted") {
@@ -105,7 +107,7 @@ impl Drop for Simulator {
 
 impl Foreign {
     /// Starts a program in a namespace where a brick is mounted.
-    pub(super) fn start(name: &str, brick: &Path, command: &[&str]) -> Self {
+    pub(super) fn start(pace: &Pace, name: &str, brick: &Path, command: &[&str]) -> Self {
         let aside = tempfile::tempdir().unwrap();
         let mut process = unshare()
             .args(["sh", "-c", ENTER, "sh"])
@@ -114,6 +116,7 @@ impl Foreign {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
+        pace.watch(&process);
         let said = BufReader::new(process.stdout.take().unwrap());
         Self { name: name.to_owned(), process, said, _aside: aside }
     }
@@ -125,27 +128,29 @@ impl Foreign {
         line.trim_end().to_owned()
     }
 
-    /// Waits for its end; what it said.
-    pub(super) fn end(mut self) -> String {
+    /// Waits for its end; what it said, or nothing and a complaint if it does not end well.
+    pub(super) fn end(mut self, pace: &Pace) -> Option<String> {
         let deadline_ns = MonotonicClock.now_ns() + LONGEST_NS;
-        let status = loop {
-            if let Some(status) = self.process.try_wait().unwrap() {
-                break status;
-            }
-            assert!(MonotonicClock.now_ns() < deadline_ns, "{} does not end", self.name);
+        let mut status = None;
+        while status.is_none() && MonotonicClock.now_ns() < deadline_ns {
             MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+            status = self.process.try_wait().unwrap();
+        }
+        let Some(status) = status else {
+            pace.ensure(false, || format!("{} does not end", self.name));
+            return None;
         };
         let mut said = String::new();
         self.said.read_to_string(&mut said).unwrap();
-        assert!(status.success(), "{} failed: {status}; it said {said}", self.name);
         println!("{}: {said}", self.name);
-        said
+        pace.ensure(status.success(), || format!("{} failed: {status}", self.name));
+        status.success().then_some(said)
     }
 
     /// Waits for its end; the JSON in its last line.
-    pub(super) fn json(self) -> Value {
-        let said = self.end();
-        serde_json::from_str(said.lines().last().unwrap_or_default()).unwrap()
+    pub(super) fn json(self, pace: &Pace) -> Option<Value> {
+        let said = self.end(pace)?;
+        Some(serde_json::from_str(said.lines().last().unwrap_or_default()).unwrap())
     }
 }
 
@@ -158,8 +163,8 @@ impl Drop for Foreign {
 }
 
 /// A command in a mount namespace of its own: with the rights we have, or as root of a user namespace.
-fn unshare() -> Command {
-    let mut command = Command::new("unshare");
+pub(crate) fn unshare() -> Command {
+    let mut command = Pace::command("unshare");
     if !nix::unistd::geteuid().is_root() {
         command.args(["--user", "--map-root-user"]);
     }
@@ -196,7 +201,7 @@ pub(super) fn script(name: &str) -> String {
 }
 
 /// An example of this crate, which `cargo test` builds beside its binary.
-pub(super) fn example(name: &str) -> Option<PathBuf> {
+pub(crate) fn example(name: &str) -> Option<PathBuf> {
     let path = Path::new(PROGRAM).parent()?.join("examples").join(name);
     if !path.exists() {
         pass_over(&format!("the example {name}: cargo test builds it, cargo test --test it does not"));
