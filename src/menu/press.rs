@@ -198,7 +198,7 @@ impl Menu {
         }
         if let (true, Some(0), Some(run)) = (ended.wanted, taken, ended.run) {
             self.tab = Tab::Runs;
-            self.asks.refresh(Look::Runs);
+            self.asks.refresh(Look::Runs, self.now_ns);
             self.open(Page::Map(run));
         }
     }
@@ -239,7 +239,7 @@ impl Menu {
             Tab::SetUp => Look::Status,
             Tab::Settings => Look::Settings,
         };
-        self.asks.refresh(looks);
+        self.asks.refresh(looks, self.now_ns);
     }
 
     fn enter_tab(&mut self, chosen: usize) {
@@ -281,7 +281,7 @@ impl Menu {
             2 => return self.open(Page::TimeLimit(settings.time_limit_s.unwrap_or(0.0))),
             _ => {
                 self.seen.pairing = None;
-                self.asks.refresh(Look::Pairing);
+                self.asks.refresh(Look::Pairing, self.now_ns);
                 return self.open(Page::Pairing);
             }
         };
@@ -367,7 +367,7 @@ impl Menu {
             (_, _, true) => {
                 if button != Button::Enter || sees {
                     self.talk = None;
-                    self.asks.refresh(Look::Status);
+                    self.asks.refresh(Look::Status, self.now_ns);
                 } else {
                     self.moves(Button::Down);
                 }
