@@ -183,20 +183,21 @@ impl Menu {
         }
     }
 
+    /// How a run ended goes away with any button; a fault only with Enter, which acknowledges it.
     fn act_ended(&mut self, button: Button) {
         if self.moves(button) {
             return;
         }
+        let is_fault = self.ended.as_ref().is_some_and(|ended| !ended.wanted);
         let taken = if button == Button::Enter { self.taken() } else { None };
-        if button == Button::Enter && taken.is_none() {
+        if taken.is_none() && (is_fault || button == Button::Enter) {
             return;
         }
         let Some(ended) = self.ended.take() else { return };
         self.dismissed = Some(ended.reason);
-        if !ended.wanted && taken.is_some() {
+        if is_fault {
             self.asks.order(LocalRequest::Own(LocalOnly::Acknowledge));
-        }
-        if let (true, Some(0), Some(run)) = (ended.wanted, taken, ended.run) {
+        } else if let (Some(0), Some(run)) = (taken, ended.run) {
             self.tab = Tab::Runs;
             self.asks.refresh(Look::Runs, self.now_ns);
             self.open(Page::Map(run));
