@@ -168,7 +168,9 @@ check_mission() {
 }
 
 make_checksums() {
-  (cd "$brick" && find . -type f ! -name SHA256SUMS -printf '%P\0' | sort -z | xargs -0 sha256sum >SHA256SUMS)
+  local sums
+  sums=$(cd "$brick" && sha256sum -- *)
+  printf "%s\n" "$sums" >"$brick/SHA256SUMS"
 }
 
 case ${1:-} in
