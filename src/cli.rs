@@ -25,24 +25,52 @@ mod control;
 mod devices;
 mod doctor;
 mod graph;
+mod guard;
 mod halt;
+mod menu;
 mod new;
 mod output;
 mod run;
 mod serve;
 mod setup;
 mod terminal;
+mod urgency;
 
 #[cfg(feature = "host")]
 mod export;
 #[cfg(feature = "host")]
 mod plot;
+#[cfg(feature = "host")]
+mod push;
 mod replay;
 
 #[cfg(all(feature = "sim", feature = "host"))]
 mod demo;
 #[cfg(feature = "sim")]
 mod sim;
+
+#[cfg(all(feature = "link", feature = "host"))]
+mod bricks;
+#[cfg(all(feature = "link", feature = "host"))]
+mod fetch;
+#[cfg(all(feature = "link", feature = "host"))]
+mod identify;
+#[cfg(feature = "link")]
+mod key;
+#[cfg(all(feature = "link", feature = "host"))]
+mod missions;
+#[cfg(feature = "link")]
+mod pair;
+#[cfg(all(feature = "link", feature = "host"))]
+mod remote;
+#[cfg(all(feature = "link", feature = "host"))]
+mod runs;
+#[cfg(all(feature = "link", feature = "host"))]
+mod start;
+#[cfg(all(feature = "link", feature = "host"))]
+mod status;
+#[cfg(all(feature = "link", feature = "host"))]
+mod stop;
 
 pub use output::{Exit, Failure, Output};
 
@@ -68,6 +96,27 @@ enum Command {
     Sim(sim::Arguments),
     Run(run::Arguments),
     Serve(serve::Arguments),
+    Menu(menu::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Bricks(bricks::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Missions(missions::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Status(status::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Start(start::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Stop(stop::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Runs(runs::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Fetch(fetch::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Identify(identify::Arguments),
+    #[cfg(feature = "link")]
+    Key(key::Arguments),
+    #[cfg(feature = "link")]
+    Pair(pair::Arguments),
     Check(check::Arguments),
     Graph(graph::Arguments),
     New(new::Arguments),
@@ -80,9 +129,13 @@ enum Command {
     Plot(plot::Arguments),
     #[cfg(feature = "host")]
     Export(export::Arguments),
+    #[cfg(feature = "host")]
+    Push(push::Arguments),
     Replay(replay::Arguments),
     #[command(hide = true)]
     Control(control::Arguments),
+    #[command(hide = true)]
+    Guard(guard::Arguments),
 }
 
 /// Parses the arguments, runs the one command they name, and gives its exit code.
@@ -109,6 +162,27 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments, &mut output),
         Command::Run(arguments) => run::run(&arguments, &mut output),
         Command::Serve(arguments) => serve::run(&arguments, &mut output),
+        Command::Menu(arguments) => menu::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Bricks(arguments) => bricks::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Missions(arguments) => missions::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Status(arguments) => status::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Start(arguments) => start::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Stop(arguments) => stop::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Runs(arguments) => runs::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Fetch(arguments) => fetch::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Identify(arguments) => identify::run(&arguments, &mut output),
+        #[cfg(feature = "link")]
+        Command::Key(arguments) => key::run(&arguments, &mut output),
+        #[cfg(feature = "link")]
+        Command::Pair(arguments) => pair::run(&arguments, &mut output),
         Command::Check(arguments) => check::run(&arguments, &mut output),
         Command::Graph(arguments) => graph::run(&arguments, &mut output),
         Command::New(arguments) => new::run(&arguments, &mut output),
@@ -121,8 +195,11 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plot(arguments) => plot::run(&arguments, &mut output),
         #[cfg(feature = "host")]
         Command::Export(arguments) => export::run(&arguments, &mut output),
+        #[cfg(feature = "host")]
+        Command::Push(arguments) => push::run(&arguments, &mut output),
         Command::Replay(arguments) => replay::run(&arguments, &mut output),
         Command::Control(arguments) => control::run(&arguments, &mut output),
+        Command::Guard(arguments) => guard::run(&arguments, &mut output),
     };
     match ended {
         Ok(()) => ExitCode::SUCCESS,

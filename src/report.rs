@@ -13,6 +13,7 @@
 //! - A number that is not finite is not drawn and not exported.
 
 pub mod export;
+pub mod live;
 mod page;
 pub mod plot;
 

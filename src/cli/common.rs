@@ -191,14 +191,14 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
 
 /// The walls of the world that is in a recording.
 #[cfg(all(feature = "host", feature = "sim"))]
-fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
+pub(super) fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     let text = run.world_toml.as_ref()?;
     let (world, _) = crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;
     Some(world.outlines().to_vec())
 }
 
 #[cfg(all(feature = "host", not(feature = "sim")))]
-fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
+pub(super) fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     None
 }
 
@@ -294,10 +294,11 @@ impl Progress {
         let states = status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
         bar.set_position(u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0));
         bar.set_message(format!(
-            "{:.0} s, {:.1} m, {} points; {states}",
+            "{:.0} s, {:.1} m, {} points; {states}{}",
             crate::clock::seconds(status.elapsed_ns),
             status.travelled_m,
-            status.points
+            status.points,
+            status.warning.as_ref().map(|warning| format!("; {warning}")).unwrap_or_default()
         ));
     }
 

@@ -6,8 +6,12 @@ use std::sync::Arc;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::{Exit, Failure, Output};
+#[cfg(feature = "link")]
+use crate::link::{Server, ServerConfig};
 use crate::mapping::Pose;
 use crate::runtime::Brick;
+#[cfg(feature = "link")]
+use crate::service::NetworkDoor;
 use crate::service::config::{BRICK_FOLDER, CONFIG_FILE};
 use crate::service::{Config, Door, Place, Service};
 
@@ -47,7 +51,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
     let door = Door::open(&service.config().socket, Arc::new(service.clone()))
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
-    start_link(&service);
+    let link = start_link(&service);
     let socket = service.config().socket.path.display().to_string();
     log::info!("{} is ready: runs in {}", service.name(), service.config().runs.display());
     output.show(
@@ -61,12 +65,47 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     tell_systemd(sd_notify::NotifyState::Stopping);
     service.close();
     drop(door);
+    close_link(&service, link);
     Ok(())
 }
 
 const ANOTHER: &str = "stop the other one (systemctl stop onbrick), or --config with another folder";
 
-/// The network's door opens when it can; nothing waits for it.
+/// The network's door opens when it can; nothing waits for it. It is closed when what is returned is dropped.
+#[cfg(feature = "link")]
+fn start_link(service: &Service) -> Option<Arc<Server>> {
+    let config = service.config();
+    let config = ServerConfig {
+        keys: config.keys.clone(),
+        name: service.name().to_owned(),
+        address: config.link.address.clone(),
+        port: config.link.port,
+        pairing_port: config.link.pairing_port,
+    };
+    match Server::start(config, Arc::new(service.clone())) {
+        Ok(server) => {
+            let server = Arc::new(server);
+            service.attach_link(Arc::clone(&server) as Arc<dyn NetworkDoor>);
+            Some(server)
+        }
+        Err(error) => {
+            service.no_link(&format!("no thread can be started for it: {error}"));
+            None
+        }
+    }
+}
+
+/// Whoever holds the door lets go of it; the last one closes it.
+#[cfg(feature = "link")]
+fn close_link(service: &Service, link: Option<Arc<Server>>) {
+    service.no_link("the service has ended");
+    drop(link);
+}
+
+#[cfg(not(feature = "link"))]
+fn close_link(_service: &Service, (): ()) {}
+
+#[cfg(not(feature = "link"))]
 fn start_link(service: &Service) {
     service.no_link("this onbrick was built without the link");
 }

@@ -6,11 +6,13 @@
 //!
 //! # Not here
 //!
-//! No network: no fonts, scripts or styles from elsewhere, and the page's own policy forbids them.
+//! No network: no fonts, scripts or styles from elsewhere, and the page's own policy forbids them. The page of a run that is going on
+//! ([`live`](super::live)) asks the server that it came from, and nobody else.
 
 use serde_json::{Value, json};
 
 use super::{PathPoint, Scene, Track, colours, is_single, thinned};
+use crate::page::inside_script;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -19,13 +21,36 @@ const LEAST_STEP_M: f64 = 0.004;
 
 /// The page.
 pub(super) fn html(scene: &Scene) -> String {
+    filled(scene, &data(scene).to_string(), "")
+}
+
+/// The page of a run that is going on: it asks for [`json`] at `/state` each second.
+pub(super) fn live_html(scene: &Scene) -> String {
+    let mut data = data(scene);
+    if let Value::Object(fields) = &mut data {
+        fields.insert("live".to_owned(), Value::Bool(true));
+    }
+    filled(scene, &data.to_string(), "; connect-src 'self'")
+}
+
+/// What is drawn.
+pub(super) fn json(scene: &Scene) -> String {
+    data(scene).to_string()
+}
+
+fn filled(scene: &Scene, data: &str, policy: &str) -> String {
+    let page = TEMPLATE.replace("@TITLE@", &escaped(&scene.title)).replace("@POLICY@", policy);
+    page.replace("\"@DATA@\"", &inside_script(data))
+}
+
+fn data(scene: &Scene) -> Value {
     let warnings: Vec<String> = scene
         .tracks
         .iter()
         .flat_map(|track| track.warnings.iter().map(|warning| format!("{}: {warning}", track.name)))
         .collect();
     let bounds = scene.bounds();
-    let data = json!({
+    json!({
         "single": is_single(scene),
         "low": bounds.low,
         "high": bounds.high,
@@ -33,10 +58,7 @@ pub(super) fn html(scene: &Scene) -> String {
         "outlines": scene.outlines.iter().map(|line| outline(line)).collect::<Vec<_>>(),
         "tracks": scene.tracks.iter().enumerate().map(|(place, one)| track(one, place, scene)).collect::<Vec<_>>(),
         "warnings": warnings,
-    });
-    // JSON inside a script element: only `<` could end it.
-    let data = data.to_string().replace('<', "\\u003c");
-    TEMPLATE.replace("@TITLE@", &escaped(&scene.title)).replace("\"@DATA@\"", &data)
+    })
 }
 
 fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {

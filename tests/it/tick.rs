@@ -1,12 +1,13 @@
 //! What a tick costs, counted: system calls and allocations.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 
 use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, VirtualClock};
-use onbrick::ev3dev::Tree;
+use onbrick::ev3dev::{Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::recording::{MachineNames, Options, Pace, Recorder, Sink, Start};
@@ -61,11 +62,28 @@ fn a_tick_makes_one_system_call_an_attribute_and_writes_only_leases_that_are_due
     if Command::new("strace").arg("-V").output().is_err() {
         return pass_over("system calls of a tick (no strace)");
     }
-    let folder = tempfile::tempdir().unwrap();
-    plain_brick::write("arena", folder.path());
-    let mission = folder.path().join("straight.toml");
+    let _alone = crate::mount::bench::real_time();
+    // On a machine that is busy with other things ticks are left out, under strace all the more.
+    for attempt in 1..=5 {
+        let folder = tempfile::tempdir().unwrap();
+        let Some((trace, said)) = traced(folder.path()) else {
+            return pass_over("system calls of a tick (strace may not trace here)");
+        };
+        let ticks = ticks_of(&trace);
+        if ticks.len() > 40 {
+            return expect_calls(&ticks);
+        }
+        println!("attempt {attempt}: {} ticks; {said}", ticks.len());
+    }
+    panic!("this machine is too busy for a control loop under strace");
+}
+
+/// A run on a brick of plain files: its system calls, and what it said.
+fn traced(folder: &Path) -> Option<(String, String)> {
+    plain_brick::write("arena", folder);
+    let mission = folder.join("straight.toml");
     std::fs::write(&mission, STRAIGHT_ON).unwrap();
-    let trace = folder.path().join("trace");
+    let trace = folder.join("trace");
     let run = Command::new("strace")
         .args(["-f", "-s", "8", "-o"])
         .arg(&trace)
@@ -73,19 +91,14 @@ fn a_tick_makes_one_system_call_an_attribute_and_writes_only_leases_that_are_due
         .arg("run")
         .arg(&mission)
         .arg("--brick")
-        .arg(folder.path())
+        .arg(folder)
         .arg("--out")
-        .arg(folder.path().join("run"))
+        .arg(folder.join("run"))
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&run.stdout).into_owned() + &String::from_utf8_lossy(&run.stderr);
     let trace = std::fs::read_to_string(&trace).unwrap();
-    if trace.is_empty() || said.contains("ptrace") {
-        return pass_over("system calls of a tick (strace may not trace here)");
-    }
-    let ticks = ticks_of(&trace);
-    assert!(ticks.len() > 40, "{} ticks; {said}", ticks.len());
-    expect_calls(&ticks);
+    (!trace.is_empty() && !said.contains("ptrace")).then_some((trace, said))
 }
 
 /// Each tick: five attributes read (two wheels, head, range, gyro; the battery once a second), one sleep, one heartbeat; and with the
@@ -192,6 +205,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         period_ns: 20_000_000,
         pace: Pace::Virtual,
         seed: None,
+        cells: Technology::Unknown,
         settings: Vec::new(),
         range: None,
         machines: mission

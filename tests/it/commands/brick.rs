@@ -9,7 +9,7 @@ use nix::unistd::Pid;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording::Run;
-use onbrick::runtime::{Brick, Heartbeat, Job, Source, StopFlags, WhenAbandoned, execute};
+use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, WhenAbandoned, execute};
 
 use super::{Done, done, keys, names, onbrick, run, text};
 use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
@@ -59,12 +59,22 @@ impl Running {
     fn control(&self) -> Pid {
         let mut owner = None;
         await_that("the lock has an owner", || {
-            owner = self.brick.owner().filter(|owner| owner.pid > 0);
+            // The guard has the lock before control gives its name.
+            owner = self.brick.owner().filter(|owner| owner.doing.starts_with("mission"));
             owner.is_some()
         });
         let owner = owner.unwrap();
         assert_eq!(owner.doing, "mission straight");
         Pid::from_raw(owner.pid)
+    }
+
+    /// The process between the starter and the one that drives.
+    fn guard(&self) -> Pid {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.control())).unwrap();
+        let parent = status.lines().find_map(|line| line.strip_prefix("PPid:")).unwrap();
+        let parent = Pid::from_raw(parent.trim().parse().unwrap());
+        assert_ne!(parent, self.parent(), "the guard is a process of its own");
+        parent
     }
 
     /// Waits for the run's end and looks at what it leaves: the lock free, the recording readable.
@@ -107,7 +117,7 @@ fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
 }
 
 #[test]
-fn control_stops_by_itself_when_its_starter_is_killed() {
+fn promise_1_the_run_stops_when_its_starter_is_killed() {
     let mut running = Running::start(DRIVE);
     running.brick.await_driving();
     running.child.kill().unwrap();
@@ -118,10 +128,59 @@ fn control_stops_by_itself_when_its_starter_is_killed() {
 }
 
 #[test]
-fn when_control_is_killed_the_leases_end_by_themselves_and_the_starter_says_so() {
+fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so() {
+    for signal in [Signal::SIGKILL, Signal::SIGSEGV, Signal::SIGABRT, Signal::SIGSTOP] {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let control = running.control();
+        kill(control, signal).unwrap();
+        if signal == Signal::SIGSEGV {
+            // The first goes to the handler of Rust's runtime, which expects the fault to happen again.
+            kill(control, signal).unwrap();
+        }
+        await_that("every motor is still", || running.brick.is_still());
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(1), "{signal}: {}", said.err);
+        let how = if signal == Signal::SIGSTOP {
+            "gave no sign of life".to_owned()
+        } else {
+            format!("signal: {}", signal as i32)
+        };
+        assert!(said.err.contains("the guard stopped the motors") && said.err.contains(&how), "{}", said.err);
+        assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
+        for (_, name, _) in MOTORS {
+            let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
+            let settings = ["time_sp", "stop_action", "ramp_up_sp", "ramp_down_sp"].map(read);
+            assert_eq!(settings, ["300", "brake", "0", "0"], "{name}: it was under a lease");
+        }
+        assert!(recorded.ending.is_none(), "nobody was there to end it");
+    }
+}
+
+#[test]
+fn promise_1_when_the_guard_is_killed_control_stops_the_run() {
     let running = Running::start(DRIVE);
     running.brick.await_driving();
-    kill(running.control(), Signal::SIGKILL).unwrap();
+    kill(running.guard(), Signal::SIGKILL).unwrap();
+    await_that("every motor is still", || running.brick.is_still());
+    let (brick, said, recorded) = running.finish();
+    assert_eq!(said.code, Some(1), "{}", said.err);
+    assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
+    assert_eq!(brick.commands(), ["stop"; 3]);
+    assert_eq!(recorded.ending.unwrap().reason, "whoever started the run is gone");
+}
+
+#[test]
+fn promise_1_when_both_are_killed_the_leases_end_by_themselves() {
+    let running = Running::start(DRIVE);
+    running.brick.await_driving();
+    let control = running.control();
+    // Stopped first, so that neither sees the other one go.
+    let guard = running.guard();
+    for (process, signal) in [(guard, Signal::SIGSTOP), (control, Signal::SIGKILL), (guard, Signal::SIGKILL)]
+    {
+        kill(process, signal).unwrap();
+    }
     let (brick, said, recorded) = running.finish();
     assert_eq!(said.code, Some(1), "{}", said.err);
     assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
@@ -149,7 +208,7 @@ impl Heartbeat for Failing {
 }
 
 #[test]
-fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
+fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
     let brick = TurningBrick::new();
     let folder = tempfile::tempdir().unwrap();
     let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
@@ -163,6 +222,7 @@ fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
         sync_ns: 1_000_000_000,
         run: None,
         when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
     };
     let ended = execute(&job, &StopFlags::default(), &mut Failing(0), |_| {}).unwrap();
     assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("panicked", false, true), "{ended}");
@@ -184,7 +244,7 @@ fn a_signal_before_it_drives_ends_the_run_before_anything_moved() {
 }
 
 #[test]
-fn a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
+fn promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
     let running = Running::start(DRIVE);
     running.brick.await_driving();
     let root = text(running.brick.root().to_owned());

@@ -169,7 +169,7 @@ impl Drop for Foreign {
 }
 
 /// A command in a mount namespace of its own: with the rights we have, or as root of a user namespace.
-fn unshare() -> Command {
+pub(crate) fn unshare() -> Command {
     let mut command = Pace::command("unshare");
     if !nix::unistd::geteuid().is_root() {
         command.args(["--user", "--map-root-user"]);

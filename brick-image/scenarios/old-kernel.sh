@@ -1,0 +1,15 @@
+# shellcheck shell=dash
+# ev3dev's kernel is 4.14: no system call from number 398 on. A mission runs where they do not exist.
+refuse "a call of a later kernel under the filter" probe enosys 398 probe clone3
+brick_up
+mkdir -p /tmp/old
+printf '#!/bin/sh\nexec probe enosys 398 /usr/bin/onbrick.real "$@"\n' >/tmp/old/onbrick
+mv /usr/bin/onbrick /usr/bin/onbrick.real
+mv /tmp/old/onbrick /usr/bin/onbrick
+chmod +x /usr/bin/onbrick
+drive "$(mission map 50 5)"
+arrive
+onbrick devices --brick /tmp/brick >/dev/null
+onbrick halt --brick /tmp/brick
+brick_down
+echo "ok: a mission, devices and halt without a system call of a later kernel"

@@ -1,0 +1,215 @@
+//! `onbrick fetch`: bring maps home, and watch them grow.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::common::outlines;
+use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
+use super::{Exit, Failure, Output};
+use crate::clock::{Clock as _, MonotonicClock, SECOND_NS};
+use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
+use crate::report::live::LivePage;
+use crate::service::protocol::{RunId, Status};
+
+/// Bring recordings home, byte for byte. What is cut off is gone on from by the next call; a run that is going on is followed to its end.
+///
+/// Examples:
+///   onbrick fetch ev3-blue                 the newest run
+///   onbrick fetch ev3-blue --follow        and watch the map grow in a browser
+///   onbrick fetch ev3-blue --all -o maps   every run that is not in maps yet
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    bricks: Bricks,
+    /// This run; without it the newest.
+    #[arg(long, value_name = "RUN", value_parser = RunId::new, conflicts_with = "all")]
+    run: Option<RunId>,
+    /// Every run on the brick.
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    out: Out,
+    /// Show the map as it grows: a page for a browser on this machine, and a line with how it goes.
+    #[arg(long)]
+    follow: bool,
+    /// The page's port; 0 for any that is free.
+    #[arg(long, value_name = "PORT", default_value_t = 0, requires = "follow")]
+    page: u16,
+}
+
+/// What came of one brick.
+#[derive(Debug)]
+struct Brought {
+    run: RunId,
+    file: String,
+    bytes: u64,
+    was_there: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
+    std::fs::create_dir_all(&arguments.out.out).map_err(|error| {
+        Failure::from_error(Exit::Failed, &format!("cannot make {}", arguments.out.out.display()), &error)
+    })?;
+    if arguments.follow {
+        let [brick] = asking.bricks.as_slice() else {
+            return Err(Failure::new(Exit::Usage, "one brick can be followed at a time"));
+        };
+        return follow(arguments, &asking, brick, output);
+    }
+    let answers = asking.ask(|client, _| {
+        let mut brought = Vec::new();
+        for run in runs(client, arguments)? {
+            brought.push(bring(client, &run, &arguments.out.out, &mut |_| {})?);
+        }
+        Ok(brought)
+    });
+    conclude(answers, output, |output, brick, brought| {
+        if brought.is_empty() {
+            output.line(format!("{}: no run is there yet", brick.name));
+        }
+        for one in &brought {
+            show(brick, one, output);
+        }
+    })
+}
+
+fn runs(client: &mut Client, arguments: &Arguments) -> Result<Vec<RunId>, ClientError> {
+    if let Some(run) = &arguments.run {
+        return Ok(vec![run.clone()]);
+    }
+    let there = client.runs()?.runs.into_iter().map(|info| info.run);
+    Ok(if arguments.all { there.collect() } else { there.take(1).collect() })
+}
+
+fn bring(
+    client: &mut Client,
+    run: &RunId,
+    out: &Path,
+    watch: &mut dyn FnMut(&FetchProgress),
+) -> Result<Brought, ClientError> {
+    let file = out.join(format!("{run}.mcap"));
+    let shown = file.display().to_string();
+    // Only what is whole has this name.
+    if let Ok(there) = std::fs::metadata(&file) {
+        return Ok(Brought { run: run.clone(), file: shown, bytes: there.len(), was_there: true });
+    }
+    let progress = client.fetch(run, &file, watch)?;
+    Ok(Brought { run: run.clone(), file: shown, bytes: progress.bytes, was_there: false })
+}
+
+fn show(brick: &KnownBrick, brought: &Brought, output: &mut Output) {
+    let already = if brought.was_there { " (was there already)" } else { "" };
+    output.show(
+        format!("{}: {}, {} bytes{already}", brick.name, brought.file, brought.bytes),
+        &serde_json::json!({
+            "brick": brick.name,
+            "run": brought.run,
+            "file": brought.file,
+            "bytes": brought.bytes,
+            "was_there": brought.was_there,
+        }),
+    );
+}
+
+/// One run with a page and a line.
+fn follow(
+    arguments: &Arguments,
+    asking: &Asking,
+    brick: &KnownBrick,
+    output: &mut Output,
+) -> Result<(), Failure> {
+    let failed = |error: &ClientError| failure(brick, error);
+    let mut client = asking.client(brick).map_err(|error| failed(&error))?;
+    let found = runs(&mut client, arguments).map_err(|error| failed(&error))?;
+    let [run] = found.as_slice() else {
+        return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
+            .hint("onbrick runs, then --run RUN"));
+    };
+    let part = arguments.out.out.join(format!("{run}.mcap.part"));
+    let title = format!("{}: {run}", brick.name);
+    let known = |run: &crate::runtime::recording::Run| outlines(run).unwrap_or_default();
+    let page = LivePage::serve(part, title, arguments.page, known)
+        .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
+    output.show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
+    let how = Arc::new(How::default());
+    let brought = std::thread::scope(|scope| {
+        scope.spawn(|| how.look(asking, brick));
+        let mut line = Line::new(output);
+        let brought = bring(&mut client, run, &arguments.out.out, &mut |progress| {
+            line.show(progress, &how.line(run), output);
+        });
+        line.finish();
+        how.over.store(true, Ordering::Relaxed);
+        brought
+    });
+    show(brick, &brought.map_err(|error| failed(&error))?, output);
+    Ok(())
+}
+
+/// How the brick is, asked beside the fetch.
+#[derive(Debug, Default)]
+struct How {
+    status: Mutex<Option<Status>>,
+    over: AtomicBool,
+}
+
+impl How {
+    fn look(&self, asking: &Asking, brick: &KnownBrick) {
+        let Ok(mut client) = asking.client(brick) else { return };
+        while !self.over.load(Ordering::Relaxed) {
+            let status = client.status().ok();
+            let is_over = asking.interrupted().load(Ordering::Relaxed);
+            *self.status.lock().unwrap_or_else(PoisonError::into_inner) = status;
+            let until_ns = MonotonicClock.now_ns() + SECOND_NS;
+            while !is_over && !self.over.load(Ordering::Relaxed) && MonotonicClock.now_ns() < until_ns {
+                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + SECOND_NS / 10);
+            }
+        }
+    }
+
+    /// State, metres, points, battery.
+    fn line(&self, run: &RunId) -> String {
+        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(status) = &*status else { return "the brick does not answer".to_owned() };
+        let battery = status.battery_v.map(|volts| format!(", {volts:.1} V")).unwrap_or_default();
+        match status.run.as_ref().filter(|going| going.run == *run) {
+            Some(going) => {
+                let progress = going.progress.as_ref();
+                let (metres, points) = progress.map_or((0.0, 0), |at| (at.travelled_m, at.points));
+                format!("{}: {metres:.1} m, {points} points{battery}", super::status::word(status.state))
+            }
+            None => format!("{}{battery}", super::status::word(status.state)),
+        }
+    }
+}
+
+/// The line of progress: a bar for a person who watches, JSON for a program.
+struct Line {
+    bar: Option<indicatif::ProgressBar>,
+}
+
+impl Line {
+    fn new(output: &Output) -> Self {
+        let style = indicatif::ProgressStyle::with_template("{spinner} {msg}").ok();
+        let bar = output.is_watched().then(indicatif::ProgressBar::new_spinner);
+        Self { bar: bar.map(|bar| style.map_or(bar.clone(), |style| bar.with_style(style))) }
+    }
+
+    fn show(&mut self, progress: &FetchProgress, how: &str, output: &mut Output) {
+        let FetchProgress { bytes, total, .. } = progress;
+        if let Some(bar) = &self.bar {
+            bar.set_message(format!("{how}; {bytes} of {total} bytes"));
+            bar.tick();
+        }
+        output.value(&serde_json::json!({ "bytes": bytes, "total": total, "how": how }));
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! `onbrick key`: this machine's key, and the keys that may ask it.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::{Exit, Failure, Output};
+use crate::link::keys::{Authorised, AuthorisedKey, KeyError, PublicKey};
+use crate::link::{KeyPair, key_folder};
+
+/// Make and show this machine's key; on a brick, let other keys in or turn them away.
+///
+/// Examples:
+///   onbrick key show
+///   onbrick key authorise 'w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd' --name anna --keys /etc/onbrick/keys
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+    #[command(flatten)]
+    folder: Folder,
+}
+
+/// The folder of keys, as several commands take it.
+#[derive(Debug, Args)]
+pub(super) struct Folder {
+    /// The folder of keys: a brick's is /etc/onbrick/keys. Without it, $ONBRICK_KEYS or ~/.config/onbrick.
+    #[arg(long, value_name = "DIR", global = true)]
+    keys: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Make this machine's key; one that is there is never replaced.
+    New,
+    /// Show this machine's public key and its fingerprint.
+    Show,
+    /// Let a key ask this machine from now on.
+    Authorise {
+        /// The key, as `key show` prints it on the other machine.
+        key: String,
+        /// What its owner is called.
+        #[arg(long)]
+        name: String,
+    },
+    /// Turn a key away from now on, on connections that are open as well.
+    Revoke {
+        /// The name, the fingerprint or the key.
+        which: String,
+    },
+    /// List the keys that may ask this machine.
+    List,
+}
+
+impl Folder {
+    /// The folder that is meant.
+    pub(super) fn path(&self) -> Result<PathBuf, Failure> {
+        self.keys.clone().or_else(key_folder).ok_or_else(|| {
+            Failure::new(Exit::Usage, "there is no HOME to keep keys below").hint("--keys with a folder")
+        })
+    }
+
+    /// This machine's pair.
+    pub(super) fn own(&self) -> Result<KeyPair, Failure> {
+        KeyPair::load_or_make(&self.path()?).map_err(|error| failure(&error))
+    }
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let folder = arguments.folder.path()?;
+    let authorised = Authorised::below(&folder);
+    match &arguments.what {
+        What::New => {
+            let pair = KeyPair::generate().map_err(|error| failure(&error))?;
+            let path = pair.save(&folder).map_err(|error| failure(&error))?;
+            output.line(format!("made {}", path.display()));
+            show(&pair.public(), output);
+        }
+        What::Show => {
+            show(&KeyPair::load(&folder).map_err(|error| failure(&error))?.public(), output);
+        }
+        What::Authorise { key, name } => {
+            let key = PublicKey::parse(key).map_err(|error| {
+                Failure::new(Exit::Usage, error.to_string())
+                    .hint("onbrick key show on the other machine; the shell wants it in single quotes")
+            })?;
+            authorised.add(&key, name).map_err(|error| failure(&error))?;
+            let fingerprint = key.fingerprint();
+            output.show(
+                format!("{name} may ask from now on: {fingerprint}"),
+                &serde_json::json!({ "authorised": name, "fingerprint": fingerprint }),
+            );
+        }
+        What::Revoke { which } => revoke(&authorised, which, output)?,
+        What::List => {
+            let found = authorised.list().map_err(|error| failure(&error))?;
+            let json: Vec<_> = found.iter().map(described).collect();
+            for known in &found {
+                output.line(format!("{}  {}", known.key.fingerprint(), known.name));
+            }
+            output.value(&serde_json::json!({ "keys": json }));
+            if found.is_empty() {
+                output.line("no key may ask this machine");
+            }
+        }
+    }
+    Ok(())
+}
+
+fn revoke(authorised: &Authorised, which: &str, output: &mut Output) -> Result<(), Failure> {
+    let removed = authorised.remove(which).map_err(|error| failure(&error))?;
+    if removed.is_empty() {
+        return Err(Failure::refused(format!("no key is called {which}")).hint("onbrick key list"));
+    }
+    for gone in &removed {
+        output.line(format!("{} is turned away from now on: {}", gone.name, gone.key.fingerprint()));
+    }
+    let json: Vec<_> = removed.iter().map(described).collect();
+    output.value(&serde_json::json!({ "revoked": json }));
+    Ok(())
+}
+
+fn described(known: &AuthorisedKey) -> serde_json::Value {
+    serde_json::json!({
+        "name": known.name,
+        "key": known.key.to_string(),
+        "fingerprint": known.key.fingerprint(),
+    })
+}
+
+fn show(key: &PublicKey, output: &mut Output) {
+    let (text, fingerprint) = (key.to_string(), key.fingerprint());
+    output.show(
+        format!("key          {text}\nfingerprint  {fingerprint}"),
+        &serde_json::json!({ "key": text, "fingerprint": fingerprint }),
+    );
+}
+
+/// A folder of keys that cannot be used.
+pub(super) fn failure(error: &KeyError) -> Failure {
+    let message = super::output::with_causes(error);
+    let refused = Failure::refused(message);
+    match error {
+        KeyError::Missing(_) => refused.hint("onbrick key new"),
+        KeyError::Exists(_) => {
+            refused.hint("keep it: whoever knows this machine knows it by this key; or delete the file and introduce the machine anew")
+        }
+        KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
+        _ => refused,
+    }
+}

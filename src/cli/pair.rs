@@ -1,0 +1,164 @@
+//! `onbrick pair`: introduce a PC to a brick, seen from either side.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::key;
+#[cfg(feature = "host")]
+use super::remote::How;
+use super::terminal::{Terminal, stop_flags};
+use super::{Exit, Failure, Output};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+#[cfg(feature = "host")]
+use crate::link::{ClientError, KnownBrick, KnownBricks};
+use crate::runtime::Dialogue as _;
+use crate::service::client::{Client, ClientError as LocalError};
+use crate::service::config::BRICK_FOLDER;
+use crate::service::protocol::{LocalOnly, Pairing};
+
+/// Introduce this PC to a brick: both show a code, and you say on both whether it is the same.
+///
+/// Examples:
+///   onbrick pair ev3-blue.local            on the PC
+///   onbrick pair                           on the brick, where there is no menu to open the window with
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The brick's address; without it, this is the brick, and its pairing window is opened.
+    #[cfg(feature = "host")]
+    #[arg(value_name = "HOST")]
+    host: Option<String>,
+    /// On the brick: the folder of onbrick.toml.
+    #[arg(long, value_name = "DIR", default_value = BRICK_FOLDER)]
+    config: PathBuf,
+    /// On the brick: how long the window is open, seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 120)]
+    window: u32,
+    /// On the PC: what it calls itself; without it, its host name.
+    #[cfg(feature = "host")]
+    #[arg(long)]
+    name: Option<String>,
+    /// On the PC: the port of requests, where that is not 5670.
+    #[cfg(feature = "host")]
+    #[arg(long)]
+    port: Option<u16>,
+    /// Answers from a file instead of the keyboard, for scripts.
+    #[arg(long, value_name = "FILE")]
+    answers: Option<PathBuf>,
+    #[cfg(feature = "host")]
+    #[command(flatten)]
+    how: How,
+}
+
+/// How often the window is looked at, nanoseconds.
+const LOOK_NS: i64 = 300 * MILLISECOND_NS;
+
+/// How long the service may take.
+const LOCAL: Duration = Duration::from_secs(3);
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    #[cfg(feature = "host")]
+    if let Some(host) = &arguments.host {
+        return introduce(arguments, host, output);
+    }
+    here(arguments, output)
+}
+
+/// The PC's side.
+#[cfg(feature = "host")]
+fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(), Failure> {
+    let own = arguments.how.folder.own()?;
+    let folder = arguments.how.folder.path()?;
+    let mut known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+    let flags = stop_flags()?;
+    let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
+    let name = arguments.name.clone().unwrap_or_else(|| {
+        nix::unistd::gethostname()
+            .map_or_else(|_| "a PC".to_owned(), |name| name.to_string_lossy().into_owned())
+    });
+    let patience = arguments.how.patience(&flags.signal);
+    let mut is_same = |brick: &str, code: &str| {
+        terminal.say(&format!("{brick} should show this code:  {code}"));
+        confirmed(&mut terminal)
+    };
+    let introduced = crate::link::pairing::pair(host, &own, &name, patience, &mut is_same)
+        .map_err(|error| not_introduced(host, &error))?;
+    let (bare, _) = host.rsplit_once(':').filter(|(bare, _)| !bare.contains(':')).unwrap_or((host, ""));
+    let address = arguments.port.map_or_else(|| bare.to_owned(), |port| format!("{bare}:{port}"));
+    let brick = KnownBrick { name: introduced.name, address, key: introduced.key };
+    known.put(&brick).map_err(|error| key::failure(&error))?;
+    let fingerprint = brick.key.fingerprint();
+    output.show(
+        format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
+        &serde_json::json!({ "paired": brick.name, "address": brick.address, "fingerprint": fingerprint }),
+    );
+    Ok(())
+}
+
+#[cfg(feature = "host")]
+fn not_introduced(host: &str, error: &ClientError) -> Failure {
+    let exit = match error {
+        ClientError::NoAnswer { .. } => Exit::NoAnswer,
+        ClientError::Refused(_) | ClientError::NotAuthorised { .. } => Exit::Refused,
+        _ => Exit::Failed,
+    };
+    Failure::from_error(exit, &format!("{host} was not introduced"), error)
+        .hint("open the pairing window on the brick first: in its menu, or `onbrick pair` there")
+}
+
+/// The brick's side, for a brick whose menu is not at hand.
+fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let config = super::serve::load_config(&arguments.config, arguments.config.as_os_str() != BRICK_FOLDER)?;
+    let flags = stop_flags()?;
+    let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
+    let mut service = Client::at(&config.socket.path);
+    let mut ask =
+        |what: &LocalOnly| service.ask_own::<Pairing>(what, LOCAL).map_err(|error| no_service(&error));
+    let mut shown = ask(&LocalOnly::PairingWindow { seconds: arguments.window })?;
+    let mut answered = false;
+    terminal.say(&format!(
+        "the pairing window is open for {} s; now `onbrick pair HOST` on the PC",
+        arguments.window
+    ));
+    loop {
+        match shown {
+            Pairing::Paired { name } => {
+                output.show(format!("{name} may ask from now on"), &serde_json::json!({ "paired": name }));
+                return Ok(());
+            }
+            Pairing::Closed => {
+                return Err(Failure::new(Exit::NoAnswer, "nobody came before the window closed"));
+            }
+            Pairing::Failed { why } => return Err(Failure::refused(why)),
+            Pairing::NoLink { why } => return Err(Failure::refused(format!("nobody can come: {why}"))),
+            Pairing::Compare { code, name } if !answered => {
+                terminal.say(&format!("{name} should show this code:  {code}"));
+                let same = confirmed(&mut terminal);
+                answered = true;
+                shown = ask(&LocalOnly::PairingAnswer { same })?;
+            }
+            Pairing::Compare { .. } | Pairing::Open { .. } => {
+                if flags.signal.load(std::sync::atomic::Ordering::Relaxed) {
+                    ask(&LocalOnly::PairingWindow { seconds: 0 })?;
+                    return Err(Failure::new(Exit::Failed, "interrupted"));
+                }
+                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+                shown = ask(&LocalOnly::PairingState)?;
+            }
+        }
+    }
+}
+
+/// Whoever only presses Enter has not compared.
+fn confirmed(terminal: &mut Terminal) -> bool {
+    terminal.choose("does it?", &["yes", "no"], 1).is_ok_and(|choice| choice == 0)
+}
+
+fn no_service(error: &LocalError) -> Failure {
+    let exit = match error {
+        LocalError::Refused(_) => Exit::Refused,
+        _ => Exit::NoAnswer,
+    };
+    Failure::from_error(exit, "the service on this machine", error)
+        .hint("is `onbrick serve` running here? --config with its folder; on a PC, name the brick: onbrick pair HOST")
+}

@@ -1,0 +1,203 @@
+//! What the commands for bricks have in common: which bricks are meant, asking them all at once, and how it ends.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+
+use super::key::{self, Folder};
+use super::{Exit, Failure, Output};
+use crate::document::nearest;
+use crate::link::client::PATIENCE_S;
+use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience};
+
+/// Which bricks, and how long they may take.
+#[derive(Debug, Args)]
+pub(super) struct Bricks {
+    /// Bricks, by the name or the address under which known_bricks has them.
+    #[arg(value_name = "HOST")]
+    hosts: Vec<String>,
+    #[command(flatten)]
+    pub(super) how: How,
+}
+
+/// How bricks are asked.
+#[derive(Debug, Args)]
+pub(super) struct How {
+    /// Seconds to wait for an answer.
+    #[arg(long, default_value_t = PATIENCE_S, value_parser = patience, value_name = "SECONDS")]
+    timeout: f64,
+    #[command(flatten)]
+    pub(super) folder: Folder,
+}
+
+fn patience(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it is a number of seconds")?;
+    if (0.1..=86_400.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("it is 0.1 to 86400 seconds".to_owned())
+    }
+}
+
+/// Which bricks are meant where none is named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unnamed {
+    /// Every one that is known.
+    All,
+    /// The one that is known, if there is only one.
+    TheOnly,
+}
+
+/// Bricks that are about to be asked.
+#[derive(Debug)]
+pub(super) struct Asking {
+    own: KeyPair,
+    timeout_s: f64,
+    interrupted: Arc<AtomicBool>,
+    /// The bricks, in the order in which they were named.
+    pub(super) bricks: Vec<KnownBrick>,
+}
+
+/// One brick's answer.
+pub(super) type Answer<T> = (KnownBrick, Result<T, Failure>);
+
+impl Bricks {
+    /// Finds out who is meant.
+    pub(super) fn asking(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
+        let folder = self.how.folder.path()?;
+        let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+        let bricks = chosen(&known, &self.hosts, unnamed)?;
+        Ok(Asking {
+            own: KeyPair::load(&folder).map_err(|error| key::failure(&error))?,
+            timeout_s: self.how.timeout,
+            interrupted: super::terminal::stop_flags()?.signal,
+            bricks,
+        })
+    }
+}
+
+impl How {
+    /// The patience that was asked for.
+    pub(super) fn patience(&self, interrupted: &Arc<AtomicBool>) -> Patience {
+        Patience::new(self.timeout).unless(Arc::clone(interrupted))
+    }
+}
+
+fn chosen(known: &KnownBricks, hosts: &[String], unnamed: Unnamed) -> Result<Vec<KnownBrick>, Failure> {
+    let all: Vec<KnownBrick> = known.iter().cloned().collect();
+    if all.is_empty() {
+        let message = format!("no brick is known yet in {}", known.path().display());
+        return Err(Failure::refused(message).hint("onbrick pair HOST, with somebody at the brick"));
+    }
+    let names = all.iter().map(|brick| brick.name.as_str()).collect::<Vec<_>>().join(", ");
+    if hosts.is_empty() {
+        return match unnamed {
+            Unnamed::TheOnly if all.len() > 1 => {
+                Err(Failure::new(Exit::Usage, format!("which brick? {names} are known")))
+            }
+            _ => Ok(all),
+        };
+    }
+    let find = |host: &String| {
+        known.find(host).cloned().ok_or_else(|| {
+            let hint = nearest(host, all.iter().map(|brick| brick.name.as_str()));
+            let hint = hint.unwrap_or_else(|| format!("one of {names}, or onbrick pair {host}"));
+            Failure::refused(format!("{host} is no brick that is known")).hint(hint)
+        })
+    };
+    hosts.iter().map(find).collect()
+}
+
+impl Asking {
+    /// True once somebody has pressed Ctrl-C.
+    pub(super) fn interrupted(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.interrupted)
+    }
+
+    /// A client for one of the bricks.
+    pub(super) fn client(&self, brick: &KnownBrick) -> Result<Client, ClientError> {
+        let patience = Patience::new(self.timeout_s).unless(Arc::clone(&self.interrupted));
+        Ok(Client::new(&brick.address, brick.key, &self.own)?.with_patience(patience))
+    }
+
+    /// Asks all of them at the same time; the answers come in their order.
+    pub(super) fn ask<T: Send>(
+        &self,
+        ask: impl Fn(&mut Client, &KnownBrick) -> Result<T, ClientError> + Sync,
+    ) -> Vec<Answer<T>> {
+        let one = |brick: &KnownBrick| -> Result<T, Failure> {
+            let answered = self.client(brick).and_then(|mut client| ask(&mut client, brick));
+            answered.map_err(|error| failure(brick, &error))
+        };
+        let one = &one;
+        std::thread::scope(|scope| {
+            let asked: Vec<_> =
+                self.bricks.iter().map(|brick| (brick, scope.spawn(move || one(brick)))).collect();
+            let lost = || Err(Failure::new(Exit::Failed, "the thread that asked has died"));
+            asked
+                .into_iter()
+                .map(|(brick, thread)| (brick.clone(), thread.join().unwrap_or_else(|_| lost())))
+                .collect()
+        })
+    }
+}
+
+/// Shows what came of each brick: good answers by `show`, the others as a line and as JSON. With one brick alone its failure is the command's.
+pub(super) fn conclude<T>(
+    answers: Vec<Answer<T>>,
+    output: &mut Output,
+    mut show: impl FnMut(&mut Output, &KnownBrick, T),
+) -> Result<(), Failure> {
+    let asked = answers.len();
+    let mut failures = Vec::new();
+    for (brick, answer) in answers {
+        match answer {
+            Ok(answer) => show(output, &brick, answer),
+            Err(failure) if asked == 1 => return Err(failure),
+            Err(failure) => {
+                let (error, exit) = (&failure.message, failure.exit as u8);
+                output.show(
+                    format!("{}: {error}", brick.name),
+                    &serde_json::json!({ "brick": brick.name, "error": error, "exit": exit }),
+                );
+                failures.push(failure);
+            }
+        }
+    }
+    let Some(first) = failures.first() else { return Ok(()) };
+    let message = format!("{} of {asked} bricks did not do it", failures.len());
+    let all_alike = failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);
+    Err(Failure::new(if all_alike { first.exit } else { Exit::SomeFailed }, message))
+}
+
+/// A brick that did not do what it was asked.
+pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
+    let (name, message) = (&brick.name, super::output::with_causes(error));
+    match error {
+        ClientError::NoAnswer { .. } => Failure::new(Exit::NoAnswer, format!("{name}: {message}"))
+            .hint("is it switched on, in this network, and serving? onbrick bricks shows who is there"),
+        ClientError::NotAuthorised { .. } => {
+            Failure::refused(format!("{name}: {message}")).hint(format!("onbrick pair {}", brick.address))
+        }
+        ClientError::AnotherKey { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint(format!("onbrick pair {} once more, if it was set up anew", brick.address)),
+        ClientError::Refused(refusal) => {
+            let failure = Failure::refused(format!("{name}: {message}"));
+            match &refusal.hint {
+                Some(hint) => failure.hint(hint.clone()),
+                None => failure,
+            }
+        }
+        _ => Failure::new(Exit::Failed, format!("{name}: {message}")),
+    }
+}
+
+/// A folder to put recordings into.
+#[derive(Debug, Args)]
+pub(super) struct Out {
+    /// The folder for recordings.
+    #[arg(short, long, value_name = "DIR", default_value = ".")]
+    pub(super) out: PathBuf,
+}

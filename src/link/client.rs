@@ -1,0 +1,313 @@
+//! A brick, as a program on a PC sees it.
+//!
+//! ```no_run
+//! use onbrick::link::{Client, KeyPair, KnownBricks, key_folder};
+//! use onbrick::service::protocol::Chosen;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let folder = key_folder().ok_or("no home folder")?;
+//! let known = KnownBricks::load(&folder)?;
+//! let known = known.find("ev3-blue").ok_or("onbrick pair ev3-blue")?;
+//! let mut brick = Client::new(&known.address, known.key, &KeyPair::load(&folder)?)?;
+//! let run = brick.start(Chosen::Name("map".to_owned()), None, &[])?.run;
+//! println!("{} V", brick.status()?.battery_v.unwrap_or(f64::NAN));
+//! brick.fetch(&run, "map.mcap".as_ref(), &mut |fetched| println!("{fetched:?}"))?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A client keeps one connection and makes it anew whenever it breaks. Each request is repeated until it is answered or the patience is over; that is
+//! harmless, because a start carries its run's identifier, a stop stops what is stopped already, and the rest only reads. What was sent into an
+//! outage cannot come true later: nothing is queued while there is no connection, what was queued is thrown away with its socket, and a start
+//! that lay in some buffer for more than five seconds is refused by the brick.
+//!
+//! # Not here
+//!
+//! No threads: a client waits where it is called. Several bricks at once are several clients on several threads ([`Client`] is [`Send`]).
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::curve::NoCurve;
+use super::keys::{KeyPair, PublicKey};
+use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
+use crate::service::protocol::{
+    Chosen, Done, Kind, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started, Status, Stopped,
+};
+
+mod address;
+mod connection;
+mod fetch;
+mod line;
+
+pub use fetch::FetchProgress;
+pub(super) use line::Line;
+
+/// The port that bricks listen at.
+pub const PORT: u16 = 5670;
+
+/// How long a request is repeated unless it is said otherwise, seconds.
+pub const PATIENCE_S: f64 = 10.0;
+
+/// Why a brick did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// Nobody answered in time: look at the brick, its address and the network, and try again.
+    #[error("no answer from {address} in {waited_s:.0} s: {silence}")]
+    NoAnswer {
+        /// Who was asked.
+        address: String,
+        /// For how long.
+        waited_s: f64,
+        /// What was seen meanwhile.
+        silence: Silence,
+    },
+    /// The brick does not know this PC's key, or no longer: `onbrick pair`, or `onbrick key authorise` on the brick.
+    #[error("{address} does not let this PC's key in: it is not, or no longer, authorised there")]
+    NotAuthorised {
+        /// Who was asked.
+        address: String,
+    },
+    /// What answers there has another key than the brick had: a brick that was set up anew (pair again), or somebody else.
+    #[error(
+        "what answers at {address} does not have the key that is known for it: the brick was set up anew, another one has its address, or it is none"
+    )]
+    AnotherKey {
+        /// Who was asked.
+        address: String,
+    },
+    /// The brick understood, and refuses: its message says why.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// The brick's answer makes no sense here: another version of onbrick, mostly.
+    #[error("{address} answered something that is not understood: {message}")]
+    NotUnderstood {
+        /// Who was asked.
+        address: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// Somebody at this end does not want to wait any longer.
+    #[error("interrupted")]
+    Interrupted,
+    /// The file that a run is fetched into.
+    #[error("cannot write {path}")]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What went wrong.
+        source: std::io::Error,
+    },
+    /// This program cannot encrypt.
+    #[error(transparent)]
+    NoCurve(#[from] NoCurve),
+    /// libzmq has no socket or no memory left.
+    #[error("sockets cannot be used: {0}")]
+    Socket(zmq::Error),
+}
+
+/// What was seen where nobody answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Silence {
+    /// The name is nobody's.
+    #[error("nobody has this name")]
+    NoSuchName,
+    /// No connection was made: it is switched off, elsewhere, or does not serve.
+    #[error("nobody is there")]
+    Nobody,
+    /// A connection was made, and nobody introduced itself.
+    #[error("somebody is there, but does not shake hands")]
+    NoHandshake,
+    /// It was there, and then it answered no more.
+    #[error("it was there, and then said no more")]
+    NoReply,
+}
+
+/// How long a client tries, and who may end that.
+#[derive(Debug, Clone, Default)]
+pub struct Patience {
+    /// Nanoseconds without a sign of life from the brick.
+    pub(super) most_ns: i64,
+    /// Raised by whoever does not want to wait any longer.
+    pub(super) cancelled: Option<Arc<AtomicBool>>,
+}
+
+impl Patience {
+    /// For this long, seconds.
+    #[must_use]
+    pub fn new(seconds: f64) -> Self {
+        Self { most_ns: nanoseconds(seconds).max(0), cancelled: None }
+    }
+
+    /// Until this flag is raised, too.
+    #[must_use]
+    pub fn unless(mut self, cancelled: Arc<AtomicBool>) -> Self {
+        self.cancelled = Some(cancelled);
+        self
+    }
+}
+
+/// One brick.
+#[derive(Debug)]
+pub struct Client {
+    line: Line,
+}
+
+impl Client {
+    /// A brick at an address (a name or a number, with `:port` where that is not 5670), with this key. Nothing is sent yet.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::NoCurve`].
+    pub fn new(address: &str, key: PublicKey, own: &KeyPair) -> Result<Self, ClientError> {
+        Ok(Self { line: Line::new(address, PORT, key, own, Patience::new(PATIENCE_S))? })
+    }
+
+    /// The same with another patience.
+    #[must_use]
+    pub fn with_patience(mut self, patience: Patience) -> Self {
+        self.line.set_patience(patience);
+        self
+    }
+
+    /// Where the brick is thought to be.
+    #[must_use]
+    pub fn address(&self) -> &str {
+        self.line.address()
+    }
+
+    /// How the brick is.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`], as for every request here.
+    pub fn status(&mut self) -> Result<Status, ClientError> {
+        self.ask(&Request::Status)
+    }
+
+    /// Which missions it has.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn missions(&mut self) -> Result<Missions, ClientError> {
+        self.ask(&Request::Missions)
+    }
+
+    /// Starts a mission, at a pose (metres, metres, degrees) and with numbers of its own set otherwise, as a run with a new identifier.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`]. After [`ClientError::NoAnswer`] the run may have been started all the same, or may be within the next five seconds:
+    /// a status tells.
+    pub fn start(
+        &mut self,
+        mission: Chosen,
+        pose: Option<[f64; 3]>,
+        set: &[(String, f64)],
+    ) -> Result<Started, ClientError> {
+        let run = new_run_id(&mission).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
+        self.start_as(run, mission, pose, set)
+    }
+
+    /// As [`Client::start`], as a run with an identifier of the caller's: a repeat does nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn start_as(
+        &mut self,
+        run: RunId,
+        mission: Chosen,
+        pose: Option<[f64; 3]>,
+        set: &[(String, f64)],
+    ) -> Result<Started, ClientError> {
+        let mut start = Start { run, mission, token: None, pose, set: set.to_vec() };
+        let until_ns = self.line.deadline_ns();
+        loop {
+            start.token = Some(self.status()?.token);
+            match self.ask(&Request::Start(start.clone())) {
+                // It was under way for too long; the next one has a fresh token.
+                Err(ClientError::Refused(refusal))
+                    if refusal.kind == Kind::StaleToken && self.line.now_ns() < until_ns => {}
+                answered => return answered,
+            }
+        }
+    }
+
+    /// Stops a run, or whatever runs; answered when the motors have been told.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn stop(&mut self, run: Option<&RunId>) -> Result<Stopped, ClientError> {
+        self.ask(&Request::Stop { run: run.cloned() })
+    }
+
+    /// Which runs are on its disk.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn runs(&mut self) -> Result<Runs, ClientError> {
+        self.ask(&Request::Runs)
+    }
+
+    /// Makes it beep and blink.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn identify(&mut self) -> Result<Done, ClientError> {
+        self.ask(&Request::Identify)
+    }
+
+    /// Brings a run's recording home into a file, and follows it to its end where it is going on.
+    ///
+    /// What has come lies in `FILE.part` until it is whole and its hash is the brick's; then it gets its name. What a broken connection, a brick that
+    /// was switched off, or an earlier call has left there is gone on from. `watch` is told how far it is, about twice a second.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`]; what has come so far stays in `FILE.part`.
+    pub fn fetch(
+        &mut self,
+        run: &RunId,
+        file: &Path,
+        watch: &mut dyn FnMut(&FetchProgress),
+    ) -> Result<FetchProgress, ClientError> {
+        fetch::fetch(&mut self.line, run, file, watch)
+    }
+
+    /// Asks, and takes the answer apart.
+    fn ask<T: DeserializeOwned>(&mut self, request: &Request) -> Result<T, ClientError> {
+        let (value, _) = self.line.ask(request)?;
+        self.line.understood(value)
+    }
+}
+
+/// A request's body with its envelope.
+#[derive(Serialize)]
+pub(super) struct Envelope<'r, R> {
+    pub(super) version: u32,
+    pub(super) id: u64,
+    #[serde(flatten)]
+    pub(super) request: &'r R,
+}
+
+/// An identifier that sorts by time and that nobody else chooses: the mission's name, the seconds of this PC's calendar, and chance.
+fn new_run_id(mission: &Chosen) -> Result<RunId, NoRunId> {
+    let name = match mission {
+        Chosen::Name(name) => name.as_str(),
+        Chosen::Text(_) => "mission",
+    };
+    let plain = |sign: char| if sign.is_ascii_alphanumeric() { sign } else { '-' };
+    let name: String = name.chars().take(14).map(plain).collect();
+    let chance = super::pairing::random().unwrap_or_default();
+    let chance: String = chance.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
+    RunId::new(&format!("{name}-{}-{chance}", wall_ns() / SECOND_NS))
+}

@@ -1,0 +1,63 @@
+//! From what a person calls a host to where it is.
+
+use std::net::{SocketAddr, ToSocketAddrs};
+
+/// A host, and a port where one is named.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Address {
+    host: String,
+    port: u16,
+}
+
+impl Address {
+    /// `name`, `name:port`, `1.2.3.4`, `1.2.3.4:port`, `::1`, `[::1]`, `[::1]:port`.
+    pub(super) fn parse(text: &str, usual_port: u16) -> Self {
+        let (host, port) = match text.rsplit_once(':') {
+            // More colons than one without brackets are a number of IPv6.
+            Some((host, port)) if !host.contains(':') || host.ends_with(']') => (host, port.parse().ok()),
+            _ => (text, Some(usual_port)),
+        };
+        let (host, port) = port.map_or((text, usual_port), |port| (host, port));
+        let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+        Self { host: bare.to_owned(), port }
+    }
+
+    /// Where it is now, the numbers of IPv4 first: bricks have those in every network.
+    pub(super) fn resolve(&self) -> Vec<SocketAddr> {
+        let found = (self.host.as_str(), self.port).to_socket_addrs();
+        let mut found: Vec<SocketAddr> = found.map(Iterator::collect).unwrap_or_default();
+        found.sort_by_key(SocketAddr::is_ipv6);
+        found.dedup();
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_may_have_a_port_and_numbers_of_ipv6_colons() {
+        let address = |text: &str| {
+            let Address { host, port } = Address::parse(text, 5670);
+            (host, port)
+        };
+        let expect = |host: &str, port| (host.to_owned(), port);
+        assert_eq!(address("ev3.local"), expect("ev3.local", 5670));
+        assert_eq!(address("ev3:80"), expect("ev3", 80));
+        assert_eq!(address("10.0.0.1:80"), expect("10.0.0.1", 80));
+        assert_eq!(address("::1"), expect("::1", 5670));
+        assert_eq!(address("[::1]"), expect("::1", 5670));
+        assert_eq!(address("[::1]:80"), expect("::1", 80));
+        // No port: the name does not exist, and that is what is said.
+        assert_eq!(address("ev3:http"), expect("ev3:http", 5670));
+        assert_eq!(address(""), expect("", 5670));
+    }
+
+    #[test]
+    fn numbers_need_nobody_to_be_asked() {
+        let found = Address::parse("127.0.0.1:81", 5670).resolve();
+        assert_eq!(found, ["127.0.0.1:81".parse().unwrap()]);
+        assert_eq!(Address::parse("", 5670).resolve(), []);
+    }
+}

@@ -1,0 +1,169 @@
+//! One connection to a brick, from its first packet to its last: a DEALER socket that is thrown away when it breaks.
+
+use std::net::SocketAddr;
+
+use crate::link::keys::{KeyPair, PublicKey};
+use crate::link::monitor::{Monitor, What};
+use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
+
+/// Milliseconds: until TCP has to be through, and until the brick has to have introduced itself.
+const CONNECT_MS: i32 = 5000;
+const HANDSHAKE_MS: i32 = 5000;
+
+/// How often the brick is asked whether it lives, and how long it may take to say so.
+const HEARTBEAT_MS: i32 = 1000;
+const HEARTBEAT_TIMEOUT_MS: i32 = 5000;
+
+/// Replies are no longer than what a fetch brings, and JSON.
+const LONGEST_REPLY: i64 = 4 << 20;
+const _: () = assert!((MAX_FETCH_BYTES as i64) < LONGEST_REPLY);
+
+/// A connection. Dropping it throws away what was not sent yet.
+pub(super) struct Connection {
+    socket: zmq::Socket,
+    monitor: Monitor,
+    stage: Stage,
+}
+
+/// How far a connection is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stage {
+    /// TCP is not through yet.
+    Calling,
+    /// TCP is through; keys are being shown.
+    Greeting,
+    /// Requests can be sent.
+    Open,
+    /// It is over.
+    Over(Over),
+}
+
+/// Why a connection is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Over {
+    /// TCP did not get through.
+    Nobody,
+    /// It was closed while keys were being shown: another key, another program, or too many connections.
+    BrokeOff,
+    /// The brick does not know our key.
+    NotLetIn,
+    /// It was open, and broke.
+    Lost,
+}
+
+/// A reply with the bytes beside it.
+#[derive(Debug)]
+pub(super) struct Received {
+    pub(super) reply: Result<Reply, String>,
+    pub(super) bytes: Option<Vec<u8>>,
+}
+
+impl std::fmt::Debug for Connection {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Connection").field("stage", &self.stage).finish_non_exhaustive()
+    }
+}
+
+impl Connection {
+    /// Begins to connect.
+    pub(super) fn open(
+        context: &zmq::Context,
+        to: SocketAddr,
+        brick: PublicKey,
+        own: &KeyPair,
+    ) -> zmq::Result<Self> {
+        let socket = context.socket(zmq::DEALER)?;
+        socket.set_curve_serverkey(brick.as_bytes())?;
+        socket.set_curve_publickey(own.public().as_bytes())?;
+        socket.set_curve_secretkey(own.secret())?;
+        socket.set_ipv6(true)?;
+        // Nothing that was not sent stays behind, nothing is queued before there is a connection, and only we connect again.
+        socket.set_linger(0)?;
+        socket.set_immediate(true)?;
+        socket.set_reconnect_ivl(-1)?;
+        socket.set_connect_timeout(CONNECT_MS)?;
+        socket.set_handshake_ivl(HANDSHAKE_MS)?;
+        socket.set_heartbeat_ivl(HEARTBEAT_MS)?;
+        socket.set_heartbeat_timeout(HEARTBEAT_TIMEOUT_MS)?;
+        socket.set_maxmsgsize(LONGEST_REPLY)?;
+        let monitor = Monitor::of(context, &socket)?;
+        socket.connect(&format!("tcp://{to}"))?;
+        Ok(Self { socket, monitor, stage: Stage::Calling })
+    }
+
+    /// How far it is by now.
+    pub(super) fn stage(&mut self) -> Stage {
+        while let Some(happened) = self.monitor.next() {
+            self.stage = after(self.stage, happened.what);
+        }
+        self.stage
+    }
+
+    /// Waits until something happens, at most so many milliseconds.
+    pub(super) fn wait(&self, most_ms: i64) -> zmq::Result<()> {
+        let mut items = [self.socket.as_poll_item(zmq::POLLIN), self.monitor.poll_item()];
+        match zmq::poll(&mut items, most_ms) {
+            Ok(_) | Err(zmq::Error::EINTR) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Sends a request; false where the connection takes none now.
+    pub(super) fn send(&self, request: &[u8]) -> zmq::Result<bool> {
+        match self.socket.send(request, zmq::DONTWAIT) {
+            Ok(()) => Ok(true),
+            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The next reply, if one is there.
+    pub(super) fn receive(&self) -> zmq::Result<Option<Received>> {
+        let mut frames = match self.socket.recv_multipart(zmq::DONTWAIT) {
+            Ok(frames) => frames.into_iter(),
+            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let json = frames.next().unwrap_or_default();
+        let reply = serde_json::from_slice(&json).map_err(|error| error.to_string());
+        Ok(Some(Received { reply, bytes: frames.next() }))
+    }
+}
+
+fn after(stage: Stage, what: What) -> Stage {
+    match (stage, what) {
+        // The first reason is the one that counts; what follows is the same end seen again.
+        (Stage::Over(_), _) => stage,
+        (_, What::Connected) => Stage::Greeting,
+        (_, What::Greeted) => Stage::Open,
+        (_, What::NotLetIn) => Stage::Over(Over::NotLetIn),
+        (Stage::Greeting, What::BrokeOff | What::NotUnderstood | What::Disconnected) => {
+            Stage::Over(Over::BrokeOff)
+        }
+        (Stage::Calling, What::Closed) => Stage::Over(Over::Nobody),
+        (Stage::Open, What::Disconnected) => Stage::Over(Over::Lost),
+        _ => stage,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_reason_of_an_end_is_the_one_that_counts() {
+        let through =
+            |happened: &[What]| happened.iter().fold(Stage::Calling, |stage, what| after(stage, *what));
+        assert_eq!(through(&[What::Connected, What::Greeted]), Stage::Open);
+        assert_eq!(through(&[What::Closed]), Stage::Over(Over::Nobody));
+        assert_eq!(
+            through(&[What::Connected, What::BrokeOff, What::Disconnected]),
+            Stage::Over(Over::BrokeOff)
+        );
+        assert_eq!(
+            through(&[What::Connected, What::NotLetIn, What::Disconnected]),
+            Stage::Over(Over::NotLetIn)
+        );
+        assert_eq!(through(&[What::Connected, What::Greeted, What::Disconnected]), Stage::Over(Over::Lost));
+    }
+}

@@ -1,0 +1,333 @@
+//! A line to a brick: connections one after the other, and requests that are repeated over them until they are answered.
+
+use std::sync::atomic::Ordering;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::address::Address;
+use super::connection::{Connection, Over, Received, Stage};
+use super::{ClientError, Envelope, Patience, Silence};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, seconds};
+use crate::link::curve;
+use crate::link::keys::{KeyPair, PublicKey};
+use crate::service::protocol::{Id, Kind, Outcome, VERSION};
+
+/// How long one waits before one looks again, nanoseconds: the first time, and at most.
+const FIRST_BACKOFF_NS: i64 = 100 * MILLISECOND_NS;
+const LAST_BACKOFF_NS: i64 = 2 * SECOND_NS;
+
+/// A request that is not answered for this long is sent again over a new connection, nanoseconds: the first time, and at most.
+const FIRST_WAIT_NS: i64 = 3 * SECOND_NS;
+const LAST_WAIT_NS: i64 = 10 * SECOND_NS;
+
+/// So often in a row a handshake may be broken off before the key is said to be another one: a brick that is flooded breaks off now and then.
+const BREAK_OFFS: u32 = 4;
+
+/// Nobody who interrupts waits longer than this, milliseconds.
+const NAP_MS: i64 = 100;
+
+/// A silence that is worth a word, nanoseconds.
+const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
+
+/// A line to one brick.
+#[derive(Debug)]
+pub(in crate::link) struct Line {
+    context: Context,
+    written: String,
+    address: Address,
+    key: PublicKey,
+    own: KeyPair,
+    patience: Patience,
+    connection: Option<Connection>,
+    /// Which of the host's addresses is tried next.
+    turn: usize,
+    next_id: u64,
+    backoff_ns: i64,
+    break_offs: u32,
+    silence: Silence,
+    /// When the brick was last heard, or the waiting began.
+    heard_ns: i64,
+    has_said: bool,
+}
+
+struct Context(zmq::Context);
+
+impl std::fmt::Debug for Context {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Context")
+    }
+}
+
+/// What came of waiting for a reply.
+pub(super) enum Waited {
+    /// A reply, under the request's number.
+    Reply(u64, Result<(Value, Option<Vec<u8>>), ClientError>),
+    /// The connection broke, and with it all requests that were under way.
+    Broken,
+    /// The time is over.
+    Nothing,
+}
+
+impl Line {
+    pub(in crate::link) fn new(
+        address: &str,
+        usual_port: u16,
+        key: PublicKey,
+        own: &KeyPair,
+        patience: Patience,
+    ) -> Result<Self, ClientError> {
+        curve::require()?;
+        Ok(Self {
+            context: Context(zmq::Context::new()),
+            written: address.to_owned(),
+            address: Address::parse(address, usual_port),
+            key,
+            own: own.clone(),
+            patience,
+            connection: None,
+            turn: 0,
+            next_id: 1,
+            backoff_ns: 0,
+            break_offs: 0,
+            silence: Silence::Nobody,
+            heard_ns: MonotonicClock.now_ns(),
+            has_said: false,
+        })
+    }
+
+    pub(super) fn set_patience(&mut self, patience: Patience) {
+        self.patience = patience;
+    }
+
+    pub(super) fn address(&self) -> &str {
+        &self.written
+    }
+
+    pub(super) fn now_ns(&self) -> i64 {
+        MonotonicClock.now_ns()
+    }
+
+    /// The end of the patience of somebody who begins to wait now.
+    pub(super) fn deadline_ns(&self) -> i64 {
+        self.now_ns().saturating_add(self.patience.most_ns)
+    }
+
+    /// Asks until it is answered or the patience is over.
+    pub(in crate::link) fn ask(
+        &mut self,
+        request: &impl Serialize,
+    ) -> Result<(Value, Option<Vec<u8>>), ClientError> {
+        self.begin();
+        let id = self.number();
+        let mut wait_ns = FIRST_WAIT_NS;
+        loop {
+            if !self.send(id, request)? {
+                continue;
+            }
+            let until_ns = self.now_ns().saturating_add(wait_ns);
+            loop {
+                match self.receive(until_ns)? {
+                    Waited::Reply(of, answer) if of == id => return answer,
+                    // An answer to what nobody waits for any more.
+                    Waited::Reply(..) => {}
+                    Waited::Broken => break,
+                    Waited::Nothing => {
+                        self.hang_up();
+                        break;
+                    }
+                }
+            }
+            wait_ns = (wait_ns * 2).min(LAST_WAIT_NS);
+        }
+    }
+
+    /// The patience begins anew.
+    pub(super) fn begin(&mut self) {
+        self.heard_ns = self.now_ns();
+        self.has_said = false;
+    }
+
+    /// A number for a request.
+    pub(super) fn number(&mut self) -> u64 {
+        let id = self.next_id;
+        self.next_id += 1;
+        id
+    }
+
+    /// Sends a request over a connection that is there or is made; false where that has broken and is to be tried again.
+    ///
+    /// # Errors
+    ///
+    /// When the patience is over, or there is no sense in trying again.
+    pub(super) fn send(&mut self, id: u64, request: &impl Serialize) -> Result<bool, ClientError> {
+        let envelope = Envelope { version: VERSION, id, request };
+        let json = serde_json::to_vec(&envelope)
+            .map_err(|error| self.not_understood(format!("a request that is no JSON: {error}")))?;
+        if !self.connect()? {
+            return Ok(false);
+        }
+        let sent = self.connection.as_ref().map_or(Ok(false), |connection| connection.send(&json));
+        if !sent.map_err(ClientError::Socket)? {
+            self.connection = None;
+            self.pause()?;
+            return Ok(false);
+        }
+        Ok(true)
+    }
+
+    /// Waits for the next reply.
+    pub(super) fn receive(&mut self, until_ns: i64) -> Result<Waited, ClientError> {
+        loop {
+            let Some(connection) = &mut self.connection else { return Ok(Waited::Broken) };
+            if let Some(received) = connection.receive().map_err(ClientError::Socket)? {
+                (self.heard_ns, self.has_said, self.backoff_ns) = (MonotonicClock.now_ns(), false, 0);
+                if let Some((id, answer)) = self.taken(received) {
+                    return Ok(Waited::Reply(id, answer));
+                }
+                continue;
+            }
+            if let Stage::Over(over) = connection.stage() {
+                self.ended(over)?;
+                self.pause()?;
+                return Ok(Waited::Broken);
+            }
+            let left_ms = until_ns.saturating_sub(self.now_ns()) / MILLISECOND_NS;
+            if left_ms <= 0 {
+                self.check_patience()?;
+                return Ok(Waited::Nothing);
+            }
+            if let Some(connection) = &self.connection {
+                connection.wait(left_ms.min(NAP_MS)).map_err(ClientError::Socket)?;
+            }
+            self.check_patience()?;
+        }
+    }
+
+    /// A reply's number and what it says.
+    fn taken(&self, received: Received) -> Option<(u64, Result<(Value, Option<Vec<u8>>), ClientError>)> {
+        match received.reply {
+            Ok(reply) => {
+                let id = match reply.id {
+                    Some(Id::Number(id)) => id,
+                    // A request of ours that was not understood at all has no number; there is none of anybody else.
+                    _ => self.next_id.saturating_sub(1),
+                };
+                Some((
+                    id,
+                    match reply.outcome {
+                        Outcome::Ok(value) => Ok((value, received.bytes)),
+                        Outcome::Error(refusal) if refusal.kind == Kind::NotAuthorised => {
+                            Err(ClientError::NotAuthorised { address: self.written.clone() })
+                        }
+                        Outcome::Error(refusal) => Err(ClientError::Refused(refusal)),
+                    },
+                ))
+            }
+            Err(message) => Some((self.next_id.saturating_sub(1), Err(self.not_understood(message)))),
+        }
+    }
+
+    /// An answer as what it should be.
+    pub(in crate::link) fn understood<T: DeserializeOwned>(&self, value: Value) -> Result<T, ClientError> {
+        serde_json::from_value(value).map_err(|error| self.not_understood(error.to_string()))
+    }
+
+    fn not_understood(&self, message: String) -> ClientError {
+        ClientError::NotUnderstood { address: self.written.clone(), message }
+    }
+
+    /// Makes sure that there is a connection with both keys shown; false where it broke off and is to be tried again.
+    fn connect(&mut self) -> Result<bool, ClientError> {
+        if self.connection.is_none() {
+            let found = self.address.resolve();
+            let Some(to) = found.get(self.turn % found.len().max(1)) else {
+                self.silence = Silence::NoSuchName;
+                self.pause()?;
+                return Ok(false);
+            };
+            let opened = Connection::open(&self.context.0, *to, self.key, &self.own);
+            self.connection = Some(opened.map_err(ClientError::Socket)?);
+        }
+        loop {
+            self.check_patience()?;
+            let Some(connection) = &mut self.connection else { return Ok(false) };
+            match connection.stage() {
+                Stage::Open => {
+                    self.break_offs = 0;
+                    self.silence = Silence::NoReply;
+                    return Ok(true);
+                }
+                Stage::Calling => self.silence = Silence::Nobody,
+                Stage::Greeting => self.silence = Silence::NoHandshake,
+                Stage::Over(over) => {
+                    self.turn = self.turn.wrapping_add(1);
+                    self.ended(over)?;
+                    self.pause()?;
+                    return Ok(false);
+                }
+            }
+            connection.wait(NAP_MS).map_err(ClientError::Socket)?;
+        }
+    }
+
+    /// Draws the conclusion from a connection's end.
+    fn ended(&mut self, over: Over) -> Result<(), ClientError> {
+        self.connection = None;
+        match over {
+            Over::NotLetIn => return Err(ClientError::NotAuthorised { address: self.written.clone() }),
+            Over::BrokeOff => {
+                self.break_offs += 1;
+                if self.break_offs >= BREAK_OFFS {
+                    self.break_offs = 0;
+                    return Err(ClientError::AnotherKey { address: self.written.clone() });
+                }
+            }
+            Over::Nobody => self.silence = Silence::Nobody,
+            Over::Lost => self.silence = Silence::NoReply,
+        }
+        Ok(())
+    }
+
+    /// Waits a little longer each time.
+    fn pause(&mut self) -> Result<(), ClientError> {
+        self.backoff_ns = (self.backoff_ns * 2).clamp(FIRST_BACKOFF_NS, LAST_BACKOFF_NS);
+        let until_ns = self.now_ns().saturating_add(self.backoff_ns);
+        while self.now_ns() < until_ns {
+            self.check_patience()?;
+            let nap_ns = self.now_ns().saturating_add(NAP_MS * MILLISECOND_NS);
+            MonotonicClock.sleep_until_ns(nap_ns.min(until_ns));
+        }
+        Ok(())
+    }
+
+    /// Gives the connection up; the next request makes a new one.
+    pub(super) fn hang_up(&mut self) {
+        self.silence = Silence::NoReply;
+        self.connection = None;
+    }
+
+    /// Ends the waiting where it has lasted too long, or somebody has interrupted it.
+    pub(super) fn check_patience(&mut self) -> Result<(), ClientError> {
+        if self.patience.cancelled.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+            self.connection = None;
+            return Err(ClientError::Interrupted);
+        }
+        let waited_ns = self.now_ns().saturating_sub(self.heard_ns);
+        if waited_ns >= self.patience.most_ns {
+            self.connection = None;
+            let waited_s = seconds(waited_ns);
+            return Err(ClientError::NoAnswer {
+                address: self.written.clone(),
+                waited_s,
+                silence: self.silence,
+            });
+        }
+        if waited_ns >= WORTH_A_WORD_NS && !self.has_said {
+            self.has_said = true;
+            log::warn!("{}: {}; trying again", self.written, self.silence);
+        }
+        Ok(())
+    }
+}

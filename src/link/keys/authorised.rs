@@ -1,0 +1,194 @@
+//! Who may ask this machine: one small file for each key.
+//!
+//! A key's file is named after its fingerprint, so that one look answers whether it is there. Each request looks, and a file that is taken away
+//! counts from the next request on. `onbrick key authorise`, `key revoke` and `key list` write, delete and list them.
+//!
+//! # What we count on
+//!
+//! - Whoever may write into the folder decides who may start this machine's motors: it is its owner's alone (0700, files 0600).
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::{KeyError, PublicKey, Replace, make_folder, quoted, write_private};
+use crate::document::Document;
+
+/// The folder of keys that may ask this machine.
+#[derive(Debug, Clone)]
+pub struct Authorised {
+    folder: PathBuf,
+}
+
+/// A key that may ask this machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AuthorisedKey {
+    /// What its owner is called.
+    pub name: String,
+    /// The key.
+    pub key: PublicKey,
+}
+
+/// The longest file and name, bytes.
+const LONGEST_FILE: u64 = 4096;
+const LONGEST_NAME: usize = 64;
+
+impl Authorised {
+    /// The authorised keys in a folder of keys. Nothing is read or made yet.
+    #[must_use]
+    pub fn below(keys: &Path) -> Self {
+        Self { folder: keys.join("authorised") }
+    }
+
+    /// The name under which a key may ask; `None` where it may not.
+    ///
+    /// # Errors
+    ///
+    /// [`KeyError::Broken`] and [`KeyError::Io`]: such a key may not ask either.
+    pub fn find(&self, key: &PublicKey) -> Result<Option<String>, KeyError> {
+        match read(&self.path(key)) {
+            // Two keys with one fingerprint are not one key.
+            Ok(found) => Ok((found.key == *key).then_some(found.name)),
+            Err(KeyError::Missing(_)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Lets a key ask from now on, under a name of at most 64 bytes (more is cut off); one that could before gets the new name.
+    ///
+    /// # Errors
+    ///
+    /// [`KeyError::Io`].
+    pub fn add(&self, key: &PublicKey, name: &str) -> Result<PathBuf, KeyError> {
+        let name = quoted(&shortened(name));
+        make_folder(&self.folder)?;
+        let path = self.path(key);
+        write_private(&path, &format!("name = {name}\nkey = \"{key}\"\n"), Replace::Yes)?;
+        Ok(path)
+    }
+
+    /// Takes the right to ask from whom a name, a fingerprint or a key means; returns who that was.
+    ///
+    /// # Errors
+    ///
+    /// [`KeyError`]; what could not be read is not deleted.
+    pub fn remove(&self, which: &str) -> Result<Vec<AuthorisedKey>, KeyError> {
+        let means = |found: &AuthorisedKey| {
+            found.name == which || found.key.fingerprint() == which || found.key.to_string() == which
+        };
+        let removed: Vec<AuthorisedKey> = self.list()?.into_iter().filter(means).collect();
+        for found in &removed {
+            let path = self.path(&found.key);
+            fs::remove_file(&path).map_err(KeyError::io(&path))?;
+        }
+        Ok(removed)
+    }
+
+    /// All of them, by name.
+    ///
+    /// # Errors
+    ///
+    /// [`KeyError`] at the first file that cannot be used.
+    pub fn list(&self) -> Result<Vec<AuthorisedKey>, KeyError> {
+        let entries = match fs::read_dir(&self.folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(KeyError::io(&self.folder)(error)),
+        };
+        let mut found = Vec::new();
+        for entry in entries {
+            let path = entry.map_err(KeyError::io(&self.folder))?.path();
+            if path.extension().is_some_and(|ending| ending == "toml") {
+                found.push(read(&path)?);
+            }
+        }
+        found.sort_by(|one, other| (&one.name, one.key).cmp(&(&other.name, other.key)));
+        Ok(found)
+    }
+
+    fn path(&self, key: &PublicKey) -> PathBuf {
+        self.folder.join(format!("{}.toml", key.fingerprint()))
+    }
+}
+
+fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
+    let file = match fs::File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            return Err(KeyError::Missing(path.to_owned()));
+        }
+        Err(error) => return Err(KeyError::io(path)(error)),
+    };
+    let mut bytes = Vec::new();
+    io::Read::read_to_end(&mut io::Read::take(file, LONGEST_FILE), &mut bytes).map_err(KeyError::io(path))?;
+    let document = Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
+    let read = document.read(|root| {
+        root.allow(&["name", "key"]);
+        let name = root.require("name")?.text()?.to_owned();
+        let item = root.require("key")?;
+        let key = PublicKey::parse(item.text()?);
+        if let Err(error) = key {
+            item.error(error.to_string());
+        }
+        Some(AuthorisedKey { name, key: key.ok()? })
+    });
+    read.map(|(found, _)| found).map_err(KeyError::Broken)
+}
+
+/// A name that fits into tables and onto the brick's screen, in one line.
+pub(in crate::link) fn shortened(name: &str) -> String {
+    let mut short = String::new();
+    for sign in name.trim().chars().map(|sign| if sign.is_control() { ' ' } else { sign }) {
+        if short.len() + sign.len_utf8() > LONGEST_NAME {
+            break;
+        }
+        short.push(sign);
+    }
+    if short.is_empty() { "nameless".to_owned() } else { short }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(byte: u8) -> PublicKey {
+        PublicKey::from_bytes([byte; 32])
+    }
+
+    #[test]
+    fn a_key_may_ask_until_it_is_revoked() {
+        let folder = tempfile::tempdir().unwrap();
+        let authorised = Authorised::below(folder.path());
+        assert_eq!(authorised.find(&key(1)).unwrap(), None);
+        assert_eq!(authorised.list().unwrap(), []);
+        authorised.add(&key(1), "anna's laptop").unwrap();
+        authorised.add(&key(2), "board").unwrap();
+        authorised.add(&key(3), "board").unwrap();
+        assert_eq!(authorised.find(&key(1)).unwrap().as_deref(), Some("anna's laptop"));
+        let names: Vec<String> = authorised.list().unwrap().into_iter().map(|found| found.name).collect();
+        assert_eq!(names, ["anna's laptop", "board", "board"]);
+
+        assert_eq!(authorised.remove("nobody").unwrap(), []);
+        assert_eq!(authorised.remove(&key(1).fingerprint()).unwrap().len(), 1);
+        assert_eq!(authorised.remove("board").unwrap().len(), 2);
+        assert_eq!(authorised.find(&key(1)).unwrap(), None);
+    }
+
+    #[test]
+    fn a_file_of_another_key_lets_nobody_in() {
+        let folder = tempfile::tempdir().unwrap();
+        let authorised = Authorised::below(folder.path());
+        let path = authorised.add(&key(1), "a").unwrap();
+        fs::rename(path, authorised.path(&key(2))).unwrap();
+        assert_eq!(authorised.find(&key(2)).unwrap(), None);
+        fs::write(authorised.path(&key(3)), "name = 3").unwrap();
+        assert!(matches!(authorised.find(&key(3)), Err(KeyError::Broken(_))));
+    }
+
+    #[test]
+    fn names_are_one_short_line() {
+        assert_eq!(shortened("  a\nb\u{1b}[31m "), "a b [31m");
+        assert_eq!(shortened(""), "nameless");
+        assert_eq!(shortened(&"ü".repeat(99)).len(), LONGEST_NAME);
+    }
+}

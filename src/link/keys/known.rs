@@ -1,0 +1,182 @@
+//! The bricks that this PC knows: one file for people, `known_bricks`, with each brick's name, address and key.
+//!
+//! ```toml
+//! [ev3-blue]
+//! address = "ev3-blue.local"       # a name or a number, with :port where it is not 5670
+//! key = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"
+//! ```
+//!
+//! `onbrick pair` adds bricks to it; a person may edit it, and what else stands in it is kept.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::{KeyError, PublicKey, Replace, make_folder, quoted, write_private};
+use crate::document::{Document, Item, Section};
+
+/// A brick that this PC knows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KnownBrick {
+    /// What it calls itself.
+    pub name: String,
+    /// Where it is: a host's name or number, with `:port` where that is not the usual one.
+    pub address: String,
+    /// Its key: whatever answers there with another one is not this brick.
+    pub key: PublicKey,
+}
+
+/// The file of bricks that this PC knows.
+#[derive(Debug, Clone)]
+pub struct KnownBricks {
+    path: PathBuf,
+    text: String,
+    bricks: Vec<(KnownBrick, usize)>,
+}
+
+const HEADER: &str =
+    "# Bricks that this PC knows. `onbrick pair HOST` adds one; to forget one, delete its lines.\n";
+
+impl KnownBricks {
+    /// Reads the file in a folder of keys; where there is none, no brick is known.
+    ///
+    /// # Errors
+    ///
+    /// [`KeyError::Broken`], [`KeyError::Io`].
+    pub fn load(folder: &Path) -> Result<Self, KeyError> {
+        let path = folder.join("known_bricks");
+        match fs::read(&path) {
+            Ok(bytes) => Self::parse(path, &bytes),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                Ok(Self { path, text: HEADER.to_owned(), bricks: Vec::new() })
+            }
+            Err(error) => Err(KeyError::io(&path)(error)),
+        }
+    }
+
+    fn parse(path: PathBuf, bytes: &[u8]) -> Result<Self, KeyError> {
+        let document = Document::new(&path.display().to_string(), bytes).map_err(KeyError::Broken)?;
+        let read = document.read(|root| Some(root.items().iter().filter_map(brick).collect()));
+        let (bricks, _) = read.map_err(KeyError::Broken)?;
+        Ok(Self { path, text: document.text().to_owned(), bricks })
+    }
+
+    /// All of them, in the order of the file.
+    pub fn iter(&self) -> impl Iterator<Item = &KnownBrick> {
+        self.bricks.iter().map(|(brick, _)| brick)
+    }
+
+    /// The brick of this name, or, where none is called so, at this address.
+    #[must_use]
+    pub fn find(&self, name_or_address: &str) -> Option<&KnownBrick> {
+        let by_name = self.iter().find(|brick| brick.name == name_or_address);
+        by_name.or_else(|| self.iter().find(|brick| brick.address == name_or_address))
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Adds a brick, in place of one of the same name or of the same key, and writes the file.
+    ///
+    /// # Errors
+    ///
+    /// [`KeyError::Io`]; the file is then as it was.
+    pub fn put(&mut self, brick: &KnownBrick) -> Result<(), KeyError> {
+        let mut text = self.without(|known| known.name == brick.name || known.key == brick.key);
+        if !text.is_empty() && !text.ends_with('\n') {
+            text.push('\n');
+        }
+        let (name, address, key) = (quoted(&brick.name), quoted(&brick.address), brick.key);
+        text.push_str(&format!("\n[{name}]\naddress = {address}\nkey = \"{key}\"\n"));
+        let fresh = Self::parse(self.path.clone(), text.as_bytes())?;
+        if let Some(folder) = self.path.parent() {
+            make_folder(folder)?;
+        }
+        write_private(&self.path, &text, Replace::Yes)?;
+        *self = fresh;
+        Ok(())
+    }
+
+    /// The text without the tables of some bricks: from a table's first line to the next table's, or the end.
+    fn without(&self, gone: impl Fn(&KnownBrick) -> bool) -> String {
+        let mut kept = String::new();
+        let mut from = 0;
+        let starts: Vec<usize> =
+            self.bricks.iter().map(|(_, place)| line_start(&self.text, *place)).collect();
+        for (at, (brick, _)) in self.bricks.iter().enumerate() {
+            let start = starts.get(at).copied().unwrap_or(self.text.len());
+            let end = starts.get(at + 1).copied().unwrap_or(self.text.len());
+            kept.push_str(self.text.get(from..start).unwrap_or_default());
+            from = if gone(brick) { end } else { start };
+        }
+        kept.push_str(self.text.get(from..).unwrap_or_default());
+        kept
+    }
+}
+
+fn line_start(text: &str, place: usize) -> usize {
+    text.get(..place).and_then(|before| before.rfind('\n')).map_or(0, |end| end + 1)
+}
+
+fn brick(item: &Item<'_>) -> Option<(KnownBrick, usize)> {
+    let section: Section<'_> = item.section()?;
+    section.allow(&["address", "key"]);
+    let address = section.require("address")?.text()?.to_owned();
+    let item_of_key = section.require("key")?;
+    let key = PublicKey::parse(item_of_key.text()?);
+    if let Err(error) = key {
+        item_of_key.error(error.to_string()).hint("`onbrick key show` on the brick prints it");
+    }
+    let name = item.key().to_owned();
+    Some((KnownBrick { name, address, key: key.ok()? }, item.key_place().start))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn brick(name: &str, byte: u8) -> KnownBrick {
+        KnownBrick {
+            name: name.to_owned(),
+            address: format!("{name}.local"),
+            key: PublicKey::from_bytes([byte; 32]),
+        }
+    }
+
+    #[test]
+    fn bricks_are_added_and_replaced_and_the_rest_of_the_file_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut known = KnownBricks::load(folder.path()).unwrap();
+        assert_eq!(known.iter().count(), 0);
+        for (name, byte) in [("blue", 1), ("my \"red\" one", 2), ("green", 3)] {
+            known.put(&brick(name, byte)).unwrap();
+        }
+        let path = known.path().to_owned();
+        let text = fs::read_to_string(&path).unwrap().replace("[\"my", "# the fast one\n[\"my");
+        fs::write(&path, text).unwrap();
+
+        let mut known = KnownBricks::load(folder.path()).unwrap();
+        // The same brick under another name, and another brick under the same one.
+        known.put(&brick("sea", 1)).unwrap();
+        known.put(&brick("green", 4)).unwrap();
+        let known = KnownBricks::load(folder.path()).unwrap();
+        let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
+        assert_eq!(names, ["my \"red\" one", "sea", "green"]);
+        assert_eq!(known.find("green").unwrap().key, PublicKey::from_bytes([4; 32]));
+        assert_eq!(known.find("sea.local").unwrap().name, "sea");
+        assert_eq!(known.find("blue"), None);
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with(HEADER), "{text}");
+    }
+
+    #[test]
+    fn a_mistake_in_the_file_has_a_place() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("known_bricks"), "[blue]\nadress = \"x\"\nkey = \"y\"\n").unwrap();
+        let message = KnownBricks::load(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("known_bricks:2:1") && message.contains("did you mean"), "{message}");
+    }
+}

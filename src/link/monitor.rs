@@ -1,0 +1,102 @@
+//! What libzmq says of a socket's connections, read from its monitor.
+//!
+//! # What we count on
+//!
+//! - libzmq's own threads wait where a monitor's queue is full, so ours has no bound: whoever opens one reads it often.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use zmq::SocketEvent;
+
+/// A socket's monitor. It belongs to the thread that uses the socket.
+pub(super) struct Monitor {
+    events: zmq::Socket,
+}
+
+/// What happened to a connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Happened {
+    /// What.
+    pub(super) what: What,
+    /// A file descriptor, an error's number or a status code, depending on what happened.
+    pub(super) value: i32,
+}
+
+/// What may happen to a connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum What {
+    /// A TCP connection was made from here; the value is its descriptor.
+    Connected,
+    /// Making a connection failed or took too long, or a listener was closed.
+    Closed,
+    /// Somebody connected to us; the value is the descriptor.
+    Accepted,
+    /// Nobody more can connect to us: too many descriptors, mostly.
+    AcceptFailed,
+    /// Both sides have the keys that they should have.
+    Greeted,
+    /// The other side does not let this key in; the value is the ZAP status code.
+    NotLetIn,
+    /// The connection broke while the sides introduced themselves; the value is an `errno`.
+    BrokeOff,
+    /// The other side speaks something else, or has another key.
+    NotUnderstood,
+    /// A connection is gone; the value is its descriptor.
+    Disconnected,
+}
+
+const KNOWN: [(SocketEvent, What); 9] = [
+    (SocketEvent::CONNECTED, What::Connected),
+    (SocketEvent::CLOSED, What::Closed),
+    (SocketEvent::ACCEPTED, What::Accepted),
+    (SocketEvent::ACCEPT_FAILED, What::AcceptFailed),
+    (SocketEvent::HANDSHAKE_SUCCEEDED, What::Greeted),
+    (SocketEvent::HANDSHAKE_FAILED_AUTH, What::NotLetIn),
+    (SocketEvent::HANDSHAKE_FAILED_NO_DETAIL, What::BrokeOff),
+    (SocketEvent::HANDSHAKE_FAILED_PROTOCOL, What::NotUnderstood),
+    (SocketEvent::DISCONNECTED, What::Disconnected),
+];
+
+impl Monitor {
+    /// Watches a socket.
+    pub(super) fn of(context: &zmq::Context, socket: &zmq::Socket) -> zmq::Result<Self> {
+        // A name is free again only some time after its socket was closed, so each monitor has its own.
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let endpoint = format!("inproc://monitor.{}", NUMBER.fetch_add(1, Ordering::Relaxed));
+        let mask = KNOWN.iter().fold(0, |mask, (event, _)| mask | i32::from(event.to_raw()));
+        socket.monitor(&endpoint, mask)?;
+        let events = context.socket(zmq::PAIR)?;
+        events.set_rcvhwm(0)?;
+        events.set_linger(0)?;
+        events.connect(&endpoint)?;
+        Ok(Self { events })
+    }
+
+    /// For `zmq::poll`.
+    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
+        self.events.as_poll_item(zmq::POLLIN)
+    }
+
+    /// The next thing that happened, if there is one.
+    pub(super) fn next(&self) -> Option<Happened> {
+        loop {
+            // First frame: two bytes of event, four of value, in the machine's own order (zmq_socket_monitor(3)). Second: the endpoint.
+            let first = self.events.recv_msg(zmq::DONTWAIT).ok()?;
+            while self.events.get_rcvmore().ok()? {
+                let _ = self.events.recv_msg(zmq::DONTWAIT).ok()?;
+            }
+            let event = first.get(..2).and_then(|bytes| bytes.try_into().ok()).map(u16::from_ne_bytes);
+            let value = first.get(2..6).and_then(|bytes| bytes.try_into().ok()).map(i32::from_ne_bytes);
+            let known = KNOWN.iter().find(|(known, _)| Some(known.to_raw()) == event);
+            if let (Some((_, what)), Some(value)) = (known, value) {
+                return Some(Happened { what: *what, value });
+            }
+        }
+    }
+}
+
+impl std::fmt::Debug for Monitor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Monitor")
+    }
+}

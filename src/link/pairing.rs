@@ -1,0 +1,185 @@
+//! Introducing a PC to a brick, with a person who looks at both.
+//!
+//! Neither side knows the other's key yet, so anybody could stand between them. Both commit to a random number, then show their keys and the
+//! numbers; from all four each computes the same short code and shows it to the person. Somebody in between would have to show two different
+//! keys, and gets one guess at a code of six digits: one exchange for each time that the window is opened.
+//!
+//! ```text
+//!  PC                                                       brick (its window is open)
+//!   │── commit: name, H(key of the PC, number of the PC) ──▶│
+//!   │◀─ commit: H(key of the brick, number of the brick) ───│
+//!   │── reveal: number of the PC ──────────────────────────▶│   the PC's key is the one that its connection has
+//!   │◀─ reveal: key, number and name of the brick ──────────│
+//!   │       both show the code; a person says on both sides whether it is the same
+//!   │── answer: same ──────────────────────────────────────▶│
+//!   │◀─ waits | paired | failed ────────────────────────────│   asked again while it waits
+//! ```
+//!
+//! H is SHA-256 over [`COMMIT`], one byte for the side (`P` or `B`), the key's 32 bytes and the number's 32 bytes. The code is the first eight bytes
+//! of SHA-256 over [`CODE`], the PC's key, the brick's key, the PC's number and the brick's number, as one number, the most significant byte
+//! first, modulo a million, written as six digits. This is the usual commitment before a short authentication string (as in ZRTP, RFC 6189, section 4.5).
+//!
+//! The socket is one of CURVE like any other, with a key pair that everybody knows ([`well_known`]): nothing that crosses it is secret, and the
+//! PC's own key is proved by the handshake.
+//!
+//! # What we count on
+//!
+//! - The person compares. Whoever says "the same" without looking lets in whoever asked.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::keys::{KeyPair, PublicKey};
+
+mod desk;
+mod pc;
+
+pub use desk::Desk;
+pub use pc::{Introduced, pair};
+
+/// The port of the pairing window, where nothing else is said.
+pub const PAIRING_PORT: u16 = 5671;
+
+/// What a commitment's hash begins with.
+pub const COMMIT: &[u8] = b"onbrick pairing 1 commit";
+
+/// What the code's hash begins with.
+pub const CODE: &[u8] = b"onbrick pairing 1 code";
+
+/// The well-known pair's halves; the secret one is the SHA-256 of `onbrick pairing, version 1`.
+const PUBLIC: &str = "w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd";
+const SECRET_OF: &[u8] = b"onbrick pairing, version 1";
+
+/// The pair of keys of every pairing window, which is no secret.
+pub(super) fn well_known() -> KeyPair {
+    KeyPair::from_halves(well_known_key(), Sha256::digest(SECRET_OF).into())
+}
+
+/// The key under which every pairing window answers.
+#[must_use]
+pub fn well_known_key() -> PublicKey {
+    // The text is a key: a test reads it.
+    PublicKey::parse(PUBLIC).unwrap_or(PublicKey::from_bytes([0; 32]))
+}
+
+/// 32 random bytes of one side.
+type Number = [u8; 32];
+
+#[derive(Debug, Clone, Copy)]
+enum Side {
+    Pc,
+    Brick,
+}
+
+fn commitment(side: Side, key: &PublicKey, number: &Number) -> [u8; 32] {
+    let side = match side {
+        Side::Pc => b"P",
+        Side::Brick => b"B",
+    };
+    Sha256::new()
+        .chain_update(COMMIT)
+        .chain_update(side)
+        .chain_update(key.as_bytes())
+        .chain_update(number)
+        .finalize()
+        .into()
+}
+
+fn code(pc: (&PublicKey, &Number), brick: (&PublicKey, &Number)) -> String {
+    let hash = Sha256::new()
+        .chain_update(CODE)
+        .chain_update(pc.0.as_bytes())
+        .chain_update(brick.0.as_bytes())
+        .chain_update(pc.1)
+        .chain_update(brick.1)
+        .finalize();
+    let number = hash.iter().take(8).fold(0_u64, |number, byte| number << 8 | u64::from(*byte)) % 1_000_000;
+    format!("{:03} {:03}", number / 1000, number % 1000)
+}
+
+/// From the kernel; it waits where there is no chance yet.
+pub(super) fn random() -> std::io::Result<Number> {
+    let mut number = [0; 32];
+    let mut filled = 0;
+    while let Some(rest) = number.get_mut(filled..).filter(|rest| !rest.is_empty()) {
+        match rustix::rand::getrandom(rest, rustix::rand::GetRandomFlags::empty()) {
+            Ok(more) => filled += more,
+            Err(rustix::io::Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(number)
+}
+
+/// 32 bytes in hexadecimal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+struct Hex([u8; 32]);
+
+impl From<Hex> for String {
+    fn from(hex: Hex) -> Self {
+        hex.0.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl TryFrom<String> for Hex {
+    type Error = &'static str;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        const WRONG: &str = "64 digits of hexadecimal are expected";
+        let pair =
+            |pair: &[u8]| std::str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok());
+        let bytes: Option<Vec<u8>> = text.as_bytes().chunks(2).map(pair).collect();
+        let is_hexadecimal = text.bytes().all(|sign| sign.is_ascii_hexdigit());
+        bytes.filter(|_| is_hexadecimal).and_then(|bytes| bytes.try_into().ok()).map(Self).ok_or(WRONG)
+    }
+}
+
+/// What a PC says at the window; `op` is `pair`, and `id` and `version` are as in any request.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "step", rename_all = "snake_case")]
+enum Step {
+    Commit { name: String, commit: Hex },
+    Reveal { number: Hex },
+    Answer { same: bool },
+    How,
+}
+
+/// What the brick says to it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "step", rename_all = "snake_case")]
+enum Said {
+    Commit { commit: Hex },
+    Reveal { key: String, number: Hex, name: String },
+    Waits,
+    Paired,
+    Failed { why: String },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_well_known_pair_is_one() {
+        assert_eq!(PublicKey::parse(PUBLIC), Ok(well_known_key()));
+        // The vector that another implementation is checked with.
+        let key = |byte| PublicKey::from_bytes([byte; 32]);
+        assert_eq!(code((&key(1), &[3; 32]), (&key(2), &[4; 32])), VECTOR_CODE);
+        assert_eq!(String::from(Hex(commitment(Side::Pc, &key(1), &[3; 32]))), VECTOR_COMMIT);
+    }
+
+    /// Computed with Python's hashlib.
+    const VECTOR_CODE: &str = "330 706";
+    const VECTOR_COMMIT: &str = "77b0990d7eb3527f49e9bfad49c642417f68701abeef5ea1e64ac487a1ac01bc";
+
+    #[test]
+    fn numbers_are_written_in_hexadecimal_and_nothing_else_is_one() {
+        let hex = Hex(random().unwrap());
+        assert_eq!(Hex::try_from(String::from(hex)), Ok(hex));
+        assert_ne!(random().unwrap(), random().unwrap());
+        for bad in ["", "00", &"0".repeat(63), &"g".repeat(64), &"+1".repeat(32), &"ü".repeat(32)] {
+            assert!(Hex::try_from(bad.to_owned()).is_err(), "{bad}");
+        }
+    }
+}

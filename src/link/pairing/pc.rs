@@ -1,0 +1,83 @@
+//! The PC's side of an introduction.
+
+use serde::Serialize;
+
+use super::{Hex, PAIRING_PORT, Said, Side, Step, code, commitment, random, well_known_key};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::link::client::{ClientError, Line, Patience};
+use crate::link::keys::{KeyPair, PublicKey};
+use crate::service::protocol::{Kind, Refusal};
+
+/// How often the brick is asked whether its person has answered, nanoseconds.
+const ASKED_NS: i64 = 500 * MILLISECOND_NS;
+
+/// A brick that was introduced.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Introduced {
+    /// What it calls itself.
+    pub name: String,
+    /// Its key, which is to be kept in `known_bricks`.
+    pub key: PublicKey,
+}
+
+#[derive(Serialize)]
+struct Pair {
+    op: &'static str,
+    #[serde(flatten)]
+    step: Step,
+}
+
+/// Introduces this PC, which calls itself `name`, to the brick whose pairing window is open at an address (with `:port` where that is not 5671).
+///
+/// `is_same` is shown the brick's name and the code, and says whether the brick shows the same.
+///
+/// # Errors
+///
+/// [`ClientError::Refused`] where either person says that the codes differ, the window is closed again, or the brick does not keep to what it
+/// committed to; otherwise as any request.
+pub fn pair(
+    address: &str,
+    own: &KeyPair,
+    name: &str,
+    patience: Patience,
+    is_same: &mut dyn FnMut(&str, &str) -> bool,
+) -> Result<Introduced, ClientError> {
+    let mut line = Line::new(address, PAIRING_PORT, well_known_key(), own, patience)?;
+    let failed = |kind, message: &str| ClientError::Refused(Refusal::new(kind, message));
+    let number = random().map_err(|error| failed(Kind::Failed, &error.to_string()))?;
+    let commit = Hex(commitment(Side::Pc, &own.public(), &number));
+    let Said::Commit { commit } = ask(&mut line, Step::Commit { name: name.to_owned(), commit })? else {
+        return Err(out_of_turn());
+    };
+    let Said::Reveal { key, number: theirs, name: brick } =
+        ask(&mut line, Step::Reveal { number: Hex(number) })?
+    else {
+        return Err(out_of_turn());
+    };
+    let key = PublicKey::parse(&key).map_err(|error| failed(Kind::NotAuthorised, &error.to_string()))?;
+    if commitment(Side::Brick, &key, &theirs.0) != commit.0 {
+        return Err(failed(Kind::NotAuthorised, "the brick showed another number than it had committed to"));
+    }
+    let same = is_same(&brick, &code((&own.public(), &number), (&key, &theirs.0)));
+    let mut said = ask(&mut line, Step::Answer { same })?;
+    loop {
+        match said {
+            Said::Paired => return Ok(Introduced { name: brick, key }),
+            Said::Failed { why } => return Err(failed(Kind::NotAuthorised, &why)),
+            Said::Waits => {
+                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + ASKED_NS);
+                said = ask(&mut line, Step::How)?;
+            }
+            Said::Commit { .. } | Said::Reveal { .. } => return Err(out_of_turn()),
+        }
+    }
+}
+
+fn ask(line: &mut Line, step: Step) -> Result<Said, ClientError> {
+    let (value, _) = line.ask(&Pair { op: "pair", step })?;
+    line.understood(value)
+}
+
+fn out_of_turn() -> ClientError {
+    ClientError::Refused(Refusal::new(Kind::Other, "the brick answered out of turn"))
+}

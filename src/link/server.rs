@@ -1,0 +1,266 @@
+//! A brick's door to the network: one ROUTER socket with CURVE, and while somebody introduces a PC, a second one.
+//!
+//! ```text
+//!  libzmq's thread ── may this key in? ──▶ zap         one file looked at
+//!        │
+//!        ▼ requests                                    jobs
+//!      front ── the key's name, looked up again ──▶ two workers ── Operations of the service
+//!        ▲  └── refusals at once                       │   `stop` has one of its own: it waits behind nothing
+//!        └──────────────── replies ────────────────────┘
+//! ```
+//!
+//! Everything here runs on threads of its own, niced, in the process of `onbrick serve`: it makes the brick's keys where there are none, which
+//! may wait for the kernel's random numbers, and nobody else waits for that. The server ends by itself when it can no longer ask who may
+//! come in; the service shows why ([`Server::state`]).
+//!
+//! # Limits
+//!
+//! | what | how much |
+//! |---|---|
+//! | a request | [`MAX_REQUEST_BYTES`] |
+//! | time to shake hands | 5 s |
+//! | a peer that says nothing, not even libzmq's heartbeat | 6 s |
+//! | connections, and new ones a second | 48 and 20; of one address 16 and 8 |
+//! | requests of one connection that wait for their answer | 16, of all together 128; one more is refused (`too_many`) |
+//! | replies that wait for a slow client | 16 of at most 64 KiB for each connection; one more is dropped, and the client asks again |
+//!
+//! # What we count on
+//!
+//! - Only a key that is authorised gets as far as sending a message, so what libzmq itself keeps for a connection (up to eight requests) is kept for friends.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU16, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use super::curve::NoCurve;
+use super::keys::{Authorised, KeyError, KeyPair};
+use super::pairing::Desk;
+use crate::service::NetworkDoor;
+#[cfg(doc)]
+use crate::service::protocol::MAX_REQUEST_BYTES;
+use crate::service::protocol::{Operations, Pairing};
+
+mod door;
+mod front;
+mod limits;
+mod workers;
+mod zap;
+
+/// How long threads wait before they look whether they are still wanted, milliseconds.
+const NAP_MS: u8 = 200;
+
+/// How much less important than others our threads are: the nice value's step (nice(2)).
+const NICENESS: i32 = 10;
+
+/// Where a brick listens and who it is.
+#[derive(Debug, Clone)]
+pub struct ServerConfig {
+    /// The folder of keys.
+    pub keys: PathBuf,
+    /// What the brick calls itself.
+    pub name: String,
+    /// The address that it listens at: `*`, or one of the brick's.
+    pub address: String,
+    /// Its port; 0 for any that is free.
+    pub port: u16,
+    /// The port of the pairing window; 0 for any that is free.
+    pub pairing_port: u16,
+}
+
+/// How the server is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum LinkState {
+    /// Not yet there: it waits for this.
+    Waits(&'static str),
+    /// It listens, and this is the fingerprint of the brick's key.
+    Ready {
+        /// The fingerprint.
+        fingerprint: String,
+    },
+    /// It is gone, because of this.
+    Ended(String),
+}
+
+impl std::fmt::Display for LinkState {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Waits(what) => write!(f, "waits for {what}"),
+            Self::Ready { .. } => f.write_str("ready"),
+            Self::Ended(why) => write!(f, "ended: {why}"),
+        }
+    }
+}
+
+/// Why a server ended.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ServerError {
+    /// This program cannot encrypt: a mistake in how it was built.
+    #[error(transparent)]
+    NoCurve(#[from] NoCurve),
+    /// The folder of keys: look at the file that it names.
+    #[error(transparent)]
+    Keys(#[from] KeyError),
+    /// Another program listens there: stop it, or choose another port.
+    #[error("cannot listen at {endpoint}: {source}")]
+    Bind {
+        /// Where.
+        endpoint: String,
+        /// What libzmq said.
+        source: zmq::Error,
+    },
+    /// Nobody looks any more at who may come in: the service has to be started again.
+    #[error("nobody can be asked any more who may come in")]
+    NoHandler,
+    /// A worker has died: the service has to be started again.
+    #[error("nobody does any more what is asked")]
+    NoWorker,
+    /// libzmq has no socket or no memory left.
+    #[error("sockets cannot be used: {0}")]
+    Socket(zmq::Error),
+    /// The system gives no thread.
+    #[error("no thread can be started: {0}")]
+    Thread(std::io::Error),
+}
+
+/// A brick's door to the network. Dropping it closes it.
+pub struct Server {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server").field("state", &self.state()).finish_non_exhaustive()
+    }
+}
+
+/// What the server's threads and its owner share.
+struct Shared {
+    state: Mutex<LinkState>,
+    stop: AtomicBool,
+    port: AtomicU16,
+    pairing_port: AtomicU16,
+    desk: Arc<Desk>,
+}
+
+impl Shared {
+    fn set(&self, state: LinkState) {
+        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = state;
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+impl Server {
+    /// Begins to serve, on threads of its own; whether it works out is seen in [`Server::state`].
+    ///
+    /// # Errors
+    ///
+    /// Only where the system gives no thread.
+    pub fn start(config: ServerConfig, operations: Arc<dyn Operations>) -> std::io::Result<Self> {
+        let desk = Arc::new(Desk::new(Authorised::below(&config.keys), &config.name));
+        let shared = Arc::new(Shared {
+            state: Mutex::new(LinkState::Waits("its thread")),
+            stop: AtomicBool::new(false),
+            port: AtomicU16::new(config.port),
+            pairing_port: AtomicU16::new(config.pairing_port),
+            desk,
+        });
+        let ours = Arc::clone(&shared);
+        let serve = move || {
+            let why = match serve(&ours, &config, operations) {
+                Ok(()) => "it was told to".to_owned(),
+                Err(error) => {
+                    log::error!("the link: {error}");
+                    error.to_string()
+                }
+            };
+            ours.desk.close(&why);
+            ours.set(LinkState::Ended(why));
+        };
+        let thread = std::thread::Builder::new().name("link".to_owned()).spawn(serve)?;
+        Ok(Self { shared, thread: Some(thread) })
+    }
+
+    /// How it is.
+    #[must_use]
+    pub fn state(&self) -> LinkState {
+        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The pairing window.
+    #[must_use]
+    pub fn desk(&self) -> &Arc<Desk> {
+        &self.shared.desk
+    }
+
+    /// The port, once it is ready.
+    #[must_use]
+    pub fn port(&self) -> u16 {
+        self.shared.port.load(Ordering::Relaxed)
+    }
+
+    /// The port of the pairing window, while it is open.
+    #[must_use]
+    pub fn pairing_port(&self) -> u16 {
+        self.shared.pairing_port.load(Ordering::Relaxed)
+    }
+}
+
+impl NetworkDoor for Server {
+    fn state(&self) -> String {
+        Self::state(self).to_string()
+    }
+
+    fn fingerprint(&self) -> Option<String> {
+        match Self::state(self) {
+            LinkState::Ready { fingerprint } => Some(fingerprint),
+            LinkState::Waits(_) | LinkState::Ended(_) => None,
+        }
+    }
+
+    fn pairing(&self) -> Pairing {
+        self.desk().state()
+    }
+
+    fn open_pairing(&self, seconds: u32) -> Pairing {
+        self.desk().open(seconds)
+    }
+
+    fn answer_pairing(&self, same: bool) -> Pairing {
+        self.desk().answer(same)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        // A thread that waits for random numbers cannot be woken; it ends with the process.
+        if matches!(self.state(), LinkState::Waits(_)) {
+            return;
+        }
+        if let Some(thread) = self.thread.take() {
+            // One that has panicked has said so itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The link's thread, from its first breath to its last.
+fn serve(shared: &Shared, config: &ServerConfig, operations: Arc<dyn Operations>) -> Result<(), ServerError> {
+    // Threads that are started from here, libzmq's too, are as nice as this one.
+    if let Err(error) = rustix::process::nice(NICENESS) {
+        log::warn!("the link's threads are not niced: {error}");
+    }
+    super::curve::require()?;
+    shared.set(LinkState::Waits("the kernel's random numbers"));
+    let own = KeyPair::load_or_make(&config.keys)?;
+    // libsodium is made ready here, which waits in the same way.
+    let context = zmq::Context::new();
+    shared.desk.ready(own.public());
+    let mut front = front::Front::open(shared, config, own, &context, operations)?;
+    front.run()
+}

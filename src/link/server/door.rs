@@ -1,0 +1,169 @@
+//! A ROUTER socket with CURVE, its monitor and its limits.
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::os::fd::RawFd;
+
+use nix::sys::socket::{
+    Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername, getsockname, shutdown,
+};
+
+use super::ServerError;
+use super::limits::Limits;
+use crate::clock::{Clock as _, MonotonicClock};
+use crate::link::keys::{KeyPair, PublicKey};
+use crate::link::monitor::{Monitor, What};
+use crate::service::protocol::MAX_REQUEST_BYTES;
+
+/// Milliseconds: time to shake hands; how often a silent peer is asked whether it lives, and how long it may take to say so.
+const HANDSHAKE_MS: i32 = 5000;
+const HEARTBEAT_MS: i32 = 2000;
+const HEARTBEAT_TIMEOUT_MS: i32 = 6000;
+
+/// Messages that libzmq keeps for each connection.
+const REQUESTS_KEPT: i32 = 8;
+const REPLIES_KEPT: i32 = 16;
+
+/// Connections that wait to be accepted.
+const BACKLOG: i32 = 16;
+
+/// One request as it arrived.
+#[derive(Debug)]
+pub(super) struct Arrived {
+    /// The frames that its reply begins with: whose it is and, for a REQ socket, the empty delimiter.
+    pub(super) envelope: Vec<Vec<u8>>,
+    /// The key that ZAP has let in; nothing where nobody was asked.
+    pub(super) key: Option<PublicKey>,
+    /// The request's one frame; `None` where there were more, or none.
+    pub(super) payload: Option<zmq::Message>,
+}
+
+/// The socket. It listens from the moment it is made until it is dropped.
+pub(super) struct Door {
+    socket: zmq::Socket,
+    monitor: Monitor,
+    limits: Limits,
+    port: u16,
+}
+
+impl Door {
+    /// Opens a door under one of ZAP's domains.
+    pub(super) fn open(
+        context: &zmq::Context,
+        own: &KeyPair,
+        domain: &str,
+        endpoint: &str,
+    ) -> Result<Self, ServerError> {
+        let socket = context.socket(zmq::ROUTER).map_err(ServerError::Socket)?;
+        configure(&socket, own, domain).map_err(ServerError::Socket)?;
+        let monitor = Monitor::of(context, &socket).map_err(ServerError::Socket)?;
+        socket
+            .bind(endpoint)
+            .map_err(|source| ServerError::Bind { endpoint: endpoint.to_owned(), source })?;
+        let bound = socket.get_last_endpoint().map_err(ServerError::Socket)?.unwrap_or_default();
+        let port = bound.rsplit_once(':').and_then(|(_, port)| port.parse().ok()).unwrap_or(0);
+        Ok(Self { socket, monitor, limits: Limits::new(MonotonicClock.now_ns()), port })
+    }
+
+    /// The port that it listens at.
+    pub(super) fn port(&self) -> u16 {
+        self.port
+    }
+
+    /// For `zmq::poll`: requests, and what the monitor tells.
+    pub(super) fn poll_items(&self) -> [zmq::PollItem<'_>; 2] {
+        [self.socket.as_poll_item(zmq::POLLIN), self.monitor.poll_item()]
+    }
+
+    /// Counts who has come and gone, and shuts what is too much.
+    pub(super) fn look_after(&mut self) {
+        while let Some(happened) = self.monitor.next() {
+            match happened.what {
+                What::Accepted => self.accepted(happened.value),
+                What::Disconnected => self.limits.closed(happened.value),
+                What::AcceptFailed => {
+                    log::warn!("the link: connections cannot be accepted (errno {})", happened.value)
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn accepted(&mut self, descriptor: RawFd) {
+        let peer = peer_of(descriptor).unwrap_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED));
+        if let Err(why) = self.limits.accepted(descriptor, peer, MonotonicClock.now_ns()) {
+            log::debug!("the link: {peer} is shut out: {why:?}");
+            // The number is libzmq's. Should that have closed it just now, it may already mean another connection: only one to this port
+            // can be hit then, and its client connects again.
+            if port_of(descriptor) == Some(self.port) {
+                let _ = shutdown(descriptor, Shutdown::Both);
+            }
+        }
+    }
+
+    /// The next request, if there is one.
+    pub(super) fn receive(&self) -> zmq::Result<Option<Arrived>> {
+        let mut first = match self.socket.recv_msg(zmq::DONTWAIT) {
+            Ok(first) => first,
+            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let mut envelope = vec![first.to_vec()];
+        let mut key = key_of(&mut first);
+        let mut payload = None;
+        let mut frames = 0;
+        while self.socket.get_rcvmore()? {
+            let mut frame = self.socket.recv_msg(0)?;
+            if frames == 0 && frame.is_empty() && envelope.len() == 1 && self.socket.get_rcvmore()? {
+                envelope.push(Vec::new());
+                continue;
+            }
+            frames += 1;
+            key = key.or_else(|| key_of(&mut frame));
+            payload = (frames == 1).then_some(frame);
+        }
+        Ok(Some(Arrived { envelope, key, payload }))
+    }
+
+    /// Sends a reply; a client that has gone away, or reads too slowly, does not get it.
+    pub(super) fn reply(&self, frames: Vec<Vec<u8>>) {
+        if let Err(error) = self.socket.send_multipart(frames, zmq::DONTWAIT) {
+            log::debug!("the link: a reply is dropped: {error}");
+        }
+    }
+}
+
+fn configure(socket: &zmq::Socket, own: &KeyPair, domain: &str) -> zmq::Result<()> {
+    socket.set_curve_server(true)?;
+    socket.set_curve_secretkey(own.secret())?;
+    socket.set_zap_domain(domain)?;
+    socket.set_ipv6(true)?;
+    socket.set_linger(0)?;
+    socket.set_backlog(BACKLOG)?;
+    socket.set_maxmsgsize(i64::try_from(MAX_REQUEST_BYTES).unwrap_or(i64::MAX))?;
+    socket.set_handshake_ivl(HANDSHAKE_MS)?;
+    socket.set_heartbeat_ivl(HEARTBEAT_MS)?;
+    socket.set_heartbeat_timeout(HEARTBEAT_TIMEOUT_MS)?;
+    socket.set_heartbeat_ttl(HEARTBEAT_TIMEOUT_MS)?;
+    socket.set_rcvhwm(REQUESTS_KEPT)?;
+    socket.set_sndhwm(REPLIES_KEPT)?;
+    // A reply that cannot go out is an error, not a silence.
+    socket.set_router_mandatory(true)
+}
+
+fn key_of(frame: &mut zmq::Message) -> Option<PublicKey> {
+    frame.gets("User-Id").and_then(|text| PublicKey::parse(text).ok())
+}
+
+fn peer_of(descriptor: RawFd) -> Option<IpAddr> {
+    let address = getpeername::<SockaddrStorage>(descriptor).ok()?;
+    let v4 = address.as_sockaddr_in().map(|address| IpAddr::V4(address.ip()));
+    let v6 = || address.as_sockaddr_in6().map(|address| IpAddr::V6(address.ip()).to_canonical());
+    v4.or_else(v6)
+}
+
+fn port_of(descriptor: RawFd) -> Option<u16> {
+    let address = getsockname::<SockaddrStorage>(descriptor).ok()?;
+    address.family()?;
+    let v4 = address.as_sockaddr_in().map(SockaddrIn::port);
+    v4.or_else(|| address.as_sockaddr_in6().map(SockaddrIn6::port))
+}

@@ -1,0 +1,184 @@
+//! How many may connect, and how fast: libzmq has no such options, so connections are counted as its monitor tells of them.
+//!
+//! A connection costs memory and a descriptor, and a handshake some ten milliseconds of a brick's processor. Both are bounded, for all
+//! together and for each address, so that one machine that floods a brick leaves room for the others. What is too much is shut at once.
+//!
+//! # Not here
+//!
+//! No sockets and no clock: what to shut is only decided here.
+
+use std::collections::BTreeMap;
+use std::net::IpAddr;
+
+use crate::clock::seconds;
+
+/// Connections at the same time: of all, and of one address.
+pub(super) const MOST_OPEN: usize = 48;
+const MOST_OPEN_OF_ONE: usize = 16;
+
+/// New connections: a burst, and how many a second after it; of all, and of one address.
+const ALL: Rate = Rate { burst: 60.0, per_s: 20.0 };
+const ONE: Rate = Rate { burst: 30.0, per_s: 8.0 };
+
+/// Addresses that are remembered although nothing of theirs is open.
+const MOST_REMEMBERED: usize = 256;
+
+#[derive(Debug, Clone, Copy)]
+struct Rate {
+    burst: f64,
+    per_s: f64,
+}
+
+/// A bucket that fills with time and from which each new connection takes one.
+#[derive(Debug, Clone, Copy)]
+struct Bucket {
+    level: f64,
+    at_ns: i64,
+}
+
+impl Bucket {
+    fn full(rate: Rate, now_ns: i64) -> Self {
+        Self { level: rate.burst, at_ns: now_ns }
+    }
+
+    /// Fills up; true where there is one to take.
+    fn refill(&mut self, rate: Rate, now_ns: i64) -> bool {
+        let passed_s = seconds(now_ns.saturating_sub(self.at_ns)).max(0.0);
+        self.level = (self.level + passed_s * rate.per_s).min(rate.burst);
+        self.at_ns = now_ns;
+        self.level >= 1.0
+    }
+}
+
+/// The connections that there are.
+#[derive(Debug)]
+pub(super) struct Limits {
+    open: BTreeMap<i32, IpAddr>,
+    all: Bucket,
+    each: BTreeMap<IpAddr, Bucket>,
+}
+
+/// Why a connection is shut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum TooMuch {
+    /// Too many are open.
+    Open,
+    /// Too many came in a short time.
+    Rate,
+}
+
+impl Limits {
+    pub(super) fn new(now_ns: i64) -> Self {
+        Self { open: BTreeMap::new(), all: Bucket::full(ALL, now_ns), each: BTreeMap::new() }
+    }
+
+    /// Counts a new connection and says whether it may stay. One that may not is counted until it is gone, too.
+    pub(super) fn accepted(&mut self, descriptor: i32, peer: IpAddr, now_ns: i64) -> Result<(), TooMuch> {
+        let of_one = self.open.values().filter(|open| **open == peer).count();
+        let has_room = self.open.len() < MOST_OPEN && of_one < MOST_OPEN_OF_ONE;
+        self.open.insert(descriptor, peer);
+        self.forget(now_ns);
+        let own = self.each.entry(peer).or_insert_with(|| Bucket::full(ONE, now_ns));
+        let (own_has, all_has) = (own.refill(ONE, now_ns), self.all.refill(ALL, now_ns));
+        if !has_room {
+            return Err(TooMuch::Open);
+        }
+        // Whoever is over its own rate takes nothing from the others.
+        if !(own_has && all_has) {
+            return Err(TooMuch::Rate);
+        }
+        own.level -= 1.0;
+        self.all.level -= 1.0;
+        Ok(())
+    }
+
+    /// A connection is gone.
+    pub(super) fn closed(&mut self, descriptor: i32) {
+        self.open.remove(&descriptor);
+    }
+
+    /// How many connections there are.
+    #[cfg(test)]
+    fn count(&self) -> usize {
+        self.open.len()
+    }
+
+    /// Addresses whose bucket is full again are as good as never seen.
+    fn forget(&mut self, now_ns: i64) {
+        if self.each.len() >= MOST_REMEMBERED {
+            self.each.retain(|_, bucket| {
+                bucket.refill(ONE, now_ns);
+                bucket.level < ONE.burst
+            });
+        }
+        // A flood from more addresses than that: the bucket of all together is what holds.
+        while self.each.len() >= MOST_REMEMBERED {
+            self.each.pop_first();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::SECOND_NS;
+
+    /// A bucket is full again after that.
+    const REFILLED_NS: i64 = 5 * SECOND_NS;
+
+    fn address(last: u8) -> IpAddr {
+        IpAddr::from([10, 0, 0, last])
+    }
+
+    #[test]
+    fn one_address_takes_only_its_share_of_connections() {
+        let mut limits = Limits::new(0);
+        let most = i32::try_from(MOST_OPEN_OF_ONE).unwrap();
+        for fd in 0..most {
+            assert_eq!(limits.accepted(fd, address(1), 0), Ok(()), "{fd}");
+        }
+        assert_eq!(limits.accepted(100, address(1), 0), Err(TooMuch::Open));
+        assert_eq!(limits.accepted(101, address(2), 0), Ok(()));
+        limits.closed(100);
+        limits.closed(0);
+        assert_eq!(limits.accepted(102, address(1), 0), Ok(()));
+        assert_eq!(limits.count(), MOST_OPEN_OF_ONE + 1);
+    }
+
+    #[test]
+    fn all_together_have_a_limit_too() {
+        let mut limits = Limits::new(0);
+        let mut kept = 0;
+        for fd in 0..200 {
+            let peer = address(u8::try_from(fd % 100).unwrap());
+            let now_ns = i64::from(fd) * SECOND_NS;
+            kept += usize::from(limits.accepted(fd, peer, now_ns).is_ok());
+        }
+        assert_eq!(kept, MOST_OPEN);
+    }
+
+    #[test]
+    fn a_flood_of_one_address_is_slowed_down_and_the_others_are_not() {
+        let mut limits = Limits::new(0);
+        let mut kept = 0;
+        for fd in 0..1000 {
+            kept += i32::from(limits.accepted(fd, address(1), 0).is_ok());
+            limits.closed(fd);
+        }
+        assert_eq!(f64::from(kept), ONE.burst);
+        assert_eq!(limits.accepted(0, address(2), 0), Ok(()));
+        assert_eq!(limits.accepted(1, address(1), 0), Err(TooMuch::Rate));
+        limits.closed(1);
+        assert_eq!(limits.accepted(1, address(1), REFILLED_NS), Ok(()));
+    }
+
+    #[test]
+    fn what_is_remembered_has_a_bound() {
+        let mut limits = Limits::new(0);
+        for number in 0..5000_u32 {
+            let _ = limits.accepted(0, IpAddr::from(number.to_be_bytes()), 0);
+            limits.closed(0);
+        }
+        assert!(limits.each.len() <= MOST_REMEMBERED, "{}", limits.each.len());
+    }
+}

@@ -1,0 +1,126 @@
+//! Who may connect: libzmq asks this thread (ZAP, rfc.zeromq.org/spec/27) before it lets a key in.
+//!
+//! libzmq lets everyone in while nobody is there to be asked. So the handler is bound before the first socket is, and the server closes its
+//! sockets when the handler has gone; and even then a connection without a name from here is asked nothing ([`front`](super::front)).
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
+use super::super::keys::{Authorised, PublicKey};
+use super::super::pairing::Desk;
+use super::{NAP_MS, ServerError};
+
+/// Where libzmq asks.
+const ENDPOINT: &str = "inproc://zeromq.zap.01";
+
+/// The domains: authorised keys, and any key while the pairing window is open.
+pub(super) const REQUESTS: &str = "onbrick";
+pub(super) const PAIRING: &str = "onbrick.pairing";
+
+/// The thread that is asked. Dropping it ends it.
+#[derive(Debug)]
+pub(super) struct Handler {
+    /// The thread has ended, by itself or by order.
+    gone: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Handler {
+    /// Is bound when this returns.
+    pub(super) fn start(
+        context: &zmq::Context,
+        authorised: Authorised,
+        desk: Arc<Desk>,
+    ) -> Result<Self, ServerError> {
+        let socket = context.socket(zmq::REP).map_err(ServerError::Socket)?;
+        socket.set_linger(0).map_err(ServerError::Socket)?;
+        socket.set_rcvtimeo(i32::from(NAP_MS)).map_err(ServerError::Socket)?;
+        socket.bind(ENDPOINT).map_err(ServerError::Socket)?;
+        let gone = Gone(Arc::new(AtomicBool::new(false)));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (told, stopped) = (Arc::clone(&gone.0), Arc::clone(&stop));
+        let serve = move || {
+            // However this thread ends, it is known.
+            let _gone = gone;
+            let asked = Asked { socket, authorised, desk };
+            while !stopped.load(Ordering::Relaxed) && asked.answer_one() {}
+        };
+        let thread =
+            std::thread::Builder::new().name("zap".to_owned()).spawn(serve).map_err(ServerError::Thread)?;
+        Ok(Self { gone: told, stop, thread: Some(thread) })
+    }
+
+    /// True once nobody is there to be asked any more.
+    pub(super) fn is_gone(&self) -> bool {
+        self.gone.load(Ordering::Acquire)
+    }
+}
+
+impl Drop for Handler {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A thread that has panicked is gone as well.
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Gone(Arc<AtomicBool>);
+
+impl Drop for Gone {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+struct Asked {
+    socket: zmq::Socket,
+    authorised: Authorised,
+    desk: Arc<Desk>,
+}
+
+impl Asked {
+    /// Answers the next question, if one comes within a nap; false where no more can come.
+    fn answer_one(&self) -> bool {
+        let question = match self.socket.recv_multipart(0) {
+            Ok(question) => question,
+            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return true,
+            Err(_) => return false,
+        };
+        let id = question.get(1).cloned().unwrap_or_default();
+        let (status, text, user) = match self.user(&question) {
+            Some(key) => ("200", "OK", key.to_string()),
+            None => ("400", "this key is not authorised", String::new()),
+        };
+        let answer: [&[u8]; 6] = [b"1.0", &id, status.as_bytes(), text.as_bytes(), user.as_bytes(), b""];
+        self.socket.send_multipart(answer, 0).is_ok()
+    }
+
+    /// The key that may come in; nobody where the question is not as it should be.
+    ///
+    /// Frames: version, id, domain, address, identity, mechanism, the key's 32 bytes.
+    fn user(&self, question: &[Vec<u8>]) -> Option<PublicKey> {
+        let [version, _, domain, _, _, mechanism, key] = question else { return None };
+        if version != b"1.0" || mechanism != b"CURVE" {
+            return None;
+        }
+        let key = PublicKey::from_bytes(key.as_slice().try_into().ok()?);
+        let may = if domain == PAIRING.as_bytes() {
+            self.desk.is_open()
+        } else {
+            domain == REQUESTS.as_bytes() && self.is_authorised(&key)
+        };
+        may.then_some(key)
+    }
+
+    fn is_authorised(&self, key: &PublicKey) -> bool {
+        let found = self.authorised.find(key);
+        if let Err(error) = &found {
+            log::warn!("a key is not let in: {error}");
+        }
+        found.is_ok_and(|name| name.is_some())
+    }
+}
