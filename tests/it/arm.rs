@@ -104,7 +104,7 @@ fn map_a_room(pace: &Pace, brick: &[String]) {
 
 #[test]
 fn the_same_mission_is_recorded_on_the_bricks_processor_byte_for_byte() {
-    let Some(brick) = emulated("brick-check/onbrick-sim") else { return };
+    let Some(brick) = emulated("emulator/onbrick-sim") else { return };
     let folder = tempfile::tempdir().unwrap();
     in_real_time("ARM and PC", |pace| {
         let recorded = |command: &[String], name: &str| -> Option<Vec<u8>> {
