@@ -21,7 +21,15 @@ if [ "$number" -gt 1 ]; then
   done
 fi
 if [ "${3:-}" != end ]; then
-  (onbrick --json run "$(mission map 50 600)" --brick /tmp/brick --out "/mnt/run-$number" 2>&1 || true) | sed -u -n 's/.*"event":"\(driving\|status\)".*"elapsed_ns":\([0-9]*\)[0-9]\{6\},.*/at \2 ms/p; s/.*"event":"driving".*/driving/p; s/.*"error".*/&/p'
+  onbrick --json run "$(mission map 50 600)" --brick /tmp/brick --out "/mnt/run-$number" 2>&1 | while read -r line; do
+    case $line in
+      *'"event":"status"'*)
+        elapsed_ns=${line#*'"elapsed_ns":'}
+        echo "at $((${elapsed_ns%%,*} / 1000000)) ms"
+        ;;
+      *'"error"'* | *'"refused"'*) echo "$line" ;;
+    esac
+  done
   echo "FAILED: the run ended before the power did"
   exit 1
 fi
