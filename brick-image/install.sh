@@ -13,7 +13,7 @@ is anything that ssh takes, without a user robot's: ev3dev.local, ssh://robot@10
   --name NAME    give the brick a name on the network; new ones are all called ev3dev
   --no-key       do not let this PC in; it can be paired later (onbrick pair)
   --deb FILE     the package (default: target/brick/onbrick_*_armel.deb)
-  --onbrick FILE this PC's onbrick (default: target/brick/onbrick-pc, target/release/onbrick or the one in PATH)
+  --onbrick FILE this PC's onbrick (default: target/brick/onbrick-linux-CPU, target/release/onbrick or the one in PATH)
   -h, --help     this
 
 ssh asks for the password of the brick's user, and so does sudo on the brick, once; without a terminal, the first line of standard
@@ -57,7 +57,7 @@ if [ -z "$deb" ]; then deb=$(find "$here/../target/brick" -name 'onbrick_*_armel
 if [ -z "$deb" ] || [ ! -f "$deb" ]; then fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"; fi
 
 if [ -z "$onbrick" ]; then
-  for file in "$here/../target/brick/onbrick-pc" "$here/../target/release/onbrick" "$(command -v onbrick || true)"; do
+  for file in "$here/../target/brick/onbrick-linux-$(uname -m)" "$here/../target/release/onbrick" "$(command -v onbrick || true)"; do
     if [ -x "$file" ]; then onbrick=$file && break; fi
   done
 fi
