@@ -6,10 +6,9 @@ use onbrick::clock::SECOND_NS;
 use onbrick::runtime::recording::Run;
 use onbrick::runtime::{Event, Job, RunError, RunProcess, StopBy, WhenAbandoned};
 
+use super::PROGRAM;
 use crate::missions::{job, robot};
 use crate::support::turning_brick::await_that;
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// The map mission in a simulated arena, in real time so that it is there to be stopped.
 fn arena(folder: &Path) -> Job {
