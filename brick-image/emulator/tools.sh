@@ -11,12 +11,11 @@ if [ $# -gt 0 ]; then
 fi
 needs arm-linux-gnueabi-strip=binutils-arm-linux-gnueabi
 cd "$checkout"
-# build.sh makes the first for its own checks; the other has the same features, so that little is built anew.
-with_sim=target/brick-check/onbrick-sim
-[ -x $with_sim ] || fail "there is no $with_sim" "brick-image/build.sh, which makes it"
-arm_cargo build --release --no-default-features --features link,sim --example brick-figures >&2
+# With the brick's own features, so that little is built twice.
+arm_cargo build --release --no-default-features --features link,sim --bin onbrick --example brick-figures >&2
+built=${CARGO_TARGET_DIR:-$checkout/target}/armv5te-unknown-linux-gnueabi/release
 folder=$checkout/target/emulator
 mkdir -p "$folder"
-cp $with_sim "$folder/onbrick-sim"
-arm-linux-gnueabi-strip -o "$folder/brick-figures" target/armv5te-unknown-linux-gnueabi/release/examples/brick-figures
+arm-linux-gnueabi-strip -o "$folder/onbrick-sim" "$built/onbrick"
+arm-linux-gnueabi-strip -o "$folder/brick-figures" "$built/examples/brick-figures"
 echo "$folder"
