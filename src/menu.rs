@@ -341,7 +341,11 @@ impl Menu {
         let mut looks = vec![Look::Status];
         match (self.showing(), self.tab, &self.page) {
             (Showing::Running, ..) if self.shows_map && self.wants_part() => looks.push(Look::Map),
-            (Showing::Page, _, Some(Page::Map(_))) if self.wants_part() => looks.push(Look::Map),
+            (Showing::Page, _, Some(Page::Map(run))) => {
+                looks.extend(self.wants_part().then_some(Look::Map));
+                // Its number stands in the head.
+                looks.extend(self.run_info(run).is_none().then_some(Look::Runs));
+            }
             (Showing::Page, _, Some(Page::Port(_))) | (Showing::Tab, Tab::Ports, _) => looks.push(Look::Live),
             (Showing::Page, _, Some(Page::Mission(_))) => looks.extend([Look::Missions, Look::Settings]),
             (Showing::Tab, Tab::Missions, _) => looks.push(Look::Missions),

@@ -111,8 +111,8 @@ impl Asks {
         self.orders.iter().chain(&self.flying[Lane::Order as usize]).any(is_it)
     }
 
-    /// Looks again at once.
-    pub(super) fn refresh(&mut self, look: Look) {
-        self.looked_ns[look as usize] = None;
+    /// Looks again at once; what has been due for longer still comes first.
+    pub(super) fn refresh(&mut self, look: Look, now_ns: i64) {
+        self.looked_ns[look as usize] = Some(now_ns - look.period_ns());
     }
 }

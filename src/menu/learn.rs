@@ -111,12 +111,12 @@ impl Menu {
             LocalRequest::Own(
                 LocalOnly::PairingWindow { .. } | LocalOnly::PairingState | LocalOnly::PairingAnswer { .. },
             ) => note(&mut self.seen.pairing, read::<Pairing>(answer)?, &mut self.changed),
-            LocalRequest::Own(LocalOnly::Delete { .. }) => self.asks.refresh(Look::Runs),
+            LocalRequest::Own(LocalOnly::Delete { .. }) => self.asks.refresh(Look::Runs, self.now_ns),
             LocalRequest::Own(LocalOnly::MenuHere) => {
                 self.is_known = true;
                 self.changed = true;
             }
-            LocalRequest::Own(_) | LocalRequest::Shared(_) => self.asks.refresh(Look::Status),
+            LocalRequest::Own(_) | LocalRequest::Shared(_) => self.asks.refresh(Look::Status, self.now_ns),
         }
         Some(())
     }
@@ -201,7 +201,7 @@ impl Menu {
         let changed = track.take(&bytes);
         if end < fetched.total {
             // There is more already.
-            self.asks.refresh(Look::Map);
+            self.asks.refresh(Look::Map, self.now_ns);
         } else if fetched.complete && !track.complete {
             track.complete = true;
             self.changed |= shows_it;

@@ -2,12 +2,13 @@
 
 use super::canvas::Canvas;
 use super::sheet::{Row, Sheet, View};
+#[cfg(any(test, feature = "host"))]
 use super::text::plain;
 use super::{Menu, Notice, Page, Showing, StartedBy, Tab};
 use crate::clock::seconds;
 use crate::mapping::Range;
 use crate::service::protocol::{
-    LastStop, LiveDevice, LocalOnly, LocalRequest, MissionInfo, Pairing, RunInfo, RunStatus, State,
+    LastStop, LiveDevice, LocalOnly, LocalRequest, MissionInfo, Pairing, RunId, RunInfo, RunStatus, State,
 };
 
 impl Menu {
@@ -37,16 +38,17 @@ impl Menu {
     }
 
     fn map_title(&self) -> String {
-        let run = self.mapped_run();
-        let known = self
-            .seen
-            .runs
-            .as_ref()
-            .and_then(|runs| runs.runs.iter().find(|known| Some(&known.run) == run.as_ref()));
-        match known.filter(|_| self.showing() == Showing::Page) {
-            Some(known) => format!("Run {}", known.number),
-            None => "Map".to_owned(),
+        match &self.page {
+            Some(Page::Map(run)) if self.showing() == Showing::Page => {
+                self.run_info(run).map_or_else(|| "Map".to_owned(), |known| format!("Run {}", known.number))
+            }
+            _ => "Map".to_owned(),
         }
+    }
+
+    /// What the list of runs says of one.
+    pub(super) fn run_info(&self, run: &RunId) -> Option<&RunInfo> {
+        self.seen.runs.as_ref()?.runs.iter().find(|known| known.run == *run)
     }
 
     /// The page on the screen as data; a map's as well, for transcripts.

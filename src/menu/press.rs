@@ -183,22 +183,23 @@ impl Menu {
         }
     }
 
+    /// How a run ended goes away with any button; a fault only with Enter, which acknowledges it.
     fn act_ended(&mut self, button: Button) {
         if self.moves(button) {
             return;
         }
+        let is_fault = self.ended.as_ref().is_some_and(|ended| !ended.wanted);
         let taken = if button == Button::Enter { self.taken() } else { None };
-        if button == Button::Enter && taken.is_none() {
+        if taken.is_none() && (is_fault || button == Button::Enter) {
             return;
         }
         let Some(ended) = self.ended.take() else { return };
         self.dismissed = Some(ended.reason);
-        if !ended.wanted && taken.is_some() {
+        if is_fault {
             self.asks.order(LocalRequest::Own(LocalOnly::Acknowledge));
-        }
-        if let (true, Some(0), Some(run)) = (ended.wanted, taken, ended.run) {
+        } else if let (Some(0), Some(run)) = (taken, ended.run) {
             self.tab = Tab::Runs;
-            self.asks.refresh(Look::Runs);
+            self.asks.refresh(Look::Runs, self.now_ns);
             self.open(Page::Map(run));
         }
     }
@@ -239,7 +240,7 @@ impl Menu {
             Tab::SetUp => Look::Status,
             Tab::Settings => Look::Settings,
         };
-        self.asks.refresh(looks);
+        self.asks.refresh(looks, self.now_ns);
     }
 
     fn enter_tab(&mut self, chosen: usize) {
@@ -281,7 +282,7 @@ impl Menu {
             2 => return self.open(Page::TimeLimit(settings.time_limit_s.unwrap_or(0.0))),
             _ => {
                 self.seen.pairing = None;
-                self.asks.refresh(Look::Pairing);
+                self.asks.refresh(Look::Pairing, self.now_ns);
                 return self.open(Page::Pairing);
             }
         };
@@ -367,7 +368,7 @@ impl Menu {
             (_, _, true) => {
                 if button != Button::Enter || sees {
                     self.talk = None;
-                    self.asks.refresh(Look::Status);
+                    self.asks.refresh(Look::Status, self.now_ns);
                 } else {
                     self.moves(Button::Down);
                 }

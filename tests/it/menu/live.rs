@@ -15,9 +15,10 @@ use nix::unistd::{Pid, mkfifo};
 use onbrick::clock::MonotonicClock;
 use onbrick::ev3dev::Button;
 use onbrick::service::client::Client;
-use onbrick::service::protocol::{Chosen, LocalOnly, Request, RunId, Start, Started, State, Status};
+use onbrick::service::protocol::{Chosen, LocalOnly, Request, RunId, Start, Started, State, Status, Stopped};
 
 use crate::mount::bench::{Mounted, real_time};
+use crate::support::real_time::in_real_time;
 
 /// Far more than anything here takes on a machine that does other things as well.
 const DEADLINE: Duration = Duration::from_secs(120);
@@ -111,6 +112,12 @@ impl Served {
         last.is_some_and(|last| ["late", "guard"].contains(&last.word.as_str()))
     }
 
+    fn stop(&self) {
+        let stop = Request::Stop { run: None };
+        let _: Stopped = self.client().ask(&stop, DEADLINE).unwrap();
+        self.until("the run is over", |status| status.run.is_none());
+    }
+
     fn start(&self, name: &str) {
         let run = RunId::new(name).unwrap();
         let start =
@@ -172,20 +179,17 @@ impl Piped {
     }
 }
 
-/// Tries again where the machine was too slow for a run; a menu that does not work fails at once.
-#[track_caller]
-fn on_a_machine_that_keeps_up(scenario: impl Fn() -> Option<()>) {
-    let tries = 10;
-    assert!(
-        (0..tries).any(|_| scenario().is_some()),
-        "the machine was too slow for the control loop {tries} times"
-    );
+/// Plays a scenario, and again where the machine was too slow for the run in it: what the scenario says by `None`.
+fn played(name: &str, scenario: impl Fn() -> Option<()>) {
+    in_real_time(name, |pace| {
+        pace.ensure(scenario().is_some(), || "the control loop was late".to_owned());
+    });
 }
 
 #[test]
 fn a_mission_is_chosen_started_watched_and_stopped_from_the_menu() {
     let _alone = real_time();
-    on_a_machine_that_keeps_up(|| {
+    played("a mission from the menu", || {
         let served = Served::new();
         let mut menu = Piped::at(&served);
         let missions = menu.shows(&served, "  map")?;
@@ -333,6 +337,9 @@ fn the_bricks_buttons_turn_the_pages_on_its_screen() {
     root.event(Button::Right, 1);
     root.event(Button::Right, 0);
     eventually("another page", || if root.screen() == first { Err("the same".to_owned()) } else { Ok(()) });
+    let proc = fs::read_to_string(format!("/proc/{}/status", menu.0.id())).unwrap();
+    let resident = proc.lines().find(|line| line.starts_with("VmRSS")).unwrap_or_default();
+    println!("the menu's memory on this machine: {resident}");
     assert_eq!(menu.end().code(), Some(0), "SIGTERM is a way out like any other");
 }
 
@@ -364,7 +371,7 @@ fn a_menu_of_brickmans_that_is_killed_takes_its_run_with_it_and_one_of_ours_does
     assert_eq!(ends.get("menu closed"), Some(&kills), "{ends:?}");
     assert!(ends.keys().all(|word| ["menu closed", "late", "guard"].contains(&word.as_str())), "{ends:?}");
 
-    on_a_machine_that_keeps_up(|| {
+    played("a run that survives the menu", || {
         let menu = root.menu(&served, &["--at-boot"]);
         served.start(&format!("survives-{}", served.status().unwrap().state_s.to_bits()));
         let drives = |status: &Status| status.state == State::Running || status.run.is_none();
@@ -376,6 +383,7 @@ fn a_menu_of_brickmans_that_is_killed_takes_its_run_with_it_and_one_of_ours_does
             return None;
         }
         assert_eq!(status.state, State::Running, "{status:?}");
+        served.stop();
         Some(())
     });
 }

@@ -298,3 +298,33 @@ fn nothing_is_drawn_while_nothing_changes_and_never_more_than_twenty_frames_a_se
     let running = bench.frames - before;
     assert!((9..=turns / 4).contains(&running), "{running} frames in ten seconds of a run");
 }
+
+#[test]
+fn what_a_picture_costs_is_printed() {
+    let mut bench = Bench::ready();
+    let cost_us = |turns: u32, bench: &mut Bench, turn: &mut dyn FnMut(&mut Bench)| {
+        let began = std::time::Instant::now();
+        (0..turns).for_each(|_| turn(bench));
+        began.elapsed().as_secs_f64() * 1e6 / f64::from(turns)
+    };
+    let unchanged_us = cost_us(10_000, &mut bench, &mut |bench| bench.turn());
+    let list_us = cost_us(1000, &mut bench, &mut |bench| {
+        bench.menu.press(Button::Down);
+        bench.menu.release(Button::Down);
+        bench.menu.press(Button::Up);
+        bench.menu.release(Button::Up);
+        bench.menu.press(Button::Right);
+        bench.turn();
+    });
+    bench.keys("b r e");
+    bench.pass(30_000);
+    let map_us = cost_us(1000, &mut bench, &mut |bench| {
+        bench.menu.press(Button::Enter);
+        bench.turn();
+        bench.menu.press(Button::Back);
+        bench.turn();
+    });
+    println!(
+        "a turn on this machine: {unchanged_us:.1} us unchanged, {list_us:.0} us a page, {map_us:.0} us a map"
+    );
+}

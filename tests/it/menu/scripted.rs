@@ -214,6 +214,9 @@ pub fn progress(elapsed_s: f64) -> recording::Status {
             ("head".to_owned(), "sweep_left".to_owned()),
         ],
         battery_v: Some(7.8),
+        overruns: 0,
+        latest_ns: 0,
+        warning: None,
         dropped: 0,
     }
 }

@@ -104,7 +104,7 @@ fn sessions_at_the_brick_go_as_they_were_written_down() {
         .keys("eeelddee")
         .end(&mut text);
     Session::begin(&mut text, "A run is deleted, after another was kept", StartedBy::Boot)
-        .keys("reeeeede")
+        .keys("reeeede")
         .end(&mut text);
     Session::begin(&mut text, "Settings and pairing", StartedBy::Boot).keys("ledeedde").end(&mut text);
     Session::begin(&mut text, "A PC is paired", StartedBy::Boot)
