@@ -2,13 +2,13 @@
 # What control and its like keep in memory over a mission at 100 Hz, without text, which is shared: memory 600 for the whole ten minutes.
 seconds=${1:-120}
 brick_up
-# Kilobytes that all of them have resident and do not share.
+# Kilobytes that all of them have resident and do not share. Text counts as shared memory here, where files live in memory.
 resident() {
   kb=0
   for folder in /proc/[0-9]*; do
     case $(tr '\0' ' ' <"$folder/cmdline" 2>/dev/null) in
       onbrick\ * | /usr/bin/onbrick\ *)
-        own=$(awk '/^Rss(Anon|Shmem):/ { kb += $2 } END { print kb + 0 }' "$folder/status" 2>/dev/null || echo 0)
+        own=$(awk '/^RssAnon:/ { kb += $2 } END { print kb + 0 }' "$folder/status" 2>/dev/null || echo 0)
         kb=$((kb + own))
         ;;
     esac
