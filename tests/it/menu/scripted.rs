@@ -215,6 +215,9 @@ pub fn progress(elapsed_s: f64) -> recording::Status {
         ],
         battery_v: Some(7.8),
         dropped: 0,
+        overruns: 0,
+        latest_ns: 0,
+        warning: None,
     }
 }
 
