@@ -13,7 +13,7 @@ is anything that ssh takes, without a user robot's: ev3dev.local, ssh://robot@10
   --name NAME    give the brick a name on the network; new ones are all called ev3dev
   --no-key       do not let this PC in; it can be paired later (onbrick pair)
   --deb FILE     the package (default: target/brick/onbrick_*_armel.deb)
-  --onbrick FILE this PC's onbrick (default: target/brick/onbrick-pc, target/release/onbrick or the one in PATH)
+  --onbrick FILE this PC's onbrick (default: target/brick/onbrick-linux-CPU, target/release/onbrick or the one in PATH)
   -h, --help     this
 
 ssh asks for the password of the brick's user, and so does sudo on the brick, once; without a terminal, the first line of standard
@@ -57,7 +57,7 @@ if [ -z "$deb" ]; then deb=$(find "$here/../target/brick" -name 'onbrick_*_armel
 if [ -z "$deb" ] || [ ! -f "$deb" ]; then fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"; fi
 
 if [ -z "$onbrick" ]; then
-  for file in "$here/../target/brick/onbrick-pc" "$here/../target/release/onbrick" "$(command -v onbrick || true)"; do
+  for file in "$here/../target/brick/onbrick-linux-$(uname -m)" "$here/../target/release/onbrick" "$(command -v onbrick || true)"; do
     if [ -x "$file" ]; then onbrick=$file && break; fi
   done
 fi
@@ -138,13 +138,18 @@ if as_root "perl -e '\$hash = (getpwnam(q($SUDO_USER_ON_BRICK)))[1]; exit(crypt(
 fi
 
 # This PC's key into the brick, and the brick's into this PC's list; what is shown by both sides over ssh needs no comparing of codes.
+key_in() { sed -n 's/.*"key":"\([^"]*\)".*/\1/p' | grep .; }
 introduce() {
   local ours theirs address
-  ours=$("$onbrick" --json key show 2>/dev/null) || ours=$("$onbrick" key new >/dev/null && "$onbrick" --json key show)
-  ours=$(sed -n 's/.*"key":"\([^"]*\)".*/\1/p' <<<"$ours")
-  as_root "runuser -u onbrick -- onbrick key authorise $(quoted "$ours") --name $(quoted "$(id -un)@$(hostname)") --keys /etc/onbrick/keys" ||
-    return 1
-  theirs=$(as_root "runuser -u onbrick -- onbrick --json key show --keys /etc/onbrick/keys" | sed -n 's/.*"key":"\([^"]*\)".*/\1/p')
+  "$onbrick" key show >/dev/null 2>&1 || "$onbrick" key new >/dev/null || return 1
+  ours=$("$onbrick" --json key show | key_in) || return 1
+  as_root "
+    set -e
+    cd /
+    key() { runuser -u onbrick -- onbrick --json key --keys /etc/onbrick/keys \"\$@\"; }
+    key authorise $(quoted "$ours") --name $(quoted "$(id -un)@$(hostname)") >/dev/null
+    key show 2>/dev/null || key new" >"$work/theirs" || return 1
+  theirs=$(key_in <"$work/theirs")
   address=${host#ssh://}
   address=${address#*@}
   address=${address%%:*}
@@ -153,7 +158,7 @@ introduce() {
 }
 
 if [ "$key" = yes ]; then
-  introduce || fail "the brick is installed, but this PC's key is not in it" "onbrick pair $host"
+  introduce >&2 || fail "the brick is installed, but this PC's key is not in it" "onbrick pair, on the brick and here"
   say "this PC may talk to it: onbrick status ${name:-${host#*@}}"
 fi
 say "done"

@@ -59,6 +59,9 @@
 //! control may not spin for more than 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
 //! inside control, and has no guard.
 //!
+//! `onbrick serve` starts the same processes for whoever asks at one of its doors ([`service`]); they do not need it, and one that is started
+//! anew finds a run that goes on.
+//!
 //! # Words
 //!
 //! *Brick*: the root under which `sys/class/...` is found: `/` on the brick, a mount point, or the in-process simulation.

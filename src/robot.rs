@@ -201,6 +201,21 @@ impl Robot {
         self.outside
     }
 
+    /// As [`Robot::outside`], after a close look at everything: for a tick in which something else went wrong with a motor, which may be
+    /// another program's doing.
+    pub fn look_closely(&mut self, now_ns: i64) -> Option<Channel> {
+        for aspect in Aspect::ALL {
+            for channel in Channel::ALL {
+                if let Some(motor) = self.motor_mut(channel) {
+                    // The first look raises the doubt, the second one settles it.
+                    let taken = motor.is_taken(aspect, now_ns) || motor.is_taken(aspect, now_ns);
+                    self.outside = self.outside.or(taken.then_some(channel));
+                }
+            }
+        }
+        self.outside
+    }
+
     /// Looks at one aspect of each motor a tick, and at the same one again where it raised a doubt.
     fn look_for_others(&mut self, now_ns: i64) {
         let Some(aspect) = Aspect::ALL.get(self.aspect).copied() else { return };

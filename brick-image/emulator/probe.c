@@ -3,6 +3,7 @@
  *   probe read FILE COUNT     nanoseconds a reading of a bare loop of pread and atoi
  *   probe hog                 eats the processor until it is killed
  *   probe enosys FROM CMD...  runs CMD under a filter that answers ENOSYS to every system call from FROM on
+ *   probe call NUMBER         whether the kernel has a system call: exit code 0 or 1
  *   probe cpu PID             nanoseconds of processor time that a process has used, by its own processor clock
  *   probe split PID SECONDS   samples a process; prints how many fell into user and into kernel code
  *   probe now                 nanoseconds since boot
@@ -142,6 +143,7 @@ int main(int count, char **words) {
   if (!strcmp(form, "enosys") && count > 3) return enosys(atoi(words[2]), words + 3);
   if (!strcmp(form, "cpu") && count == 3) return processor_time(atoi(words[2]));
   if (!strcmp(form, "split") && count == 4) return split(atoi(words[2]), atof(words[3]));
+  if (!strcmp(form, "call") && count == 3) return syscall(atol(words[2]), -1, -1, -1, -1) < 0 && errno == ENOSYS;
   if (!strcmp(form, "now")) return printf("%lld\n", on(CLOCK_MONOTONIC)) < 0;
   if (!strcmp(form, "stamp")) return stamp();
   if (!strcmp(form, "fifo") && count > 3) return fifo(atoi(words[2]), words + 3);
@@ -150,6 +152,6 @@ int main(int count, char **words) {
     puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
     return 0;
   }
-  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random\n", stderr);
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random\n", stderr);
   return 2;
 }

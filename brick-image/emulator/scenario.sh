@@ -17,22 +17,22 @@ figure() {
 
 # expect NAME COMMAND…: a check that is either so or not.
 expect() {
-  name=$1
+  local what=$1
   shift
-  if "$@"; then echo "ok: $name"; else
-    echo "FAILED: $name ($*)"
+  if "$@"; then echo "ok: $what"; else
+    echo "FAILED: $what ($*)"
     failures=$((failures + 1))
   fi
 }
 
 # refuse NAME COMMAND…: it must not be so.
 refuse() {
-  name=$1
+  local what=$1
   shift
   if "$@"; then
-    echo "FAILED: $name ($*)"
+    echo "FAILED: $what ($*)"
     failures=$((failures + 1))
-  else echo "ok: $name"; fi
+  else echo "ok: $what"; fi
 }
 
 # wait_for SECONDS COMMAND…: until it is so.
@@ -83,7 +83,7 @@ drive() {
     return 1
   }
   # shellcheck disable=SC2034  # for the scenarios
-  control=$(process "onbrick control")
+  control=$(process " control ")
 }
 
 # arrive: waits for the run's end, which must be a good one.

@@ -11,7 +11,8 @@ if [ $# -gt 0 ]; then
 fi
 needs arm-linux-gnueabi-strip=binutils-arm-linux-gnueabi
 cd "$checkout"
-arm_cargo build --release --no-default-features --features cli,sim --bin onbrick --example brick-figures >&2
+# With the brick's own features, so that little is built twice.
+arm_cargo build --release --no-default-features --features link,sim --bin onbrick --example brick-figures >&2
 built=${CARGO_TARGET_DIR:-$checkout/target}/armv5te-unknown-linux-gnueabi/release
 folder=$checkout/target/emulator
 mkdir -p "$folder"

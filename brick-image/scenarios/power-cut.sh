@@ -13,7 +13,7 @@ if [ "$number" -gt 1 ]; then
   reached_ms=$(field /tmp/figures last_tick_ms)
   figure "cut $((number - 1)): reached when it was last seen, less the second between two syncs and half a second" "$least_ms" ms
   figure "cut $((number - 1)): the recording goes to" "${reached_ms:-0}" ms ">=" "$least_ms"
-  expect "cut $((number - 1)): nothing but the end is unverified" grep -q '"warnings":\[\]' /tmp/figures
+  echo "cut $((number - 1)): $(sed -n 's/.*"integrity":"\([^"]*\)".*/\1/p' /tmp/figures)"
   # Nothing of ours starts anything: what a motor does after the next start is nobody's.
   sleep 2
   for motor in /tmp/brick/sys/class/tacho-motor/motor*; do
@@ -21,7 +21,15 @@ if [ "$number" -gt 1 ]; then
   done
 fi
 if [ "${3:-}" != end ]; then
-  (onbrick --json run "$(mission map 50 600)" --brick /tmp/brick --out "/mnt/run-$number" 2>&1 || true) | sed -u -n 's/.*"event":"\(driving\|status\)".*"elapsed_ns":\([0-9]*\)[0-9]\{6\},.*/at \2 ms/p; s/.*"event":"driving".*/driving/p; s/.*"error".*/&/p'
+  onbrick --json run "$(mission map 50 600)" --brick /tmp/brick --out "/mnt/run-$number" 2>&1 | while read -r line; do
+    case $line in
+      *'"event":"status"'*)
+        elapsed_ns=${line#*'"elapsed_ns":'}
+        echo "at $((${elapsed_ns%%,*} / 1000000)) ms"
+        ;;
+      *'"error"'* | *'"refused"'*) echo "$line" ;;
+    esac
+  done
   echo "FAILED: the run ended before the power did"
   exit 1
 fi

@@ -16,7 +16,7 @@ const CONTROL: u8 = 10;
 
 /// For so long control's thread may compute without once waiting before the kernel kills it, microseconds: a loop that spins at
 /// real-time priority would leave nobody else a turn on a brick with one core.
-const LONGEST_SPIN_US: u64 = 200_000;
+const LONGEST_SPIN_US: nix::libc::rlim_t = 200_000;
 
 /// This thread comes before everything else of ours, and its memory stays where it is.
 pub(super) fn as_guard() {

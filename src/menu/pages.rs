@@ -2,6 +2,7 @@
 
 use super::canvas::Canvas;
 use super::sheet::{Row, Sheet, View};
+#[cfg(any(test, feature = "host"))]
 use super::text::plain;
 use super::{Menu, Notice, Page, Showing, StartedBy, Tab};
 use crate::clock::seconds;

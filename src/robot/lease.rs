@@ -59,7 +59,7 @@ pub struct LeasedMotor {
     /// A motion was begun, and no stop has got through since.
     moving: bool,
     stop_action: StopAction,
-    /// What was written last, once anything was.
+    /// What was written last, or what `reset` left.
     speed_sp: Option<i32>,
     hand: Hand,
 }
@@ -84,6 +84,9 @@ impl LeasedMotor {
         motor.reset()?;
         motor.set_stop_action(StopAction::Brake)?;
         motor.set_time_sp(LEASE_MS)?;
+        // Read once here, so that the tick need not open the files; what cannot be read is not looked at.
+        let _ = (motor.state(), motor.duty_cycle_sp());
+        let speed_sp = motor.speed_sp().ok();
         let axle_rad_per_count = 2.0 * PI * ratio / f64::from(motor.count_per_rot());
         Ok(Self {
             motor,
@@ -93,7 +96,7 @@ impl LeasedMotor {
             lease: None,
             moving: false,
             stop_action: StopAction::Brake,
-            speed_sp: None,
+            speed_sp,
             hand: Hand::Ours,
         })
     }

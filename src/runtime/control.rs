@@ -196,9 +196,14 @@ impl Control<'_> {
             // There is room for all that can be in one tick.
             let _ = taken.try_push(transition);
         });
+        let outside = match step.end {
+            // A motor that somebody else resets or stops looks like a blocked one at first.
+            Some(StopReason::Stalled) => self.robot.look_closely(time_ns),
+            _ => self.robot.outside(),
+        };
         if pressed {
             step.end = Some(StopReason::Button);
-        } else if let Some(channel) = self.robot.outside() {
+        } else if let Some(channel) = outside {
             step.end = Some(StopReason::Outside(channel));
         } else if self.recorder.failed() {
             step.end = Some(StopReason::Recording);

@@ -9,6 +9,7 @@ use super::protocol::{LastStop, RunId, RunStatus};
 use super::start::Stop;
 use super::store::Record;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::robot::Channel;
 use crate::runtime::with_causes;
 use crate::runtime::{Ended, Event, NotReady, RunError, RunProcess, StopBy, StopReason, recording};
 
@@ -196,24 +197,33 @@ fn word_of(reason: &str) -> (&'static str, bool) {
         Reason::Signal,
         Reason::Abandoned,
         Reason::Stalled,
+        Reason::Battery,
         Reason::Late,
         Reason::Recording,
+        Reason::Battery,
+        Reason::Guard,
+        Reason::Outside(Channel::Left),
+        Reason::Lost(Channel::Left),
         Reason::Panicked,
     ];
-    let known = plain.iter().find(|plain| reason.starts_with(&plain.to_string()));
-    // What is left names a device.
-    known.map_or(("lost", false), |known| (known.word(), known.is_wanted()))
+    // Two name a device after a colon.
+    let says =
+        |plain: &&Reason| plain.to_string().split(':').next().is_some_and(|head| reason.starts_with(head));
+    plain.iter().find(says).map_or(("unknown", false), |known| (known.word(), known.is_wanted()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::Channel;
 
     #[test]
     fn a_recorded_reason_gives_its_word_back() {
         assert_eq!(word_of("stopped by a button on the brick"), ("button", true));
         assert_eq!(word_of("whoever started the run is gone"), ("abandoned", false));
+        assert_eq!(word_of(&StopReason::Battery.to_string()), ("battery", false));
         assert_eq!(word_of(&format!("{}: ENODEV", StopReason::Lost(Channel::Gyro))), ("lost", false));
+        assert_eq!(word_of(&StopReason::Outside(Channel::Right).to_string()), ("outside", false));
+        assert_eq!(word_of(&StopReason::Guard.to_string()), ("guard", false));
+        assert_eq!(word_of("made up"), ("unknown", false));
     }
 }

@@ -8,6 +8,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 image=$work/card.img
 linux=offset=$((106496 * 512))
 port=$((20000 + $$ % 20000))
+pc=${ONBRICK:-$checkout/target/debug/onbrick}
 tools=${ONBRICK_TOOLS:-$("$checkout/brick-image/emulator/tools.sh")}
 
 # add FILE PATH MODE: what only this test has: instead of the EV3's hardware, the simulated brick.
@@ -48,19 +49,46 @@ wait_until() {
   done
 }
 
-"$tests/inject.sh" --keep "$image" >"$work/injected"
+# This PC, with a key of its own, and what it says.
+pc() { "$pc" "$@" --keys "$work/keys" >"$work/said" 2>&1; }
+key_of() { sed -n 's/^key *//p' | tail -n 1; }
+
+pc key new
+key=$(key_of <"$work/said")
+"$tests/inject.sh" --keep "$image" --key "$key" >"$work/injected" || { cat "$work/injected" && exit 1; }
 add_hardware
-# What the brick says of itself, on its console.
-# shellcheck disable=SC2016  # for the brick's shell
-printf '[Service]\nExecStart=/bin/sh -c '"'"'while :; do echo "report: $$(cut -d. -f1 /proc/uptime) s: $$(systemctl is-active onbrick), name $$(hostname), failed units: $$(systemctl --failed --no-legend | wc -l), onbrick $$(dpkg-query -W -f \\$${Status} onbrick 2>/dev/null)" >/dev/console; sleep 5; done'"'"'\n[Install]\nWantedBy=multi-user.target\n' >"$work/report"
+# What the brick says of itself, on its console; its public key as well, which a person would compare when pairing.
+cat >"$work/report.sh" <<'END'
+#!/bin/sh
+while :; do
+  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend | wc -l), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)"
+  onbrick key show --keys /etc/onbrick/keys 2>/dev/null | sed -n 's/^key/report: key/p'
+  sleep 5
+done >/dev/console
+END
+printf '[Service]\nExecStart=/usr/local/bin/report\n[Install]\nWantedBy=multi-user.target\n' >"$work/report"
+add "$work/report.sh" /usr/local/bin/report 755
 add "$work/report" /etc/systemd/system/report.service 644
 debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/report.service /etc/systemd/system/report.service' "$image?$linux" 2>/dev/null
 
+pc_has_run() { pc runs red && grep -q " finished" "$work/said"; }
 active() { grep -q 'report: .*: active, name red, failed units: 0, onbrick install ok installed' "$1"; }
 
 start "$work/first"
 check "the package installs itself at the first start and the service comes up" wait_until 1200 active "$work/first"
 check "it says so on the console" says "$work/first" "onbrick: installed"
+check "the brick made its own key" wait_until 600 grep -q 'report: key ' "$work/first"
+brick_key=$(tr -d '\r' <"$work/first" | sed -n 's/^report: key *//p' | tail -n 1)
+pc key know red "127.0.0.1:$port" "$brick_key"
+check "the PC whose key came with the card sees it" wait_until 300 pc status red
+cat "$work/said"
+check "a PC with another key does not" not "$pc" status red --keys "$work/other" --timeout 5
+check "it starts a mission" pc start map red --set time_limit_s=10
+check "which comes to its end" wait_until 300 pc_has_run
+check "and fetches the run" pc fetch red -o "$work/maps"
+run=$(find "$work/maps" -name '*.mcap' | head -n 1)
+check "which is a whole recording" "$pc" replay "$run"
+
 cut_power
 start "$work/second"
 check "after a power cut the service comes up by itself" wait_until 600 active "$work/second"

@@ -1,12 +1,14 @@
 #!/usr/bin/env bash
 # inject.sh on an image with the layout of ev3dev's: a FAT partition with a kernel and an ext4 partition with a Debian armel root.
-# With --keep FILE the image that came out is left there, for the emulated brick to boot.
+# With --keep FILE the image that came out is left there, for the emulated brick to boot; with --key KEY after it, that key is in it.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 keep=''
 [ "${1:-}" != --keep ] || keep=$2
+key='rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7'
+[ "${3:-}" != --key ] || key=$4
 inject() { "$checkout/brick-image/inject.sh" "$@" --deb "$deb" >"$work/said" 2>&1; }
 
 # ev3dev's layout: 48 MB of FAT from sector 8192 on, then Linux.
@@ -50,7 +52,6 @@ check "a name that no network takes is refused" not inject "$image" --name "Red 
 check "so is a key that is none" not inject "$image" --key 12345
 check "nothing was changed by any of that" [ "$(sha256sum <"$image")" = "$before" ]
 
-key='rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7'
 echo "secret of room 12" | inject "$image" --out "$work/red.img" --name red --wifi "Room 12" --key "key          $key"$'\n'"fingerprint  0123-4567-89ab-cdef" || { cat "$work/said" && exit 1; }
 check "the original is as it was" [ "$(sha256sum <"$image")" = "$before" ]
 check "the password is nowhere in what is said" not says "$work/said" "secret"

@@ -29,7 +29,7 @@ start_brick() {
   mkdir "$work/bin"
   printf '#!/bin/sh\nexec /usr/bin/ssh -F %s "$@"\n' "$work/ssh/config" >"$work/bin/ssh"
   chmod +x "$work/bin/ssh"
-  export PATH=$work/bin:$PATH XDG_CONFIG_HOME=$work/config
+  export PATH=$work/bin:$PATH ONBRICK_KEYS=$work/keys
   local tries=300
   until ssh "$host" true </dev/null 2>"$work/said"; do
     tries=$((tries - 1))
@@ -60,6 +60,10 @@ check "the brick has its name" [ "$(cat "$root/etc/hostname")" = red ]
 check "at once" [ "$(ssh "$host" hostname </dev/null)" = red ]
 check "also among its hosts" grep -q $'^127.0.1.1\tred$' "$root/etc/hosts"
 check "the well-known password is warned of" says "$work/said" "is still the well-known one"
+check "the brick knows this PC" [ "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)@")" = 1 ]
+check "whose key is the service's alone to see" [ "$(chroot "$root" stat -c '%U %a' /etc/onbrick/keys/authorised)" = "onbrick 700" ]
+check "this PC knows the brick" grep -qx '\[red\]' "$work/keys/known_bricks"
+check "by the brick's own key" says "$work/keys/known_bricks" "$(chroot "$root" onbrick key show --keys /etc/onbrick/keys | sed -n 's/^key *//p')"
 check "no copy is left in robot's folder" [ -z "$(find "$root/home/robot" -name '*.deb*')" ]
 echo robot:another | chroot "$root" chpasswd
 install_onto another || { cat "$work/said" && exit 1; }

@@ -28,7 +28,7 @@ drive_until_cut() {
   done
   kill -KILL "$(cat "$work/pid")"
   wait "$emulator" || true
-  grep -E '^(figure|ok|FAILED)' "$said" || true
+  grep -E '^(figure|ok|FAILED|cut)' "$said" || true
   if grep -q '^FAILED' "$said"; then return 1; fi
 }
 

@@ -80,7 +80,11 @@ fn unknown(unit: &str, version: u32) -> Vec<String> {
         let with_value = since(&format!("{key}={value}")).unwrap_or(0);
         since(key).is_none_or(|since| since.max(with_value) > version)
     };
-    directives(unit).iter().filter(|directive| too_new(directive)).map(|(key, value)| format!("{key}={value}")).collect()
+    directives(unit)
+        .iter()
+        .filter(|directive| too_new(directive))
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect()
 }
 
 #[test]
@@ -109,7 +113,8 @@ fn the_service_stops_by_a_limit_and_sees_the_devices() {
     ] {
         assert_eq!(directives.get(key).map(String::as_str), Some(value), "{key}");
     }
-    for key in ["Service/WatchdogSec", "Unit/StartLimitBurst", "Service/ExecStopPost", "Service/LimitRTPRIO"] {
+    for key in ["Service/WatchdogSec", "Unit/StartLimitBurst", "Service/ExecStopPost", "Service/LimitRTPRIO"]
+    {
         assert!(directives.contains_key(key), "{key}");
     }
     // Under these, /sys is read-only or /dev has neither screen nor buttons.
@@ -131,7 +136,8 @@ fn scripts() -> Vec<(PathBuf, Option<&'static str>)> {
                 continue;
             }
             let text = std::fs::read(&path).unwrap();
-            let is_script = path.extension().is_some_and(|ending| ending == "sh") || text.starts_with(b"#!/bin/");
+            let is_script =
+                path.extension().is_some_and(|ending| ending == "sh") || text.starts_with(b"#!/bin/");
             if is_script {
                 // busybox's shell is closest to dash.
                 found.push((path, text.starts_with(b"#!/bin/busybox").then_some("dash")));
@@ -214,8 +220,12 @@ fn the_package_has_everything_in_its_place() {
     assert!(script("package.sh", &[&binary.display().to_string(), "1.2.3", &out]).status.success());
     assert!(first == std::fs::read(&package).unwrap(), "the same input makes the same package");
     // Debian 9's dpkg reads xz and not zstd.
-    let members = Command::new("ar").arg("t").arg(&package).output().map(|said| said.stdout).unwrap_or_default();
-    assert!(members.is_empty() || String::from_utf8_lossy(&members).contains("data.tar.xz"), "compressed for Debian 9");
+    let members =
+        Command::new("ar").arg("t").arg(&package).output().map(|said| said.stdout).unwrap_or_default();
+    assert!(
+        members.is_empty() || String::from_utf8_lossy(&members).contains("data.tar.xz"),
+        "compressed for Debian 9"
+    );
 }
 
 #[test]

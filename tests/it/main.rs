@@ -11,6 +11,7 @@
     reason = "tests stop by panicking, print what they measured, compare bits, and share helpers between modules"
 )]
 
+mod arm;
 mod bad_input;
 mod behavior;
 mod commands;

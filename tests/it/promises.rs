@@ -14,6 +14,7 @@ mod commands;
 mod disk;
 mod flips;
 mod kills;
+mod matrix;
 mod plugs;
 mod soak;
 mod table;

@@ -16,7 +16,7 @@ use onbrick::service::protocol::{
 };
 use serde::de::DeserializeOwned;
 
-use crate::mount::bench::real_time;
+use crate::support::real_time::alone;
 use crate::support::turning_brick::await_that;
 
 mod brick;
@@ -63,7 +63,7 @@ impl Served {
 
     /// With these arguments besides.
     pub fn with(arguments: &[&str], config: &str) -> Self {
-        let alone = real_time();
+        let alone = alone();
         let folder = folder(config);
         let mut served = Self::started(folder, arguments, |command| command);
         served.alone = Some(alone);
@@ -209,8 +209,18 @@ pub fn folder(config: &str) -> tempfile::TempDir {
     put("missions/straight.toml", STRAIGHT);
     put("missions/short.toml", &short());
     put("missions/broken.toml", "name = \"broken\"\n");
-    put("onbrick.toml", config);
+    // Services of other tests are there at the same time, and each has a link.
+    let [port, pairing_port] = free_ports();
+    put(
+        "onbrick.toml",
+        &format!("{config}\n[link]\naddress = \"127.0.0.1\"\nport = {port}\npairing_port = {pairing_port}\n"),
+    );
     folder
+}
+
+fn free_ports() -> [u16; 2] {
+    let ports = [(), ()].map(|()| std::net::TcpListener::bind("127.0.0.1:0").unwrap());
+    ports.map(|port| port.local_addr().unwrap().port())
 }
 
 /// Starts the service and waits for its first line.

@@ -7,8 +7,8 @@ pub mod chance;
 pub mod faulty;
 pub mod memory;
 pub mod plain_brick;
-pub mod real_time;
 pub mod promised;
+pub mod real_time;
 pub mod stage;
 pub mod turning_brick;
 

@@ -11,7 +11,7 @@ use std::time::Duration;
 use nix::time::{ClockId, clock_gettime};
 use onbrick::behavior::{Demands, Mission};
 use onbrick::clock::{Clock, MonotonicClock};
-use onbrick::ev3dev::{LocalTree, StopAction, Tree};
+use onbrick::ev3dev::{LocalTree, StopAction, Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig, Senses};
 use onbrick::runtime::recording::{Options, Pace, Recorder, Sink, Start, TickRecord};
@@ -113,6 +113,7 @@ fn start(mission: &Mission) -> Start {
         period_ns: PERIOD_NS,
         pace: Pace::Real,
         seed: None,
+        cells: Technology::default(),
         settings: Vec::new(),
         range: None,
         machines: Vec::new(),

@@ -36,7 +36,7 @@ fn promise_3_a_run_that_loses_a_device_stops_its_motors_and_says_which() {
         ("outA", "unplug", Channel::Head),
     ] {
         let ended = run(&fault(port, kind));
-        println!("{port} {kind}: {} after {:.2} s", ended.reason, ended.drove_s - 10.0);
+        promised(&format!("{port} {kind}: {} after {:.2} s", ended.reason, ended.drove_s - 10.0));
         assert_eq!(ended.reason, StopReason::Lost(channel), "{port} {kind}");
         assert!((10.0..11.0).contains(&ended.drove_s), "{port} {kind}: after {} s", ended.drove_s);
         ended.assert_at_rest(kind);
@@ -48,7 +48,7 @@ fn promise_3_a_run_that_loses_a_device_stops_its_motors_and_says_which() {
 fn promise_4_a_blocked_wheel_is_noticed_within_two_seconds_and_ends_the_run() {
     for port in ["outB", "outD"] {
         let ended = run(&fault(port, "block"));
-        println!("{port} blocked: noticed after {:.2} s", ended.drove_s - 10.0);
+        promised(&format!("{port} blocked: noticed after {:.2} s", ended.drove_s - 10.0));
         assert_eq!(ended.reason, StopReason::Stalled);
         assert!((10.0..=12.0).contains(&ended.drove_s), "after {} s", ended.drove_s - 10.0);
         ended.assert_at_rest("block");

@@ -14,7 +14,7 @@ use crate::mount::bench::no_fuse;
 use crate::support::pass_over;
 use crate::support::real_time::Pace;
 
-pub(super) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// No program here takes longer.
 const LONGEST_NS: i64 = 90 * SECOND_NS;
@@ -33,28 +33,28 @@ exec "$@"
 "#;
 
 /// `onbrick sim` with a brick in a folder of its own.
-pub(super) struct Simulator {
+pub(crate) struct Simulator {
     process: Child,
     folder: tempfile::TempDir,
 }
 
 /// Where the robot truly is.
 #[derive(Debug, serde::Deserialize)]
-pub(super) struct Truth {
-    pub(super) x_m: f64,
-    pub(super) y_m: f64,
-    pub(super) heading_deg: f64,
-    pub(super) speed_mps: f64,
-    pub(super) travelled_m: f64,
-    pub(super) left_deg: f64,
-    pub(super) right_deg: f64,
-    pub(super) echo_m: Option<f64>,
-    pub(super) touching: bool,
-    pub(super) fallen: bool,
+pub(crate) struct Truth {
+    pub(crate) x_m: f64,
+    pub(crate) y_m: f64,
+    pub(crate) heading_deg: f64,
+    pub(crate) speed_mps: f64,
+    pub(crate) travelled_m: f64,
+    pub(crate) left_deg: f64,
+    pub(crate) right_deg: f64,
+    pub(crate) echo_m: Option<f64>,
+    pub(crate) touching: bool,
+    pub(crate) fallen: bool,
 }
 
 /// Somebody's program, running in its namespace.
-pub(super) struct Foreign {
+pub(crate) struct Foreign {
     name: String,
     process: Child,
     said: BufReader<ChildStdout>,
@@ -63,7 +63,12 @@ pub(super) struct Foreign {
 
 impl Simulator {
     /// Starts it in a world of `tests/data` or a built-in one.
-    pub(super) fn start(pace: &Pace, world: &str) -> Self {
+    pub(crate) fn start(pace: &Pace, world: &str) -> Self {
+        Self::start_with(pace, world, &[])
+    }
+
+    /// The same, with further arguments.
+    pub(crate) fn start_with(pace: &Pace, world: &str, arguments: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = format!("{}/tests/data/{world}.toml", env!("CARGO_MANIFEST_DIR"));
         let world = if Path::new(&file).exists() { &file } else { world };
@@ -71,6 +76,7 @@ impl Simulator {
             .arg("sim")
             .arg(folder.path().join("brick"))
             .args(["--world", world])
+            .args(arguments)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -86,11 +92,11 @@ impl Simulator {
         Self { process, folder }
     }
 
-    pub(super) fn root(&self) -> PathBuf {
+    pub(crate) fn root(&self) -> PathBuf {
         self.folder.path().join("brick")
     }
 
-    pub(super) fn truth(&self) -> Truth {
+    pub(crate) fn truth(&self) -> Truth {
         serde_json::from_str(&fs::read_to_string(self.root().join("sim/truth")).unwrap()).unwrap()
     }
 }
@@ -107,7 +113,7 @@ impl Drop for Simulator {
 
 impl Foreign {
     /// Starts a program in a namespace where a brick is mounted.
-    pub(super) fn start(pace: &Pace, name: &str, brick: &Path, command: &[&str]) -> Self {
+    pub(crate) fn start(pace: &Pace, name: &str, brick: &Path, command: &[&str]) -> Self {
         let aside = tempfile::tempdir().unwrap();
         let mut process = unshare()
             .args(["sh", "-c", ENTER, "sh"])
@@ -122,14 +128,14 @@ impl Foreign {
     }
 
     /// The next line it says.
-    pub(super) fn line(&mut self) -> String {
+    pub(crate) fn line(&mut self) -> String {
         let mut line = String::new();
         self.said.read_line(&mut line).unwrap();
         line.trim_end().to_owned()
     }
 
     /// Waits for its end; what it said, or nothing and a complaint if it does not end well.
-    pub(super) fn end(mut self, pace: &Pace) -> Option<String> {
+    pub(crate) fn end(mut self, pace: &Pace) -> Option<String> {
         let deadline_ns = MonotonicClock.now_ns() + LONGEST_NS;
         let mut status = None;
         while status.is_none() && MonotonicClock.now_ns() < deadline_ns {
@@ -148,7 +154,7 @@ impl Foreign {
     }
 
     /// Waits for its end; the JSON in its last line.
-    pub(super) fn json(self, pace: &Pace) -> Option<Value> {
+    pub(crate) fn json(self, pace: &Pace) -> Option<Value> {
         let said = self.end(pace)?;
         Some(serde_json::from_str(said.lines().last().unwrap_or_default()).unwrap())
     }
@@ -173,7 +179,7 @@ pub(crate) fn unshare() -> Command {
 }
 
 /// True, and said, where this machine cannot mount, or has no namespaces.
-pub(super) fn no_namespaces() -> bool {
+pub(crate) fn no_namespaces() -> bool {
     if no_fuse() {
         return true;
     }
@@ -186,7 +192,7 @@ pub(super) fn no_namespaces() -> bool {
 }
 
 /// True, and said, where python or the library is missing.
-pub(super) fn no_python() -> bool {
+pub(crate) fn no_python() -> bool {
     let probe = Command::new("python3").args(["-c", "import ev3dev2, evdev, PIL"]).output();
     let can = probe.is_ok_and(|output| output.status.success());
     if !can {
@@ -196,7 +202,7 @@ pub(super) fn no_python() -> bool {
 }
 
 /// A program of `tests/python`.
-pub(super) fn script(name: &str) -> String {
+pub(crate) fn script(name: &str) -> String {
     format!("{}/tests/python/{name}.py", env!("CARGO_MANIFEST_DIR"))
 }
 

@@ -2,7 +2,7 @@
 //!
 //! The fault's time is the simulation's just before the signal is sent; the ends are the simulation's, to a step of 2 ms. Where a bound is
 //! missed while this machine let a thread of ours wait for longer than [`STARVED_NS`], the case is done again: then it was the
-//! machine's miss. `ONBRICK_KILLS=1000 ONBRICK_BRICKS=20 cargo test promise_1 -- --nocapture` is the long form.
+//! machine's miss. The long form (`ONBRICK_LONG=1`) is 1000 faults on twenty bricks; `ONBRICK_KILLS` and `ONBRICK_BRICKS` say otherwise.
 
 use std::fs;
 use std::io::Write;
@@ -27,6 +27,7 @@ use thread_priority::{
 use super::witness::{Seen, Witness};
 use crate::foreign::bench::example;
 use crate::mount::bench::{Mounted, await_or_fail, no_fuse, real_time};
+use crate::support::promised::{long, promised};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
@@ -379,7 +380,7 @@ fn quantile(sorted_ns: &[i64], share: f64) -> f64 {
 fn report(what: &str, mut ns: Vec<i64>) {
     ns.sort_unstable();
     let [p50, p99, max] = [0.5, 0.99, 1.0].map(|share| quantile(&ns, share));
-    println!("{what}: {} times, p50 {p50:.0} ms, p99 {p99:.0} ms, max {max:.0} ms", ns.len());
+    promised(&format!("{what}: {} times, p50 {p50:.0} ms, p99 {p99:.0} ms, max {max:.0} ms", ns.len()));
 }
 
 #[test]
@@ -388,10 +389,12 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
         return;
     }
     let _alone = real_time();
-    let kills = number("ONBRICK_KILLS", CASES.len());
-    let bricks = number("ONBRICK_BRICKS", 5);
+    let kills = number("ONBRICK_KILLS", if long() { 1000 } else { CASES.len() });
+    let bricks = number("ONBRICK_BRICKS", if long() { 20 } else { 5 });
     let first = come_first();
-    println!("{kills} faults on {bricks} bricks; what serves them comes first on this machine: {first}");
+    promised(&format!(
+        "{kills} faults on {bricks} bricks; what serves them comes first on this machine: {first}"
+    ));
     let canary = Canary::new();
     let next = Mutex::new(0);
     let results: Mutex<Vec<(Case, Measured)>> = Mutex::default();
@@ -434,7 +437,7 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
     }
     report("all: last command ended", results.iter().map(|(_, one)| one.commands_ns).collect());
     report("all: at rest", results.iter().map(|(_, one)| one.rest_ns).collect());
-    println!("done again because this machine was starved: {}", starved.into_inner().unwrap());
+    promised(&format!("done again because this machine was starved: {}", starved.into_inner().unwrap()));
     println!("{} of {kills} judged; the others found this machine too busy each time", results.len());
     assert!(!results.is_empty(), "this machine is too busy for a control loop");
     let missed: Vec<_> = results.iter().filter(|(_, measured)| !measured.is_in_time()).collect();

@@ -8,6 +8,7 @@ use onbrick::runtime::StopReason;
 use onbrick::sim::Truth;
 
 use crate::faults::stage::{Ended, Stage, assert_at_rest, fault};
+use crate::support::promised::promised;
 
 /// The robot's devices and what they are to it.
 const DEVICES: [(&str, Channel); 5] = [
@@ -42,7 +43,7 @@ fn travelled_m(truths: &[Truth], time_s: f64) -> f64 {
 #[test]
 fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
     let clean = Stage { mission: pausing(), ..Stage::default() }.play();
-    println!("clean: {:.2} m, off by {:.3} m", clean.truth.travelled_m, clean.pose_error_m());
+    promised(&format!("clean: {:.2} m, off by {:.3} m", clean.truth.travelled_m, clean.pose_error_m()));
     for (port, channel) in DEVICES {
         let text = format!("[[fault]]\nat_s = 10\nuntil_s = 14\nport = \"{port}\"\nkind = \"unplug\"\n");
         let ended = Stage { mission: pausing(), scenario: &text, ..Stage::default() }.play();
@@ -58,14 +59,14 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
         assert!((14.0..17.5).contains(&back_s), "{port}: back at {back_s} s");
         let waited_m = travelled_m(&ended.truths, 14.0) - travelled_m(&ended.truths, 11.0);
         let afterwards_m = ended.truths.last().unwrap().travelled_m - travelled_m(&ended.truths, back_s);
-        println!(
+        promised(&format!(
             "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m driven then; largest step {:.4} m; off by \
              {:.3} m at the end",
             lost_s - 10.0,
             back_s - 14.0,
             largest_step_m(&ended),
             ended.pose_error_m()
-        );
+        ));
         assert!(waited_m < 0.002, "{port}: it waits, and has driven {waited_m} m");
         assert!(afterwards_m > 0.3, "{port}: it really goes on: {afterwards_m} m");
         assert!(largest_step_m(&ended) < 0.01, "{port}: no jump: {} m", largest_step_m(&ended));
@@ -166,7 +167,7 @@ fn promise_9_another_programs_hand_on_our_motors_ends_the_run_and_nothing_is_fou
             let scenario = orders(port, writes);
             let ended = Stage { scenario: &scenario, ..Stage::default() }.play();
             let took_ms = (ended.time_s - 10.0) * 1e3;
-            println!("{port} {writes:?}: {} after {took_ms:.0} ms", ended.reason);
+            promised(&format!("{port} {writes:?}: {} after {took_ms:.0} ms", ended.reason));
             assert_eq!(ended.reason, StopReason::Outside(*channel), "{port} {writes:?}");
             assert!(took_ms <= 120.0, "{port} {writes:?}: {took_ms} ms");
             // A second later the other program's command is still in force, and ours are not.

@@ -7,9 +7,8 @@ use onbrick::service::protocol::{Kind, LocalOnly, State};
 use super::{Served, folder, refused_as, start};
 use crate::commands::run;
 use crate::foreign::bench::unshare;
-use crate::mount::bench::real_time;
-use crate::support::pass_over;
 use crate::support::turning_brick::await_that;
+use crate::support::{pass_over, real_time::alone};
 
 /// A program behind a line of shell.
 fn behind(script: &str, command: &Command) -> Command {
@@ -21,7 +20,7 @@ fn behind(script: &str, command: &Command) -> Command {
 
 #[test]
 fn a_disk_that_fills_up_ends_the_run_as_a_fault_that_says_so() {
-    let _alone = real_time();
+    let _alone = alone();
     // No file may have more than 100 kB, some seconds of a recording; the signal for it is ignored, so that writing fails.
     let mut served = Served::started(folder(""), &["--sim", "arena"], |command| {
         behind("trap '' XFSZ; ulimit -f 200", &command)
@@ -79,7 +78,7 @@ fn a_configuration_that_is_wrong_is_refused_with_its_place() {
         assert!(said.err.contains(part), "{part}: {}", said.err);
     };
     refused("quota_mb = \"much\"", 3, "onbrick.toml:1:12");
-    refused("runs = [", 3, "onbrick.toml:1");
+    refused("runs = [", 3, "onbrick.toml:");
     refused("when_menu_closes = \"stopp\"", 3, "\"stop\"");
     refused("[socket]\ngroup = \"nobody-has-this-group\"", 1, "nobody-has-this-group");
     refused("runs = \"onbrick.toml\"\n[socket]\npath = \"missions\"", 1, "missions");

@@ -4,7 +4,8 @@
 //! meanwhile. So what depends on time is not asserted but said to a [`Pace`], which takes it as a failure only if neither the scenario nor its
 //! processes had to wait for a processor. Otherwise the scenario is played again.
 //!
-//! What does not depend on time is asserted as everywhere, and fails at once.
+//! What does not depend on time is asserted as everywhere, and fails at once. A test whose every assertion depends on processes that keep time is
+//! played [`patiently`].
 //!
 //! # What we count on
 //!
@@ -15,6 +16,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
@@ -63,6 +65,31 @@ pub fn in_real_time(name: &str, scenario: impl Fn(&Pace)) {
         }
     }
     println!("{name}: no judgement; the machine was starved {ATTEMPTS} times");
+}
+
+/// Plays a test whose processes must keep time, again where it fails on a machine that starved this process or those that it started. The last
+/// attempt counts, whatever the machine did.
+///
+/// # Panics
+///
+/// As the test does.
+pub fn patiently(name: &str, test: impl Fn()) {
+    for _ in 1..ATTEMPTS {
+        let failure = RefCell::new(None);
+        let (_, waited_ns) = play(|pace| {
+            pace.watched.lock().unwrap().push(std::process::id());
+            *failure.borrow_mut() = catch_unwind(AssertUnwindSafe(&test)).err();
+        });
+        match failure.into_inner() {
+            None => return,
+            Some(failure) if waited_ns <= MOST_WAIT_NS => resume_unwind(failure),
+            Some(_) => println!(
+                "{name}: once more; it failed where the machine let it wait for {} ms",
+                waited_ns / MILLISECOND_NS
+            ),
+        }
+    }
+    test();
 }
 
 #[derive(Debug, PartialEq, Eq)]
