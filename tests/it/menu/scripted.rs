@@ -218,9 +218,6 @@ pub fn progress(elapsed_s: f64) -> recording::Status {
         latest_ns: 0,
         warning: None,
         dropped: 0,
-        overruns: 0,
-        latest_ns: 0,
-        warning: None,
     }
 }
 
