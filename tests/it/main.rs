@@ -19,6 +19,7 @@ mod ev3dev;
 mod faults;
 mod figures;
 mod foreign;
+mod link;
 mod mapping;
 mod messages;
 mod missions;
