@@ -237,7 +237,6 @@ impl Service {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let process = std::process::id();
         let address = format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255);
-        std::fs::create_dir(folder.path().join("missions")).unwrap();
         let config = format!("name = \"sim\"\n[link]\naddress = \"{address}\"\n");
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
         let mut service = Self { folder, address, child: None };
@@ -249,7 +248,9 @@ impl Service {
         self.folder.path().join(name)
     }
 
+    /// Gives the brick a mission of its own; those that are shipped are not offered then.
     pub fn mission(&self, name: &str, text: &str) {
+        std::fs::create_dir_all(self.path("missions")).unwrap();
         std::fs::write(self.path("missions").join(format!("{name}.toml")), text).unwrap();
     }
 

@@ -14,12 +14,15 @@ use crate::support::pass_over;
 /// A mission that is over in two seconds.
 pub const SHORT: &str = r#"
 name = "short"
-time_limit_s = 2
+time_limit_s = 60
 [machine.drive]
 start = "forward"
+final = "halt"
 [machine.drive.state.forward]
 do = { left_dps = 90, right_dps = 90 }
-next = []
+next = [{ when = "time_s > 2", go = "halt" }]
+[machine.drive.state.halt]
+do = { stop = "brake" }
 "#;
 
 /// The newest run's identifier.
@@ -120,7 +123,7 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
     let file = fetched.split(' ').nth(1).unwrap().trim_end_matches(',').to_owned();
     let recording = Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
     assert_eq!(recording.info.as_ref().unwrap().mission, "mine");
-    assert_eq!(recording.ending.unwrap().reason, "time limit");
+    assert_eq!(recording.ending.unwrap().reason, "finished");
     assert!(!service.done(&["missions", "sim"]).contains("mine"), "kept with the run, and nowhere else");
 }
 
@@ -128,7 +131,7 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
 fn a_run_is_followed_on_a_page_that_grows() {
     let service = Service::new();
     service.introduce();
-    service.mission("short", &SHORT.replace("time_limit_s = 2", "time_limit_s = 12"));
+    service.mission("short", &SHORT.replace("time_s > 2", "time_s > 12"));
     service.done(&["start", "short", "sim"]);
     let mut follow = onbrick()
         .env("ONBRICK_KEYS", service.path("pc"))
@@ -174,7 +177,7 @@ fn browser(page: &str) -> Option<()> {
 fn a_run_comes_home_although_the_service_dies_and_comes_back() {
     let mut service = Service::new();
     service.introduce();
-    service.mission("short", &SHORT.replace("time_limit_s = 2", "time_limit_s = 6"));
+    service.mission("short", &SHORT.replace("time_s > 2", "time_s > 6"));
     service.done(&["start", "short", "sim"]);
     let run = newest(&service);
     let mut fetch = onbrick()

@@ -78,7 +78,7 @@ fn a_brick_that_was_set_up_anew_is_not_taken_for_the_old_one() {
     let server = serve(folder.path(), &fake);
     let address = format!("127.0.0.1:{}", server.port());
     let refused = client_at(&address, old, &pc).status().unwrap_err();
-    assert!(matches!(refused, ClientError::AnotherKey { .. }), "{refused}");
+    assert!(matches!(refused, ClientError::AnotherKey { .. }), "{refused}; {:?}", server.state());
     let new = KeyPair::load(folder.path()).unwrap().public();
     client_at(&address, new, &pc).status().unwrap();
 }

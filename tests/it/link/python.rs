@@ -20,7 +20,7 @@ fn the_python_example_asks_a_brick_and_brings_a_run_home() {
     service.introduce();
     service.done(&["start", "short", "sim"]);
     let run = newest(&service);
-    until("the run is over", || service.done(&["runs", "sim"]).contains("time limit").then_some(()));
+    until("the run is over", || service.done(&["runs", "sim"]).contains("finished").then_some(()));
 
     let key = |folder: &str| KeyPair::load(&service.path(folder)).unwrap();
     let own = std::fs::read_to_string(service.path("pc").join("own.key")).unwrap();
