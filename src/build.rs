@@ -9,17 +9,20 @@
 //!
 //! Without the feature nothing is built, and no C++ compiler is needed.
 
-fn main() {
+use std::env::VarError;
+
+fn main() -> Result<(), VarError> {
     println!("cargo:rerun-if-changed=src/build.rs");
     #[cfg(feature = "link")]
-    libzmq();
+    libzmq()?;
+    Ok(())
 }
 
 #[cfg(feature = "link")]
-fn libzmq() {
-    let told = |name: &str| std::env::var(name).unwrap_or_else(|_| panic!("Cargo did not say {name}"));
+fn libzmq() -> Result<(), VarError> {
     // What libsodium-sys-stable says of itself reaches the build scripts of the packages that depend on it.
-    let sodium = zeromq_src::LibLocation::new(told("DEP_SODIUM_LIB"), told("DEP_SODIUM_INCLUDE"));
+    let sodium =
+        zeromq_src::LibLocation::new(std::env::var("DEP_SODIUM_LIB")?, std::env::var("DEP_SODIUM_INCLUDE")?);
     zeromq_src::Build::new().with_libsodium(Some(sodium)).build();
 
     let features = std::env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default();
@@ -42,4 +45,5 @@ fn libzmq() {
             println!("cargo:rustc-link-arg={argument}");
         }
     }
+    Ok(())
 }

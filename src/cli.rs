@@ -25,18 +25,23 @@ mod control;
 mod devices;
 mod doctor;
 mod graph;
+mod guard;
 mod halt;
+mod menu;
 mod new;
 mod output;
 mod run;
 mod serve;
 mod setup;
 mod terminal;
+mod urgency;
 
 #[cfg(feature = "host")]
 mod export;
 #[cfg(feature = "host")]
 mod plot;
+#[cfg(feature = "host")]
+mod push;
 mod replay;
 
 #[cfg(all(feature = "sim", feature = "host"))]
@@ -91,6 +96,7 @@ enum Command {
     Sim(sim::Arguments),
     Run(run::Arguments),
     Serve(serve::Arguments),
+    Menu(menu::Arguments),
     #[cfg(all(feature = "link", feature = "host"))]
     Bricks(bricks::Arguments),
     #[cfg(all(feature = "link", feature = "host"))]
@@ -123,9 +129,13 @@ enum Command {
     Plot(plot::Arguments),
     #[cfg(feature = "host")]
     Export(export::Arguments),
+    #[cfg(feature = "host")]
+    Push(push::Arguments),
     Replay(replay::Arguments),
     #[command(hide = true)]
     Control(control::Arguments),
+    #[command(hide = true)]
+    Guard(guard::Arguments),
 }
 
 /// Parses the arguments, runs the one command they name, and gives its exit code.
@@ -152,6 +162,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments, &mut output),
         Command::Run(arguments) => run::run(&arguments, &mut output),
         Command::Serve(arguments) => serve::run(&arguments, &mut output),
+        Command::Menu(arguments) => menu::run(&arguments, &mut output),
         #[cfg(all(feature = "link", feature = "host"))]
         Command::Bricks(arguments) => bricks::run(&arguments, &mut output),
         #[cfg(all(feature = "link", feature = "host"))]
@@ -184,8 +195,11 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Plot(arguments) => plot::run(&arguments, &mut output),
         #[cfg(feature = "host")]
         Command::Export(arguments) => export::run(&arguments, &mut output),
+        #[cfg(feature = "host")]
+        Command::Push(arguments) => push::run(&arguments, &mut output),
         Command::Replay(arguments) => replay::run(&arguments, &mut output),
         Command::Control(arguments) => control::run(&arguments, &mut output),
+        Command::Guard(arguments) => guard::run(&arguments, &mut output),
     };
     match ended {
         Ok(()) => ExitCode::SUCCESS,

@@ -15,6 +15,7 @@
 //! | `power_supply` | [`Battery`] |
 //! | `board-info` | [`BoardInfo`] |
 //! | input events | [`Buttons`], [`Sound`] |
+//! | frame buffer, console | [`Screen`], [`Console`] |
 //!
 //! # Use
 //!
@@ -44,7 +45,7 @@
 //! # Not here
 //!
 //! No retries, no sleeping, no cached readings, no motion policy: those are the layers' above. No images before 2018
-//! (Debian 8): their names differ. No camera, no recorded sound; the screen comes with the menu.
+//! (Debian 8): their names differ. No camera, no recorded sound.
 //!
 //! # What we count on
 //!
@@ -88,6 +89,7 @@ mod led;
 mod motor;
 mod node;
 mod port;
+mod screen;
 mod sensor;
 mod sound;
 mod stream;
@@ -108,6 +110,7 @@ pub use motor::{
 };
 pub use node::{AttributeSpec, Direction};
 pub use port::LegoPort;
+pub use screen::{Console, SCREEN_PATH, Screen, ScreenError, ScreenLayout};
 pub use sensor::{
     AngleAndRate, Beacon, Colour, ColourMode, ColourSensor, Frame, GyroMode, GyroReset, GyroSensor,
     InfraredMode, InfraredSensor, MIN_PING_INTERVAL_NS, Mode, RawReflection, RawRgb, RemoteButtons,

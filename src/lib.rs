@@ -26,6 +26,7 @@
 //! | part | what it is |
 //! |---|---|
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
+//! | [`menu`] | what stands on the brick's screen, and what its buttons do (feature `cli`) |
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
 //! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
 //! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
@@ -45,8 +46,21 @@
 //!
 //! # Processes
 //!
-//! `onbrick run` checks everything and then starts *control* as a process of its own (the same file under a hidden command): the process
-//! that drives. Control writes a heartbeat each tick and ends its run when its starter is gone; the starter shows how it goes.
+//! ```text
+//! run, or the service ── orders ──▶ guard ──▶ control
+//!                     ◀── events ──       ◀── heartbeat, events
+//! ```
+//!
+//! A run has processes of its own, this same file started again under hidden commands ([`runtime::RunProcess`]). *Control* drives, and
+//! beats each tick. The *guard* holds the hardware's lock, passes orders and events on, and stops the motors when control is gone or
+//! hung ([`runtime::Watch`]): it kills control first, so that one that wakes up cannot renew a lease, and waits until it is gone. When
+//! the guard is gone, control stops the run; when the starter is, the guard has control stop it, unless the job says otherwise. When
+//! guard and control are killed at once, the leases end by themselves. The guard has a higher real-time priority than control,
+//! control may not spin for more than 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
+//! inside control, and has no guard.
+//!
+//! `onbrick serve` starts the same processes for whoever asks at one of its doors ([`service`]); they do not need it, and one that is started
+//! anew finds a run that goes on.
 //!
 //! # Words
 //!
@@ -71,8 +85,13 @@
 //! Every motion that a mission makes, the head's too, is a lease ([`robot::LeasedMotor`]): `run-timed` for 300 ms, renewed about every
 //! 100 ms while the loop is healthy, ramps 0, stop action brake. A position is reached by deciding the speed tick by tick. A process that is
 //! killed or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's end, an error, a panic,
-//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A lock that names its owner gives the
+//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A battery that gets low ([`robot::BatteryLimits`])
+//! slows the robot down and then ends the run. A lock that names its owner gives the
 //! hardware to one run at a time; between runs nothing of ours touches a motor.
+//!
+//! Each tick also looks at one aspect of each motor, and a motor that another program has commanded or reset ends the run; it is left
+//! alone from then on. A device that was unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where
+//! they were, modes are restored, a motion never. What the mission does meanwhile is its `on_lost`.
 //!
 //! # What may never happen
 //!
@@ -89,7 +108,7 @@
 //!
 //! # Not here yet
 //!
-//! The service, the network link, the guard process, the menu and the package for the brick are issues of their own.
+//! The package for the brick is an issue of its own.
 
 pub mod behavior;
 #[cfg(feature = "cli")]
@@ -100,6 +119,8 @@ pub mod ev3dev;
 #[cfg(feature = "link")]
 pub mod link;
 pub mod mapping;
+#[cfg(feature = "cli")]
+pub mod menu;
 #[cfg(feature = "host")]
 pub mod page;
 #[cfg(feature = "host")]

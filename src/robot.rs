@@ -16,24 +16,32 @@
 //! - A reading that fails leaves the last one with its age; [`Robot::trouble`] tells the last error.
 //! - Dropping a robot stops its motors, on every way out that unwinds.
 
+use std::io;
+
 use crate::behavior::{Demands, Drive, Led};
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Battery, Button, Buttons, ColourSensor, DeviceError, GyroSensor, InfraredSensor, LightColour, Sound,
-    StatusLights, StopAction, TouchSensor, UltrasonicSensor,
+    Battery, Button, Buttons, ColourSensor, DeviceError, GyroSensor, Identity, InfraredSensor, LightColour,
+    Sound, StatusLights, StopAction, TouchSensor, UltrasonicSensor,
 };
 
+mod battery;
 mod bind;
 mod config;
 mod drive;
 mod halt;
 mod lease;
+mod mend;
 mod senses;
 
+use bind::Bound;
+use mend::{Mended, Mender};
+
+pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::BindError;
 pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole};
-pub use halt::{HaltError, Halted, halt, watch_still};
-pub use lease::{LEASE_MS, LeasedMotor, RENEW_NS};
+pub use halt::{HaltError, Halted, halt, still, watch_still};
+pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
 pub use senses::{Channel, Reading, Senses};
 
 /// How near the head must come to what is asked of it, radians: half a degree, less than the gears' play.
@@ -63,9 +71,15 @@ pub struct Robot {
     led: Option<Led>,
     tone_hz: Option<i32>,
     head_rad: Option<f64>,
+    /// What the gyro's reading is counted from; not known between plugging it in again and its first reading.
+    gyro_zero_rad: Option<f64>,
     trouble: Option<(Channel, DeviceError)>,
     refused: Option<DeviceError>,
     settle_ns: i64,
+    mender: Mender,
+    /// What of the motors is looked at next, by its place in [`Aspect::ALL`].
+    aspect: usize,
+    outside: Option<Channel>,
 }
 
 /// What measures the range.
@@ -76,6 +90,13 @@ enum RangeSensor {
 }
 
 impl RangeSensor {
+    fn identity(&self) -> &Identity {
+        match self {
+            Self::Ultrasonic(sensor) => sensor.identity(),
+            Self::Infrared { sensor, .. } => sensor.identity(),
+        }
+    }
+
     /// Metres; infinite where nothing is in range.
     fn range_m(&self) -> Result<f64, DeviceError> {
         match self {
@@ -118,6 +139,13 @@ impl Robot {
         [Channel::Left, Channel::Right].into_iter().chain(optional).chain(colour).chain(motors)
     }
 
+    /// The ports of the motors that this robot has taken over, as the kernel names them.
+    #[must_use]
+    pub fn motor_ports(&self) -> Vec<String> {
+        let motors = [&self.left, &self.right].into_iter().chain(&self.head).chain(&self.motors);
+        motors.map(|motor| motor.motor().identity().address.to_string()).collect()
+    }
+
     /// Whether a person can stop the robot by a button, or why not.
     ///
     /// # Errors
@@ -127,61 +155,165 @@ impl Robot {
         self.buttons.as_ref().map(|_| ())
     }
 
+    /// From now on devices that were unplugged are looked for by a thread of their own, as a run in real time needs it: what that takes
+    /// is not on the tick's path. Until then [`Robot::sense`] does it.
+    ///
+    /// # Errors
+    ///
+    /// The kernel has no room for a thread.
+    pub fn mend_in_background(&mut self) -> io::Result<()> {
+        self.mender.move_to_helper()
+    }
+
     /// Reads everything once, one system call an attribute, and notes it in `senses`, whose tick and time the caller has set. True if
     /// Enter or Back was pressed.
     ///
-    /// What cannot be read keeps its last reading. The battery is read about once a second.
+    /// What cannot be read keeps its last reading. The battery is read about once a second. A device that was plugged in again
+    /// goes on from its last reading: its own count has begun anew.
     pub fn sense(&mut self, senses: &mut Senses) -> bool {
-        let mut trouble = None;
-        let mut note = |channel, value: Result<f64, DeviceError>| match value {
-            Ok(value) => senses.set(channel, value),
-            Err(error) => trouble = Some((channel, error)),
-        };
-        note(Channel::Left, self.left.angle_rad());
-        note(Channel::Right, self.right.angle_rad());
-        if let Some(head) = &self.head {
-            note(Channel::Head, head.angle_rad());
+        while let Some(mended) = self.mender.next(senses.time_ns) {
+            let old = self.put_back(mended, senses);
+            self.mender.give_back(old);
         }
-        for (channel, motor) in Channel::MOTORS.into_iter().zip(&self.motors) {
-            note(channel, motor.angle_rad());
-        }
-        if let Some(range) = &self.range {
-            note(Channel::Range, range.range_m());
-        }
-        if let Some(gyro) = &self.gyro {
-            // The sensor counts clockwise; from here on, anticlockwise is positive.
-            note(Channel::Gyro, gyro.angle_rad().map(|clockwise_rad| -clockwise_rad));
-        }
-        if let Some(touch) = &self.touch {
-            note(Channel::Touch, touch.is_pressed().map(|pressed| f64::from(u8::from(pressed))));
-        }
-        if let Some((colour, channel)) = &self.colour {
-            note(
-                *channel,
-                match channel {
-                    Channel::Colour => colour.colour().map(|colour| f64::from(colour as u8)),
-                    _ => colour.reflected_pct(),
-                },
-            );
-        }
-        if let Some(remote) = &self.remote {
-            note(Channel::Remote, remote.remote().map(|code| f64::from(code as u8)));
-        }
-        let battery = self.battery.as_ref().filter(|_| senses.time_ns >= self.battery_due_ns);
-        if let Some(battery) = battery {
-            self.battery_due_ns = senses.time_ns + SECOND_NS;
-            match battery.voltage_v() {
-                Ok(volts) => senses.set(Channel::Battery, volts),
-                Err(error) => trouble = Some((Channel::Battery, error)),
+        for channel in Channel::ALL {
+            match self.read(channel, senses) {
+                None => {}
+                Some(Ok(value)) => {
+                    senses.set(channel, value);
+                    self.mender.note(channel, None, senses.time_ns);
+                }
+                Some(Err(error)) => {
+                    self.mender.note(channel, Some(error.is_gone()), senses.time_ns);
+                    self.trouble = Some((channel, error));
+                }
             }
         }
         if let Some(reading) = senses.get(Channel::Head).filter(|_| self.head.is_some()) {
             self.head_rad = Some(reading.value);
         }
-        if trouble.is_some() {
-            self.trouble = trouble;
-        }
+        self.look_for_others(senses.time_ns);
         self.stop_pressed()
+    }
+
+    /// The motor that another program has commanded or reset, if one has; it is left alone from then on.
+    #[must_use]
+    pub fn outside(&self) -> Option<Channel> {
+        self.outside
+    }
+
+    /// As [`Robot::outside`], after a close look at everything: for a tick in which something else went wrong with a motor, which may be
+    /// another program's doing.
+    pub fn look_closely(&mut self, now_ns: i64) -> Option<Channel> {
+        for aspect in Aspect::ALL {
+            for channel in Channel::ALL {
+                if let Some(motor) = self.motor_mut(channel) {
+                    // The first look raises the doubt, the second one settles it.
+                    let taken = motor.is_taken(aspect, now_ns) || motor.is_taken(aspect, now_ns);
+                    self.outside = self.outside.or(taken.then_some(channel));
+                }
+            }
+        }
+        self.outside
+    }
+
+    /// Looks at one aspect of each motor a tick, and at the same one again where it raised a doubt.
+    fn look_for_others(&mut self, now_ns: i64) {
+        let Some(aspect) = Aspect::ALL.get(self.aspect).copied() else { return };
+        let mut doubt = false;
+        for channel in Channel::ALL {
+            if let Some(motor) = self.motor_mut(channel) {
+                let taken = motor.is_taken(aspect, now_ns);
+                doubt |= motor.is_in_doubt();
+                self.outside = self.outside.or(taken.then_some(channel));
+            }
+        }
+        if !doubt {
+            self.aspect = (self.aspect + 1) % Aspect::ALL.len();
+        }
+    }
+
+    /// What a channel says now; nothing where this robot does not have it, or where it is not due.
+    fn read(&mut self, channel: Channel, senses: &Senses) -> Option<Result<f64, DeviceError>> {
+        Some(match channel {
+            Channel::Range => self.range.as_ref()?.range_m(),
+            Channel::Gyro => {
+                // The sensor counts clockwise; from here on, anticlockwise is positive.
+                let read = self.gyro.as_ref()?.angle_rad().map(|clockwise_rad| -clockwise_rad);
+                let last = senses.get(channel).map(|reading| reading.value);
+                read.map(|angle_rad| {
+                    angle_rad
+                        + *self.gyro_zero_rad.get_or_insert_with(|| last.unwrap_or(angle_rad) - angle_rad)
+                })
+            }
+            Channel::Touch => self.touch.as_ref()?.is_pressed().map(|pressed| f64::from(u8::from(pressed))),
+            Channel::Colour | Channel::Reflect => {
+                match self.colour.as_ref().filter(|(_, measured)| *measured == channel)? {
+                    (sensor, Channel::Colour) => sensor.colour().map(|colour| f64::from(colour as u8)),
+                    (sensor, _) => sensor.reflected_pct(),
+                }
+            }
+            Channel::Remote => self.remote.as_ref()?.remote().map(|code| f64::from(code as u8)),
+            Channel::Battery => {
+                let battery = self.battery.as_ref().filter(|_| senses.time_ns >= self.battery_due_ns)?;
+                self.battery_due_ns = senses.time_ns + SECOND_NS;
+                battery.voltage_v()
+            }
+            _ => self.motor_mut(channel)?.angle_rad(),
+        })
+    }
+
+    fn motor_mut(&mut self, channel: Channel) -> Option<&mut LeasedMotor> {
+        match channel {
+            Channel::Left => Some(&mut self.left),
+            Channel::Right => Some(&mut self.right),
+            Channel::Head => self.head.as_mut(),
+            _ => {
+                let place = Channel::MOTORS.into_iter().position(|motor| motor == channel)?;
+                self.motors.get_mut(place)
+            }
+        }
+    }
+
+    /// Puts a device that was bound anew in the place of the one that failed, which is given back.
+    fn put_back(&mut self, mut mended: Box<Mended>, senses: &Senses) -> Box<Mended> {
+        let last = senses.get(mended.channel).map(|reading| reading.value);
+        match &mut mended.bound {
+            Bound::Motor(new) => {
+                // Its count began anew at 0.
+                new.set_zero_rad(last.unwrap_or(0.0));
+                if let Some(place) = self.motor_mut(mended.channel) {
+                    std::mem::swap(place, new);
+                }
+            }
+            Bound::Range(new) => swap(&mut self.range, new),
+            Bound::Gyro(new) => {
+                if mended.replugged {
+                    self.gyro_zero_rad = None;
+                }
+                swap(&mut self.gyro, new);
+            }
+            Bound::Touch(new) => swap(&mut self.touch, new),
+            Bound::Colour(new) => {
+                if let Some((place, _)) = &mut self.colour {
+                    std::mem::swap(place, new);
+                }
+            }
+            Bound::Remote(new) => swap(&mut self.remote, new),
+        }
+        mended
+    }
+
+    /// The kernel's name of the device behind a channel.
+    fn device_name(&mut self, channel: Channel) -> Option<String> {
+        let identity = match channel {
+            Channel::Range => self.range.as_ref()?.identity(),
+            Channel::Gyro => self.gyro.as_ref()?.identity(),
+            Channel::Touch => self.touch.as_ref()?.identity(),
+            Channel::Colour | Channel::Reflect => self.colour.as_ref()?.0.identity(),
+            Channel::Remote => self.remote.as_ref()?.identity(),
+            _ => self.motor_mut(channel)?.motor().identity(),
+        };
+        Some(identity.name.clone())
     }
 
     /// Carries out what is wanted, within the robot's limits. What nobody wants does not turn.
@@ -310,6 +442,12 @@ impl Robot {
                 None => sound.silence(),
             };
         }
+    }
+}
+
+fn swap<T>(place: &mut Option<T>, new: &mut T) {
+    if let Some(place) = place {
+        std::mem::swap(place, new);
     }
 }
 

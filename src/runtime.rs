@@ -24,12 +24,14 @@ use serde::{Deserialize, Serialize};
 use crate::mapping::Pose;
 use crate::robot::Channel;
 
+mod battery;
 mod calibrate;
 mod child;
 mod control;
 mod dialogue;
 mod doctor;
 mod execute;
+mod guard;
 mod lock;
 mod names;
 mod pilot;
@@ -40,6 +42,7 @@ pub mod save;
 mod setup;
 mod stall;
 
+pub use battery::{Charge, HOLD_NS, SLOW_SHARE};
 pub use calibrate::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
     calibrate, set_numbers,
@@ -50,7 +53,10 @@ pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
 #[cfg(feature = "sim")]
 pub use execute::execute_observed;
+#[cfg(feature = "cli")]
+pub(crate) use execute::with_causes;
 pub use execute::{Refused, execute};
+pub use guard::{Lines, MISSED_NS, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
@@ -87,6 +93,19 @@ pub struct Job {
     pub run: Option<String>,
     /// What becomes of the run when whoever started it is gone.
     pub when_abandoned: WhenAbandoned,
+    /// Who holds the hardware's lock.
+    pub lock: Lock,
+}
+
+/// Who holds the hardware's lock for a run on a brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Lock {
+    /// Nobody yet: whoever does the job takes it.
+    #[default]
+    Take,
+    /// The guard that started this process, which shares the lock by inheritance.
+    Inherited,
 }
 
 /// What becomes of a run when whoever started it is gone: when the pipe of its orders closes.
@@ -129,6 +148,8 @@ pub enum Event {
     Driving {
         /// The recording.
         file: PathBuf,
+        /// The ports of the motors that the run has taken over, as the kernel names them.
+        motors: Vec<String>,
     },
     /// How it is going.
     Status(recording::Status),
@@ -235,14 +256,20 @@ pub enum StopReason {
     Signal,
     /// Whoever started the run is gone.
     Abandoned,
+    /// Another program has commanded or reset a motor of ours.
+    Outside(Channel),
     /// A device is gone, or cannot be read any more.
     Lost(Channel),
     /// A wheel that was told to turn did not.
     Stalled,
+    /// The battery is too low to go on.
+    Battery,
     /// The loop was away for longer than [`STALL_NS`].
     Late,
     /// The recording cannot be written.
     Recording,
+    /// The process that drives was gone or hung, and the guard stopped the motors.
+    Guard,
     /// The program itself failed.
     Panicked,
 }
@@ -259,10 +286,13 @@ impl StopReason {
             Self::MenuClosed => "menu closed",
             Self::Signal => "signal",
             Self::Abandoned => "abandoned",
+            Self::Outside(_) => "outside",
             Self::Lost(_) => "lost",
             Self::Stalled => "stalled",
+            Self::Battery => "battery",
             Self::Late => "late",
             Self::Recording => "recording",
+            Self::Guard => "guard",
             Self::Panicked => "panicked",
         }
     }
@@ -287,10 +317,15 @@ impl std::fmt::Display for StopReason {
             Self::MenuClosed => f.write_str("the brick's menu is gone"),
             Self::Signal => f.write_str("stopped by a signal"),
             Self::Abandoned => f.write_str("whoever started the run is gone"),
+            Self::Outside(channel) => {
+                write!(f, "stopped from outside: another program commands the {channel}")
+            }
             Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
             Self::Stalled => f.write_str("a wheel is blocked"),
+            Self::Battery => Charge::Empty.fmt(f),
             Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
             Self::Recording => f.write_str("the recording cannot be written"),
+            Self::Guard => f.write_str("the guard stopped the motors"),
             Self::Panicked => f.write_str("the program failed; please report it"),
         }
     }

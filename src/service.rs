@@ -72,14 +72,3 @@ pub trait NetworkDoor: std::fmt::Debug + Send + Sync {
     /// A person has compared the codes.
     fn answer_pairing(&self, same: bool) -> protocol::Pairing;
 }
-
-/// The error and all its causes, as a person reads it.
-fn with_causes(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
-}

@@ -294,10 +294,11 @@ impl Progress {
         let states = status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
         bar.set_position(u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0));
         bar.set_message(format!(
-            "{:.0} s, {:.1} m, {} points; {states}",
+            "{:.0} s, {:.1} m, {} points; {states}{}",
             crate::clock::seconds(status.elapsed_ns),
             status.travelled_m,
-            status.points
+            status.points,
+            status.warning.as_ref().map(|warning| format!("; {warning}")).unwrap_or_default()
         ));
     }
 

@@ -1,4 +1,4 @@
-//! `onbrick control`: the process that drives. Hidden: `run` starts it, and a person never does.
+//! `onbrick control`: the process that drives. Hidden: the guard starts it, and a person never does.
 //!
 //! It is a process of its own so that whatever happens to its starter, this one holds nothing but the robot and the recording, and can
 //! be killed and waited for. What is said over its two pipes is in [`RunProcess`](crate::runtime::RunProcess). Its output never blocks
@@ -11,20 +11,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use nix::poll::{PollFd, PollFlags, poll};
+use signal_hook::consts::SIGXFSZ;
 
-use super::{Exit, Failure, Output};
-use crate::runtime::{Event, Heartbeat, Order, StopFlags, WhenAbandoned, execute, next_order, read_job};
+use super::{Exit, Failure, Output, urgency};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use crate::runtime::{
+    Brick, Event, Heartbeat, Order, StopFlags, WhenAbandoned, execute, next_order, read_job,
+};
 
-/// Drive: started by `onbrick run`, never by hand.
+/// Drive: started by the guard of a run, never by hand.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {}
 
-/// How long a last word waits for a reader that lags, milliseconds.
-const PATIENCE_MS: u16 = 2000;
+/// How long a last word waits for a reader that lags, nanoseconds.
+const PATIENCE_NS: i64 = 2 * SECOND_NS;
 
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
     let flags = StopFlags::on_signals()
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    // A file that may not grow is then an error of its write (EFBIG) and not the end of the process that drives.
+    signal_hook::flag::register(SIGXFSZ, Arc::default())
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     let mut orders = BufReader::new(io::stdin());
     let job = read_job(&mut orders).map_err(|error| {
@@ -40,7 +46,16 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     pipe.never_wait();
     let mut heartbeat = pipe.clone();
     let reporter = pipe.clone();
-    let ended = execute(&job, &flags, &mut heartbeat, move |event| reporter.send(event));
+    let is_real = matches!(job.brick, Brick::Local(_));
+    let ended = execute(&job, &flags, &mut heartbeat, move |event| {
+        match event {
+            // Said by the thread that ticks, after all others have been started at their usual priority.
+            Event::Driving { .. } if is_real => urgency::as_control(),
+            Event::Stopped { .. } if is_real => urgency::may_compute(),
+            _ => {}
+        }
+        reporter.send(event);
+    });
     pipe.send(&match ended {
         Ok(ended) => Event::Ended(ended),
         Err(refused) => {
@@ -68,29 +83,40 @@ struct Pipe {
 }
 
 impl Pipe {
-    /// One write a line: a line shorter than `PIPE_BUF` goes whole or not at all.
     fn send(&self, event: &Event) {
+        let Ok(mut line) = serde_json::to_vec(event) else { return };
+        line.push(b'\n');
         if matches!(event, Event::Stopped { .. } | Event::Ended(_) | Event::Refused { .. }) {
-            self.wait_for_room();
-        }
-        if let Ok(mut line) = serde_json::to_vec(event) {
-            line.push(b'\n');
-            self.write(&line);
+            self.write_whole(&line);
+        } else {
+            // A line shorter than `PIPE_BUF` goes whole, or not at all where the reader lags; the next one is no worse.
+            let _ = self.write(&line);
         }
     }
 
-    fn write(&self, bytes: &[u8]) {
-        // A reader that lags misses a line (EAGAIN); the next one is no worse.
-        if nix::unistd::write(io::stdout().as_fd(), bytes) == Err(Errno::EPIPE) {
+    /// How much was written.
+    fn write(&self, bytes: &[u8]) -> nix::Result<usize> {
+        let written = nix::unistd::write(io::stdout().as_fd(), bytes);
+        if written == Err(Errno::EPIPE) {
             self.gone.store(true, Ordering::Relaxed);
         }
+        written
     }
 
-    /// The kernel calls a pipe writable when it has room for `PIPE_BUF`.
-    fn wait_for_room(&self) {
-        let stdout = io::stdout();
-        // Interrupted or refused: the write that follows then misses, as any may.
-        let _ = poll(&mut [PollFd::new(stdout.as_fd(), PollFlags::POLLOUT)], PATIENCE_MS);
+    /// Waits for a reader that lags, but not for ever.
+    fn write_whole(&self, mut bytes: &[u8]) {
+        let deadline_ns = MonotonicClock.now_ns() + PATIENCE_NS;
+        loop {
+            match self.write(bytes) {
+                Ok(written) => bytes = bytes.get(written..).unwrap_or_default(),
+                Err(Errno::EAGAIN | Errno::EINTR) => {}
+                Err(_) => return,
+            }
+            if bytes.is_empty() || MonotonicClock.now_ns() >= deadline_ns {
+                return;
+            }
+            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
+        }
     }
 
     fn never_wait(&self) {
@@ -101,6 +127,7 @@ impl Pipe {
 
 impl Heartbeat for Pipe {
     fn beat(&mut self) {
-        self.write(b"\n");
+        // Nor does a beat that does not fit matter: the pipe is full of them.
+        let _ = self.write(b"\n");
     }
 }

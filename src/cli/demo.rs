@@ -12,7 +12,7 @@ use super::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
 use crate::mapping::stats;
 use crate::report::{export, plot};
-use crate::runtime::{Brick, Job, NoHeartbeat, Source, StopFlags, WhenAbandoned, execute};
+use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, StopFlags, WhenAbandoned, execute};
 use crate::sim::World;
 use crate::units::{degrees, wrap_rad};
 
@@ -118,6 +118,7 @@ fn job(arguments: &Arguments, output: &mut Output) -> Result<Job, Failure> {
         sync_ns: SECOND_NS,
         run: None,
         when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
     })
 }
 

@@ -37,7 +37,8 @@ const PATIENCE_NS: i64 = SECOND_NS / 2;
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let clock = MonotonicClock;
-    let stopped_run = stop_owner(arguments, &clock)?;
+    // Should the owner not stop, its motors are stopped all the same.
+    let stopped_run = stop_owner(arguments, &clock);
     // A brick without motors is still; a folder that is no brick is a slip, and the robot may be driving elsewhere.
     if !arguments.brick.join("sys/class").is_dir() {
         return Err(no_brick(&arguments.brick));
@@ -48,6 +49,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             .hint("unplug the motors' cables, or take out the battery")
     };
     let motors = halt(&tree).map_err(|error| failed(&error))?;
+    let stopped_run = stopped_run?;
     let moving = watch_still(&tree, &clock, SECOND_NS).map_err(|error| failed(&error))?;
     if let Some(owner) = &stopped_run {
         output.line(format!("stopped {} (process {})", owner.doing, owner.pid));

@@ -7,6 +7,8 @@ use clap::{Args, Subcommand};
 use super::{Exit, Failure, Output};
 use crate::link::keys::{Authorised, AuthorisedKey, KeyError, PublicKey};
 use crate::link::{KeyPair, key_folder};
+#[cfg(feature = "host")]
+use crate::link::{KnownBrick, KnownBricks};
 
 /// Make and show this machine's key; on a brick, let other keys in or turn them away.
 ///
@@ -51,6 +53,16 @@ enum What {
     },
     /// List the keys that may ask this machine.
     List,
+    /// On a PC: know a brick by its key from now on, where that came over a way that is trusted, such as ssh.
+    #[cfg(feature = "host")]
+    Know {
+        /// What the brick is called.
+        brick: String,
+        /// Where it is.
+        address: String,
+        /// The key, as `key show` prints it on the brick.
+        key: String,
+    },
 }
 
 impl Folder {
@@ -81,10 +93,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             show(&KeyPair::load(&folder).map_err(|error| failure(&error))?.public(), output);
         }
         What::Authorise { key, name } => {
-            let key = PublicKey::parse(key).map_err(|error| {
-                Failure::new(Exit::Usage, error.to_string())
-                    .hint("onbrick key show on the other machine; the shell wants it in single quotes")
-            })?;
+            let key = parsed(key)?;
             authorised.add(&key, name).map_err(|error| failure(&error))?;
             let fingerprint = key.fingerprint();
             output.show(
@@ -104,8 +113,26 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 output.line("no key may ask this machine");
             }
         }
+        #[cfg(feature = "host")]
+        What::Know { brick, address, key } => {
+            let brick = KnownBrick { name: brick.clone(), address: address.clone(), key: parsed(key)? };
+            let mut known = KnownBricks::load(&folder).map_err(|error| failure(&error))?;
+            known.put(&brick).map_err(|error| failure(&error))?;
+            let fingerprint = brick.key.fingerprint();
+            output.show(
+                format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
+                &serde_json::json!({ "known": brick.name, "address": brick.address, "fingerprint": fingerprint }),
+            );
+        }
     }
     Ok(())
+}
+
+fn parsed(key: &str) -> Result<PublicKey, Failure> {
+    PublicKey::parse(key).map_err(|error| {
+        Failure::new(Exit::Usage, error.to_string())
+            .hint("onbrick key show on the other machine; the shell wants it in single quotes")
+    })
 }
 
 fn revoke(authorised: &Authorised, which: &str, output: &mut Output) -> Result<(), Failure> {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+#[cfg(feature = "host")]
 use super::key;
 #[cfg(feature = "host")]
 use super::remote::How;

@@ -9,10 +9,12 @@ use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::mapping::Pose;
-use crate::runtime::{Brick, Ended, Job, RunError, RunProcess, StopBy, Stopper, WhenAbandoned};
+use crate::runtime::{Brick, Ended, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned};
 use crate::units::radians;
 
-/// Run a mission here, in the foreground, and record it.
+mod through;
+
+/// Run a mission here, in the foreground, and record it; where a service lives on the brick, through it.
 ///
 /// Examples:
 ///   onbrick run map                        on the brick, with the robot of robot.toml
@@ -49,12 +51,19 @@ pub(super) struct Arguments {
     /// Folder for the recording, run.mcap; without it, the next free one under onbrick-runs.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Run it through the service with this configuration, where one lives; on the brick /etc/onbrick is looked at without asking.
+    #[cfg_attr(feature = "sim", arg(conflicts_with = "sim"))]
+    #[arg(long, value_name = "DIR")]
+    config: Option<PathBuf>,
     /// Seconds between two syncs: at most so much of the recording is lost in a power cut.
     #[arg(long, default_value_t = 1.0, value_parser = sync_period)]
     sync_s: f64,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    if let Some(living) = through::service(arguments)? {
+        return through::run(living, arguments, output);
+    }
     let robot = load_robot(arguments.robot.as_deref(), output)?;
     let source = read_mission(&arguments.mission)?;
     let (mut mission, warnings) =
@@ -79,6 +88,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         sync_ns: nanoseconds(arguments.sync_s),
         run: None,
         when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
     };
     let ended = drive(&job, &mission, output).inspect_err(|_| folder.take_back())?;
     // A program has read it already: it was the last event.

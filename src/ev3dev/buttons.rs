@@ -90,6 +90,16 @@ impl ButtonSet {
     }
 }
 
+impl FromIterator<Button> for ButtonSet {
+    fn from_iter<I: IntoIterator<Item = Button>>(buttons: I) -> Self {
+        let mut set = Self::default();
+        for button in buttons {
+            set.set(button, true);
+        }
+        set
+    }
+}
+
 /// What happened since the last look. A button that was pressed and let go in between is in both sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ButtonChanges {

@@ -196,6 +196,13 @@ words! {
     }
 }
 
+impl Default for Technology {
+    /// What is not known otherwise.
+    fn default() -> Self {
+        Self::Unknown
+    }
+}
+
 words! {
     /// How the bytes of `bin_data` are laid out, little-endian unless the word says `be`.
     BinFormat {

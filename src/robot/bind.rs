@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use crate::behavior::Role;
 use crate::ev3dev::{
-    BUTTONS_PATH, Battery, Buttons, ColourMode, ColourSensor, DeviceError, FindError, GyroMode, InfraredMode,
-    PortAddress, SOUND_PATH, SensorMode, Sound, StatusLights, TachoMotor, TouchMode, Tree, TypedSensor,
-    UltrasonicMode,
+    BUTTONS_PATH, Battery, Buttons, ColourMode, ColourSensor, DeviceError, FindError, GyroMode, GyroSensor,
+    InfraredMode, InfraredSensor, PortAddress, SOUND_PATH, SensorMode, Sound, StatusLights, TachoMotor,
+    TouchMode, TouchSensor, Tree, TypedSensor, UltrasonicMode,
 };
 
-use super::{Channel, LeasedMotor, MotorRole, RangeRole, RangeSensor, Robot, RobotConfig};
+use super::mend::Mender;
+use super::{Channel, LeasedMotor, MotorRole, RangeSensor, Robot, RobotConfig, SensorRole};
 
 /// Why a role could not be bound to a device.
 #[derive(Debug, thiserror::Error)]
@@ -42,50 +43,33 @@ impl Robot {
     ///
     /// [`BindError`] with the role; it says what is plugged in instead.
     pub fn bind(tree: &Arc<dyn Tree>, config: &RobotConfig, roles: &[Role]) -> Result<Self, BindError> {
+        let recipe = Recipe {
+            tree: Arc::clone(tree),
+            config: config.clone(),
+            colour: if roles.contains(&Role::Reflect) { Channel::Reflect } else { Channel::Colour },
+        };
         let mut settle_ns = 0;
         let mut settle = |ns: i64| settle_ns = settle_ns.max(ns);
-        let left = motor(tree, "drive.left", &config.left, config.max_wheel_rad_s)?;
-        let right = motor(tree, "drive.right", &config.right, config.max_wheel_rad_s)?;
-        let head = config.head.as_ref().map(|head| motor(tree, "head", &head.motor, head.speed_rad_s));
-        let motors = config
-            .motors
-            .iter()
-            .map(|named| motor(tree, &format!("motor.{}", named.name), &named.motor, named.max_rad_s));
-        let range = config.range.as_ref().map(|role| range_sensor(tree, role, &mut settle));
-        let gyro = config
-            .gyro
-            .as_ref()
-            .map(|role| sensor(tree, "gyro", role.port.as_ref(), GyroMode::Angle, &mut settle));
-        let touch = config
-            .touch
-            .as_ref()
-            .map(|role| sensor(tree, "touch", role.port.as_ref(), TouchMode::Touch, &mut settle));
-        let reflect = roles.contains(&Role::Reflect);
-        let (mode, channel) = if reflect {
-            (ColourMode::Reflect, Channel::Reflect)
-        } else {
-            (ColourMode::Colour, Channel::Colour)
-        };
-        let colour = config.colour.as_ref().map(|role| -> Result<(ColourSensor, Channel), BindError> {
-            Ok((sensor(tree, "colour", role.port.as_ref(), mode, &mut settle)?, channel))
-        });
-        let remote = config
-            .remote
-            .as_ref()
-            .map(|role| sensor(tree, "remote", role.port.as_ref(), InfraredMode::Remote, &mut settle));
-        Ok(Self {
-            config: config.clone(),
-            left,
-            right,
-            head: head.transpose()?,
+        // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
+        let battery = Battery::open(tree).ok();
+        let mut known = config.clone();
+        // Cells that cannot be asked are taken for the usual ones.
+        known.battery.cells =
+            battery.as_ref().and_then(|battery| battery.technology().ok()).unwrap_or_default();
+        let motors =
+            Channel::MOTORS.into_iter().take(config.motors.len()).map(|channel| recipe.motor(channel));
+        let mut robot = Self {
+            config: known,
+            left: recipe.motor(Channel::Left)?,
+            right: recipe.motor(Channel::Right)?,
+            head: config.head.as_ref().map(|_| recipe.motor(Channel::Head)).transpose()?,
             motors: motors.collect::<Result<_, _>>()?,
-            range: range.transpose()?,
-            gyro: gyro.transpose()?,
-            touch: touch.transpose()?,
-            colour: colour.transpose()?,
-            remote: remote.transpose()?,
-            // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
-            battery: Battery::open(tree).ok(),
+            range: config.range.as_ref().map(|_| recipe.range(&mut settle)).transpose()?,
+            gyro: config.gyro.as_ref().map(|_| recipe.gyro(&mut settle)).transpose()?,
+            touch: config.touch.as_ref().map(|_| recipe.touch(&mut settle)).transpose()?,
+            colour: config.colour.as_ref().map(|_| recipe.colour(&mut settle)).transpose()?,
+            remote: config.remote.as_ref().map(|_| recipe.remote(&mut settle)).transpose()?,
+            battery,
             battery_due_ns: 0,
             buttons: Buttons::open(tree, BUTTONS_PATH),
             lights: StatusLights::open(tree).ok(),
@@ -93,22 +77,175 @@ impl Robot {
             led: None,
             tone_hz: None,
             head_rad: None,
+            gyro_zero_rad: Some(0.0),
             trouble: None,
             refused: None,
-            settle_ns,
-        })
+            settle_ns: 0,
+            mender: Mender::new(recipe),
+            aspect: 0,
+            outside: None,
+        };
+        robot.settle_ns = settle_ns;
+        for channel in robot.channels().collect::<Vec<_>>() {
+            if let Some(name) = robot.device_name(channel) {
+                robot.mender.knows(channel, name);
+            }
+        }
+        Ok(robot)
     }
 }
 
-fn motor(
-    tree: &Arc<dyn Tree>,
-    role: &str,
-    wanted: &MotorRole,
+/// How the device of each role is bound: at the start, and anew when it was plugged in again.
+#[derive(Debug, Clone)]
+pub(super) struct Recipe {
+    tree: Arc<dyn Tree>,
+    config: RobotConfig,
+    /// What the colour sensor measures.
+    colour: Channel,
+}
+
+/// A device that was bound.
+#[derive(Debug)]
+pub(super) enum Bound {
+    Motor(LeasedMotor),
+    Range(RangeSensor),
+    Gyro(GyroSensor),
+    Touch(TouchSensor),
+    Colour(ColourSensor),
+    Remote(InfraredSensor),
+}
+
+impl Bound {
+    /// The kernel's name of it, which is another one after each plugging in.
+    pub(super) fn name(&self) -> &str {
+        let identity = match self {
+            Self::Motor(motor) => motor.motor().identity(),
+            Self::Range(sensor) => sensor.identity(),
+            Self::Gyro(sensor) => sensor.identity(),
+            Self::Touch(sensor) => sensor.identity(),
+            Self::Colour(sensor) => sensor.identity(),
+            Self::Remote(sensor) => sensor.identity(),
+        };
+        &identity.name
+    }
+}
+
+impl Recipe {
+    /// Binds the device behind a channel anew, and says for how long its values may be stale, nanoseconds. `None` where there is
+    /// nothing to bind: the robot has no such role, or it is a motor that was never away, which is not to be reset.
+    pub(super) fn again(
+        &self,
+        channel: Channel,
+        known: Option<&str>,
+    ) -> Result<Option<(Bound, i64)>, BindError> {
+        let mut settle_ns = 0;
+        let mut settle = |ns: i64| settle_ns = ns;
+        let bound = match channel {
+            Channel::Range if self.config.range.is_some() => Bound::Range(self.range(&mut settle)?),
+            Channel::Gyro if self.config.gyro.is_some() => Bound::Gyro(self.gyro(&mut settle)?),
+            Channel::Touch if self.config.touch.is_some() => Bound::Touch(self.touch(&mut settle)?),
+            Channel::Colour | Channel::Reflect if self.config.colour.is_some() => {
+                Bound::Colour(self.colour(&mut settle)?.0)
+            }
+            Channel::Remote if self.config.remote.is_some() => Bound::Remote(self.remote(&mut settle)?),
+            _ => {
+                let Some(wanted) = self.wanted(channel) else { return Ok(None) };
+                let motor = find_motor(&self.tree, &wanted)?;
+                if known == Some(motor.identity().name.as_str()) {
+                    return Ok(None);
+                }
+                Bound::Motor(take_motor(motor, &wanted)?)
+            }
+        };
+        Ok(Some((bound, settle_ns)))
+    }
+
+    fn motor(&self, channel: Channel) -> Result<LeasedMotor, BindError> {
+        // Only asked for what the file has.
+        let wanted = self.wanted(channel).unwrap_or_else(|| self.left());
+        take_motor(find_motor(&self.tree, &wanted)?, &wanted)
+    }
+
+    fn left(&self) -> WantedMotor<'_> {
+        let config = &self.config;
+        WantedMotor { role: "drive.left".to_owned(), motor: &config.left, max_rad_s: config.max_wheel_rad_s }
+    }
+
+    fn wanted(&self, channel: Channel) -> Option<WantedMotor<'_>> {
+        let config = &self.config;
+        let wanted = |role: &str, motor, max_rad_s| WantedMotor { role: role.to_owned(), motor, max_rad_s };
+        match channel {
+            Channel::Left => Some(self.left()),
+            Channel::Right => Some(wanted("drive.right", &config.right, config.max_wheel_rad_s)),
+            Channel::Head => config.head.as_ref().map(|head| wanted("head", &head.motor, head.speed_rad_s)),
+            _ => {
+                let place = Channel::MOTORS.into_iter().position(|motor| motor == channel)?;
+                let named = config.motors.get(place)?;
+                Some(wanted(&format!("motor.{}", named.name), &named.motor, named.max_rad_s))
+            }
+        }
+    }
+
+    /// The ultrasonic sensor, or where there is none the infrared one.
+    fn range(&self, settle: &mut impl FnMut(i64)) -> Result<RangeSensor, BindError> {
+        let role = self.config.range.as_ref();
+        let port = role.and_then(|role| role.port.as_ref());
+        let none = match sensor(&self.tree, "range", port, UltrasonicMode::DistCm, settle) {
+            Ok(sensor) => return Ok(RangeSensor::Ultrasonic(sensor)),
+            Err(error) => error,
+        };
+        match (role, sensor(&self.tree, "range", port, InfraredMode::Proximity, settle)) {
+            (Some(role), Ok(sensor)) => {
+                Ok(RangeSensor::Infrared { sensor, m_per_pct: role.infrared_m_per_pct })
+            }
+            // Most people mean the ultrasonic sensor.
+            _ => Err(none),
+        }
+    }
+
+    fn gyro(&self, settle: &mut impl FnMut(i64)) -> Result<GyroSensor, BindError> {
+        self.sensor("gyro", self.config.gyro.as_ref(), GyroMode::Angle, settle)
+    }
+
+    fn touch(&self, settle: &mut impl FnMut(i64)) -> Result<TouchSensor, BindError> {
+        self.sensor("touch", self.config.touch.as_ref(), TouchMode::Touch, settle)
+    }
+
+    fn colour(&self, settle: &mut impl FnMut(i64)) -> Result<(ColourSensor, Channel), BindError> {
+        let mode = if self.colour == Channel::Reflect { ColourMode::Reflect } else { ColourMode::Colour };
+        Ok((self.sensor("colour", self.config.colour.as_ref(), mode, settle)?, self.colour))
+    }
+
+    fn remote(&self, settle: &mut impl FnMut(i64)) -> Result<InfraredSensor, BindError> {
+        self.sensor("remote", self.config.remote.as_ref(), InfraredMode::Remote, settle)
+    }
+
+    fn sensor<M: SensorMode>(
+        &self,
+        name: &str,
+        role: Option<&SensorRole>,
+        mode: M,
+        settle: &mut impl FnMut(i64),
+    ) -> Result<TypedSensor<M>, BindError> {
+        sensor(&self.tree, name, role.and_then(|role| role.port.as_ref()), mode, settle)
+    }
+}
+
+/// A motor as a role wants it.
+struct WantedMotor<'c> {
+    role: String,
+    motor: &'c MotorRole,
     max_rad_s: f64,
-) -> Result<LeasedMotor, BindError> {
-    let motor =
-        TachoMotor::find(tree, wanted.port.as_ref(), None).map_err(|source| find_error(role, source))?;
-    LeasedMotor::take(motor, wanted.ratio, max_rad_s).map_err(|source| device_error(role, source))
+}
+
+fn find_motor(tree: &Arc<dyn Tree>, wanted: &WantedMotor<'_>) -> Result<TachoMotor, BindError> {
+    TachoMotor::find(tree, wanted.motor.port.as_ref(), None)
+        .map_err(|source| find_error(&wanted.role, source))
+}
+
+fn take_motor(motor: TachoMotor, wanted: &WantedMotor<'_>) -> Result<LeasedMotor, BindError> {
+    LeasedMotor::take(motor, wanted.motor.ratio, wanted.max_rad_s)
+        .map_err(|source| device_error(&wanted.role, source))
 }
 
 fn sensor<M: SensorMode>(
@@ -121,24 +258,6 @@ fn sensor<M: SensorMode>(
     let mut sensor = TypedSensor::find(tree, port).map_err(|source| find_error(role, source))?;
     settle(sensor.set_mode(mode).map_err(|source| device_error(role, source))?);
     Ok(sensor)
-}
-
-/// The ultrasonic sensor, or where there is none the infrared one.
-fn range_sensor(
-    tree: &Arc<dyn Tree>,
-    role: &RangeRole,
-    settle: &mut impl FnMut(i64),
-) -> Result<RangeSensor, BindError> {
-    let port = role.port.as_ref();
-    let none = match sensor(tree, "range", port, UltrasonicMode::DistCm, settle) {
-        Ok(sensor) => return Ok(RangeSensor::Ultrasonic(sensor)),
-        Err(error) => error,
-    };
-    match sensor(tree, "range", port, InfraredMode::Proximity, settle) {
-        Ok(sensor) => Ok(RangeSensor::Infrared { sensor, m_per_pct: role.infrared_m_per_pct }),
-        // Most people mean the ultrasonic sensor.
-        Err(_) => Err(none),
-    }
 }
 
 fn find_error(role: &str, source: FindError) -> BindError {

@@ -6,6 +6,7 @@
 
 use std::f64::consts::PI;
 
+use super::battery::{BatteryConfig, battery};
 use crate::document::{Document, Findings, Item, Section};
 use crate::ev3dev::PortAddress;
 use crate::units::radians;
@@ -42,6 +43,8 @@ pub struct RobotConfig {
     pub colour: Option<SensorRole>,
     /// The port of the infrared sensor that listens to the remote.
     pub remote: Option<SensorRole>,
+    /// How low the battery may get.
+    pub battery: BatteryConfig,
     /// Further motors, which missions know by their names; at most [`RobotConfig::MAX_MOTORS`].
     pub motors: Vec<NamedMotor>,
 }
@@ -128,6 +131,7 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         "touch",
         "colour",
         "remote",
+        "battery",
         "motor",
     ]);
     let name = root.require("name").and_then(|item| name_of(&item));
@@ -137,6 +141,7 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let range = optional(root, "range", range);
     let [gyro, touch, colour, remote] =
         ["gyro", "touch", "colour", "remote"].map(|role| optional(root, role, sensor));
+    let battery = optional(root, "battery", battery);
     let motors = named_motors(root);
     let drive = drive?;
     let config = RobotConfig {
@@ -153,6 +158,7 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         touch: touch?,
         colour: colour?,
         remote: remote?,
+        battery: battery?.unwrap_or_default(),
         motors: motors?,
     };
     ports_are_taken_once(root, &config);

@@ -3,6 +3,10 @@
 //! Every motion is a `run-timed` of [`LEASE_MS`], renewed about every [`RENEW_NS`] while the loop is healthy; when nobody renews it, the
 //! kernel itself brakes the motor. Renewing leaves the speed steady (kernel transcript, scenario 21). Ramps stay 0, because a
 //! ramp would go on after the lease (`ev3dev-interfaces`, 2.4).
+//!
+//! Nothing keeps another program from commanding the same motor. What it does shows in what the driver says of itself: a motor under
+//! a lease of ours runs, one that we stopped does not, `speed_sp` is what we wrote last, and `duty_cycle_sp` is 0 because we
+//! never write it. A motor that two looks in a row find otherwise is somebody else's, and is left alone from then on.
 
 use std::f64::consts::PI;
 
@@ -14,17 +18,50 @@ pub const LEASE_MS: i32 = 300;
 /// How old a lease is when it is renewed, nanoseconds: two renewals may fail before the third comes too late.
 pub const RENEW_NS: i64 = 100_000_000;
 
+/// For so long after a lease was given its motor certainly runs, nanoseconds: a look may come late.
+const RUNS_NS: i64 = 200_000_000;
+
+/// What can be looked at to see whether a motor does what we told it, one system call each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Aspect {
+    /// `state`: it runs under a lease, and else it does not.
+    State,
+    /// `speed_sp`: what we wrote last.
+    Speed,
+    /// `duty_cycle_sp`: 0 since `reset`.
+    Duty,
+}
+
+impl Aspect {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::State, Self::Speed, Self::Duty];
+}
+
+/// Who commands a motor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Hand {
+    Ours,
+    /// One look found it otherwise than we left it.
+    InDoubt,
+    Theirs,
+}
+
 /// A motor that only ever moves by leases.
 #[derive(Debug)]
 pub struct LeasedMotor {
     motor: TachoMotor,
     /// Radians of the axle for one count of the motor.
     axle_rad_per_count: f64,
+    /// The axle's angle where the motor counts 0, radians.
+    zero_rad: f64,
     max_rad_s: f64,
     lease: Option<Lease>,
     /// A motion was begun, and no stop has got through since.
     moving: bool,
     stop_action: StopAction,
+    /// What was written last, or what `reset` left.
+    speed_sp: Option<i32>,
+    hand: Hand,
 }
 
 /// A motion that was given and is not yet over.
@@ -47,14 +84,20 @@ impl LeasedMotor {
         motor.reset()?;
         motor.set_stop_action(StopAction::Brake)?;
         motor.set_time_sp(LEASE_MS)?;
+        // Read once here, so that the tick need not open the files; what cannot be read is not looked at.
+        let _ = (motor.state(), motor.duty_cycle_sp());
+        let speed_sp = motor.speed_sp().ok();
         let axle_rad_per_count = 2.0 * PI * ratio / f64::from(motor.count_per_rot());
         Ok(Self {
             motor,
             axle_rad_per_count,
+            zero_rad: 0.0,
             max_rad_s,
             lease: None,
             moving: false,
             stop_action: StopAction::Brake,
+            speed_sp,
+            hand: Hand::Ours,
         })
     }
 
@@ -64,16 +107,25 @@ impl LeasedMotor {
     ///
     /// What the driver answers.
     pub fn angle_rad(&self) -> Result<f64, DeviceError> {
-        Ok(f64::from(self.motor.position()?) * self.axle_rad_per_count)
+        Ok(f64::from(self.motor.position()?) * self.axle_rad_per_count + self.zero_rad)
+    }
+
+    /// Calls the place where the motor counts 0 by another angle, radians: a motor that was plugged in again goes on where it was.
+    pub fn set_zero_rad(&mut self, zero_rad: f64) {
+        self.zero_rad = zero_rad;
     }
 
     /// Turns the axle at a speed, radians per second, for one lease: writes the speed where it changes, and the command where the
-    /// speed changes or the lease is due. A speed that is not a number, or rounds to nothing, stops the motor.
+    /// speed changes or the lease is due. A speed that is not a number, or rounds to nothing, stops the motor. A motor that may be
+    /// somebody else's is not written to.
     ///
     /// # Errors
     ///
     /// What the driver answers; the lease then counts as not given.
     pub fn turn(&mut self, rad_s: f64, now_ns: i64) -> Result<(), DeviceError> {
+        if self.hand != Hand::Ours {
+            return Ok(());
+        }
         let speed_counts_s = self.counts_s(rad_s);
         if speed_counts_s == 0 {
             return self.stop(StopAction::Brake);
@@ -88,19 +140,20 @@ impl LeasedMotor {
         self.set_stop_action(StopAction::Brake)?;
         if same.is_none() {
             self.motor.set_speed_sp(speed_counts_s)?;
+            self.speed_sp = Some(speed_counts_s);
         }
         self.motor.command(TachoCommand::RunTimed)?;
         self.lease = Some(Lease { speed_counts_s, given_ns: now_ns });
         Ok(())
     }
 
-    /// Ends a motion now; writes nothing where the motor was stopped like this before.
+    /// Ends a motion now; writes nothing where the motor was stopped like this before, or is somebody else's.
     ///
     /// # Errors
     ///
     /// What the driver answers; the motor then still counts as moving, and the next call tries again.
     pub fn stop(&mut self, action: StopAction) -> Result<(), DeviceError> {
-        if !self.moving && self.stop_action == action {
+        if self.hand == Hand::Theirs || (!self.moving && self.stop_action == action) {
             return Ok(());
         }
         self.lease = None;
@@ -109,6 +162,39 @@ impl LeasedMotor {
         self.motor.stop()?;
         self.moving = false;
         Ok(())
+    }
+
+    /// Looks whether the motor is as we left it: true from the second look in a row on that finds it otherwise; it is somebody
+    /// else's from then on, and neither we nor dropping it writes to it again. What cannot be read says nothing.
+    pub fn is_taken(&mut self, aspect: Aspect, now_ns: i64) -> bool {
+        self.hand = match (self.hand, self.contradicts(aspect, now_ns)) {
+            (Hand::Theirs, _) | (Hand::InDoubt, true) => Hand::Theirs,
+            (Hand::Ours, true) => Hand::InDoubt,
+            (Hand::Ours | Hand::InDoubt, false) => Hand::Ours,
+        };
+        if self.hand == Hand::Theirs {
+            self.motor.set_stops_on_drop(false);
+        }
+        self.hand == Hand::Theirs
+    }
+
+    /// True where the last look found it otherwise than we left it.
+    #[must_use]
+    pub fn is_in_doubt(&self) -> bool {
+        self.hand == Hand::InDoubt
+    }
+
+    fn contradicts(&self, aspect: Aspect, now_ns: i64) -> bool {
+        match aspect {
+            Aspect::State => self.motor.state().is_ok_and(|state| match self.lease {
+                Some(lease) => !state.is_running() && now_ns - lease.given_ns < RUNS_NS,
+                None => state.is_running() && !self.moving,
+            }),
+            Aspect::Speed => {
+                self.speed_sp.is_some_and(|ours| self.motor.speed_sp().is_ok_and(|speed| speed != ours))
+            }
+            Aspect::Duty => self.motor.duty_cycle_sp().is_ok_and(|duty| duty.percent() != 0),
+        }
     }
 
     /// The motor itself: for what is asked once, not at every tick.

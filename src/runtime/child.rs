@@ -1,6 +1,11 @@
 //! A run in a process of its own: started, followed, stopped, waited for.
 //!
-//! Whoever starts a run (`onbrick run`, the service) and the process that drives talk over two pipes, in lines of JSON:
+//! ```text
+//! run, or the service ──▶ guard ──▶ control
+//! ```
+//!
+//! Control drives; the guard stops the motors when control is gone or hung ([`Watch`](super::Watch)). A simulated brick lives inside
+//! control, and needs no guard. Each starter and the process that it started talk over two pipes, in lines of JSON:
 //!
 //! - its standard input: the [`Job`], then [`Order`]s as they come. When this pipe closes, the starter is gone, and what happens then is
 //!   [`Job::when_abandoned`].
@@ -12,7 +17,7 @@
 //!
 //! # Not here
 //!
-//! The other end of the pipes is the command `control`.
+//! The other ends of the pipes are the commands `guard` and `control`.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
@@ -21,7 +26,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Ended, Event, Job};
+use super::{Brick, Ended, Event, Job};
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
 const LONGEST_JOB: u64 = 64 << 20;
@@ -97,7 +102,7 @@ pub struct RunProcess {
 }
 
 impl RunProcess {
-    /// Starts the process that drives, and hands the job over.
+    /// Starts the processes of a run, and hands the job over.
     ///
     /// - `program`: this program's file (`std::env::current_exe`).
     ///
@@ -105,8 +110,13 @@ impl RunProcess {
     ///
     /// [`StartError`].
     pub fn start(program: &Path, job: &Job) -> Result<Self, StartError> {
+        let process = match job.brick {
+            Brick::Local(_) => "guard",
+            // Nothing real moves, and its process is the brick.
+            Brick::Simulated { .. } => "control",
+        };
         let mut child = Command::new(program)
-            .arg("control")
+            .arg(process)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()

@@ -20,6 +20,7 @@ use crate::clock::Clock;
 use crate::ev3dev::StopAction;
 use crate::robot::{Channel, Robot, Senses};
 
+use super::battery::Charge;
 use super::pilot::{Pilot, Step};
 use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
 use super::{Heartbeat, StopBy, StopReason};
@@ -141,6 +142,7 @@ impl Control<'_> {
         let mut demands = Demands::default();
         let mut checkpoint_ns = 0;
         let mut paused = None;
+        let mut charge = Charge::Good;
         loop {
             let now_ns = self.wait(deadline_ns);
             let late_ns = now_ns - deadline_ns;
@@ -163,6 +165,10 @@ impl Control<'_> {
             }
             if let Some(reason) = step.end {
                 return reason;
+            }
+            if step.charge != charge {
+                charge = step.charge;
+                self.log(Level::Warn, format_args!("{charge}"));
             }
             let missed = late_ns / self.period_ns;
             self.tally.overruns += u64::from(missed > 0);
@@ -190,8 +196,15 @@ impl Control<'_> {
             // There is room for all that can be in one tick.
             let _ = taken.try_push(transition);
         });
+        let outside = match step.end {
+            // A motor that somebody else resets or stops looks like a blocked one at first.
+            Some(StopReason::Stalled) => self.robot.look_closely(time_ns),
+            _ => self.robot.outside(),
+        };
         if pressed {
             step.end = Some(StopReason::Button);
+        } else if let Some(channel) = outside {
+            step.end = Some(StopReason::Outside(channel));
         } else if self.recorder.failed() {
             step.end = Some(StopReason::Recording);
         }

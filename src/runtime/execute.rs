@@ -15,8 +15,8 @@ use super::control::{Control, Tally};
 use super::pilot::PilotError;
 use super::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 use super::{
-    Brick, Ended, Event, HardwareLock, Heartbeat, Job, LockError, NotReady, Pilot, StopFlags, StopReason,
-    names, prepare,
+    Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Pilot, StopFlags,
+    StopReason, names, prepare,
 };
 
 /// Why a run did not start. Nothing has moved.
@@ -37,6 +37,9 @@ pub enum Refused {
     /// Nobody beside the robot could stop it.
     #[error("the brick's buttons cannot be read, so nobody beside the robot could stop it")]
     Buttons(#[source] DeviceError),
+    /// There is no room for the thread that looks for devices that were unplugged.
+    #[error("cannot start a thread")]
+    Helper(#[source] std::io::Error),
     /// The robot is not ready.
     #[error("not ready")]
     NotReady(#[from] NotReady),
@@ -175,14 +178,19 @@ impl Stage {
     ) -> Result<Ended, Refused> {
         let Self { config, mission, place } = self;
         let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
+        // As it was bound: with the cells that the brick runs on.
+        let config = robot.config().clone();
         stoppable(job, &robot)?;
+        if place.pace == Pace::Real {
+            robot.mend_in_background().map_err(Refused::Helper)?;
+        }
         prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
         if place.announce {
             robot.announce(&*place.clock, &|| flags.is_raised());
         }
         let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
         let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
-        report(&Event::Driving { file: job.file.clone() });
+        report(&Event::Driving { file: job.file.clone(), motors: robot.motor_ports() });
 
         let mut control = Control {
             robot: &mut robot,
@@ -233,7 +241,7 @@ fn period_ns(mission: &Mission) -> i64 {
 }
 
 /// The error and all its causes, as a person reads it.
-pub(super) fn with_causes(error: &dyn std::error::Error) -> String {
+pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
@@ -279,7 +287,14 @@ impl Place {
     fn open(job: &Job, mission: &str) -> Result<Self, Refused> {
         match &job.brick {
             Brick::Local(root) => {
-                let lock = HardwareLock::take(root, &format!("mission {mission}"))?;
+                let doing = format!("mission {mission}");
+                let lock = match job.lock {
+                    Lock::Take => Some(HardwareLock::take(root, &doing)?),
+                    Lock::Inherited => {
+                        HardwareLock::name_owner(root, &doing)?;
+                        None
+                    }
+                };
                 let clock = MonotonicClock;
                 Ok(Self {
                     tree: Arc::new(LocalTree::new(root)),
@@ -293,7 +308,7 @@ impl Place {
                     simulation: None,
                     #[cfg(feature = "sim")]
                     observer: None,
-                    _lock: Some(lock),
+                    _lock: lock,
                 })
             }
             #[cfg(feature = "sim")]
@@ -369,6 +384,7 @@ fn record(
         period_ns: period_ns(mission),
         pace: place.pace,
         seed: place.seed,
+        cells: config.battery.cells,
         settings: job.set.clone(),
         range: names::range_sensor(config),
         machines: names::machines(mission),

@@ -5,11 +5,11 @@
 //! comes second. Between runs nothing is held: other people's programs have the motors.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Read, Seek, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::io::{self, BufRead, BufReader, Read, Seek};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use nix::fcntl::{Flock, FlockArg};
+use nix::fcntl::{FcntlArg, FdFlag, Flock, FlockArg, fcntl};
 use serde::{Deserialize, Serialize};
 
 /// Who owns the hardware.
@@ -24,7 +24,7 @@ pub struct Owner {
 /// The hardware, held until this is dropped or the process ends.
 #[derive(Debug)]
 pub struct HardwareLock {
-    _file: Flock<File>,
+    file: Flock<File>,
 }
 
 /// Why the hardware could not be had.
@@ -60,10 +60,29 @@ impl HardwareLock {
             }
             Err((_, errno)) => return Err(failed(errno.into())),
         };
-        let owner = Owner { pid: nix::unistd::getpid().as_raw(), doing: doing.to_owned() };
-        let text = serde_json::to_vec(&owner).map_err(|error| failed(error.into()))?;
-        held.set_len(0).and_then(|()| held.rewind()).and_then(|()| held.write_all(&text)).map_err(failed)?;
-        Ok(Self { _file: held })
+        write_owner(&mut held, doing).map_err(failed)?;
+        Ok(Self { file: held })
+    }
+
+    /// Lets the processes that are started from now on share the lock: it is free when the last of them is gone.
+    ///
+    /// # Errors
+    ///
+    /// What the kernel answers.
+    pub fn share(&self) -> io::Result<()> {
+        fcntl(&*self.file, FcntlArg::F_SETFD(FdFlag::empty()))?;
+        Ok(())
+    }
+
+    /// Names this process as the owner of hardware that another one has taken for it.
+    ///
+    /// # Errors
+    ///
+    /// [`LockError::Io`].
+    pub fn name_owner(root: &Path, doing: &str) -> Result<(), LockError> {
+        let path = lock_path(root);
+        let failed = |source| LockError::Io { path: path.clone(), source };
+        write_owner(&mut open(&path).map_err(failed)?, doing).map_err(failed)
     }
 
     /// Who holds the hardware below `root`, if anybody does.
@@ -105,10 +124,19 @@ fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// One write of a line that ends, so that nobody reads half a name; what an earlier owner left behind it is then cut off.
+fn write_owner(file: &mut File, doing: &str) -> io::Result<()> {
+    let owner = Owner { pid: nix::unistd::getpid().as_raw(), doing: doing.to_owned() };
+    let mut text = serde_json::to_vec(&owner)?;
+    text.push(b'\n');
+    file.write_all_at(&text, 0)?;
+    file.set_len(u64::try_from(text.len()).unwrap_or(u64::MAX))
+}
+
 /// What the file says; a holder that has not yet written its name is still a holder.
 fn read_owner(file: &mut File) -> Owner {
     let mut text = String::new();
-    let _ = file.rewind().and_then(|()| file.take(4096).read_to_string(&mut text));
+    let _ = file.rewind().and_then(|()| BufReader::new(file.take(4096)).read_line(&mut text));
     serde_json::from_str(&text).unwrap_or_else(|_| Owner { pid: 0, doing: "another run".to_owned() })
 }
 

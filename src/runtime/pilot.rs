@@ -20,9 +20,10 @@ use crate::mapping::{
     Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint,
     Method, Pose, Range, RangeReading,
 };
-use crate::robot::{Channel, RobotConfig, Senses};
+use crate::robot::{BatteryLimits, Channel, RobotConfig, Senses};
 
 use super::StopReason;
+use super::battery::{BatteryWatch, Charge};
 use super::stall::StallWatch;
 
 /// How old the battery's voltage may be, nanoseconds: it is read about once a second.
@@ -51,6 +52,8 @@ pub struct Pilot {
     program: Program,
     signals: Signals,
     stalls: StallWatch,
+    limits: BatteryLimits,
+    battery: BatteryWatch,
     wheels_rad_s: [f64; 2],
     paused: bool,
 }
@@ -66,6 +69,8 @@ pub struct Step {
     pub stalled: bool,
     /// What was lost, where the mission waits until it is back.
     pub paused: Option<Channel>,
+    /// How the battery is.
+    pub charge: Charge,
     /// The reason to end the run, if there is one.
     pub end: Option<StopReason>,
 }
@@ -80,6 +85,7 @@ pub struct PilotState {
     /// How many of them there are.
     pub machine_count: u8,
     stalls: StallWatch,
+    battery: BatteryWatch,
     wheels_rad_s: [f64; 2],
     paused: bool,
 }
@@ -113,6 +119,8 @@ impl Pilot {
             program: mission.start()?,
             signals: Signals::default(),
             stalls: StallWatch::default(),
+            limits: config.battery.limits(),
+            battery: BatteryWatch::default(),
             wheels_rad_s: [0.0; 2],
             paused: false,
         })
@@ -130,11 +138,15 @@ impl Pilot {
         let stalled = self.stalls.step(senses.time_ns, self.wheels_rad_s, angles_rad);
         let lost = self.lost(senses);
         let end = self.decide(senses, &estimate, lost, stalled, demands, taken);
+        let volts = self.fresh(senses, Channel::Battery);
+        let charge = self.battery.step(&self.limits, senses.time_ns, volts);
+        charge.limit(demands);
+        let end = end.or((charge == Charge::Empty).then_some(StopReason::Battery));
         if end.is_some() {
             *demands = STANDSTILL;
         }
         self.wheels_rad_s = self.config.wheel_speeds(demands.drive);
-        Step { estimate, point, stalled, paused: lost.filter(|_| self.paused), end }
+        Step { estimate, point, stalled, paused: lost.filter(|_| self.paused), charge, end }
     }
 
     /// The map so far.
@@ -155,6 +167,7 @@ impl Pilot {
         let mut state = PilotState {
             estimator: self.estimator.state(),
             stalls: self.stalls,
+            battery: self.battery,
             wheels_rad_s: self.wheels_rad_s,
             paused: self.paused,
             ..PilotState::default()
@@ -174,20 +187,27 @@ impl Pilot {
         if fits {
             self.estimator.restore(state.estimator);
             self.stalls = state.stalls;
+            self.battery = state.battery;
             self.wheels_rad_s = state.wheels_rad_s;
             self.paused = state.paused;
         }
         fits
     }
 
-    /// The first channel that the mission needs and that could not be read for too long.
+    /// The first channel that the mission needs and that could not be read for too long. When a run begins, at 0, all had just been read
+    /// (`prepare`): a reading that fails in the first tick is no more a loss than one that fails later.
     fn lost(&self, senses: &Senses) -> Option<Channel> {
-        self.required.iter().copied().find(|&channel| self.fresh(senses, channel).is_none())
+        let read_ns = |channel| senses.get(channel).map_or(0, |reading| reading.read_ns);
+        let too_old = |&channel: &Channel| senses.time_ns - read_ns(channel) > self.max_age_ns(channel);
+        self.required.iter().copied().find(too_old)
     }
 
     fn fresh(&self, senses: &Senses, channel: Channel) -> Option<f64> {
-        let max_age_ns = if channel == Channel::Battery { BATTERY_AGE_NS } else { self.config.max_age_ns };
-        senses.fresh(channel, max_age_ns)
+        senses.fresh(channel, self.max_age_ns(channel))
+    }
+
+    fn max_age_ns(&self, channel: Channel) -> i64 {
+        if channel == Channel::Battery { BATTERY_AGE_NS } else { self.config.max_age_ns }
     }
 
     /// What the estimator takes: angles that were read in this very tick, because an old one looks like slip; the range, whose

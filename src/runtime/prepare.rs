@@ -25,8 +25,8 @@ pub(super) const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
 /// A wheel at rest may stand on the edge between two counts.
 const WHEEL_STILL_RAD: f64 = 0.0175 * 1.5;
 
-/// What a brick runs on: six cells, or LEGO's accumulator. Below, it would brown out as soon as the motors pull; above, the reading is wrong.
-pub(super) const BATTERY_V: std::ops::RangeInclusive<f64> = 5.8..=10.0;
+/// No cells that fit into a brick give more, volts: above, the reading is wrong.
+pub(super) const MOST_V: f64 = 10.0;
 
 /// What a person is told before the gyro itself is blamed.
 const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the robot still";
@@ -51,8 +51,15 @@ pub enum NotReady {
     )]
     GyroDrifts(f64),
     /// The battery is flat, or its reading is nonsense.
-    #[error("the battery has {0:.1} V: charge it, or put in fresh cells (it takes {min} to {max} V)", min = BATTERY_V.start(), max = BATTERY_V.end())]
-    Battery(f64),
+    #[error(
+        "the battery has {volts:.1} V: charge it, or put in fresh cells (it takes {least_v} to {MOST_V} V)"
+    )]
+    Battery {
+        /// What was read, volts.
+        volts: f64,
+        /// The robot's [`slow_v`](crate::robot::BatteryLimits): a run that began below it would not get far.
+        least_v: f64,
+    },
     /// Somebody asked to stop.
     #[error("stopped before it started")]
     Stopped,
@@ -99,7 +106,7 @@ pub fn prepare(
                 Some(_) => {}
                 None => still_since = Some((senses.time_ns, senses)),
             },
-            Some(NotReady::Battery(volts)) => return Err(NotReady::Battery(volts)),
+            Some(why @ NotReady::Battery { .. }) => return Err(why),
             Some(why) => {
                 drifting = if matches!(why, NotReady::GyroDrifts(_)) { drifting + 1 } else { 0 };
                 // A hand may have turned the robot once; a gyro that does it three times in a row drifts.
@@ -133,10 +140,11 @@ fn unready(robot: &Robot, senses: &Senses, since: Option<&Senses>) -> Option<Not
             missing => NotReady::NoReading(missing, error),
         });
     }
+    let least_v = robot.config().battery.limits().slow_v;
     if let Some(battery) = senses.get(Channel::Battery)
-        && !BATTERY_V.contains(&battery.value)
+        && !(least_v..=MOST_V).contains(&battery.value)
     {
-        return Some(NotReady::Battery(battery.value));
+        return Some(NotReady::Battery { volts: battery.value, least_v });
     }
     let since = since?;
     let moved = |channel| Some((senses.get(channel)?.value - since.get(channel)?.value).abs());

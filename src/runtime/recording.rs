@@ -73,6 +73,7 @@
 mod encoder;
 mod file;
 mod grid;
+mod growing;
 pub mod message;
 mod outside;
 mod points;
@@ -84,15 +85,17 @@ mod tick;
 mod topic;
 
 use crate::clock::SECOND_NS;
+use crate::ev3dev::Technology;
 use crate::mapping::Pose;
 
 pub use file::{RecordError, SYNC_MAGIC, SYNC_OPCODE, Sink, create};
+pub use growing::{Growing, Piece};
 pub use message::{Gap, TickStatistics};
 pub use outside::{ending_of, writer};
 pub use recorder::{Recorder, Summary};
 pub use run::{Checkpoint, Ending, Info, LogLine, ReadError, RecordedPose, Run, Transition};
 pub use status::Status;
-pub use stretch::{Context, Found, Integrity, walk};
+pub use stretch::{Context, Found, Integrity, walk, walk_part};
 pub use tick::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
 pub use topic::Topic;
 
@@ -132,6 +135,8 @@ pub struct Start {
     pub pace: Pace,
     /// The seed of the simulation, where there is one.
     pub seed: Option<u64>,
+    /// What the brick runs on, which decides about the thresholds of its battery.
+    pub cells: Technology,
     /// Named numbers that were set for this run.
     pub settings: Vec<(String, f64)>,
     /// The range sensor, where there is one.

@@ -109,8 +109,13 @@ impl Cast {
         let info = run.info.clone().ok_or(ReplayError::Beheaded("what run it is"))?;
         let robot = run.robot_toml.as_ref().ok_or(ReplayError::Beheaded("with which robot it was made"))?;
         let mission = run.mission_toml.as_ref().ok_or(ReplayError::Beheaded("which mission was run"))?;
-        let (robot, _) = RobotConfig::load("robot.toml of the recording", robot.as_bytes())?;
-        let pilots = other.unwrap_or(&robot);
+        let (mut robot, _) = RobotConfig::load("robot.toml of the recording", robot.as_bytes())?;
+        robot.battery.cells = info.cells;
+        let mut other = other.cloned();
+        if let Some(other) = &mut other {
+            other.battery.cells = info.cells;
+        }
+        let pilots = other.as_ref().unwrap_or(&robot);
         let (mut mission, _) =
             Mission::parse("mission.toml of the recording", mission.as_bytes(), &pilots.capabilities())?;
         for (name, value) in &info.settings {
@@ -220,6 +225,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         period_ns: cast.info.period_ns,
         pace: Pace::Virtual,
         seed: cast.info.seed,
+        cells: cast.info.cells,
         settings: cast.info.settings.clone(),
         range: names::range_sensor(&config),
         machines: names::machines(&cast.mission),

@@ -194,7 +194,7 @@ impl Bench {
 /// Somebody has the hardware.
 pub(super) fn taken(error: LockError) -> Refusal {
     let kind = if matches!(error, LockError::Taken(_)) { Kind::Busy } else { Kind::Failed };
-    Refusal::new(kind, super::with_causes(&error)).hint("wait until it is over, or onbrick halt")
+    Refusal::new(kind, crate::runtime::with_causes(&error)).hint("wait until it is over, or onbrick halt")
 }
 
 fn release(held: &mut Option<Jog>) {

@@ -63,8 +63,8 @@ pub(super) struct Now {
     pub(super) kept: Kept,
     /// What stops the run that is going on.
     pub(super) stop: Option<Stop>,
-    /// Who asked it to stop first.
-    pub(super) stopped_by: Option<String>,
+    /// On whose behalf it was asked to stop first, and what they are called.
+    pub(super) stopped_by: Option<(StopBy, String)>,
     /// The mission that is going on switches the lights itself.
     pub(super) missions_lights: bool,
     /// What is wrong with the robot's file.

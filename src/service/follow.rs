@@ -5,15 +5,19 @@ use std::path::PathBuf;
 
 use super::core::Service;
 use super::machine::Happening;
-use super::protocol::{LastStop, RunId, RunStatus, State};
+use super::protocol::{LastStop, RunId, RunStatus};
 use super::start::Stop;
 use super::store::Record;
-use super::with_causes;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
-use crate::runtime::{Ended, Event, NotReady, RunError, RunProcess, StopReason, recording};
+use crate::robot::Channel;
+use crate::runtime::with_causes;
+use crate::runtime::{Ended, Event, NotReady, RunError, RunProcess, StopBy, StopReason, recording};
 
 /// How often a run that was found is looked at, nanoseconds: nothing tells us when it ends.
 const LOOK_NS: i64 = 100 * MILLISECOND_NS;
+
+/// The word of a run whose recording has no end.
+const CUT: &str = "cut";
 
 impl Service {
     /// Follows a run in a thread of its own.
@@ -34,6 +38,7 @@ impl Service {
 
     /// Looks at the runs that earlier services left without an end: they go on, have ended meanwhile, or were cut.
     pub(super) fn find_runs(&self) -> io::Result<()> {
+        let mut found = None;
         for record in self.inner.store.open_ended() {
             let file = self.inner.store.recording(&record.run);
             match recording::writer(&file) {
@@ -41,8 +46,12 @@ impl Service {
                     log::info!("run {} goes on in process {pid} since an earlier service", record.run);
                     self.take_over(&record, file)?;
                 }
-                _ => drop(self.note_found_end(&record, &file)),
+                _ => found = Some(self.note_found_end(&record, &file)),
             }
+        }
+        // The newest run, where it is over and where it was cut.
+        if let Some(last) = self.inner.store.last_end().or(found) {
+            self.inner.now().machine.recall(last);
         }
         Ok(())
     }
@@ -88,13 +97,11 @@ impl Service {
                 let (word, wanted) = word_of(&ending.reason);
                 (word, wanted, ending.reason)
             }
-            _ => {
-                ("died", false, "its recording was cut: the power, the disk or the program failed".to_owned())
-            }
+            _ => (CUT, false, "its recording was cut: the power, the disk or the program failed".to_owned()),
         };
         let end = self.ended(&record.run, &record.mission, word, reason, wanted);
         log::info!("run {}: {}", record.run, end.reason);
-        let told = (word != "died").then(|| end.clone());
+        let told = (word != CUT).then(|| end.clone());
         self.inner.store.end(&record.run, told, None, None);
         end
     }
@@ -138,12 +145,14 @@ impl Service {
 
     /// A run that did not start: because somebody stopped it, or because something was not in order.
     fn refused(&self, run: &RunId, mission: &str, message: &str, hint: Option<&str>) -> LastStop {
-        let was_asked = self.inner.now().machine.state() == State::Stopping;
+        let asked = self.inner.now().stopped_by.as_ref().map(|(by, _)| *by);
         let was_stopped = message.ends_with(&NotReady::Stopped.to_string());
-        let (word, wanted) = match (was_stopped, was_asked) {
-            (true, true) => (StopReason::Remote.word(), true),
-            (true, false) => (StopReason::Button.word(), true),
-            (false, _) => ("refused", false),
+        let (word, wanted) = match asked.filter(|_| was_stopped) {
+            Some(StopBy::Remote) => (StopReason::Remote.word(), true),
+            Some(StopBy::MenuClosed) => (StopReason::MenuClosed.word(), true),
+            Some(StopBy::Terminal) => (StopReason::Signal.word(), true),
+            None if was_stopped => (StopReason::Button.word(), true),
+            None => ("refused", false),
         };
         let reason = hint.map_or_else(|| message.to_owned(), |hint| format!("{message}; {hint}"));
         self.ended(run, mission, word, reason, wanted)
@@ -152,7 +161,7 @@ impl Service {
     fn ended(&self, run: &RunId, mission: &str, word: &str, reason: String, wanted: bool) -> LastStop {
         let asker = self.inner.now().stopped_by.clone();
         let reason = match asker {
-            Some(asker) if word == StopReason::Remote.word() => format!("{reason} ({asker})"),
+            Some((_, asker)) if word == StopReason::Remote.word() => format!("{reason} ({asker})"),
             _ => reason,
         };
         LastStop {
@@ -188,24 +197,33 @@ fn word_of(reason: &str) -> (&'static str, bool) {
         Reason::Signal,
         Reason::Abandoned,
         Reason::Stalled,
+        Reason::Battery,
         Reason::Late,
         Reason::Recording,
+        Reason::Battery,
+        Reason::Guard,
+        Reason::Outside(Channel::Left),
+        Reason::Lost(Channel::Left),
         Reason::Panicked,
     ];
-    let known = plain.iter().find(|plain| reason.starts_with(&plain.to_string()));
-    // What is left names a device.
-    known.map_or(("lost", false), |known| (known.word(), known.is_wanted()))
+    // Two name a device after a colon.
+    let says =
+        |plain: &&Reason| plain.to_string().split(':').next().is_some_and(|head| reason.starts_with(head));
+    plain.iter().find(says).map_or(("unknown", false), |known| (known.word(), known.is_wanted()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::Channel;
 
     #[test]
     fn a_recorded_reason_gives_its_word_back() {
         assert_eq!(word_of("stopped by a button on the brick"), ("button", true));
         assert_eq!(word_of("whoever started the run is gone"), ("abandoned", false));
+        assert_eq!(word_of(&StopReason::Battery.to_string()), ("battery", false));
         assert_eq!(word_of(&format!("{}: ENODEV", StopReason::Lost(Channel::Gyro))), ("lost", false));
+        assert_eq!(word_of(&StopReason::Outside(Channel::Right).to_string()), ("outside", false));
+        assert_eq!(word_of(&StopReason::Guard.to_string()), ("guard", false));
+        assert_eq!(word_of("made up"), ("unknown", false));
     }
 }

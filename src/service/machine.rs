@@ -66,6 +66,11 @@ impl Machine {
         }
     }
 
+    /// How the last run before this service ended.
+    pub fn recall(&mut self, last: LastStop) {
+        self.last = Some(last);
+    }
+
     /// A run begins.
     ///
     /// # Errors

@@ -13,11 +13,12 @@ use super::protocol::{
     Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped,
 };
 use super::store::Record;
-use super::{missions, signs, with_causes};
+use super::{missions, signs};
 use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::mapping::Pose;
-use crate::runtime::{HardwareLock, Job, LockError, RunProcess, Source, StopBy, Stopper, recording};
+use crate::runtime::with_causes;
+use crate::runtime::{HardwareLock, Job, Lock, LockError, RunProcess, Source, StopBy, Stopper, recording};
 use crate::units::radians;
 
 /// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them within a tick.
@@ -114,7 +115,14 @@ impl Service {
         inner.changed.notify_all();
         let begun = RunProcess::start(&inner.program, &job).map_err(|error| with_causes(&error)).and_then(
             |process| {
-                inner.now().stop = Some(Stop::Ours(process.stopper()));
+                let mut now = inner.now();
+                let stop = Stop::Ours(process.stopper());
+                if let Some((by, _)) = now.stopped_by {
+                    // Somebody was faster than the process.
+                    stop.ask(by);
+                }
+                now.stop = Some(stop);
+                drop(now);
                 self.follow(process, &run).map_err(|error| with_causes(&error))
             },
         );
@@ -150,7 +158,7 @@ impl Service {
         };
         if now.stopped_by.is_none() {
             log::info!("run {running}: asked to stop by {asker}");
-            now.stopped_by = Some(asker.to_owned());
+            now.stopped_by = Some((by, asker.to_owned()));
         }
         now.machine.happen(MonotonicClock.now_ns(), Happening::StopAsked);
         if let Some(stop) = &now.stop {
@@ -274,6 +282,7 @@ impl Service {
             sync_ns: self.inner.config.sync_ns,
             run: Some(run.to_string()),
             when_abandoned: self.inner.config.when_service_dies,
+            lock: Lock::default(),
         }
     }
 

@@ -271,6 +271,11 @@ impl Store {
         index.runs.values().map(|entry| &entry.record).filter(open).cloned().collect()
     }
 
+    /// How the newest run ended, where it did.
+    pub(super) fn last_end(&self) -> Option<LastStop> {
+        self.index().runs.values().next_back().and_then(|entry| entry.record.end.clone())
+    }
+
     /// A part of a recording, and what is known of the whole.
     ///
     /// # Errors

@@ -6,6 +6,8 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
+use crate::support::real_time::Pace;
+
 mod brick;
 mod files;
 mod finished;
@@ -13,6 +15,8 @@ mod help;
 mod outside;
 mod processes;
 mod simulated;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// How a command ended, and what it said.
 #[derive(Debug)]
@@ -42,7 +46,15 @@ impl Done {
 
 /// The program, to be run in a folder.
 pub fn onbrick(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_onbrick"));
+    with_arguments(Command::new(PROGRAM), folder, arguments)
+}
+
+/// The same for a run in real time.
+pub fn onbrick_in_time(folder: &Path, arguments: &[&str]) -> Command {
+    with_arguments(Pace::command(PROGRAM), folder, arguments)
+}
+
+fn with_arguments(mut command: Command, folder: &Path, arguments: &[&str]) -> Command {
     command.args(arguments).current_dir(folder).stdin(Stdio::null()).env_remove("RUST_LOG");
     command
 }

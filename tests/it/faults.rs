@@ -4,3 +4,4 @@
 mod matrix;
 mod orders;
 mod runs;
+pub(crate) mod stage;

@@ -11,6 +11,7 @@
     reason = "tests stop by panicking, print what they measured, compare bits, and share helpers between modules"
 )]
 
+mod arm;
 mod bad_input;
 mod behavior;
 mod commands;
@@ -19,13 +20,18 @@ mod ev3dev;
 mod faults;
 mod figures;
 mod foreign;
+mod image;
 mod link;
 mod mapping;
+mod menu;
 mod messages;
 mod missions;
 mod mount;
+mod promises;
 mod recording;
 mod report;
+mod scenarios;
+mod service;
 mod setup;
 mod sim_drivers;
 mod sim_page;

@@ -180,10 +180,13 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::MenuClosed,
         StopReason::Signal,
         StopReason::Abandoned,
+        StopReason::Outside(onbrick::robot::Channel::Left),
         StopReason::Lost(onbrick::robot::Channel::Gyro),
         StopReason::Stalled,
+        StopReason::Battery,
         StopReason::Late,
         StopReason::Recording,
+        StopReason::Guard,
         StopReason::Panicked,
     ] {
         writeln!(out, "{}: {reason}", reason.word()).unwrap();

@@ -10,7 +10,7 @@ use onbrick::behavior::shipped::find;
 use onbrick::clock::SECOND_NS;
 use onbrick::mapping::Pose;
 use onbrick::runtime::recording::Run;
-use onbrick::runtime::{Brick, Ended, Job, Source, StopFlags, WhenAbandoned, execute_observed};
+use onbrick::runtime::{Brick, Ended, Job, Lock, Source, StopFlags, WhenAbandoned, execute_observed};
 use onbrick::sim::{Truth, World};
 
 /// The shipped robot, and the same with every further role that the simulated one has sensors for.
@@ -86,6 +86,7 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
         sync_ns: SECOND_NS,
         run: None,
         when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
     }
 }
 

@@ -8,8 +8,7 @@ use nix::time::{ClockId, clock_gettime};
 use onbrick::clock::{Clock, MILLISECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Access, Tree};
 use onbrick::sim::{
-    Bridge, Button, EntryKind, GyroMake, MotorKind, Options, Physics, Plug, Plugged, Port, SensorKind,
-    SerialLine, Simulation, Written,
+    Bridge, Button, EntryKind, Options, Physics, Plug, Port, SensorKind, SerialLine, Simulation, Written,
 };
 use proptest::prelude::*;
 
@@ -174,83 +173,6 @@ fn a_sensor_that_does_not_answer_times_out_and_one_that_resynchronises_is_not_th
     assert_eq!(rig.number("in3", "value0"), 43);
 }
 
-/// Scenarios 12, 13 and 17 to 20 of the reference; the others are in the transcript.
-#[test]
-fn standing_still_while_running_is_a_stall_after_100_ms() {
-    let rig = Rig::recorded();
-    rig.pass_ms(10);
-    rig.drive("speed_sp=0 run-forever");
-    rig.pass_ms(90);
-    assert_eq!(rig.read("outB", "state"), "running");
-    rig.pass_ms(20);
-    assert_eq!(rig.read("outB", "state"), "running stalled");
-    assert_eq!(rig.read("outB", "duty_cycle"), "0");
-}
-
-#[test]
-fn a_blocked_rotor_overloads_and_some_300_ms_later_stalls() {
-    let rig = Rig::recorded();
-    rig.drive("speed_sp=500 run-forever");
-    rig.pass_ms(1000);
-    assert_eq!(rig.read("outB", "state"), "running");
-    rig.world(|bench| bench.blocked[1] = true);
-    let mut overloaded_ms = None;
-    let mut stalled_ms = None;
-    for ms in 0..600 {
-        rig.pass_ms(1);
-        let state = rig.read("outB", "state");
-        overloaded_ms = overloaded_ms.or(state.contains("overloaded").then_some(ms));
-        stalled_ms = stalled_ms.or(state.contains("stalled").then_some(ms));
-    }
-    let (overloaded_ms, stalled_ms) = (overloaded_ms.unwrap(), stalled_ms.unwrap());
-    assert!((20..=250).contains(&overloaded_ms), "overloaded after {overloaded_ms} ms");
-    assert!((250..=400).contains(&stalled_ms), "stalled after {stalled_ms} ms");
-    assert_eq!(rig.read("outB", "state"), "running overloaded stalled");
-    assert_eq!(rig.read("outB", "duty_cycle"), "100");
-}
-
-#[test]
-fn a_replugged_motor_has_a_new_number_and_default_set_points_and_old_files_are_dead() {
-    let rig = Rig::recorded();
-    let kept = rig.keep("outB", "position", Access::ReadWrite);
-    let mut buffer = [0; 16];
-    rig.drive("speed_sp=300 stop_action=hold run-forever");
-    rig.pass_ms(300);
-    assert_eq!(rig.folder("outB").unwrap(), "sys/class/tacho-motor/motor1");
-    rig.bench.simulation.unplug(0, Port::OutB).unwrap();
-    rig.pass_ms(90);
-    assert!(kept.read(&mut buffer).is_ok(), "a pulled plug is believed after 100 ms");
-    rig.pass_ms(14);
-    assert_eq!(rig.read("port:outB", "status"), "no-motor");
-    assert_eq!(kept.read(&mut buffer), Err(Errno::ENODEV));
-    assert_eq!(kept.write(b"0"), Err(Errno::ENODEV));
-    assert_eq!(kept.wait_changed(Duration::from_secs(1)), Ok(true), "POLLERR at once");
-    assert_eq!(rig.read_path("sys/class/tacho-motor/motor1/position"), Err(Errno::ENOENT));
-    let coasting = rig.world(|bench| bench.motors[1].speed);
-    rig.pass_ms(50);
-    assert!(rig.world(|bench| bench.motors[1].speed) < coasting, "the pins float");
-    rig.bench.simulation.plug(0, Port::OutB, Plugged::Motor(MotorKind::Medium)).unwrap();
-    rig.pass_ms(380);
-    assert_eq!(rig.folder("outB"), None, "detection takes 0.39 s");
-    rig.pass_ms(20);
-    assert_eq!(rig.folder("outB").unwrap(), "sys/class/tacho-motor/motor3");
-    assert_eq!(rig.read("outB", "driver_name"), "lego-ev3-m-motor");
-    assert_eq!((rig.number("outB", "speed_sp"), rig.read("outB", "stop_action")), (0, "coast".to_owned()));
-    assert!(rig.number("outB", "position") > 50, "the co-processor went on counting for the port");
-    assert_eq!(kept.read(&mut buffer), Err(Errno::ENODEV), "the old file stays dead");
-}
-
-#[test]
-fn the_same_port_mode_again_registers_the_device_anew() {
-    let rig = Rig::recorded();
-    rig.write("port:in4", "mode", "auto");
-    rig.pass_ms(2);
-    assert_eq!(rig.folder("in4"), None);
-    rig.pass_ms(2000);
-    assert_eq!(rig.folder("in4").unwrap(), "sys/class/lego-sensor/sensor4");
-    assert_eq!(rig.read("port:in4", "status"), "ev3-uart");
-}
-
 #[test]
 fn a_motor_port_in_another_mode_makes_what_the_mode_says() {
     let rig = Rig::recorded();
@@ -284,43 +206,6 @@ fn a_motor_port_in_another_mode_makes_what_the_mode_says() {
     rig.write("port:outC", "mode", "raw");
     rig.pass_ms(2);
     assert_eq!(rig.tree.list("sys/class/leds").unwrap().len(), 4);
-}
-
-#[test]
-fn a_gyro_zeroes_by_mode_change_or_by_command_as_its_make_has_it() {
-    for (make, after_modes, after_command) in [(GyroMake::Old, 0, 0), (GyroMake::New, 90, 0)] {
-        let mut physics = Bench::as_recorded();
-        physics.readings[3][0] = 90;
-        let rig = Rig::with_options(physics, Options { gyro: make, ..Options::default() });
-        rig.pass_ms(10);
-        assert_eq!(rig.number("in4", "value0"), 90);
-        rig.write("in4", "mode", "GYRO-RATE");
-        rig.write("in4", "mode", "GYRO-ANG");
-        rig.pass_ms(10);
-        assert_eq!(rig.number("in4", "value0"), after_modes, "{make:?} after two changes of mode");
-        assert_eq!(rig.try_write("in4", "direct", [0x11]), Ok(1));
-        rig.pass_ms(40);
-        assert_eq!(rig.number("in4", "value0"), after_command, "{make:?} after 0x11");
-    }
-}
-
-#[test]
-fn an_ultrasonic_sensor_has_ten_new_values_a_second_and_keeps_old_ones_after_a_mode_change() {
-    let rig = Rig::recorded();
-    rig.world(|bench| bench.readings[0][0] = 2550);
-    rig.pass_ms(1000);
-    assert_eq!(rig.world(|bench| bench.measured[0]), 11, "one at once, then each 100 ms");
-    assert_eq!((rig.number("in1", "value0"), rig.number("in1", "decimals")), (2550, 1));
-    rig.world(|bench| bench.readings[0][0] = 1003);
-    rig.write("in1", "mode", "US-DIST-IN");
-    assert_eq!(rig.number("in1", "value0"), 2550, "left over from the mode before");
-    rig.pass_ms(220);
-    assert_eq!(rig.number("in1", "value0"), 1003);
-    rig.write("in1", "mode", "US-SI-CM");
-    rig.pass_ms(1200);
-    let measured = rig.world(|bench| bench.measured[0]);
-    rig.pass_ms(1000);
-    assert_eq!(rig.world(|bench| bench.measured[0]), measured, "a single shot is one measurement");
 }
 
 #[test]

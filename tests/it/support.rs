@@ -3,7 +3,13 @@
 use std::path::{Path, PathBuf};
 
 pub mod allocations;
+pub mod chance;
+pub mod faulty;
+pub mod memory;
 pub mod plain_brick;
+pub mod promised;
+pub mod real_time;
+pub mod stage;
 pub mod turning_brick;
 
 /// The folder of recordings beside the repository, or where `ONBRICK_SHARED` says; `None` where there is neither.

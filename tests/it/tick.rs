@@ -1,12 +1,13 @@
 //! What a tick costs, counted: system calls and allocations.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 
 use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, VirtualClock};
-use onbrick::ev3dev::Tree;
+use onbrick::ev3dev::{Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::recording::{MachineNames, Options, Pace, Recorder, Sink, Start};
@@ -61,11 +62,28 @@ fn a_tick_makes_one_system_call_an_attribute_and_writes_only_leases_that_are_due
     if Command::new("strace").arg("-V").output().is_err() {
         return pass_over("system calls of a tick (no strace)");
     }
-    let folder = tempfile::tempdir().unwrap();
-    plain_brick::write("arena", folder.path());
-    let mission = folder.path().join("straight.toml");
+    let _alone = crate::mount::bench::real_time();
+    // On a machine that is busy with other things ticks are left out, under strace all the more.
+    for attempt in 1..=5 {
+        let folder = tempfile::tempdir().unwrap();
+        let Some((trace, said)) = traced(folder.path()) else {
+            return pass_over("system calls of a tick (strace may not trace here)");
+        };
+        let ticks = ticks_of(&trace);
+        if ticks.len() > 40 {
+            return expect_calls(&ticks);
+        }
+        println!("attempt {attempt}: {} ticks; {said}", ticks.len());
+    }
+    panic!("this machine is too busy for a control loop under strace");
+}
+
+/// A run on a brick of plain files: its system calls, and what it said.
+fn traced(folder: &Path) -> Option<(String, String)> {
+    plain_brick::write("arena", folder);
+    let mission = folder.join("straight.toml");
     std::fs::write(&mission, STRAIGHT_ON).unwrap();
-    let trace = folder.path().join("trace");
+    let trace = folder.join("trace");
     let run = Command::new("strace")
         .args(["-f", "-s", "8", "-o"])
         .arg(&trace)
@@ -73,23 +91,18 @@ fn a_tick_makes_one_system_call_an_attribute_and_writes_only_leases_that_are_due
         .arg("run")
         .arg(&mission)
         .arg("--brick")
-        .arg(folder.path())
+        .arg(folder)
         .arg("--out")
-        .arg(folder.path().join("run"))
+        .arg(folder.join("run"))
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&run.stdout).into_owned() + &String::from_utf8_lossy(&run.stderr);
     let trace = std::fs::read_to_string(&trace).unwrap();
-    if trace.is_empty() || said.contains("ptrace") {
-        return pass_over("system calls of a tick (strace may not trace here)");
-    }
-    let ticks = ticks_of(&trace);
-    assert!(ticks.len() > 40, "{} ticks; {said}", ticks.len());
-    expect_calls(&ticks);
+    (!trace.is_empty() && !said.contains("ptrace")).then_some((trace, said))
 }
 
-/// Each tick: five attributes read (two wheels, head, range, gyro; the battery once a second), one sleep, one heartbeat; and with the
-/// leases, every fifth tick or so, one write a wheel. The clock is read without a system call on a PC.
+/// Each tick: eight attributes read (the positions of two wheels and the head, and one more of each, in which another program's hand
+/// would show; range and gyro; the battery once a second), one sleep, one heartbeat; and with the leases, every fifth tick or so, one write a wheel. The clock is read without a system call on a PC.
 fn expect_calls(ticks: &[Calls]) {
     let count = |tick: &Calls, name: &str| tick.get(name).copied().unwrap_or(0);
     let mut renewed = 0;
@@ -97,7 +110,7 @@ fn expect_calls(ticks: &[Calls]) {
     for (number, tick) in ticks.iter().enumerate().skip(2) {
         let reads = count(tick, "pread64");
         let writes = count(tick, "pwrite64");
-        assert_eq!(reads, 5, "tick {number} reads {tick:?}");
+        assert_eq!(reads, 8, "tick {number} reads {tick:?}");
         assert!(writes == 0 || writes == 2, "tick {number} writes {tick:?}");
         assert_eq!(count(tick, "write"), 1, "tick {number} beats {tick:?}");
         assert_eq!(count(tick, "clock_nanosleep"), 1, "tick {number} sleeps {tick:?}");
@@ -106,7 +119,7 @@ fn expect_calls(ticks: &[Calls]) {
         renewed += writes / 2;
     }
     let expected = u32::try_from(ticks.len() - 2).unwrap() / 5;
-    println!("{} ticks of 7 calls, {renewed} renewals of 2 leases", ticks.len() - 2);
+    println!("{} ticks of 10 calls, {renewed} renewals of 2 leases", ticks.len() - 2);
     assert!(renewed.abs_diff(expected) <= 2, "{renewed} renewals in {} ticks", ticks.len() - 2);
 }
 
@@ -192,6 +205,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         period_ns: 20_000_000,
         pace: Pace::Virtual,
         seed: None,
+        cells: Technology::Unknown,
         settings: Vec::new(),
         range: None,
         machines: mission

@@ -25,7 +25,7 @@ const LONGEST_PIECE: u32 = 64 << 10;
 const TAKEN_IN_ONE_TURN: usize = 32;
 
 /// Descriptors that the rest of the service needs beside the connections'.
-const OTHER_DESCRIPTORS: u64 = 464;
+const OTHER_DESCRIPTORS: nix::libc::rlim_t = 464;
 
 /// What the front holds. Fields are dropped in this order: the doors close before the handler that guards them goes.
 pub(super) struct Front<'s> {
@@ -221,7 +221,7 @@ fn endpoint(address: &str, port: u16) -> String {
 
 /// libzmq's thread spins where descriptors run out, so there are more than connections can take.
 fn make_room_for_descriptors() {
-    let wanted = u64::try_from(MOST_OPEN).unwrap_or(0) + OTHER_DESCRIPTORS;
+    let wanted = nix::libc::rlim_t::try_from(MOST_OPEN).unwrap_or(0) + OTHER_DESCRIPTORS;
     let Ok((soft, hard)) = getrlimit(Resource::RLIMIT_NOFILE) else { return };
     if soft < wanted && setrlimit(Resource::RLIMIT_NOFILE, wanted.min(hard), hard).is_err() {
         log::warn!(

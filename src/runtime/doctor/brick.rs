@@ -3,13 +3,11 @@
 use crate::ev3dev::{
     BUTTONS_PATH, Battery, Button, Buttons, DeviceError, Inventory, SOUND_PATH, Sound, StatusLights,
 };
-use crate::runtime::prepare::BATTERY_V;
+use crate::robot::{BatteryConfig, BatteryLimits};
+use crate::runtime::prepare::MOST_V;
 use crate::runtime::{HardwareLock, LockError};
 
 use super::{Diagnosis, Examination, with_causes};
-
-/// Below this six cells are nearly empty: speeds sag, and a long run does not end.
-const LOW_V: f64 = 6.8;
 
 /// What to do about EACCES on buttons and speaker.
 const INPUT_GROUP: &str = "sudo usermod -aG input USER, then log in anew";
@@ -57,20 +55,26 @@ pub(super) fn lock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
 
 pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "battery";
-    match Battery::open(examination.patient.tree).and_then(|battery| battery.voltage_v()) {
-        Ok(volts) if !BATTERY_V.contains(&volts) => diagnosis.fail(
+    let config = examination.config.as_ref().map_or_else(BatteryConfig::default, |config| config.battery);
+    let read = Battery::open(examination.patient.tree).and_then(|battery| {
+        let volts = battery.voltage_v()?;
+        let cells = battery.technology().unwrap_or_default();
+        Ok((volts, BatteryConfig { cells, ..config }.limits()))
+    });
+    match read {
+        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=MOST_V).contains(&volts) => diagnosis.fail(
             CHECK,
             format!("{volts:.2} V"),
-            &format!("charge it, or put in fresh cells; a run needs at least {} V", BATTERY_V.start()),
+            &format!("charge it, or put in fresh cells; a run needs at least {slow_v} V"),
         ),
-        Ok(volts) if volts < LOW_V => {
+        Ok((volts, BatteryLimits { warn_v, .. })) if volts < warn_v => {
             diagnosis.warn(
                 CHECK,
                 format!("{volts:.2} V is low"),
                 "charge it soon, or have fresh cells ready",
             );
         }
-        Ok(volts) => diagnosis.ok(CHECK, format!("{volts:.2} V")),
+        Ok((volts, _)) => diagnosis.ok(CHECK, format!("{volts:.2} V")),
         Err(error) => diagnosis.warn(CHECK, with_causes(&error), "a run goes without, and cannot warn of it"),
     }
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::file::{RecordError, RecordingFile};
 use super::message::{self, Covariance, Gap, Header, Time, Vector3};
 use super::status::Status;
-use super::tick::{Dropped, Entry, TickRecord};
+use super::tick::{Dropped, Entry, Level, TickRecord};
 use super::topic::Topic;
 use super::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Grid, Pace, Start, grid, points};
 use crate::behavior::Taken;
@@ -92,7 +92,12 @@ impl Encoder {
             Entry::Tick(record) => self.tick(record),
             Entry::Transition { tick, time_ns, taken } => self.transition(*tick, *time_ns, *taken),
             Entry::Checkpoint { tick, time_ns, state } => self.checkpoint(*tick, *time_ns, state),
-            Entry::Log { time_ns, level, text } => self.log(*time_ns, *level as u8, text),
+            Entry::Log { time_ns, level, text } => {
+                if *level >= Level::Warn {
+                    self.status.warning = Some(text.to_string());
+                }
+                self.log(*time_ns, *level as u8, text)
+            }
             Entry::Gap(dropped) => self.gap(*dropped),
         }
     }
@@ -134,7 +139,7 @@ impl Encoder {
 
     fn tick(&mut self, record: &TickRecord) -> Result<(), RecordError> {
         let time_ns = record.senses.time_ns;
-        self.status.note(record, self.start.start_ns);
+        self.status.note(record, &self.start);
         self.senses(record)?;
         self.pose(record)?;
         if due(&mut self.next_odometry_ns, time_ns, ODOMETRY_PERIOD_NS) {

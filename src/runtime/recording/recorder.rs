@@ -1,7 +1,7 @@
 //! The recorder: a thread that empties the ring into the file.
 //!
-//! It looks at the ring every 50 ms, so a tick never has to wake it. When the disk fails it says so once, raises a flag that the
-//! tick sees, and goes on emptying the ring, so that the tick runs as before.
+//! It looks at the ring every 50 ms, so a tick never has to wake it. When the disk fails it raises a flag that the tick sees, keeps
+//! the error for [`Recorder::finish`], and goes on emptying the ring, so that the tick runs as before.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
@@ -172,6 +172,7 @@ fn about(start: &Start) -> Metadata {
     if let Some(seed) = start.seed {
         put(names::SEED, seed.to_string());
     }
+    put(names::CELLS, start.cells.to_string());
     for (name, value) in &start.settings {
         put(&format!("{}{name}", names::SETTING), value.to_string());
     }
@@ -206,7 +207,7 @@ impl Work {
         match self.record(&mut encoder) {
             Ok(()) => self.close(encoder),
             Err(error) => {
-                log::error!("{error}: {}", error.source);
+                // Who finishes the recording tells of it: one message is enough.
                 self.flags.failed.store(true, Ordering::Relaxed);
                 drop(encoder);
                 self.discard();

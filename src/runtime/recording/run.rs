@@ -12,6 +12,7 @@ use super::stretch::{Context, Found, Integrity, walk};
 use super::topic::Topic;
 use super::{Grid, Level, grid, points};
 use crate::behavior::Taken;
+use crate::ev3dev::Technology;
 use crate::mapping::{MapPoint, Pose, Range};
 use crate::robot::{Channel, Reading, Senses};
 use crate::runtime::PilotState;
@@ -34,6 +35,7 @@ pub(super) mod names {
     pub(crate) const PERIOD_NS: &str = "period_ns";
     pub(crate) const CLOCK: &str = "clock";
     pub(crate) const SEED: &str = "seed";
+    pub(crate) const CELLS: &str = "cells";
     pub(crate) const SETTING: &str = "set.";
     pub(crate) const ENDING: &str = "onbrick.end";
     pub(crate) const REASON: &str = "reason";
@@ -69,8 +71,15 @@ pub struct Info {
     pub virtual_time: bool,
     /// The simulation's seed.
     pub seed: Option<u64>,
+    /// What the brick ran on.
+    #[serde(serialize_with = "by_word")]
+    pub cells: Technology,
     /// Named numbers that were set for the run.
     pub settings: Vec<(String, f64)>,
+}
+
+fn by_word<S: serde::Serializer>(cells: &Technology, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(cells.as_str())
 }
 
 /// How a run ended.
@@ -380,6 +389,7 @@ fn info(metadata: &Metadata) -> Info {
         period_ns: whole(names::PERIOD_NS),
         virtual_time: text(names::CLOCK) == "virtual",
         seed: text(names::SEED).parse().ok(),
+        cells: text(names::CELLS).parse().unwrap_or_default(),
         settings: metadata.metadata.iter().filter_map(setting).collect(),
     }
 }
@@ -414,7 +424,7 @@ fn senses(message: &message::SensesMessage) -> Option<Senses> {
     Some(senses)
 }
 
-fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
+pub(super) fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
     let range = match message.range {
         0 => None,
         1 => Some(Range::Echo(message.range_m)),

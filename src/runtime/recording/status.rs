@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Start;
 use super::tick::TickRecord;
-use crate::mapping::Pose;
+use crate::mapping::{Pose, Range};
 use crate::robot::Channel;
 
 /// How a run is going, as the recorder saw it last.
@@ -20,12 +20,22 @@ pub struct Status {
     pub pose: Pose,
     /// Metres driven.
     pub travelled_m: f64,
+    /// What the range sensor said last, where there is one.
+    #[serde(default)]
+    pub range: Option<Range>,
     /// How many points the map has.
     pub points: u64,
     /// The state that each machine is in, by the machine's place in the mission: names.
     pub states: Vec<(String, String)>,
     /// Battery, volts; `None` where it is not sensed.
     pub battery_v: Option<f64>,
+    /// Ticks that came a whole period late or later.
+    pub overruns: u64,
+    /// The latest tick, nanoseconds after its deadline.
+    pub latest_ns: i64,
+    /// The last log line that is a warning or worse.
+    #[serde(default)]
+    pub warning: Option<String>,
     /// Entries that the recorder could not take.
     pub dropped: u32,
 }
@@ -42,19 +52,26 @@ impl Status {
             elapsed_ns: 0,
             pose: start.start_pose,
             travelled_m: 0.0,
+            range: None,
             points: 0,
             states: start.machines.iter().map(first).collect(),
             battery_v: None,
+            overruns: 0,
+            latest_ns: 0,
+            warning: None,
             dropped: 0,
         }
     }
 
-    pub(super) fn note(&mut self, record: &TickRecord, start_ns: i64) {
+    pub(super) fn note(&mut self, record: &TickRecord, start: &Start) {
         self.tick = record.senses.tick;
         self.time_ns = record.senses.time_ns;
-        self.elapsed_ns = self.time_ns.saturating_sub(start_ns);
+        self.elapsed_ns = self.time_ns.saturating_sub(start.start_ns);
         self.pose = record.estimate.pose;
         self.travelled_m = record.estimate.travelled_m;
+        self.overruns += u64::from(record.lateness_ns >= start.period_ns);
+        self.latest_ns = self.latest_ns.max(record.lateness_ns);
+        self.range = record.estimate.range;
         self.points += u64::from(record.point.is_some());
         self.battery_v = record.senses.get(Channel::Battery).map(|battery| battery.value);
     }

@@ -111,6 +111,29 @@ pub fn walk<'a>(
     walk.integrity
 }
 
+/// Walks through the whole stretches of a part of a file that is still coming: `part` begins at byte `base` of the file, where a stretch
+/// begins. Returns how many bytes of it are done with; the next part begins behind them.
+///
+/// A stretch whose checksum does not hold is passed over.
+pub fn walk_part<'a>(part: &'a [u8], base: u64, found: &mut dyn FnMut(Context, Found<'a>)) -> usize {
+    let mut walk =
+        Walk { bytes: part, channels: Channels::default(), integrity: Integrity::default(), found };
+    let first = if base == 0 { mcap::MAGIC.len() } else { 0 };
+    let mut done = 0;
+    while let Some(at) = next_sync(part, done.max(first)) {
+        let Some(record) = frame(part, at) else { break };
+        if let Some(sync) = SyncBody::of_bytes(record.body)
+            && sync.stretch.start == base + done as u64
+            && sync.stretch.length == (at - done) as u64
+            && part.get(done..at).is_some_and(|bytes| crc32fast::hash(bytes) == sync.stretch.crc)
+        {
+            walk.stretch(done.max(first)..at, &sync);
+        }
+        done = record.next;
+    }
+    done
+}
+
 /// A stretch that a sync closes.
 struct Closed {
     range: Range<usize>,
@@ -146,7 +169,11 @@ fn next_stretch(bytes: &[u8], start: usize) -> Option<Closed> {
 
 /// Follows the records from the start of a stretch to the place of its sync.
 fn follow(bytes: &[u8], start: usize) -> Option<usize> {
-    let mut at = if start == 0 { mcap::MAGIC.len() } else { start };
+    next_sync(bytes, if start == 0 { mcap::MAGIC.len() } else { start })
+}
+
+/// Follows the records from one of them to the next sync.
+fn next_sync(bytes: &[u8], mut at: usize) -> Option<usize> {
     loop {
         let record = frame(bytes, at)?;
         if record.opcode == SYNC_OPCODE && record.body.starts_with(&SYNC_MAGIC) {
@@ -228,17 +255,23 @@ struct Walk<'a, 'f> {
 
 impl<'a> Walk<'a, '_> {
     fn checked(&mut self, stretch: &Closed) {
-        if self.channels.0.is_empty() && stretch.sync.table == table_checksum() {
+        let first = if stretch.range.start == 0 { mcap::MAGIC.len() } else { stretch.range.start };
+        self.stretch(first..stretch.range.end, &stretch.sync);
+        self.integrity.checked_bytes += stretch.range.len() as u64;
+    }
+
+    /// The records of a stretch that holds.
+    fn stretch(&mut self, records: Range<usize>, sync: &SyncBody) {
+        if self.channels.0.is_empty() && sync.table == table_checksum() {
             self.channels.assume_ours();
         }
-        let context = Context { checked: true, wall_offset_ns: Some(stretch.sync.wall_offset_ns) };
-        let whole = self.bytes.get(..stretch.range.end).unwrap_or_default();
-        let mut at = if stretch.range.start == 0 { mcap::MAGIC.len() } else { stretch.range.start };
+        let context = Context { checked: true, wall_offset_ns: Some(sync.wall_offset_ns) };
+        let whole = self.bytes.get(..records.end).unwrap_or_default();
+        let mut at = records.start;
         while let Some(record) = frame(whole, at) {
             self.integrity.checked_messages += u64::from(self.record(context, &record));
             at = record.next;
         }
-        self.integrity.checked_bytes += stretch.range.len() as u64;
     }
 
     /// Everything behind the last sync that holds, up to MCAP's own end.

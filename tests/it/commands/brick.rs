@@ -9,9 +9,10 @@ use nix::unistd::Pid;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording::Run;
-use onbrick::runtime::{Brick, Heartbeat, Job, Source, StopFlags, WhenAbandoned, execute};
+use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, WhenAbandoned, execute};
 
-use super::{Done, done, keys, names, onbrick, run, text};
+use super::{Done, done, keys, names, onbrick, onbrick_in_time, run, text};
+use crate::support::real_time::patiently;
 use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
 
 /// A mission that drives straight on and moves the head for a minute.
@@ -43,7 +44,7 @@ impl Running {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("mission.toml"), mission).unwrap();
         let root = text(brick.root().to_owned());
-        let child = onbrick(folder.path(), &["run", "mission.toml", "--brick", &root, "--out", "o"])
+        let child = onbrick_in_time(folder.path(), &["run", "mission.toml", "--brick", &root, "--out", "o"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -59,12 +60,22 @@ impl Running {
     fn control(&self) -> Pid {
         let mut owner = None;
         await_that("the lock has an owner", || {
-            owner = self.brick.owner().filter(|owner| owner.pid > 0);
+            // The guard has the lock before control gives its name.
+            owner = self.brick.owner().filter(|owner| owner.doing.starts_with("mission"));
             owner.is_some()
         });
         let owner = owner.unwrap();
         assert_eq!(owner.doing, "mission straight");
         Pid::from_raw(owner.pid)
+    }
+
+    /// The process between the starter and the one that drives.
+    fn guard(&self) -> Pid {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.control())).unwrap();
+        let parent = status.lines().find_map(|line| line.strip_prefix("PPid:")).unwrap();
+        let parent = Pid::from_raw(parent.trim().parse().unwrap());
+        assert_ne!(parent, self.parent(), "the guard is a process of its own");
+        parent
     }
 
     /// Waits for the run's end and looks at what it leaves: the lock free, the recording readable.
@@ -79,62 +90,130 @@ impl Running {
 
 #[test]
 fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
-    let case = |signal: Signal, to_control: bool| {
-        let running = Running::start(DRIVE);
+    patiently("every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order", || {
+        let case = |signal: Signal, to_control: bool| {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            let control = running.control();
+            assert_ne!(control, running.parent(), "control is a process of its own");
+            let sent = Instant::now();
+            kill(if to_control { control } else { running.parent() }, signal).unwrap();
+            await_that("every motor is still", || running.brick.is_still());
+            let took = sent.elapsed();
+            let (brick, said, recorded) = running.finish();
+            let case = format!("{signal}, to control: {to_control}");
+            assert!(took < Duration::from_secs(1), "{case}: still after {took:?}");
+            assert_eq!(said.code, Some(0), "{case}: {}{}", said.out, said.err);
+            assert!(said.out.contains("stopped by a signal"), "{case}: {}", said.out);
+            assert_eq!(brick.commands(), ["stop"; 3], "{case}");
+            let ending = recorded.ending.expect("the recording is complete");
+            assert_eq!(ending.reason, "stopped by a signal", "{case}");
+            assert!(!recorded.senses.is_empty(), "{case}");
+        };
+        std::thread::scope(|scope| {
+            for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
+                scope.spawn(move || case(signal, false));
+                scope.spawn(move || case(signal, true));
+            }
+        });
+    });
+}
+
+#[test]
+fn promise_1_the_run_stops_when_its_starter_is_killed() {
+    patiently("promise_1_the_run_stops_when_its_starter_is_killed", || {
+        let mut running = Running::start(DRIVE);
         running.brick.await_driving();
-        let control = running.control();
-        assert_ne!(control, running.parent(), "control is a process of its own");
-        let sent = Instant::now();
-        kill(if to_control { control } else { running.parent() }, signal).unwrap();
+        running.child.kill().unwrap();
         await_that("every motor is still", || running.brick.is_still());
-        let took = sent.elapsed();
-        let (brick, said, recorded) = running.finish();
-        let case = format!("{signal}, to control: {to_control}");
-        assert!(took < Duration::from_secs(1), "{case}: still after {took:?}");
-        assert_eq!(said.code, Some(0), "{case}: {}{}", said.out, said.err);
-        assert!(said.out.contains("stopped by a signal"), "{case}: {}", said.out);
-        assert_eq!(brick.commands(), ["stop"; 3], "{case}");
-        let ending = recorded.ending.expect("the recording is complete");
-        assert_eq!(ending.reason, "stopped by a signal", "{case}");
-        assert!(!recorded.senses.is_empty(), "{case}");
-    };
-    std::thread::scope(|scope| {
-        for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
-            scope.spawn(move || case(signal, false));
-            scope.spawn(move || case(signal, true));
+        let (brick, _, recorded) = running.finish();
+        assert_eq!(brick.commands(), ["stop"; 3]);
+        assert_eq!(recorded.ending.unwrap().reason, "whoever started the run is gone");
+    });
+}
+
+#[test]
+fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so() {
+    patiently("promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so", || {
+        for signal in [Signal::SIGKILL, Signal::SIGSEGV, Signal::SIGABRT, Signal::SIGSTOP] {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            let control = running.control();
+            kill(control, signal).unwrap();
+            if signal == Signal::SIGSEGV {
+                // The first goes to the handler of Rust's runtime, which expects the fault to happen again.
+                kill(control, signal).unwrap();
+            }
+            await_that("every motor is still", || running.brick.is_still());
+            let (brick, said, recorded) = running.finish();
+            assert_eq!(said.code, Some(1), "{signal}: {}", said.err);
+            let how = if signal == Signal::SIGSTOP {
+                "gave no sign of life".to_owned()
+            } else {
+                format!("signal: {}", signal as i32)
+            };
+            assert!(
+                said.err.contains("the guard stopped the motors") && said.err.contains(&how),
+                "{}",
+                said.err
+            );
+            assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
+            for (_, name, _) in MOTORS {
+                let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
+                let settings = ["time_sp", "stop_action", "ramp_up_sp", "ramp_down_sp"].map(read);
+                assert_eq!(settings, ["300", "brake", "0", "0"], "{name}: it was under a lease");
+            }
+            assert!(recorded.ending.is_none(), "nobody was there to end it");
         }
     });
 }
 
 #[test]
-fn control_stops_by_itself_when_its_starter_is_killed() {
-    let mut running = Running::start(DRIVE);
-    running.brick.await_driving();
-    running.child.kill().unwrap();
-    await_that("every motor is still", || running.brick.is_still());
-    let (brick, _, recorded) = running.finish();
-    assert_eq!(brick.commands(), ["stop"; 3]);
-    assert_eq!(recorded.ending.unwrap().reason, "whoever started the run is gone");
+fn promise_1_when_the_guard_is_killed_control_stops_the_run() {
+    patiently("promise_1_when_the_guard_is_killed_control_stops_the_run", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        kill(running.guard(), Signal::SIGKILL).unwrap();
+        await_that("every motor is still", || running.brick.is_still());
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+        assert_eq!(recorded.ending.unwrap().reason, "whoever started the run is gone");
+    });
 }
 
 #[test]
-fn when_control_is_killed_the_leases_end_by_themselves_and_the_starter_says_so() {
-    let running = Running::start(DRIVE);
-    running.brick.await_driving();
-    kill(running.control(), Signal::SIGKILL).unwrap();
-    let (brick, said, recorded) = running.finish();
-    assert_eq!(said.code, Some(1), "{}", said.err);
-    assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
-    for (_, name, _) in MOTORS {
-        // What the kernel was told last is a motion that ends, with nothing to roll on with.
-        let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
-        assert_eq!(["command", "time_sp", "stop_action"].map(read), ["run-timed", "300", "brake"], "{name}");
-    }
-    assert!(recorded.ending.is_none(), "nobody was there to end it");
-    let root = text(brick.root().to_owned());
-    let folder = tempfile::tempdir().unwrap();
-    run(folder.path(), &["halt", "--brick", &root]).expect(0);
-    assert_eq!(brick.commands(), ["stop"; 3]);
+fn promise_1_when_both_are_killed_the_leases_end_by_themselves() {
+    patiently("promise_1_when_both_are_killed_the_leases_end_by_themselves", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let control = running.control();
+        // Stopped first, so that neither sees the other one go.
+        let guard = running.guard();
+        for (process, signal) in
+            [(guard, Signal::SIGSTOP), (control, Signal::SIGKILL), (guard, Signal::SIGKILL)]
+        {
+            kill(process, signal).unwrap();
+        }
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
+        for (_, name, _) in MOTORS {
+            // What the kernel was told last is a motion that ends, with nothing to roll on with.
+            let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
+            assert_eq!(
+                ["command", "time_sp", "stop_action"].map(read),
+                ["run-timed", "300", "brake"],
+                "{name}"
+            );
+        }
+        assert!(recorded.ending.is_none(), "nobody was there to end it");
+        let root = text(brick.root().to_owned());
+        let folder = tempfile::tempdir().unwrap();
+        run(folder.path(), &["halt", "--brick", &root]).expect(0);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+    });
 }
 
 /// A heartbeat that fails after a few ticks, as a mistake in the program would.
@@ -149,7 +228,7 @@ impl Heartbeat for Failing {
 }
 
 #[test]
-fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
+fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
     let brick = TurningBrick::new();
     let folder = tempfile::tempdir().unwrap();
     let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
@@ -163,6 +242,7 @@ fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
         sync_ns: 1_000_000_000,
         run: None,
         when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
     };
     let ended = execute(&job, &StopFlags::default(), &mut Failing(0), |_| {}).unwrap();
     assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("panicked", false, true), "{ended}");
@@ -174,102 +254,112 @@ fn a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording() {
 
 #[test]
 fn a_signal_before_it_drives_ends_the_run_before_anything_moved() {
-    let running = Running::start(DRIVE);
-    kill(running.control(), Signal::SIGTERM).unwrap();
-    let said = done(&running.child.wait_with_output().unwrap());
-    assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
-    assert!(said.err.contains("stopped before it started"), "{}", said.err);
-    assert_eq!(running.brick.commands(), ["reset"; 3]);
-    assert_eq!(names(running.folder.path()), ["mission.toml"], "no empty folder stays behind");
+    patiently("a_signal_before_it_drives_ends_the_run_before_anything_moved", || {
+        let running = Running::start(DRIVE);
+        kill(running.control(), Signal::SIGTERM).unwrap();
+        let said = done(&running.child.wait_with_output().unwrap());
+        assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
+        assert!(said.err.contains("stopped before it started"), "{}", said.err);
+        assert_eq!(running.brick.commands(), ["reset"; 3]);
+        assert_eq!(names(running.folder.path()), ["mission.toml"], "no empty folder stays behind");
+    });
 }
 
 #[test]
-fn a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
-    let running = Running::start(DRIVE);
-    running.brick.await_driving();
-    let root = text(running.brick.root().to_owned());
-    let folder = tempfile::tempdir().unwrap();
-    let refused = run(folder.path(), &["run", "map", "--brick", &root]).expect(3);
-    let owner = format!("mission straight (process {})", running.control());
-    assert!(refused.err.contains(&owner) && refused.err.contains("onbrick halt"), "{}", refused.err);
-    assert!(!running.brick.is_still(), "the first one drives on");
+fn promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
+    patiently("promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let root = text(running.brick.root().to_owned());
+        let folder = tempfile::tempdir().unwrap();
+        let refused = run(folder.path(), &["run", "map", "--brick", &root]).expect(3);
+        let owner = format!("mission straight (process {})", running.control());
+        assert!(refused.err.contains(&owner) && refused.err.contains("onbrick halt"), "{}", refused.err);
+        assert!(!running.brick.is_still(), "the first one drives on");
 
-    let [halted] =
-        run(folder.path(), &["halt", "--brick", &root, "--json"]).expect(0).json().try_into().unwrap();
-    assert_eq!(keys(&halted), ["motors", "still", "stopped_run"]);
-    assert_eq!(halted["stopped_run"]["doing"], "mission straight");
-    assert_eq!(halted["motors"].as_array().unwrap().len(), 3);
-    assert_eq!(halted["still"], true);
-    let (brick, said, _) = running.finish();
-    assert_eq!((said.code, brick.commands()), (Some(0), vec!["stop".to_owned(); 3]), "{}", said.err);
+        let [halted] =
+            run(folder.path(), &["halt", "--brick", &root, "--json"]).expect(0).json().try_into().unwrap();
+        assert_eq!(keys(&halted), ["motors", "still", "stopped_run"]);
+        assert_eq!(halted["stopped_run"]["doing"], "mission straight");
+        assert_eq!(halted["motors"].as_array().unwrap().len(), 3);
+        assert_eq!(halted["still"], true);
+        let (brick, said, _) = running.finish();
+        assert_eq!((said.code, brick.commands()), (Some(0), vec!["stop".to_owned(); 3]), "{}", said.err);
+    });
 }
 
 #[test]
 fn a_blocked_wheel_ends_the_run_as_failed() {
-    let running = Running::start(&DRIVE.replace("left_dps = 90", "left_dps = 10.5"));
-    running.brick.await_driving();
-    // From here on the left wheel stands at one place, whatever is commanded.
-    let position = running.brick.path("tacho-motor/motor1", "position");
-    std::fs::remove_file(&position).unwrap();
-    std::fs::create_dir(&position).unwrap();
-    let (brick, said, recorded) = running.finish();
-    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
-    assert_eq!(brick.commands(), ["stop"; 3]);
-    let reason = recorded.ending.unwrap().reason;
-    assert!(said.err.contains(&reason) && reason.contains("blocked"), "{reason}: {}", said.err);
+    patiently("a_blocked_wheel_ends_the_run_as_failed", || {
+        let running = Running::start(&DRIVE.replace("left_dps = 90", "left_dps = 10.5"));
+        running.brick.await_driving();
+        // From here on the left wheel stands at one place, whatever is commanded.
+        let position = running.brick.path("tacho-motor/motor1", "position");
+        std::fs::remove_file(&position).unwrap();
+        std::fs::create_dir(&position).unwrap();
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+        let reason = recorded.ending.unwrap().reason;
+        assert!(said.err.contains(&reason) && reason.contains("blocked"), "{reason}: {}", said.err);
+    });
 }
 
 #[test]
 fn a_device_that_goes_away_ends_the_run_with_its_name() {
-    let running = Running::start(DRIVE);
-    running.brick.await_driving();
-    // A reading that cannot be understood is no reading, and after 0.3 s it is lost.
-    running.brick.put("lego-sensor/sensor1", "value0", b"fly\n");
-    let (brick, said, recorded) = running.finish();
-    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
-    assert!(said.err.contains("lost: gyro") && said.err.contains("in4"), "{}", said.err);
-    assert_eq!(brick.commands(), ["stop"; 3]);
-    assert!(recorded.ending.unwrap().reason.starts_with("lost: gyro"));
+    patiently("a_device_that_goes_away_ends_the_run_with_its_name", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        // A reading that cannot be understood is no reading, and after 0.3 s it is lost.
+        running.brick.put("lego-sensor/sensor1", "value0", b"fly\n");
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+        assert!(said.err.contains("lost: gyro") && said.err.contains("in4"), "{}", said.err);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+        assert!(recorded.ending.unwrap().reason.starts_with("lost: gyro"));
+    });
 }
 
 #[test]
 fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
-    let refused = |prepare: &dyn Fn(&TurningBrick), expected: &[&str]| {
-        let brick = TurningBrick::new();
-        prepare(&brick);
-        let running = Running::on(brick, DRIVE);
-        let said = done(&running.child.wait_with_output().unwrap());
-        assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
-        for expected in expected {
-            assert!(said.err.contains(expected), "`{expected}` is not in\n{}", said.err);
-        }
-        assert!(running.brick.is_still(), "{:?}", running.brick.commands());
-    };
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            refused(
-                &|brick| brick.put("power_supply/lego-ev3-battery", "voltage_now", b"4900000\n"),
-                &["4.9 V", "charge"],
-            );
-        });
-        scope.spawn(|| {
-            let pull = |brick: &TurningBrick| {
-                std::fs::remove_dir_all(brick.path("lego-sensor/sensor1", "")).unwrap()
-            };
-            refused(&pull, &["gyro", "in4", "lego-ev3-us on in1"]);
-        });
-        scope.spawn(|| {
-            refused(
-                &|brick| brick.put("tacho-motor/motor2", "address", b"ev3-ports:outC\n"),
-                &["drive.right", "outD", "outC"],
-            );
-        });
-        scope.spawn(|| {
-            // Patience is ten seconds: a plug may be put in again meanwhile.
-            refused(
-                &|brick| brick.put("lego-sensor/sensor0", "value0", b"fly\n"),
-                &["range sensor", "`fly`"],
-            );
+    patiently("preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused", || {
+        let refused = |prepare: &dyn Fn(&TurningBrick), expected: &[&str]| {
+            let brick = TurningBrick::new();
+            prepare(&brick);
+            let running = Running::on(brick, DRIVE);
+            let said = done(&running.child.wait_with_output().unwrap());
+            assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
+            for expected in expected {
+                assert!(said.err.contains(expected), "`{expected}` is not in\n{}", said.err);
+            }
+            assert!(running.brick.is_still(), "{:?}", running.brick.commands());
+        };
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                refused(
+                    &|brick| brick.put("power_supply/lego-ev3-battery", "voltage_now", b"4900000\n"),
+                    &["4.9 V", "charge"],
+                );
+            });
+            scope.spawn(|| {
+                let pull = |brick: &TurningBrick| {
+                    std::fs::remove_dir_all(brick.path("lego-sensor/sensor1", "")).unwrap()
+                };
+                refused(&pull, &["gyro", "in4", "lego-ev3-us on in1"]);
+            });
+            scope.spawn(|| {
+                refused(
+                    &|brick| brick.put("tacho-motor/motor2", "address", b"ev3-ports:outC\n"),
+                    &["drive.right", "outD", "outC"],
+                );
+            });
+            scope.spawn(|| {
+                // Patience is ten seconds: a plug may be put in again meanwhile.
+                refused(
+                    &|brick| brick.put("lego-sensor/sensor0", "value0", b"fly\n"),
+                    &["range sensor", "`fly`"],
+                );
+            });
         });
     });
 }

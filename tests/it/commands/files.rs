@@ -2,6 +2,7 @@
 
 use onbrick::behavior::{Capabilities, Mission, shipped};
 use onbrick::robot::RobotConfig;
+use onbrick::service::Config;
 use onbrick::sim::World;
 
 use super::{keys, names, run};
@@ -78,7 +79,7 @@ fn graph_draws_every_shipped_mission() {
 fn new_writes_templates_that_load_and_never_writes_over_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
-    for what in ["mission", "robot", "world"] {
+    for what in ["mission", "robot", "world", "service"] {
         let file = format!("{what}.toml");
         let said = run(folder.path(), &["new", what, &file]).expect(0);
         assert_eq!(said.out, format!("wrote {file}\n"));
@@ -97,11 +98,12 @@ fn new_writes_templates_that_load_and_never_writes_over_a_file() {
     assert!(Mission::parse("m", &read("mission.toml"), &Capabilities::all()).unwrap().1.is_empty());
     assert!(RobotConfig::load("r", &read("robot.toml")).unwrap().1.is_empty());
     assert!(World::parse("w", &read("world.toml")).unwrap().1.is_empty());
+    assert!(Config::load("s", &read("service.toml"), folder.path()).unwrap().1.is_empty());
     run(folder.path(), &["new", "mission", "square.toml", "--from", "square"]).expect(0);
     assert_eq!(read("square.toml"), shipped::find("square").unwrap().text.as_bytes());
     let said = run(folder.path(), &["new", "mission", "no/where.toml"]).expect(1);
     assert!(said.err.contains("no/where.toml"), "{}", said.err);
-    assert_eq!(names(folder.path()).len(), 7);
+    assert_eq!(names(folder.path()).len(), 9);
 }
 
 #[test]

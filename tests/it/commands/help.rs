@@ -57,7 +57,7 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["plot", "a.mcap", "-o", "a.bmp"], ".svg, .png or .html"),
         (&["export", "a.mcap", "--format", "dxf"], "csv, ply, pgm, mcap"),
         (&["replay", "a.mcap", "--robot", "b.toml"], "--out"),
-        (&["new", "rover"], "mission, robot, world"),
+        (&["new", "rover"], "mission, robot, world, service"),
         (&["new", "mission", "--from", "mapp"], "did you mean `map`?"),
         (&["new", "robot", "--from", "map"], "only for a mission"),
         (&["check"], "<MISSIONS>"),

@@ -6,10 +6,10 @@ use onbrick::clock::SECOND_NS;
 use onbrick::runtime::recording::Run;
 use onbrick::runtime::{Event, Job, RunError, RunProcess, StopBy, WhenAbandoned};
 
+use super::PROGRAM;
 use crate::missions::{job, robot};
+use crate::support::real_time::patiently;
 use crate::support::turning_brick::await_that;
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// The map mission in a simulated arena, in real time so that it is there to be stopped.
 fn arena(folder: &Path) -> Job {
@@ -29,51 +29,56 @@ fn start(job: &Job) -> RunProcess {
 
 #[test]
 fn a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_finished() {
-    for (by, word) in
-        [(StopBy::Remote, "remote"), (StopBy::MenuClosed, "menu closed"), (StopBy::Terminal, "signal")]
-    {
-        let folder = tempfile::tempdir().unwrap();
-        let mut run = start(&arena(folder.path()));
-        let stopper = run.stopper();
-        std::thread::spawn(move || stopper.stop(by).unwrap()).join().unwrap();
-        let last = std::iter::from_fn(|| run.next_event())
-            .filter(|event| !matches!(event, Event::Status(_)))
-            .collect::<Vec<_>>();
-        let [Event::Stopped { word: stopped_word, stopped, .. }, Event::Ended(_)] = &last[..] else {
-            panic!("{last:?}")
-        };
-        assert_eq!((stopped_word.as_str(), *stopped), (word, true));
-        let stopper = run.stopper();
-        let ended = run.wait().unwrap();
-        assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), (word, true, true));
-        stopper.stop(by).expect("a run that is over needs no asking");
-        let recorded = Run::open(&ended.file).unwrap();
-        assert_eq!(recorded.info.unwrap().run.as_deref(), Some("7f3a"));
-        assert_eq!(recorded.ending.unwrap().reason, ended.reason);
-    }
+    patiently("a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_finished", || {
+        for (by, word) in
+            [(StopBy::Remote, "remote"), (StopBy::MenuClosed, "menu closed"), (StopBy::Terminal, "signal")]
+        {
+            let folder = tempfile::tempdir().unwrap();
+            let mut run = start(&arena(folder.path()));
+            let stopper = run.stopper();
+            std::thread::spawn(move || stopper.stop(by).unwrap()).join().unwrap();
+            let last = std::iter::from_fn(|| run.next_event())
+                .filter(|event| !matches!(event, Event::Status(_)))
+                .collect::<Vec<_>>();
+            let [Event::Stopped { word: stopped_word, stopped, .. }, Event::Ended(_)] = &last[..] else {
+                panic!("{last:?}")
+            };
+            assert_eq!((stopped_word.as_str(), *stopped), (word, true));
+            let stopper = run.stopper();
+            let ended = run.wait().unwrap();
+            assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), (word, true, true));
+            stopper.stop(by).expect("a run that is over needs no asking");
+            let recorded = Run::open(&ended.file).unwrap();
+            assert_eq!(recorded.info.unwrap().run.as_deref(), Some("7f3a"));
+            assert_eq!(recorded.ending.unwrap().reason, ended.reason);
+        }
+    });
 }
 
 #[test]
 fn a_run_whose_starter_leaves_it_stops_or_goes_on_as_its_job_says() {
-    let how = |when_abandoned| {
-        let folder = tempfile::tempdir().unwrap();
-        let job = Job { when_abandoned, set: vec![("time_limit_s".to_owned(), 2.0)], ..arena(folder.path()) };
-        let run = start(&job);
-        let stopper = run.stopper();
-        drop(run);
-        stopper.stop(StopBy::Remote).expect("nobody is asked any more");
-        let mut reason = None;
-        await_that("the recording is finished", || {
-            let ending = Run::open(&job.file).ok().and_then(|run| run.ending);
-            reason = ending.map(|ending| (ending.reason, ending.time_ns));
-            reason.is_some()
-        });
-        reason.unwrap()
-    };
-    assert_eq!(how(WhenAbandoned::Stop).0, "whoever started the run is gone");
-    let (reason, time_ns) = how(WhenAbandoned::GoOn);
-    assert_eq!(reason, "the mission is finished");
-    assert!(time_ns >= 2 * SECOND_NS, "{time_ns} ns");
+    patiently("a_run_whose_starter_leaves_it_stops_or_goes_on_as_its_job_says", || {
+        let how = |when_abandoned| {
+            let folder = tempfile::tempdir().unwrap();
+            let job =
+                Job { when_abandoned, set: vec![("time_limit_s".to_owned(), 2.0)], ..arena(folder.path()) };
+            let run = start(&job);
+            let stopper = run.stopper();
+            drop(run);
+            stopper.stop(StopBy::Remote).expect("nobody is asked any more");
+            let mut reason = None;
+            await_that("the recording is finished", || {
+                let ending = Run::open(&job.file).ok().and_then(|run| run.ending);
+                reason = ending.map(|ending| (ending.reason, ending.time_ns));
+                reason.is_some()
+            });
+            reason.unwrap()
+        };
+        assert_eq!(how(WhenAbandoned::Stop).0, "whoever started the run is gone");
+        let (reason, time_ns) = how(WhenAbandoned::GoOn);
+        assert_eq!(reason, "the mission is finished");
+        assert!(time_ns >= 2 * SECOND_NS, "{time_ns} ns");
+    });
 }
 
 #[test]

@@ -62,6 +62,8 @@ fn a_simulated_run_tells_how_it_goes_and_is_recorded() {
             "dropped",
             "elapsed_ns",
             "event",
+            "latest_ns",
+            "overruns",
             "points",
             "pose",
             "states",

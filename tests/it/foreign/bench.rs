@@ -12,8 +12,9 @@ use serde_json::Value;
 
 use crate::mount::bench::no_fuse;
 use crate::support::pass_over;
+use crate::support::real_time::Pace;
 
-pub(super) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// No program here takes longer.
 const LONGEST_NS: i64 = 90 * SECOND_NS;
@@ -32,28 +33,28 @@ exec "$@"
 "#;
 
 /// `onbrick sim` with a brick in a folder of its own.
-pub(super) struct Simulator {
+pub(crate) struct Simulator {
     process: Child,
     folder: tempfile::TempDir,
 }
 
 /// Where the robot truly is.
 #[derive(Debug, serde::Deserialize)]
-pub(super) struct Truth {
-    pub(super) x_m: f64,
-    pub(super) y_m: f64,
-    pub(super) heading_deg: f64,
-    pub(super) speed_mps: f64,
-    pub(super) travelled_m: f64,
-    pub(super) left_deg: f64,
-    pub(super) right_deg: f64,
-    pub(super) echo_m: Option<f64>,
-    pub(super) touching: bool,
-    pub(super) fallen: bool,
+pub(crate) struct Truth {
+    pub(crate) x_m: f64,
+    pub(crate) y_m: f64,
+    pub(crate) heading_deg: f64,
+    pub(crate) speed_mps: f64,
+    pub(crate) travelled_m: f64,
+    pub(crate) left_deg: f64,
+    pub(crate) right_deg: f64,
+    pub(crate) echo_m: Option<f64>,
+    pub(crate) touching: bool,
+    pub(crate) fallen: bool,
 }
 
 /// Somebody's program, running in its namespace.
-pub(super) struct Foreign {
+pub(crate) struct Foreign {
     name: String,
     process: Child,
     said: BufReader<ChildStdout>,
@@ -62,17 +63,24 @@ pub(super) struct Foreign {
 
 impl Simulator {
     /// Starts it in a world of `tests/data` or a built-in one.
-    pub(super) fn start(world: &str) -> Self {
+    pub(crate) fn start(pace: &Pace, world: &str) -> Self {
+        Self::start_with(pace, world, &[])
+    }
+
+    /// The same, with further arguments.
+    pub(crate) fn start_with(pace: &Pace, world: &str, arguments: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = format!("{}/tests/data/{world}.toml", env!("CARGO_MANIFEST_DIR"));
         let world = if Path::new(&file).exists() { &file } else { world };
-        let mut process = Command::new(PROGRAM)
+        let mut process = Pace::command(PROGRAM)
             .arg("sim")
             .arg(folder.path().join("brick"))
             .args(["--world", world])
+            .args(arguments)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
+        pace.watch(&process);
         let mut said = BufReader::new(process.stdout.take().unwrap());
         let mut line = String::new();
         while !line.starts_with("mounted") {
@@ -84,11 +92,11 @@ impl Simulator {
         Self { process, folder }
     }
 
-    pub(super) fn root(&self) -> PathBuf {
+    pub(crate) fn root(&self) -> PathBuf {
         self.folder.path().join("brick")
     }
 
-    pub(super) fn truth(&self) -> Truth {
+    pub(crate) fn truth(&self) -> Truth {
         serde_json::from_str(&fs::read_to_string(self.root().join("sim/truth")).unwrap()).unwrap()
     }
 }
@@ -105,7 +113,7 @@ impl Drop for Simulator {
 
 impl Foreign {
     /// Starts a program in a namespace where a brick is mounted.
-    pub(super) fn start(name: &str, brick: &Path, command: &[&str]) -> Self {
+    pub(crate) fn start(pace: &Pace, name: &str, brick: &Path, command: &[&str]) -> Self {
         let aside = tempfile::tempdir().unwrap();
         let mut process = unshare()
             .args(["sh", "-c", ENTER, "sh"])
@@ -114,38 +122,41 @@ impl Foreign {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
+        pace.watch(&process);
         let said = BufReader::new(process.stdout.take().unwrap());
         Self { name: name.to_owned(), process, said, _aside: aside }
     }
 
     /// The next line it says.
-    pub(super) fn line(&mut self) -> String {
+    pub(crate) fn line(&mut self) -> String {
         let mut line = String::new();
         self.said.read_line(&mut line).unwrap();
         line.trim_end().to_owned()
     }
 
-    /// Waits for its end; what it said.
-    pub(super) fn end(mut self) -> String {
+    /// Waits for its end; what it said, or nothing and a complaint if it does not end well.
+    pub(crate) fn end(mut self, pace: &Pace) -> Option<String> {
         let deadline_ns = MonotonicClock.now_ns() + LONGEST_NS;
-        let status = loop {
-            if let Some(status) = self.process.try_wait().unwrap() {
-                break status;
-            }
-            assert!(MonotonicClock.now_ns() < deadline_ns, "{} does not end", self.name);
+        let mut status = None;
+        while status.is_none() && MonotonicClock.now_ns() < deadline_ns {
             MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+            status = self.process.try_wait().unwrap();
+        }
+        let Some(status) = status else {
+            pace.ensure(false, || format!("{} does not end", self.name));
+            return None;
         };
         let mut said = String::new();
         self.said.read_to_string(&mut said).unwrap();
-        assert!(status.success(), "{} failed: {status}; it said {said}", self.name);
         println!("{}: {said}", self.name);
-        said
+        pace.ensure(status.success(), || format!("{} failed: {status}", self.name));
+        status.success().then_some(said)
     }
 
     /// Waits for its end; the JSON in its last line.
-    pub(super) fn json(self) -> Value {
-        let said = self.end();
-        serde_json::from_str(said.lines().last().unwrap_or_default()).unwrap()
+    pub(crate) fn json(self, pace: &Pace) -> Option<Value> {
+        let said = self.end(pace)?;
+        Some(serde_json::from_str(said.lines().last().unwrap_or_default()).unwrap())
     }
 }
 
@@ -158,8 +169,8 @@ impl Drop for Foreign {
 }
 
 /// A command in a mount namespace of its own: with the rights we have, or as root of a user namespace.
-fn unshare() -> Command {
-    let mut command = Command::new("unshare");
+pub(crate) fn unshare() -> Command {
+    let mut command = Pace::command("unshare");
     if !nix::unistd::geteuid().is_root() {
         command.args(["--user", "--map-root-user"]);
     }
@@ -168,7 +179,7 @@ fn unshare() -> Command {
 }
 
 /// True, and said, where this machine cannot mount, or has no namespaces.
-pub(super) fn no_namespaces() -> bool {
+pub(crate) fn no_namespaces() -> bool {
     if no_fuse() {
         return true;
     }
@@ -181,7 +192,7 @@ pub(super) fn no_namespaces() -> bool {
 }
 
 /// True, and said, where python or the library is missing.
-pub(super) fn no_python() -> bool {
+pub(crate) fn no_python() -> bool {
     let probe = Command::new("python3").args(["-c", "import ev3dev2, evdev, PIL"]).output();
     let can = probe.is_ok_and(|output| output.status.success());
     if !can {
@@ -191,12 +202,12 @@ pub(super) fn no_python() -> bool {
 }
 
 /// A program of `tests/python`.
-pub(super) fn script(name: &str) -> String {
+pub(crate) fn script(name: &str) -> String {
     format!("{}/tests/python/{name}.py", env!("CARGO_MANIFEST_DIR"))
 }
 
 /// An example of this crate, which `cargo test` builds beside its binary.
-pub(super) fn example(name: &str) -> Option<PathBuf> {
+pub(crate) fn example(name: &str) -> Option<PathBuf> {
     let path = Path::new(PROGRAM).parent()?.join("examples").join(name);
     if !path.exists() {
         pass_over(&format!("the example {name}: cargo test builds it, cargo test --test it does not"));

@@ -33,7 +33,7 @@ fn every_run_replays_bit_for_bit() {
 }
 
 #[test]
-fn a_replay_goes_on_from_the_checkpoint_after_a_gap() {
+fn promise_7_a_replay_goes_on_from_the_checkpoint_after_a_gap() {
     for (mission, world) in [("map", "arena"), ("bump", "rooms"), ("line", "line")] {
         let played = play_in(mission, world, 2);
         let whole = played.run();
@@ -54,7 +54,7 @@ fn a_replay_goes_on_from_the_checkpoint_after_a_gap() {
 }
 
 #[test]
-fn a_damaged_stretch_is_a_gap_and_the_rest_replays() {
+fn promise_7_a_damaged_stretch_is_a_gap_and_the_rest_replays() {
     let played = play_in("map", "arena", 2);
     let whole = played.run();
     // One byte flipped in the middle of the file: its stretch no longer has the sum that its sync says.

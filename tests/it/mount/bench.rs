@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use nix::errno::Errno;
@@ -16,6 +16,7 @@ use onbrick::sim::{
 
 use crate::drivers_bench::{Bench, InProcess, Rig};
 use crate::support::pass_over;
+pub(crate) use crate::support::real_time::alone as real_time;
 use crate::transcript::Control;
 
 /// A mounted simulation in a folder of its own.
@@ -44,16 +45,15 @@ pub(crate) fn no_fuse() -> bool {
     refused.is_some()
 }
 
-/// Keeps those tests apart that take all the machine has, or that need their share of it in time.
-pub(crate) fn real_time() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Mounted {
     /// The bench of the transcript, over a clock that moves when somebody sleeps on it.
     pub(crate) fn recorded() -> Option<Self> {
-        let bench = InProcess::new(Bench::as_recorded(), Options::default());
+        Self::with_options(Options::default())
+    }
+
+    /// The same, with a brick that is not as usual.
+    pub(crate) fn with_options(options: Options) -> Option<Self> {
+        let bench = InProcess::new(Bench::as_recorded(), options);
         let mut mounted = Self::of(bench.simulation.clone(), bench.clock.clone())?;
         let tree = MovingTree { tree: LocalTree::new(mounted.root()), clock: bench.clock.clone() };
         mounted.rig = Some(Rig { bench, tree: Arc::new(tree) });

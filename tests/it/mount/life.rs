@@ -185,26 +185,76 @@ fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
     assert_eq!(fs::read_to_string(point.join("sys/class/tacho-motor/motor0/position")).unwrap(), "0\n");
 }
 
+/// Somebody who is nobody: `nobody`.
+const NOBODY: u32 = 65_534;
+
+/// Everybody's folder with a copy of the program: somebody else may not be let into the folder where it was built.
+fn open_house() -> (tempfile::TempDir, std::path::PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
+    let program = folder.path().join("onbrick");
+    fs::copy(PROGRAM, &program).unwrap();
+    (folder, program)
+}
+
 #[test]
 fn who_is_not_root_and_has_no_helper_is_told_what_to_install() {
     if no_fuse() {
         return;
     }
-    let helper = ["/usr/bin/fusermount3", "/bin/fusermount3"].iter().any(|path| Path::new(path).exists());
-    if !nix::unistd::geteuid().is_root() || helper {
-        return pass_over("root without fusermount3, to become somebody who cannot mount");
-    }
-    let folder = tempfile::tempdir().unwrap();
-    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
-    let program = folder.path().join("onbrick");
-    // Somebody else may not be let into the folder where it was built.
-    fs::copy(PROGRAM, &program).unwrap();
+    let (folder, program) = open_house();
     let point = folder.path().join("brick");
-    let output = Command::new(&program).arg("sim").arg(&point).uid(65_534).gid(65_534).output().unwrap();
+    // In a namespace of its own, where the helpers are no programs.
+    let script = r#"
+for name in fusermount3 fusermount; do
+  if helper=$(command -v $name); then mount --bind /dev/null "$helper"; fi
+done
+exec setpriv --reuid 65534 --regid 65534 --clear-groups "$@"
+"#;
+    let output = Command::new("unshare")
+        .args(["--mount", "--propagation", "private", "sh", "-c", script, "sh"])
+        .args([program.as_os_str(), "sim".as_ref(), point.as_os_str()])
+        .output();
+    let Some(output) = output.ok().filter(|_| nix::unistd::geteuid().is_root()) else {
+        return pass_over("root with unshare, to become somebody who cannot mount");
+    };
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");
     assert!(said.contains("fusermount3 is missing") && said.contains("apt install fuse3"), "{said}");
     assert!(!point.exists(), "nothing was made");
+}
+
+#[test]
+fn an_ordinary_user_mounts_with_the_helper_and_nobody_else_gets_in() {
+    if no_fuse() {
+        return;
+    }
+    let helper = ["/usr/bin/fusermount3", "/bin/fusermount3"].iter().any(|path| Path::new(path).exists());
+    if !nix::unistd::geteuid().is_root() || !helper {
+        return pass_over("root, to become an ordinary user, and fusermount3 of the package fuse3");
+    }
+    let (folder, program) = open_house();
+    let point = folder.path().canonicalize().unwrap().join("brick");
+    let somebody = |program: &Path| {
+        let mut command = Command::new(program);
+        command.uid(NOBODY).gid(NOBODY);
+        command
+    };
+    let mut process = somebody(&program).arg("sim").arg(&point).stdout(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(process.stdout.take().unwrap());
+    let mut greeting = String::new();
+    while !greeting.contains("mounted a simulated brick") {
+        assert_ne!(said.read_line(&mut greeting).unwrap(), 0, "it ended and had said: {greeting}");
+    }
+    let simulator = Simulator { process, said, greeting };
+    let position = point.join("sys/class/tacho-motor/motor0/position");
+    let read = somebody(Path::new("cat")).arg(&position).output().unwrap();
+    assert_eq!(read.stdout, b"0\n", "{}", String::from_utf8_lossy(&read.stderr));
+    assert_eq!(fs::read(&position).map_err(errno), Err(Errno::EACCES), "not even root");
+    simulator.signal(Signal::SIGTERM);
+    let (code, last) = simulator.end();
+    assert_eq!(code, Some(0), "{last}");
+    assert!(last.contains("unmounted after") && !is_mounted(&point), "{last}");
 }
 
 /// A simulator with more to do than to mount, until a line that it says.

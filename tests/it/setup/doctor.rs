@@ -119,8 +119,8 @@ fn a_gyro_that_drifts_and_a_flat_battery_are_seen() {
     fails(&bench, "gyro", ["drifts", "unplug it, hold the robot still"], |_| ());
     let bench = Bench::new("", 1);
     bench.simulation.inspect(|world: &mut WorldPhysics| world.fail(0, Fault::BatteryV(5.4)));
-    fails(&bench, "battery", ["V -> charge it", "at least 5.8 V"], |_| ());
-    bench.simulation.inspect(|world: &mut WorldPhysics| world.fail(0, Fault::BatteryV(6.5)));
+    fails(&bench, "battery", ["V -> charge it", "at least 5.5 V"], |_| ());
+    bench.simulation.inspect(|world: &mut WorldPhysics| world.fail(0, Fault::BatteryV(6.0)));
     let diagnosis = look(&bench, |_| ());
     assert!(line(&diagnosis, "battery", Verdict::Warning).contains("is low"));
 }

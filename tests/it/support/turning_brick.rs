@@ -38,6 +38,8 @@ impl TurningBrick {
                 ("max_speed", "1050\n"),
                 ("count_per_rot", "360\n"),
                 ("command", "reset\n"),
+                // Nobody keeps it here, and one that stands still would contradict each command.
+                ("state", "unknown\n"),
             ];
             plain_files(folder.path(), &format!("sys/class/tacho-motor/{name}"), &rotary_tables(), &texts);
         }

@@ -1,0 +1,62 @@
+# shellcheck shell=bash
+# What the emulator's scripts share: sourced, never run.
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+checkout=$(cd "$here/../.." && pwd)
+cache=${XDG_CACHE_HOME:-$HOME/.cache}/onbrick
+# shellcheck disable=SC2034  # for the scripts that source this
+readonly here checkout cache
+
+say() { printf 'emulate: %s\n' "$*" >&2; }
+
+# fail MESSAGE [WAY OUT]
+fail() {
+  printf 'error: %s\n' "$1" >&2
+  [ $# -lt 2 ] || printf '  try: %s\n' "$2" >&2
+  exit 1
+}
+
+as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi; }
+
+# needs COMMAND=PACKAGE…: installs the Debian or Ubuntu packages of the commands that are not there.
+needs() {
+  local pair packages=()
+  for pair; do
+    command -v "${pair%%=*}" >/dev/null || packages+=("${pair##*=}")
+  done
+  install_packages ${packages[@]+"${packages[@]}"}
+}
+
+install_packages() {
+  [ $# -gt 0 ] || return 0
+  command -v apt-get >/dev/null || fail "this needs $*" "install them with your system's packages"
+  say "installing $*"
+  as_root apt-get update -qq >&2 || fail "apt-get update failed" "look at the network, then again"
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null ||
+    fail "could not install $*" "apt-get install $*"
+}
+
+# Only one builds into the cache at a time; the others wait for it.
+# locked NAME COMMAND…
+locked() {
+  local name=$1
+  shift
+  mkdir -p "$cache"
+  (
+    flock 9
+    "$@"
+  ) 9>"$cache/$name.lock"
+}
+
+# arm_cargo ARGUMENTS…: cargo for the brick's processor, with whichever compiler is there (build.sh installs one).
+arm_cargo() {
+  local target=armv5te-unknown-linux-gnueabi
+  if [ -d "$(rustc --print target-libdir --target $target 2>/dev/null)" ]; then
+    cargo "$@" --config "$checkout/cross.toml"
+  elif [ -d /usr/lib/rustlib/src/rust/library ]; then
+    # Debian's, which builds the standard library as well. The PATH keeps rustup's programs out of the way.
+    RUSTC_BOOTSTRAP=1 PATH=/usr/bin:/bin cargo "$@" --config "$checkout/cross.toml"
+  else
+    fail "there is no Rust compiler for the brick's processor" "brick-image/build.sh, which installs one"
+  fi
+}

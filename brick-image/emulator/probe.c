@@ -1,0 +1,157 @@
+/* What the scenarios measure with, inside the emulated brick. Each form does one thing and prints one number.
+ *
+ *   probe read FILE COUNT     nanoseconds a reading of a bare loop of pread and atoi
+ *   probe hog                 eats the processor until it is killed
+ *   probe enosys FROM CMD...  runs CMD under a filter that answers ENOSYS to every system call from FROM on
+ *   probe call NUMBER         whether the kernel has a system call: exit code 0 or 1
+ *   probe cpu PID             nanoseconds of processor time that a process has used, by its own processor clock
+ *   probe split PID SECONDS   samples a process; prints how many fell into user and into kernel code
+ *   probe now                 nanoseconds since boot
+ *   probe stamp               copies lines, each with nanoseconds since boot before it
+ *   probe fifo PRIORITY CMD.. runs CMD with a real-time priority
+ *   probe random              how a request for random bytes that may not wait ends
+ */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/audit.h>
+#include <linux/filter.h>
+#include <linux/perf_event.h>
+#include <linux/seccomp.h>
+#include <poll.h>
+#include <sched.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/random.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+static int fail(const char *doing) {
+  fprintf(stderr, "probe: %s: %s\n", doing, strerror(errno));
+  return 1;
+}
+
+static long long on(clockid_t clock) {
+  struct timespec time;
+  if (clock_gettime(clock, &time) != 0) return -1;
+  return time.tv_sec * 1000000000LL + time.tv_nsec;
+}
+
+static int read_loop(const char *path, long count) {
+  char text[64];
+  volatile int value = 0;
+  int file = open(path, O_RDONLY | O_CLOEXEC);
+  if (file < 0) return fail(path);
+  long long started = on(CLOCK_MONOTONIC);
+  for (long i = 0; i < count; i++) {
+    ssize_t got = pread(file, text, sizeof text - 1, 0);
+    if (got <= 0) return fail("pread");
+    text[got] = 0;
+    value = atoi(text);
+  }
+  printf("%lld\n", (on(CLOCK_MONOTONIC) - started) / count);
+  return value < 0;
+}
+
+static int enosys(unsigned from, char **command) {
+  struct sock_filter rules[] = {
+      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+      /* ARM's own calls (0x0f0000 on: cache flush, thread pointer) are older than everything. */
+      BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, 0x0f0000, 1, 0),
+      BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, from, 1, 0),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
+  };
+  struct sock_fprog program = {sizeof rules / sizeof *rules, rules};
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return fail("no new privileges");
+  if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) != 0) return fail("seccomp");
+  execvp(command[0], command);
+  return fail(command[0]);
+}
+
+static int processor_time(pid_t pid) {
+  clockid_t clock;
+  if (clock_getcpuclockid(pid, &clock) != 0) return fail("processor clock");
+  printf("%lld\n", on(clock));
+  return 0;
+}
+
+/* Samples the processor, whatever runs on it, and counts what was of one process, all its threads. */
+static int split(pid_t pid, double seconds) {
+  enum { PAGES = 64 };
+  struct sample {
+    struct perf_event_header header;
+    unsigned long long place;
+    unsigned process, thread;
+  };
+  struct perf_event_attr what = {
+      .type = PERF_TYPE_SOFTWARE, .size = sizeof what, .config = PERF_COUNT_SW_CPU_CLOCK,
+      .sample_period = 191000, .sample_type = PERF_SAMPLE_IP | PERF_SAMPLE_TID,
+  };
+  int file = syscall(SYS_perf_event_open, &what, -1, 0, -1, 0);
+  if (file < 0) return fail("perf_event_open");
+  size_t page = sysconf(_SC_PAGESIZE), size = PAGES * page;
+  char *ring = mmap(0, page + size, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+  if (ring == MAP_FAILED) return fail("mmap");
+  struct perf_event_mmap_page *head = (void *)ring;
+  long user = 0, kernel = 0;
+  long long end = on(CLOCK_MONOTONIC) + (long long)(seconds * 1e9);
+  while (on(CLOCK_MONOTONIC) < end) {
+    poll(0, 0, 100);
+    __sync_synchronize();
+    while (head->data_tail < head->data_head) {
+      /* Records are multiples of 8 bytes, so a header never wraps; a sample's fields may. */
+      struct sample record;
+      for (size_t at = 0; at < sizeof record; at += 8)
+        memcpy((char *)&record + at, ring + page + (head->data_tail + at) % size, 8);
+      if (record.header.type == PERF_RECORD_SAMPLE && record.process == (unsigned)pid) {
+        if ((record.header.misc & PERF_RECORD_MISC_CPUMODE_MASK) == PERF_RECORD_MISC_USER) user++;
+        else kernel++;
+      }
+      head->data_tail += record.header.size;
+    }
+  }
+  printf("%ld %ld\n", user, kernel);
+  return 0;
+}
+
+static int stamp(void) {
+  char line[65536];
+  while (fgets(line, sizeof line, stdin)) {
+    printf("%lld %s", on(CLOCK_MONOTONIC), line);
+    fflush(stdout);
+  }
+  return 0;
+}
+
+static int fifo(int priority, char **command) {
+  struct sched_param parameter = {.sched_priority = priority};
+  if (sched_setscheduler(0, SCHED_FIFO, &parameter) != 0) return fail("real-time priority");
+  execvp(command[0], command);
+  return fail(command[0]);
+}
+
+int main(int count, char **words) {
+  const char *form = count > 1 ? words[1] : "";
+  if (!strcmp(form, "read") && count == 4) return read_loop(words[2], atol(words[3]));
+  if (!strcmp(form, "hog")) for (volatile unsigned turns = 0;; turns++) {}
+  if (!strcmp(form, "enosys") && count > 3) return enosys(atoi(words[2]), words + 3);
+  if (!strcmp(form, "cpu") && count == 3) return processor_time(atoi(words[2]));
+  if (!strcmp(form, "split") && count == 4) return split(atoi(words[2]), atof(words[3]));
+  if (!strcmp(form, "call") && count == 3) return syscall(atol(words[2]), -1, -1, -1, -1) < 0 && errno == ENOSYS;
+  if (!strcmp(form, "now")) return printf("%lld\n", on(CLOCK_MONOTONIC)) < 0;
+  if (!strcmp(form, "stamp")) return stamp();
+  if (!strcmp(form, "fifo") && count > 3) return fifo(atoi(words[2]), words + 3);
+  if (!strcmp(form, "random")) {
+    char byte;
+    puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
+    return 0;
+  }
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random\n", stderr);
+  return 2;
+}

@@ -1,0 +1,208 @@
+#!/usr/bin/env bash
+# Puts onbrick into an ev3dev SD card image, so that the card can be flashed and the brick is ready at its first power-on.
+set -euo pipefail
+
+usage() {
+  cat <<'END'
+Usage: brick-image/inject.sh IMAGE [OPTIONS]
+
+Puts the package into IMAGE, an ev3dev SD card image (unpacked: a file that ends in .img). At its first start the brick installs it by
+itself. Needs no root. A dozen bricks are twelve commands:
+  brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" --key "$(onbrick key show)"
+
+  --out NEW.img     leave IMAGE alone and make this one
+  --name NAME       the brick's name on the network; without it all are called ev3dev
+  --wifi NAME       join this wireless network; the password is asked for, or the first line of standard input
+  --key KEY         let this PC in: what `onbrick key show` prints, or a file with that in it; can be repeated
+  --deb FILE        the package (default: target/brick/onbrick_*_armel.deb)
+  -h, --help        this
+END
+}
+
+fail() {
+  printf 'error: %s\n' "$1" >&2
+  [ $# -lt 2 ] || printf '  try: %s\n' "$2" >&2
+  exit 1
+}
+say() { printf 'inject: %s\n' "$*"; }
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+image='' out='' name='' wifi='' deb='' keys=()
+while [ $# -gt 0 ]; do
+  case $1 in
+    --out) out=${2:?--out needs a file} && shift ;;
+    --name) name=${2:?--name needs a name} && shift ;;
+    --wifi) wifi=${2:?--wifi needs a name} && shift ;;
+    --key) keys+=("${2:?--key needs a key}") && shift ;;
+    --deb) deb=${2:?--deb needs a file} && shift ;;
+    -h | --help) usage && exit 0 ;;
+    -*) usage >&2 && exit 2 ;;
+    *)
+      if [ -n "$image" ]; then usage >&2 && exit 2; fi
+      image=$1
+      ;;
+  esac
+  shift
+done
+if [ -z "$image" ]; then usage >&2 && exit 2; fi
+
+# Everything is checked before anything is written.
+check_tools() {
+  local missing=()
+  command -v sfdisk >/dev/null || missing+=(fdisk)
+  command -v mdir >/dev/null || missing+=(mtools)
+  command -v debugfs >/dev/null || missing+=(e2fsprogs)
+  [ ${#missing[@]} = 0 ] || fail "this needs ${missing[*]}" "apt-get install ${missing[*]}"
+}
+
+# As host names are (RFC 1123), so that it can be looked up as NAME.local.
+check_name() {
+  [ -z "$name" ] || [[ $name =~ ^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$ ]] ||
+    fail "$name cannot be a brick's name" "small letters a to z, digits, and - in between; at most 63"
+}
+
+# A key is 40 signs of Z85, alone or as `onbrick key show` prints it.
+read_keys() {
+  local place=0 key
+  for key in ${keys[@]+"${keys[@]}"}; do
+    if [ -f "$key" ]; then key=$(<"$key"); fi
+    key=$(tr -s ' ' '\n' <<<"$key" | grep -xE '[]0-9a-zA-Z.:+=^!/*?&<>()[{}@%$#-]{40}' | head -n 1) ||
+      fail "this is no key: ${keys[$place]}" "a key has 40 signs; onbrick key show prints this PC's"
+    keys[place]=$key
+    place=$((place + 1))
+  done
+}
+
+find_deb() {
+  [ -n "$deb" ] || deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)
+  if [ -z "$deb" ] || [ ! -f "$deb" ]; then fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"; fi
+  [ "$(head -c 7 "$deb")" = '!<arch>' ] || fail "$deb is no Debian package" "brick-image/build.sh makes one"
+}
+
+# partition TYPE…: where the first partition of such a type begins, in bytes.
+partition() {
+  local type
+  for type; do
+    sfdisk -d "$image" 2>/dev/null |
+      sed -n "s/.*start= *\\([0-9]*\\), size= *[0-9]*, type=0*$type\\(,.*\\)\\{0,1\\}\$/\\1/p" | head -n 1 | grep . && return
+  done
+}
+
+# An ev3dev image: a FAT partition with the kernel on it, and an ext4 partition with ev3dev's own file in it.
+check_image() {
+  local fat_sector root_sector
+  [ -f "$image" ] || fail "there is no file $image" "unpack the image that ev3dev.org offers; it ends in .img"
+  [ -w "$image" ] || [ -n "$out" ] || fail "$image cannot be written to" "--out NEW.img"
+  fat_sector=$(partition c b e 6) || fat_sector=''
+  root_sector=$(partition 83) || root_sector=''
+  if [ -z "$fat_sector" ] || [ -z "$root_sector" ]; then
+    fail "$image is no SD card image with a FAT and a Linux partition" "an ev3dev image, unpacked"
+  fi
+  boot=$image@@$((fat_sector * 512))
+  offset=$((root_sector * 512))
+  MTOOLS_SKIP_CHECK=1 mdir -b -i "$boot" ::uImage >/dev/null 2>&1 || fail "there is no kernel for an EV3 (uImage) in $image" "an image for the EV3"
+  local release
+  release=$(debugfs -R 'cat /etc/ev3dev-release' "$image?offset=$offset" 2>/dev/null | head -n 1)
+  [ -n "$release" ] || fail "$image is no ev3dev image: it has no /etc/ev3dev-release" "an ev3dev image, unpacked"
+  e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 ||
+    fail "the Linux partition of $image is not in order" "unpack the image anew; or, if a brick ran from it, e2fsck it"
+  # dpkg unpacks the package beside the old one, so that three times its size is enough.
+  local free
+  free=$(dumpe2fs -h "$image?offset=$offset" 2>/dev/null | awk -F: '/^Free blocks/ { blocks = $2 } /^Block size/ { size = $2 } END { print blocks * size }')
+  [ "$free" -gt $((3 * $(stat -c %s "$deb") + (16 << 20))) ] || fail "there is no room in $image" "an image that nothing else was put into"
+  say "$image is $release"
+}
+
+# in_root COMMAND…: one of debugfs's commands on the root partition. It ends with 0 whatever happens, so what it says is looked at.
+in_root() {
+  local said
+  said=$(debugfs -w -R "$*" "$image?offset=$offset" 2>&1 | sed '1{/^debugfs [0-9]/d}')
+  case $said in
+    '' | 'Allocated inode: '*) ;;
+    *) fail "debugfs, $*: $said" "unpack the image anew and try again" ;;
+  esac
+}
+
+exists() { debugfs -R "stat $1" "$image?offset=$offset" 2>/dev/null | grep -q '^Inode: '; }
+
+make_folder() {
+  local path='' part
+  for part in ${1//\// }; do
+    path=$path/$part
+    exists "$path" || in_root "mkdir $path"
+  done
+}
+
+# put FILE PATH MODE: root's; an older one is taken away first.
+put() {
+  make_folder "$(dirname "$2")"
+  ! exists "$2" || in_root "rm $2"
+  in_root "write $1 $2"
+  in_root "set_inode_field $2 mode 0100$3"
+  in_root "set_inode_field $2 uid 0"
+  in_root "set_inode_field $2 gid 0"
+}
+
+get() { debugfs -R "cat $1" "$image?offset=$offset" 2>/dev/null; }
+
+put_package() {
+  put "$deb" /var/cache/onbrick/onbrick.deb 644
+  put "$here/package/install-first" /var/cache/onbrick/install-first 755
+  put "$here/package/onbrick-install.service" /etc/systemd/system/onbrick-install.service 644
+  make_folder /etc/systemd/system/multi-user.target.wants
+  exists /etc/systemd/system/multi-user.target.wants/onbrick-install.service ||
+    in_root "symlink /etc/systemd/system/multi-user.target.wants/onbrick-install.service /etc/systemd/system/onbrick-install.service"
+}
+
+put_name() {
+  echo "$name" >"$work/hostname"
+  put "$work/hostname" /etc/hostname 644
+  get /etc/hosts | sed "s/^127\\.0\\.1\\.1.*/127.0.1.1\\t$name/" >"$work/hosts"
+  grep -q '^127\.0\.1\.1' "$work/hosts" || printf '127.0.1.1\t%s\n' "$name" >>"$work/hosts"
+  put "$work/hosts" /etc/hosts 644
+}
+
+# connman reads a network from a file of its own, and its settings say whether the radio is on.
+put_wifi() {
+  local password
+  if [ -t 0 ]; then read -rsp "password of $wifi: " password && echo; else read -r password; fi
+  [ ${#password} -ge 8 ] || [ -z "$password" ] || fail "a wireless password has at least 8 signs" "nothing for an open network"
+  printf '[service_onbrick]\nType=wifi\nName=%s\n' "$wifi" >"$work/wifi"
+  [ -z "$password" ] || printf 'Passphrase=%s\n' "$password" >>"$work/wifi"
+  put "$work/wifi" /var/lib/connman/onbrick.config 600
+  get /var/lib/connman/settings >"$work/settings" || true
+  if grep -qx '\[WiFi\]' "$work/settings"; then
+    sed -i '/^\[WiFi\]$/,/^\[/ s/^Enable=.*/Enable=true/' "$work/settings"
+  else
+    printf '\n[WiFi]\nEnable=true\n' >>"$work/settings"
+  fi
+  put "$work/settings" /var/lib/connman/settings 600
+}
+
+# The brick itself authorises them when it installs the package: it knows how.
+put_keys() {
+  printf '%s\n' "${keys[@]}" >"$work/keys"
+  put "$work/keys" /var/cache/onbrick/keys 600
+}
+
+check_tools
+check_name
+read_keys
+find_deb
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+check_image
+if [ -n "$out" ]; then
+  [ ! -e "$out" ] || fail "$out is there already" "another name, or delete it"
+  cp --reflink=auto --sparse=always "$image" "$out"
+  image=$out
+fi
+put_package
+[ -z "$name" ] || put_name
+[ -z "$wifi" ] || put_wifi
+[ ${#keys[@]} = 0 ] || put_keys
+e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 || fail "$image came out damaged" "unpack the image anew and try again"
+say "put $(basename "$deb") into $image; the brick installs it at its first start, which takes a minute longer"
+[ -z "$name" ] || say "it will be called $name: ssh robot@$name.local"
+[ ${#keys[@]} = 0 ] || say "${#keys[@]} PC(s) may talk to it"
+say "flash it, for example with Etcher"

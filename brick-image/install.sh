@@ -1,0 +1,164 @@
+#!/usr/bin/env bash
+# Installs onbrick on a brick that runs ev3dev, over ssh: the package, a name, and this PC's key.
+set -euo pipefail
+
+usage() {
+  cat <<'END'
+Usage: brick-image/install.sh [OPTIONS] [USER@]HOST
+
+Copies the package to the brick and installs it. Can be run again, also to bring in a newer version; a mission that runs is waited for. HOST
+is anything that ssh takes, without a user robot's: ev3dev.local, ssh://robot@10.0.0.7:22.
+  brick-image/install.sh ev3dev.local --name red
+
+  --name NAME    give the brick a name on the network; new ones are all called ev3dev
+  --no-key       do not let this PC in; it can be paired later (onbrick pair)
+  --deb FILE     the package (default: target/brick/onbrick_*_armel.deb)
+  --onbrick FILE this PC's onbrick (default: target/brick/onbrick-linux-CPU, target/release/onbrick or the one in PATH)
+  -h, --help     this
+
+ssh asks for the password of the brick's user, and so does sudo on the brick, once; without a terminal, the first line of standard
+input is taken for sudo.
+END
+}
+
+fail() {
+  printf 'error: %s\n' "$1" >&2
+  [ $# -lt 2 ] || printf '  try: %s\n' "$2" >&2
+  exit "${3:-1}"
+}
+say() { printf 'install: %s\n' "$*"; }
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+host='' name='' deb='' key=yes onbrick=''
+while [ $# -gt 0 ]; do
+  case $1 in
+    --name) name=${2:?--name needs a name} && shift ;;
+    --no-key) key=no ;;
+    --deb) deb=${2:?--deb needs a file} && shift ;;
+    --onbrick) onbrick=${2:?--onbrick needs a file} && shift ;;
+    -h | --help) usage && exit 0 ;;
+    -*) usage >&2 && exit 2 ;;
+    *)
+      if [ -n "$host" ]; then usage >&2 && exit 2; fi
+      host=$1
+      ;;
+  esac
+  shift
+done
+if [ -z "$host" ]; then usage >&2 && exit 2; fi
+case $host in
+  *@* | ssh://*) ;;
+  *) host=robot@$host ;;
+esac
+if [ -n "$name" ] && ! [[ $name =~ ^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$ ]]; then
+  fail "$name cannot be a brick's name" "small letters a to z, digits, and - in between; at most 63"
+fi
+if [ -z "$deb" ]; then deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1); fi
+if [ -z "$deb" ] || [ ! -f "$deb" ]; then fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"; fi
+
+if [ -z "$onbrick" ]; then
+  for file in "$here/../target/brick/onbrick-linux-$(uname -m)" "$here/../target/release/onbrick" "$(command -v onbrick || true)"; do
+    if [ -x "$file" ]; then onbrick=$file && break; fi
+  done
+fi
+if [ "$key" = yes ] && [ -z "$onbrick" ]; then fail "there is no onbrick for this PC, whose key the brick is to know" "cargo build --release, or --no-key"; fi
+
+# One connection for everything, so that ssh asks for the password once.
+work=$(mktemp -d)
+control=(-o ControlMaster=auto -o "ControlPath=$work/ssh" -o ControlPersist=60)
+trap 'ssh "${control[@]}" -O exit "$host" 2>/dev/null || true; rm -rf "$work"' EXIT
+# shellcheck disable=SC2029  # what is expanded here is meant to be
+on_brick() { ssh "${control[@]}" "$host" "$@"; }
+
+say "connecting to $host"
+on_brick true </dev/null || fail "ssh did not get through to $host" "ssh $host; the password of a new ev3dev is maker" 4
+machine=$(on_brick 'uname -m; cat /etc/ev3dev-release 2>/dev/null || echo unknown' </dev/null)
+case $machine in
+  armv5*) ;;
+  *) fail "$host is no EV3: its processor is ${machine%%$'\n'*}" "the brick's address" 3 ;;
+esac
+say "found ${machine##*$'\n'}"
+
+# The brick's sudo: without a password where it needs none, else with one that is asked for once.
+password=''
+if ! on_brick sudo -n true </dev/null 2>/dev/null; then
+  if [ -t 0 ]; then read -rsp "password of ${host%%@*} on the brick, for sudo: " password && echo; else read -r password || true; fi
+  printf '%s\n' "$password" | on_brick sudo -S -p "''" true 2>/dev/null || fail "the brick's sudo did not take that password" "the password of a new ev3dev is maker" 3
+fi
+# quoted WORD: for a shell on the other side, whichever it is.
+quoted() { printf "'%s'" "${1//\'/\'\\\'\'}"; }
+# as_root COMMAND: one command line for the brick's root shell, which gets its files from somewhere else than standard input.
+as_root() { printf '%s\n' "$password" | on_brick "sudo -S -p '' sh -c $(quoted "$1")"; }
+
+# The file is whole before anything happens; dpkg then unpacks it beside the old version, and changes over at once.
+sum=$(sha256sum <"$deb" | cut -d' ' -f1)
+file=onbrick-$sum.deb
+on_brick "cat >$file.part && echo '$sum  $file.part' | sha256sum --quiet -c - && mv $file.part $file" <"$deb" ||
+  fail "the package did not arrive whole" "is there room on the card? ssh $host df -h"
+say "copied $(basename "$deb")"
+
+# What a power cut left is finished first; a version that cannot be installed is taken back for the one before.
+install_package() {
+  as_root "
+    set -e
+    export DEBIAN_FRONTEND=noninteractive
+    home=\$(getent passwd ${SUDO_USER_ON_BRICK} | cut -d: -f6)
+    mkdir -p /var/cache/onbrick
+    dpkg --configure -a
+    if dpkg -i --force-confold \$home/$file; then
+      mv \$home/$file /var/cache/onbrick/installed.deb
+    else
+      code=\$?
+      rm -f \$home/$file
+      if [ -e /var/cache/onbrick/installed.deb ]; then dpkg -i --force-confold /var/cache/onbrick/installed.deb; fi
+      exit \$code
+    fi"
+}
+SUDO_USER_ON_BRICK=$(on_brick id -un </dev/null)
+install_package || fail "the package was not installed; the version before is still there, if there was one" "look at what the brick said above"
+say "installed: $(on_brick onbrick --version </dev/null)"
+
+if [ -n "$name" ]; then
+  as_root "
+    set -e
+    echo $name >/etc/hostname
+    if grep -q '^127\\.0\\.1\\.1' /etc/hosts; then sed -i 's/^127\\.0\\.1\\.1.*/127.0.1.1\\t$name/' /etc/hosts; else printf '127.0.1.1\\t$name\\n' >>/etc/hosts; fi
+    hostname $name
+    if [ -d /run/systemd/system ]; then
+      systemctl try-restart avahi-daemon.service 2>/dev/null || true
+      systemctl try-restart onbrick.service
+    fi"
+  say "it is called $name now: ssh robot@$name.local"
+fi
+
+# The image's password is in every handbook: with it, everybody on the network is this brick's owner.
+if as_root "perl -e '\$hash = (getpwnam(q($SUDO_USER_ON_BRICK)))[1]; exit(crypt(q(maker), \$hash) eq \$hash ? 0 : 1)'"; then
+  say "warning: the password of $SUDO_USER_ON_BRICK is still the well-known one"
+  say "  try: ssh -t $host passwd"
+fi
+
+# This PC's key into the brick, and the brick's into this PC's list; what is shown by both sides over ssh needs no comparing of codes.
+key_in() { sed -n 's/.*"key":"\([^"]*\)".*/\1/p' | grep .; }
+introduce() {
+  local ours theirs address
+  "$onbrick" key show >/dev/null 2>&1 || "$onbrick" key new >/dev/null || return 1
+  ours=$("$onbrick" --json key show | key_in) || return 1
+  as_root "
+    set -e
+    cd /
+    key() { runuser -u onbrick -- onbrick --json key --keys /etc/onbrick/keys \"\$@\"; }
+    key authorise $(quoted "$ours") --name $(quoted "$(id -un)@$(hostname)") >/dev/null
+    key show 2>/dev/null || key new" >"$work/theirs" || return 1
+  theirs=$(key_in <"$work/theirs")
+  address=${host#ssh://}
+  address=${address#*@}
+  address=${address%%:*}
+  [ -z "$name" ] || address=$name.local
+  "$onbrick" key know "${name:-$address}" "$address" "$theirs"
+}
+
+if [ "$key" = yes ]; then
+  introduce >&2 || fail "the brick is installed, but this PC's key is not in it" "onbrick pair, on the brick and here"
+  say "this PC may talk to it: onbrick status ${name:-${host#*@}}"
+fi
+say "done"

@@ -1,0 +1,18 @@
+# shellcheck shell=dash
+# ev3dev's kernel is 4.14: no system call from number 398 on. A mission runs where they do not exist.
+# pidfd_open came with 5.3, fstat64 is as old as ARM.
+expect "this kernel has a call of a later one" probe call 434
+refuse "under the filter it has not" probe enosys 398 probe call 434
+expect "and has the older ones" probe enosys 398 probe call 197
+brick_up
+mkdir -p /tmp/old
+printf '#!/bin/sh\nexec probe enosys 398 /usr/bin/onbrick.real "$@"\n' >/tmp/old/onbrick
+mv /usr/bin/onbrick /usr/bin/onbrick.real
+mv /tmp/old/onbrick /usr/bin/onbrick
+chmod +x /usr/bin/onbrick
+drive "$(mission map 50 5)"
+arrive
+onbrick devices --brick /tmp/brick >/dev/null
+onbrick halt --brick /tmp/brick
+brick_down
+echo "ok: a mission, devices and halt without a system call of a later kernel"

@@ -1,0 +1,350 @@
+//! `onbrick guard`: starts the process that drives, and stops the motors when it is gone or hung. Hidden: `run` starts it.
+//!
+//! It passes events and orders on, both ways, and never waits for a reader that lags. It holds the hardware's lock from before control
+//! starts until the motors are still, so that no other run comes between; control shares the lock by inheritance, so that it is not free
+//! either while a guard is gone and control is still stopping.
+//!
+//! When control is gone or hung: SIGKILL first, then wait until it is gone, so that a process that wakes up cannot renew a lease; then
+//! the motors. Signals that end a program are orders to stop the run. When the guard itself is killed, control's pipe closes, and it
+//! stops the run.
+
+use std::io::{self, BufReader, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixStream;
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::Arc;
+
+use nix::errno::Errno;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use super::{Exit, Failure, Output, urgency};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use crate::ev3dev::{LocalTree, Tree};
+use crate::robot::still;
+use crate::runtime::{
+    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned, read_job,
+};
+
+/// Guard a run: started by `onbrick run`, never by hand.
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {}
+
+/// How much is kept for a reader that lags, bytes: beyond, statuses are left out.
+const MOST_KEPT: usize = 64 << 10;
+
+/// How long the last words wait for a reader that lags, nanoseconds.
+const PATIENCE_NS: i64 = 2 * SECOND_NS;
+
+/// How long a killed process is waited for before the motors are stopped all the same, nanoseconds: one that sits in a system call is
+/// gone when that ends.
+const DYING_NS: i64 = 100 * MILLISECOND_NS;
+
+pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
+    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    let signals = signals().map_err(|error| failed("cannot listen to signals", &error))?;
+    let mut input = BufReader::new(io::stdin());
+    let job = read_job(&mut input).map_err(|error| {
+        Failure::from_error(Exit::Usage, "standard input has no job", &error)
+            .hint("onbrick run, which starts this process and gives it its job")
+    })?;
+    let Brick::Local(root) = &job.brick else {
+        return Err(Failure::new(Exit::Usage, "a simulated brick needs no guard"));
+    };
+    let mut starter = Starter::new(input).map_err(|error| failed("cannot talk to the starter", &error))?;
+    let lock = match HardwareLock::take(root, "a run that is being prepared") {
+        Ok(lock) => lock,
+        Err(error) => {
+            starter.refuse(&Refused::from(error));
+            return Ok(());
+        }
+    };
+    let guard = lock.share().and_then(|()| Guard::start(&job, starter, signals));
+    let mut guard = guard.map_err(|error| failed("cannot start the process that drives", &error))?;
+    urgency::as_guard();
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
+    guard.follow(&tree);
+    drop(lock);
+    Ok(())
+}
+
+/// Each of these signals becomes a byte that can be waited for.
+fn signals() -> io::Result<UnixStream> {
+    let (heard, raised) = UnixStream::pair()?;
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::low_level::pipe::register(signal, raised.try_clone()?)?;
+    }
+    heard.set_nonblocking(true)?;
+    Ok(heard)
+}
+
+/// The pipes to whoever started us.
+struct Starter {
+    orders: Lines,
+    /// What is still to be written.
+    kept: Vec<u8>,
+    /// It gives no more orders, or reads no more.
+    gone: bool,
+    /// It reads no more.
+    deaf: bool,
+}
+
+impl Starter {
+    /// `input` has given the job, and may have read on into the orders.
+    fn new(input: BufReader<io::Stdin>) -> nix::Result<Self> {
+        let mut orders = Lines::default();
+        orders.push(input.buffer());
+        never_wait(io::stdout().as_fd())?;
+        never_wait(io::stdin().as_fd())?;
+        Ok(Self { orders, kept: Vec::new(), gone: false, deaf: false })
+    }
+
+    /// Passes an event on: at once, later, or, a status that is followed by others anyway, not at all.
+    fn tell(&mut self, event: &Event) {
+        if matches!(event, Event::Status(_)) && self.kept.len() > MOST_KEPT {
+            return;
+        }
+        if let Ok(mut line) = serde_json::to_vec(event) {
+            line.push(b'\n');
+            self.kept.append(&mut line);
+        }
+        self.write();
+    }
+
+    fn refuse(&mut self, refused: &Refused) {
+        let hint = refused.way_out().map(str::to_owned);
+        self.tell(&Event::Refused { message: refused.to_text(), hint });
+        self.finish();
+    }
+
+    fn write(&mut self) {
+        while !self.kept.is_empty() && !self.deaf {
+            match nix::unistd::write(io::stdout().as_fd(), &self.kept) {
+                Ok(written) => drop(self.kept.drain(..written)),
+                Err(Errno::EINTR) => {}
+                Err(Errno::EAGAIN) => return,
+                Err(_) => (self.gone, self.deaf) = (true, true),
+            }
+        }
+    }
+
+    /// Waits until everything is written, but not for ever.
+    fn finish(&mut self) {
+        let deadline_ns = MonotonicClock.now_ns() + PATIENCE_NS;
+        self.write();
+        while !self.kept.is_empty() && !self.deaf && MonotonicClock.now_ns() < deadline_ns {
+            let stdout = io::stdout();
+            let mut waited = [PollFd::new(stdout.as_fd(), PollFlags::POLLOUT)];
+            if poll(&mut waited, timeout(Some(deadline_ns))).is_err_and(|errno| errno != Errno::EINTR) {
+                return;
+            }
+            self.write();
+        }
+    }
+
+    /// Reads what has come; the pipe is at its end when the starter is gone.
+    fn read(&mut self) {
+        self.gone |= take_in(io::stdin().as_fd(), &mut self.orders);
+    }
+}
+
+/// The process that drives, and what is known of it.
+struct Guard {
+    control: Child,
+    /// Nothing once control was told, by closing it, that its starter is gone.
+    orders: Option<ChildStdin>,
+    said: ChildStdout,
+    lines: Lines,
+    watch: Watch,
+    starter: Starter,
+    when_abandoned: WhenAbandoned,
+    signals: UnixStream,
+}
+
+impl Guard {
+    fn start(job: &Job, starter: Starter, signals: UnixStream) -> io::Result<Self> {
+        let mut control = Command::new(std::env::current_exe()?)
+            .arg("control")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let (Some(mut orders), Some(said)) = (control.stdin.take(), control.stdout.take()) else {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        };
+        // Whatever the starter wants to become of its run, control ends it when the guard is gone.
+        let own = Job { when_abandoned: WhenAbandoned::Stop, lock: Lock::Inherited, ..job.clone() };
+        let mut line = serde_json::to_vec(&own)?;
+        line.push(b'\n');
+        // One that does not take its job is gone, and is seen to be below.
+        let _ = orders.write_all(&line);
+        never_wait(orders.as_fd())?;
+        never_wait(said.as_fd())?;
+        Ok(Self {
+            control,
+            orders: Some(orders),
+            said,
+            lines: Lines::default(),
+            watch: Watch::new(job),
+            starter,
+            when_abandoned: job.when_abandoned,
+            signals,
+        })
+    }
+
+    /// Follows the run to its end, and leaves no motor of it turning.
+    fn follow(&mut self, tree: &Arc<dyn Tree>) {
+        self.pass_orders_on();
+        let hung = loop {
+            self.wait();
+            if self.hear(tree) {
+                break false;
+            }
+            let now_ns = MonotonicClock.now_ns();
+            if self.watch.deadline_ns().is_some_and(|deadline_ns| now_ns >= deadline_ns) {
+                break true;
+            }
+        };
+        if !self.watch.is_over() {
+            self.take_over(tree, hung);
+        } else if hung {
+            log::warn!("the process that drove has ended its run, but not itself");
+        }
+        // Nothing of it may outlive us: with it the lock would.
+        let _ = self.control.kill();
+        let _ = self.control.wait();
+        self.starter.finish();
+    }
+
+    /// Waits until somebody says something or control's time is over.
+    fn wait(&self) {
+        let (stdin, stdout) = (io::stdin(), io::stdout());
+        let mut waited = vec![
+            PollFd::new(self.said.as_fd(), PollFlags::POLLIN),
+            PollFd::new(self.signals.as_fd(), PollFlags::POLLIN),
+        ];
+        if !self.starter.gone {
+            waited.push(PollFd::new(stdin.as_fd(), PollFlags::POLLIN));
+        }
+        if !self.starter.deaf && !self.starter.kept.is_empty() {
+            waited.push(PollFd::new(stdout.as_fd(), PollFlags::POLLOUT));
+        }
+        // Interrupted or failed: then we look, and wait again.
+        let _ = poll(&mut waited, timeout(self.watch.deadline_ns()));
+    }
+
+    /// Takes in what everybody said; true if control will say nothing more.
+    fn hear(&mut self, tree: &Arc<dyn Tree>) -> bool {
+        let silent = take_in(self.said.as_fd(), &mut self.lines);
+        let now_ns = MonotonicClock.now_ns();
+        while let Some(line) = self.lines.next_line() {
+            if let Some(event) = self.watch.hear(&line, now_ns) {
+                self.starter.tell(&event);
+                if matches!(event, Event::Stopped { stopped: false, .. }) {
+                    // It drives no more, so nobody renews what is stopped here.
+                    self.stop_motors(tree);
+                }
+            }
+        }
+        if self.signals.read(&mut [0; 16]).is_ok_and(|count| count > 0) {
+            self.order(Order::Stop(StopBy::Terminal));
+        }
+        if !self.starter.gone {
+            self.starter.read();
+            self.pass_orders_on();
+        }
+        self.starter.write();
+        silent
+    }
+
+    fn pass_orders_on(&mut self) {
+        while let Some(line) = self.starter.orders.next_line() {
+            if let Ok(order) = serde_json::from_slice(&line) {
+                self.order(order);
+            }
+        }
+        if self.starter.gone && self.when_abandoned == WhenAbandoned::Stop {
+            self.orders = None;
+        }
+    }
+
+    fn order(&mut self, order: Order) {
+        let Some(orders) = &mut self.orders else { return };
+        if let Ok(mut line) = serde_json::to_vec(&order) {
+            line.push(b'\n');
+            // A process that does not empty this pipe hears no order; one that drives is then hung, and is found to be.
+            let _ = orders.write_all(&line);
+        }
+    }
+
+    /// Control is gone or hung: makes sure that it is gone, stops the motors, and says so in its place.
+    fn take_over(&mut self, tree: &Arc<dyn Tree>, hung: bool) {
+        let _ = self.control.kill();
+        let status = self.reap();
+        let mut stopped = self.stop_motors(tree);
+        if status.is_none() {
+            // What it was in the middle of may have been a command.
+            let _ = self.control.wait();
+            stopped = self.stop_motors(tree);
+        }
+        let how = match (hung, status) {
+            (false, Some(status)) => format!("ended without a word ({status})"),
+            _ => "gave no sign of life, and was killed".to_owned(),
+        };
+        let last_word = self.watch.last_word(&how, stopped);
+        self.starter.tell(&last_word);
+    }
+
+    /// Waits for a process that was killed, for a moment.
+    fn reap(&mut self) -> Option<ExitStatus> {
+        let deadline_ns = MonotonicClock.now_ns() + DYING_NS;
+        loop {
+            if let Ok(Some(status)) = self.control.try_wait() {
+                return Some(status);
+            }
+            if MonotonicClock.now_ns() >= deadline_ns {
+                return None;
+            }
+            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
+        }
+    }
+
+    /// True if every motor of the run is still.
+    fn stop_motors(&self, tree: &Arc<dyn Tree>) -> bool {
+        match still(tree, self.watch.motors(), &MonotonicClock) {
+            Ok(()) => true,
+            Err(error) => {
+                log::error!("cannot stop the motors: {error}; unplug their cables");
+                false
+            }
+        }
+    }
+}
+
+/// Reads all that is there; true if the pipe is at its end.
+fn take_in(pipe: BorrowedFd<'_>, lines: &mut Lines) -> bool {
+    let mut bytes = [0; 4096];
+    loop {
+        match nix::unistd::read(pipe, &mut bytes) {
+            Ok(0) => return true,
+            Ok(count) => lines.push(bytes.get(..count).unwrap_or_default()),
+            Err(Errno::EINTR) => {}
+            Err(Errno::EAGAIN) => return false,
+            Err(_) => return true,
+        }
+    }
+}
+
+fn never_wait(pipe: BorrowedFd<'_>) -> nix::Result<()> {
+    let flags = OFlag::from_bits_retain(fcntl(pipe, FcntlArg::F_GETFL)?);
+    fcntl(pipe, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
+    Ok(())
+}
+
+/// How long `poll` waits for a deadline: rounded up, so that it is over then.
+fn timeout(deadline_ns: Option<i64>) -> PollTimeout {
+    let Some(deadline_ns) = deadline_ns else { return PollTimeout::NONE };
+    let wait_ns = (deadline_ns - MonotonicClock.now_ns()).max(0);
+    let wait_ms = i32::try_from((wait_ns + MILLISECOND_NS - 1) / MILLISECOND_NS).unwrap_or(i32::MAX);
+    PollTimeout::try_from(wait_ms).unwrap_or(PollTimeout::MAX)
+}

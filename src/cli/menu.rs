@@ -1,0 +1,249 @@
+//! `onbrick menu`: the screen and the buttons of the brick, or the same in a terminal.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
+use std::time::Duration;
+
+use super::serve::load_config;
+use super::terminal::stop_flags;
+use super::{Exit, Failure, Output};
+use crate::clock::{MonotonicClock, wall_ns};
+use crate::ev3dev::{BUTTONS_PATH, Buttons, Console, LocalTree, SCREEN_PATH, Screen, Tree};
+use crate::menu::{
+    Canvas, Display, Door, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue, StartedBy,
+    TalkKind, Talker, Told, Trouble, WIDTH, attend,
+};
+use crate::robot::RobotConfig;
+use crate::runtime::{CalibrateOptions, HardwareLock, Source, StopFlags, save};
+use crate::service::client::{Client, ClientError};
+use crate::service::config::BRICK_FOLDER;
+use crate::service::protocol::{Answer, LocalRequest, Request};
+
+#[cfg(feature = "host")]
+mod frames;
+#[cfg(feature = "host")]
+mod window;
+
+#[cfg(feature = "host")]
+use frames::Frames;
+#[cfg(feature = "host")]
+use window::{TerminalKeys, Window};
+
+/// The menu on the brick's screen: missions, runs, ports, setting up, settings; it talks to `onbrick serve`.
+///
+/// Examples:
+///   onbrick menu                           on the brick, from brickman's file browser
+///   onbrick menu --at-boot                 as a service of its own, in brickman's place
+///   onbrick menu --window --config DIR     on a PC, for `onbrick serve --sim arena --config DIR`
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The folder of onbrick.toml, as given to `serve`.
+    #[arg(long, value_name = "DIR", default_value = BRICK_FOLDER)]
+    config: PathBuf,
+    /// Started by our own unit, in brickman's place: Back is a button like the others, and a run survives the menu.
+    #[arg(long)]
+    at_boot: bool,
+    /// In this terminal instead: arrows and Enter; Backspace or Escape for Back, q to close.
+    #[cfg(feature = "host")]
+    #[arg(long, conflicts_with = "at_boot")]
+    window: bool,
+    /// Write each new picture into this folder as a PNG file, and read keys from the standard input.
+    #[cfg(feature = "host")]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["window", "at_boot"])]
+    frames: Option<PathBuf>,
+    /// The folder under which sys/class and dev are found.
+    #[arg(long, value_name = "ROOT", default_value = "/")]
+    brick: PathBuf,
+    /// The screen's frame buffer, if it is not dev/fb0 below the brick's folder.
+    #[arg(long, value_name = "PATH")]
+    screen: Option<PathBuf>,
+    /// The buttons' input device, if it is not the one below the brick's folder.
+    #[arg(long, value_name = "PATH")]
+    buttons: Option<PathBuf>,
+    /// The console that is put in graphics mode, if it is not the one that the menu was started on.
+    #[arg(long, value_name = "PATH")]
+    console: Option<PathBuf>,
+}
+
+impl Arguments {
+    fn started_by(&self) -> StartedBy {
+        #[cfg(feature = "host")]
+        if self.window || self.frames.is_some() {
+            return StartedBy::Terminal;
+        }
+        if self.at_boot { StartedBy::Boot } else { StartedBy::Brickman }
+    }
+
+    /// A brick that is not below `--brick` cannot be set up from here: the service's own simulated one.
+    fn no_talks(&self) -> Option<String> {
+        (self.started_by() == StartedBy::Terminal && self.brick == Path::new("/")).then(|| {
+            "The service's simulated brick is not in this machine's files. With a mounted one (onbrick sim), --brick names it."
+                .to_owned()
+        })
+    }
+}
+
+pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
+    // The folder may be named or not: without a file in it, its defaults hold.
+    let config = load_config(&arguments.config, true)?;
+    let flags = stop_flags()?;
+    let started_by = arguments.started_by();
+    let mut menu = Menu::new(MenuOptions { started_by, no_talks: arguments.no_talks(), seed: wall_ns() });
+    let socket = &config.socket.path;
+    let doors: [Box<dyn Door>; 2] = [
+        Box::new(ServiceDoor { client: Client::at(socket), patience: LOOK_PATIENCE }),
+        Box::new(ServiceDoor { client: order_client(socket, started_by), patience: ORDER_PATIENCE }),
+    ];
+    let mut talker = RobotTalker { brick: arguments.brick.clone(), robot: config.robot.clone() };
+    let show = |keys: &mut dyn Keys, display: &mut dyn Display| {
+        let parts =
+            Parts { clock: &MonotonicClock, keys, display, doors, talker: &mut talker, stop: &flags.signal };
+        attend(&mut menu, parts).map_err(|error| failed(&error))
+    };
+    #[cfg(feature = "host")]
+    if let Some(folder) = &arguments.frames {
+        let mut frames = Frames::into(folder).map_err(|error| failed(&error.into()))?;
+        return show(&mut TerminalKeys::open(), &mut frames);
+    }
+    #[cfg(feature = "host")]
+    if arguments.window {
+        let mut window = Window::open().map_err(|error| failed(&error.into()))?;
+        return show(&mut TerminalKeys::open(), &mut window);
+    }
+    let mut buttons = open_buttons(arguments)?;
+    let path = arguments.screen.clone().unwrap_or_else(|| arguments.brick.join(SCREEN_PATH));
+    let mut screen = Screen::open(&path, &arguments.brick).map_err(|error| failed(&error.into()))?;
+    // Put back when it is dropped, and this function unwinds on every way out that is not SIGKILL.
+    let console = Console::take(arguments.console.as_deref());
+    if console.is_none() {
+        log::info!("no console: the picture is drawn without");
+    }
+    show(&mut buttons, &mut screen)
+}
+
+/// A look that takes longer has failed; it is repeated.
+const LOOK_PATIENCE: Duration = Duration::from_secs(10);
+
+/// An order is waited for: giving its connection up would be taken for the menu's end.
+const ORDER_PATIENCE: Duration = Duration::from_secs(60);
+
+/// Under brickman the menu's end ends the run, and the service sees that end by this connection's.
+fn order_client(socket: &Path, started_by: StartedBy) -> Client {
+    match started_by {
+        StartedBy::Brickman => Client::of_menu_at(socket),
+        StartedBy::Boot | StartedBy::Terminal => Client::at(socket),
+    }
+}
+
+fn failed(error: &MenuError) -> Failure {
+    Failure::from_error(Exit::Failed, "the menu has ended", error)
+}
+
+fn open_buttons(arguments: &Arguments) -> Result<Buttons, Failure> {
+    let (root, path) = match &arguments.buttons {
+        // An absolute path replaces the root.
+        Some(path) => (Path::new("/"), path.to_string_lossy().trim_start_matches('/').to_owned()),
+        None => (arguments.brick.as_path(), BUTTONS_PATH.to_owned()),
+    };
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
+    Buttons::open(&tree, &path).map_err(|error| {
+        Failure::from_error(Exit::Refused, "there are no buttons", &error)
+            .hint("onbrick menu --window, or --buttons with the input device's path")
+    })
+}
+
+impl Display for Screen {
+    fn show(&mut self, _menu: &Menu, picture: &Canvas) -> Result<(), MenuError> {
+        let width = usize::try_from(WIDTH).unwrap_or(usize::MAX);
+        Ok(Self::show(self, picture.pixels(), width)?)
+    }
+}
+
+/// The service's local socket.
+#[derive(Debug)]
+struct ServiceDoor {
+    client: Client,
+    patience: Duration,
+}
+
+impl Door for ServiceDoor {
+    fn ask(&mut self, request: &LocalRequest) -> Result<Answer, Trouble> {
+        let answered = match request {
+            LocalRequest::Shared(Request::Fetch(fetch)) => {
+                self.client.fetch(fetch, self.patience).and_then(|(fetched, bytes)| {
+                    let value = serde_json::to_value(fetched).map_err(ClientError::Strange)?;
+                    Ok(Answer { value, bytes: Some(bytes) })
+                })
+            }
+            LocalRequest::Shared(request) => {
+                self.client.ask(request, self.patience).map(|value| Answer { value, bytes: None })
+            }
+            LocalRequest::Own(request) => {
+                self.client.ask_own(request, self.patience).map(|value| Answer { value, bytes: None })
+            }
+        };
+        answered.map_err(|error| match error {
+            ClientError::Refused(refusal) => Trouble::Refused(refusal),
+            other => Trouble::Gone(super::output::with_causes(&other)),
+        })
+    }
+}
+
+/// Sets up and calibrates the robot below a brick's root, as the commands do.
+#[derive(Debug)]
+struct RobotTalker {
+    brick: PathBuf,
+    robot: PathBuf,
+}
+
+impl Talker for RobotTalker {
+    fn begin(&mut self, kind: TalkKind, told: Sender<Told>) -> Replies {
+        let (sender, replies) = channel();
+        let (pressed, flags) = (Arc::default(), StopFlags::default());
+        let answers = Replies { sender, pressed: Arc::clone(&pressed), flags: flags.clone() };
+        let dialogue = ScreenDialogue { told: told.clone(), replies, pressed, flags };
+        let (brick, robot) = (self.brick.clone(), self.robot.clone());
+        std::thread::spawn(move || {
+            // The screen that is gone by then needs no last word.
+            let _ = told.send(Told::Over(talk(kind, dialogue, &brick, &robot)));
+        });
+        answers
+    }
+}
+
+/// Talks until it is done; what was written, or why nothing was.
+fn talk(kind: TalkKind, mut dialogue: ScreenDialogue, brick: &Path, robot: &Path) -> Result<String, String> {
+    let text = |error: &dyn std::error::Error| super::output::with_causes(error);
+    let doing = match kind {
+        TalkKind::SetUp => "setting up at the menu",
+        TalkKind::Calibrate => "calibrating at the menu",
+    };
+    let _lock = HardwareLock::take(brick, doing).map_err(|error| text(&error))?;
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
+    let flags = dialogue.flags.clone();
+    let written = match kind {
+        TalkKind::SetUp => crate::runtime::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
+            .map_err(|error| text(&error))?,
+        TalkKind::Calibrate => {
+            let bytes = super::common::read_bounded(robot).map_err(|failure| failure.message)?;
+            let name = robot.display().to_string();
+            let (config, _) = RobotConfig::load(&name, &bytes).map_err(|findings| findings.to_string())?;
+            let source = Source { name, text: String::from_utf8_lossy(&bytes).into_owned() };
+            let options = CalibrateOptions::default();
+            let calibration =
+                crate::runtime::calibrate(&tree, &MonotonicClock, &flags, &mut dialogue, &config, &options)
+                    .map_err(|error| text(&error))?;
+            calibration.apply(&source).map_err(|error| text(&error))?
+        }
+    };
+    let kept = if robot.exists() {
+        save::replace(robot, &written).map_err(|error| text(&error))?
+    } else {
+        save::create(robot, &written).map_err(|error| text(&error))?;
+        None
+    };
+    let was = kept.map(|kept| format!(" What was there is now {}.", kept.display())).unwrap_or_default();
+    Ok(format!("{} is written.{was}", robot.display()))
+}

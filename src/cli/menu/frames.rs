@@ -1,0 +1,44 @@
+//! The menu's pictures as PNG files, one for each that is new: for tests, and for people far from a screen.
+
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+use crate::menu::{Canvas, Display, HEIGHT, Menu, MenuError, WIDTH};
+
+/// A folder of pictures: `0001.png` on, and `page.txt`, the page on the screen as text.
+#[derive(Debug)]
+pub(super) struct Frames {
+    folder: PathBuf,
+    count: u32,
+}
+
+impl Frames {
+    /// Makes the folder.
+    pub(super) fn into(folder: &Path) -> io::Result<Self> {
+        std::fs::create_dir_all(folder)?;
+        Ok(Self { folder: folder.to_owned(), count: 0 })
+    }
+}
+
+impl Display for Frames {
+    fn show(&mut self, menu: &Menu, picture: &Canvas) -> Result<(), MenuError> {
+        self.count += 1;
+        let path = self.folder.join(format!("{:04}.png", self.count));
+        write_png(&path, picture)?;
+        // Whole or not at all: somebody is reading it.
+        let page = self.folder.join("page.txt");
+        let fresh = self.folder.join("page.new");
+        std::fs::write(&fresh, menu.text())?;
+        Ok(std::fs::rename(fresh, page)?)
+    }
+}
+
+fn write_png(path: &Path, picture: &Canvas) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(BufWriter::new(File::create(path)?), WIDTH, HEIGHT);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(picture.pixels())?;
+    Ok(writer.finish()?)
+}

@@ -1,0 +1,211 @@
+//! The brick's screen in a terminal, and its buttons on a keyboard.
+//!
+//! A letter of the terminal is two pixels, one above the other, where it has 178 columns; otherwise eight, as a pattern of Braille dots. Keys
+//! are read as bytes of the standard input, so that a pipe can press them too: `u d l r`, `e` Enter, `b` Back, `q` ends.
+//!
+//! A terminal tells that a key was pressed and not that it was let go: a key counts as held for as long as its repeat keeps coming.
+
+use std::collections::VecDeque;
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sys::termios::{self, LocalFlags, SetArg, Termios};
+
+use crate::ev3dev::{Button, ButtonChanges, ButtonSet};
+use crate::menu::{Canvas, Display, HEIGHT, Keys, Menu, MenuError, WIDTH};
+
+/// A terminal that shows the screen, until this is dropped.
+#[derive(Debug)]
+pub(super) struct Window {
+    before: Option<Termios>,
+}
+
+/// Another screen without a cursor, and back.
+const ENTER: &str = "\x1b[?1049h\x1b[?25l\x1b[2J";
+const LEAVE: &str = "\x1b[?25h\x1b[?1049l";
+
+impl Window {
+    pub(super) fn open() -> io::Result<Self> {
+        let stdin = io::stdin();
+        let before = termios::tcgetattr(stdin.as_fd()).ok();
+        if let Some(before) = &before {
+            let mut raw = before.clone();
+            // Ctrl-C stays a signal.
+            raw.local_flags.remove(LocalFlags::ECHO | LocalFlags::ICANON);
+            termios::tcsetattr(stdin.as_fd(), SetArg::TCSANOW, &raw)?;
+        }
+        let window = Self { before };
+        put(ENTER)?;
+        Ok(window)
+    }
+}
+
+impl Drop for Window {
+    fn drop(&mut self) {
+        // A terminal that is gone needs nothing put back.
+        let _ = put(LEAVE);
+        if let Some(before) = &self.before {
+            let _ = termios::tcsetattr(io::stdin().as_fd(), SetArg::TCSANOW, before);
+        }
+    }
+}
+
+impl Display for Window {
+    fn show(&mut self, _menu: &Menu, picture: &Canvas) -> Result<(), MenuError> {
+        let columns = terminal_size::terminal_size().map_or(0, |(width, _)| u32::from(width.0));
+        Ok(put(&if columns >= WIDTH { blocks(picture) } else { dots(picture) })?)
+    }
+}
+
+fn put(text: &str) -> io::Result<()> {
+    let mut stream = io::stdout().lock();
+    stream.write_all(text.as_bytes()).and_then(|()| stream.flush())
+}
+
+/// Two pixels a letter: the upper one is the paper's colour, the lower one the letter's.
+fn blocks(picture: &Canvas) -> String {
+    // The 24 greys of the 256 colours, and their white and black.
+    let colour = |grey: u8| [16, 240, 248, 231].get(usize::from(grey / 64)).copied().unwrap_or(231);
+    let mut text = "\x1b[H".to_owned();
+    for y in (0..HEIGHT).step_by(2) {
+        let mut last = None;
+        for x in 0..WIDTH {
+            let pair = (colour(picture.pixel(x, y)), colour(picture.pixel(x, y + 1)));
+            if last != Some(pair) {
+                let _ = write!(text, "\x1b[48;5;{};38;5;{}m", pair.0, pair.1);
+                last = Some(pair);
+            }
+            text.push('▄');
+        }
+        text.push_str("\x1b[0m\r\n");
+    }
+    text
+}
+
+/// Where each of a letter's eight dots is, from the lowest bit of Unicode's Braille patterns on.
+const DOTS: [(u32, u32); 8] = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3)];
+
+/// Eight pixels a letter; what is darker than the middle is a dot.
+fn dots(picture: &Canvas) -> String {
+    let mut text = "\x1b[H".to_owned();
+    for y in (0..HEIGHT).step_by(4) {
+        for x in (0..WIDTH).step_by(2) {
+            let dark = |(right, down): (u32, u32)| u32::from(picture.pixel(x + right, y + down) < 128);
+            let pattern = (0..).zip(DOTS).fold(0, |pattern, (bit, dot)| pattern | dark(dot) << bit);
+            text.push(char::from_u32(0x2800 + pattern).unwrap_or(' '));
+        }
+        text.push_str("\r\n");
+    }
+    text
+}
+
+/// How many turns of the menu's loop a key counts as held: 0.4 s, shorter than the menu waits before it repeats by itself, and long enough for
+/// most keyboards' own repeat to hold on.
+const HELD_TURNS: u32 = 8;
+
+/// The buttons on a keyboard.
+#[derive(Debug)]
+pub(super) struct TerminalKeys {
+    waiting: VecDeque<Button>,
+    /// The beginning of an arrow key's sequence.
+    escape: Vec<u8>,
+    held: Option<(Button, u32)>,
+    ended: bool,
+}
+
+impl TerminalKeys {
+    pub(super) fn open() -> Self {
+        Self { waiting: VecDeque::new(), escape: Vec::new(), held: None, ended: false }
+    }
+
+    fn read(&mut self) -> io::Result<()> {
+        let stdin = io::stdin();
+        let mut watched = [PollFd::new(stdin.as_fd(), PollFlags::POLLIN)];
+        // A signal ends the wait early, and the menu looks at its flag.
+        if poll(&mut watched, PollTimeout::ZERO).unwrap_or(0) == 0 {
+            // An Escape that nothing follows is the key itself.
+            if self.escape.len() == 1 {
+                self.escape.clear();
+                self.waiting.push_back(Button::Back);
+            }
+            return Ok(());
+        }
+        let mut bytes = [0; 64];
+        // Past the library's buffer, of which `poll` knows nothing.
+        let count = nix::unistd::read(stdin.as_fd(), &mut bytes)?;
+        self.ended |= count == 0;
+        for byte in bytes.iter().take(count) {
+            self.take(*byte);
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, byte: u8) {
+        self.escape.push(byte);
+        let button = match self.escape.as_slice() {
+            [0x1b] | [0x1b, b'['] => return,
+            [0x1b, b'[', b'A'] | [b'u'] => Some(Button::Up),
+            [0x1b, b'[', b'B'] | [b'd'] => Some(Button::Down),
+            [0x1b, b'[', b'C'] | [b'r'] => Some(Button::Right),
+            [0x1b, b'[', b'D'] | [b'l'] => Some(Button::Left),
+            [b'\r' | b'\n' | b'e'] => Some(Button::Enter),
+            [0x7f | 0x08 | b'b'] => Some(Button::Back),
+            [b'q'] => {
+                self.ended = true;
+                None
+            }
+            _ => None,
+        };
+        self.escape.clear();
+        self.waiting.extend(button);
+    }
+}
+
+impl Keys for TerminalKeys {
+    /// One key a turn; the same key again is held on if it comes soon enough, and pressed anew for whatever counts presses.
+    fn look(&mut self) -> Result<Option<(ButtonChanges, ButtonSet)>, MenuError> {
+        self.read()?;
+        let mut changes = ButtonChanges::default();
+        match (self.waiting.pop_front(), self.held.take()) {
+            (Some(button), held) => {
+                changes.released = held.map(|(button, _)| button).into_iter().collect();
+                changes.pressed = [button].into_iter().collect();
+                self.held = Some((button, HELD_TURNS));
+            }
+            (None, Some((button, 0))) => changes.released = [button].into_iter().collect(),
+            (None, Some((button, turns))) => self.held = Some((button, turns - 1)),
+            (None, None) if self.ended => return Ok(None),
+            (None, None) => {}
+        }
+        let held = self.held.map(|(button, _)| button).into_iter().collect();
+        Ok(Some((changes, held)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn typed(bytes: &[u8]) -> Vec<Button> {
+        let mut keys = TerminalKeys::open();
+        bytes.iter().for_each(|byte| keys.take(*byte));
+        keys.waiting.into_iter().collect()
+    }
+
+    #[test]
+    fn arrows_and_letters_are_the_same_buttons() {
+        use Button::{Back, Down, Enter, Left, Right, Up};
+        assert_eq!(typed(b"\x1b[A\x1b[B\x1b[C\x1b[D\r\x7f"), [Up, Down, Right, Left, Enter, Back]);
+        assert_eq!(typed(b"u d\nl r"), [Up, Down, Enter, Left, Right]);
+        assert_eq!(typed(b"\x1b[Zx9u"), [Up], "what is no button is passed over");
+    }
+
+    #[test]
+    fn a_picture_has_two_or_eight_pixels_a_letter() {
+        let picture = Canvas::default();
+        assert_eq!(blocks(&picture).matches('▄').count(), 178 * 64);
+        assert_eq!(dots(&picture).matches('\u{2800}').count(), 89 * 32);
+    }
+}

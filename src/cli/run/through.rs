@@ -1,0 +1,243 @@
+//! `onbrick run` where a service lives: it runs the mission, this command only asks, watches and stops.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::Serialize;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+
+use super::super::common::{Progress, read_mission};
+use super::super::serve::load_config;
+use super::super::{Exit, Failure, Output};
+use super::{Arguments, Folder};
+use crate::behavior::{Capabilities, Mission};
+use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
+use crate::runtime::Event;
+use crate::service::Config;
+use crate::service::client::{Client, ClientError};
+use crate::service::config::BRICK_FOLDER;
+use crate::service::protocol::{
+    Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId, RunInfo, Runs,
+    Start, Started, Status, Stopped,
+};
+
+/// How long one answer may take.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// How long a service may be gone, nanoseconds: systemd starts it anew.
+const ABSENCE_NS: i64 = 10 * SECOND_NS;
+
+/// How often the state is looked at, nanoseconds.
+const LOOK_NS: i64 = 200 * MILLISECOND_NS;
+
+/// A service that lives on this brick.
+pub(super) struct Living {
+    client: Client,
+    config: Config,
+}
+
+/// Looks whether a service lives on the brick that is meant.
+pub(super) fn service(arguments: &Arguments) -> Result<Option<Living>, Failure> {
+    let folder = match &arguments.config {
+        Some(folder) => folder.as_path(),
+        None if !is_simulated(arguments) && arguments.brick == Path::new("/") => Path::new(BRICK_FOLDER),
+        None => return Ok(None),
+    };
+    let config = load_config(folder, arguments.config.is_some())?;
+    let mut client = Client::at(&config.socket.path);
+    match client.ask::<Status>(&Request::Status, PATIENCE) {
+        Ok(_) => Ok(Some(Living { client, config })),
+        Err(ClientError::NoService { source, .. })
+            if source.kind() != std::io::ErrorKind::PermissionDenied =>
+        {
+            Ok(None)
+        }
+        Err(error) => Err(failure("a service lives on this brick", &error)),
+    }
+}
+
+/// Has the service run the mission.
+pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    if arguments.robot.is_some() {
+        let robot = living.config.robot.display();
+        return Err(Failure::new(
+            Exit::Usage,
+            "--robot does not go with the service that lives on this brick",
+        )
+        .hint(format!("put the robot's file at {robot}, or stop the service (systemctl stop onbrick)")));
+    }
+    let source = read_mission(&arguments.mission)?;
+    if source.text.len() > MAX_MISSION_BYTES {
+        return Err(Failure::refused(format!("{} has more than {MAX_MISSION_BYTES} bytes", source.name)));
+    }
+    // Before anything starts: whoever stops us means the run.
+    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let run = new_id()?;
+    // Findings are the service's matter; here the mission only gives the bar its length.
+    let mission = Mission::parse(&source.name, source.text.as_bytes(), &Capabilities::all()).ok();
+    let name = mission.as_ref().map_or("run", |(mission, _)| mission.name());
+    let folder = arguments.out.as_deref().map(|out| Folder::make(Some(out), name)).transpose()?;
+    let start = Start {
+        run: run.clone(),
+        mission: Chosen::Text(source.text),
+        token: None,
+        pose: arguments.pose,
+        set: arguments.set.clone(),
+    };
+    let started: Result<Started, ClientError> = living.client.ask_own(&LocalOnly::StartHere(start), PATIENCE);
+    started.map_err(|error| {
+        folder.iter().for_each(Folder::take_back);
+        failure("the run did not start", &error)
+    })?;
+    let progress = mission.as_ref().map(|(mission, _)| Progress::new(mission, output));
+    let last = follow(&mut living.client, &run, &mut signals, |event| {
+        output.value(event);
+        if let Some(progress) = &progress {
+            progress.show(event);
+        }
+    });
+    progress.iter().for_each(Progress::finish);
+    finish(living, &run, last?, folder.as_ref(), output)
+}
+
+/// What is told of a run that is over.
+#[derive(Serialize)]
+struct Over<'o> {
+    event: &'static str,
+    #[serde(flatten)]
+    last: &'o LastStop,
+    travelled_m: Option<f64>,
+    points: Option<u64>,
+    file: Option<&'o Path>,
+}
+
+fn finish(
+    mut living: Living,
+    run: &RunId,
+    last: LastStop,
+    folder: Option<&Folder>,
+    output: &mut Output,
+) -> Result<(), Failure> {
+    let runs: Runs =
+        living.client.ask(&Request::Runs, PATIENCE).map_err(|error| failure("the run", &error))?;
+    let Some(info) = runs.runs.into_iter().find(|info| &info.run == run) else {
+        // It did not start, so nothing was recorded.
+        folder.into_iter().for_each(Folder::take_back);
+        return if last.wanted { Ok(()) } else { Err(Failure::refused(last.reason)) };
+    };
+    let file = match folder {
+        Some(folder) => bring(&mut living.client, &info, folder)?,
+        None => living.config.runs.join(run.as_str()).join("run.mcap"),
+    };
+    let (travelled_m, points) = (info.travelled_m, info.points);
+    output.value(&Over { event: "ended", last: &last, travelled_m, points, file: Some(&file) });
+    output.line(format!(
+        "{}: {:.2} m driven, {} points\nrecorded in {}",
+        last.reason,
+        travelled_m.unwrap_or(0.0),
+        points.unwrap_or(0),
+        file.display()
+    ));
+    if last.wanted {
+        Ok(())
+    } else {
+        Err(Failure::new(Exit::Failed, last.reason).hint(format!("onbrick replay {}", file.display())))
+    }
+}
+
+/// Looks at the run until it is over; asks it to stop where a signal comes.
+fn follow(
+    client: &mut Client,
+    run: &RunId,
+    signals: &mut Signals,
+    mut show: impl FnMut(&Event),
+) -> Result<LastStop, Failure> {
+    let mut waits = None;
+    let mut heard_ns = MonotonicClock.now_ns();
+    loop {
+        if signals.pending().next().is_some() {
+            let stop = Request::Stop { run: Some(run.clone()) };
+            let _: Stopped =
+                client.ask(&stop, PATIENCE).map_err(|error| failure("cannot stop the run", &error))?;
+        }
+        let status: Status = match client.ask(&Request::Status, PATIENCE) {
+            Ok(status) => status,
+            Err(ClientError::Refused(refusal)) => return Err(failure("the run", &refusal.into())),
+            Err(error) if MonotonicClock.now_ns() - heard_ns > ABSENCE_NS => {
+                return Err(failure("the run", &error));
+            }
+            Err(_) => {
+                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+                continue;
+            }
+        };
+        heard_ns = MonotonicClock.now_ns();
+        let Some(going_on) = status.run.filter(|going_on| &going_on.run == run) else {
+            let last = status.last.filter(|last| last.run.as_ref() == Some(run));
+            return last.ok_or_else(|| Failure::new(Exit::Failed, "nobody knows how the run ended"));
+        };
+        if let Some(what) = going_on.waits.clone().filter(|_| waits != going_on.waits) {
+            show(&Event::Preparing { what });
+        }
+        waits = going_on.waits;
+        if let Some(progress) = going_on.progress {
+            show(&Event::Status(progress));
+        }
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+    }
+}
+
+/// Brings the recording to where it was asked for.
+fn bring(client: &mut Client, info: &RunInfo, folder: &Folder) -> Result<PathBuf, Failure> {
+    let path = folder.path.join("run.mcap");
+    let failed = |error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), error)
+    };
+    let mut file = std::fs::File::create_new(&path).map_err(|error| failed(&error))?;
+    let mut offset = 0;
+    loop {
+        let fetch = Fetch { run: info.run.clone(), offset, length: MAX_FETCH_BYTES };
+        let (fetched, bytes) =
+            client.fetch(&fetch, PATIENCE).map_err(|error| failure("cannot bring the recording", &error))?;
+        file.write_all(&bytes).map_err(|error| failed(&error))?;
+        offset += u64::from(fetched.length);
+        if offset >= fetched.total {
+            file.sync_all().map_err(|error| failed(&error))?;
+            return Ok(path);
+        }
+    }
+}
+
+/// An identifier that no run had before: the time, to the nanosecond, and this process.
+fn new_id() -> Result<RunId, Failure> {
+    RunId::new(&format!("here-{:x}-{:x}", wall_ns(), std::process::id()))
+        .map_err(|error| Failure::from_error(Exit::Failed, "the run", &error))
+}
+
+fn failure(doing: &str, error: &ClientError) -> Failure {
+    match error {
+        ClientError::Refused(refusal) => {
+            Failure::of_refused(refusal.message.clone(), refusal.hint.as_deref())
+        }
+        ClientError::NoService { .. } | ClientError::Silent | ClientError::Lost(_) => {
+            Failure::from_error(Exit::NoAnswer, doing, error)
+                .hint("systemctl status onbrick; a user of its socket's group")
+        }
+        ClientError::Strange(_) => {
+            Failure::from_error(Exit::Failed, doing, error).hint("the same onbrick on both sides")
+        }
+    }
+}
+
+#[cfg(feature = "sim")]
+fn is_simulated(arguments: &Arguments) -> bool {
+    arguments.sim.is_some()
+}
+
+#[cfg(not(feature = "sim"))]
+fn is_simulated(_arguments: &Arguments) -> bool {
+    false
+}

@@ -1,0 +1,271 @@
+//! What the guard knows of the process that drives, from what it hears: when it counts as hung, and what is to be said in its place.
+//!
+//! The leases stop the motors by themselves 0.3 s after the last renewal; the guard does not trust that. It listens to control's
+//! heartbeat, and when a beat is missed while the robot drives, or control's pipe closes, it kills control, so that nobody can renew a
+//! lease behind its back, and stops the run's motors itself ([`still`](crate::robot::still)).
+//!
+//! ```text
+//! preparing ──driving──▶ driving ──stopped──▶ finishing ──last word──▶ over
+//!  no beats               200 ms               a minute                 ten seconds to be gone
+//! ```
+//!
+//! # Not here
+//!
+//! No processes, no pipes and no time: the command `guard` has them.
+
+use std::path::PathBuf;
+
+use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
+use crate::ev3dev::PortAddress;
+
+use super::recording::Status;
+use super::{Ended, Event, Job, StopReason};
+
+/// How long after its last heartbeat a process that drives counts as hung, nanoseconds.
+pub const MISSED_NS: i64 = 200 * MILLISECOND_NS;
+
+/// How long the recording may take to finish after the motors were stopped, nanoseconds: a slow card syncs in seconds.
+const FINISHING_NS: i64 = 60 * SECOND_NS;
+
+/// How long a process that has said its last word may take to be gone, nanoseconds.
+const LEAVING_NS: i64 = 10 * SECOND_NS;
+
+/// No line of control's is longer, bytes; the longest is a refusal with all findings of a file.
+const LONGEST_LINE: usize = 4 << 20;
+
+/// How far the run has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Nothing moves yet, and nothing beats.
+    Preparing,
+    /// It drives and beats.
+    Driving,
+    /// The motors were stopped.
+    Finishing,
+    /// The last word is said.
+    Over,
+}
+
+/// The guard's picture of a run.
+#[derive(Debug)]
+pub struct Watch {
+    phase: Phase,
+    /// When control was last heard, where it matters.
+    heard_ns: i64,
+    motors: Vec<PortAddress>,
+    status: Option<Status>,
+    file: PathBuf,
+}
+
+impl Watch {
+    /// Nothing was heard yet of this job's run.
+    #[must_use]
+    pub fn new(job: &Job) -> Self {
+        Self {
+            phase: Phase::Preparing,
+            heard_ns: 0,
+            motors: Vec::new(),
+            status: None,
+            file: job.file.clone(),
+        }
+    }
+
+    /// Takes in a line of control's, without its end; the event that was in it, which is to be passed on. An empty line is a heartbeat.
+    pub fn hear(&mut self, line: &[u8], now_ns: i64) -> Option<Event> {
+        if self.phase == Phase::Driving {
+            self.heard_ns = now_ns;
+        }
+        let event = serde_json::from_slice::<Event>(line).ok()?;
+        let phase = match &event {
+            Event::Driving { motors, .. } => {
+                // An address that is none fits no motor.
+                self.motors = motors.iter().filter_map(|motor| motor.parse().ok()).collect();
+                Phase::Driving
+            }
+            Event::Status(status) => {
+                self.status = Some(status.clone());
+                self.phase
+            }
+            Event::Preparing { .. } => self.phase,
+            Event::Stopped { .. } => Phase::Finishing,
+            Event::Refused { .. } | Event::Ended(_) => Phase::Over,
+        };
+        if phase != self.phase {
+            self.phase = phase;
+            self.heard_ns = now_ns;
+        }
+        Some(event)
+    }
+
+    /// When control counts as hung unless something is heard before.
+    #[must_use]
+    pub fn deadline_ns(&self) -> Option<i64> {
+        let patience_ns = match self.phase {
+            Phase::Preparing => return None,
+            Phase::Driving => MISSED_NS,
+            Phase::Finishing => FINISHING_NS,
+            Phase::Over => LEAVING_NS,
+        };
+        Some(self.heard_ns + patience_ns)
+    }
+
+    /// True where the run has said how it ended.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.phase == Phase::Over
+    }
+
+    /// The motors that the run has taken over, by their ports; none before it drives.
+    #[must_use]
+    pub fn motors(&self) -> &[PortAddress] {
+        &self.motors
+    }
+
+    /// What is said in place of a process that is gone without a last word.
+    ///
+    /// - `how`: how it ended, for people.
+    /// - `stopped`: every motor of the run is still.
+    #[must_use]
+    pub fn last_word(&self, how: &str, stopped: bool) -> Event {
+        if self.phase == Phase::Preparing {
+            let hint = Some("onbrick doctor, which checks everything and drives nothing".to_owned());
+            return Event::Refused {
+                message: format!("the process that drives {how} before it drove"),
+                hint,
+            };
+        }
+        let status = self.status.as_ref();
+        Event::Ended(Ended {
+            word: StopReason::Guard.word().to_owned(),
+            reason: format!("{}: the process that drives {how}", StopReason::Guard),
+            wanted: false,
+            stopped,
+            ticks: status.map_or(0, |status| status.tick + 1),
+            time_s: status.map_or(0.0, |status| seconds(status.elapsed_ns)),
+            travelled_m: status.map_or(0.0, |status| status.travelled_m),
+            points: status.map_or(0, |status| status.points),
+            overruns: status.map_or(0, |status| status.overruns),
+            latest_s: status.map_or(0.0, |status| seconds(status.latest_ns)),
+            file: self.file.clone(),
+            recording: Some("it was not finished".to_owned()),
+        })
+    }
+}
+
+/// Bytes of a pipe, cut into lines.
+#[derive(Debug, Default)]
+pub struct Lines {
+    bytes: Vec<u8>,
+}
+
+impl Lines {
+    /// Takes in what was read. A line that is longer than any of ours is forgotten.
+    pub fn push(&mut self, bytes: &[u8]) {
+        if self.bytes.len() > LONGEST_LINE {
+            self.bytes.clear();
+        }
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    /// The next whole line, without its end.
+    pub fn next_line(&mut self) -> Option<Vec<u8>> {
+        let end = self.bytes.iter().position(|&byte| byte == b'\n')?;
+        let mut line: Vec<u8> = self.bytes.drain(..=end).collect();
+        line.pop();
+        Some(line)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mapping::Pose;
+    use crate::runtime::{Brick, Lock, Source, WhenAbandoned};
+
+    fn watch() -> Watch {
+        let source = |name: &str| Source { name: name.to_owned(), text: String::new() };
+        Watch::new(&Job {
+            mission: source("mission.toml"),
+            robot: source("robot.toml"),
+            brick: Brick::Local("/".into()),
+            start: Pose::default(),
+            set: Vec::new(),
+            file: "run.mcap".into(),
+            sync_ns: SECOND_NS,
+            run: None,
+            when_abandoned: WhenAbandoned::Stop,
+            lock: Lock::Take,
+        })
+    }
+
+    fn line(event: &Event) -> Vec<u8> {
+        serde_json::to_vec(event).unwrap()
+    }
+
+    fn driving() -> Event {
+        let motors = ["ev3-ports:outB", "ev3-ports:outD", ""].map(str::to_owned).to_vec();
+        Event::Driving { file: "run.mcap".into(), motors }
+    }
+
+    fn stopped() -> Event {
+        Event::Stopped { word: "button".to_owned(), reason: "by a button".to_owned(), stopped: true }
+    }
+
+    #[test]
+    fn only_a_run_that_drives_must_beat() {
+        let mut watch = watch();
+        assert_eq!(watch.deadline_ns(), None, "preparing waits for people");
+        assert_eq!(watch.hear(b"", 1), None);
+        assert_eq!(watch.deadline_ns(), None);
+        assert_eq!(watch.hear(&line(&driving()), 10), Some(driving()));
+        assert_eq!(watch.deadline_ns(), Some(10 + MISSED_NS));
+        watch.hear(b"", 30);
+        assert_eq!(watch.deadline_ns(), Some(30 + MISSED_NS), "a beat");
+        watch.hear(b"garbage", 40);
+        assert_eq!(watch.deadline_ns(), Some(40 + MISSED_NS), "whoever says something is alive");
+        watch.hear(&line(&stopped()), 50);
+        assert_eq!(watch.deadline_ns(), Some(50 + FINISHING_NS));
+        watch.hear(b"", 60);
+        assert_eq!(watch.deadline_ns(), Some(50 + FINISHING_NS), "finishing is not made longer");
+        assert!(!watch.is_over());
+        watch.hear(&line(&watch.last_word("was killed", true)), 70);
+        assert!(watch.is_over());
+        assert_eq!(watch.deadline_ns(), Some(70 + LEAVING_NS));
+    }
+
+    #[test]
+    fn the_motors_are_the_ones_that_the_run_has_named() {
+        let mut watch = watch();
+        assert_eq!(watch.motors(), []);
+        watch.hear(&line(&driving()), 10);
+        let motors: Vec<String> = watch.motors().iter().map(ToString::to_string).collect();
+        assert_eq!(motors, ["ev3-ports:outB", "ev3-ports:outD"]);
+    }
+
+    #[test]
+    fn what_ended_before_it_drove_is_refused_and_afterwards_it_is_the_guards_end() {
+        let mut watch = watch();
+        let Event::Refused { message, .. } = watch.last_word("ended (signal: 9)", true) else {
+            panic!("nothing moved")
+        };
+        assert_eq!(message, "the process that drives ended (signal: 9) before it drove");
+        watch.hear(&line(&driving()), 10);
+        let Event::Ended(ended) = watch.last_word("ended (signal: 9)", false) else { panic!("it drove") };
+        assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("guard", false, false));
+        assert!(ended.reason.contains("signal: 9"), "{}", ended.reason);
+    }
+
+    #[test]
+    fn lines_are_cut_wherever_the_pipe_was_read() {
+        let mut lines = Lines::default();
+        let mut cut = Vec::new();
+        for part in ["\n{\"a\"", ":1}", "\n\n\nb", "\nc"] {
+            lines.push(part.as_bytes());
+            cut.extend(std::iter::from_fn(|| lines.next_line()));
+        }
+        assert_eq!(cut, [&b""[..], b"{\"a\":1}", b"", b"", b"b"]);
+        (0..3).for_each(|_| lines.push(&vec![b'x'; LONGEST_LINE]));
+        lines.push(b"\n");
+        assert!(lines.next_line().unwrap().len() <= 2 * LONGEST_LINE, "what has no end is forgotten");
+    }
+}

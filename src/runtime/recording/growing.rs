@@ -1,0 +1,66 @@
+//! The path and the points of a recording that comes part by part, while it is still being written or from a brick far away.
+//!
+//! Bytes are put in as they come, in order; what a sync vouches for comes out, and its bytes are forgotten. So a map can be followed
+//! with a few hundred kilobytes of memory, however long the run is.
+//!
+//! # Not here
+//!
+//! Where the bytes come from, and what is drawn of them. Senses, checkpoints and all else that a replay needs: [`super::Run`] reads those.
+
+use super::stretch::{Found, walk_part};
+use super::topic::Topic;
+use super::{message, points, run};
+use crate::mapping::{MapPoint, Pose};
+
+/// A stretch is a second of the run, some 30 kB; one that does not end within this many bytes is damaged.
+const LONGEST_STRETCH: usize = 1 << 20;
+
+/// What a map is drawn from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Piece {
+    /// Where the robot was at a tick.
+    Pose(Pose),
+    /// Points of the map.
+    Points(Vec<MapPoint>),
+}
+
+/// A recording as far as it has come.
+#[derive(Debug, Clone, Default)]
+pub struct Growing {
+    /// Where `rest` begins in the file.
+    base: u64,
+    rest: Vec<u8>,
+}
+
+impl Growing {
+    /// From which byte of the file on the next part is wanted.
+    #[must_use]
+    pub fn wanted(&self) -> u64 {
+        self.base + self.rest.len() as u64
+    }
+
+    /// Takes the part that begins at [`Growing::wanted`] and hands on what it completes.
+    ///
+    /// False where nothing more can be made of the file: a stretch in it is too long to be one.
+    pub fn take(&mut self, part: &[u8], found: &mut dyn FnMut(Piece)) -> bool {
+        self.rest.extend_from_slice(part);
+        let done = walk_part(&self.rest, self.base, &mut |_, thing| {
+            if let Found::Message { topic: Some(topic), data, .. } = thing
+                && let Some(piece) = piece(topic, data)
+            {
+                found(piece);
+            }
+        });
+        self.rest.drain(..done);
+        self.base += done as u64;
+        self.rest.len() <= LONGEST_STRETCH
+    }
+}
+
+fn piece(topic: Topic, data: &[u8]) -> Option<Piece> {
+    match topic {
+        Topic::Pose => run::pose(message::decode(data)?).map(|recorded| Piece::Pose(recorded.pose)),
+        Topic::Points => points::points(&message::decode(data)?).map(Piece::Points),
+        _ => None,
+    }
+}

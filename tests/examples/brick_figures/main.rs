@@ -1,0 +1,25 @@
+//! What the emulated brick's scenarios measure with the library itself, on the brick's processor. One program, because
+//! each takes long to link.
+//!
+//! ```text
+//! brick-figures reading BRICK COUNT     nanoseconds a typed reading, and one by ev3dev-lang-rust
+//! brick-figures stages BRICK SECONDS    nanoseconds of each stage of a tick at 100 Hz
+//! brick-figures run FILE                what a recording says of itself, as JSON
+//! ```
+
+#![allow(clippy::print_stdout, reason = "what it prints is its result")]
+
+mod reading;
+mod run;
+mod stages;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match words.as_slice() {
+        ["reading", brick, count] => reading::reading(brick, count),
+        ["stages", brick, seconds] => stages::stages(brick, seconds),
+        ["run", file] => run::run(file),
+        _ => Err("usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE".into()),
+    }
+}

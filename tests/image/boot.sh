@@ -1,0 +1,100 @@
+#!/usr/bin/env bash
+# A card made by inject.sh in the emulated brick, with its own systemd: at the first start the package installs itself and the service comes
+# up; a PC outside, whose key came with the card, sees it, starts a mission and fetches the run; after a power cut it all comes up by itself.
+set -euo pipefail
+# shellcheck source-path=SCRIPTDIR source=common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+image=$work/card.img
+linux=offset=$((106496 * 512))
+port=$((20000 + $$ % 20000))
+pc=${ONBRICK:-$checkout/target/debug/onbrick}
+tools=${ONBRICK_TOOLS:-$("$checkout/brick-image/emulator/tools.sh")}
+
+# add FILE PATH MODE: what only this test has: instead of the EV3's hardware, the simulated brick.
+add() {
+  debugfs -w -R "write $1 $2" "$image?$linux" 2>/dev/null >&2
+  debugfs -w -R "set_inode_field $2 mode 0100$3" "$image?$linux" 2>/dev/null >&2
+}
+
+add_hardware() {
+  printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
+  printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\n' >"$work/drop-in"
+  add "$tools/onbrick-sim" /usr/local/bin/onbrick-sim 755
+  add "$checkout/brick-image/emulator/room.toml" /usr/local/lib/room.toml 644
+  add "$work/hardware" /etc/systemd/system/hardware.service 644
+  debugfs -w -R 'mkdir /etc/systemd/system/onbrick.service.d' "$image?$linux" 2>/dev/null >&2
+  add "$work/drop-in" /etc/systemd/system/onbrick.service.d/hardware.conf 644
+}
+
+# start SAID: the brick is switched on.
+start() {
+  "$checkout/brick-image/emulate.sh" --timeout 1500 --image "$image" --forward "$port" --pid "$work/pid" >"$1" 2>&1 </dev/null &
+  emulator=$!
+}
+cut_power() {
+  kill -KILL "$(cat "$work/pid")"
+  wait "$emulator" || true
+}
+# shellcheck disable=SC2016  # when it is run
+cleaning+=('kill -KILL "$(cat "$work/pid")" 2>/dev/null')
+
+# wait_until SECONDS COMMAND…
+wait_until() {
+  local end=$((SECONDS + $1))
+  shift
+  until "$@" >/dev/null 2>&1; do
+    [ $SECONDS -lt $end ] || return 1
+    sleep 1
+  done
+}
+
+# This PC, with a key of its own, and what it says.
+pc() { "$pc" "$@" --keys "$work/keys" >"$work/said" 2>&1; }
+key_of() { sed -n 's/^key *//p' | tail -n 1; }
+
+pc key new
+key=$(key_of <"$work/said")
+"$tests/inject.sh" --keep "$image" --key "$key" >"$work/injected" || { cat "$work/injected" && exit 1; }
+add_hardware
+# What the brick says of itself, on its console; its public key as well, which a person would compare when pairing.
+cat >"$work/report.sh" <<'END'
+#!/bin/sh
+while :; do
+  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend | wc -l), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)"
+  onbrick key show --keys /etc/onbrick/keys 2>/dev/null | sed -n 's/^key/report: key/p'
+  sleep 5
+done >/dev/console
+END
+printf '[Service]\nExecStart=/usr/local/bin/report\n[Install]\nWantedBy=multi-user.target\n' >"$work/report"
+add "$work/report.sh" /usr/local/bin/report 755
+add "$work/report" /etc/systemd/system/report.service 644
+debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/report.service /etc/systemd/system/report.service' "$image?$linux" 2>/dev/null
+
+pc_has_run() { pc runs red && grep -q " finished" "$work/said"; }
+active() { grep -q 'report: .*: active, name red, failed units: 0, onbrick install ok installed' "$1"; }
+
+start "$work/first"
+check "the package installs itself at the first start and the service comes up" wait_until 1200 active "$work/first"
+check "it says so on the console" says "$work/first" "onbrick: installed"
+check "the brick made its own key" wait_until 600 grep -q 'report: key ' "$work/first"
+brick_key=$(tr -d '\r' <"$work/first" | sed -n 's/^report: key *//p' | tail -n 1)
+pc key know red "127.0.0.1:$port" "$brick_key"
+check "the PC whose key came with the card sees it" wait_until 300 pc status red
+cat "$work/said"
+check "a PC with another key does not" not "$pc" status red --keys "$work/other" --timeout 5
+check "it starts a mission" pc start map red --set time_limit_s=10
+check "which comes to its end" wait_until 300 pc_has_run
+check "and fetches the run" pc fetch red -o "$work/maps"
+run=$(find "$work/maps" -name '*.mcap' | head -n 1)
+check "which is a whole recording" "$pc" replay "$run"
+
+cut_power
+start "$work/second"
+check "after a power cut the service comes up by itself" wait_until 600 active "$work/second"
+check "and nothing is installed a second time" not says "$work/second" "onbrick: installed"
+grep -h 'report: .*: active' "$work/first" | head -n 1
+grep -h 'report: .*: active' "$work/second" | head -n 1
+cut_power
+if [ "$failures" != 0 ]; then tail -n 40 "$work/first" "$work/second"; fi
+finish

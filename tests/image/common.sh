@@ -1,0 +1,46 @@
+# shellcheck shell=bash
+# What the tests on a Debian armel root share: sourced, never run. They need root, and QEMU for programs of the brick's processor.
+tests=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+checkout=$(cd "$tests/../.." && pwd)
+work=$(mktemp -d)
+root=$work/root
+failures=0
+# shellcheck disable=SC2034  # for the tests that source this
+deb=${ONBRICK_DEB:-$(find "$checkout/target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)}
+
+cleaning=()
+clean_up() {
+  local command
+  for command in ${cleaning[@]+"${cleaning[@]}"}; do eval "$command" || true; done
+  rm -rf --one-file-system "$work"
+}
+trap clean_up EXIT
+
+unpack_root() {
+  [ "$(id -u)" = 0 ] || { echo "error: this test needs root" >&2 && exit 1; }
+  mkdir "$root"
+  tar xzf "$("$checkout/brick-image/emulator/root.sh")" -C "$root"
+  mkdir -p "$root/run/lock"
+}
+
+# check NAME COMMAND…
+check() {
+  local name=$1
+  shift
+  if "$@"; then echo "ok: $name"; else
+    echo "FAILED: $name ($*)"
+    failures=$((failures + 1))
+  fi
+}
+
+not() { ! "$@"; }
+
+# says FILE TEXT: whether a file has it in it.
+says() { grep -qF -- "$2" "$1"; }
+
+finish() {
+  if [ "$failures" != 0 ]; then
+    echo "$failures failed"
+    exit 1
+  fi
+}

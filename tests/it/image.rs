@@ -1,0 +1,246 @@
+//! What makes a brick of an SD card: the scripts, the package's parts, the service's unit.
+//!
+//! What takes a Debian armel root or an emulated brick is in `tests/image/` and in `brick-image/scenarios/`; `.ci/run` calls them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use crate::support::pass_over;
+
+/// The systemd of ev3dev's Debian 9.
+const EV3DEV_SYSTEMD: u32 = 232;
+
+/// The version of systemd that each directive of ours came in with, by its NEWS; 0 for those that are older than version 200.
+const DIRECTIVES: [(&str, u32); 38] = [
+    ("Unit/Description", 0),
+    ("Unit/Documentation", 0),
+    ("Unit/After", 0),
+    ("Unit/ConditionPathExists", 0),
+    ("Unit/StartLimitIntervalSec", 230),
+    ("Unit/StartLimitBurst", 230),
+    ("Service/Type", 0),
+    ("Service/NotifyAccess", 0),
+    ("Service/ExecStartPre", 0),
+    ("Service/ExecStart", 0),
+    ("Service/ExecStopPost", 0),
+    ("Service/Restart", 0),
+    ("Service/RestartSec", 0),
+    ("Service/WatchdogSec", 0),
+    ("Service/TimeoutStartSec", 0),
+    ("Service/TimeoutStopSec", 0),
+    ("Service/KillMode", 0),
+    ("Service/StandardOutput", 0),
+    ("Service/User", 0),
+    ("Service/Group", 0),
+    ("Service/RuntimeDirectory", 211),
+    ("Service/RuntimeDirectoryMode", 211),
+    ("Service/UMask", 0),
+    ("Service/LimitRTPRIO", 0),
+    ("Service/LimitMEMLOCK", 0),
+    ("Service/LimitNOFILE", 0),
+    ("Service/LimitCORE", 0),
+    ("Service/TasksMax", 227),
+    ("Service/MemoryMax", 231),
+    ("Service/OOMScoreAdjust", 0),
+    ("Service/NoNewPrivileges", 0),
+    ("Service/CapabilityBoundingSet", 0),
+    ("Service/ProtectSystem", 214),
+    ("Service/ProtectSystem=strict", 232),
+    ("Service/ReadWritePaths", 231),
+    ("Service/ProtectHome", 214),
+    ("Service/PrivateTmp", 0),
+    ("Install/WantedBy", 0),
+];
+
+fn brick_image() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("brick-image")
+}
+
+/// `Section/Key` and the value of each line of a unit.
+fn directives(text: &str) -> Vec<(String, String)> {
+    let mut section = String::new();
+    let mut found = Vec::new();
+    for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+        if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+            name.clone_into(&mut section);
+        } else {
+            let (key, value) = line.split_once('=').unwrap_or_else(|| panic!("no directive: {line}"));
+            found.push((format!("{section}/{key}"), value.to_owned()));
+        }
+    }
+    found
+}
+
+/// What a unit has that a systemd of this version does not know, or that the table does not.
+fn unknown(unit: &str, version: u32) -> Vec<String> {
+    let table = BTreeMap::from(DIRECTIVES);
+    let since = |directive: &str| table.get(directive).copied();
+    let too_new = |(key, value): &(String, String)| {
+        let with_value = since(&format!("{key}={value}")).unwrap_or(0);
+        since(key).is_none_or(|since| since.max(with_value) > version)
+    };
+    directives(unit)
+        .iter()
+        .filter(|directive| too_new(directive))
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect()
+}
+
+#[test]
+fn units_have_no_directive_that_ev3devs_systemd_does_not_know() {
+    for unit in ["onbrick.service", "onbrick-install.service"] {
+        let text = std::fs::read_to_string(brick_image().join("package").join(unit)).unwrap();
+        assert!(directives(&text).len() > 5, "{unit} was read");
+        assert_eq!(unknown(&text, EV3DEV_SYSTEMD), [""; 0], "{unit}");
+    }
+    let text = std::fs::read_to_string(brick_image().join("package/onbrick.service")).unwrap();
+    assert_eq!(unknown(&text, 231), ["Service/ProtectSystem=strict"], "the table tells versions apart");
+    let newer = text.replace("PrivateTmp", "StateDirectory");
+    assert_eq!(unknown(&newer, EV3DEV_SYSTEMD), ["Service/StateDirectory=yes"]);
+}
+
+#[test]
+fn the_service_stops_by_a_limit_and_sees_the_devices() {
+    let text = std::fs::read_to_string(brick_image().join("package/onbrick.service")).unwrap();
+    let directives: BTreeMap<_, _> = directives(&text).into_iter().collect();
+    for (key, value) in [
+        ("Service/Type", "notify"),
+        ("Service/KillMode", "control-group"),
+        ("Service/Restart", "on-failure"),
+        ("Service/NoNewPrivileges", "yes"),
+        ("Service/ExecStart", "/usr/bin/onbrick serve"),
+    ] {
+        assert_eq!(directives.get(key).map(String::as_str), Some(value), "{key}");
+    }
+    for key in ["Service/WatchdogSec", "Unit/StartLimitBurst", "Service/ExecStopPost", "Service/LimitRTPRIO"]
+    {
+        assert!(directives.contains_key(key), "{key}");
+    }
+    // Under these, /sys is read-only or /dev has neither screen nor buttons.
+    for key in ["Service/ProtectKernelTunables", "Service/PrivateDevices", "Service/RestrictRealtime"] {
+        assert!(!directives.contains_key(key), "{key}");
+    }
+}
+
+/// Every shell script of the project, with the dialect that shellcheck cannot see by itself.
+fn scripts() -> Vec<(PathBuf, Option<&'static str>)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = vec![(root.join(".ci/run"), None)];
+    let mut folders = vec![brick_image(), root.join("tests/image")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let text = std::fs::read(&path).unwrap();
+            let is_script =
+                path.extension().is_some_and(|ending| ending == "sh") || text.starts_with(b"#!/bin/");
+            if is_script {
+                // busybox's shell is closest to dash.
+                found.push((path, text.starts_with(b"#!/bin/busybox").then_some("dash")));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn shellcheck_finds_nothing_in_any_script() {
+    if Command::new("shellcheck").arg("--version").output().is_err() {
+        return pass_over("the shell scripts (no shellcheck)");
+    }
+    let scripts = scripts();
+    assert!(scripts.len() > 15, "{scripts:?}");
+    for (path, dialect) in scripts {
+        let mut shellcheck = Command::new("shellcheck");
+        shellcheck.arg("-x");
+        if let Some(dialect) = dialect {
+            shellcheck.args(["-s", dialect]);
+        }
+        let checked = shellcheck.arg(&path).output().unwrap();
+        assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stdout));
+    }
+}
+
+fn script(name: &str, arguments: &[&str]) -> Output {
+    Command::new(brick_image().join(name)).args(arguments).output().unwrap()
+}
+
+#[test]
+fn every_script_for_people_explains_itself_and_refuses_nonsense() {
+    for name in ["emulate.sh", "inject.sh", "install.sh", "package.sh"] {
+        let help = script(name, &["--help"]);
+        let text = String::from_utf8(help.stdout).unwrap();
+        assert!(help.status.success() && text.starts_with("Usage: brick-image/"), "{name}: {text}");
+        let refused = script(name, &["--no-such-option"]);
+        assert_eq!(refused.status.code(), Some(2), "{name}");
+        assert!(String::from_utf8_lossy(&refused.stderr).contains("Usage: "), "{name}");
+    }
+}
+
+#[test]
+fn the_package_has_everything_in_its_place() {
+    if Command::new("dpkg-deb").arg("--version").output().is_err() {
+        return pass_over("the package (no dpkg-deb)");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let binary = folder.path().join("onbrick");
+    std::fs::write(&binary, "stands for the brick's program").unwrap();
+    let out = folder.path().display().to_string();
+    let made = script("package.sh", &[&binary.display().to_string(), "1.2.3", &out]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let package = folder.path().join("onbrick_1.2.3_armel.deb");
+    let dpkg_deb = |arguments: &[&str]| {
+        let said = Command::new("dpkg-deb").args(arguments).arg(&package).output().unwrap();
+        String::from_utf8(said.stdout).unwrap()
+    };
+    let listing = dpkg_deb(&["--contents"]);
+    for (mode, path) in [
+        ("-rwxr-xr-x root/root", "./usr/bin/onbrick"),
+        ("-rw-r--r-- root/root", "./lib/systemd/system/onbrick.service"),
+        ("-rw-r--r-- root/root", "./etc/onbrick/onbrick.toml"),
+        ("-rw-r--r-- root/root", "./usr/share/onbrick/robot.toml"),
+        ("-rw-r--r-- root/root", "./usr/share/onbrick/missions/map.toml"),
+        ("-rwxr-xr-x root/root", "./usr/share/onbrick/onbrick-menu"),
+        ("-rwxr-xr-x root/root", "./usr/lib/onbrick/check"),
+    ] {
+        let line = listing.lines().find(|line| line.ends_with(&format!(" {path}")));
+        assert!(line.is_some_and(|line| line.starts_with(mode)), "{path}: {line:?} in\n{listing}");
+    }
+    let fields = Command::new("dpkg-deb").arg("--field").arg(&package).output().unwrap();
+    let fields = String::from_utf8(fields.stdout).unwrap();
+    for field in ["Package: onbrick", "Version: 1.2.3", "Architecture: armel"] {
+        assert!(fields.lines().any(|line| line == field), "{field} in {fields}");
+    }
+    let first = std::fs::read(&package).unwrap();
+    assert!(script("package.sh", &[&binary.display().to_string(), "1.2.3", &out]).status.success());
+    assert!(first == std::fs::read(&package).unwrap(), "the same input makes the same package");
+    // Debian 9's dpkg reads xz and not zstd.
+    let members =
+        Command::new("ar").arg("t").arg(&package).output().map(|said| said.stdout).unwrap_or_default();
+    assert!(
+        members.is_empty() || String::from_utf8_lossy(&members).contains("data.tar.xz"),
+        "compressed for Debian 9"
+    );
+}
+
+#[test]
+fn an_image_that_is_not_ev3devs_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = folder.path().join("photo.img");
+    std::fs::write(&image, vec![7_u8; 100_000]).unwrap();
+    let deb = folder.path().join("fake.deb");
+    std::fs::write(&deb, "!<arch>\n").unwrap();
+    let said = script("inject.sh", &[&image.display().to_string(), "--deb", &deb.display().to_string()]);
+    let text = String::from_utf8_lossy(&said.stderr).into_owned();
+    if text.contains("this needs") {
+        return pass_over("refusing an image that is none (no mtools, e2fsprogs or fdisk)");
+    }
+    assert_eq!(said.status.code(), Some(1), "{text}");
+    assert!(text.contains("is no SD card image") && text.contains("try: "), "{text}");
+    assert!(std::fs::read(&image).unwrap() == vec![7_u8; 100_000], "it was left alone");
+}

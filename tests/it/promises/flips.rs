@@ -1,0 +1,137 @@
+//! Promise 7, damaged bytes: whole checked stretches are read, and no wrong record is taken for a right one.
+
+use onbrick::robot::Senses;
+use onbrick::runtime::recording::Run;
+use onbrick::runtime::replay;
+
+use crate::recording::{records, sample};
+use crate::support::chance::Chance;
+use crate::support::promised::{long, promised};
+use crate::support::stage::Play;
+
+/// A whole recording, and what each of its stretches holds.
+struct Whole {
+    bytes: Vec<u8>,
+    run: Run,
+    /// Where each sync record ends, and how many ticks, points and transitions there are up to it.
+    syncs: Vec<(usize, [usize; 3])>,
+}
+
+impl Whole {
+    fn of(bytes: Vec<u8>) -> Self {
+        use onbrick::runtime::recording::SYNC_OPCODE;
+        let run = Run::read_checked(&bytes).unwrap();
+        let ends =
+            records(&bytes).into_iter().filter(|(_, opcode)| *opcode == SYNC_OPCODE).map(|(end, _)| end);
+        let syncs = ends.map(|end| (end, counts(&Run::read_checked(&bytes[..end]).unwrap()))).collect();
+        Self { bytes, run, syncs }
+    }
+
+    /// The stretch that a byte is in; none behind the last sync.
+    fn stretch(&self, place: usize) -> Option<usize> {
+        self.syncs.iter().position(|(end, _)| place < *end)
+    }
+
+    /// What must be read where these stretches are damaged: everything in all the others, to the last bit.
+    fn judge(&self, damaged: &[u8], hit: &[usize], what: &str) {
+        let run = Run::read_checked(damaged).unwrap_or_else(|error| panic!("{what}: {error}"));
+        let kept = |of: usize, all: usize| -> Vec<usize> {
+            let from = |stretch: usize| if stretch == 0 { 0 } else { self.syncs[stretch - 1].1[of] };
+            let lost = |at: &usize| {
+                hit.iter().any(|&stretch| (from(stretch)..self.syncs[stretch].1[of]).contains(at))
+            };
+            (0..all).filter(|at| !lost(at)).collect()
+        };
+        let senses: Vec<&Senses> =
+            kept(0, self.run.senses.len()).into_iter().map(|at| &self.run.senses[at]).collect();
+        assert_eq!(run.senses.iter().collect::<Vec<_>>(), senses, "{what}: senses");
+        let points: Vec<_> =
+            kept(1, self.run.points.len()).into_iter().map(|at| self.run.points[at]).collect();
+        assert_eq!(run.points, points, "{what}: points");
+        let taken: Vec<_> =
+            kept(2, self.run.transitions.len()).into_iter().map(|at| &self.run.transitions[at]).collect();
+        assert_eq!(run.transitions.iter().collect::<Vec<_>>(), taken, "{what}: transitions");
+        assert!(hit.is_empty() || !run.warnings.is_empty(), "{what}: nobody is told");
+    }
+}
+
+fn counts(run: &Run) -> [usize; 3] {
+    [run.senses.len(), run.points.len(), run.transitions.len()]
+}
+
+/// Shares the work among the machine's processors.
+fn in_parallel(from: usize, to: usize, work: impl Fn(usize) + Sync) {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for thread in 0..threads {
+            let work = &work;
+            scope.spawn(move || (from + thread..to).step_by(threads).for_each(work));
+        }
+    });
+}
+
+#[test]
+fn promise_7_every_single_flipped_bit_of_a_small_recording_costs_at_most_its_stretch() {
+    let whole = Whole::of(sample(9, 60_000_000));
+    let texts = 300..whole.syncs[0].0 - 1_500;
+    let flips = std::sync::atomic::AtomicU64::new(0);
+    in_parallel(0, whole.bytes.len(), |place| {
+        let mut damaged = whole.bytes.clone();
+        let hit: Vec<usize> = whole.stretch(place).into_iter().collect();
+        // In the short form, one bit of each byte in the long texts of the schemas.
+        let bits = if texts.contains(&place) && !long() { place % 8..place % 8 + 1 } else { 0..8 };
+        for bit in bits {
+            damaged[place] ^= 1 << bit;
+            whole.judge(&damaged, &hit, &format!("bit {bit} of byte {place}"));
+            // What is not checked may be wrong; it must only not break anything.
+            let _ = Run::read(&damaged);
+            damaged[place] ^= 1 << bit;
+            flips.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        }
+    });
+    let flips = flips.into_inner();
+    promised(&format!(
+        "{flips} single bits of {} bytes flipped: the other stretches are read to the last bit, 0 wrong records",
+        whole.bytes.len()
+    ));
+}
+
+#[test]
+fn promise_7_random_flips_in_a_large_recording_cost_at_most_their_stretches() {
+    let seconds = if long() { 120.0 } else { 30.0 };
+    let played = Play::of("map", "arena", 3).seconds(seconds).play().unwrap();
+    let whole = Whole::of(played.disk.bytes());
+    let wanted: usize = if long() { 100_000 } else { 2_000 };
+    // One flip a file in the long form; in the short one up to ten, so that damage meets damage.
+    let most = if long() { 1 } else { 10 };
+    let files = wanted / most;
+    let flips = std::sync::atomic::AtomicUsize::new(0);
+    in_parallel(0, files, |file| {
+        let mut chance = Chance::new(file as u64);
+        let mut damaged = whole.bytes.clone();
+        let mut hit = Vec::new();
+        for _ in 0..most {
+            let place = chance.below(damaged.len());
+            damaged[place] ^= 1 << chance.below(8);
+            hit.extend(whole.stretch(place));
+        }
+        flips.fetch_add(most, std::sync::atomic::Ordering::Relaxed);
+        hit.sort_unstable();
+        hit.dedup();
+        whole.judge(&damaged, &hit, &format!("seed {file}"));
+        // Replay goes on behind every gap, and is right about all that it replays.
+        if file % 50 == 0 && !hit.contains(&0) {
+            let run = Run::read(&damaged).unwrap();
+            let replayed = replay(&run).unwrap();
+            assert!(replayed.is_same(), "seed {file}: {replayed}");
+            let inner = hit.iter().any(|&stretch| stretch + 1 < whole.syncs.len());
+            assert!(!inner || !replayed.gaps.is_empty(), "seed {file}: {replayed}");
+        }
+    });
+    promised(&format!(
+        "{} random bits of {} kB in {} stretches flipped, in {files} files: 0 wrong records, replays go on behind the gaps",
+        flips.into_inner(),
+        whole.bytes.len() / 1000,
+        whole.syncs.len()
+    ));
+}
