@@ -60,10 +60,13 @@ impl std::fmt::Debug for Context {
     }
 }
 
+/// An answer with the bytes beside it, or why there is none.
+pub(in crate::link) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
+
 /// What came of waiting for a reply.
 pub(super) enum Waited {
     /// A reply, under the request's number.
-    Reply(u64, Result<(Value, Option<Vec<u8>>), ClientError>),
+    Reply(u64, Answered),
     /// The connection broke, and with it all requests that were under way.
     Broken,
     /// The time is over.
@@ -115,10 +118,7 @@ impl Line {
     }
 
     /// Asks until it is answered or the patience is over.
-    pub(in crate::link) fn ask(
-        &mut self,
-        request: &impl Serialize,
-    ) -> Result<(Value, Option<Vec<u8>>), ClientError> {
+    pub(in crate::link) fn ask(&mut self, request: &impl Serialize) -> Answered {
         self.begin();
         let id = self.number();
         let mut wait_ns = FIRST_WAIT_NS;
@@ -206,7 +206,7 @@ impl Line {
     }
 
     /// A reply's number and what it says.
-    fn taken(&self, received: Received) -> Option<(u64, Result<(Value, Option<Vec<u8>>), ClientError>)> {
+    fn taken(&self, received: Received) -> Option<(u64, Answered)> {
         match received.reply {
             Ok(reply) => {
                 let id = match reply.id {
