@@ -73,7 +73,8 @@ impl Folder {
         })
     }
 
-    /// This machine's pair.
+    /// This machine's pair, made where there is none.
+    #[cfg(feature = "host")]
     pub(super) fn own(&self) -> Result<KeyPair, Failure> {
         KeyPair::load_or_make(&self.path()?).map_err(|error| failure(&error))
     }

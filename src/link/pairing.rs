@@ -19,7 +19,7 @@
 //! of SHA-256 over [`CODE`], the PC's key, the brick's key, the PC's number and the brick's number, as one number, the most significant byte
 //! first, modulo a million, written as six digits. This is the usual commitment before a short authentication string (as in ZRTP, RFC 6189, section 4.5).
 //!
-//! The socket is one of CURVE like any other, with a key pair that everybody knows ([`well_known`]): nothing that crosses it is secret, and the
+//! The socket is one of CURVE like any other, with a key pair that everybody knows ([`well_known_key`]): nothing that crosses it is secret, and the
 //! PC's own key is proved by the handshake.
 //!
 //! # What we count on

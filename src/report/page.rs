@@ -24,7 +24,7 @@ pub(super) fn html(scene: &Scene) -> String {
     filled(scene, &data(scene).to_string(), "")
 }
 
-/// The page of a run that is going on: it asks for [`json`] at `/state` each second.
+/// The page of a run that is going on: it asks for [`json()`] at `/state` each second.
 pub(super) fn live_html(scene: &Scene) -> String {
     let mut data = data(scene);
     if let Value::Object(fields) = &mut data {

@@ -60,7 +60,7 @@ pub(super) fn fetch(
     loop {
         let part = Part::open(file)?;
         let mut fetching = Fetching::new(line, run, part);
-        let ended = fetching.until_the_end(watch)?;
+        let ended = fetching.run_to_end(watch)?;
         let Fetching { part, progress, .. } = fetching;
         match ended {
             End::Whole => {
@@ -128,7 +128,7 @@ impl<'l> Fetching<'l> {
         }
     }
 
-    fn until_the_end(&mut self, watch: &mut dyn FnMut(&FetchProgress)) -> Result<End, ClientError> {
+    fn run_to_end(&mut self, watch: &mut dyn FnMut(&FetchProgress)) -> Result<End, ClientError> {
         loop {
             if self.progress.is_whole()
                 && let Some(named) = &self.sha256
@@ -198,13 +198,8 @@ impl<'l> Fetching<'l> {
         self.ask_at_ns = self.line.now_ns();
     }
 
-    fn take(
-        &mut self,
-        id: u64,
-        answer: Answered,
-    ) -> Result<Option<End>, ClientError> {
-        let next = self.under_way.front().filter(|(first, _)| *first == id).copied();
-        let Some((_, offset)) = next else {
+    fn take(&mut self, id: u64, answer: Answered) -> Result<Option<End>, ClientError> {
+        let Some((_, offset)) = self.under_way.front().copied().filter(|(first, _)| *first == id) else {
             // Of a connection before this one, or out of turn: then the rest is asked for anew.
             if self.under_way.iter().any(|(waited, _)| *waited == id) {
                 self.again();

@@ -31,9 +31,6 @@ const NAP_MS: i64 = 100;
 /// A silence that is worth a word, nanoseconds.
 const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
 
-/// A reply's `ok` and the bytes beside it.
-pub(super) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
-
 /// A line to one brick.
 #[derive(Debug)]
 pub(in crate::link) struct Line {
@@ -62,6 +59,9 @@ impl std::fmt::Debug for Context {
         f.write_str("Context")
     }
 }
+
+/// An answer with the bytes beside it, or why there is none.
+pub(in crate::link) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
 
 /// What came of waiting for a reply.
 pub(super) enum Waited {
@@ -118,10 +118,7 @@ impl Line {
     }
 
     /// Asks until it is answered or the patience is over.
-    pub(in crate::link) fn ask(
-        &mut self,
-        request: &impl Serialize,
-    ) -> Answered {
+    pub(in crate::link) fn ask(&mut self, request: &impl Serialize) -> Answered {
         self.begin();
         let id = self.number();
         let mut wait_ns = FIRST_WAIT_NS;

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use super::super::keys::{Authorised, PublicKey};
-use super::super::pairing::Desk;
 use super::{NAP_MS, ServerError};
+use crate::link::keys::{Authorised, PublicKey};
+use crate::link::pairing::Desk;
 
 /// Where libzmq asks.
 const ENDPOINT: &str = "inproc://zeromq.zap.01";

@@ -67,8 +67,8 @@ fn a_person_pairs_starts_watches_stops_and_brings_the_map_home() {
     assert_eq!(again.status.code(), Some(3), "one run at a time: {}", text(&again.stderr));
 
     assert!(service.done(&["stop"]).starts_with("sim: stopped map-"));
-    assert!(service.done(&["stop"]).contains("nothing was running"));
     until("it has stopped", || service.done(&["status", "sim"]).contains("stopped").then_some(()));
+    assert!(service.done(&["stop"]).contains("nothing was running"));
     let status = service.done(&["status", "sim"]);
     assert!(status.contains("remote"), "{status}");
     let run = newest(&service);
@@ -123,7 +123,7 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
     let file = fetched.split(' ').nth(1).unwrap().trim_end_matches(',').to_owned();
     let recording = Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
     assert_eq!(recording.info.as_ref().unwrap().mission, "mine");
-    assert_eq!(recording.ending.unwrap().reason, "finished");
+    assert_eq!(recording.ending.unwrap().reason, "the mission is finished");
     assert!(!service.done(&["missions", "sim"]).contains("mine"), "kept with the run, and nowhere else");
 }
 
