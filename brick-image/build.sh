@@ -70,15 +70,17 @@ build_pc() {
 
 # What the file says of itself.
 check_file() {
-  local header attributes size
+  local header attributes dynamic segments size
   header=$(arm-linux-gnueabi-readelf -h "$brick/onbrick")
   grep -q 'Machine: *ARM$' <<<"$header" || unfit "it is not for ARM"
   grep -q 'Flags:.*Version5 EABI.*soft-float ABI' <<<"$header" || unfit "it is not EABI 5 with soft float"
   attributes=$(arm-linux-gnueabi-readelf -A "$brick/onbrick")
   grep -q 'Tag_CPU_arch: v5TE$' <<<"$attributes" || unfit "it is not for ARMv5TE: $(grep Tag_CPU_arch <<<"$attributes")"
   ! grep -q 'Tag_FP_arch' <<<"$attributes" || unfit "it wants a floating-point unit"
-  arm-linux-gnueabi-readelf -d "$brick/onbrick" | grep -q 'no dynamic section' || unfit "it is linked dynamically"
-  ! arm-linux-gnueabi-readelf -lW "$brick/onbrick" | grep -q INTERP || unfit "it wants a loader"
+  dynamic=$(arm-linux-gnueabi-readelf -d "$brick/onbrick")
+  grep -q 'no dynamic section' <<<"$dynamic" || unfit "it is linked dynamically"
+  segments=$(arm-linux-gnueabi-readelf -lW "$brick/onbrick")
+  ! grep -q INTERP <<<"$segments" || unfit "it wants a loader"
   size=$(stat -c %s "$brick/onbrick")
   [ "$size" -le "$largest" ] || unfit "$size bytes are more than $largest"
   say "ARM, EABI 5, soft float, v5TE, static, $size bytes"
