@@ -27,7 +27,7 @@ put() { install -D -m "$1" "$2" "$root/$3"; }
 
 put 755 "$binary" usr/bin/onbrick
 for script in check still; do put 755 "$image/package/$script" "usr/lib/onbrick/$script"; done
-put 644 "$image/package/onbrick.service" lib/systemd/system/onbrick.service
+for unit in onbrick onbrick-menu; do put 644 "$image/package/$unit.service" "lib/systemd/system/$unit.service"; done
 put 644 "$image/onbrick.toml" etc/onbrick/onbrick.toml
 put 644 "$image/robot.toml" usr/share/onbrick/robot.toml
 for mission in "$image"/missions/*.toml; do put 644 "$mission" "usr/share/onbrick/missions/$(basename "$mission")"; done

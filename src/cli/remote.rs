@@ -11,6 +11,7 @@ use super::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience};
+use crate::service::protocol::Kind;
 
 /// Which bricks, and how long they may take.
 #[derive(Debug, Args)]
@@ -185,9 +186,12 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
             .hint(format!("onbrick pair {} once more, if it was set up anew", brick.address)),
         ClientError::Refused(refusal) => {
             let failure = Failure::refused(format!("{name}: {message}"));
-            match &refusal.hint {
-                Some(hint) => failure.hint(hint.clone()),
-                None => failure,
+            match (&refusal.hint, refusal.kind) {
+                (Some(hint), _) => failure.hint(hint.clone()),
+                (None, Kind::BrokenMission) => {
+                    failure.hint("onbrick check, which says the same of a file here")
+                }
+                (None, _) => failure,
             }
         }
         _ => Failure::new(Exit::Failed, format!("{name}: {message}")),

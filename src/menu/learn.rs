@@ -260,6 +260,8 @@ fn alike(before: &Status, now: &Status) -> bool {
         now.run.as_ref().and_then(|run| run.progress.as_ref()),
     ) {
         before.tick = now.tick;
+        before.overruns = now.overruns;
+        before.latest_ns = now.latest_ns;
         before.time_ns = now.time_ns;
         if before.elapsed_ns / SECOND_NS == now.elapsed_ns / SECOND_NS {
             before.elapsed_ns = now.elapsed_ns;

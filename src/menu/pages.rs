@@ -279,9 +279,13 @@ fn progress(sheet: Sheet, run: &RunStatus) -> Sheet {
         Some(Range::TooNear) => "too near, ".to_owned(),
         None => String::new(),
     };
-    sheet
+    let sheet = sheet
         .line(format!("{range}{:.0}°", within_turn(progress.pose.heading_rad.to_degrees())))
-        .line(format!("{:.1} m, {} points", progress.travelled_m, progress.points))
+        .line(format!("{:.1} m, {} points", progress.travelled_m, progress.points));
+    match &progress.warning {
+        Some(warning) => sheet.line(warning.clone()),
+        None => sheet,
+    }
 }
 
 /// −180 to 180 degrees, without a zero that has a sign.

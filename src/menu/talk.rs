@@ -286,7 +286,7 @@ impl Talk {
             // What is written stands last: Up and Down no longer scroll once it is in view.
             (None, Some(Question::Write { question, letters, place, .. })) => sheet
                 .strong(question.clone())
-                .line("Up, Down: letter. Left, Right: place. Enter: done.")
+                .line("Up, Down: letter; Right: next; Enter: done.")
                 .row(Row::Item(with_cursor(letters, *place))),
             (None, None) => sheet.line("..."),
         }

@@ -175,7 +175,8 @@ pub fn watch_still(tree: &Arc<dyn Tree>, clock: &dyn Clock, watch_ns: i64) -> Re
     Ok(moving)
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(feature = "sim")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::clock::{SECOND_NS, VirtualClock};

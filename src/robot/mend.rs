@@ -58,14 +58,14 @@ pub(super) struct Mender {
 #[derive(Debug)]
 enum By {
     /// The tick itself.
-    Itself(Workshop),
+    Itself(Box<Workshop>),
     Helper(Helper),
 }
 
 impl Mender {
     pub(super) fn new(recipe: Recipe) -> Self {
         let workshop = Workshop { recipe, jobs: std::array::from_fn(|_| Work::default()), last_ns: 0 };
-        Self { wanted: 0, failing_since_ns: [None; CHANNELS], by: By::Itself(workshop) }
+        Self { wanted: 0, failing_since_ns: [None; CHANNELS], by: By::Itself(Box::new(workshop)) }
     }
 
     /// Tells the kernel's name of the device that is in place.

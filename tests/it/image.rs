@@ -12,10 +12,12 @@ use crate::support::pass_over;
 const EV3DEV_SYSTEMD: u32 = 232;
 
 /// The version of systemd that each directive of ours came in with, by its NEWS; 0 for those that are older than version 200.
-const DIRECTIVES: [(&str, u32); 38] = [
+const DIRECTIVES: [(&str, u32); 43] = [
     ("Unit/Description", 0),
     ("Unit/Documentation", 0),
     ("Unit/After", 0),
+    ("Unit/Wants", 0),
+    ("Unit/Conflicts", 0),
     ("Unit/ConditionPathExists", 0),
     ("Unit/StartLimitIntervalSec", 230),
     ("Unit/StartLimitBurst", 230),
@@ -30,7 +32,10 @@ const DIRECTIVES: [(&str, u32); 38] = [
     ("Service/TimeoutStartSec", 0),
     ("Service/TimeoutStopSec", 0),
     ("Service/KillMode", 0),
+    ("Service/StandardInput", 0),
     ("Service/StandardOutput", 0),
+    ("Service/TTYPath", 0),
+    ("Service/TTYReset", 0),
     ("Service/User", 0),
     ("Service/Group", 0),
     ("Service/RuntimeDirectory", 211),
@@ -89,7 +94,7 @@ fn unknown(unit: &str, version: u32) -> Vec<String> {
 
 #[test]
 fn units_have_no_directive_that_ev3devs_systemd_does_not_know() {
-    for unit in ["onbrick.service", "onbrick-install.service"] {
+    for unit in ["onbrick.service", "onbrick-menu.service", "onbrick-install.service"] {
         let text = std::fs::read_to_string(brick_image().join("package").join(unit)).unwrap();
         assert!(directives(&text).len() > 5, "{unit} was read");
         assert_eq!(unknown(&text, EV3DEV_SYSTEMD), [""; 0], "{unit}");
@@ -202,6 +207,7 @@ fn the_package_has_everything_in_its_place() {
     for (mode, path) in [
         ("-rwxr-xr-x root/root", "./usr/bin/onbrick"),
         ("-rw-r--r-- root/root", "./lib/systemd/system/onbrick.service"),
+        ("-rw-r--r-- root/root", "./lib/systemd/system/onbrick-menu.service"),
         ("-rw-r--r-- root/root", "./etc/onbrick/onbrick.toml"),
         ("-rw-r--r-- root/root", "./usr/share/onbrick/robot.toml"),
         ("-rw-r--r-- root/root", "./usr/share/onbrick/missions/map.toml"),

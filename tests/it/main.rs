@@ -21,6 +21,7 @@ mod faults;
 mod figures;
 mod foreign;
 mod image;
+mod link;
 mod mapping;
 mod menu;
 mod messages;

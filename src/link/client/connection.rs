@@ -14,6 +14,9 @@ const HANDSHAKE_MS: i32 = 5000;
 const HEARTBEAT_MS: i32 = 1000;
 const HEARTBEAT_TIMEOUT_MS: i32 = 5000;
 
+/// How long a connection that is open may take to take a request, milliseconds.
+const SENDING_MS: i64 = 1000;
+
 /// Replies are no longer than what a fetch brings, and JSON.
 const LONGEST_REPLY: i64 = 4 << 20;
 const _: () = assert!((MAX_FETCH_BYTES as i64) < LONGEST_REPLY);
@@ -110,6 +113,11 @@ impl Connection {
 
     /// Sends a request; false where the connection takes none now.
     pub(super) fn send(&self, request: &[u8]) -> zmq::Result<bool> {
+        // The monitor may tell of a connection a moment before the socket takes messages for it.
+        match self.socket.poll(zmq::POLLOUT, SENDING_MS) {
+            Ok(_) | Err(zmq::Error::EINTR) => {}
+            Err(error) => return Err(error),
+        }
         match self.socket.send(request, zmq::DONTWAIT) {
             Ok(()) => Ok(true),
             Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => Ok(false),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::line::{Line, Waited};
+use super::line::{Answered, Line, Waited};
 use super::{ClientError, Kind};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::service::protocol::{Fetch, Fetched, Request, RunId};
@@ -60,7 +60,7 @@ pub(super) fn fetch(
     loop {
         let part = Part::open(file)?;
         let mut fetching = Fetching::new(line, run, part);
-        let ended = fetching.to_the_end(watch)?;
+        let ended = fetching.until_the_end(watch)?;
         let Fetching { part, progress, .. } = fetching;
         match ended {
             End::Whole => {
@@ -128,7 +128,7 @@ impl<'l> Fetching<'l> {
         }
     }
 
-    fn to_the_end(&mut self, watch: &mut dyn FnMut(&FetchProgress)) -> Result<End, ClientError> {
+    fn until_the_end(&mut self, watch: &mut dyn FnMut(&FetchProgress)) -> Result<End, ClientError> {
         loop {
             if self.progress.is_whole()
                 && let Some(named) = &self.sha256
@@ -201,15 +201,17 @@ impl<'l> Fetching<'l> {
     fn take(
         &mut self,
         id: u64,
-        answer: Result<(serde_json::Value, Option<Vec<u8>>), ClientError>,
+        answer: Answered,
     ) -> Result<Option<End>, ClientError> {
-        let Some((_, offset)) = self.under_way.pop_front_if(|(first, _)| *first == id) else {
+        let next = self.under_way.front().filter(|(first, _)| *first == id).copied();
+        let Some((_, offset)) = next else {
             // Of a connection before this one, or out of turn: then the rest is asked for anew.
             if self.under_way.iter().any(|(waited, _)| *waited == id) {
                 self.again();
             }
             return Ok(None);
         };
+        self.under_way.pop_front();
         let (value, bytes) = match answer {
             Ok(answer) => answer,
             Err(ClientError::Refused(refusal)) if refusal.kind == Kind::BeyondEnd && self.part.length > 0 => {

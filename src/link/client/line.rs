@@ -31,6 +31,9 @@ const NAP_MS: i64 = 100;
 /// A silence that is worth a word, nanoseconds.
 const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
 
+/// A reply's `ok` and the bytes beside it.
+pub(super) type Answered = Result<(Value, Option<Vec<u8>>), ClientError>;
+
 /// A line to one brick.
 #[derive(Debug)]
 pub(in crate::link) struct Line {
@@ -63,7 +66,7 @@ impl std::fmt::Debug for Context {
 /// What came of waiting for a reply.
 pub(super) enum Waited {
     /// A reply, under the request's number.
-    Reply(u64, Result<(Value, Option<Vec<u8>>), ClientError>),
+    Reply(u64, Answered),
     /// The connection broke, and with it all requests that were under way.
     Broken,
     /// The time is over.
@@ -118,7 +121,7 @@ impl Line {
     pub(in crate::link) fn ask(
         &mut self,
         request: &impl Serialize,
-    ) -> Result<(Value, Option<Vec<u8>>), ClientError> {
+    ) -> Answered {
         self.begin();
         let id = self.number();
         let mut wait_ns = FIRST_WAIT_NS;
@@ -206,7 +209,7 @@ impl Line {
     }
 
     /// A reply's number and what it says.
-    fn taken(&self, received: Received) -> Option<(u64, Result<(Value, Option<Vec<u8>>), ClientError>)> {
+    fn taken(&self, received: Received) -> Option<(u64, Answered)> {
         match received.reply {
             Ok(reply) => {
                 let id = match reply.id {

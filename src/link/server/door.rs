@@ -19,6 +19,9 @@ const HANDSHAKE_MS: i32 = 5000;
 const HEARTBEAT_MS: i32 = 2000;
 const HEARTBEAT_TIMEOUT_MS: i32 = 6000;
 
+/// What CURVE puts around a message: `MESSAGE` with its length, nonce, flags and authenticator (rfc.zeromq.org/spec/26).
+const CURVE_BYTES: usize = 8 + 8 + 1 + 16;
+
 /// Messages that libzmq keeps for each connection.
 const REQUESTS_KEPT: i32 = 8;
 const REPLIES_KEPT: i32 = 16;
@@ -126,9 +129,21 @@ impl Door {
 
     /// Sends a reply; a client that has gone away, or reads too slowly, does not get it.
     pub(super) fn reply(&self, frames: Vec<Vec<u8>>) {
-        if let Err(error) = self.socket.send_multipart(frames, zmq::DONTWAIT) {
+        if let Err(error) = self.send(frames) {
             log::debug!("the link: a reply is dropped: {error}");
         }
+    }
+
+    fn send(&self, frames: Vec<Vec<u8>>) -> zmq::Result<()> {
+        let mut frames = frames.into_iter();
+        let whose = frames.next().unwrap_or_default();
+        let begin = || self.socket.send(whose.as_slice(), zmq::DONTWAIT | zmq::SNDMORE);
+        // libzmq learns only now and then what the client has read meanwhile; asked for its events, it looks.
+        let begun = begin().or_else(|error| match error {
+            zmq::Error::EAGAIN => self.socket.get_events().and_then(|_| begin()),
+            error => Err(error),
+        });
+        begun.and_then(|()| self.socket.send_multipart(frames, zmq::DONTWAIT))
     }
 }
 
@@ -139,7 +154,7 @@ fn configure(socket: &zmq::Socket, own: &KeyPair, domain: &str) -> zmq::Result<(
     socket.set_ipv6(true)?;
     socket.set_linger(0)?;
     socket.set_backlog(BACKLOG)?;
-    socket.set_maxmsgsize(i64::try_from(MAX_REQUEST_BYTES).unwrap_or(i64::MAX))?;
+    socket.set_maxmsgsize(i64::try_from(MAX_REQUEST_BYTES + CURVE_BYTES).unwrap_or(i64::MAX))?;
     socket.set_handshake_ivl(HANDSHAKE_MS)?;
     socket.set_heartbeat_ivl(HEARTBEAT_MS)?;
     socket.set_heartbeat_timeout(HEARTBEAT_TIMEOUT_MS)?;

@@ -165,7 +165,7 @@ mod tests {
             kept += i32::from(limits.accepted(fd, address(1), 0).is_ok());
             limits.closed(fd);
         }
-        assert_eq!(f64::from(kept), ONE.burst);
+        assert!((f64::from(kept) - ONE.burst).abs() < 0.5, "{kept} were kept");
         assert_eq!(limits.accepted(0, address(2), 0), Ok(()));
         assert_eq!(limits.accepted(1, address(1), 0), Err(TooMuch::Rate));
         limits.closed(1);

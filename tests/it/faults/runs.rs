@@ -3,6 +3,7 @@
 use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
 
+use crate::support::promised::promised;
 use crate::support::stage::{Play, Played};
 
 /// Runs the map mission for at most 60 s under a scenario that begins with it.

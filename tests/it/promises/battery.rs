@@ -86,7 +86,7 @@ fn promise_6_a_replay_after_a_gap_knows_how_low_the_battery_was() {
     let (slow_s, _) = said(&run, "very low");
     // One byte of the recording, a second after it got very low: what decides later is in the checkpoints only.
     let share = (slow_s + 1.0) / played.drove_s;
-    let place = (0..bytes.len()).nth((bytes.len() as f64 * share) as usize).unwrap();
+    let place = (0..bytes.len()).find(|at| *at as f64 >= bytes.len() as f64 * share).unwrap();
     bytes[place] ^= 0x20;
     let damaged = Run::read(&bytes).unwrap();
     let replayed = replay(&damaged).unwrap();

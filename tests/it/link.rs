@@ -1,0 +1,9 @@
+//! The link: real sockets on loopback, in this process and between processes of the real program.
+#![cfg(all(feature = "link", feature = "sim", feature = "host"))]
+
+mod bench;
+mod commands;
+mod fetching;
+mod hostile;
+mod keys;
+mod python;

@@ -1,0 +1,229 @@
+//! The commands of a PC against the real service with a simulated brick, in processes of their own.
+
+use std::io::Write as _;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use onbrick::link::KeyPair;
+use onbrick::runtime::recording::Run;
+use serde_json::Value;
+
+use super::bench::{Service, halves, onbrick, text, until};
+use crate::support::pass_over;
+
+/// A mission that is over in two seconds.
+pub const SHORT: &str = r#"
+name = "short"
+time_limit_s = 60
+[machine.drive]
+start = "forward"
+final = "halt"
+[machine.drive.state.forward]
+do = { left_dps = 90, right_dps = 90 }
+next = [{ when = "time_s > 2", go = "halt" }]
+[machine.drive.state.halt]
+do = { stop = "brake" }
+"#;
+
+/// The newest run's identifier.
+pub fn newest(service: &Service) -> String {
+    let said = service.done(&["runs", "sim", "--json"]);
+    let runs: Value = serde_json::from_str(said.lines().next().unwrap()).unwrap();
+    runs["runs"][0]["run"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_person_pairs_starts_watches_stops_and_brings_the_map_home() {
+    let service = Service::new();
+    // On the brick a person opens the window and says yes; on the PC too.
+    std::fs::write(service.path("yes"), "yes\n").unwrap();
+    let mut there = onbrick()
+        .args(["pair", "--config"])
+        .arg(service.folder.path())
+        .arg("--answers")
+        .arg(service.path("yes"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let yes = service.path("yes").display().to_string();
+    let said =
+        service.done(&["pair", &service.address, "--name", "anna", "--answers", &yes, "--timeout", "60"]);
+    assert!(said.starts_with("sim is known from now on"), "{said}");
+    assert!(there.wait().unwrap().success());
+
+    assert!(service.done(&["bricks"]).contains(&service.address));
+    assert!(service.done(&["status"]).starts_with("sim  ready  "));
+    assert!(service.done(&["missions", "sim"]).contains("sim  map  120 s"));
+    assert!(service.done(&["identify", "sim"]).contains("beeps"));
+    let started = service.done(&["start", "map", "sim"]);
+    assert!(started.starts_with("sim: started map-"), "{started}");
+    let status = until("it drives", || {
+        let status = service.done(&["status", "sim"]);
+        status.contains("running").then_some(status)
+    });
+    assert!(status.contains("started by anna"), "{status}");
+    let again = service.pc(&["start", "map", "sim"]);
+    assert_eq!(again.status.code(), Some(3), "one run at a time: {}", text(&again.stderr));
+
+    assert!(service.done(&["stop"]).starts_with("sim: stopped map-"));
+    assert!(service.done(&["stop"]).contains("nothing was running"));
+    until("it has stopped", || service.done(&["status", "sim"]).contains("stopped").then_some(()));
+    let status = service.done(&["status", "sim"]);
+    assert!(status.contains("remote"), "{status}");
+    let run = newest(&service);
+    let fetched = service.done(&["fetch", "sim"]);
+    assert!(fetched.contains(&format!("{run}.mcap")), "{fetched}");
+    let file = service.path("out").join(format!("{run}.mcap"));
+    let recording = Run::open(&file).unwrap();
+    assert_eq!(recording.info.unwrap().mission, "map");
+    assert!(service.done(&["fetch", "sim"]).contains("was there already"));
+    assert!(service.done(&["runs", "sim"]).contains("fetched"));
+    service.done(&["plot", &file.display().to_string(), "-o", "map.svg"]);
+}
+
+#[test]
+fn refusals_and_silence_have_exit_codes_and_a_way_out() {
+    let mut service = Service::new();
+    let refused = |output: std::process::Output, code: i32, words: &str| {
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{error}");
+        assert!(error.contains(words) && error.contains("try: "), "{error}");
+    };
+    refused(service.pc(&["status"]), 3, "no brick is known yet");
+    service.introduce();
+    refused(service.pc(&["status", "simm"]), 3, "did you mean");
+    refused(service.pc(&["start", "mapp", "sim"]), 3, "mapp");
+    std::fs::create_dir_all(service.path("out")).unwrap();
+    std::fs::write(service.path("out").join("broken.toml"), "name = \"x\"\nrate = 3\n").unwrap();
+    refused(service.pc(&["start", "broken.toml", "sim"]), 3, "unknown key");
+    std::fs::write(service.path("out").join("long.toml"), "# ".repeat(40_000)).unwrap();
+    refused(service.pc(&["start", "long.toml", "sim"]), 3, "over the network");
+    let key = KeyPair::load(&service.path("pc")).unwrap().public().to_string();
+    let keys = service.path("keys").display().to_string();
+    assert!(service.done(&["key", "list", "--keys", &keys]).contains("anna"));
+    assert!(service.done(&["key", "revoke", "anna", "--keys", &keys]).contains("turned away"));
+    refused(service.pc(&["stop", "sim"]), 3, "not, or no longer, authorised");
+    service.done(&["key", "authorise", &key, "--name", "anna", "--keys", &keys]);
+    service.done(&["status", "sim"]);
+    service.kill();
+    refused(service.pc(&["stop", "--timeout", "1"]), 4, "no answer from");
+    refused(service.pc(&["pair", &service.address, "--timeout", "1"]), 4, "was not introduced");
+}
+
+#[test]
+fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
+    let service = Service::new();
+    service.introduce();
+    std::fs::create_dir_all(service.path("out")).unwrap();
+    std::fs::write(service.path("out").join("mine.toml"), SHORT.replace("\"short\"", "\"mine\"")).unwrap();
+    service.done(&["start", "./mine.toml", "sim"]);
+    // The fetch follows the run to its end.
+    let fetched = service.done(&["fetch", "sim"]);
+    let file = fetched.split(' ').nth(1).unwrap().trim_end_matches(',').to_owned();
+    let recording = Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
+    assert_eq!(recording.info.as_ref().unwrap().mission, "mine");
+    assert_eq!(recording.ending.unwrap().reason, "finished");
+    assert!(!service.done(&["missions", "sim"]).contains("mine"), "kept with the run, and nowhere else");
+}
+
+#[test]
+fn a_run_is_followed_on_a_page_that_grows() {
+    let service = Service::new();
+    service.introduce();
+    service.mission("short", &SHORT.replace("time_s > 2", "time_s > 12"));
+    service.done(&["start", "short", "sim"]);
+    let mut follow = onbrick()
+        .env("ONBRICK_KEYS", service.path("pc"))
+        .args(["--json", "fetch", "sim", "--follow", "--out"])
+        .arg(service.path("followed"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(follow.stdout.take().unwrap()));
+    let mut next = || serde_json::from_str::<Value>(&lines.next().unwrap().unwrap()).unwrap();
+    let page = next()["page"].as_str().unwrap().to_owned();
+    if browser(&page).is_none() {
+        pass_over("chromium");
+    }
+    let last = loop {
+        let line = next();
+        if line["file"].is_string() {
+            break line;
+        }
+        assert!(line["bytes"].is_u64() && line["how"].is_string(), "{line}");
+    };
+    assert!(follow.wait().unwrap().success(), "{last}");
+    assert!(last["bytes"].as_u64().unwrap() > 1000, "{last}");
+}
+
+/// Looks at the page in a real browser for a while: it must have grown there. `None` where this machine has no browser.
+fn browser(page: &str) -> Option<()> {
+    let profile = tempfile::tempdir().unwrap();
+    let output = Command::new("chromium")
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=4000"])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(page)
+        .output()
+        .ok()?;
+    let dom = text(&output.stdout);
+    let grown = dom.split("data-grown=\"").nth(1).and_then(|rest| rest.split('"').next());
+    assert!(grown.is_some_and(|grown| grown.parse::<u32>().unwrap() >= 2), "{}", &dom[..dom.len().min(3000)]);
+    assert!(dom.contains("data-points=\""), "nothing is drawn");
+    Some(())
+}
+
+#[test]
+fn a_run_comes_home_although_the_service_dies_and_comes_back() {
+    let mut service = Service::new();
+    service.introduce();
+    service.mission("short", &SHORT.replace("time_s > 2", "time_s > 6"));
+    service.done(&["start", "short", "sim"]);
+    let run = newest(&service);
+    let mut fetch = onbrick()
+        .env("ONBRICK_KEYS", service.path("pc"))
+        .args(["fetch", "sim", "--timeout", "60", "--out"])
+        .arg(service.path("home"))
+        .spawn()
+        .unwrap();
+    until("something has come", || {
+        let part = std::fs::metadata(service.path("home").join(format!("{run}.mcap.part"))).ok()?;
+        (part.len() > 0).then_some(())
+    });
+    service.kill();
+    std::thread::sleep(Duration::from_millis(300));
+    service.start();
+    assert!(fetch.wait().unwrap().success());
+    let home = std::fs::read(service.path("home").join(format!("{run}.mcap"))).unwrap();
+    let brick = service.path("runs").join(&run).join("run.mcap");
+    assert!(home == std::fs::read(&brick).unwrap(), "not the same bytes as {}", brick.display());
+}
+
+#[test]
+fn a_text_of_a_gigabyte_does_not_come_into_the_services_memory() {
+    let service = Service::new();
+    service.introduce();
+    let key = KeyPair::load(&service.path("keys")).unwrap().public();
+    let (public, secret) = halves(&KeyPair::load(&service.path("pc")).unwrap());
+    let context = zmq::Context::new();
+    let socket = context.socket(zmq::DEALER).unwrap();
+    socket.set_curve_serverkey(key.as_bytes()).unwrap();
+    socket.set_curve_publickey(&public).unwrap();
+    socket.set_curve_secretkey(&secret).unwrap();
+    socket.set_linger(0).unwrap();
+    socket.set_rcvtimeo(200).unwrap();
+    socket.set_sndtimeo(30_000).unwrap();
+    socket.connect(&format!("tcp://{}:5670", service.address)).unwrap();
+    // 64 MB at a time, sixteen times, so that this machine has room for it; the door closes at each before it is read.
+    let mut text = Vec::new();
+    text.write_all(br#"{"version":1,"id":1,"op":"start","run":"r","mission":{"text":""#).unwrap();
+    text.resize(64 << 20, b'x');
+    for _ in 0..16 {
+        socket.send(text.as_slice(), 0).unwrap();
+        assert!(socket.recv_bytes(0).is_err(), "it is not answered");
+    }
+    service.done(&["status", "sim"]);
+    let peak = service.peak_kb();
+    println!("the service's peak is {peak} kB");
+    assert!(peak < 64 << 10, "{peak} kB");
+}

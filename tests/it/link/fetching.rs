@@ -1,0 +1,210 @@
+//! Recordings that come home whatever happens on the way.
+
+use std::io::{Read as _, Write as _};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+use onbrick::link::{ClientError, Patience};
+use onbrick::service::protocol::{Kind, RunId};
+
+use super::bench::{Bench, LONG, client_at, serve, until};
+
+fn run(name: &str) -> RunId {
+    RunId::new(name).unwrap()
+}
+
+/// Bytes that repeat nowhere.
+fn bytes(length: usize, seed: u64) -> Vec<u8> {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state.to_le_bytes()[3]
+    };
+    (0..length).map(|_| next()).collect()
+}
+
+/// A way to a brick that is cut after so many bytes, again and again, with another number of bytes each time.
+struct CutWay {
+    address: SocketAddr,
+    cuts: Arc<AtomicU32>,
+}
+
+impl CutWay {
+    fn to(to: String, most_cuts: u32) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let cuts = Arc::new(AtomicU32::new(0));
+        let counted = Arc::clone(&cuts);
+        std::thread::spawn(move || {
+            for near in listener.incoming() {
+                let Ok(near) = near else { return };
+                let Ok(far) = TcpStream::connect(&to) else { continue };
+                let cut = counted.load(Ordering::Relaxed);
+                // The handshake and at least a piece come through.
+                let left = if cut < most_cuts { 70_000 + cut as usize * 7919 % 90_000 } else { usize::MAX };
+                let up = (near.try_clone().unwrap(), far.try_clone().unwrap());
+                std::thread::spawn(move || carry(up.0, up.1, usize::MAX));
+                let counted = Arc::clone(&counted);
+                std::thread::spawn(move || {
+                    if carry(far, near, left) {
+                        counted.fetch_add(1, Ordering::Relaxed);
+                    }
+                });
+            }
+        });
+        Self { address, cuts }
+    }
+}
+
+/// Carries so many bytes; true where it was this that ended it.
+fn carry(mut from: TcpStream, mut to: TcpStream, mut left: usize) -> bool {
+    let mut piece = [0; 4096];
+    let mut ran_out = false;
+    while let Ok(read @ 1..) = from.read(&mut piece) {
+        if read > left {
+            ran_out = true;
+            break;
+        }
+        left -= read;
+        if to.write_all(&piece[..read]).is_err() {
+            break;
+        }
+    }
+    let _ = (from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both));
+    ran_out
+}
+
+struct Home {
+    _folder: tempfile::TempDir,
+    file: PathBuf,
+    part: PathBuf,
+}
+
+fn home() -> Home {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, part) = (folder.path().join("r.mcap"), folder.path().join("r.mcap.part"));
+    Home { _folder: folder, file, part }
+}
+
+#[test]
+fn a_recording_comes_byte_for_byte_and_has_its_name_only_when_it_is_whole() {
+    let bench = Bench::new();
+    let home = home();
+    for length in [0, 1, 65_536, 65_537, 1_000_003] {
+        let sent = bytes(length, 1);
+        bench.fake.record("r", sent.clone(), true);
+        let mut last = None;
+        let whole =
+            bench.client().fetch(&run("r"), &home.file, &mut |progress| last = Some(*progress)).unwrap();
+        assert_eq!(std::fs::read(&home.file).unwrap(), sent, "{length}");
+        assert!(whole.is_whole() && last == Some(whole), "{whole:?} {last:?}");
+        assert!(!home.part.exists());
+        std::fs::remove_file(&home.file).unwrap();
+    }
+    let missing = bench.client().fetch(&run("other"), &home.file, &mut |_| {}).unwrap_err();
+    assert!(
+        matches!(missing, ClientError::Refused(ref refusal) if refusal.kind == Kind::UnknownRun),
+        "{missing}"
+    );
+    assert!(!home.file.exists());
+}
+
+#[test]
+fn a_recording_that_grows_is_followed_to_its_end() {
+    let bench = Bench::new();
+    let home = home();
+    let sent = bytes(400_000, 2);
+    bench.fake.record("r", sent[..1000].to_vec(), false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            for length in [1001, 70_000, 70_000, 250_000, 400_000] {
+                std::thread::sleep(Duration::from_millis(150));
+                bench.fake.record("r", sent[..length].to_vec(), false);
+            }
+            bench.fake.record("r", sent.clone(), true);
+        });
+        bench.client().fetch(&run("r"), &home.file, &mut |_| assert!(!home.file.exists())).unwrap();
+    });
+    assert_eq!(std::fs::read(&home.file).unwrap(), sent);
+}
+
+#[test]
+fn a_recording_comes_whole_over_a_way_that_is_cut_again_and_again() {
+    // The long form: `ONBRICK_CUTS=100 cargo test --test it link::fetching -- --nocapture`.
+    let cuts: u32 = std::env::var("ONBRICK_CUTS").ok().and_then(|cuts| cuts.parse().ok()).unwrap_or(8);
+    let bench = Bench::new();
+    let home = home();
+    let sent = bytes(70_000 * cuts as usize + 300_000, 3);
+    bench.fake.record("r", sent.clone(), true);
+    let way = CutWay::to(bench.address(), cuts);
+    let mut client = client_at(&way.address.to_string(), bench.brick_key(), &bench.pc);
+    client.fetch(&run("r"), &home.file, &mut |_| {}).unwrap();
+    assert!(std::fs::read(&home.file).unwrap() == sent, "not the same bytes");
+    let cut = way.cuts.load(Ordering::Relaxed);
+    println!("{cut} cuts, {} bytes, byte for byte right", sent.len());
+    assert!(cut >= cuts / 2, "{cut} cuts");
+}
+
+#[test]
+fn a_fetch_goes_on_after_the_brick_or_the_pc_was_switched_off() {
+    let bench = Bench::new();
+    let home = home();
+    let sent = bytes(500_000, 4);
+    bench.fake.record("r", sent[..200_000].to_vec(), false);
+    // The brick goes away; the PC's patience ends.
+    let key = bench.brick_key();
+    let Bench { folder, fake, server, pc } = bench;
+    let mut client = client_at(&format!("127.0.0.1:{}", server.port()), key, &pc);
+    client = client.with_patience(Patience::new(2.0));
+    let mut server = Some(server);
+    let ended = client.fetch(&run("r"), &home.file, &mut |progress| {
+        if progress.bytes == 200_000 {
+            server.take();
+        }
+    });
+    assert!(matches!(ended, Err(ClientError::NoAnswer { .. })), "{ended:?}");
+    assert_eq!(std::fs::read(&home.part).unwrap(), sent[..200_000]);
+    // Both are there again, and the run is over.
+    let server = serve(folder.path(), &fake);
+    fake.record("r", sent.clone(), true);
+    let mut first = None;
+    let mut client = client_at(&format!("127.0.0.1:{}", server.port()), key, &pc);
+    client.fetch(&run("r"), &home.file, &mut |progress| first = first.or(Some(progress.bytes))).unwrap();
+    assert!(first >= Some(200_000), "what was there is kept: {first:?}");
+    assert_eq!(std::fs::read(&home.file).unwrap(), sent);
+}
+
+#[test]
+fn what_lies_there_of_another_run_is_not_mixed_into_this_one() {
+    let bench = Bench::new();
+    let home = home();
+    let sent = bytes(300_000, 5);
+    bench.fake.record("r", sent.clone(), true);
+    for strange in [bytes(100_000, 6), bytes(300_000, 6), bytes(900_000, 6)] {
+        std::fs::write(&home.part, strange).unwrap();
+        bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap();
+        assert!(std::fs::read(&home.file).unwrap() == sent, "not the same bytes");
+        std::fs::remove_file(&home.file).unwrap();
+    }
+}
+
+#[test]
+fn a_slow_operation_holds_up_no_stop() {
+    let bench = Bench::new();
+    bench.fake.slow_ms.store(5000, Ordering::Relaxed);
+    std::thread::scope(|scope| {
+        scope.spawn(|| bench.client().missions().unwrap());
+        until("the slow one has begun", || {
+            let asked = bench.fake.asked.lock().unwrap();
+            asked.iter().any(|(op, _)| op == "missions").then_some(())
+        });
+        let begun = std::time::Instant::now();
+        bench.client().stop(None).unwrap();
+        assert!(begun.elapsed() < LONG && begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
+    });
+}

@@ -1,0 +1,29 @@
+"""A brick asked from Python with nothing but pyzmq: how it is, what it can do, and a run brought home.
+
+    python3 link_client.py ADDRESS BRICK_KEY OWN_PUBLIC_KEY OWN_SECRET_KEY [RUN FILE]
+"""
+import json, sys, zmq
+
+address, brick_key, public_key, secret_key = sys.argv[1:5]
+brick = zmq.Context.instance().socket(zmq.REQ)
+brick.curve_serverkey, brick.curve_publickey, brick.curve_secretkey = (k.encode() for k in (brick_key, public_key, secret_key))
+brick.rcvtimeo, brick.linger = 10_000, 0
+brick.connect(f"tcp://{address}:5670")
+
+def ask(op, **fields):
+    brick.send_json({"version": 1, "id": 1, "op": op, **fields})
+    reply, *data = brick.recv_multipart()
+    reply = json.loads(reply)
+    return (reply["ok"], *data) if "ok" in reply else sys.exit(reply["error"]["message"])
+
+status = ask("status")[0]
+print(status["brick"], status["state"], [mission["name"] for mission in ask("missions")[0]["missions"]])
+if sys.argv[5:]:
+    run, file = sys.argv[5:7]
+    with open(file, "wb") as recording:
+        while True:
+            part, data = ask("fetch", run=run, offset=recording.tell(), length=65536)
+            recording.write(data)
+            if part["complete"] and recording.tell() == part["total"]:
+                break
+    print(recording.name, part["total"])
