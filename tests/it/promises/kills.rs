@@ -28,6 +28,7 @@ use super::witness::{Seen, Witness};
 use crate::foreign::bench::example;
 use crate::mount::bench::{Mounted, await_or_fail, no_fuse, real_time};
 use crate::support::promised::{long, promised};
+use crate::support::segfault;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
@@ -231,11 +232,7 @@ impl Trouble {
         match self {
             Self::Killed => send(control, Signal::SIGKILL),
             Self::StoppedAndContinued => send(control, Signal::SIGSTOP),
-            Self::Segfault => {
-                // The first goes to the handler of Rust's runtime, which expects the fault to happen again.
-                send(control, Signal::SIGSEGV);
-                let _ = kill(control, Signal::SIGSEGV);
-            }
+            Self::Segfault => segfault(control),
             Self::Aborted => send(control, Signal::SIGABRT),
             Self::Spinning => send(control, Signal::SIGUSR1),
             Self::GuardKilled => send(guard.unwrap(), Signal::SIGKILL),
