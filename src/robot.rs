@@ -204,14 +204,9 @@ impl Robot {
     /// As [`Robot::outside`], after a close look at everything: for a tick in which something else went wrong with a motor, which may be
     /// another program's doing.
     pub fn look_closely(&mut self, now_ns: i64) -> Option<Channel> {
-        for aspect in Aspect::ALL {
-            for channel in Channel::ALL {
-                if let Some(motor) = self.motor_mut(channel) {
-                    // The first look raises the doubt, the second one settles it.
-                    let taken = motor.is_taken(aspect, now_ns) || motor.is_taken(aspect, now_ns);
-                    self.outside = self.outside.or(taken.then_some(channel));
-                }
-            }
+        for channel in Channel::ALL {
+            let taken = self.motor_mut(channel).is_some_and(|motor| motor.look_closely(now_ns));
+            self.outside = self.outside.or(taken.then_some(channel));
         }
         self.outside
     }

@@ -134,6 +134,10 @@ impl LeasedMotor {
         if same.is_some_and(|lease| now_ns - lease.given_ns < RENEW_NS) {
             return Ok(());
         }
+        // What we write next would hide, and undo, what somebody else has done meanwhile.
+        if self.lease.is_some() && self.look_closely(now_ns) {
+            return Ok(());
+        }
         // Until the command is through, the next call must count on nothing.
         self.lease = None;
         self.moving = true;
@@ -176,6 +180,13 @@ impl LeasedMotor {
             self.motor.set_stops_on_drop(false);
         }
         self.hand == Hand::Theirs
+    }
+
+    /// As [`LeasedMotor::is_taken`], by all aspects, each at once again where it raises a doubt.
+    pub fn look_closely(&mut self, now_ns: i64) -> bool {
+        Aspect::ALL.into_iter().any(|aspect| {
+            self.is_taken(aspect, now_ns) || (self.is_in_doubt() && self.is_taken(aspect, now_ns))
+        })
     }
 
     /// True where the last look found it otherwise than we left it.

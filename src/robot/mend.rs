@@ -157,8 +157,6 @@ struct Work {
     pause_ns: i64,
     /// A device, and when its values are no longer stale.
     ready: Option<(Box<Mended>, i64)>,
-    /// It was handed over; there is nothing to do until it is wanted anew.
-    done: bool,
 }
 
 /// Looks for devices and binds them.
@@ -186,14 +184,15 @@ impl Workshop {
                 let known = work.known.take();
                 *work = Work { known, pause_ns: FIRST_PAUSE_NS, ..Work::default() };
             }
-            if wanted & (1 << (channel as u32)) == 0 || work.done {
+            if wanted & (1 << (channel as u32)) == 0 {
                 continue;
             }
             if work.ready.is_none() && now_ns >= work.due_ns {
                 work.attempt(&self.recipe, channel, now_ns);
             }
             if let Some((mended, _)) = work.ready.take_if(|(_, ready_ns)| now_ns >= *ready_ns) {
-                work.done = true;
+                // Should it fail at once, it is looked for anew.
+                work.due_ns = now_ns + LONGEST_PAUSE_NS;
                 return Some(mended);
             }
         }

@@ -19,6 +19,15 @@ pub fn shared() -> Option<PathBuf> {
     [Some(beside), named].into_iter().flatten().find(|folder| folder.join("data").is_dir())
 }
 
+/// Lets a process die of a segmentation fault. The first signal goes to the handler of Rust's runtime, which expects the fault to happen
+/// again; one that comes while another is pending is lost.
+pub fn segfault(process: nix::unistd::Pid) {
+    for _ in 0..5 {
+        nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGSEGV).unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+}
+
 /// Says what a test passes over because this machine lacks it; under `ONBRICK_REQUIRE=1` that is a failure.
 pub fn pass_over(what: &str) {
     assert!(

@@ -13,6 +13,7 @@ use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, WhenAband
 
 use super::{Done, done, keys, names, onbrick, onbrick_in_time, run, text};
 use crate::support::real_time::patiently;
+use crate::support::segfault;
 use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
 
 /// A mission that drives straight on and moves the head for a minute.
@@ -139,10 +140,9 @@ fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_s
             let running = Running::start(DRIVE);
             running.brick.await_driving();
             let control = running.control();
-            kill(control, signal).unwrap();
-            if signal == Signal::SIGSEGV {
-                // The first goes to the handler of Rust's runtime, which expects the fault to happen again.
-                kill(control, signal).unwrap();
+            match signal {
+                Signal::SIGSEGV => segfault(control),
+                signal => kill(control, signal).unwrap(),
             }
             await_that("every motor is still", || running.brick.is_still());
             let (brick, said, recorded) = running.finish();

@@ -28,6 +28,7 @@ use super::witness::{Seen, Witness};
 use crate::foreign::bench::example;
 use crate::mount::bench::{Mounted, await_or_fail, no_fuse, real_time};
 use crate::support::promised::{long, promised};
+use crate::support::segfault;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
@@ -231,11 +232,7 @@ impl Trouble {
         match self {
             Self::Killed => send(control, Signal::SIGKILL),
             Self::StoppedAndContinued => send(control, Signal::SIGSTOP),
-            Self::Segfault => {
-                // The first goes to the handler of Rust's runtime, which expects the fault to happen again.
-                send(control, Signal::SIGSEGV);
-                let _ = kill(control, Signal::SIGSEGV);
-            }
+            Self::Segfault => segfault(control),
             Self::Aborted => send(control, Signal::SIGABRT),
             Self::Spinning => send(control, Signal::SIGUSR1),
             Self::GuardKilled => send(guard.unwrap(), Signal::SIGKILL),
@@ -372,15 +369,15 @@ fn moment_ns(number: usize) -> i64 {
     i64::from(spread / 4_295) * 1000
 }
 
-fn quantile(sorted_ns: &[i64], share: f64) -> f64 {
-    let at = (sorted_ns.len() - 1) as f64 * share;
-    sorted_ns[at.round() as usize] as f64 / 1e6
+/// In milliseconds.
+fn quantile(sorted_ns: &[i64], per_cent: usize) -> i64 {
+    sorted_ns[((sorted_ns.len() - 1) * per_cent).div_ceil(100)] / MILLISECOND_NS
 }
 
 fn report(what: &str, mut ns: Vec<i64>) {
     ns.sort_unstable();
-    let [p50, p99, max] = [0.5, 0.99, 1.0].map(|share| quantile(&ns, share));
-    promised(&format!("{what}: {} times, p50 {p50:.0} ms, p99 {p99:.0} ms, max {max:.0} ms", ns.len()));
+    let [p50, p99, max] = [50, 99, 100].map(|per_cent| quantile(&ns, per_cent));
+    promised(&format!("{what}: {} times, p50 {p50} ms, p99 {p99} ms, max {max} ms", ns.len()));
 }
 
 #[test]

@@ -35,6 +35,11 @@ fn largest_step_m(ended: &Ended) -> f64 {
 }
 
 /// How far it had driven at a time since the start, metres.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "times of a run are short and positive"
+)]
 fn travelled_m(truths: &[Truth], time_s: f64) -> f64 {
     let at = ((time_s * 50.0) as usize).min(truths.len() - 1);
     truths[at].travelled_m
