@@ -127,14 +127,14 @@ fn random_requests_never_end_the_door() {
     };
     for _ in 0..count {
         let request: Vec<u8> = if chance(4) == 0 {
-            (0..chance(200)).map(|_| chance(256) as u8).collect()
+            (0..chance(200)).map(|_| u8::try_from(chance(256)).unwrap()).collect()
         } else {
             // A request with some of its bytes changed, doubled or gone.
             let mut request = whole.to_vec();
             for _ in 0..1 + chance(4) {
                 let at = chance(request.len());
                 match chance(3) {
-                    0 => request[at] = chance(256) as u8,
+                    0 => request[at] = u8::try_from(chance(256)).unwrap(),
                     1 => request.insert(at, b"{}[]\",:0"[chance(8)]),
                     _ => drop(request.drain(at..(at + chance(20)).min(request.len() - 1).max(at))),
                 }

@@ -32,9 +32,9 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
         clean.truth.travelled_m,
         clean.pose_error_m()
     ));
-    promised(&format!(
-        "device  fault         noticed                                        after s  blind m  off by m"
-    ));
+    promised(
+        "device  fault         noticed                                        after s  blind m  off by m",
+    );
     let cells = DEVICES.iter().flat_map(|device| FAULTS.iter().map(move |fault| (device, fault)));
     let played: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> = cells
