@@ -98,7 +98,7 @@ job() {
   printf '"robot":{"name":"robot","text":"%s"},' "$(json_text brick-image/robot.toml)"
   printf '"brick":{"Simulated":{"world":{"name":"arena","text":"%s"},' "$(json_text src/sim/worlds/arena.toml)"
   printf '"seed":7,"realtime":false}},"start":{"x_m":0.0,"y_m":0.0,"heading_rad":0.0},"set":[],'
-  printf '"file":"%s","sync_ns":1000000000,"run":null,"when_abandoned":"go_on"}\n' "$1"
+  printf '"file":"%s","sync_ns":1000000000,"run":null,"when_abandoned":"go_on","lock":"take"}\n' "$1"
 }
 
 # drive FILE COMMAND…: plays the job with a program.

@@ -130,7 +130,7 @@ impl TryFrom<String> for Hex {
         let pair =
             |pair: &[u8]| std::str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok());
         let bytes: Option<Vec<u8>> = text.as_bytes().chunks(2).map(pair).collect();
-        let is_hexadecimal = text.bytes().all(|sign| sign.is_ascii_hexdigit());
+        let is_hexadecimal = text.len() == 64 && text.bytes().all(|sign| sign.is_ascii_hexdigit());
         bytes.filter(|_| is_hexadecimal).and_then(|bytes| bytes.try_into().ok()).map(Self).ok_or(WRONG)
     }
 }

@@ -239,7 +239,7 @@ mod tests {
         assert_eq!(watch.motors(), []);
         watch.hear(&line(&driving()), 10);
         let motors: Vec<String> = watch.motors().iter().map(ToString::to_string).collect();
-        assert_eq!(motors, ["ev3-ports:outB", "ev3-ports:outD"]);
+        assert_eq!(motors, ["outB", "outD"]);
     }
 
     #[test]

@@ -20,10 +20,13 @@ pub fn shared() -> Option<PathBuf> {
 }
 
 /// Lets a process die of a segmentation fault. The first signal goes to the handler of Rust's runtime, which expects the fault to happen
-/// again; one that comes while another is pending is lost.
+/// again; one that comes while another is pending is lost. So it is sent until the process is gone.
 pub fn segfault(process: nix::unistd::Pid) {
     for _ in 0..5 {
-        nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGSEGV).unwrap();
+        match nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGSEGV) {
+            Err(nix::errno::Errno::ESRCH) => return,
+            sent => sent.unwrap(),
+        }
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
 }

@@ -66,10 +66,12 @@ fn a_simulated_run_tells_how_it_goes_and_is_recorded() {
             "overruns",
             "points",
             "pose",
+            "range",
             "states",
             "tick",
             "time_ns",
-            "travelled_m"
+            "travelled_m",
+            "warning"
         ]
     );
     let ended = events.last().unwrap();

@@ -115,6 +115,8 @@ fn motor(chance: &mut Chance, judge: &mut Judge, fake: &FakeTree, port: &str, ma
         ("driver_name", driver),
         ("max_speed", max_speed.as_str()),
         ("count_per_rot", "360\n"),
+        // Nobody keeps the state here, and a motor that stands still would contradict each command.
+        ("state", "unknown\n"),
     ];
     fake.plug(&folder(port), &rotary_tables(), &texts);
     // A count of these motors is a degree. The nearest whole number may be half a count beyond the limit.

@@ -76,6 +76,11 @@ fn calibrate_refuses_a_robot_that_is_not_ready_and_leaves_its_file() {
 fn doctor_reports_for_people_and_for_programs_and_its_exit_code_tells() {
     let folder = tempfile::tempdir().unwrap();
     plain_brick::write("open", &folder.path().join("brick"));
+    for motor in 0..3 {
+        // Nothing is going to turn here, so the motors can say that they stand still.
+        std::fs::write(folder.path().join(format!("brick/sys/class/tacho-motor/motor{motor}/state")), "\n")
+            .unwrap();
+    }
     std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT).unwrap();
     let people = onbrick(folder.path(), &["doctor", "--brick", "brick"]);
     // A brick of plain files has no buttons: nobody could stop it.
