@@ -35,6 +35,9 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 /// After a death no motor is under a command for longer, and no shaft turns for longer.
 const COMMANDS_NS: i64 = 350 * MILLISECOND_NS;
 const REST_NS: i64 = 500 * MILLISECOND_NS;
+/// Without a guard the last lease runs out first, which may have been given just before the death: 0.3 s, and then the wheels roll out as
+/// they do behind a guard.
+const REST_BY_LEASE_NS: i64 = REST_NS + 150 * MILLISECOND_NS;
 
 /// How long a brick is watched after a fault.
 const WATCH_NS: i64 = 1000 * MILLISECOND_NS;
@@ -138,8 +141,10 @@ struct Measured {
 }
 
 impl Measured {
-    fn is_in_time(self) -> bool {
-        self.commands_ns <= COMMANDS_NS && self.rest_ns <= REST_NS
+    fn is_in_time(self, (trouble, protection): Case) -> bool {
+        let guarded = protection.guard && trouble != Trouble::BothKilled;
+        let rest_ns = if guarded { REST_NS } else { REST_BY_LEASE_NS };
+        self.commands_ns <= COMMANDS_NS && self.rest_ns <= rest_ns
     }
 }
 
@@ -437,7 +442,7 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
     promised(&format!("done again because this machine was starved: {}", starved.into_inner().unwrap()));
     println!("{} of {kills} judged; the others found this machine too busy each time", results.len());
     assert!(!results.is_empty(), "this machine is too busy for a control loop");
-    let missed: Vec<_> = results.iter().filter(|(_, measured)| !measured.is_in_time()).collect();
+    let missed: Vec<_> = results.iter().filter(|(case, measured)| !measured.is_in_time(*case)).collect();
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
@@ -454,7 +459,7 @@ impl Bench {
             let since_ns = MonotonicClock.now_ns();
             let measured = self.suffer(case, moment_ns(number + 7919 * attempt));
             if let Some(measured) = measured
-                && (measured.is_in_time() || !canary.starved_since(since_ns))
+                && (measured.is_in_time(case) || !canary.starved_since(since_ns))
             {
                 return Some(measured);
             }
