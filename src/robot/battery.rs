@@ -67,7 +67,7 @@ impl BatteryConfig {
 }
 
 impl BatteryLimits {
-    /// The usual ones; see [the module](self).
+    /// The usual ones; see the module.
     #[must_use]
     pub const fn of(cells: Technology) -> Self {
         match cells {
