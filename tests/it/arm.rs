@@ -24,6 +24,15 @@ use crate::mount::bench::{no_fuse, real_time};
 use crate::support::pass_over;
 use crate::support::real_time::{Pace, in_real_time};
 
+/// These tests are asked for, because what they run takes minutes to build: `brick-image/build.sh`, then `ONBRICK_ARM=1 cargo test arm::`.
+fn not_asked_for() -> bool {
+    let asked = std::env::var_os("ONBRICK_ARM").is_some_and(|value| value == "1");
+    if !asked {
+        println!("not asked for: the brick's own program (ONBRICK_ARM=1)");
+    }
+    !asked
+}
+
 /// The emulator's command for a program that `brick-image/build.sh` has left in a folder of `target`.
 fn emulated(program: &str) -> Option<[String; 4]> {
     let folder = Path::new(PROGRAM).parent()?.parent()?;
@@ -67,8 +76,10 @@ fn drive(pace: &Pace, command: &[String], job: &Job) -> Option<Ended> {
 }
 
 #[test]
-#[ignore = "wants what brick-image/build.sh makes: run that, then cargo test -- --ignored arm::"]
 fn the_bricks_program_maps_a_mounted_room_as_well_as_this_pcs_does() {
+    if not_asked_for() {
+        return;
+    }
     if no_fuse() {
         return;
     }
@@ -104,8 +115,10 @@ fn map_a_room(pace: &Pace, brick: &[String]) {
 }
 
 #[test]
-#[ignore = "wants what brick-image/build.sh makes: run that, then cargo test -- --ignored arm::"]
 fn the_same_mission_is_recorded_on_the_bricks_processor_byte_for_byte() {
+    if not_asked_for() {
+        return;
+    }
     let Some(brick) = emulated("emulator/onbrick-sim") else { return };
     let folder = tempfile::tempdir().unwrap();
     in_real_time("ARM and PC", |pace| {
