@@ -29,7 +29,7 @@ use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 const MOST_WAIT_NS: i64 = 20 * MILLISECOND_NS;
 const WINDOW_NS: i64 = 100 * MILLISECOND_NS;
 
-/// Once in so many windows it is looked who was started meanwhile.
+/// Once in so many windows it is looked who was started meanwhile by those that are watched.
 const FAMILY_WINDOWS: u32 = 5;
 
 /// How long the watch sleeps at a time, to find out by how much it oversleeps.
@@ -180,14 +180,16 @@ impl Drop for End<'_> {
 
 /// Keeps the longest wait in a window until it is over.
 fn watch(watched: &Mutex<Vec<u32>>, over: &AtomicBool, worst_ns: &AtomicI64) {
-    let mut family = Vec::new();
+    let (mut family, mut known) = (Vec::new(), 0);
     let mut before = Counters::of(&family);
     for window in 0.. {
         if over.load(Ordering::Relaxed) {
             return;
         }
-        if window % FAMILY_WINDOWS == 0 {
-            family = with_children(watched.lock().unwrap().clone());
+        let roots = watched.lock().unwrap().clone();
+        if window % FAMILY_WINDOWS == 0 || roots.len() != known {
+            known = roots.len();
+            family = with_children(roots);
         }
         let overslept_ns = oversleep();
         let counters = Counters::of(&family);
@@ -288,7 +290,8 @@ fn a_process_that_waits_for_a_processor_is_found_out() {
     let (mut first, mut second) = (pinned(spin), pinned(spin));
     let (complaints, waited_ns) = play(|pace| {
         pace.watch(&second);
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 5 * WINDOW_NS);
+        // The window in which it came to be watched, the next, which counts it from its beginning, and room for a watch that is late itself.
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 10 * WINDOW_NS);
         pace.ensure(false, || "late".to_owned());
     });
     for process in [&mut first, &mut second] {
