@@ -71,6 +71,7 @@ impl Fake {
             token: "t".to_owned(),
             link: "ready".to_owned(),
             disk: Disk { used: 0, quota: 0, free: 0 },
+            battery: None,
             robot: None,
         }
     }
