@@ -7,3 +7,4 @@ mod fetching;
 mod hostile;
 mod keys;
 mod python;
+mod team;

@@ -227,20 +227,29 @@ pub fn client_at(address: &str, key: PublicKey, own: &KeyPair) -> Client {
 pub struct Service {
     pub folder: TempDir,
     pub address: String,
+    pub name: String,
+    /// Where its robot is: arguments of `serve`.
+    place: Vec<String>,
     child: Option<Child>,
 }
 
 impl Service {
     /// Serves at a loopback address that nobody else of this machine has.
     pub fn new() -> Self {
+        Self::of("sim", &["--sim", "arena"])
+    }
+
+    /// The same with a name and a robot of its own.
+    pub fn of(name: &str, place: &[&str]) -> Self {
         static NUMBER: AtomicU32 = AtomicU32::new(1);
         let folder = tempfile::tempdir().unwrap();
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let process = std::process::id();
         let address = format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255);
-        let config = format!("name = \"sim\"\n[link]\naddress = \"{address}\"\n");
+        let config = format!("name = \"{name}\"\n[link]\naddress = \"{address}\"\n");
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
-        let mut service = Self { folder, address, child: None };
+        let place = place.iter().map(|&argument| argument.to_owned()).collect();
+        let mut service = Self { folder, address, name: name.to_owned(), place, child: None };
         service.start();
         service
     }
@@ -259,8 +268,9 @@ impl Service {
     pub fn start(&mut self) {
         let log = std::fs::File::create(self.path("log")).unwrap();
         let child = onbrick()
-            .args(["-v", "serve", "--sim", "arena", "--config"])
+            .args(["-v", "serve", "--config"])
             .arg(self.folder.path())
+            .args(&self.place)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log)
@@ -296,11 +306,21 @@ impl Service {
 
     /// Makes a PC with keys of its own and introduces the two to each other without a person.
     pub fn introduce(&self) {
-        let pc = KeyPair::load_or_make(&self.path("pc")).unwrap();
+        self.introduce_to(&self.path("pc"));
+    }
+
+    /// The same to a PC whose keys are in this folder.
+    pub fn introduce_to(&self, folder: &Path) {
+        let pc = KeyPair::load_or_make(folder).unwrap();
         Authorised::below(&self.path("keys")).add(&pc.public(), "anna").unwrap();
         let key = KeyPair::load(&self.path("keys")).unwrap().public();
-        let brick = KnownBrick { name: "sim".to_owned(), address: self.address.clone(), key };
-        KnownBricks::load(&self.path("pc")).unwrap().put(&brick).unwrap();
+        let brick = KnownBrick { name: self.name.clone(), address: self.address.clone(), key };
+        KnownBricks::load(folder).unwrap().put(&brick).unwrap();
+    }
+
+    /// The service's process.
+    pub fn process(&self) -> u32 {
+        self.child.as_ref().unwrap().id()
     }
 
     /// A command of the PC's.
