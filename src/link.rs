@@ -10,6 +10,7 @@
 //! | [`client`] | a brick as a program on a PC sees it: [`Client`] |
 //! | [`pairing`] | introducing a PC to a brick |
 //! | [`team`] | several bricks with start poses: `team.toml` |
+//! | `discover` | bricks that make themselves known (feature `host`) |
 //! | [`curve`] | that the libzmq that is linked can encrypt |
 //!
 //! # Not here
@@ -77,6 +78,8 @@
 
 pub mod client;
 pub mod curve;
+#[cfg(feature = "host")]
+pub mod discover;
 pub mod keys;
 mod monitor;
 pub mod pairing;

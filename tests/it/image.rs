@@ -209,6 +209,7 @@ fn the_package_has_everything_in_its_place() {
         ("-rw-r--r-- root/root", "./lib/systemd/system/onbrick.service"),
         ("-rw-r--r-- root/root", "./lib/systemd/system/onbrick-menu.service"),
         ("-rw-r--r-- root/root", "./etc/onbrick/onbrick.toml"),
+        ("-rw-r--r-- root/root", "./etc/avahi/services/onbrick.service"),
         ("-rw-r--r-- root/root", "./usr/share/onbrick/robot.toml"),
         ("-rw-r--r-- root/root", "./usr/share/onbrick/missions/map.toml"),
         ("-rwxr-xr-x root/root", "./usr/share/onbrick/onbrick-menu"),

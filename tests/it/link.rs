@@ -3,6 +3,7 @@
 
 mod bench;
 mod commands;
+mod discovery;
 mod fetching;
 mod hostile;
 mod keys;

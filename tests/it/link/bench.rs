@@ -18,6 +18,8 @@ use onbrick::service::protocol::{
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
 
+use crate::support::real_time::Pace;
+
 /// Nothing here takes this long on any machine, and nothing waits for it to be over.
 pub const LONG: Duration = Duration::from_secs(60);
 
@@ -267,7 +269,7 @@ impl Service {
     /// Starts the service's process and waits until its link is ready.
     pub fn start(&mut self) {
         let log = std::fs::File::create(self.path("log")).unwrap();
-        let child = onbrick()
+        let child = Pace::command(env!("CARGO_BIN_EXE_onbrick"))
             .args(["-v", "serve", "--config"])
             .arg(self.folder.path())
             .args(&self.place)
@@ -319,8 +321,8 @@ impl Service {
     }
 
     /// The service's process.
-    pub fn process(&self) -> u32 {
-        self.child.as_ref().unwrap().id()
+    pub fn process(&self) -> &Child {
+        self.child.as_ref().unwrap()
     }
 
     /// A command of the PC's.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use onbrick::runtime::recording::Run;
 
 use super::Bricks;
-use crate::support::real_time::{alone, patiently};
+use crate::support::real_time::{Pace, alone, in_real_time};
 
 /// A number from the environment.
 pub(super) fn number(name: &str) -> Option<u32> {
@@ -21,8 +21,15 @@ fn world(robots: &[(f64, f64)]) -> String {
     let mut toml = String::from("name = \"many\"\n");
     for (x, y) in robots {
         let corners = [(-0.9, -1.0), (1.5, -1.0), (1.5, 1.0), (-0.9, 1.0)].map(|(dx, dy)| [x + dx, y + dy]);
-        writeln!(toml, "[[start]]\nat = [{x:?}, {y:?}]\n[[wall]]\npoints = {corners:?}\nclosed = true").unwrap();
-        writeln!(toml, "[[block]]\nat = [{:?}, {:?}]\nsize_m = [0.39, 0.19]\nturn_deg = 30", x + 0.9, y + 0.4).unwrap();
+        writeln!(toml, "[[start]]\nat = [{x:?}, {y:?}]\n[[wall]]\npoints = {corners:?}\nclosed = true")
+            .unwrap();
+        writeln!(
+            toml,
+            "[[block]]\nat = [{:?}, {:?}]\nsize_m = [0.39, 0.19]\nturn_deg = 30",
+            x + 0.9,
+            y + 0.4
+        )
+        .unwrap();
     }
     toml
 }
@@ -71,13 +78,11 @@ fn costs(services: &[u32]) -> BTreeMap<u32, Cost> {
 #[test]
 fn a_team_comes_home_whole_and_what_it_costs_is_printed() {
     let (count, seconds) = (number("ONBRICK_TEAM").unwrap_or(3), number("ONBRICK_TEAM_S").unwrap_or(4));
-    patiently("a_team_comes_home_whole_and_what_it_costs_is_printed", || {
-        let _alone = alone();
-        play(count, seconds);
-    });
+    let _alone = alone();
+    in_real_time("a team", |pace| play(count, seconds, pace));
 }
 
-fn play(count: u32, seconds: u32) {
+fn play(count: u32, seconds: u32, pace: &Pace) {
     let names: Vec<String> = (1..=count).map(|number| format!("brick-{number}")).collect();
     let at = |number: u32| (3.0 * f64::from(number % 4), 3.0 * f64::from(number / 4));
     let places: Vec<(f64, f64)> = (0..count).map(at).collect();
@@ -85,11 +90,11 @@ fn play(count: u32, seconds: u32) {
     let file = folder.path().join("many.toml");
     std::fs::write(&file, world(&places)).unwrap();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let team = Bricks::in_world(file.to_str().unwrap(), &names);
+    let team = Bricks::watched(file.to_str().unwrap(), &names, pace);
     let poses: Vec<_> = names.iter().zip(&places).map(|(name, (x, y))| (*name, *x, *y, 0.0)).collect();
     team.write("map", &poses);
 
-    let services: Vec<u32> = names.iter().map(|name| team.brick(name).process()).collect();
+    let services: Vec<u32> = names.iter().map(|name| team.brick(name).process().id()).collect();
     let before = costs(&services);
     let mut most: BTreeMap<u32, Cost> = BTreeMap::new();
     let begun = Instant::now();
@@ -113,23 +118,28 @@ fn play(count: u32, seconds: u32) {
     let output = std::process::Output { stdout: reader.join().unwrap().into_bytes(), ..output };
     let code = output.status.code().unwrap();
     // Of more bricks than this machine can simulate some come late, which ends their runs; they come home all the same.
-    assert!(code == 0 || number("ONBRICK_TEAM").is_some(), "{}", super::text(&output.stderr));
+    pace.ensure(code == 0 || count > 3, || super::text(&output.stderr));
     let lines = team.lines(&output, code);
 
-    println!("{count} bricks for {seconds} s, exit code {code}, all over after {took_s:.1} s; the PC's command: {:.1} MB", mb(pc_kb));
+    println!(
+        "{count} bricks for {seconds} s, exit code {code}, all over after {took_s:.1} s; the PC's command: {:.1} MB",
+        mb(pc_kb)
+    );
     println!("brick      service MB  run MB  processor %  ticks  overruns  p99 ms  worst ms  points  end");
     let mut punctual = 0;
     for (name, service) in names.iter().zip(&services) {
         let came = team.came(&lines, name);
         assert_eq!(came["whole"], true, "{came}");
         let run = Run::open(&team.path(came["file"].as_str().unwrap())).unwrap();
-        let driven_s = run.senses.last().map_or(1.0, |senses| onbrick::clock::seconds(senses.time_ns)).max(1.0);
+        let driven_s =
+            run.senses.last().map_or(1.0, |senses| onbrick::clock::seconds(senses.time_ns)).max(1.0);
         let overruns: u32 = run.statistics.iter().map(|stats| stats.overruns).sum();
         let p99_ns = run.statistics.iter().map(|stats| stats.lateness_p99_ns).max().unwrap_or(0);
         let worst_ns = run.statistics.iter().map(|stats| stats.lateness_max_ns).max().unwrap_or(0);
         let cost = most[service];
         let used = (cost.ticks - before[service].ticks) as f64 / driven_s;
-        punctual += u32::from(came["good"] == true && overruns * 100 <= u32::try_from(run.senses.len()).unwrap());
+        punctual +=
+            u32::from(came["good"] == true && overruns * 100 <= u32::try_from(run.senses.len()).unwrap());
         println!(
             "{name:9}  {:10.1}  {:6.1}  {used:11.1}  {:5}  {overruns:8}  {:6.1}  {:8.1}  {:6}  {}",
             mb(cost.service_kb),
@@ -141,7 +151,9 @@ fn play(count: u32, seconds: u32) {
             came["end"]["word"]
         );
     }
-    println!("{punctual} of {count} kept real time: their missions came to their ends with at most 1 % of the ticks late by a period");
+    println!(
+        "{punctual} of {count} kept real time: their missions came to their ends with at most 1 % of the ticks late by a period"
+    );
 }
 
 fn mb(kb: u64) -> f64 {
