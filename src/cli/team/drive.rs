@@ -115,9 +115,11 @@ impl Share<'_> {
                 return came;
             }
         }
+        // Who only looks says soon that a brick does not answer; who fetches does not give it up so soon.
+        let asking = plan.asking.until(&halt.stop, 0.0);
         let following = plan.asking.until(&halt.stop, plan.lost_s);
         let brought = std::thread::scope(|scope| {
-            scope.spawn(|| self.watch.look(&following, brick));
+            scope.spawn(|| self.watch.look(&asking, brick));
             let brought = following.client(brick).and_then(|mut client| self.bring(&mut client));
             self.watch.end();
             brought

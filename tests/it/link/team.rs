@@ -305,7 +305,7 @@ fn a_team_of_which_one_is_not_ready_does_not_start_at_all_and_says_why() {
 fn a_brick_that_does_not_take_the_start_stops_the_others() {
     let team = Bricks::in_world("two-arenas", &["blue", "red"]);
     // A mission that comes from the PC is checked by each brick for its own robot, and red's has no range sensor.
-    let robot = "[drive]\nleft = { port = \"outB\" }\nright = { port = \"outD\" }\nwheel_circumference_m = 0.19\ntrack_width_m = 0.11\n";
+    let robot = "name = \"r\"\n[drive]\nmax_dps = 360\nleft = { port = \"outB\" }\nright = { port = \"outD\" }\nwheel_circumference_m = 0.19\ntrack_width_m = 0.11\n";
     std::fs::write(team.brick("red").path("robot.toml"), robot).unwrap();
     let mission = SHORT.replace("time_s > 2", "range_m < 0.01");
     std::fs::write(team.path("near.toml"), mission).unwrap();
