@@ -331,7 +331,7 @@ fn a_brick_that_is_lost_in_the_middle_leaves_what_has_come_and_the_others_go_on(
         team.write("short", &APART);
         let mut child = team.start(&["--json", "team", "team.toml", "--lost", "4", "--timeout", "2"]);
         until("something of red's has come, or all is over", || {
-            (team.part_of("red") > 50_000 || child.try_wait().unwrap().is_some()).then_some(())
+            (team.part_of("red") > 100_000 || child.try_wait().unwrap().is_some()).then_some(())
         });
         let red = team.bricks.iter_mut().find(|brick| brick.name == "red").unwrap();
         red.kill();
@@ -348,7 +348,7 @@ fn a_brick_that_is_lost_in_the_middle_leaves_what_has_come_and_the_others_go_on(
         let (file, run) = (red["file"].as_str().unwrap(), red["run"].as_str().unwrap());
         let part = Run::open(&team.path(file)).unwrap();
         println!("of red {} ticks have come", part.senses.len());
-        assert!(file.ends_with(".part") && part.senses.len() > 50, "{} ticks", part.senses.len());
+        assert!(file.ends_with(".part") && part.senses.len() >= 50, "{} ticks", part.senses.len());
         // Its part is in picture and recording.
         assert!(text(&team.read("path.csv")).contains(",red\n"));
         let merged = team.read("team.mcap");
