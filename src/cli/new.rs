@@ -29,7 +29,7 @@ enum What {
     #[cfg(feature = "sim")]
     World,
     Service,
-    #[cfg(feature = "link")]
+    #[cfg(all(feature = "link", feature = "host"))]
     Team,
 }
 
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let text = match arguments.what {
         What::Robot => crate::robot::DEFAULT_ROBOT,
         What::Service => crate::service::config::DEFAULT_CONFIG,
-        #[cfg(feature = "link")]
+        #[cfg(all(feature = "link", feature = "host"))]
         What::Team => crate::link::team::TEMPLATE,
         #[cfg(feature = "sim")]
         What::World => crate::sim::World::TEMPLATE,

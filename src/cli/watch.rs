@@ -26,6 +26,8 @@ pub(super) struct Watch {
 
 #[derive(Debug, Default)]
 struct Seen {
+    /// Somebody has looked at all.
+    looked: bool,
     status: Option<Status>,
     began: Option<Began>,
 }
@@ -80,7 +82,7 @@ impl Watch {
     fn note(&self, status: Option<Status>, asked_ns: i64, answered_ns: i64) {
         let began = status.as_ref().and_then(|status| Began::of(status, &self.run, asked_ns, answered_ns));
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        seen.status = status;
+        (seen.status, seen.looked) = (status, true);
         // The quickest answer says it best.
         seen.began = [seen.began, began].into_iter().flatten().min_by_key(|began| began.within_ns);
     }
@@ -116,7 +118,10 @@ impl Watch {
 
     /// State, metres, points, battery.
     pub(super) fn line(&self) -> String {
-        let Some(status) = self.status() else { return "the brick does not answer".to_owned() };
+        let Some(status) = self.status() else {
+            let looked = self.seen.lock().unwrap_or_else(PoisonError::into_inner).looked;
+            return if looked { "the brick does not answer" } else { "asked to start" }.to_owned();
+        };
         let battery = status.battery_v.map(|volts| format!(", {volts:.1} V")).unwrap_or_default();
         match status.run.as_ref().filter(|going| going.run == self.run) {
             Some(going) => {

@@ -141,7 +141,7 @@ const APART: [(&str, f64, f64, f64); 2] = [("blue", 0.0, 0.0, 0.0), ("red", 3.0,
 #[test]
 fn the_seeds_two_robots_map_two_arenas_in_one_picture() {
     // As long as in the seed: `ONBRICK_TEAM_S=120 cargo test --test it link::team::the_seeds -- --nocapture`.
-    let seconds = figures::number("ONBRICK_TEAM_S").unwrap_or(15);
+    let seconds = figures::number("ONBRICK_TEAM_S").unwrap_or(10);
     let _alone = alone();
     in_real_time("the seed's two robots", |pace| {
         let team = Bricks::watched("two-arenas", &["blue", "red"], pace);
