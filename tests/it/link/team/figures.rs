@@ -120,6 +120,9 @@ fn play(count: u32, seconds: u32, pace: &Pace) {
     // Of more bricks than this machine can simulate some come late, which ends their runs; they come home all the same.
     pace.ensure(code == 0 || count > 3, || super::text(&output.stderr));
     let lines = team.lines(&output, code);
+    if !super::all_drove(&team, &lines, &names, pace) {
+        return;
+    }
 
     println!(
         "{count} bricks for {seconds} s, exit code {code}, all over after {took_s:.1} s; the PC's command: {:.1} MB",
