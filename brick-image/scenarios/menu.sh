@@ -1,0 +1,216 @@
+# shellcheck shell=dash
+# The menu on a kernel's frame buffer, with keys from a kernel's input device and a console behind it: walked through as a person would, ended in
+# every way, and what it costs. `menu walk` leaves out the runs in pairs. What the screen showed is in /tmp/out, as pictures and as text.
+what=${1:-all}
+
+# The brick is the simulated one, but for buttons and screen, which are this kernel's.
+root_up() {
+  brick_up
+  mkdir -p /tmp/root/dev/input/by-path
+  ln -s /tmp/brick/sys /tmp/root/sys
+  ln -s /dev/fb0 /tmp/root/dev/fb0
+  ln -s /tmp/brick/dev/input/by-path/platform-sound-event /tmp/root/dev/input/by-path/
+  mkfifo /tmp/keys
+  buttons_up
+}
+
+buttons_up() {
+  probe buttons </tmp/keys 2>/tmp/buttons.log &
+  buttons=$!
+  exec 3>/tmp/keys
+  wait_for 10 grep -q 'EV3 Brick Buttons' /proc/bus/input/devices || cat /tmp/buttons.log
+  event=$(sed -n '/EV3 Brick Buttons/,/^$/s/.*\(event[0-9]*\).*/\1/p' /proc/bus/input/devices)
+  ln -sf "/dev/input/$event" /tmp/root/dev/input/by-path/platform-gpio_keys-event
+}
+
+serve_up() {
+  mkdir -p /tmp/config/missions
+  cp /etc/onbrick/missions/bump.toml /etc/onbrick/missions/map.toml /tmp/config/missions
+  echo 'name = "wall"' >/tmp/config/missions/wall.toml
+  cp /etc/onbrick/robot.toml /tmp/config/
+  onbrick serve --brick /tmp/root --config /tmp/config >/tmp/serve.log 2>&1 &
+  serve=$!
+  wait_for 60 test -S /tmp/config/socket
+}
+
+# menu_up WORDS…: the menu on the console, in a process group of its own as under brickman; how long its first picture took is in /tmp/first.
+menu_up() {
+  setsid probe frame /dev/fb0 onbrick menu --config /tmp/config --brick /tmp/root "$@" </dev/tty1 >/tmp/first 2>/tmp/menu.log || cat /tmp/menu.log
+  menu=$(process "onbrick menu")
+}
+
+is_gone() { ! [ -e "/proc/$1" ]; }
+
+# keys LETTERS: u d l r e b; a capital is held until a dot.
+keys() { printf '%s' "$1" >&3; }
+
+# sees PICTURE WORDS: whether a person can read them. The picture goes to /tmp/out under its name.
+sees() { brick-figures screen /dev/fb0 "/tmp/out/$1.pgm" >"/tmp/out/$1.txt" && tr '\n' ' ' <"/tmp/out/$1.txt" | grep -qF "$2"; }
+
+shows() {
+  if wait_for 60 sees "$1" "$2"; then
+    echo "ok: the screen shows \"$2\""
+    sed 's/^/    | /' "/tmp/out/$1.txt"
+  else
+    echo "FAILED: the screen does not show \"$2\""
+    cat "/tmp/out/$1.txt"
+    failures=$((failures + 1))
+  fi
+}
+
+# Pixel by pixel, but for the battery's voltage.
+golden() { brick-figures screen /dev/fb0 "/tmp/out/$1.pgm" "$1" >/dev/null; }
+
+motors() { cat /tmp/brick/sys/class/tacho-motor/*/state; }
+still() { ! motors | grep -q running; }
+turns() { motors | grep -q running; }
+console_is() { [ "$(probe console /dev/tty1)" = "$1" ]; }
+memory() { awk "/^$1:/ { print \$2 }" "/proc/$menu/status"; }
+ended_by() { brick-figures run "$(newest)" | grep -q "\"ended\":\"[^\"]*$1"; }
+# shellcheck disable=SC2012  # names of our own
+newest() { ls -t /tmp/config/runs/*/run.mcap | head -n 1; }
+# What a process takes while $1 s go by, instructions a second.
+effort() {
+  before=$(probe cpu "$menu")
+  sleep "$1"
+  after=$(probe cpu "$menu")
+  echo $(((after - before) / 4 / $1))
+}
+
+walk() {
+  expect "the console shows text" console_is text
+  menu_up --at-boot
+  figure "start to the first picture" $(($(cat /tmp/first) / 1000000)) ms "<=" 200
+  shows missions "> bump"
+  expect "the list is the golden picture, pixel by pixel" wait_for 5 golden missions
+  expect "the console shows graphics" console_is graphics
+  echo 'a line of the kernel or of another program' >/dev/tty1
+  expect "and no text on the picture" golden missions
+  figure "at rest" "$(effort 10)" "instructions a second" "<=" 5000000
+  keys de
+  shows mission "Start"
+  expect "the mission's page is the golden picture" wait_for 5 golden mission
+  keys e
+  shows running "points"
+  expect "and the motors turn" wait_for 10 turns
+  figure "while a run is shown" "$(effort 10)" "instructions a second"
+  keys r
+  shows map "[Map"
+  sleep 5
+  before=$(md5sum </tmp/out/map.pgm)
+  expect "the map grows" [ "$before" != "$(sees map Map && md5sum </tmp/out/map.pgm)" ]
+  figure "while its map is shown" "$(effort 5)" "instructions a second"
+  keys l
+  shows running-on "STOP"
+  keys e
+  shows end "Done"
+  expect "Enter has stopped the motors" still
+  expect "and the recording says so" wait_for 10 ended_by "button"
+  keys e
+  shows run-map "[Run 1"
+  keys b
+  shows runs "1 map:"
+  keys r
+  shows ports "outB"
+  keys dddde
+  shows port "Hold Up or Down"
+  keys U
+  expect "a motor turns while Up is held" wait_for 5 turns
+  sleep 2
+  expect "for as long" turns
+  keys .
+  expect "and no longer" wait_for 2 still
+  keys bur
+  shows set-up "Calibrate"
+  keys r
+  shows settings "Lights"
+  figure "resident memory of the menu, after all its pages and a map" "$(memory VmRSS)" kB "<=" 4096
+  figure "of it its own" "$(memory RssAnon)" kB
+  kill -TERM "$serve"
+  shows no-service "No service"
+  serve_up
+  shows settings-again "Lights"
+}
+
+# The menu's ends: what it must put back.
+ends() {
+  for signal in TERM INT HUP; do
+    kill -$signal "$menu"
+    expect "SIG$signal ends it" wait_for 10 is_gone "$menu"
+    expect "the console shows text after SIG$signal" console_is text
+    menu_up --at-boot
+    shows "after-$signal" "[Missions"
+    expect "and graphics in the next menu" console_is graphics
+  done
+  kill "$buttons"
+  expect "a menu whose buttons are gone ends" wait_for 10 is_gone "$menu"
+  expect "with the console in text" console_is text
+  cat /tmp/menu.log
+  exec 3>&-
+  buttons_up
+  timeout 2 cat /dev/tty1 >/tmp/typed || true
+  expect "what the buttons typed is in nobody's shell" [ ! -s /tmp/typed ]
+}
+
+# Back, as brickman takes it: SIGKILL for the whole process group, and the console put back by brickman's own server.
+killed() {
+  menu_up
+  shows under-brickman "> bump"
+  keys de
+  shows mission-under-brickman "Back also closes"
+  keys e
+  expect "a run of this menu's drives" wait_for 30 turns
+  kill -KILL -"$(awk '{ print $5 }' "/proc/$menu/stat")"
+  killed_at=$(probe now)
+  expect "its motors are still" wait_for 5 still
+  figure "from SIGKILL to motors that are still, at most" $((($(probe now) - killed_at) / 1000000)) ms "<=" 2000
+  expect "the run ended because the menu closed" wait_for 10 ended_by "menu"
+  expect "nobody of ours has put the console back" console_is graphics
+  menu_up --at-boot
+  shows after-kill "[Missions"
+  kill -TERM "$menu"
+  expect "the next menu that ends does" wait_for 10 console_is text
+}
+
+# Ticks' lateness beside the menu that shows the map, and without it, in turns.
+pairs() {
+  sed -e 's/^time_limit_s = .*/time_limit_s = 12/' /etc/onbrick/missions/map.toml >/tmp/pairs.toml
+  for pair in 1 2 3; do
+    for with in without with; do
+      if [ $with = with ]; then
+        menu_up --at-boot
+        shows "pairs-$pair" "[Missions"
+      fi
+      rm -rf /tmp/pair
+      onbrick run /tmp/pairs.toml --config /tmp/config --brick /tmp/root --out /tmp/pair >/tmp/pair.log 2>&1 &
+      run=$!
+      if [ $with = with ]; then
+        shows "pairs-run-$pair" "points"
+        keys r
+      fi
+      wait $run || cat /tmp/pair.log
+      if [ $with = with ]; then
+        kill -TERM "$menu"
+        wait_for 10 is_gone "$menu"
+      fi
+      brick-figures run /tmp/pair/run.mcap >"/tmp/pair-$with-$pair"
+      for share in p50 p99 max; do
+        figure "late $with the menu, pair $pair, $share" "$(field "/tmp/pair-$with-$pair" late_${share}_us)" us
+      done
+      figure "missed deadlines $with the menu, pair $pair" "$(field "/tmp/pair-$with-$pair" missed)" ticks "==" 0
+    done
+  done
+}
+
+root_up
+serve_up
+walk
+ends
+killed
+brick-figures menu "$(newest)" /dev/fb0 >/tmp/costs
+while IFS=: read -r ns what_for; do
+  figure "cost:$what_for" $((ns / 4)) instructions
+done </tmp/costs
+[ "$what" = walk ] || pairs
+kill -TERM "$serve"
+brick_down
