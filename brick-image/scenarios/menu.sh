@@ -124,6 +124,8 @@ walk() {
   shows set-up "Calibrate"
   keys r
   shows settings "Lights"
+  keys ddd
+  shows settings-link "link: "
   figure "resident memory of the menu, after all its pages and a map" "$(memory VmRSS)" kB "<=" 4096
   figure "of it its own" "$(memory RssAnon)" kB
   kill -TERM "$serve"

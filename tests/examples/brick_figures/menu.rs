@@ -98,7 +98,7 @@ impl Bench {
         let value = match request {
             LocalRequest::Shared(Request::Status) => status(),
             LocalRequest::Shared(Request::Missions) => {
-                json!({ "missions": ["bump", "map", "wall"].map(mission) })
+                json!({ "missions": [mission("bump"), mission("map"), mission("wall")] })
             }
             LocalRequest::Shared(Request::Runs) => json!({ "runs": [run(&self.recording)] }),
             LocalRequest::Shared(Request::Fetch(fetch)) => {

@@ -67,9 +67,8 @@ impl Picture {
 
     fn text(&self) -> String {
         let faces = [&FONT_7X13, &FONT_7X13_BOLD, &FONT_9X18_BOLD].map(Face::of);
-        let [_, strong, big] = &faces;
+        let [_, _, big] = &faces;
         let mut lines = vec![format!("[{}]", scanned(&faces[..2], self, 1).trim_end())];
-        let _ = strong;
         let mut y = CORNER.1;
         while y < HIGH {
             match faces.iter().find_map(|face| Some((face.line(self, y)?, face.height))) {

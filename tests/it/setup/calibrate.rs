@@ -167,15 +167,19 @@ fn the_gyro_alone_does_as_well_as_the_gyro_itself() {
     }
 }
 
+/// Room for a metre between the robot and the wall.
+pub(crate) fn make_room(bench: &Bench) {
+    bench.simulation.inspect(|world: &mut WorldPhysics| {
+        world.carry(0, onbrick::sim::StartPose { x_m: -1.5, y_m: 0.0, heading_rad: 0.0 });
+    });
+}
+
 #[test]
 fn wrong_numbers_end_near_the_true_ones_with_a_tape_and_marked_turns() {
     for seed in 1..=3 {
         for (circumference, track) in [(0.9, 1.1), (1.1, 0.9)] {
-            // Room for a metre: the wall is out of the way behind the robot.
             let bench = Bench::new("", seed);
-            bench.simulation.inspect(|world: &mut WorldPhysics| {
-                world.carry(0, onbrick::sim::StartPose { x_m: -1.5, y_m: 0.0, heading_rad: 0.0 });
-            });
+            make_room(&bench);
             let robot = wrong(circumference, track, false);
             let options = CalibrateOptions { straight: Some(Straight::Metre), ..CalibrateOptions::default() };
             let calibration = measure(&bench, &robot, &options).unwrap();
