@@ -73,7 +73,9 @@ impl Picture {
         while y < HIGH {
             match faces.iter().find_map(|face| Some((face.line(self, y)?, face.height))) {
                 Some((line, height)) => {
-                    lines.push(line.trim_end().to_owned());
+                    // What is chosen is white on a black bar from edge to edge.
+                    let is_chosen = self.pixels.get(y * WIDE).is_some_and(|grey| *grey < 128);
+                    lines.push(format!("{}{}", if is_chosen { "> " } else { "  " }, line.trim_end()));
                     y += height;
                 }
                 None => y += 1,
