@@ -50,7 +50,12 @@ keys() { printf '%s' "$1" >&3; }
 sees() { brick-figures screen /dev/fb0 "/tmp/out/$1.pgm" >"/tmp/out/$1.txt" && tr '\n' ' ' <"/tmp/out/$1.txt" | grep -qF "$2"; }
 
 shows() {
-  if wait_for 30 sees "$1" "$2"; then
+  looks=40
+  until sees "$1" "$2" || [ $looks = 0 ]; do
+    sleep 0.5
+    looks=$((looks - 1))
+  done
+  if [ $looks -gt 0 ]; then
     echo "ok: the screen shows \"$2\""
     sed 's/^/    | /' "/tmp/out/$1.txt"
   else
@@ -124,7 +129,7 @@ walk() {
   keys b
   shows runs "1 map:"
   keys r
-  shows ports "> in1"
+  shows ports "> in1 ev3-us"
   down_to "> outB"
   keys e
   shows port "Hold Up or Down"
