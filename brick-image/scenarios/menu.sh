@@ -1,7 +1,7 @@
 # shellcheck shell=dash
 # The menu on a kernel's frame buffer, with keys from a kernel's input device and a console behind it: walked through as a person would, ended in
-# every way, and what it costs. `menu walk` leaves out the runs in pairs. What the screen showed is in /tmp/out, as pictures and as text.
-what=${1:-all}
+# every way, and what it costs. `menu walk ends killed costs pairs` are its parts. What the screen showed is in /tmp/out, as pictures and as text.
+[ $# -gt 0 ] || set -- walk ends killed costs pairs
 
 # The brick is the simulated one, but for buttons and screen, which are this kernel's.
 root_up() {
@@ -39,6 +39,11 @@ serve_up() {
 menu_up() {
   setsid probe frame /dev/fb0 onbrick menu --config /tmp/config --brick /tmp/root "$@" </dev/tty1 >/tmp/first 2>/tmp/menu.log || cat /tmp/menu.log
   menu=$(process "onbrick menu")
+}
+
+menu_down() {
+  kill -TERM "$menu"
+  wait_for 10 is_gone "$menu"
 }
 
 is_gone() { ! [ -e "/proc/$1" ]; }
@@ -151,10 +156,12 @@ walk() {
   shows no-service "No service"
   serve_up
   shows settings-again "Lights"
+  menu_down
 }
 
 # The menu's ends: what it must put back.
 ends() {
+  menu_up --at-boot
   for signal in TERM INT HUP; do
     kill -$signal "$menu"
     expect "SIG$signal ends it" wait_for 10 is_gone "$menu"
@@ -189,49 +196,48 @@ killed() {
   expect "nobody of ours has put the console back" console_is graphics
   menu_up --at-boot
   shows after-kill "[Missions"
-  kill -TERM "$menu"
-  expect "the next menu that ends does" wait_for 10 console_is text
+  menu_down
+  expect "the next menu that ends does" console_is text
+}
+
+# through_service NAME: a mission of twelve seconds, and its recording in /tmp/NAME.
+through_service() {
+  sed -e 's/^time_limit_s = .*/time_limit_s = 12/' /etc/onbrick/missions/map.toml >/tmp/twelve.toml
+  onbrick run /tmp/twelve.toml --config /tmp/config --brick /tmp/root --out "/tmp/$1" >/tmp/run.log 2>&1 || cat /tmp/run.log
+}
+
+costs() {
+  through_service costs
+  brick-figures menu /tmp/costs/run.mcap /dev/fb0 >/tmp/menu-costs
+  while IFS=: read -r ns of; do
+    figure "cost:$of" $((ns / 4)) instructions
+  done </tmp/menu-costs
 }
 
 # Ticks' lateness beside the menu that shows the map, and without it, in turns.
 pairs() {
-  sed -e 's/^time_limit_s = .*/time_limit_s = 12/' /etc/onbrick/missions/map.toml >/tmp/pairs.toml
   for pair in 1 2 3; do
+    through_service "without-$pair"
+    menu_up --at-boot
+    shows "pairs-$pair" "[Missions"
+    through_service "with-$pair" &
+    run=$!
+    shows "pairs-run-$pair" "points"
+    keys r
+    wait $run
+    menu_down
     for with in without with; do
-      if [ $with = with ]; then
-        menu_up --at-boot
-        shows "pairs-$pair" "[Missions"
-      fi
-      rm -rf /tmp/pair
-      onbrick run /tmp/pairs.toml --config /tmp/config --brick /tmp/root --out /tmp/pair >/tmp/pair.log 2>&1 &
-      run=$!
-      if [ $with = with ]; then
-        shows "pairs-run-$pair" "points"
-        keys r
-      fi
-      wait $run || cat /tmp/pair.log
-      if [ $with = with ]; then
-        kill -TERM "$menu"
-        wait_for 10 is_gone "$menu"
-      fi
-      brick-figures run /tmp/pair/run.mcap >"/tmp/pair-$with-$pair"
+      brick-figures run "/tmp/$with-$pair/run.mcap" >/tmp/figures
       for share in p50 p99 max; do
-        figure "late $with the menu, pair $pair, $share" "$(field "/tmp/pair-$with-$pair" late_${share}_us)" us
+        figure "late $with the menu, pair $pair, $share" "$(field /tmp/figures late_${share}_us)" us
       done
-      figure "missed deadlines $with the menu, pair $pair" "$(field "/tmp/pair-$with-$pair" missed)" ticks "==" 0
+      figure "missed deadlines $with the menu, pair $pair" "$(field /tmp/figures missed)" ticks "==" 0
     done
   done
 }
 
 root_up
 serve_up
-walk
-ends
-killed
-brick-figures menu "$(newest)" /dev/fb0 >/tmp/costs
-while IFS=: read -r ns what_for; do
-  figure "cost:$what_for" $((ns / 4)) instructions
-done </tmp/costs
-[ "$what" = walk ] || pairs
+for part in "$@"; do $part; done
 kill -TERM "$serve"
 brick_down
