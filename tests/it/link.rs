@@ -2,6 +2,7 @@
 #![cfg(all(feature = "link", feature = "sim", feature = "host"))]
 
 mod bench;
+mod chapter;
 mod commands;
 mod fetching;
 mod hostile;

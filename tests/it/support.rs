@@ -6,6 +6,7 @@ pub mod allocations;
 pub mod chance;
 pub mod faulty;
 pub mod memory;
+pub mod network;
 pub mod plain_brick;
 pub mod promised;
 pub mod real_time;

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::{Monitor, What};
 use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
@@ -9,6 +10,10 @@ use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
 /// Milliseconds: until TCP has to be through, and until the brick has to have introduced itself.
 const CONNECT_MS: i32 = 5000;
 const HANDSHAKE_MS: i32 = 5000;
+
+/// So much after those times a connection that libzmq has said no more of is given up, milliseconds: where it gets no socket of the system's, or cannot
+/// read the address, it tells nobody and never tries again (4.3.5, `tcp_connecter_t::open`).
+const SILENCE_MS: i32 = 1000;
 
 /// How often the brick is asked whether it lives, and how long it may take to say so.
 const HEARTBEAT_MS: i32 = 1000;
@@ -26,6 +31,8 @@ pub(super) struct Connection {
     socket: zmq::Socket,
     monitor: Monitor,
     stage: Stage,
+    /// When it came that far.
+    since_ns: i64,
 }
 
 /// How far a connection is.
@@ -91,13 +98,20 @@ impl Connection {
         socket.set_maxmsgsize(LONGEST_REPLY)?;
         let monitor = Monitor::of(context, &socket)?;
         socket.connect(&format!("tcp://{to}"))?;
-        Ok(Self { socket, monitor, stage: Stage::Calling })
+        Ok(Self { socket, monitor, stage: Stage::Calling, since_ns: MonotonicClock.now_ns() })
     }
 
     /// How far it is by now.
     pub(super) fn stage(&mut self) -> Stage {
+        let before = self.stage;
         while let Some(happened) = self.monitor.next() {
             self.stage = after(self.stage, happened.what);
+        }
+        let now_ns = MonotonicClock.now_ns();
+        if self.stage == before {
+            self.stage = overdue(before, now_ns.saturating_sub(self.since_ns));
+        } else {
+            self.since_ns = now_ns;
         }
         self.stage
     }
@@ -154,9 +168,30 @@ fn after(stage: Stage, what: What) -> Stage {
     }
 }
 
+/// What becomes of a stage that has lasted this long, nanoseconds.
+fn overdue(stage: Stage, lasted_ns: i64) -> Stage {
+    let is_longer_than = |most_ms: i32| lasted_ns > i64::from(most_ms + SILENCE_MS) * MILLISECOND_NS;
+    match stage {
+        Stage::Calling if is_longer_than(CONNECT_MS) => Stage::Over(Over::Nobody),
+        Stage::Greeting if is_longer_than(HANDSHAKE_MS) => Stage::Over(Over::BrokeOff),
+        _ => stage,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_connection_that_nothing_is_heard_of_is_given_up_and_one_that_is_open_is_not() {
+        let after_s = |stage, seconds| overdue(stage, seconds * crate::clock::SECOND_NS);
+        for stage in [Stage::Calling, Stage::Greeting, Stage::Open] {
+            assert_eq!(after_s(stage, 5), stage);
+        }
+        assert_eq!(after_s(Stage::Calling, 7), Stage::Over(Over::Nobody));
+        assert_eq!(after_s(Stage::Greeting, 7), Stage::Over(Over::BrokeOff));
+        assert_eq!(after_s(Stage::Open, 7000), Stage::Open);
+    }
 
     #[test]
     fn the_first_reason_of_an_end_is_the_one_that_counts() {
