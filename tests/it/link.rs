@@ -5,6 +5,7 @@ mod bench;
 mod chapter;
 mod commands;
 mod fetching;
+mod figures;
 mod hostile;
 mod keys;
 mod python;

@@ -152,6 +152,12 @@ impl Connection {
     }
 }
 
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.monitor.stop(&self.socket);
+    }
+}
+
 fn after(stage: Stage, what: What) -> Stage {
     match (stage, what) {
         // The first reason is the one that counts; what follows is the same end seen again.
@@ -191,6 +197,25 @@ mod tests {
         assert_eq!(after_s(Stage::Calling, 7), Stage::Over(Over::Nobody));
         assert_eq!(after_s(Stage::Greeting, 7), Stage::Over(Over::BrokeOff));
         assert_eq!(after_s(Stage::Open, 7000), Stage::Open);
+    }
+
+    /// Where a connection is dropped at the first event of its end, libzmq is about to tell of the next one.
+    #[test]
+    fn connections_that_break_off_hold_up_none_of_those_after_them() {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let to = listener.local_addr().unwrap();
+        std::thread::spawn(move || listener.incoming().for_each(drop));
+        let (context, own) = (zmq::Context::new(), KeyPair::generate().unwrap());
+        for number in 0..300 {
+            let mut connection = Connection::open(&context, to, own.public(), &own).unwrap();
+            let over = loop {
+                match connection.stage() {
+                    Stage::Over(over) => break over,
+                    _ => connection.wait(10).unwrap(),
+                }
+            };
+            assert_eq!(over, Over::BrokeOff, "connection {number}");
+        }
     }
 
     #[test]

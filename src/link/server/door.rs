@@ -147,6 +147,12 @@ impl Door {
     }
 }
 
+impl Drop for Door {
+    fn drop(&mut self) {
+        self.monitor.stop(&self.socket);
+    }
+}
+
 fn configure(socket: &zmq::Socket, own: &KeyPair, domain: &str) -> zmq::Result<()> {
     socket.set_curve_server(true)?;
     socket.set_curve_secretkey(own.secret())?;

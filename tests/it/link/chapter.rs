@@ -17,7 +17,7 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 pub struct Apart {
     pub network: Network,
     pub folder: tempfile::TempDir,
-    service: Child,
+    service: Option<Child>,
 }
 
 impl Apart {
@@ -28,19 +28,26 @@ impl Apart {
         std::fs::create_dir_all(folder.path().join("brick")).unwrap();
         std::fs::create_dir_all(folder.path().join("pc")).unwrap();
         std::fs::write(folder.path().join("brick/onbrick.toml"), "name = \"blue\"\n").unwrap();
-        let log = std::fs::File::create(folder.path().join("log")).unwrap();
-        let service = network
-            .brick(PROGRAM)
-            .args(["-v", "serve", "--sim", "arena", "--config"])
-            .arg(folder.path().join("brick"))
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(log)
-            .spawn()
-            .unwrap();
-        let apart = Self { network, folder, service };
-        until("the link listens", || apart.log().contains("the link listens").then_some(()));
+        let mut apart = Self { network, folder, service: None };
+        apart.serve();
         Some(apart)
+    }
+
+    /// Starts the service and waits until it listens.
+    pub fn serve(&mut self) {
+        let log = std::fs::File::create(self.folder.path().join("log")).unwrap();
+        let mut service = self.network.brick(PROGRAM);
+        service.args(["-v", "serve", "--sim", "arena", "--config"]).arg(self.folder.path().join("brick"));
+        service.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+        self.service = Some(service.spawn().unwrap());
+        until("the link listens", || self.log().contains("the link listens").then_some(()));
+    }
+
+    /// Ends it.
+    pub fn stop(&mut self) {
+        if let Some(mut service) = self.service.take() {
+            let _ = (service.kill(), service.wait());
+        }
     }
 
     pub fn log(&self) -> String {
@@ -50,7 +57,9 @@ impl Apart {
     /// A command at the PC.
     pub fn pc(&self, line: &str) -> Command {
         let mut command = self.network.pc(PROGRAM);
-        command.env("ONBRICK_KEYS", self.folder.path().join("keys")).current_dir(self.folder.path().join("pc"));
+        command
+            .env("ONBRICK_KEYS", self.folder.path().join("keys"))
+            .current_dir(self.folder.path().join("pc"));
         command.args(line.split(' '));
         command
     }
@@ -88,7 +97,7 @@ impl Apart {
 
 impl Drop for Apart {
     fn drop(&mut self) {
-        let _ = (self.service.kill(), self.service.wait());
+        self.stop();
     }
 }
 
@@ -99,7 +108,8 @@ fn the_readmes_chapter_works_from_one_machine_to_another_with_the_cable_pulled_o
     assert!(apart.done("bricks").contains(BRICK));
     assert!(apart.done("missions blue").contains("blue  map  120 s"));
     assert!(apart.done("start map blue").starts_with("blue: started map-"));
-    let mut follow = apart.pc("--json fetch blue --follow --timeout 120").stdout(Stdio::piped()).spawn().unwrap();
+    let mut follow =
+        apart.pc("--json fetch blue --follow --timeout 120").stdout(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(follow.stdout.take().unwrap()).lines();
     let mut next = || serde_json::from_str::<Value>(&lines.next().unwrap().unwrap()).unwrap();
     assert!(next()["page"].is_string());

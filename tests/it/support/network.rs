@@ -129,7 +129,9 @@ impl Network {
         let rules = [
             "nft add table ip losses",
             "nft add chain ip losses arriving { type filter hook input priority 0 ; }",
-            &format!("nft add rule ip losses arriving iifname {CABLE} numgen random mod 100 < {percent} drop"),
+            &format!(
+                "nft add rule ip losses arriving iifname {CABLE} numgen random mod 100 < {percent} drop"
+            ),
         ];
         let made = [&self.brick, &self.pc].iter().try_for_each(|machine| {
             // Whatever was before; the first time there is nothing.
@@ -145,7 +147,8 @@ impl Network {
     /// What leaves the brick leaves at so many Mbit/s. False, and said, where the kernel has no token bucket.
     #[must_use]
     pub fn shaped(&self, mbit_per_s: u32) -> bool {
-        let tbf = format!("tc qdisc add dev {CABLE} root tbf rate {mbit_per_s}mbit burst 32kbit latency 50ms");
+        let tbf =
+            format!("tc qdisc add dev {CABLE} root tbf rate {mbit_per_s}mbit burst 32kbit latency 50ms");
         let shaped = self.brick.run(&tbf);
         if let Err(error) = &shaped {
             pass_over(&format!("a token bucket ({error})"));
