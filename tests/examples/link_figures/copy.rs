@@ -8,7 +8,7 @@ use std::time::Instant;
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 /// Sends the file to the first who connects.
-pub fn send(file: &str, address: &str) -> Outcome {
+pub(crate) fn send(file: &str, address: &str) -> Outcome {
     let listener = TcpListener::bind(address)?;
     println!("listening");
     let (mut to, _) = listener.accept()?;
@@ -17,7 +17,7 @@ pub fn send(file: &str, address: &str) -> Outcome {
 }
 
 /// Takes all that comes.
-pub fn receive(address: &str) -> Outcome {
+pub(crate) fn receive(address: &str) -> Outcome {
     let begun = Instant::now();
     let bytes = copy(&mut TcpStream::connect(address)?, &mut sink())?;
     println!("{}", serde_json::json!({ "bytes": bytes, "seconds": begun.elapsed().as_secs_f64() }));

@@ -15,7 +15,7 @@ const PATIENCE_MS: i64 = 40;
 const GREETING: [u8; 12] = [0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
 
 /// Floods a door; `key` is the brick's own, which is no secret.
-pub fn flood(address: &str, key: &str, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
+pub(crate) fn flood(address: &str, key: &str, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
     let until = Instant::now() + Duration::from_secs_f64(seconds);
     let (door, key) = (address.parse::<SocketAddr>()?, zmq::z85_decode(key)?);
     let (whole, half) = (AtomicU64::new(0), AtomicU64::new(0));

@@ -24,7 +24,7 @@ const METRES_PER_COUNT: f64 = 0.188_976 / 360.0;
 const HOLE_M: f64 = 0.02;
 
 /// Serves the files below a brick's root.
-pub fn serve(brick: &str, address: &str) -> Outcome<()> {
+pub(crate) fn serve(brick: &str, address: &str) -> Outcome<()> {
     let context = zmq::Context::new();
     let socket = context.socket(zmq::REP)?;
     socket.bind(&format!("tcp://{address}"))?;
@@ -37,14 +37,15 @@ pub fn serve(brick: &str, address: &str) -> Outcome<()> {
     }
 }
 
-fn answer(brick: &Path, request: &str, kept: &mut BTreeMap<String, File>) -> Option<String> {
+fn answer(brick: &Path, request: &str, kept: &mut BTreeMap<(String, bool), File>) -> Option<String> {
     let (what, rest) = request.split_once(':')?;
     let mut file = |path: &str, write: bool| {
-        let open = || OpenOptions::new().read(!write).write(write).open(brick.join(path));
-        if !kept.contains_key(path) {
-            kept.insert(path.to_owned(), open().ok()?);
+        let key = (path.to_owned(), write);
+        if !kept.contains_key(&key) {
+            let file = OpenOptions::new().read(!write).write(write).open(brick.join(path)).ok()?;
+            kept.insert(key.clone(), file);
         }
-        kept.get(path)?.try_clone().ok()
+        kept.get(&key)?.try_clone().ok()
     };
     match what {
         "r" => {
@@ -73,21 +74,35 @@ struct Remote {
     until: Instant,
 }
 
-/// The time was over before an answer came.
+/// Why the drive is over.
 #[derive(Debug)]
-struct Over;
+enum Over {
+    /// The time was over before an answer came.
+    Time,
+    /// The brick cannot do it.
+    Refused(String),
+}
+
+impl From<zmq::Error> for Over {
+    fn from(error: zmq::Error) -> Self {
+        if error == zmq::Error::EAGAIN { Self::Time } else { Self::Refused(error.to_string()) }
+    }
+}
 
 impl Remote {
     fn ask(&self, request: &str) -> Result<String, Over> {
         let left = self.until.saturating_duration_since(Instant::now()).as_millis();
-        let left = i32::try_from(left).ok().filter(|left| *left > 0).ok_or(Over)?;
-        self.socket.set_sndtimeo(left).and_then(|()| self.socket.set_rcvtimeo(left)).map_err(|_| Over)?;
-        self.socket.send(request, 0).map_err(|_| Over)?;
-        Ok(String::from_utf8_lossy(&self.socket.recv_bytes(0).map_err(|_| Over)?).into_owned())
+        let left = i32::try_from(left).ok().filter(|left| *left > 0).ok_or(Over::Time)?;
+        self.socket.set_sndtimeo(left)?;
+        self.socket.set_rcvtimeo(left)?;
+        self.socket.send(request, 0)?;
+        let answer = String::from_utf8_lossy(&self.socket.recv_bytes(0)?).into_owned();
+        if answer == "error" { Err(Over::Refused(request.to_owned())) } else { Ok(answer) }
     }
 
     fn read(&self, path: &str) -> Result<f64, Over> {
-        Ok(self.ask(&format!("r:{path}"))?.parse().unwrap_or(f64::NAN))
+        let text = self.ask(&format!("r:{path}"))?;
+        text.parse().map_err(|_| Over::Refused(format!("{path}: {text}")))
     }
 
     fn write(&self, path: &str, value: &str) -> Result<(), Over> {
@@ -103,26 +118,23 @@ impl Remote {
                 return Ok(folder);
             }
         }
-        Err(Over)
+        Err(Over::Refused(format!("nothing at {port}")))
     }
 }
 
 /// Drives for so long, and says how that went.
-pub fn drive(address: &str, seconds: f64) -> Outcome<()> {
+pub(crate) fn drive(address: &str, seconds: f64) -> Outcome<()> {
     let context = zmq::Context::new();
     let socket = context.socket(zmq::REQ)?;
     socket.set_linger(0)?;
     socket.connect(&format!("tcp://{address}"))?;
     let begun = Instant::now();
     let remote = Remote { socket, until: begun + Duration::from_secs_f64(seconds) };
-    let mut robot = Robot::find(remote).map_err(|Over| "the robot was not found in time")?;
-    let mut told = Told { acted: Instant::now(), ..Told::default() };
-    while let Ok(pose) = robot.turn() {
-        told.turn(pose);
-        std::thread::sleep(TURN.saturating_sub(told.acted.elapsed()));
-        told.began_turn();
+    let mut told = Told::default();
+    match told.whole_drive(remote) {
+        Over::Time => told.look_back(),
+        Over::Refused(why) => return Err(why.into()),
     }
-    told.end();
     println!("{}", told.line(begun.elapsed().as_secs_f64()));
     Ok(())
 }
@@ -202,7 +214,6 @@ impl Robot {
 /// What is told of a drive.
 struct Told {
     turns: u32,
-    began: Instant,
     acted: Instant,
     longest_s: f64,
     last: Option<Pose>,
@@ -212,20 +223,30 @@ struct Told {
 
 impl Default for Told {
     fn default() -> Self {
-        let now = Instant::now();
-        let (turns, holes, longest_s, largest_m) = (0, 0, 0.0, 0.0);
-        Self { turns, began: now, acted: now, longest_s, last: None, largest_m, holes }
+        Self { turns: 0, acted: Instant::now(), longest_s: 0.0, last: None, largest_m: 0.0, holes: 0 }
     }
 }
 
 impl Told {
-    fn began_turn(&mut self) {
-        self.began = Instant::now();
+    /// Drives until it is over.
+    fn whole_drive(&mut self, remote: Remote) -> Over {
+        let mut robot = match Robot::find(remote) {
+            Ok(robot) => robot,
+            Err(over) => return over,
+        };
+        loop {
+            let began = Instant::now();
+            match robot.turn() {
+                Ok(pose) => self.turn(pose),
+                Err(over) => return over,
+            }
+            std::thread::sleep(TURN.saturating_sub(began.elapsed()));
+        }
     }
 
     fn turn(&mut self, pose: Pose) {
         self.turns += 1;
-        self.end();
+        self.look_back();
         self.acted = Instant::now();
         if let Some(last) = self.last {
             let gap_m = libm::hypot(pose.x_m - last.x_m, pose.y_m - last.y_m);
@@ -236,7 +257,7 @@ impl Told {
     }
 
     /// Nothing has been commanded since the last turn.
-    fn end(&mut self) {
+    fn look_back(&mut self) {
         self.longest_s = self.longest_s.max(self.acted.elapsed().as_secs_f64());
     }
 

@@ -226,6 +226,8 @@ pub fn client_at(address: &str, key: PublicKey, own: &KeyPair) -> Client {
 pub struct Service {
     pub folder: TempDir,
     pub address: String,
+    /// What the service's process has in its environment besides.
+    pub environment: Vec<(&'static str, PathBuf)>,
     child: Option<Child>,
 }
 
@@ -239,7 +241,7 @@ impl Service {
         let address = format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255);
         let config = format!("name = \"sim\"\n[link]\naddress = \"{address}\"\n");
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
-        let mut service = Self { folder, address, child: None };
+        let mut service = Self { folder, address, environment: Vec::new(), child: None };
         service.start();
         service
     }
@@ -258,6 +260,7 @@ impl Service {
     pub fn start(&mut self) {
         let log = std::fs::File::create(self.path("log")).unwrap();
         let child = onbrick()
+            .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .args(["-v", "serve", "--sim", "arena", "--config"])
             .arg(self.folder.path())
             .stdin(Stdio::null())

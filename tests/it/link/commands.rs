@@ -9,6 +9,7 @@ use onbrick::runtime::recording::Run;
 use serde_json::Value;
 
 use super::bench::{Service, halves, onbrick, text, until};
+use crate::foreign::bench::{no_namespaces, unshare};
 use crate::support::pass_over;
 
 /// A mission that is over in two seconds.
@@ -197,6 +198,40 @@ fn a_run_comes_home_although_the_service_dies_and_comes_back() {
     let home = std::fs::read(service.path("home").join(format!("{run}.mcap"))).unwrap();
     let brick = service.path("runs").join(&run).join("run.mcap");
     assert!(home == std::fs::read(&brick).unwrap(), "not the same bytes as {}", brick.display());
+}
+
+#[test]
+fn a_full_disk_of_the_pcs_ends_the_fetch_and_with_room_it_goes_on_from_there() {
+    if no_namespaces() {
+        return;
+    }
+    let service = Service::new();
+    service.introduce();
+    service.mission("short", SHORT);
+    service.done(&["start", "short", "sim"]);
+    let run = newest(&service);
+    service.done(&["fetch", "sim"]);
+    let whole = std::fs::read(service.path("out").join(format!("{run}.mcap"))).unwrap();
+    assert!(whole.len() > 30_000, "{} bytes", whole.len());
+    std::fs::remove_file(service.path("out").join(format!("{run}.mcap"))).unwrap();
+    // A file system of 16 kB, then the same with room; what came of both is brought out of the namespace.
+    let script = r#"mount -t tmpfs -o size=16k tmpfs small && cd small
+        "$0" fetch sim; echo "code $?"; ls
+        mount -o remount,size=16m . && "$0" fetch sim && cp *.mcap .."#;
+    std::fs::create_dir_all(service.path("out/small")).unwrap();
+    let output = unshare()
+        .args(["sh", "-c", script, env!("CARGO_BIN_EXE_onbrick")])
+        .env("ONBRICK_KEYS", service.path("pc"))
+        .current_dir(service.path("out"))
+        .output()
+        .unwrap();
+    let (said, error) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{said}{error}");
+    assert!(said.contains("code 1\n") && said.contains(&format!("{run}.mcap.part")), "{said}{error}");
+    assert!(error.contains("No space left on device") && error.contains(".mcap.part"), "{error}");
+    let again = std::fs::read(service.path("out").join(format!("{run}.mcap"))).unwrap();
+    assert!(again == whole, "{} bytes of {}", again.len(), whole.len());
+    service.done(&["status", "sim"]);
 }
 
 #[test]

@@ -127,6 +127,7 @@ impl Seeds {
         let mounted = onbrick().arg("sim").arg(&brick).stdout(Stdio::null()).spawn().unwrap();
         let mut seeds = Self { network, folder, processes: vec![mounted] };
         until("the brick is mounted", || brick.join("sim/truth").exists().then_some(()));
+        seeds.network.congestion();
         let mut server = seeds.network.brick(figures()?.to_str()?);
         server.arg("seed-server").arg(&brick).arg(format!("{BRICK}:{SEEDS_PORT}"));
         seeds.processes.push(listening(&mut server));
