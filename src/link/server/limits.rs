@@ -265,7 +265,7 @@ mod tests {
         }
         limits.received(1, 10_000 * (300 + 2 * 42));
         limits.received(3, 1_000_000);
-        limits.received(4, 2 * MOST_UNFINISHED);
+        limits.received(4, MOST_UNFINISHED * 3 / 2);
         assert_eq!(limits.hoarders(hour_ns), [4; 0], "heartbeats of an hour are more than that");
         limits.received(4, 3 * MOST_UNFINISHED);
         assert_eq!(limits.hoarders(hour_ns), [4]);

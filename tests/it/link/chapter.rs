@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::bench::{text, until};
 use crate::support::network::{BRICK, Network};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+pub const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// A brick on its machine, and a person at a PC on another.
 pub struct Apart {

@@ -20,12 +20,13 @@ use onbrick::link::KeyPair;
 use onbrick::runtime::recording::Run;
 use serde_json::Value;
 
-use super::bench::{LONG, onbrick, text, until};
-use super::chapter::Apart;
+use super::bench::{LONG, text, until};
+use super::chapter::{Apart, PROGRAM};
 use crate::foreign::bench::example;
 use crate::mount::bench::no_fuse;
 use crate::support::network::{BRICK, Network};
-use crate::support::{pass_over, real_time::alone};
+use crate::support::pass_over;
+use crate::support::real_time::{Pace, alone};
 
 /// Poses of a path that are farther apart have a hole between them, metres; as the seed's program counts them.
 const HOLE_M: f64 = 0.02;
@@ -124,7 +125,8 @@ impl Seeds {
         let folder = tempfile::tempdir().unwrap();
         let brick = folder.path().join("brick");
         std::fs::create_dir(&brick).unwrap();
-        let mounted = onbrick().arg("sim").arg(&brick).stdout(Stdio::null()).spawn().unwrap();
+        let mut mounted = Pace::command(PROGRAM);
+        let mounted = mounted.arg("sim").arg(&brick).stdout(Stdio::null()).spawn().unwrap();
         let mut seeds = Self { network, folder, processes: vec![mounted] };
         until("the brick is mounted", || brick.join("sim/truth").exists().then_some(()));
         seeds.network.congestion();

@@ -11,6 +11,7 @@
 use std::process::{Child, Command, Stdio};
 
 use super::pass_over;
+use super::real_time::Pace;
 
 /// Where the brick is on the cable.
 pub const BRICK: &str = "10.77.0.1";
@@ -40,9 +41,9 @@ impl Machine {
         (said == "there\n").then_some(Self(child))
     }
 
-    /// A program on this machine.
+    /// A program on this machine, first at the processor where the kernel grants that.
     fn command(&self, program: &str) -> Command {
-        let mut command = Command::new("nsenter");
+        let mut command = Pace::command("nsenter");
         command.arg("--target").arg(self.0.id().to_string()).arg("--net");
         if !nix::unistd::geteuid().is_root() {
             command.args(["--user", "--preserve-credentials"]);
