@@ -2,13 +2,13 @@
 
 use std::io::Write as _;
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use onbrick::link::KeyPair;
 use onbrick::runtime::recording::Run;
 use serde_json::Value;
 
-use super::bench::{Service, halves, onbrick, text, until};
+use super::bench::{LONG, Service, halves, onbrick, text, until};
 use crate::foreign::bench::{no_namespaces, unshare};
 use crate::support::pass_over;
 
@@ -132,7 +132,8 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
 fn a_run_is_followed_on_a_page_that_grows() {
     let service = Service::new();
     service.introduce();
-    service.mission("short", &SHORT.replace("time_s > 2", "time_s > 12"));
+    // Until it is stopped: a browser takes its time on a busy machine.
+    service.mission("short", &SHORT.replace("time_s > 2", "time_s > 500").replace("= 60", "= 600"));
     service.done(&["start", "short", "sim"]);
     let mut follow = onbrick()
         .env("ONBRICK_KEYS", service.path("pc"))
@@ -147,6 +148,7 @@ fn a_run_is_followed_on_a_page_that_grows() {
     if browser(&page).is_none() {
         pass_over("chromium");
     }
+    service.done(&["stop"]);
     let last = loop {
         let line = next();
         if line["file"].is_string() {
@@ -158,20 +160,27 @@ fn a_run_is_followed_on_a_page_that_grows() {
     assert!(last["bytes"].as_u64().unwrap() > 1000, "{last}");
 }
 
-/// Looks at the page in a real browser for a while: it must have grown there. `None` where this machine has no browser.
+/// Looks at the page in a real browser until it has grown there. `None` where this machine has no browser.
 fn browser(page: &str) -> Option<()> {
-    let profile = tempfile::tempdir().unwrap();
-    let output = Command::new("chromium")
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=4000"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(page)
-        .output()
-        .ok()?;
-    let dom = text(&output.stdout);
-    let grown = dom.split("data-grown=\"").nth(1).and_then(|rest| rest.split('"').next());
-    assert!(grown.is_some_and(|grown| grown.parse::<u32>().unwrap() >= 2), "{}", &dom[..dom.len().min(3000)]);
-    assert!(dom.contains("data-points=\""), "nothing is drawn");
-    Some(())
+    let begun = Instant::now();
+    loop {
+        let profile = tempfile::tempdir().unwrap();
+        let output = Command::new("chromium")
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=4000"])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .arg(page)
+            .output()
+            .ok()?;
+        let dom = text(&output.stdout);
+        let grown = dom.split("data-grown=\"").nth(1).and_then(|rest| rest.split('"').next());
+        if grown.is_some_and(|grown| grown.parse::<u32>().unwrap() >= 2) {
+            assert!(dom.contains("data-points=\""), "nothing is drawn");
+            return Some(());
+        }
+        // Now and then it ends without a word where the machine is busy.
+        let said = text(&output.stderr);
+        assert!(begun.elapsed() < LONG, "{}{said}", &dom[..dom.len().min(3000)]);
+    }
 }
 
 #[test]
