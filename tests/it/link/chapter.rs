@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::bench::{text, until};
 use crate::support::network::{BRICK, Network};
+use crate::support::real_time::{alone, patiently};
 
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
@@ -103,6 +104,11 @@ impl Drop for Apart {
 
 #[test]
 fn the_readmes_chapter_works_from_one_machine_to_another_with_the_cable_pulled_out_meanwhile() {
+    let _alone = alone();
+    patiently("the chapter on the link", the_readmes_chapter);
+}
+
+fn the_readmes_chapter() {
     let Some(apart) = Apart::new() else { return };
     apart.pair();
     assert!(apart.done("bricks").contains(BRICK));

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::bench::{Bench, Service, halves, until};
 use super::commands::{SHORT, newest};
 use crate::support::chance::Chance;
+use crate::support::real_time::{alone, patiently};
 use crate::support::wall_clock::{replace, shim};
 
 /// A request and its reply over a DEALER.
@@ -231,7 +232,7 @@ fn connections_to(port: u16) -> usize {
     established("/proc/net/tcp") + established("/proc/net/tcp6")
 }
 
-/// A way to a brick that carries 64 KiB in a millisecond, and no more.
+/// A way to a brick that carries 64 KiB in five milliseconds, and no more.
 fn slow_way(to: String) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
@@ -252,7 +253,7 @@ fn carry_slowly(mut from: TcpStream, mut to: TcpStream) {
         if to.write_all(&piece[..read]).is_err() {
             break;
         }
-        std::thread::sleep(Duration::from_millis(1));
+        std::thread::sleep(Duration::from_millis(5));
     }
     let _ = (from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both));
 }
@@ -291,6 +292,11 @@ fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
 
 #[test]
 fn a_wall_clock_that_jumps_under_the_service_changes_nothing_of_the_link() {
+    let _alone = alone();
+    patiently("a wall clock that jumps under the service", jumping_wall_clock);
+}
+
+fn jumping_wall_clock() {
     let mut service = Service::new();
     let Some(library) = shim(service.folder.path()) else { return };
     service.introduce();
