@@ -15,6 +15,10 @@ const HANDSHAKE_MS: i32 = 5000;
 /// read the address, it tells nobody and never tries again (4.3.5, `tcp_connecter_t::open`).
 const SILENCE_MS: i32 = 1000;
 
+/// Whoever closes a connection because of what was said on it does so at once; what is closed later than this was waited for in vain, milliseconds.
+const AT_ONCE_MS: i32 = 4000;
+const _: () = assert!(AT_ONCE_MS < HANDSHAKE_MS);
+
 /// How often the brick is asked whether it lives, and how long it may take to say so.
 const HEARTBEAT_MS: i32 = 1000;
 const HEARTBEAT_TIMEOUT_MS: i32 = 5000;
@@ -55,6 +59,8 @@ pub(super) enum Over {
     Nobody,
     /// It was closed while keys were being shown: another key, another program, or too many connections.
     BrokeOff,
+    /// TCP got through, and then no keys were shown for so long that one of the two gave up: a bad network, or a program that says nothing.
+    Mute,
     /// The brick does not know our key.
     NotLetIn,
     /// It was open, and broke.
@@ -108,9 +114,8 @@ impl Connection {
             self.stage = after(self.stage, happened.what);
         }
         let now_ns = MonotonicClock.now_ns();
-        if self.stage == before {
-            self.stage = overdue(before, now_ns.saturating_sub(self.since_ns));
-        } else {
+        self.stage = in_time(before, self.stage, now_ns.saturating_sub(self.since_ns));
+        if self.stage != before {
             self.since_ns = now_ns;
         }
         self.stage
@@ -174,12 +179,19 @@ fn after(stage: Stage, what: What) -> Stage {
     }
 }
 
-/// What becomes of a stage that has lasted this long, nanoseconds.
-fn overdue(stage: Stage, lasted_ns: i64) -> Stage {
-    let is_longer_than = |most_ms: i32| lasted_ns > i64::from(most_ms + SILENCE_MS) * MILLISECOND_NS;
-    match stage {
-        Stage::Calling if is_longer_than(CONNECT_MS) => Stage::Over(Over::Nobody),
-        Stage::Greeting if is_longer_than(HANDSHAKE_MS) => Stage::Over(Over::BrokeOff),
+/// The stage after what happened, if that before it has lasted this long, nanoseconds.
+fn in_time(before: Stage, stage: Stage, lasted_ns: i64) -> Stage {
+    let is_longer_than = |most_ms: i32| lasted_ns > i64::from(most_ms) * MILLISECOND_NS;
+    match (before, stage) {
+        (Stage::Calling, Stage::Calling) if is_longer_than(CONNECT_MS + SILENCE_MS) => {
+            Stage::Over(Over::Nobody)
+        }
+        (Stage::Greeting, Stage::Greeting) if is_longer_than(HANDSHAKE_MS + SILENCE_MS) => {
+            Stage::Over(Over::Mute)
+        }
+        (Stage::Greeting, Stage::Over(Over::BrokeOff)) if is_longer_than(AT_ONCE_MS) => {
+            Stage::Over(Over::Mute)
+        }
         _ => stage,
     }
 }
@@ -190,13 +202,21 @@ mod tests {
 
     #[test]
     fn a_connection_that_nothing_is_heard_of_is_given_up_and_one_that_is_open_is_not() {
-        let after_s = |stage, seconds| overdue(stage, seconds * crate::clock::SECOND_NS);
+        let after_s = |stage, seconds| in_time(stage, stage, seconds * crate::clock::SECOND_NS);
         for stage in [Stage::Calling, Stage::Greeting, Stage::Open] {
             assert_eq!(after_s(stage, 5), stage);
         }
         assert_eq!(after_s(Stage::Calling, 7), Stage::Over(Over::Nobody));
-        assert_eq!(after_s(Stage::Greeting, 7), Stage::Over(Over::BrokeOff));
+        assert_eq!(after_s(Stage::Greeting, 7), Stage::Over(Over::Mute));
         assert_eq!(after_s(Stage::Open, 7000), Stage::Open);
+    }
+
+    #[test]
+    fn a_network_that_swallows_the_greeting_is_not_taken_for_a_brick_with_another_key() {
+        let broke_off = Stage::Over(Over::BrokeOff);
+        let after_ms = |ms: i64| in_time(Stage::Greeting, broke_off, ms * MILLISECOND_NS);
+        assert_eq!(after_ms(3), broke_off);
+        assert_eq!(after_ms(5000), Stage::Over(Over::Mute));
     }
 
     /// Where a connection is dropped at the first event of its end, libzmq is about to tell of the next one.
