@@ -284,7 +284,7 @@ fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
     socket.send("the end", 0).unwrap();
     until("the sender is shut out", || service.log().contains("sends much and asks nothing").then_some(()));
     let more = service.peak_kb() - before;
-    println!("{} MB in one message: the service's peak has grown by {more} kB", FRAMES * FRAME >> 20);
+    println!("{} MB in one message: the service's peak has grown by {more} kB", (FRAMES * FRAME) >> 20);
     // The message has 125 MB. How much of it comes before it is looked at again depends on how busy this machine is.
     assert!(more < 80 << 10, "{more} kB");
     service.done(&["status", "sim"]);
