@@ -273,7 +273,7 @@ mod tests {
         limits.closed(1);
         limits.received(2, 2 * MOST_UNFINISHED);
         assert_eq!(limits.hoarders(0), [2, 4]);
-        [2, 3, 4].map(|descriptor| limits.closed(descriptor));
+        [2, 3, 4].iter().for_each(|descriptor| limits.closed(*descriptor));
         limits.took(address(1), 1, 1);
         assert!(limits.taken.is_empty() && limits.hoarders(0).is_empty());
     }
