@@ -28,7 +28,8 @@
 //! monitor). A wrong server key just ends the connection during the handshake. Keys are written in Z85, 40 signs.
 //!
 //! **Requests** are one frame of JSON, at most 512 KiB: an object with `version` (1), `id` (a number from 0 to 2⁶⁴ − 1, or a text of at most 64
-//! bytes; the client's own), `op`, and the operation's fields beside them. Fields that are not known are ignored. A key that stands there twice is refused.
+//! bytes; the client's own), `op`, and the operation's fields beside them. Fields that are not known are ignored. A key that stands there twice is refused. Whoever sends on and on without
+//! coming to a request's end is shut out after 2 MiB.
 //!
 //! **Replies** are one frame of JSON, and for `fetch` a second one of bytes. The object has the request's `id`, or `null` where that could not be read, and either `ok`
 //! with the operation's answer, or `error` with `kind` (for programs), `message` (for people) and `hint` (the way out, or `null`). Fields that a client does not know

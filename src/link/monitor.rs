@@ -3,6 +3,8 @@
 //! # What we count on
 //!
 //! - libzmq's own threads wait where a monitor's queue is full, so ours has no bound: whoever opens one reads it often.
+//! - They wait as well, and for ever, where nobody is at the other end, and all sockets of a context wait with them. A socket that is dropped goes on
+//!   telling for a while, so whoever has opened a monitor ends it with [`Monitor::stop`] before both are dropped.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -60,9 +62,7 @@ const KNOWN: [(SocketEvent, What); 9] = [
 impl Monitor {
     /// Watches a socket.
     pub(super) fn of(context: &zmq::Context, socket: &zmq::Socket) -> zmq::Result<Self> {
-        // A name is free again only some time after its socket was closed, so each monitor has its own.
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        let endpoint = format!("inproc://monitor.{}", NUMBER.fetch_add(1, Ordering::Relaxed));
+        let endpoint = fresh_endpoint();
         let mask = KNOWN.iter().fold(0, |mask, (event, _)| mask | i32::from(event.to_raw()));
         socket.monitor(&endpoint, mask)?;
         let events = context.socket(zmq::PAIR)?;
@@ -70,6 +70,12 @@ impl Monitor {
         events.set_linger(0)?;
         events.connect(&endpoint)?;
         Ok(Self { events })
+    }
+
+    /// Ends the telling: when this returns, nothing more is said here of the socket, which is the one that is watched.
+    pub(super) fn stop(&self, socket: &zmq::Socket) {
+        // A new monitor takes an old one's place, and one of no events says nothing. Where even that is refused, libzmq is ending.
+        let _ = socket.monitor(&fresh_endpoint(), 0);
     }
 
     /// For `zmq::poll`.
@@ -93,6 +99,12 @@ impl Monitor {
             }
         }
     }
+}
+
+/// A name is free again only some time after its socket was closed, so each monitor has its own.
+fn fresh_endpoint() -> String {
+    static NUMBER: AtomicU32 = AtomicU32::new(0);
+    format!("inproc://monitor.{}", NUMBER.fetch_add(1, Ordering::Relaxed))
 }
 
 impl std::fmt::Debug for Monitor {

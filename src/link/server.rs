@@ -22,6 +22,7 @@
 //! | a peer that says nothing, not even libzmq's heartbeat | 6 s |
 //! | connections, and new ones a second | 48 and 20; of one address 16 and 8 |
 //! | requests of one connection that wait for their answer | 16, of all together 128; one more is refused (`too_many`) |
+//! | what has come of one address and is no request yet | 2 MiB: a message of frames without end costs its sender the connection |
 //! | replies that wait for a slow client | 16 of at most 64 KiB for each connection; one more is dropped, and the client asks again |
 //!
 //! # What we count on
@@ -43,6 +44,7 @@ use crate::service::protocol::{Operations, Pairing};
 
 mod door;
 mod front;
+mod held;
 mod limits;
 mod workers;
 mod zap;

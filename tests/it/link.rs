@@ -2,9 +2,11 @@
 #![cfg(all(feature = "link", feature = "sim", feature = "host"))]
 
 mod bench;
+mod chapter;
 mod commands;
 mod discovery;
 mod fetching;
+mod figures;
 mod hostile;
 mod keys;
 mod python;

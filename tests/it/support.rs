@@ -6,11 +6,13 @@ pub mod allocations;
 pub mod chance;
 pub mod faulty;
 pub mod memory;
+pub mod network;
 pub mod plain_brick;
 pub mod promised;
 pub mod real_time;
 pub mod stage;
 pub mod turning_brick;
+pub mod wall_clock;
 
 /// The folder of recordings beside the repository, or where `ONBRICK_SHARED` says; `None` where there is neither.
 pub fn shared() -> Option<PathBuf> {

@@ -1,4 +1,4 @@
-//! What the kernel must be asked for by ioctl and memory map: the one file with `unsafe` in it.
+//! What the kernel must be asked for by ioctl and memory map; `unsafe` is kept in this file.
 //!
 //! No crate that is still looked after wraps these three calls (`linuxfb` maps with a crate that is not).
 //!

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::{Monitor, What};
 use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
@@ -9,6 +10,14 @@ use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
 /// Milliseconds: until TCP has to be through, and until the brick has to have introduced itself.
 const CONNECT_MS: i32 = 5000;
 const HANDSHAKE_MS: i32 = 5000;
+
+/// So much after those times a connection that libzmq has said no more of is given up, milliseconds: where it gets no socket of the system's, or cannot
+/// read the address, it tells nobody and never tries again (4.3.5, `tcp_connecter_t::open`).
+const SILENCE_MS: i32 = 1000;
+
+/// Whoever closes a connection because of what was said on it does so at once; what is closed later than this was waited for in vain, milliseconds.
+const AT_ONCE_MS: i32 = 4000;
+const _: () = assert!(AT_ONCE_MS < HANDSHAKE_MS);
 
 /// How often the brick is asked whether it lives, and how long it may take to say so.
 const HEARTBEAT_MS: i32 = 1000;
@@ -26,6 +35,8 @@ pub(super) struct Connection {
     socket: zmq::Socket,
     monitor: Monitor,
     stage: Stage,
+    /// When it came that far.
+    since_ns: i64,
 }
 
 /// How far a connection is.
@@ -48,6 +59,8 @@ pub(super) enum Over {
     Nobody,
     /// It was closed while keys were being shown: another key, another program, or too many connections.
     BrokeOff,
+    /// TCP got through, and then no keys were shown for so long that one of the two gave up: a bad network, or a program that says nothing.
+    Mute,
     /// The brick does not know our key.
     NotLetIn,
     /// It was open, and broke.
@@ -91,13 +104,19 @@ impl Connection {
         socket.set_maxmsgsize(LONGEST_REPLY)?;
         let monitor = Monitor::of(context, &socket)?;
         socket.connect(&format!("tcp://{to}"))?;
-        Ok(Self { socket, monitor, stage: Stage::Calling })
+        Ok(Self { socket, monitor, stage: Stage::Calling, since_ns: MonotonicClock.now_ns() })
     }
 
     /// How far it is by now.
     pub(super) fn stage(&mut self) -> Stage {
+        let before = self.stage;
         while let Some(happened) = self.monitor.next() {
             self.stage = after(self.stage, happened.what);
+        }
+        let now_ns = MonotonicClock.now_ns();
+        self.stage = in_time(before, self.stage, now_ns.saturating_sub(self.since_ns));
+        if self.stage != before {
+            self.since_ns = now_ns;
         }
         self.stage
     }
@@ -138,6 +157,12 @@ impl Connection {
     }
 }
 
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.monitor.stop(&self.socket);
+    }
+}
+
 fn after(stage: Stage, what: What) -> Stage {
     match (stage, what) {
         // The first reason is the one that counts; what follows is the same end seen again.
@@ -154,9 +179,64 @@ fn after(stage: Stage, what: What) -> Stage {
     }
 }
 
+/// The stage after what happened, if that before it has lasted this long, nanoseconds.
+fn in_time(before: Stage, stage: Stage, lasted_ns: i64) -> Stage {
+    let is_longer_than = |most_ms: i32| lasted_ns > i64::from(most_ms) * MILLISECOND_NS;
+    match (before, stage) {
+        (Stage::Calling, Stage::Calling) if is_longer_than(CONNECT_MS + SILENCE_MS) => {
+            Stage::Over(Over::Nobody)
+        }
+        (Stage::Greeting, Stage::Greeting) if is_longer_than(HANDSHAKE_MS + SILENCE_MS) => {
+            Stage::Over(Over::Mute)
+        }
+        (Stage::Greeting, Stage::Over(Over::BrokeOff)) if is_longer_than(AT_ONCE_MS) => {
+            Stage::Over(Over::Mute)
+        }
+        _ => stage,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_connection_that_nothing_is_heard_of_is_given_up_and_one_that_is_open_is_not() {
+        let after_s = |stage, seconds| in_time(stage, stage, seconds * crate::clock::SECOND_NS);
+        for stage in [Stage::Calling, Stage::Greeting, Stage::Open] {
+            assert_eq!(after_s(stage, 5), stage);
+        }
+        assert_eq!(after_s(Stage::Calling, 7), Stage::Over(Over::Nobody));
+        assert_eq!(after_s(Stage::Greeting, 7), Stage::Over(Over::Mute));
+        assert_eq!(after_s(Stage::Open, 7000), Stage::Open);
+    }
+
+    #[test]
+    fn a_network_that_swallows_the_greeting_is_not_taken_for_a_brick_with_another_key() {
+        let broke_off = Stage::Over(Over::BrokeOff);
+        let after_ms = |ms: i64| in_time(Stage::Greeting, broke_off, ms * MILLISECOND_NS);
+        assert_eq!(after_ms(3), broke_off);
+        assert_eq!(after_ms(5000), Stage::Over(Over::Mute));
+    }
+
+    /// Where a connection is dropped at the first event of its end, libzmq is about to tell of the next one.
+    #[test]
+    fn connections_that_break_off_hold_up_none_of_those_after_them() {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let to = listener.local_addr().unwrap();
+        std::thread::spawn(move || listener.incoming().for_each(drop));
+        let (context, own) = (zmq::Context::new(), KeyPair::generate().unwrap());
+        for number in 0..300 {
+            let mut connection = Connection::open(&context, to, own.public(), &own).unwrap();
+            let over = loop {
+                match connection.stage() {
+                    Stage::Over(over) => break over,
+                    _ => connection.wait(10).unwrap(),
+                }
+            };
+            assert_eq!(over, Over::BrokeOff, "connection {number}");
+        }
+    }
 
     #[test]
     fn the_first_reason_of_an_end_is_the_one_that_counts() {

@@ -284,6 +284,7 @@ impl Line {
                     return Err(ClientError::AnotherKey { address: self.written.clone() });
                 }
             }
+            Over::Mute => self.silence = Silence::NoHandshake,
             Over::Nobody => self.silence = Silence::Nobody,
             Over::Lost => self.silence = Silence::NoReply,
         }

@@ -3,13 +3,10 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::os::fd::RawFd;
 
-use nix::sys::socket::{
-    Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername, getsockname, shutdown,
-};
-
 use super::ServerError;
+use super::held::Held;
 use super::limits::Limits;
-use crate::clock::{Clock as _, MonotonicClock};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::{Monitor, What};
 use crate::service::protocol::MAX_REQUEST_BYTES;
@@ -25,6 +22,9 @@ const CURVE_BYTES: usize = 8 + 8 + 1 + 16;
 /// Messages that libzmq keeps for each connection.
 const REQUESTS_KEPT: i32 = 8;
 const REPLIES_KEPT: i32 = 16;
+
+/// How often it is counted what has come, nanoseconds.
+const COUNTED_NS: i64 = 100 * MILLISECOND_NS;
 
 /// Connections that wait to be accepted.
 const BACKLOG: i32 = 16;
@@ -46,6 +46,8 @@ pub(super) struct Door {
     monitor: Monitor,
     limits: Limits,
     port: u16,
+    /// When it is counted next what has come.
+    count_at_ns: i64,
 }
 
 impl Door {
@@ -64,7 +66,8 @@ impl Door {
             .map_err(|source| ServerError::Bind { endpoint: endpoint.to_owned(), source })?;
         let bound = socket.get_last_endpoint().map_err(ServerError::Socket)?.unwrap_or_default();
         let port = bound.rsplit_once(':').and_then(|(_, port)| port.parse().ok()).unwrap_or(0);
-        Ok(Self { socket, monitor, limits: Limits::new(MonotonicClock.now_ns()), port })
+        let now_ns = MonotonicClock.now_ns();
+        Ok(Self { socket, monitor, limits: Limits::new(now_ns), port, count_at_ns: now_ns })
     }
 
     /// The port that it listens at.
@@ -89,22 +92,40 @@ impl Door {
                 _ => {}
             }
         }
+        self.count();
     }
 
     fn accepted(&mut self, descriptor: RawFd) {
-        let peer = peer_of(descriptor).unwrap_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED));
+        let held = Held::of(descriptor, self.port);
+        let peer = held.as_ref().map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), Held::peer);
         if let Err(why) = self.limits.accepted(descriptor, peer, MonotonicClock.now_ns()) {
             log::debug!("the link: {peer} is shut out: {why:?}");
-            // The number is libzmq's. Should that have closed it just now, it may already mean another connection: only one to this port
-            // can be hit then, and its client connects again.
-            if port_of(descriptor) == Some(self.port) {
-                let _ = shutdown(descriptor, Shutdown::Both);
+            held.iter().for_each(Held::shut);
+        }
+    }
+
+    /// Shuts the connections over which much comes and no request.
+    fn count(&mut self) {
+        let now_ns = MonotonicClock.now_ns();
+        if now_ns < self.count_at_ns {
+            return;
+        }
+        self.count_at_ns = now_ns + COUNTED_NS;
+        for descriptor in self.limits.descriptors() {
+            if let Some(bytes) = Held::of(descriptor, self.port).and_then(|held| held.received()) {
+                self.limits.received(descriptor, bytes);
+            }
+        }
+        for descriptor in self.limits.hoarders(now_ns) {
+            if let Some(held) = Held::of(descriptor, self.port) {
+                log::warn!("the link: {} sends much and asks nothing; the connection is shut", held.peer());
+                held.shut();
             }
         }
     }
 
     /// The next request, if there is one.
-    pub(super) fn receive(&self) -> zmq::Result<Option<Arrived>> {
+    pub(super) fn receive(&mut self) -> zmq::Result<Option<Arrived>> {
         let mut first = match self.socket.recv_msg(zmq::DONTWAIT) {
             Ok(first) => first,
             Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
@@ -113,7 +134,7 @@ impl Door {
         let mut envelope = vec![first.to_vec()];
         let mut key = key_of(&mut first);
         let mut payload = None;
-        let mut frames = 0;
+        let (mut frames, mut bytes, mut peer) = (0, 0, peer_of(&mut first));
         while self.socket.get_rcvmore()? {
             let mut frame = self.socket.recv_msg(0)?;
             if frames == 0 && frame.is_empty() && envelope.len() == 1 && self.socket.get_rcvmore()? {
@@ -121,8 +142,14 @@ impl Door {
                 continue;
             }
             frames += 1;
+            bytes += u64::try_from(frame.len()).unwrap_or(u64::MAX);
+            peer = peer.or_else(|| peer_of(&mut frame));
             key = key.or_else(|| key_of(&mut frame));
             payload = (frames == 1).then_some(frame);
+        }
+        if let Some(peer) = peer {
+            // With the delimiter, where there is one.
+            self.limits.took(peer, frames + 1, bytes);
         }
         Ok(Some(Arrived { envelope, key, payload }))
     }
@@ -144,6 +171,12 @@ impl Door {
             error => Err(error),
         });
         begun.and_then(|()| self.socket.send_multipart(frames, zmq::DONTWAIT))
+    }
+}
+
+impl Drop for Door {
+    fn drop(&mut self) {
+        self.monitor.stop(&self.socket);
     }
 }
 
@@ -169,16 +202,6 @@ fn key_of(frame: &mut zmq::Message) -> Option<PublicKey> {
     frame.gets("User-Id").and_then(|text| PublicKey::parse(text).ok())
 }
 
-fn peer_of(descriptor: RawFd) -> Option<IpAddr> {
-    let address = getpeername::<SockaddrStorage>(descriptor).ok()?;
-    let v4 = address.as_sockaddr_in().map(|address| IpAddr::V4(address.ip()));
-    let v6 = || address.as_sockaddr_in6().map(|address| IpAddr::V6(address.ip()).to_canonical());
-    v4.or_else(v6)
-}
-
-fn port_of(descriptor: RawFd) -> Option<u16> {
-    let address = getsockname::<SockaddrStorage>(descriptor).ok()?;
-    address.family()?;
-    let v4 = address.as_sockaddr_in().map(SockaddrIn::port);
-    v4.or_else(|| address.as_sockaddr_in6().map(SockaddrIn6::port))
+fn peer_of(frame: &mut zmq::Message) -> Option<IpAddr> {
+    frame.gets("Peer-Address").and_then(|text| text.parse().ok()).map(|peer: IpAddr| peer.to_canonical())
 }

@@ -232,6 +232,8 @@ pub struct Service {
     pub name: String,
     /// Where its robot is: arguments of `serve`.
     place: Vec<String>,
+    /// What the service's process has in its environment besides.
+    pub environment: Vec<(&'static str, PathBuf)>,
     child: Option<Child>,
 }
 
@@ -251,7 +253,8 @@ impl Service {
         let config = format!("name = \"{name}\"\n[link]\naddress = \"{address}\"\n");
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
         let place = place.iter().map(|&argument| argument.to_owned()).collect();
-        let mut service = Self { folder, address, name: name.to_owned(), place, child: None };
+        let name = name.to_owned();
+        let mut service = Self { folder, address, name, place, environment: Vec::new(), child: None };
         service.start();
         service
     }
@@ -270,6 +273,7 @@ impl Service {
     pub fn start(&mut self) {
         let log = std::fs::File::create(self.path("log")).unwrap();
         let child = Pace::command(env!("CARGO_BIN_EXE_onbrick"))
+            .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .args(["-v", "serve", "--config"])
             .arg(self.folder.path())
             .args(&self.place)

@@ -1,12 +1,18 @@
 //! What arrives that should not: each is refused or thrown away, memory stays bounded, and a friend is served all the while.
 
-use std::io::Write as _;
-use std::net::TcpStream;
+use std::io::{Read as _, Write as _};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
 
-use onbrick::service::protocol::MAX_REQUEST_BYTES;
+use onbrick::link::KeyPair;
+use onbrick::service::protocol::{MAX_REQUEST_BYTES, parse};
 use serde_json::{Value, json};
 
-use super::bench::{Bench, until};
+use super::bench::{Bench, Service, halves, until};
+use super::commands::{SHORT, newest};
+use crate::support::chance::Chance;
+use crate::support::real_time::{alone, patiently};
+use crate::support::wall_clock::{replace, shim};
 
 /// A request and its reply over a DEALER.
 fn ask(socket: &zmq::Socket, request: &[u8]) -> Value {
@@ -110,42 +116,62 @@ fn more_requests_than_can_wait_are_refused_and_the_rest_is_answered() {
     assert_eq!(reply["id"], "again", "{reply}");
 }
 
+/// Random bytes, or a request with some of its bytes changed, doubled or gone.
+fn random_request(chance: &mut Chance) -> Vec<u8> {
+    if chance.below(4) == 0 {
+        return (0..chance.below(200)).map(|_| u8::try_from(chance.below(256)).unwrap()).collect();
+    }
+    let mut request =
+        br#"{"id":1,"version":1,"op":"start","run":"r","mission":{"name":"m"},"token":"t","set":[["a",1.0]]}"#.to_vec();
+    for _ in 0..1 + chance.below(4) {
+        let at = chance.below(request.len());
+        match chance.below(3) {
+            0 => request[at] = u8::try_from(chance.below(256)).unwrap(),
+            1 => request.insert(at, *chance.of(b"{}[]\",:0")),
+            _ => drop(request.drain(at..(at + chance.below(20)).min(request.len() - 1).max(at))),
+        }
+    }
+    request
+}
+
+/// How many over a socket. The long form: `ONBRICK_RANDOM=100000 cargo test --test it link::hostile -- --nocapture`; ten times as many in process.
+fn random_count() -> u32 {
+    std::env::var("ONBRICK_RANDOM").ok().and_then(|count| count.parse().ok()).unwrap_or(2000)
+}
+
 #[test]
 fn random_requests_never_end_the_door() {
-    // The long form: `ONBRICK_RANDOM=100000 cargo test --test it link::hostile -- --nocapture`.
-    let count: u32 =
-        std::env::var("ONBRICK_RANDOM").ok().and_then(|count| count.parse().ok()).unwrap_or(2000);
+    let count = random_count();
     let bench = Bench::new();
     let (_context, socket) = bench.raw(zmq::DEALER);
-    let whole = br#"{"id":1,"version":1,"op":"start","run":"r","mission":{"name":"m"},"token":"t","set":[["a",1.0]]}"#;
-    let mut state = 0x2545_f491_4f6c_dd1d_u64;
-    let mut chance = move |below: usize| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as usize % below
-    };
+    let mut chance = Chance::new(1);
     for _ in 0..count {
-        let request: Vec<u8> = if chance(4) == 0 {
-            (0..chance(200)).map(|_| u8::try_from(chance(256)).unwrap()).collect()
-        } else {
-            // A request with some of its bytes changed, doubled or gone.
-            let mut request = whole.to_vec();
-            for _ in 0..1 + chance(4) {
-                let at = chance(request.len());
-                match chance(3) {
-                    0 => request[at] = u8::try_from(chance(256)).unwrap(),
-                    1 => request.insert(at, b"{}[]\",:0"[chance(8)]),
-                    _ => drop(request.drain(at..(at + chance(20)).min(request.len() - 1).max(at))),
-                }
-            }
-            request
-        };
-        let reply = ask(&socket, &request);
+        let reply = ask(&socket, &random_request(&mut chance));
         assert!(reply["ok"].is_object() || reply["error"]["kind"].is_string(), "{reply}");
     }
-    println!("{count} random requests, each answered or refused");
+    println!("{count} random requests over a socket, each answered or refused");
     bench.client().status().unwrap();
+}
+
+#[test]
+fn random_requests_are_understood_or_refused_with_a_short_reason() {
+    let count = 10 * random_count();
+    let mut chance = Chance::new(2);
+    let mut understood = 0_u32;
+    for _ in 0..count {
+        let request = random_request(&mut chance);
+        let said = match parse(&request) {
+            Ok(_) => {
+                understood += 1;
+                continue;
+            }
+            Err(error) => error.refusal.to_string(),
+        };
+        let shown = String::from_utf8_lossy(&request);
+        assert!(!said.is_empty() && said.len() < 1000 && !said.contains('\n'), "{said:?} of `{shown}`");
+    }
+    println!("{count} random requests in process: {understood} understood, the others refused");
+    assert!(understood > 0 && understood < count);
 }
 
 #[test]
@@ -204,4 +230,101 @@ fn connections_to(port: u16) -> usize {
         table.lines().filter(is_held).count()
     };
     established("/proc/net/tcp") + established("/proc/net/tcp6")
+}
+
+/// A way to a brick that carries 64 KiB in five milliseconds, and no more.
+fn slow_way(to: String) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for near in listener.incoming().map_while(Result::ok) {
+            let Ok(far) = TcpStream::connect(&to) else { continue };
+            let back = (far.try_clone().unwrap(), near.try_clone().unwrap());
+            std::thread::spawn(move || carry_slowly(near, far));
+            std::thread::spawn(move || carry_slowly(back.0, back.1));
+        }
+    });
+    address
+}
+
+fn carry_slowly(mut from: TcpStream, mut to: TcpStream) {
+    let mut piece = vec![0; 64 << 10];
+    while let Ok(read @ 1..) = from.read(&mut piece) {
+        if to.write_all(&piece[..read]).is_err() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let _ = (from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both));
+}
+
+#[test]
+fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
+    const FRAME: usize = 64 << 10;
+    const FRAMES: usize = 2000;
+    let service = Service::new();
+    service.introduce();
+    service.done(&["status", "sim"]);
+    let before = service.peak_kb();
+    let (public, secret) = halves(&KeyPair::load(&service.path("pc")).unwrap());
+    let context = zmq::Context::new();
+    let socket = context.socket(zmq::DEALER).unwrap();
+    socket.set_curve_serverkey(KeyPair::load(&service.path("keys")).unwrap().public().as_bytes()).unwrap();
+    socket.set_curve_publickey(&public).unwrap();
+    socket.set_curve_secretkey(&secret).unwrap();
+    socket.set_linger(0).unwrap();
+    socket.set_reconnect_ivl(-1).unwrap();
+    socket.set_rcvtimeo(60_000).unwrap();
+    let way = slow_way(format!("{}:5670", service.address));
+    socket.connect(&format!("tcp://{way}")).unwrap();
+    assert_eq!(ask(&socket, br#"{"id":1,"version":1,"op":"status"}"#)["ok"]["brick"], "sim");
+    for _ in 0..FRAMES {
+        socket.send(vec![b'x'; FRAME], zmq::SNDMORE).unwrap();
+    }
+    socket.send("the end", 0).unwrap();
+    until("the sender is shut out", || service.log().contains("sends much and asks nothing").then_some(()));
+    let more = service.peak_kb() - before;
+    println!("{} MB in one message: the service's peak has grown by {more} kB", (FRAMES * FRAME) >> 20);
+    // The message has 125 MB. How much of it comes before it is looked at again depends on how busy this machine is.
+    assert!(more < 80 << 10, "{more} kB");
+    service.done(&["status", "sim"]);
+}
+
+#[test]
+fn a_wall_clock_that_jumps_under_the_service_changes_nothing_of_the_link() {
+    let _alone = alone();
+    patiently("a wall clock that jumps under the service", jumping_wall_clock);
+}
+
+fn jumping_wall_clock() {
+    let mut service = Service::new();
+    let Some(library) = shim(service.folder.path()) else { return };
+    service.introduce();
+    service.mission("short", &SHORT.replace("time_s > 2", "time_s > 5"));
+    service.kill();
+    let now = service.path("now");
+    // As a brick wakes up that has no network and no battery for its clock.
+    replace(&now, "@600");
+    service.environment = vec![("LD_PRELOAD", library), ("WALL_CLOCK", now.clone())];
+    service.start();
+    service.done(&["start", "short", "sim"]);
+    let first = newest(&service);
+    for (number, jump) in ["+262", "-262", "@1", "-3600", "+0"].iter().enumerate() {
+        replace(&now, jump);
+        let said = service.done(&["--json", "status", "sim"]);
+        let status: Value = serde_json::from_str(said.lines().next().unwrap()).unwrap();
+        let lasted_s = status["status"]["state_s"].as_f64().unwrap_or_else(|| panic!("{status}"));
+        assert!((0.0..600.0).contains(&lasted_s), "jump {number}: {status}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    service.done(&["fetch", "sim", "--run", &first]);
+    let home = std::fs::read(service.path("out").join(format!("{first}.mcap"))).unwrap();
+    assert!(home == std::fs::read(service.path("runs").join(&first).join("run.mcap")).unwrap());
+    // A token of before the jump is as old as it is, and the newest run is the one that was started last.
+    replace(&now, "@1");
+    service.done(&["start", "short", "sim"]);
+    let second = newest(&service);
+    assert_ne!(first, second);
+    service.done(&["stop"]);
+    service.done(&["status", "sim"]);
 }

@@ -1,15 +1,14 @@
 //! Promise 8: the wall clock jumps, runs backwards, stands at 1970: control does not notice, and the order in the record is kept.
 
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use onbrick::runtime::recording::{Found, Run, walk};
 use onbrick::runtime::replay;
 
-use crate::support::pass_over;
 use crate::support::promised::promised;
 use crate::support::stage::{Play, Played};
 use crate::support::turning_brick::{TurningBrick, await_that};
+use crate::support::wall_clock::{replace, shim};
 
 const YEARS_NS: i64 = 31_556_952_000_000_000;
 
@@ -63,54 +62,8 @@ fn promise_8_whatever_the_wall_clock_says_at_the_start_the_run_is_the_same() {
     ));
 }
 
-/// What lets a program see another wall clock: `@12` stands at 12 s after 1970, `+5` and `-5` are seconds away from the true one. Monotonic
-/// time stays.
-const SHIM: &str = r#"
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <fcntl.h>
-#include <stdlib.h>
-#include <time.h>
-#include <unistd.h>
-int clock_gettime(clockid_t clock, struct timespec *now) {
-    static int (*real)(clockid_t, struct timespec *);
-    if (!real) real = dlsym(RTLD_NEXT, "clock_gettime");
-    int answer = real(clock, now);
-    char text[32] = {0};
-    int file = clock == CLOCK_REALTIME ? open(getenv("WALL_CLOCK"), O_RDONLY | O_CLOEXEC) : -1;
-    if (file >= 0 && read(file, text, 31) > 1)
-        now->tv_sec = text[0] == '@' ? atoll(text + 1) : now->tv_sec + atoll(text);
-    if (file >= 0) close(file);
-    return answer;
-}
-"#;
-
-/// The shim, built; `None` where there is no C compiler.
-fn shim(folder: &Path) -> Option<PathBuf> {
-    let (source, library) = (folder.join("shim.c"), folder.join("shim.so"));
-    std::fs::write(&source, SHIM).unwrap();
-    let built = Command::new("cc")
-        .args(["-shared", "-fPIC", "-O1", "-o"])
-        .arg(&library)
-        .arg(&source)
-        .arg("-ldl")
-        .status();
-    if !built.is_ok_and(|status| status.success()) {
-        pass_over("a C compiler");
-        return None;
-    }
-    Some(library)
-}
-
 const STRAIGHT_ON: &str = "name = \"on\"\ntime_limit_s = 4\n[machine.drive]\nstart = \"on\"\nfinal = \"halt\"\n[machine.drive.state.on]\n\
     do = { left_dps = 60, right_dps = 60 }\nnext = [{ when = \"time_s > 3.5\", go = \"halt\" }]\n[machine.drive.state.halt]\n";
-
-/// In one step, so that nobody reads half of it.
-fn replace(path: &Path, text: &str) {
-    let fresh = path.with_extension("new");
-    std::fs::write(&fresh, text).unwrap();
-    std::fs::rename(&fresh, path).unwrap();
-}
 
 #[test]
 fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing() {
