@@ -22,7 +22,7 @@ brick, and what is left in /tmp/out comes out.
   --pid FILE        the emulator's process number goes there: killing it is a power cut
   --timeout S       give up after so many seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
-  --tools DIR       onbrick-sim and brick-figures for the brick's processor (default: built into target/emulator)
+  --tools DIR       onbrick-sim, which measures as well, for the brick's processor (default: built into target/emulator)
   --image IMAGE     boot this SD card image with its own systemd instead; its console is this terminal
   --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670
   -h, --help        this
@@ -103,7 +103,8 @@ first_file_system() {
   put "$here/room.toml" lib/room.toml
   put "${onbrick:-$checkout/target/brick/onbrick}" usr/bin/onbrick
   tools=${tools:-$("$here/tools.sh")}
-  for tool in onbrick-sim brick-figures; do put "$tools/$tool" "usr/bin/$tool"; done
+  put "$tools/onbrick-sim" usr/bin/onbrick-sim
+  ln -s onbrick-sim "$work/root/usr/bin/brick-figures"
   arm-linux-gnueabi-gcc -O2 -static -Wall -o "$work/probe" "$here/probe.c"
   put "$work/probe" usr/bin/probe
   local missions

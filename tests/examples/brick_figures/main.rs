@@ -1,25 +1,48 @@
-//! What the emulated brick's scenarios measure with the library itself, on the brick's processor. One program, because
-//! each takes long to link.
+//! What the emulated brick has beside the brick's own file, in one program, because each takes minutes to link: `onbrick` with the simulated
+//! brick, and, called `brick-figures`, what its scenarios measure with the library itself on the brick's processor.
 //!
 //! ```text
 //! brick-figures reading BRICK COUNT     nanoseconds a typed reading, and one by ev3dev-lang-rust
 //! brick-figures stages BRICK SECONDS    nanoseconds of each stage of a tick at 100 Hz
 //! brick-figures run FILE                what a recording says of itself, as JSON
+//! brick-figures job MISSION BRICK FILE  the job of a run into FILE, for `onbrick control`; BRICK is a folder, or `simulated`
 //! ```
 
-#![allow(clippy::print_stdout, reason = "what it prints is its result")]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "what it prints is its result")]
 
+use std::error::Error;
+use std::path::Path;
+use std::process::ExitCode;
+
+mod job;
 mod reading;
 mod run;
 mod stages;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | job MISSION BRICK FILE";
+
+fn main() -> ExitCode {
+    let called = std::env::args_os().next().unwrap_or_default();
+    if Path::new(&called).file_name().is_none_or(|name| name != "brick-figures") {
+        return onbrick::cli::main(std::env::args_os());
+    }
+    match figures() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn figures() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words.as_slice() {
         ["reading", brick, count] => reading::reading(brick, count),
         ["stages", brick, seconds] => stages::stages(brick, seconds),
         ["run", file] => run::run(file),
-        _ => Err("usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE".into()),
+        ["job", mission, brick, file] => job::job(mission, brick, file),
+        _ => Err(USAGE.into()),
     }
 }
