@@ -17,6 +17,13 @@ add() {
   debugfs -w -R "set_inode_field $2 mode 0100$3" "$image?$linux" 2>/dev/null >&2
 }
 
+# Since version 233 systemd reloads nothing without 16 MB of room in /run, and it gives that a fifth of the memory; ev3dev's, 232, does not ask.
+add_room() {
+  echo 'tmpfs /run tmpfs nosuid,nodev,size=24M,mode=755 0 0' >"$work/fstab"
+  debugfs -w -R 'rm /etc/fstab' "$image?$linux" 2>/dev/null >&2
+  add "$work/fstab" /etc/fstab 644
+}
+
 add_hardware() {
   printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
   printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\n' >"$work/drop-in"
@@ -56,12 +63,13 @@ key_of() { sed -n 's/^key *//p' | tail -n 1; }
 pc key new
 key=$(key_of <"$work/said")
 "$tests/inject.sh" --keep "$image" --key "$key" >"$work/injected" || { cat "$work/injected" && exit 1; }
+add_room
 add_hardware
 # What the brick says of itself, on its console; its public key as well, which a person would compare when pairing.
 cat >"$work/report.sh" <<'END'
 #!/bin/sh
 while :; do
-  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend | wc -l), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)"
+  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' '), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)"
   onbrick key show --keys /etc/onbrick/keys 2>/dev/null | sed -n 's/^key/report: key/p'
   sleep 5
 done >/dev/console
@@ -72,11 +80,12 @@ add "$work/report" /etc/systemd/system/report.service 644
 debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/report.service /etc/systemd/system/report.service' "$image?$linux" 2>/dev/null
 
 pc_has_run() { pc runs red && grep -q " finished" "$work/said"; }
-active() { grep -q 'report: .*: active, name red, failed units: 0, onbrick install ok installed' "$1"; }
+active() { grep -q 'report: .*: active, name red, failed units: , onbrick install ok installed' "$1"; }
 
 start "$work/first"
 check "the package installs itself at the first start and the service comes up" wait_until 1200 active "$work/first"
 check "it says so on the console" says "$work/first" "onbrick: installed"
+check "and nothing of it went wrong" not grep -q "did not take\|did not start" "$work/first"
 check "the brick made its own key" wait_until 600 grep -q 'report: key ' "$work/first"
 brick_key=$(tr -d '\r' <"$work/first" | sed -n 's/^report: key *//p' | tail -n 1)
 pc key know red "127.0.0.1:$port" "$brick_key"
