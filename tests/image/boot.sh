@@ -91,7 +91,11 @@ brick_key=$(tr -d '\r' <"$work/first" | sed -n 's/^report: key *//p' | tail -n 1
 pc key know red "127.0.0.1:$port" "$brick_key"
 check "the PC whose key came with the card sees it" wait_until 300 pc status red
 cat "$work/said"
-check "a PC with another key does not" not "$pc" status red --keys "$work/other" --timeout 5
+stranger() { "$pc" "$@" --keys "$work/stranger" >"$work/answer" 2>&1; }
+stranger key new
+stranger key know red "127.0.0.1:$port" "$brick_key"
+check "a PC with another key gets no answer" not stranger status red --timeout 5
+check "of all reasons, for that" says "$work/answer" "no answer"
 check "it starts a mission" pc start map red --set time_limit_s=10
 check "which comes to its end" wait_until 300 pc_has_run
 check "and fetches the run" pc fetch red -o "$work/maps"
