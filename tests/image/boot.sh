@@ -24,8 +24,9 @@ add_room() {
   add "$work/fstab" /etc/fstab 644
 }
 
+# It stands for hardware, which answers at once whatever else the processor is asked to do.
 add_hardware() {
-  printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
+  printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nCPUSchedulingPolicy=fifo\nCPUSchedulingPriority=60\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
   printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\n' >"$work/drop-in"
   add "$tools/onbrick-sim" /usr/local/bin/onbrick-sim 755
   add "$checkout/brick-image/emulator/room.toml" /usr/local/lib/room.toml 644
@@ -98,6 +99,7 @@ check "a PC with another key gets no answer" not stranger status red --timeout 5
 check "of all reasons, for that" says "$work/answer" "no answer"
 check "it starts a mission" pc start map red --set time_limit_s=10
 check "which comes to its end" wait_until 300 pc_has_run
+cat "$work/said"
 check "and fetches the run" pc fetch red -o "$work/maps"
 run=$(find "$work/maps" -name '*.mcap' | head -n 1)
 check "which is a whole recording" "$pc" replay "$run"
