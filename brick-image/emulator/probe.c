@@ -10,6 +10,7 @@
  *   probe stamp               copies lines, each with nanoseconds since boot before it
  *   probe fifo PRIORITY CMD.. runs CMD with a real-time priority
  *   probe random              how a request for random bytes that may not wait ends
+ *   probe seed                tells the kernel that it has all the random numbers that it wants
  */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -17,6 +18,7 @@
 #include <linux/audit.h>
 #include <linux/filter.h>
 #include <linux/perf_event.h>
+#include <linux/random.h>
 #include <linux/seccomp.h>
 #include <poll.h>
 #include <sched.h>
@@ -24,6 +26,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/random.h>
@@ -136,6 +139,17 @@ static int fifo(int priority, char **command) {
   return fail(command[0]);
 }
 
+static int seed(void) {
+  struct {
+    struct rand_pool_info info;
+    unsigned char bytes[32];
+  } pool = {.info = {.entropy_count = 8 * sizeof pool.bytes, .buf_size = sizeof pool.bytes}};
+  int file = open("/dev/urandom", O_RDWR | O_CLOEXEC);
+  if (file < 0) return fail("/dev/urandom");
+  if (ioctl(file, RNDADDENTROPY, &pool) != 0) return fail("RNDADDENTROPY");
+  return 0;
+}
+
 int main(int count, char **words) {
   const char *form = count > 1 ? words[1] : "";
   if (!strcmp(form, "read") && count == 4) return read_loop(words[2], atol(words[3]));
@@ -147,11 +161,12 @@ int main(int count, char **words) {
   if (!strcmp(form, "now")) return printf("%lld\n", on(CLOCK_MONOTONIC)) < 0;
   if (!strcmp(form, "stamp")) return stamp();
   if (!strcmp(form, "fifo") && count > 3) return fifo(atoi(words[2]), words + 3);
+  if (!strcmp(form, "seed")) return seed();
   if (!strcmp(form, "random")) {
     char byte;
     puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
     return 0;
   }
-  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random\n", stderr);
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random | seed\n", stderr);
   return 2;
 }

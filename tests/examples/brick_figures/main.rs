@@ -6,6 +6,7 @@
 //! brick-figures stages BRICK SECONDS    nanoseconds of each stage of a tick at 100 Hz
 //! brick-figures run FILE                what a recording says of itself, as JSON
 //! brick-figures job MISSION BRICK FILE  the job of a run into FILE, for `onbrick control`; BRICK is a folder, or `simulated`
+//! brick-figures status SOCKET           what the service says of itself at its local door, as JSON
 //! ```
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "what it prints is its result")]
@@ -13,13 +14,17 @@
 use std::error::Error;
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
+
+use onbrick::service::client::Client;
+use onbrick::service::protocol::{Request, Status};
 
 mod job;
 mod reading;
 mod run;
 mod stages;
 
-const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | job MISSION BRICK FILE";
+const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | job MISSION BRICK FILE | status SOCKET";
 
 fn main() -> ExitCode {
     let called = std::env::args_os().next().unwrap_or_default();
@@ -43,6 +48,13 @@ fn figures() -> Result<(), Box<dyn Error>> {
         ["stages", brick, seconds] => stages::stages(brick, seconds),
         ["run", file] => run::run(file),
         ["job", mission, brick, file] => job::job(mission, brick, file),
+        ["status", socket] => status(socket),
         _ => Err(USAGE.into()),
     }
+}
+
+fn status(socket: &str) -> Result<(), Box<dyn Error>> {
+    let status: Status = Client::at(socket).ask(&Request::Status, Duration::from_secs(5))?;
+    println!("{}", serde_json::to_string(&status)?);
+    Ok(())
 }
