@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # A card made by inject.sh in the emulated brick, with its own systemd: at the first start the package installs itself and the service comes
-# up; a PC outside, whose key came with the card, sees it, starts a mission and fetches the run; after a power cut it all comes up by itself.
+# up; a PC outside, whose key came with the card, sees it, starts a mission and fetches the run; another one pairs; after a power cut it all
+# comes up by itself.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -80,6 +81,14 @@ add "$work/report.sh" /usr/local/bin/report 755
 add "$work/report" /etc/systemd/system/report.service 644
 debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/report.service /etc/systemd/system/report.service' "$image?$linux" 2>/dev/null
 
+# A person at the brick, who opens the pairing window, looks at the code, and says yes; over and over.
+echo yes >"$work/yes"
+printf '[Service]\nExecStart=/usr/bin/onbrick pair --answers /usr/local/lib/yes\nStandardOutput=tty\nTTYPath=/dev/console\nRestart=always\nRestartSec=3\n[Unit]\nStartLimitIntervalSec=0\n[Install]\nWantedBy=multi-user.target\n' >"$work/person"
+add "$work/yes" /usr/local/lib/yes 644
+add "$work/person" /etc/systemd/system/person.service 644
+debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/person.service /etc/systemd/system/person.service' "$image?$linux" 2>/dev/null
+
+code() { tr -d '\r' <"$1" | sed -n 's/.*should show this code: *//p' | tail -n 1; }
 pc_has_run() { pc runs red && grep -q " finished" "$work/said"; }
 active() { grep -q 'report: .*: active, name red, failed units: , onbrick install ok installed' "$1"; }
 
@@ -94,10 +103,15 @@ check "the PC whose key came with the card sees it" wait_until 300 pc status red
 cat "$work/said"
 stranger() { "$pc" "$@" --keys "$work/stranger" >"$work/answer" 2>&1; }
 stranger key new
+# It was told the brick's key; the brick was not told its.
 stranger key know red "127.0.0.1:$port" "$brick_key"
-check "a PC with another key gets no answer" not stranger status red --timeout 5
-check "of all reasons, for that" says "$work/answer" "no answer"
-check "it starts a mission" pc start map red --set time_limit_s=10
+check "a PC with another key is turned away" not stranger status red --timeout 5
+check "because its key is not authorised" says "$work/answer" "does not let this PC's key in"
+check "until it is introduced" stranger pair "127.0.0.1:$((port + 1))" --port "$port" --name stranger --answers "$work/yes" --timeout 60
+check "with the code that the brick shows" [ -n "$(code "$work/answer")" ]
+check "and no other" wait_until 10 [ "$(code "$work/answer")" = "$(code "$work/first")" ]
+check "then it sees the brick" stranger status red
+check "the first PC starts a mission" pc start map red --set time_limit_s=10
 check "which comes to its end" wait_until 300 pc_has_run
 cat "$work/said"
 check "and fetches the run" pc fetch red -o "$work/maps"
