@@ -20,13 +20,18 @@ fn main() -> Result<(), VarError> {
 
 #[cfg(feature = "link")]
 fn libzmq() -> Result<(), VarError> {
+    let features = std::env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default();
+    let is_static = features.split(',').any(|feature| feature == "crt-static");
+    if is_static {
+        println!("cargo:rerun-if-changed={SMALL_HEADERS}");
+        put_before_the_compilers_headers(SMALL_HEADERS);
+    }
     // What libsodium-sys-stable says of itself reaches the build scripts of the packages that depend on it.
     let sodium =
         zeromq_src::LibLocation::new(std::env::var("DEP_SODIUM_LIB")?, std::env::var("DEP_SODIUM_INCLUDE")?);
     zeromq_src::Build::new().with_libsodium(Some(sodium)).build();
 
-    let features = std::env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default();
-    if features.split(',').any(|feature| feature == "crt-static") {
+    if is_static {
         // GNU ld reads archives once and in order, and these need each other.
         let group = [
             "-Bstatic",
@@ -46,4 +51,16 @@ fn libzmq() -> Result<(), VarError> {
         }
     }
     Ok(())
+}
+
+/// A header of the C++ standard library with what libzmq uses of it, and says why.
+#[cfg(feature = "link")]
+const SMALL_HEADERS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/link/libzmq");
+
+/// The crate that compiles libzmq has no option for that; GCC and Clang take it from here.
+#[cfg(feature = "link")]
+#[allow(unsafe_code, reason = "the only thread there is sets a variable for the compilers that it starts")]
+fn put_before_the_compilers_headers(folder: &str) {
+    // SAFETY: this program has started no thread.
+    unsafe { std::env::set_var("CPLUS_INCLUDE_PATH", folder) };
 }

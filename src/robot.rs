@@ -47,8 +47,8 @@ pub use senses::{Channel, Reading, Senses};
 /// How near the head must come to what is asked of it, radians: half a degree, less than the gears' play.
 const HEAD_NEAR_RAD: f64 = 0.0087;
 
-/// In what time the head closes the rest of its way: it slows down on the last stretch instead of swinging over.
-const HEAD_CLOSE_S: f64 = 0.1;
+/// How fast the head turns for each radian that is missing, per second: it slows down on the last stretch instead of swinging over.
+const HEAD_GAIN_PER_S: f64 = 10.0;
 
 /// A robot whose roles are bound to devices.
 #[derive(Debug)]
@@ -401,7 +401,7 @@ impl Robot {
         if missing_rad.abs() < HEAD_NEAR_RAD {
             return 0.0;
         }
-        (missing_rad / HEAD_CLOSE_S).clamp(-role.speed_rad_s, role.speed_rad_s)
+        (missing_rad * HEAD_GAIN_PER_S).clamp(-role.speed_rad_s, role.speed_rad_s)
     }
 
     fn show(&mut self, demands: &Demands) {

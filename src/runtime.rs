@@ -21,6 +21,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::ev3dev::LocalTree;
 use crate::mapping::Pose;
 use crate::robot::Channel;
 
@@ -122,8 +123,8 @@ pub enum WhenAbandoned {
 /// Where a robot's attribute files are.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Brick {
-    /// Below a folder: `/` on the brick, a mount point elsewhere.
-    Local(PathBuf),
+    /// In this machine's files: below `/` on the brick, below a mount point elsewhere.
+    Local(LocalTree),
     /// A simulated brick inside this process.
     Simulated {
         /// The world's file.

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::load_robot;
+use super::common::{BrickFiles, load_robot};
 use super::setup::not_written;
 use super::terminal::{Terminal, stop_flags};
 use super::{Exit, Failure, Output};
 use crate::clock::MonotonicClock;
-use crate::ev3dev::{LocalTree, Tree};
+use crate::ev3dev::Tree;
 use crate::runtime::{ApplyError, CalibrateError, CalibrateOptions, HardwareLock, Straight, save};
 
 /// Measure wheel circumference and track width by driving, and write them into robot.toml.
@@ -47,9 +47,8 @@ pub(super) struct Arguments {
     /// A file of answers, one a line, instead of asking.
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
-    /// The folder under which sys/class is found.
-    #[arg(long, default_value = "/")]
-    brick: PathBuf,
+    #[command(flatten)]
+    brick: BrickFiles,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -67,10 +66,10 @@ enum How {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let robot = load_robot(Some(&arguments.robot), output)?;
     let flags = stop_flags()?;
-    let _lock = HardwareLock::take(&arguments.brick, "onbrick calibrate").map_err(|error| {
+    let _lock = HardwareLock::take(arguments.brick.root(), "onbrick calibrate").map_err(|error| {
         Failure::from_error(Exit::Refused, "the robot is taken", &error).hint("onbrick halt")
     })?;
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let calibration = crate::runtime::calibrate(
         &tree,

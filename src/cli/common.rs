@@ -1,13 +1,12 @@
 //! What several commands do: find a file by path or by name, load a robot, a mission or a world.
 
-use std::path::Path;
-#[cfg(feature = "host")]
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::document::{Document, Findings, nearest};
+use crate::ev3dev::LocalTree;
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
@@ -15,6 +14,40 @@ use crate::report::{Scene, Track};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
 use crate::runtime::recording::{ReadError, Run};
 use crate::runtime::{Event, Source};
+
+/// Where this machine has the brick's files: for commands that drive, or listen to the buttons.
+#[derive(Debug, clap::Args)]
+pub(super) struct BrickFiles {
+    /// The folder under which sys/class and dev are found.
+    #[arg(long, value_name = "ROOT", default_value = "/")]
+    brick: PathBuf,
+    /// The buttons' input device, if it is not the one below the brick's folder.
+    #[arg(long, value_name = "PATH")]
+    buttons: Option<PathBuf>,
+    /// The speaker's input device, if it is not the one below the brick's folder.
+    #[arg(long, value_name = "PATH")]
+    speaker: Option<PathBuf>,
+}
+
+impl BrickFiles {
+    /// What a simulated brick has no use for.
+    #[cfg(feature = "sim")]
+    pub(super) const OPTIONS: [&str; 3] = ["brick", "buttons", "speaker"];
+
+    /// The folder that holds everything else.
+    pub(super) fn root(&self) -> &Path {
+        &self.brick
+    }
+
+    /// Whether buttons or speaker are not below that folder.
+    pub(super) fn has_streams_elsewhere(&self) -> bool {
+        self.buttons.is_some() || self.speaker.is_some()
+    }
+
+    pub(super) fn tree(&self) -> LocalTree {
+        LocalTree::new(&self.brick).with_buttons(self.buttons.clone()).with_speaker(self.speaker.clone())
+    }
+}
 
 /// A robot's file as it was read, and what it says.
 #[derive(Debug)]

@@ -1,13 +1,13 @@
 //! `onbrick doctor`: every check before motion, as a report.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::read_source;
+use super::common::{BrickFiles, read_source};
 use super::terminal::stop_flags;
 use super::{Failure, Output};
 use crate::clock::{MonotonicClock, wall_ns};
-use crate::ev3dev::{LocalTree, Tree};
+use crate::ev3dev::Tree;
 use crate::runtime::{Patient, Verdict, examine};
 
 /// Look at everything that a run needs, before anything moves.
@@ -25,21 +25,20 @@ pub(super) struct Arguments {
     /// Check the missions in this folder, too.
     #[arg(long, value_name = "DIR")]
     missions: Option<PathBuf>,
-    /// The folder under which sys/class is found.
-    #[arg(long, default_value = "/")]
-    brick: PathBuf,
+    #[command(flatten)]
+    brick: BrickFiles,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let flags = stop_flags()?;
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let robot = read_source(&arguments.robot, |_| None).map_err(|failure| failure.message);
     let patient = Patient {
         tree: &tree,
         clock: &MonotonicClock,
         flags: &flags,
         robot: robot.as_ref().map_err(String::as_str),
-        root: Some(Path::new(&arguments.brick)),
+        root: Some(arguments.brick.root()),
         recordings: &arguments.recordings,
         missions: arguments.missions.as_deref(),
         wall_ns: wall_ns(),

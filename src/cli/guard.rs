@@ -21,7 +21,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::{Exit, Failure, Output, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::ev3dev::{LocalTree, Tree};
+use crate::ev3dev::Tree;
 use crate::robot::still;
 use crate::runtime::{
     Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned, read_job,
@@ -49,11 +49,11 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
         Failure::from_error(Exit::Usage, "standard input has no job", &error)
             .hint("onbrick run, which starts this process and gives it its job")
     })?;
-    let Brick::Local(root) = &job.brick else {
+    let Brick::Local(tree) = &job.brick else {
         return Err(Failure::new(Exit::Usage, "a simulated brick needs no guard"));
     };
     let mut starter = Starter::new(input).map_err(|error| failed("cannot talk to the starter", &error))?;
-    let lock = match HardwareLock::take(root, "a run that is being prepared") {
+    let lock = match HardwareLock::take(tree.root(), "a run that is being prepared") {
         Ok(lock) => lock,
         Err(error) => {
             starter.refuse(&Refused::from(error));
@@ -63,7 +63,7 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     let guard = lock.share().and_then(|()| Guard::start(&job, starter, signals));
     let mut guard = guard.map_err(|error| failed("cannot start the process that drives", &error))?;
     urgency::as_guard();
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
+    let tree: Arc<dyn Tree> = Arc::new(tree.clone());
     guard.follow(&tree);
     drop(lock);
     Ok(())

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
+use super::common::BrickFiles;
 use super::serve::load_config;
 use super::terminal::stop_flags;
 use super::{Exit, Failure, Output};
@@ -53,15 +54,11 @@ pub(super) struct Arguments {
     #[cfg(feature = "host")]
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["window", "at_boot"])]
     frames: Option<PathBuf>,
-    /// The folder under which sys/class and dev are found.
-    #[arg(long, value_name = "ROOT", default_value = "/")]
-    brick: PathBuf,
+    #[command(flatten)]
+    brick: BrickFiles,
     /// The screen's frame buffer, if it is not dev/fb0 below the brick's folder.
     #[arg(long, value_name = "PATH")]
     screen: Option<PathBuf>,
-    /// The buttons' input device, if it is not the one below the brick's folder.
-    #[arg(long, value_name = "PATH")]
-    buttons: Option<PathBuf>,
     /// The console that is put in graphics mode, if it is not the one that the menu was started on.
     #[arg(long, value_name = "PATH")]
     console: Option<PathBuf>,
@@ -78,7 +75,7 @@ impl Arguments {
 
     /// A brick that is not below `--brick` cannot be set up from here: the service's own simulated one.
     fn no_talks(&self) -> Option<String> {
-        (self.started_by() == StartedBy::Terminal && self.brick == Path::new("/")).then(|| {
+        (self.started_by() == StartedBy::Terminal && self.brick.tree().is_machine()).then(|| {
             "The service's simulated brick is not in this machine's files. With a mounted one (onbrick sim), --brick names it."
                 .to_owned()
         })
@@ -96,7 +93,7 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
         Box::new(ServiceDoor { client: Client::at(socket), patience: LOOK_PATIENCE }),
         Box::new(ServiceDoor { client: order_client(socket, started_by), patience: ORDER_PATIENCE }),
     ];
-    let mut talker = RobotTalker { brick: arguments.brick.clone(), robot: config.robot.clone() };
+    let mut talker = RobotTalker { brick: arguments.brick.tree(), robot: config.robot.clone() };
     let show = |keys: &mut dyn Keys, display: &mut dyn Display| {
         let parts =
             Parts { clock: &MonotonicClock, keys, display, doors, talker: &mut talker, stop: &flags.signal };
@@ -113,8 +110,8 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
         return show(&mut TerminalKeys::open(), &mut window);
     }
     let mut buttons = open_buttons(arguments)?;
-    let path = arguments.screen.clone().unwrap_or_else(|| arguments.brick.join(SCREEN_PATH));
-    let mut screen = Screen::open(&path, &arguments.brick).map_err(|error| failed(&error.into()))?;
+    let path = arguments.screen.clone().unwrap_or_else(|| arguments.brick.root().join(SCREEN_PATH));
+    let mut screen = Screen::open(&path, arguments.brick.root()).map_err(|error| failed(&error.into()))?;
     // Put back when it is dropped, and this function unwinds on every way out that is not SIGKILL.
     let console = Console::take(arguments.console.as_deref());
     if console.is_none() {
@@ -142,13 +139,8 @@ fn failed(error: &MenuError) -> Failure {
 }
 
 fn open_buttons(arguments: &Arguments) -> Result<Buttons, Failure> {
-    let (root, path) = match &arguments.buttons {
-        // An absolute path replaces the root.
-        Some(path) => (Path::new("/"), path.to_string_lossy().trim_start_matches('/').to_owned()),
-        None => (arguments.brick.as_path(), BUTTONS_PATH.to_owned()),
-    };
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
-    Buttons::open(&tree, &path).map_err(|error| {
+    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
+    Buttons::open(&tree, BUTTONS_PATH).map_err(|error| {
         Failure::from_error(Exit::Refused, "there are no buttons", &error)
             .hint("onbrick menu --window, or --buttons with the input device's path")
     })
@@ -194,7 +186,7 @@ impl Door for ServiceDoor {
 /// Sets up and calibrates the robot below a brick's root, as the commands do.
 #[derive(Debug)]
 struct RobotTalker {
-    brick: PathBuf,
+    brick: LocalTree,
     robot: PathBuf,
 }
 
@@ -214,14 +206,19 @@ impl Talker for RobotTalker {
 }
 
 /// Talks until it is done; what was written, or why nothing was.
-fn talk(kind: TalkKind, mut dialogue: ScreenDialogue, brick: &Path, robot: &Path) -> Result<String, String> {
+fn talk(
+    kind: TalkKind,
+    mut dialogue: ScreenDialogue,
+    brick: &LocalTree,
+    robot: &Path,
+) -> Result<String, String> {
     let text = |error: &dyn std::error::Error| super::output::with_causes(error);
     let doing = match kind {
         TalkKind::SetUp => "setting up at the menu",
         TalkKind::Calibrate => "calibrating at the menu",
     };
-    let _lock = HardwareLock::take(brick, doing).map_err(|error| text(&error))?;
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
+    let _lock = HardwareLock::take(brick.root(), doing).map_err(|error| text(&error))?;
+    let tree: Arc<dyn Tree> = Arc::new(brick.clone());
     let flags = dialogue.flags.clone();
     let written = match kind {
         TalkKind::SetUp => crate::runtime::setup(&tree, &MonotonicClock, &flags, &mut dialogue)

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::common::{broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, warn};
+use super::common::{
+    BrickFiles, broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, warn,
+};
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -27,12 +29,11 @@ pub(super) struct Arguments {
     /// The robot's file; without it the shipped one, which fits the simulated brick.
     #[arg(long)]
     robot: Option<PathBuf>,
-    /// The folder under which sys/class is found.
-    #[arg(long, default_value = "/", conflicts_with = "sim")]
-    brick: PathBuf,
+    #[command(flatten)]
+    brick: BrickFiles,
     /// Run on a simulated brick in this world: a file, or the name of a built-in world.
     #[cfg(feature = "sim")]
-    #[arg(long, value_name = "WORLD")]
+    #[arg(long, value_name = "WORLD", conflicts_with_all = BrickFiles::OPTIONS)]
     sim: Option<PathBuf>,
     /// What all chance in the simulation comes from.
     #[cfg(feature = "sim")]
@@ -112,10 +113,11 @@ fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
         let (world, start) = super::common::load_world(path)?;
         return Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start));
     }
-    if !arguments.brick.join("sys/class").is_dir() {
-        return Err(Failure { exit: Exit::Refused, ..no_brick(&arguments.brick) });
+    let root = arguments.brick.root();
+    if !root.join("sys/class").is_dir() {
+        return Err(Failure { exit: Exit::Refused, ..no_brick(root) });
     }
-    Ok((Brick::Local(arguments.brick.clone()), Pose::default()))
+    Ok((Brick::Local(arguments.brick.tree()), Pose::default()))
 }
 
 /// A recording's own folder.

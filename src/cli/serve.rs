@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
+use super::common::BrickFiles;
 use super::{Exit, Failure, Output};
 #[cfg(feature = "link")]
 use crate::link::{Server, ServerConfig};
@@ -26,12 +27,11 @@ pub(super) struct Arguments {
     /// The folder of onbrick.toml; without it /etc/onbrick, and a folder of your own with --sim or --brick.
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
-    /// The folder under which sys/class is found.
-    #[arg(long, value_name = "ROOT", default_value = "/", conflicts_with = "sim")]
-    brick: PathBuf,
+    #[command(flatten)]
+    brick: BrickFiles,
     /// Each run drives a simulated brick in this world: a file, or the name of a built-in world.
     #[cfg(feature = "sim")]
-    #[arg(long, value_name = "WORLD")]
+    #[arg(long, value_name = "WORLD", conflicts_with_all = BrickFiles::OPTIONS)]
     sim: Option<PathBuf>,
     /// What all chance in the simulation comes from.
     #[cfg(feature = "sim")]
@@ -122,7 +122,7 @@ fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
     if let Some(folder) = &arguments.config {
         return Ok(folder.clone());
     }
-    if !is_simulated(arguments) && arguments.brick == Path::new("/") {
+    if !is_simulated(arguments) && arguments.brick.tree().is_machine() {
         return Ok(PathBuf::from(BRICK_FOLDER));
     }
     let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from);
@@ -181,5 +181,5 @@ fn place(arguments: &Arguments) -> Result<Place, Failure> {
         let (world, start) = super::common::load_world(path)?;
         return Ok(Place { brick: Brick::Simulated { world, seed: arguments.seed, realtime: true }, start });
     }
-    Ok(Place { brick: Brick::Local(arguments.brick.clone()), start: Pose::default() })
+    Ok(Place { brick: Brick::Local(arguments.brick.tree()), start: Pose::default() })
 }

@@ -19,6 +19,10 @@ use std::time::Duration;
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use serde::{Deserialize, Serialize};
+
+use super::buttons::BUTTONS_PATH;
+use super::sound::SOUND_PATH;
 
 /// What a file is opened for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,15 +91,48 @@ pub trait AttributeFile: Debug + Send {
 }
 
 /// The machine's own file system below a root: `/` on the brick, a mount point or a folder of plain files elsewhere.
-#[derive(Debug, Clone)]
+///
+/// Two files may be somewhere else: those that a bench, another keyboard or another board has under another name.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LocalTree {
     root: PathBuf,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    buttons: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    speaker: Option<PathBuf>,
 }
 
 impl LocalTree {
     /// The tree below `root`.
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into() }
+        Self { root: root.into(), buttons: None, speaker: None }
+    }
+
+    /// With another file in the place of [`BUTTONS_PATH`], if one is given; a relative one is below the working folder.
+    #[must_use]
+    pub fn with_buttons(self, buttons: Option<PathBuf>) -> Self {
+        Self { buttons, ..self }
+    }
+
+    /// With another file in the place of [`SOUND_PATH`], if one is given; a relative one is below the working folder.
+    #[must_use]
+    pub fn with_speaker(self, speaker: Option<PathBuf>) -> Self {
+        Self { speaker, ..self }
+    }
+
+    /// Whether this is a brick's own tree, where a person is near and motors are real.
+    #[must_use]
+    pub fn is_machine(&self) -> bool {
+        self.root == Path::new("/")
+    }
+
+    fn path(&self, path: &str) -> PathBuf {
+        let elsewhere = match path {
+            BUTTONS_PATH => self.buttons.as_ref(),
+            SOUND_PATH => self.speaker.as_ref(),
+            _ => None,
+        };
+        elsewhere.cloned().unwrap_or_else(|| self.root.join(path))
     }
 }
 
@@ -113,7 +150,7 @@ impl Tree for LocalTree {
             .write(access != Access::Read)
             // A program that we start must not inherit a motor; a device node must not block or become our terminal.
             .custom_flags(nix::libc::O_CLOEXEC | nix::libc::O_NONBLOCK | nix::libc::O_NOCTTY)
-            .open(self.root.join(path))
+            .open(self.path(path))
             .map_err(errno)?;
         Ok(Box::new(LocalFile { file }))
     }
@@ -123,7 +160,7 @@ impl Tree for LocalTree {
     }
 
     fn local_path(&self, path: &str) -> Option<PathBuf> {
-        Some(self.root.join(path))
+        Some(self.path(path))
     }
 }
 
@@ -179,6 +216,19 @@ mod tests {
         assert_eq!(tree.list("sys/class/tacho-motor").unwrap_err(), Errno::ENOENT);
         assert_eq!(tree.open("sys/class", Access::Read).unwrap_err(), Errno::ENOENT);
         assert_eq!(tree.local_path("dev/input").unwrap(), folder.path().join("dev/input"));
+    }
+
+    #[test]
+    fn buttons_and_speaker_may_be_elsewhere() {
+        let tree = LocalTree::new("/mnt")
+            .with_buttons(Some("/dev/input/event3".into()))
+            .with_speaker(Some("beeps".into()));
+        assert_eq!(tree.local_path(BUTTONS_PATH).unwrap(), Path::new("/dev/input/event3"));
+        assert_eq!(tree.local_path(SOUND_PATH).unwrap(), Path::new("beeps"));
+        assert_eq!(tree.local_path("dev/fb0").unwrap(), Path::new("/mnt/dev/fb0"));
+        let plain = tree.with_buttons(None).with_speaker(None);
+        assert_eq!(plain.local_path(BUTTONS_PATH).unwrap(), Path::new("/mnt").join(BUTTONS_PATH));
+        assert_eq!(plain, LocalTree::new("/mnt"));
     }
 
     #[test]

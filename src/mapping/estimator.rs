@@ -259,13 +259,10 @@ struct Trust {
     slip_m: f64,
 }
 
-/// A speed, smoothed, after a way (metres or radians) in a time.
+/// A speed, smoothed, after a way (metres or radians) in a time: the mean of what it was and of `way / passed_s`, weighted by the memory
+/// and by the time. One division, which a processor without floating point feels.
 fn smoothed(speed: f64, way: f64, passed_s: f64) -> f64 {
-    if passed_s > 0.0 {
-        speed + (way / passed_s - speed) * (passed_s / (SPEED_MEMORY_S + passed_s))
-    } else {
-        speed
-    }
+    if passed_s > 0.0 { (speed * SPEED_MEMORY_S + way) / (SPEED_MEMORY_S + passed_s) } else { speed }
 }
 
 fn unit(direction_rad: f64) -> [f64; 2] {

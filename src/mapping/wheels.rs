@@ -76,7 +76,7 @@ impl WheelsState {
         if left_rad.abs() > most_rad || right_rad.abs() > most_rad {
             return WheelStep { events: standing.events | Events::WHEEL_JUMP, ..standing };
         }
-        let metres_per_rad = geometry.wheel_circumference_m() / TAU;
+        let metres_per_rad = geometry.wheel_circumference_m() * (1.0 / TAU);
         let (left_m, right_m) = (left_rad * metres_per_rad, right_rad * metres_per_rad);
         WheelStep {
             left_m,

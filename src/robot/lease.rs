@@ -52,6 +52,8 @@ pub struct LeasedMotor {
     motor: TachoMotor,
     /// Radians of the axle for one count of the motor.
     axle_rad_per_count: f64,
+    /// Its inverse: the brick's processor divides slowly.
+    counts_per_axle_rad: f64,
     /// The axle's angle where the motor counts 0, radians.
     zero_rad: f64,
     max_rad_s: f64,
@@ -91,6 +93,7 @@ impl LeasedMotor {
         Ok(Self {
             motor,
             axle_rad_per_count,
+            counts_per_axle_rad: 1.0 / axle_rad_per_count,
             zero_rad: 0.0,
             max_rad_s,
             lease: None,
@@ -229,7 +232,7 @@ impl LeasedMotor {
             return 0;
         }
         let top = f64::from(self.motor.max_speed());
-        let counts_s = rad_s.clamp(-self.max_rad_s, self.max_rad_s) / self.axle_rad_per_count;
+        let counts_s = rad_s.clamp(-self.max_rad_s, self.max_rad_s) * self.counts_per_axle_rad;
         libm::round(counts_s.clamp(-top, top)) as i32
     }
 }

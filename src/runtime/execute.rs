@@ -1,13 +1,13 @@
 //! One job from its checks to its recording.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::behavior::{Mission, SetError};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
-use crate::ev3dev::{DeviceError, LocalTree, StopAction, Tree};
+use crate::ev3dev::{DeviceError, StopAction, Tree};
 use crate::mapping::{Method, Pose};
 use crate::robot::{BindError, Robot, RobotConfig};
 
@@ -258,9 +258,9 @@ pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
 fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
     match (&job.brick, robot.stop_button()) {
         (_, Ok(())) => Ok(()),
-        (Brick::Local(root), Err(error)) if root == Path::new("/") => Err(Refused::Buttons(error.clone())),
-        (Brick::Local(root), Err(error)) => {
-            log::warn!("no stop button below {}: {error}", root.display());
+        (Brick::Local(tree), Err(error)) if tree.is_machine() => Err(Refused::Buttons(error.clone())),
+        (Brick::Local(tree), Err(error)) => {
+            log::warn!("no stop button below {}: {error}", tree.root().display());
             Ok(())
         }
         (Brick::Simulated { .. }, Err(_)) => Ok(()),
@@ -289,18 +289,18 @@ struct Place {
 impl Place {
     fn open(job: &Job, mission: &str) -> Result<Self, Refused> {
         match &job.brick {
-            Brick::Local(root) => {
+            Brick::Local(tree) => {
                 let doing = format!("mission {mission}");
                 let lock = match job.lock {
-                    Lock::Take => Some(HardwareLock::take(root, &doing)?),
+                    Lock::Take => Some(HardwareLock::take(tree.root(), &doing)?),
                     Lock::Inherited => {
-                        HardwareLock::name_owner(root, &doing)?;
+                        HardwareLock::name_owner(tree.root(), &doing)?;
                         None
                     }
                 };
                 let clock = MonotonicClock;
                 Ok(Self {
-                    tree: Arc::new(LocalTree::new(root)),
+                    tree: Arc::new(tree.clone()),
                     wall_offset_ns: wall_ns() - clock.now_ns(),
                     clock: Arc::new(clock),
                     pace: Pace::Real,

@@ -187,7 +187,7 @@ mod tests {
         Watch::new(&Job {
             mission: source("mission.toml"),
             robot: source("robot.toml"),
-            brick: Brick::Local("/".into()),
+            brick: Brick::Local(crate::ev3dev::LocalTree::new("/")),
             start: Pose::default(),
             set: Vec::new(),
             file: "run.mcap".into(),

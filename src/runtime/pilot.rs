@@ -14,7 +14,7 @@ use crate::behavior::{
     Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress,
     Role, Signal, Signals, Taken,
 };
-use crate::clock::seconds;
+use crate::clock::nanoseconds;
 use crate::ev3dev::StopAction;
 use crate::mapping::{
     Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint,
@@ -46,7 +46,7 @@ pub struct Pilot {
     config: RobotConfig,
     required: Vec<Channel>,
     on_lost: OnLost,
-    time_limit_s: f64,
+    time_limit_ns: i64,
     estimator: Estimator,
     map: Map,
     program: Program,
@@ -113,7 +113,7 @@ impl Pilot {
             config: config.clone(),
             required,
             on_lost: mission.on_lost(),
-            time_limit_s: mission.time_limit_s(),
+            time_limit_ns: nanoseconds(mission.time_limit_s()),
             estimator: Estimator::new(estimator, start),
             map: Map::new(estimator.geometry.range(), &start),
             program: mission.start()?,
@@ -257,7 +257,7 @@ impl Pilot {
 
     /// The runtime's own limit comes after the machines' step, so that a mission whose conditions look at the time can finish.
     fn time_is_up(&self, senses: &Senses) -> Option<StopReason> {
-        (seconds(senses.time_ns) > self.time_limit_s).then_some(StopReason::TimeLimit)
+        (senses.time_ns > self.time_limit_ns).then_some(StopReason::TimeLimit)
     }
 
     fn sense_signals(&mut self, senses: &Senses, estimate: &Estimate) {

@@ -11,7 +11,6 @@
 //! Whether a run is going on: the caller looks, and [`Bench::let_go`] comes before each run.
 
 use std::f64::consts::PI;
-use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::Place;
@@ -64,7 +63,7 @@ impl Bench {
     /// The brick's files; nothing where there is no brick now.
     pub(super) fn tree(&self, now_ns: i64) -> Option<Arc<dyn Tree>> {
         match &self.place.brick {
-            Brick::Local(root) => Some(Arc::new(LocalTree::new(root))),
+            Brick::Local(tree) => Some(Arc::new(tree.clone())),
             #[cfg(feature = "sim")]
             Brick::Simulated { world, seed, .. } => self.simulated(world, *seed, now_ns),
             #[cfg(not(feature = "sim"))]
@@ -75,10 +74,10 @@ impl Bench {
         }
     }
 
-    /// The real brick's root.
-    pub(super) fn root(&self) -> Option<&Path> {
+    /// The real brick's files.
+    pub(super) fn machine(&self) -> Option<&LocalTree> {
         match &self.place.brick {
-            Brick::Local(root) => Some(root),
+            Brick::Local(tree) => Some(tree),
             Brick::Simulated { .. } => None,
         }
     }
@@ -146,22 +145,22 @@ impl Bench {
 
     /// The battery's voltage, read at most once a second; nothing where it cannot be read.
     pub(super) fn battery_v(&self, now_ns: i64) -> Option<f64> {
-        let root = self.root()?;
+        let tree = self.machine()?;
         let mut known = lock(&self.battery);
         if let Some((read_ns, volts)) = *known
             && now_ns.saturating_sub(read_ns) < SECOND_NS
         {
             return volts;
         }
-        let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
+        let tree: Arc<dyn Tree> = Arc::new(tree.clone());
         let volts = Battery::open(&tree).and_then(|battery| battery.voltage_v()).ok();
         *known = Some((now_ns, volts));
         volts
     }
 
     fn take(&self, port: &str, address: &PortAddress, now_ns: i64) -> Result<Jog, Refusal> {
-        let lock = match self.root() {
-            Some(root) => Some(HardwareLock::take(root, "turning a motor by hand").map_err(taken)?),
+        let lock = match self.machine() {
+            Some(tree) => Some(HardwareLock::take(tree.root(), "turning a motor by hand").map_err(taken)?),
             None => None,
         };
         let failed = |error: String| Refusal::new(Kind::NotReady, format!("no motor to turn: {error}"));

@@ -11,7 +11,7 @@ use super::missions;
 use super::protocol::LastStop;
 use super::signs::{self, Shown, Signs};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::ev3dev::LocalTree;
+use crate::ev3dev::Tree;
 
 /// The pace, nanoseconds: half a pulse of the lights is twice as long.
 const PACE_NS: i64 = 250 * MILLISECOND_NS;
@@ -79,9 +79,9 @@ impl Keeper {
                 missions_own: now.missions_lights,
             }
         };
-        let Some(root) = self.inner.bench.root() else { return };
+        let Some(tree) = self.inner.bench.machine() else { return };
+        let tree: Arc<dyn Tree> = Arc::new(tree.clone());
         let (colour, tone_hz) = self.signs.follow(shown, now_ns);
-        let tree: Arc<dyn crate::ev3dev::Tree> = Arc::new(LocalTree::new(root));
         if let Some(colour) = colour {
             signs::light(&tree, colour);
         }

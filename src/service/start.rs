@@ -16,6 +16,7 @@ use super::store::Record;
 use super::{missions, signs};
 use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
+use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
 use crate::runtime::with_causes;
 use crate::runtime::{HardwareLock, Job, Lock, LockError, RunProcess, Source, StopBy, Stopper, recording};
@@ -209,7 +210,7 @@ impl Service {
         let inner = &self.inner;
         log::info!("asked which brick this is: {}", inner.name);
         let idle = inner.now().machine.run().is_none();
-        if inner.bench.root().is_some()
+        if inner.bench.machine().is_some()
             && let Some(tree) = inner.bench.tree(MonotonicClock.now_ns())
         {
             let thread = std::thread::Builder::new().name("identify".to_owned());
@@ -234,8 +235,8 @@ impl Service {
 
     /// Whether anybody else has the hardware. The run itself takes it; asking first makes a better answer.
     fn is_free(&self) -> Result<(), Refusal> {
-        let Some(root) = self.inner.bench.root() else { return Ok(()) };
-        match HardwareLock::owner(root) {
+        let Some(tree) = self.inner.bench.machine() else { return Ok(()) };
+        match HardwareLock::owner(tree.root()) {
             Ok(Some(owner)) => Err(taken(LockError::Taken(owner))),
             Ok(None) => Ok(()),
             Err(error) => Err(taken(error)),

@@ -11,6 +11,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording::Run;
@@ -94,7 +95,11 @@ fn map_a_room(pace: &Pace, brick: &[String]) {
     let start = simulator.truth();
     let start = Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_deg.to_radians() };
     let folder = tempfile::tempdir().unwrap();
-    let job = Job { brick: Brick::Local(simulator.root()), start, ..short_job(folder.path(), "arm") };
+    let job = Job {
+        brick: Brick::Local(LocalTree::new(simulator.root())),
+        start,
+        ..short_job(folder.path(), "arm")
+    };
     let Some(ended) = drive(pace, brick, &job) else { return };
     println!("{ended}");
     let run = Run::open(&job.file).unwrap();

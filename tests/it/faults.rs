@@ -4,4 +4,3 @@
 mod matrix;
 mod orders;
 mod runs;
-pub(crate) mod stage;

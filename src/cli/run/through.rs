@@ -42,7 +42,7 @@ pub(super) struct Living {
 pub(super) fn service(arguments: &Arguments) -> Result<Option<Living>, Failure> {
     let folder = match &arguments.config {
         Some(folder) => folder.as_path(),
-        None if !is_simulated(arguments) && arguments.brick == Path::new("/") => Path::new(BRICK_FOLDER),
+        None if !is_simulated(arguments) && arguments.brick.tree().is_machine() => Path::new(BRICK_FOLDER),
         None => return Ok(None),
     };
     let config = load_config(folder, arguments.config.is_some())?;
@@ -67,6 +67,11 @@ pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output
             "--robot does not go with the service that lives on this brick",
         )
         .hint(format!("put the robot's file at {robot}, or stop the service (systemctl stop onbrick)")));
+    }
+    if arguments.brick.has_streams_elsewhere() {
+        let message = "--buttons and --speaker do not go with the service that lives on this brick";
+        return Err(Failure::new(Exit::Usage, message)
+            .hint("give them to onbrick serve, or stop the service (systemctl stop onbrick)"));
     }
     let source = read_mission(&arguments.mission)?;
     if source.text.len() > MAX_MISSION_BYTES {

@@ -1,15 +1,17 @@
 //! `run`, `halt` and `devices` on a brick of plain files: whatever happens to the run or to who started it, the motors end still.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording::Run;
 use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, WhenAbandoned, execute};
+use onbrick::sim::EventLayout;
 
 use super::{Done, done, keys, names, onbrick, onbrick_in_time, run, text};
 use crate::support::real_time::patiently;
@@ -42,10 +44,15 @@ impl Running {
     }
 
     fn on(brick: TurningBrick, mission: &str) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        Self::with(brick, mission, tempfile::tempdir().unwrap(), &[])
+    }
+
+    /// With options that name files in a folder.
+    fn with(brick: TurningBrick, mission: &str, folder: tempfile::TempDir, options: &[&str]) -> Self {
         std::fs::write(folder.path().join("mission.toml"), mission).unwrap();
         let root = text(brick.root().to_owned());
         let child = onbrick_in_time(folder.path(), &["run", "mission.toml", "--brick", &root, "--out", "o"])
+            .args(options)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -117,6 +124,33 @@ fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
                 scope.spawn(move || case(signal, true));
             }
         });
+    });
+}
+
+#[test]
+fn buttons_and_a_speaker_with_other_names_stop_the_run_and_beep() {
+    patiently("buttons_and_a_speaker_with_other_names_stop_the_run_and_beep", || {
+        let folder = tempfile::tempdir().unwrap();
+        let (buttons, speaker) = (folder.path().join("keyboard"), folder.path().join("beeper"));
+        nix::unistd::mkfifo(&buttons, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        std::fs::write(&speaker, "").unwrap();
+        // Held open in both directions, so that whoever reads it finds somebody at the other end.
+        let mut keyboard = std::fs::OpenOptions::new().read(true).write(true).open(&buttons).unwrap();
+        let options = ["--buttons", "keyboard", "--speaker", "beeper"];
+        let running = Running::with(TurningBrick::new(), DRIVE, folder, &options);
+        running.brick.await_driving();
+        let played = std::fs::read(&speaker).unwrap();
+        let length = EventLayout::NATIVE.length();
+        let tones = played.chunks(length).filter(|event| event[length - 8..length - 4] == [0x12, 0, 2, 0]);
+        assert!(tones.count() >= 2, "a tone and its end, before anything moved: {} bytes", played.len());
+        // EV_KEY, KEY_BACKSPACE, pressed: the Back button; and the EV_SYN that ends what belongs together.
+        let mut events = vec![0; 2 * length];
+        events[length - 8..length].copy_from_slice(&[1, 0, 14, 0, 1, 0, 0, 0]);
+        keyboard.write_all(&events).unwrap();
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+        assert_eq!(recorded.ending.unwrap().reason, "stopped by a button on the brick");
+        assert_eq!(brick.commands(), ["stop"; 3]);
     });
 }
 
@@ -235,7 +269,7 @@ fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording()
     let job = Job {
         mission: source("mission.toml", DRIVE),
         robot: source("robot.toml", DEFAULT_ROBOT),
-        brick: Brick::Local(brick.root().to_owned()),
+        brick: Brick::Local(LocalTree::new(brick.root())),
         start: Pose::default(),
         set: Vec::new(),
         file: folder.path().join("run.mcap"),

@@ -4,15 +4,11 @@ use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
 
 use crate::support::promised::promised;
-use crate::support::stage::{Play, Played};
+use crate::support::stage::{Play, Played, fault};
 
 /// Runs the map mission for at most 60 s under a scenario that begins with it.
 fn run(scenario: &str) -> Played {
     Play::of("map", "arena", 3).seconds(60.0).scenario(scenario).play().unwrap()
-}
-
-fn fault(port: &str, kind: &str) -> String {
-    format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"{kind}\"\n")
 }
 
 #[test]

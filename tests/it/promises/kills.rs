@@ -15,6 +15,7 @@ use std::time::Duration;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{Brick, HardwareLock, Job, Lock, Source, WhenAbandoned};
@@ -276,7 +277,7 @@ impl Run {
             let job = Job {
                 mission: source("dance.toml", DANCE),
                 robot: source("robot.toml", DEFAULT_ROBOT),
-                brick: Brick::Local(root.to_owned()),
+                brick: Brick::Local(LocalTree::new(root)),
                 start: Pose::default(),
                 set: Vec::new(),
                 file: out.join("run.mcap"),

@@ -1,8 +1,8 @@
 //! Promise 3: each fault of the simulated brick on each device of the robot, on the mapping mission: noticed or not, how soon, how far it
 //! was driven blind, and where the robot believes to be at the end.
 
-use crate::faults::stage::{Ended, Stage, assert_at_rest, fault};
 use crate::support::promised::promised;
+use crate::support::stage::{Play, Played, fault};
 use onbrick::runtime::StopReason;
 
 const FAULTS: [&str; 8] = ["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "jump"];
@@ -18,15 +18,20 @@ fn undetectable() -> String {
         .unwrap()
 }
 
+/// A minute of the mapping mission.
+fn mapping() -> Play {
+    Play::of("map", "arena", 3).seconds(60.0)
+}
+
 /// How far it drove between the fault and the end, metres.
-fn blind_m(ended: &Ended) -> f64 {
+fn blind_m(ended: &Played) -> f64 {
     let at_fault = ended.truths[500.min(ended.truths.len() - 1)].travelled_m;
     ended.truth.travelled_m - at_fault
 }
 
 #[test]
 fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetectable() {
-    let clean = Stage::default().play();
+    let clean = mapping().play().unwrap();
     promised(&format!(
         "clean run: {:.2} m, off by {:.3} m at the end",
         clean.truth.travelled_m,
@@ -41,7 +46,7 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
             .map(|((port, device), kind)| {
                 scope.spawn(move || {
                     let scenario = fault(port, kind);
-                    (device, kind, Stage { scenario: &scenario, ..Stage::default() }.play())
+                    (device, kind, mapping().scenario(&scenario).play().unwrap())
                 })
             })
             .collect();
@@ -55,10 +60,10 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
         promised(&format!(
             "{device:7} {kind:13} {:46} {:7.2} {blind_m:8.2} {:9.3}",
             noticed.as_deref().unwrap_or("no"),
-            ended.time_s - 10.0,
+            ended.drove_s - 10.0,
             ended.pose_error_m()
         ));
-        assert_at_rest(ended, &format!("{device} {kind}"));
+        ended.assert_at_rest(&format!("{device} {kind}"));
         let cell = format!("{device} {kind}:");
         let known = undetectable.lines().any(|line| line.starts_with(&cell) && line.len() > cell.len() + 10);
         if blind_m > BLIND_M && !known {

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use onbrick::clock::{Clock, MILLISECOND_NS, SECOND_NS, VirtualClock};
 use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
+use onbrick::runtime::recording::Run;
 use onbrick::sim::Truth;
 
-use crate::faults::stage::{Ended, Stage, assert_at_rest, fault};
 use crate::support::promised::promised;
+use crate::support::stage::{Play, fault};
 
 /// The robot's devices and what they are to it.
 const DEVICES: [(&str, Channel); 5] = [
@@ -19,17 +20,24 @@ const DEVICES: [(&str, Channel); 5] = [
     ("in4", Channel::Gyro),
 ];
 
+/// The mapping mission, so many seconds of it.
+fn mapping(seconds: f64) -> Play {
+    Play::of("map", "arena", 3).seconds(seconds)
+}
+
 /// The mapping mission that waits for what it has lost.
-fn pausing() -> String {
-    let map = onbrick::behavior::shipped::find("map").unwrap().text;
-    assert!(!map.contains("on_lost"), "it says itself what happens");
-    map.replacen("time_limit_s", "on_lost = \"pause\"\ntime_limit_s", 1)
+fn pausing(seconds: f64) -> Play {
+    let mut play = mapping(seconds);
+    assert!(!play.mission_toml.contains("on_lost"), "it says itself what happens");
+    play.mission_toml = play.mission_toml.replacen("time_limit_s", "on_lost = \"pause\"\ntime_limit_s", 1);
+    play
 }
 
 /// The furthest that a believed pose is from the one before, metres.
-fn largest_step_m(ended: &Ended) -> f64 {
-    let poses = ended.recorded.poses.windows(2);
-    let steps = poses
+fn largest_step_m(recorded: &Run) -> f64 {
+    let steps = recorded
+        .poses
+        .windows(2)
         .map(|pair| libm::hypot(pair[1].pose.x_m - pair[0].pose.x_m, pair[1].pose.y_m - pair[0].pose.y_m));
     steps.fold(0.0, f64::max)
 }
@@ -47,15 +55,16 @@ fn travelled_m(truths: &[Truth], time_s: f64) -> f64 {
 
 #[test]
 fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
-    let clean = Stage { mission: pausing(), ..Stage::default() }.play();
+    let clean = pausing(60.0).play().unwrap();
     promised(&format!("clean: {:.2} m, off by {:.3} m", clean.truth.travelled_m, clean.pose_error_m()));
     for (port, channel) in DEVICES {
         let text = format!("[[fault]]\nat_s = 10\nuntil_s = 14\nport = \"{port}\"\nkind = \"unplug\"\n");
-        let ended = Stage { mission: pausing(), scenario: &text, ..Stage::default() }.play();
-        let logs: Vec<&str> = ended.recorded.logs.iter().map(|log| log.text.as_str()).collect();
+        let ended = pausing(60.0).scenario(&text).play().unwrap();
+        let recorded = ended.run();
+        let logs: Vec<&str> = recorded.logs.iter().map(|log| log.text.as_str()).collect();
         assert_eq!(ended.reason, StopReason::Finished, "{port}: {logs:?}");
         let at = |what: &str| {
-            let found = ended.recorded.logs.iter().find(|log| log.text.contains(what));
+            let found = recorded.logs.iter().find(|log| log.text.contains(what));
             found.unwrap_or_else(|| panic!("{port}: no `{what}` in {logs:?}")).time_ns as f64 / 1e9
         };
         let (lost_s, back_s) = (at(&format!("lost: {channel}")), at("going on"));
@@ -64,19 +73,19 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
         assert!((14.0..17.5).contains(&back_s), "{port}: back at {back_s} s");
         let waited_m = travelled_m(&ended.truths, 14.0) - travelled_m(&ended.truths, 11.0);
         let afterwards_m = ended.truths.last().unwrap().travelled_m - travelled_m(&ended.truths, back_s);
+        let step_m = largest_step_m(&recorded);
         promised(&format!(
-            "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m driven then; largest step {:.4} m; off by \
+            "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m driven then; largest step {step_m:.4} m; off by \
              {:.3} m at the end",
             lost_s - 10.0,
             back_s - 14.0,
-            largest_step_m(&ended),
             ended.pose_error_m()
         ));
         assert!(waited_m < 0.002, "{port}: it waits, and has driven {waited_m} m");
         assert!(afterwards_m > 0.3, "{port}: it really goes on: {afterwards_m} m");
-        assert!(largest_step_m(&ended) < 0.01, "{port}: no jump: {} m", largest_step_m(&ended));
+        assert!(step_m < 0.01, "{port}: no jump: {step_m} m");
         assert!(ended.pose_error_m() < clean.pose_error_m() + 0.1, "{port}: off by {}", ended.pose_error_m());
-        assert_at_rest(&ended, port);
+        ended.assert_at_rest(port);
     }
 }
 
@@ -91,22 +100,21 @@ fn promise_3_a_plug_may_come_loose_again_and_again() {
             )
         })
         .collect();
-    let ended = Stage { mission: pausing(), scenario: &text, ..Stage::default() }.play();
-    assert_eq!(ended.reason, StopReason::Finished, "{:?}", ended.done);
+    let ended = pausing(60.0).scenario(&text).play().unwrap();
+    assert_eq!(ended.reason, StopReason::Finished, "{:?}", ended.faults);
     assert!(ended.truth.travelled_m > 0.5, "{} m", ended.truth.travelled_m);
-    assert!(largest_step_m(&ended) < 0.01, "no jump: {} m", largest_step_m(&ended));
-    assert_at_rest(&ended, "again and again");
+    let step_m = largest_step_m(&ended.run());
+    assert!(step_m < 0.01, "no jump: {step_m} m");
+    ended.assert_at_rest("again and again");
 }
 
 #[test]
 fn promise_3_a_device_that_stays_away_keeps_the_robot_waiting_until_its_time_is_over() {
-    let ended =
-        Stage { mission: pausing(), limit_s: 20.0, scenario: &fault("in4", "unplug"), ..Stage::default() }
-            .play();
+    let ended = pausing(20.0).scenario(&fault("in4", "unplug")).play().unwrap();
     assert_eq!(ended.reason, StopReason::TimeLimit);
     let waited_m = travelled_m(&ended.truths, 19.9) - travelled_m(&ended.truths, 11.0);
     assert!(waited_m < 0.002, "{waited_m} m");
-    assert_at_rest(&ended, "away for good");
+    ended.assert_at_rest("away for good");
 }
 
 /// A clock on which one sleep takes too long.
@@ -132,27 +140,23 @@ impl Clock for Hiccup {
 
 #[test]
 fn promise_2_a_loop_that_stalls_stops_and_one_that_is_late_is_counted_and_recorded() {
-    let late = Stage {
-        limit_s: 20.0,
-        clock: |clock| Arc::new(Hiccup { clock, by_ns: 150 * MILLISECOND_NS }),
-        ..Stage::default()
-    }
-    .play();
+    let late =
+        Play { seen_clock: |clock| Arc::new(Hiccup { clock, by_ns: 150 * MILLISECOND_NS }), ..mapping(20.0) }
+            .play()
+            .unwrap();
     assert_eq!(late.reason, StopReason::Finished);
     assert_eq!((late.tally.overruns, late.tally.latest_ns), (1, 150 * MILLISECOND_NS));
-    let recorded: u32 = late.recorded.statistics.iter().map(|window| window.overruns).sum();
+    let recorded: u32 = late.run().statistics.iter().map(|window| window.overruns).sum();
     assert_eq!(recorded, 1, "it is in the recording");
 
-    let stalled = Stage {
-        limit_s: 20.0,
-        clock: |clock| Arc::new(Hiccup { clock, by_ns: 201 * MILLISECOND_NS }),
-        ..Stage::default()
-    }
-    .play();
+    let stalled =
+        Play { seen_clock: |clock| Arc::new(Hiccup { clock, by_ns: 201 * MILLISECOND_NS }), ..mapping(20.0) }
+            .play()
+            .unwrap();
     assert_eq!(stalled.reason, StopReason::Late);
     assert_eq!(stalled.tally.latest_ns, 201 * MILLISECOND_NS);
-    assert!(stalled.time_s < 10.5, "{} s", stalled.time_s);
-    assert_at_rest(&stalled, "stalled");
+    assert!(stalled.drove_s < 10.5, "{} s", stalled.drove_s);
+    stalled.assert_at_rest("stalled");
 }
 
 #[test]
@@ -170,8 +174,8 @@ fn promise_9_another_programs_hand_on_our_motors_ends_the_run_and_nothing_is_fou
             (&["duty_cycle_sp 30", "command run-direct"], "running"),
         ] {
             let scenario = orders(port, writes);
-            let ended = Stage { scenario: &scenario, ..Stage::default() }.play();
-            let took_ms = (ended.time_s - 10.0) * 1e3;
+            let ended = mapping(60.0).scenario(&scenario).play().unwrap();
+            let took_ms = (ended.drove_s - 10.0) * 1e3;
             promised(&format!("{port} {writes:?}: {} after {took_ms:.0} ms", ended.reason));
             assert_eq!(ended.reason, StopReason::Outside(*channel), "{port} {writes:?}");
             assert!(took_ms <= 120.0, "{port} {writes:?}: {took_ms} ms");

@@ -1,7 +1,7 @@
 //! A whole run in this process, in virtual time, with every layer open to faults: the brick's devices (scenario), its files and the
 //! recording's (plans).
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
@@ -11,8 +11,8 @@ use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::recording::{
     End, MachineNames, Options, Pace, RecordError, Recorder, Run, Start, StateNames,
 };
-use onbrick::runtime::{Control, NoHeartbeat, Pilot, StopFlags, StopReason, Tally, prepare};
-use onbrick::sim::{Pack, Scenario, Simulation, Truth, World, WorldPhysics, Written};
+use onbrick::runtime::{Control, Heartbeat, Pilot, StopFlags, StopReason, Tally, prepare};
+use onbrick::sim::{Observer, Pack, Scenario, Simulation, Truth, World, WorldPhysics, Written};
 
 use super::faulty::{FaultySink, FaultyTree, Plan};
 use super::memory::MemoryDisk;
@@ -38,6 +38,8 @@ pub struct Play {
     pub pack: Pack,
     /// Stands at 0.
     pub clock: Arc<VirtualClock>,
+    /// The clock that the run sees, made of that one.
+    pub seen_clock: fn(Arc<VirtualClock>) -> Arc<dyn Clock>,
 }
 
 impl Play {
@@ -57,6 +59,7 @@ impl Play {
             journal: false,
             pack: Pack::Aa,
             clock: Arc::default(),
+            seen_clock: |clock| clock,
         }
     }
 
@@ -78,11 +81,11 @@ impl Play {
 
     /// As [`play`](Self::play), on a disk that somebody else sees as well.
     pub fn play_on(self, disk: MemoryDisk) -> Result<Played, RecordError> {
-        let clock: Arc<dyn Clock> = self.clock.clone();
+        let clock = (self.seen_clock)(Arc::clone(&self.clock));
         let physics = WorldPhysics::new(World::named(&self.world).unwrap(), 1, self.seed).unwrap();
         let observer = physics.observer();
         let simulation = Simulation::with_options(
-            Arc::clone(&clock),
+            self.clock.clone(),
             Box::new(physics),
             self.seed,
             onbrick::sim::Options { pack: self.pack, ..Default::default() },
@@ -111,13 +114,14 @@ impl Play {
         simulation.record_writes(self.journal);
         self.attributes.wake();
         let began_ns = clock.now_ns();
+        let truths = Arc::default();
         let mut control = Control {
             robot: &mut robot,
             pilot: &mut pilot,
             recorder: &mut tick_side,
             clock: &*clock,
             flags: &flags,
-            heartbeat: &mut NoHeartbeat,
+            heartbeat: &mut Witness { observer, truths: Arc::clone(&truths) },
             period_ns: SECOND_NS / i64::from(mission.rate_hz()),
             tally: Tally::default(),
         };
@@ -141,6 +145,7 @@ impl Play {
             tally,
             drove_s: onbrick::clock::seconds(drove_ns),
             recorded,
+            truths: std::mem::take(&mut *truths.lock().unwrap()),
             truth,
             states: ["outA", "outB", "outD"].map(|port| state_of(&*simulation.brick(0), port)),
             writes: simulation.take_writes(),
@@ -184,6 +189,8 @@ pub struct Played {
     pub tally: Tally,
     pub drove_s: f64,
     pub recorded: Result<(), RecordError>,
+    /// At each tick.
+    pub truths: Vec<Truth>,
     /// A second after the end.
     pub truth: Truth,
     /// What the motors' drivers say of the head, the left and the right wheel then; nothing for one that is not there.
@@ -198,12 +205,37 @@ impl Played {
         Run::read(&self.disk.bytes()).unwrap()
     }
 
+    /// How far the robot was in the last tick from where it believed to be, metres.
+    pub fn pose_error_m(&self) -> f64 {
+        let (run, truth) = (self.run(), self.truths.last().unwrap());
+        let believed = run.poses.last().unwrap().pose;
+        libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m)
+    }
+
     /// The robot stands, a second after the end, and no motor is under a command.
     pub fn assert_at_rest(&self, what: &str) {
         assert!(self.states.iter().all(String::is_empty), "{what}: motors are {:?}", self.states);
         let speed_mps = self.truth.speed_mps;
         assert!(speed_mps.abs() < 1e-3, "{what}: {speed_mps} m/s a second after the end");
     }
+}
+
+/// Notes the truth at each beat.
+#[derive(Debug)]
+struct Witness {
+    observer: Observer,
+    truths: Arc<Mutex<Vec<Truth>>>,
+}
+
+impl Heartbeat for Witness {
+    fn beat(&mut self) {
+        self.truths.lock().unwrap().push(self.observer.truth(0).unwrap());
+    }
+}
+
+/// A fault ten seconds after a run's beginning, as a scenario.
+pub fn fault(port: &str, kind: &str) -> String {
+    format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"{kind}\"\n")
 }
 
 /// What a motor's driver says that it does; nothing for one that is not there.
