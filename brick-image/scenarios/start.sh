@@ -13,13 +13,15 @@ done
 brick_down
 quick=$(mission map 100 20)
 
-# measure NUMBER: one start; its lines, each with the time at which it came, are in /tmp/said. The first empty one is the first tick's beat.
+# measure NUMBER: one start; its lines are in /tmp/said, stamped ahead of everything else, so that each has the time at which it was said. The
+# first empty one is the first tick's beat.
 measure() {
+  rm -f /tmp/said
   brick-figures job "$quick" /tmp/plain "/tmp/run-$1.mcap" >/tmp/job
   {
     probe now >/tmp/started
     exec onbrick -vv control
-  } </tmp/job 2>&1 | probe stamp >/tmp/said &
+  } </tmp/job 2>&1 | probe fifo 60 probe stamp >/tmp/said &
   starting=$!
   if ! wait_for 30 grep -q '^[0-9]* $' /tmp/said; then
     cat /tmp/said
