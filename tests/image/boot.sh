@@ -25,10 +25,10 @@ add_room() {
   add "$work/fstab" /etc/fstab 644
 }
 
-# It stands for hardware, which answers at once whatever else the processor is asked to do.
+# It stands for hardware, which answers at once whatever else the processor is asked to do, and which the service may write to.
 add_hardware() {
   printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nCPUSchedulingPolicy=fifo\nCPUSchedulingPriority=60\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
-  printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\n' >"$work/drop-in"
+  printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nReadWritePaths=/run/brick\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\n' >"$work/drop-in"
   add "$tools/onbrick-sim" /usr/local/bin/onbrick-sim 755
   add "$checkout/brick-image/emulator/room.toml" /usr/local/lib/room.toml 644
   add "$work/hardware" /etc/systemd/system/hardware.service 644
@@ -114,7 +114,7 @@ check "and no other" wait_until 30 same_code
 check "then it sees the brick" stranger status red
 check "the first PC starts a mission" pc start map red --set time_limit_s=10
 check "which comes to its end" wait_until 300 pc_has_run
-cat "$work/said"
+if ! pc_has_run; then pc --json status red && cat "$work/said"; fi
 check "and fetches the run" pc fetch red -o "$work/maps"
 run=$(find "$work/maps" -name '*.mcap' | head -n 1)
 check "which is a whole recording" "$pc" replay "$run"
