@@ -35,23 +35,31 @@ resident() {
 }
 
 drive_through "$(mission map 100 "$seconds")"
-peak=0 first_minute=0 passed=0
-while [ $passed -lt $((seconds - 5)) ]; do
+each() {
+  for folder in $(ours); do
+    echo "$(tr '\0' ' ' <"$folder/cmdline" | cut -c1-40): $(awk '/^Rss/ { printf "%s %s kB  ", $1, $2 }' "$folder/status")"
+  done
+}
+started=$(probe now)
+passed() { echo $((($(probe now) - started) / 1000000000)); }
+peak=0 first_minute=0 minute=1
+while [ "$(passed)" -lt $((seconds - 10)) ]; do
   sleep 5
-  passed=$((passed + 5))
   now=$(resident)
   [ "$now" -le "$peak" ] || peak=$now
-  if [ $passed -le 60 ]; then first_minute=$peak; fi
+  if [ "$(passed)" -le 60 ]; then first_minute=$peak; fi
+  if [ "$(passed)" -ge $((60 * minute)) ]; then
+    echo "after $minute min: $now kB"
+    each
+    minute=$((minute + 1))
+  fi
 done
-processes=0
-for folder in $(ours); do
-  echo "$(tr '\0' ' ' <"$folder/cmdline" | cut -c1-40): $(awk '/^Rss/ { printf "%s %s kB  ", $1, $2 }' "$folder/status")"
-  processes=$((processes + 1))
-done
+processes=$(ours | wc -l)
+each
 arrive
 echo "the recording has $(du -k "$runs" | tail -n 1 | cut -f1) kB"
 service_down
 brick_down
-figure "processes that were looked at" $processes "(service, guard, control)" "==" 3
+figure "processes that were looked at" "$processes" "(service, guard, control)" "==" 3
 figure "peak resident memory, all of them, without shared text" "$peak" kB "<=" 8192
 figure "growth after the first minute" $((peak - first_minute)) kB "<=" 64
