@@ -318,6 +318,12 @@ impl Menu {
         Some(self.shown.insert(self.canvas.clone()))
     }
 
+    /// Gives the picture once more, although it is the one that was given last.
+    pub fn show_again(&mut self) {
+        self.shown = None;
+        self.changed = true;
+    }
+
     fn showing(&self) -> Showing {
         if self.talk.is_some() {
             Showing::Talk

@@ -11,15 +11,20 @@
  *   probe fifo PRIORITY CMD.. runs CMD with a real-time priority
  *   probe random              how a request for random bytes that may not wait ends
  *   probe seed                tells the kernel that it has all the random numbers that it wants
+ *   probe buttons             is the brick's buttons: types the letters u d l r e b of its input; a capital is held until a dot
+ *   probe frame FILE CMD...   starts CMD; prints the nanoseconds until the last pixel of a white page is on the screen
+ *   probe console FILE        whether a console shows text or graphics
  */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/audit.h>
 #include <linux/filter.h>
+#include <linux/kd.h>
 #include <linux/perf_event.h>
 #include <linux/random.h>
 #include <linux/seccomp.h>
+#include <linux/uinput.h>
 #include <poll.h>
 #include <sched.h>
 #include <stddef.h>
@@ -150,6 +155,67 @@ static int seed(void) {
   return 0;
 }
 
+static int key(int device, int code, int value) {
+  struct input_event events[] = {{.type = EV_KEY, .code = code, .value = value}, {.type = EV_SYN}};
+  return write(device, events, sizeof events) == sizeof events ? 0 : fail("a key");
+}
+
+/* As gpio_keys has them on the brick: keys alone, no repeat. */
+static int buttons(void) {
+  static const char letters[] = "udlreb";
+  static const int codes[] = {KEY_UP, KEY_DOWN, KEY_LEFT, KEY_RIGHT, KEY_ENTER, KEY_BACKSPACE};
+  struct uinput_setup setup = {.id = {.bustype = BUS_HOST, .vendor = 1, .product = 1, .version = 0x100}, .name = "EV3 Brick Buttons"};
+  int device = open("/dev/uinput", O_WRONLY | O_CLOEXEC);
+  if (device < 0) return fail("/dev/uinput");
+  ioctl(device, UI_SET_PHYS, "gpio-keys/input0");
+  ioctl(device, UI_SET_EVBIT, EV_KEY);
+  for (size_t i = 0; i < sizeof codes / sizeof *codes; i++) ioctl(device, UI_SET_KEYBIT, codes[i]);
+  if (ioctl(device, UI_DEV_SETUP, &setup) != 0 || ioctl(device, UI_DEV_CREATE) != 0) return fail("uinput");
+  int held = 0;
+  for (int letter; (letter = getchar()) != EOF;) {
+    const char *known = strchr(letters, letter | 32);
+    if (letter == '.' && held) key(device, held, 0), held = 0;
+    if (letter <= ' ' || !known || !*known) continue;
+    held = codes[known - letters];
+    if (key(device, held, 1) != 0) return 1;
+    if (letter < 'a') continue;
+    /* As long as a finger, and until the next one. */
+    usleep(80000);
+    key(device, held, 0), held = 0;
+    usleep(120000);
+  }
+  return 0;
+}
+
+static int frame(const char *path, char **command) {
+  enum { LINE = 178 * 4, SIZE = LINE * 128 };
+  int file = open(path, O_RDWR | O_CLOEXEC);
+  if (file < 0) return fail(path);
+  volatile unsigned char *screen = mmap(0, SIZE, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+  if (screen == MAP_FAILED) return fail("mmap");
+  memset((void *)screen, 0, SIZE);
+  long long started = on(CLOCK_MONOTONIC);
+  pid_t child = fork();
+  if (child < 0) return fail("fork");
+  if (child == 0) {
+    execvp(command[0], command);
+    _exit(fail(command[0]));
+  }
+  while (screen[SIZE - 4] != 255) {
+    if (on(CLOCK_MONOTONIC) - started > 60000000000LL) return fprintf(stderr, "probe: no frame in a minute\n"), 1;
+    usleep(1000);
+  }
+  printf("%lld\n", on(CLOCK_MONOTONIC) - started);
+  return 0;
+}
+
+static int console(const char *path) {
+  int mode, file = open(path, O_RDWR | O_NOCTTY | O_CLOEXEC);
+  if (file < 0 || ioctl(file, KDGETMODE, &mode) != 0) return fail(path);
+  puts(mode == KD_TEXT ? "text" : mode == KD_GRAPHICS ? "graphics" : "neither");
+  return 0;
+}
+
 int main(int count, char **words) {
   const char *form = count > 1 ? words[1] : "";
   if (!strcmp(form, "read") && count == 4) return read_loop(words[2], atol(words[3]));
@@ -162,11 +228,14 @@ int main(int count, char **words) {
   if (!strcmp(form, "stamp")) return stamp();
   if (!strcmp(form, "fifo") && count > 3) return fifo(atoi(words[2]), words + 3);
   if (!strcmp(form, "seed")) return seed();
+  if (!strcmp(form, "buttons")) return buttons();
+  if (!strcmp(form, "frame") && count > 3) return frame(words[2], words + 3);
+  if (!strcmp(form, "console") && count == 3) return console(words[2]);
   if (!strcmp(form, "random")) {
     char byte;
     puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
     return 0;
   }
-  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random | seed\n", stderr);
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random | seed | buttons | frame FILE COMMAND... | console FILE\n", stderr);
   return 2;
 }

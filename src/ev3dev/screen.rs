@@ -9,8 +9,8 @@
 //!
 //! # Not here
 //!
-//! No drawing: that is the menu's. No other layouts than 32 bits a pixel, red, green, blue from the top: the images of ev3dev before
-//! April 2018 had 1 bit, and are refused with a message.
+//! No drawing: that is the menu's. No other layouts than 32 bits a pixel, red, green, blue from the top, or the other way round as a virtual frame buffer
+//! has it: the images of ev3dev before April 2018 had 1 bit, and are refused with a message.
 //!
 //! # What we count on
 //!
@@ -61,7 +61,7 @@ pub enum ScreenError {
     },
     /// The kernel's description is not understood, or the memory is laid out otherwise.
     #[error(
-        "the screen {} is laid out as {found}; known is 32 bits a pixel, red 16, green 8, blue 0: an image of ev3dev since April 2018 has that",
+        "the screen {} is laid out as {found}; known is 32 bits a pixel, red 16, green 8, blue 0 (or blue 16, red 0): an image of ev3dev since April 2018 has that",
         path.display()
     )]
     Layout {

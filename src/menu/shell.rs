@@ -37,6 +37,11 @@ pub trait Display {
     ///
     /// [`MenuError`].
     fn show(&mut self, menu: &Menu, picture: &Canvas) -> Result<(), MenuError>;
+
+    /// Whether what was shown is lost since the last look, so that it has to be shown again.
+    fn has_lost_it(&mut self) -> bool {
+        false
+    }
 }
 
 /// A connection to the service. Each lane's thread has one of its own.
@@ -103,6 +108,9 @@ pub fn attend(menu: &mut Menu, parts: Parts<'_>) -> Result<(), MenuError> {
             courier.carry(menu, lane);
         }
         talk.carry(menu, talker);
+        if display.has_lost_it() {
+            menu.show_again();
+        }
         // The picture is taken out first: the display may want to read the page as well.
         if let Some(picture) = menu.picture().cloned() {
             display.show(menu, &picture)?;

@@ -206,21 +206,28 @@ fn release(held: &mut Option<Jog>) {
 }
 
 fn live_device(entry: &Entry, robot: Option<&RobotConfig>) -> LiveDevice {
-    let unit = |unit: &str| if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    let readings = entry
-        .readings
-        .iter()
-        .map(|reading| format!("{} {}{}", reading.name, reading.value, unit(&reading.unit)));
-    let reading = readings.chain(entry.problem.clone()).collect::<Vec<_>>().join(", ");
     let address: Option<PortAddress> = entry.address.parse().ok();
     let port = address.as_ref().map_or(entry.address.as_str(), PortAddress::short).to_owned();
     LiveDevice {
         role: address.zip(robot).and_then(|(address, robot)| role_at(&address, robot)),
         port,
         driver: entry.driver.clone(),
-        reading,
+        reading: short_reading(entry),
         motor: entry.class == "tacho-motor",
     }
+}
+
+/// What a device reads, as short as the brick's screen wants it: a motor's angle, a sensor's values; and what is amiss.
+fn short_reading(entry: &Entry) -> String {
+    let is_motor = entry.class.ends_with("-motor");
+    let readings = entry.readings.iter().take(if is_motor { 1 } else { usize::MAX });
+    let written = readings.map(|reading| match reading.unit.as_str() {
+        "" => reading.value.clone(),
+        // A count of every motor that turns is a degree: `count_per_rot` is 360.
+        "counts" if entry.name.starts_with("motor") => format!("{}°", reading.value),
+        unit => format!("{} {unit}", reading.value),
+    });
+    written.chain(entry.problem.clone()).collect::<Vec<_>>().join(", ")
 }
 
 /// What a robot's file uses a port for.
@@ -244,4 +251,31 @@ fn role_at(address: &PortAddress, robot: &RobotConfig) -> Option<String> {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ev3dev::LiveValue;
+
+    fn reads(class: &'static str, name: &str, readings: &[(&str, &str, &str)]) -> String {
+        let value = |(name, value, unit): &(&str, &str, &str)| LiveValue {
+            name: (*name).to_owned(),
+            value: (*value).to_owned(),
+            unit: (*unit).to_owned(),
+        };
+        let readings = readings.iter().map(value).collect();
+        let (address, driver) = (String::new(), String::new());
+        short_reading(&Entry { class, name: name.to_owned(), address, driver, readings, problem: None })
+    }
+
+    #[test]
+    fn a_reading_fits_beside_its_port_on_the_bricks_screen() {
+        let motor = [("position", "-120", "counts"), ("speed", "0", "counts/s"), ("state", "", "")];
+        assert_eq!(reads("tacho-motor", "motor3", &motor), "-120°");
+        assert_eq!(reads("tacho-motor", "linear0", &motor), "-120 counts");
+        assert_eq!(reads("lego-sensor", "sensor0", &[("US-DIST-CM", "82.4", "cm")]), "82.4 cm");
+        let colours = [("RGB-RAW", "12", ""), ("RGB-RAW", "30", ""), ("RGB-RAW", "4", "")];
+        assert_eq!(reads("lego-sensor", "sensor1", &colours), "12, 30, 4");
+    }
 }

@@ -1,11 +1,13 @@
 //! The menu: its pages as pictures, its buttons as transcripts, a monkey on the buttons, and the real one against a real service.
 #![cfg(all(feature = "host", feature = "sim"))]
 
+mod calibrates;
 mod live;
 mod monkey;
 mod pictures;
 mod scripted;
 mod transcripts;
+mod window;
 
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -10,24 +10,24 @@ use onbrick::robot::{DEFAULT_ROBOT, RobotConfig};
 use onbrick::runtime::{Dialogue, NoAnswer, Source, StopFlags};
 use onbrick::sim::{RobotModel, Simulation, Truth, World, WorldPhysics};
 
-mod calibrate;
+pub(crate) mod calibrate;
 mod commands;
 mod doctor;
 mod messages;
 mod teach;
 
 /// A brick in a world, and the handles that a test needs.
-struct Bench {
-    clock: Arc<VirtualClock>,
+pub(crate) struct Bench {
+    pub(crate) clock: Arc<VirtualClock>,
     simulation: Simulation,
-    tree: Arc<dyn Tree>,
+    pub(crate) tree: Arc<dyn Tree>,
     flags: StopFlags,
     model: RobotModel,
 }
 
 impl Bench {
     /// A plain wall ahead, half a metre before the sensor, and room all around; `robot` is what else the world's file says of it.
-    fn new(robot: &str, seed: u64) -> Self {
+    pub(crate) fn new(robot: &str, seed: u64) -> Self {
         let text = format!(
             "name = \"bench\"\n[[start]]\nat = [0.0, 0.0]\n[[wall]]\npoints = [[0.6, -2.0], [0.6, 2.0]]\n{robot}"
         );
@@ -56,7 +56,7 @@ impl Bench {
     }
 
     /// Nothing turns, and nothing turns a second later.
-    fn assert_still(&self) {
+    pub(crate) fn assert_still(&self) {
         self.pass(0.5);
         let before = self.truth();
         self.pass(1.0);
@@ -80,7 +80,7 @@ fn robot_with(from: &str, to: &str) -> Source {
     Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.replacen(from, to, 1) }
 }
 
-fn load(source: &Source) -> RobotConfig {
+pub(crate) fn load(source: &Source) -> RobotConfig {
     let (config, findings) = RobotConfig::load(&source.name, source.text.as_bytes())
         .unwrap_or_else(|findings| panic!("{findings}\n{}", source.text));
     assert!(findings.is_empty(), "{findings}");

@@ -1,7 +1,8 @@
 //! The brick's screen in a terminal, and its buttons on a keyboard.
 //!
-//! A letter of the terminal is two pixels, one above the other, where it has 178 columns; otherwise eight, as a pattern of Braille dots. Keys
-//! are read as bytes of the standard input, so that a pipe can press them too: `u d l r`, `e` Enter, `b` Back, `q` ends.
+//! A letter of the terminal is two pixels, one above the other, where there is room for that; otherwise eight, as a pattern of Braille dots; and
+//! a terminal that is smaller still shows the page's text. Keys are read as bytes of the standard input, so that a pipe can press them too:
+//! `u d l r`, `e` Enter, `b` Back, `q` ends.
 //!
 //! A terminal tells that a key was pressed and not that it was let go: a key counts as held for as long as its repeat keeps coming.
 
@@ -20,7 +21,33 @@ use crate::menu::{Canvas, Display, HEIGHT, Keys, Menu, MenuError, WIDTH};
 #[derive(Debug)]
 pub(super) struct Window {
     before: Option<Termios>,
+    size: Size,
 }
+
+/// How large a terminal is, letters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Size {
+    columns: u32,
+    rows: u32,
+}
+
+impl Size {
+    /// Of the terminal at the standard output; what is none has room for all.
+    fn now() -> Self {
+        terminal_size::terminal_size().map_or(
+            Self { columns: WIDTH / 2, rows: u32::MAX },
+            |(width, height)| Self { columns: width.0.into(), rows: height.0.into() },
+        )
+    }
+
+    /// Whether letters of so many pixels show all of the picture, with a row left for the keys.
+    fn has_room(self, across: u32, down: u32) -> bool {
+        self.columns >= WIDTH / across && self.rows > HEIGHT / down
+    }
+}
+
+/// What the keys are, under the picture.
+const KEYS: &str = "arrows, Enter; Backspace or Escape: Back; q closes";
 
 /// Another screen without a cursor, and back.
 const ENTER: &str = "\x1b[?1049h\x1b[?25l\x1b[2J";
@@ -36,7 +63,7 @@ impl Window {
             raw.local_flags.remove(LocalFlags::ECHO | LocalFlags::ICANON);
             termios::tcsetattr(stdin.as_fd(), SetArg::TCSANOW, &raw)?;
         }
-        let window = Self { before };
+        let window = Self { before, size: Size::now() };
         put(ENTER)?;
         Ok(window)
     }
@@ -53,9 +80,24 @@ impl Drop for Window {
 }
 
 impl Display for Window {
-    fn show(&mut self, _menu: &Menu, picture: &Canvas) -> Result<(), MenuError> {
-        let columns = terminal_size::terminal_size().map_or(0, |(width, _)| u32::from(width.0));
-        Ok(put(&if columns >= WIDTH { blocks(picture) } else { dots(picture) })?)
+    fn show(&mut self, menu: &Menu, picture: &Canvas) -> Result<(), MenuError> {
+        let page = match self.size {
+            size if size.has_room(1, 2) => format!("{}{KEYS}", blocks(picture)),
+            size if size.has_room(2, 4) => format!("{}{KEYS}", dots(picture)),
+            size => letters(&menu.text(), size),
+        };
+        Ok(put(&format!("\x1b[H{page}"))?)
+    }
+
+    /// A terminal of another size has broken the lines anew.
+    fn has_lost_it(&mut self) -> bool {
+        let size = Size::now();
+        let has_lost_it = size != std::mem::replace(&mut self.size, size);
+        if has_lost_it {
+            // A terminal that is gone shows at the next picture.
+            let _ = put("\x1b[2J");
+        }
+        has_lost_it
     }
 }
 
@@ -68,7 +110,7 @@ fn put(text: &str) -> io::Result<()> {
 fn blocks(picture: &Canvas) -> String {
     // The 24 greys of the 256 colours, and their white and black.
     let colour = |grey: u8| [16, 240, 248, 231].get(usize::from(grey / 64)).copied().unwrap_or(231);
-    let mut text = "\x1b[H".to_owned();
+    let mut text = String::new();
     for y in (0..HEIGHT).step_by(2) {
         let mut last = None;
         for x in 0..WIDTH {
@@ -89,7 +131,7 @@ const DOTS: [(u32, u32); 8] = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (
 
 /// Eight pixels a letter; what is darker than the middle is a dot.
 fn dots(picture: &Canvas) -> String {
-    let mut text = "\x1b[H".to_owned();
+    let mut text = String::new();
     for y in (0..HEIGHT).step_by(4) {
         for x in (0..WIDTH).step_by(2) {
             let dark = |(right, down): (u32, u32)| u32::from(picture.pixel(x + right, y + down) < 128);
@@ -99,6 +141,33 @@ fn dots(picture: &Canvas) -> String {
         text.push_str("\r\n");
     }
     text
+}
+
+/// The page's text, with what is chosen in view, for a terminal without room for pixels.
+fn letters(page: &str, size: Size) -> String {
+    let columns = usize::try_from(size.columns.max(1)).unwrap_or(usize::MAX);
+    let lines: Vec<Vec<char>> = page
+        .lines()
+        .flat_map(|line| {
+            let letters: Vec<char> = line.chars().collect();
+            let rows = letters.len().div_ceil(columns).max(1);
+            (0..rows).map(move |row| letters.iter().skip(row * columns).take(columns).copied().collect())
+        })
+        .collect();
+    let foot = format!(
+        "{KEYS}\r\nthe screen itself from {} columns and {} rows on\x1b[J",
+        WIDTH / 2,
+        HEIGHT / 4 + 1
+    );
+    let room = usize::try_from(size.rows).unwrap_or(usize::MAX).saturating_sub(3).max(1);
+    let chosen = lines.iter().position(|line| line.starts_with(&['>', ' '])).unwrap_or(0);
+    let mut text = String::new();
+    for line in lines.iter().skip((chosen + 2).saturating_sub(room)).take(room) {
+        text.extend(line);
+        text.push_str("\x1b[K\r\n");
+    }
+    text.push_str("\x1b[K\r\n");
+    text + &foot
 }
 
 /// How many turns of the menu's loop a key counts as held: 0.4 s, shorter than the menu waits before it repeats by itself, and long enough for
@@ -207,5 +276,16 @@ mod tests {
         let picture = Canvas::default();
         assert_eq!(blocks(&picture).matches('▄').count(), 178 * 64);
         assert_eq!(dots(&picture).matches('\u{2800}').count(), 89 * 32);
+    }
+
+    #[test]
+    fn a_small_terminal_shows_the_text_around_what_is_chosen() {
+        let page = format!("[Runs]\n{}> 42 map: cut\n  43", "  a run of before\n".repeat(40));
+        let shown = letters(&page, Size { columns: 9, rows: 12 });
+        let lines: Vec<&str> = shown.split("\x1b[K\r\n").collect();
+        assert!(lines.contains(&"> 42 map:") && lines.contains(&" cut"), "{lines:?}");
+        assert!(lines.len() <= 12 && lines.iter().take(9).all(|line| line.chars().count() <= 9), "{lines:?}");
+        let short = letters("[Missions]\n> bump", Size { columns: 80, rows: 24 });
+        assert!(short.starts_with("[Missions]\x1b[K\r\n> bump\x1b[K\r\n"), "{short:?}");
     }
 }

@@ -111,7 +111,8 @@ fn understood(variable: &Variable, fixed: &Fixed) -> Result<ScreenLayout, OtherL
         blue: variable.blue.offset,
         line_length: fixed.line_length,
     };
-    let known = other.bits == 32 && (other.red, other.green, other.blue) == (16, 8, 0);
+    // Where the panel has red, a virtual frame buffer has blue: for greys both are the same.
+    let known = other.bits == 32 && matches!((other.red, other.green, other.blue), (16, 8, 0) | (0, 8, 16));
     // What is mapped is what the kernel says that there is.
     let bytes = u64::from(fixed.line_length) * u64::from(variable.yres);
     let fits = u64::from(variable.xres) * 4 <= u64::from(fixed.line_length)
@@ -158,7 +159,12 @@ mod tests {
         assert_eq!(size_of::<Fixed>(), if size_of::<c_ulong>() == 8 { 80 } else { 68 });
     }
 
-    fn asked(bits: u32, red: u32, line_length: u32, smem_len: u32) -> Result<ScreenLayout, OtherLayout> {
+    fn asked(
+        bits: u32,
+        (red, blue): (u32, u32),
+        line_length: u32,
+        smem_len: u32,
+    ) -> Result<ScreenLayout, OtherLayout> {
         let at = |offset| Bitfield { offset, length: 8, msb_right: 0 };
         let variable = Variable {
             xres: 178,
@@ -166,7 +172,7 @@ mod tests {
             bits_per_pixel: bits,
             red: at(red),
             green: at(8),
-            blue: at(0),
+            blue: at(blue),
             ..Variable::default()
         };
         understood(&variable, &Fixed { line_length, smem_len, ..Fixed::default() })
@@ -174,15 +180,21 @@ mod tests {
 
     #[test]
     fn the_bricks_layout_is_understood_and_others_are_named() {
-        assert_eq!(
-            asked(32, 16, 712, 91_136),
-            Ok(ScreenLayout { width: 178, height: 128, line_length: 712 })
-        );
-        for (bits, red, line, memory) in
-            [(1, 0, 24, 3072), (32, 0, 712, 91_136), (32, 16, 700, 91_136), (32, 16, 712, 91_135)]
-        {
-            let other = asked(bits, red, line, memory).unwrap_err().to_string();
-            assert!(other.contains(&format!("{bits} bits a pixel (red {red}")), "{other}");
+        for order in [(16, 0), (0, 16)] {
+            assert_eq!(
+                asked(32, order, 712, 91_136),
+                Ok(ScreenLayout { width: 178, height: 128, line_length: 712 })
+            );
+        }
+        for (bits, order, line, memory) in [
+            (1, (0, 0), 24, 3072),
+            (32, (0, 0), 712, 91_136),
+            (32, (24, 8), 712, 91_136),
+            (32, (16, 0), 700, 91_136),
+            (32, (16, 0), 712, 91_135),
+        ] {
+            let other = asked(bits, order, line, memory).unwrap_err().to_string();
+            assert!(other.contains(&format!("{bits} bits a pixel (red {}", order.0)), "{other}");
         }
     }
 }

@@ -7,6 +7,9 @@
 //! brick-figures run FILE                what a recording says of itself, as JSON
 //! brick-figures job MISSION BRICK FILE  the job of a run into FILE, for `onbrick control`; BRICK is a folder, or `simulated`
 //! brick-figures status SOCKET           what the service says of itself at its local door, as JSON
+//! brick-figures menu RUN FRAMEBUFFER    nanoseconds of each kind of the menu's pictures
+//! brick-figures screen FRAMEBUFFER COPY [PICTURE]
+//!                                       what a person reads on a screen; and whether it is one of the golden pictures
 //! ```
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "what it prints is its result")]
@@ -20,11 +23,13 @@ use onbrick::service::client::Client;
 use onbrick::service::protocol::{Request, Status};
 
 mod job;
+mod menu;
 mod reading;
 mod run;
+mod screen;
 mod stages;
 
-const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | job MISSION BRICK FILE | status SOCKET";
+const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen FRAMEBUFFER COPY [PICTURE]";
 
 fn main() -> ExitCode {
     let called = std::env::args_os().next().unwrap_or_default();
@@ -49,6 +54,9 @@ fn figures() -> Result<(), Box<dyn Error>> {
         ["run", file] => run::run(file),
         ["job", mission, brick, file] => job::job(mission, brick, file),
         ["status", socket] => status(socket),
+        ["menu", run, framebuffer] => menu::menu(run, framebuffer),
+        ["screen", framebuffer, copy] => screen::screen(framebuffer, copy, None),
+        ["screen", framebuffer, copy, golden] => screen::screen(framebuffer, copy, Some(golden)),
         _ => Err(USAGE.into()),
     }
 }

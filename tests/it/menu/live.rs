@@ -24,7 +24,7 @@ use crate::support::real_time::in_real_time;
 const DEADLINE: Duration = Duration::from_secs(120);
 
 /// A process that does not outlive its test.
-struct Running(Child);
+pub(super) struct Running(pub(super) Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
@@ -35,20 +35,20 @@ impl Drop for Running {
 
 impl Running {
     /// SIGTERM, and how it ends then.
-    fn end(mut self) -> std::process::ExitStatus {
+    pub(super) fn end(mut self) -> std::process::ExitStatus {
         kill(Pid::from_raw(i32::try_from(self.0.id()).unwrap()), Signal::SIGTERM).unwrap();
         self.0.wait().unwrap()
     }
 }
 
-fn onbrick(arguments: &[&str]) -> Command {
+pub(super) fn onbrick(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_onbrick"));
     command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command
 }
 
 #[track_caller]
-fn eventually<T>(what: &str, mut look: impl FnMut() -> Result<T, String>) -> T {
+pub(super) fn eventually<T>(what: &str, mut look: impl FnMut() -> Result<T, String>) -> T {
     let began = Instant::now();
     loop {
         match look() {
@@ -60,7 +60,7 @@ fn eventually<T>(what: &str, mut look: impl FnMut() -> Result<T, String>) -> T {
 }
 
 /// A service with a folder of its own.
-struct Served {
+pub(super) struct Served {
     folder: tempfile::TempDir,
     /// `--sim` and a world, or `--brick` and a root.
     place: [String; 2],
@@ -68,7 +68,7 @@ struct Served {
 }
 
 impl Served {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self::at(["--sim", "arena"])
     }
 
@@ -79,7 +79,7 @@ impl Served {
         served
     }
 
-    fn config(&self) -> &str {
+    pub(super) fn config(&self) -> &str {
         self.folder.path().to_str().unwrap()
     }
 
@@ -351,8 +351,8 @@ fn a_menu_of_brickmans_that_is_killed_takes_its_run_with_it_and_one_of_ours_does
     let served = Served::new();
     let root = Root::new();
     let mut ends = std::collections::BTreeMap::<String, u64>::new();
-    // Some more, where the machine was too slow for a run.
-    for kill in 0..kills + 20 {
+    // As many again and some more, where the machine was too slow for a run.
+    for kill in 0..2 * kills + 20 {
         if ends.get("menu closed") >= Some(&kills) {
             break;
         }

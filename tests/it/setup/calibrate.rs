@@ -10,7 +10,7 @@ const NEAR: f64 = 0.02;
 type Mischief = Box<dyn Fn(&Simulation)>;
 
 /// A person with good eyes, a slow hand and a measuring tape.
-struct Measurer {
+pub(crate) struct Measurer {
     simulation: Simulation,
     marked: Truth,
     way: f64,
@@ -24,7 +24,7 @@ struct Measurer {
 }
 
 impl Measurer {
-    fn new(bench: &Bench) -> Self {
+    pub(crate) fn new(bench: &Bench) -> Self {
         Self {
             simulation: bench.simulation.clone(),
             marked: bench.truth(),
@@ -95,7 +95,7 @@ impl Dialogue for Measurer {
 }
 
 /// The shipped robot with both measures wrong by a share, and without the gyro where asked.
-fn wrong(circumference: f64, track: f64, gyro: bool) -> Source {
+pub(crate) fn wrong(circumference: f64, track: f64, gyro: bool) -> Source {
     let text = DEFAULT_ROBOT.replacen("0.188976", &format!("{:.6}", 0.188_976 * circumference), 1).replacen(
         "0.1143",
         &format!("{:.6}", 0.1143 * track),
@@ -122,7 +122,7 @@ fn measure_with(
 }
 
 /// The file that comes out has both numbers within [`NEAR`] of the true ones.
-fn assert_near(what: &str, bench: &Bench, robot: &Source, calibration: &Calibration) {
+pub(crate) fn assert_near(what: &str, bench: &Bench, robot: &Source, calibration: &Calibration) {
     let text = calibration.apply(robot).unwrap_or_else(|error| panic!("{what}: {error}\n{calibration:?}"));
     let after = load(&Source { name: "robot.toml".to_owned(), text });
     let numbers = [
@@ -167,15 +167,19 @@ fn the_gyro_alone_does_as_well_as_the_gyro_itself() {
     }
 }
 
+/// Room for a metre between the robot and the wall.
+pub(crate) fn make_room(bench: &Bench) {
+    bench.simulation.inspect(|world: &mut WorldPhysics| {
+        world.carry(0, onbrick::sim::StartPose { x_m: -1.5, y_m: 0.0, heading_rad: 0.0 });
+    });
+}
+
 #[test]
 fn wrong_numbers_end_near_the_true_ones_with_a_tape_and_marked_turns() {
     for seed in 1..=3 {
         for (circumference, track) in [(0.9, 1.1), (1.1, 0.9)] {
-            // Room for a metre: the wall is out of the way behind the robot.
             let bench = Bench::new("", seed);
-            bench.simulation.inspect(|world: &mut WorldPhysics| {
-                world.carry(0, onbrick::sim::StartPose { x_m: -1.5, y_m: 0.0, heading_rad: 0.0 });
-            });
+            make_room(&bench);
             let robot = wrong(circumference, track, false);
             let options = CalibrateOptions { straight: Some(Straight::Metre), ..CalibrateOptions::default() };
             let calibration = measure(&bench, &robot, &options).unwrap();
