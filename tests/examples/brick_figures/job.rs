@@ -6,6 +6,7 @@ use std::error::Error;
 use std::path::Path;
 
 use onbrick::clock::SECOND_NS;
+use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{Brick, Job, Lock, Source, WhenAbandoned};
@@ -21,7 +22,7 @@ pub(crate) fn job(mission: &str, brick: &str, file: &str) -> Result<(), Box<dyn 
         robot: source("robot.toml", DEFAULT_ROBOT),
         brick: match brick {
             "simulated" => Brick::Simulated { world: source(WORLD, world), seed: 7, realtime: false },
-            root => Brick::Local(Path::new(root).to_owned()),
+            root => Brick::Local(LocalTree::new(root)),
         },
         start: Pose::default(),
         set: Vec::new(),
