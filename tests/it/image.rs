@@ -20,7 +20,7 @@ const DIRECTIVES: [(&str, u32); 43] = [
     ("Unit/Conflicts", 0),
     ("Unit/ConditionPathExists", 0),
     ("Unit/StartLimitIntervalSec", 230),
-    ("Unit/StartLimitBurst", 230),
+    ("Unit/StartLimitBurst", 229),
     ("Service/Type", 0),
     ("Service/NotifyAccess", 0),
     ("Service/ExecStartPre", 0),
