@@ -62,6 +62,10 @@ build_brick() {
   arm-linux-gnueabi-strip -o "$brick/onbrick" "$built/$target/release/onbrick"
 }
 
+build_tools() {
+  tools=$("$here/tools.sh") || fail "the brick's program with the simulated brick could not be built"
+}
+
 build_pc() {
   # On a machine without rustup it is Debian's.
   cargo build --release || fail "the program for this PC could not be built"
@@ -86,27 +90,13 @@ check_file() {
   say "ARM, EABI 5, soft float, v5TE, static, $size bytes"
 }
 
-# json_text FILE: its text, as it stands between the quotes of JSON.
-json_text() {
-  sed -e 's/\\/\\\\/g' -e 's/"/\\"/g' -e 's/\t/\\t/g' "$1" | awk '{ printf "%s\\n", $0 }'
-}
-
-# job FILE: the shipped mission that maps, all of its time, in the simulated arena, recorded into FILE: what `onbrick run` hands to the
-# process that drives. An emulated program cannot start that itself.
-job() {
-  printf '{"mission":{"name":"map","text":"%s"},' "$(json_text brick-image/missions/map.toml)"
-  printf '"robot":{"name":"robot","text":"%s"},' "$(json_text brick-image/robot.toml)"
-  printf '"brick":{"Simulated":{"world":{"name":"arena","text":"%s"},' "$(json_text src/sim/worlds/arena.toml)"
-  printf '"seed":7,"realtime":false}},"start":{"x_m":0.0,"y_m":0.0,"heading_rad":0.0},"set":[],'
-  printf '"file":"%s","sync_ns":1000000000,"run":null,"when_abandoned":"go_on","lock":"take"}\n' "$1"
-}
-
-# drive FILE COMMAND…: plays the job with a program.
+# drive FILE COMMAND…: the shipped mission that maps, all of its time, in the simulated arena, recorded into FILE by the process that drives. It
+# gets its job directly: an emulated program cannot start another.
 drive() {
   local file=$1 last
   shift
-  rm -f "$file"
-  last=$(job "$file" | "$@" control | grep -v '^$' | tail -n 1)
+  "${arm926[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" >"$work/job"
+  last=$("$@" control <"$work/job" | grep -v '^$' | tail -n 1)
   case $last in
     *'"event":"ended"'*'"wanted":true'*) ;;
     *) unfit "a mission did not end well with $*: $last" ;;
@@ -116,8 +106,7 @@ drive() {
 # A whole mission on an emulated ARM926EJ-S, which refuses any instruction that the brick lacks: recorded as on this PC, byte for byte, and
 # without a system call that the brick lacks. The program is the brick's with the simulated brick inside.
 check_mission() {
-  local tools called
-  tools=$("$here/tools.sh")
+  local called
   "${arm926[@]}" "$brick/onbrick" --version >/dev/null || unfit "an ARM926EJ-S does not run it"
   drive "$work/pc.mcap" "$built/release/onbrick"
   drive "$work/arm.mcap" "${arm926[@]}" -strace -D "$work/calls" "$tools/onbrick-sim"
@@ -157,6 +146,7 @@ install_tools
 install_rust
 build_brick
 check_file
+build_tools
 build_pc
 check_mission
 make_package

@@ -22,9 +22,9 @@ brick, and what is left in /tmp/out comes out.
   --pid FILE        the emulator's process number goes there: killing it is a power cut
   --timeout S       give up after so many seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
-  --tools DIR       onbrick-sim and brick-figures for the brick's processor (default: built into target/emulator)
+  --tools DIR       onbrick-sim, which measures as well, for the brick's processor (default: built into target/emulator)
   --image IMAGE     boot this SD card image with its own systemd instead; its console is this terminal
-  --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670
+  --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670, the next one to its pairing window, 5671
   -h, --help        this
 
 Exit codes: the scenario's own; 124 when the time is over; 1 when the emulator cannot start.
@@ -103,7 +103,8 @@ first_file_system() {
   put "$here/room.toml" lib/room.toml
   put "${onbrick:-$checkout/target/brick/onbrick}" usr/bin/onbrick
   tools=${tools:-$("$here/tools.sh")}
-  for tool in onbrick-sim brick-figures; do put "$tools/$tool" "usr/bin/$tool"; done
+  put "$tools/onbrick-sim" usr/bin/onbrick-sim
+  ln -s onbrick-sim "$work/root/usr/bin/brick-figures"
   arm-linux-gnueabi-gcc -O2 -static -Wall -o "$work/probe" "$here/probe.c"
   put "$work/probe" usr/bin/probe
   local missions
@@ -151,7 +152,7 @@ if [ -n "$image" ]; then
   # While it works its time counts instructions, so that a busy PC does not let the brick's own programs run into their time limits; while it
   # waits, for its disk or for a PC, time is everybody's.
   [ "$exact" = yes ] || machine+=(-icount "shift=2")
-  [ -z "$forward" ] || machine+=(-netdev "user,id=n,hostfwd=tcp:127.0.0.1:$forward-:5670" -device "virtio-net-pci,netdev=n,romfile=")
+  [ -z "$forward" ] || machine+=(-netdev "user,id=n,hostfwd=tcp:127.0.0.1:$forward-:5670,hostfwd=tcp:127.0.0.1:$((forward + 1))-:5671" -device "virtio-net-pci,netdev=n,romfile=")
   timeout --foreground "$timeout" "${machine[@]}" -append "$words root=/dev/vda2 rw rootwait ip=10.0.2.15::10.0.2.2:255.255.255.0::eth0:off" -serial mon:stdio 2>"$work/qemu.log"
 elif [ "$shell" = yes ]; then
   first_file_system

@@ -29,6 +29,7 @@ put 755 "$binary" usr/bin/onbrick
 for script in check still; do put 755 "$image/package/$script" "usr/lib/onbrick/$script"; done
 for unit in onbrick onbrick-menu; do put 644 "$image/package/$unit.service" "lib/systemd/system/$unit.service"; done
 put 644 "$image/onbrick.toml" etc/onbrick/onbrick.toml
+put 644 "$image/package/onbrick.avahi" etc/avahi/services/onbrick.service
 put 644 "$image/robot.toml" usr/share/onbrick/robot.toml
 for mission in "$image"/missions/*.toml; do put 644 "$mission" "usr/share/onbrick/missions/$(basename "$mission")"; done
 put 755 "$image/package/onbrick-menu" usr/share/onbrick/onbrick-menu
@@ -37,7 +38,7 @@ put 644 "$image/../LICENSE" usr/share/doc/onbrick/copyright
 (cd "$root" && md5sum usr/bin/onbrick) >"$root/usr/lib/onbrick/md5"
 
 for script in postinst prerm postrm; do put 755 "$image/package/$script" "DEBIAN/$script"; done
-echo /etc/onbrick/onbrick.toml >"$root/DEBIAN/conffiles"
+printf '%s\n' /etc/onbrick/onbrick.toml /etc/avahi/services/onbrick.service >"$root/DEBIAN/conffiles"
 (cd "$root" && find . -path ./DEBIAN -prune -o -type f -printf '%P\0' | sort -z | xargs -0 md5sum) >"$root/DEBIAN/md5sums"
 size_kb=$(du -s -k --exclude=DEBIAN "$root" | cut -f1)
 sed -e "s/@VERSION@/$version/" -e "s/@SIZE@/$size_kb/" "$image/package/control" >"$root/DEBIAN/control"

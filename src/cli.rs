@@ -71,6 +71,10 @@ mod start;
 mod status;
 #[cfg(all(feature = "link", feature = "host"))]
 mod stop;
+#[cfg(all(feature = "link", feature = "host"))]
+mod team;
+#[cfg(all(feature = "link", feature = "host"))]
+mod watch;
 
 pub use output::{Exit, Failure, Output};
 
@@ -113,6 +117,8 @@ enum Command {
     Fetch(fetch::Arguments),
     #[cfg(all(feature = "link", feature = "host"))]
     Identify(identify::Arguments),
+    #[cfg(all(feature = "link", feature = "host"))]
+    Team(team::Arguments),
     #[cfg(feature = "link")]
     Key(key::Arguments),
     #[cfg(feature = "link")]
@@ -179,6 +185,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Fetch(arguments) => fetch::run(&arguments, &mut output),
         #[cfg(all(feature = "link", feature = "host"))]
         Command::Identify(arguments) => identify::run(&arguments, &mut output),
+        #[cfg(all(feature = "link", feature = "host"))]
+        Command::Team(arguments) => team::run(&arguments, &mut output),
         #[cfg(feature = "link")]
         Command::Key(arguments) => key::run(&arguments, &mut output),
         #[cfg(feature = "link")]

@@ -9,6 +9,8 @@
 //! | [`server`] | a brick's door |
 //! | [`client`] | a brick as a program on a PC sees it: [`Client`] |
 //! | [`pairing`] | introducing a PC to a brick |
+//! | [`team`] | several bricks with start poses: `team.toml` |
+//! | `discover` | bricks that make themselves known (feature `host`) |
 //! | [`curve`] | that the libzmq that is linked can encrypt |
 //!
 //! # Not here
@@ -77,10 +79,13 @@
 
 pub mod client;
 pub mod curve;
+#[cfg(feature = "host")]
+pub mod discover;
 pub mod keys;
 mod monitor;
 pub mod pairing;
 pub mod server;
+pub mod team;
 
 use std::path::PathBuf;
 
@@ -90,6 +95,7 @@ use crate::service::protocol::{Done, Fetch, Fetched, Kind, Missions, Runs, Start
 pub use client::{Client, ClientError, FetchProgress, Patience};
 pub use keys::{KeyPair, KnownBrick, KnownBricks, PublicKey};
 pub use server::{LinkState, Server, ServerConfig};
+pub use team::Team;
 
 /// A PC's folder of keys: `$ONBRICK_KEYS`, or `onbrick` in the folder of configurations (`$XDG_CONFIG_HOME`, `~/.config`); `None` where there is no home.
 #[must_use]

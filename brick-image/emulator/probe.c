@@ -10,6 +10,7 @@
  *   probe stamp               copies lines, each with nanoseconds since boot before it
  *   probe fifo PRIORITY CMD.. runs CMD with a real-time priority
  *   probe random              how a request for random bytes that may not wait ends
+ *   probe seed                tells the kernel that it has all the random numbers that it wants
  *   probe buttons             is the brick's buttons: types the letters u d l r e b of its input; a capital is held until a dot
  *   probe frame FILE CMD...   starts CMD; prints the nanoseconds until the last pixel of a white page is on the screen
  *   probe console FILE        whether a console shows text or graphics
@@ -21,6 +22,7 @@
 #include <linux/filter.h>
 #include <linux/kd.h>
 #include <linux/perf_event.h>
+#include <linux/random.h>
 #include <linux/seccomp.h>
 #include <linux/uinput.h>
 #include <poll.h>
@@ -142,6 +144,17 @@ static int fifo(int priority, char **command) {
   return fail(command[0]);
 }
 
+static int seed(void) {
+  struct {
+    struct rand_pool_info info;
+    unsigned char bytes[32];
+  } pool = {.info = {.entropy_count = 8 * sizeof pool.bytes, .buf_size = sizeof pool.bytes}};
+  int file = open("/dev/urandom", O_RDWR | O_CLOEXEC);
+  if (file < 0) return fail("/dev/urandom");
+  if (ioctl(file, RNDADDENTROPY, &pool) != 0) return fail("RNDADDENTROPY");
+  return 0;
+}
+
 static int key(int device, int code, int value) {
   struct input_event events[] = {{.type = EV_KEY, .code = code, .value = value}, {.type = EV_SYN}};
   return write(device, events, sizeof events) == sizeof events ? 0 : fail("a key");
@@ -214,6 +227,7 @@ int main(int count, char **words) {
   if (!strcmp(form, "now")) return printf("%lld\n", on(CLOCK_MONOTONIC)) < 0;
   if (!strcmp(form, "stamp")) return stamp();
   if (!strcmp(form, "fifo") && count > 3) return fifo(atoi(words[2]), words + 3);
+  if (!strcmp(form, "seed")) return seed();
   if (!strcmp(form, "buttons")) return buttons();
   if (!strcmp(form, "frame") && count > 3) return frame(words[2], words + 3);
   if (!strcmp(form, "console") && count == 3) return console(words[2]);
@@ -222,6 +236,6 @@ int main(int count, char **words) {
     puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
     return 0;
   }
-  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random | buttons | frame FILE COMMAND... | console FILE\n", stderr);
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random | seed | buttons | frame FILE COMMAND... | console FILE\n", stderr);
   return 2;
 }

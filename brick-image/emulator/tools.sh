@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds what the emulated brick has beside the brick's own file, and prints its folder: onbrick-sim, which is onbrick with the simulated
-# brick, and brick-figures, which measures.
+# brick, and brick-figures, which measures: one file under two names.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -12,10 +12,10 @@ fi
 needs arm-linux-gnueabi-strip=binutils-arm-linux-gnueabi
 cd "$checkout"
 # With the brick's own features, so that little is built twice.
-arm_cargo build --release --no-default-features --features link,sim --bin onbrick --example brick-figures >&2
+arm_cargo build --release --no-default-features --features link,sim --example brick-figures >&2
 built=${CARGO_TARGET_DIR:-$checkout/target}/armv5te-unknown-linux-gnueabi/release
 folder=$checkout/target/emulator
 mkdir -p "$folder"
-arm-linux-gnueabi-strip -o "$folder/onbrick-sim" "$built/onbrick"
-arm-linux-gnueabi-strip -o "$folder/brick-figures" "$built/examples/brick-figures"
+arm-linux-gnueabi-strip -o "$folder/onbrick-sim" "$built/examples/brick-figures"
+ln -sf onbrick-sim "$folder/brick-figures"
 echo "$folder"

@@ -1,8 +1,23 @@
 # shellcheck shell=dash
-# Right after power-on the kernel has no random numbers yet: a mission drives all the same.
-expect "the kernel has no random numbers yet" [ "$(probe random)" != ready ]
+# Right after power-on the kernel has no random numbers yet: a mission drives all the same, by itself and through the service, whose status
+# says what the link waits for; the link comes when it can.
+none() { [ "$(probe random)" != ready ]; }
+expect "the kernel has no random numbers yet" none
 brick_up
 drive "$(mission map 50 3)"
-expect "nor when the robot drives" [ "$(probe random)" != ready ]
+expect "nor when the robot drives" none
 arrive
+
+service_up /tmp/runs
+drive_through "$(mission map 50 3)"
+brick-figures status /tmp/config/socket >/tmp/status
+expect "nor when it drives through the service" none
+expect "whose status says what the link waits for" grep -q '"link":"waits for the kernel.s random numbers"' /tmp/status
+refuse "which is not open" linked
+arrive
+probe seed
+expect "with random numbers the link opens" wait_for 60 linked
+brick-figures status /tmp/config/socket >/tmp/status
+expect "and the status says so" grep -q '"link":"ready"' /tmp/status
+service_down
 brick_down

@@ -211,15 +211,21 @@ pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     })
 }
 
-/// All runs in one picture, with the walls of a world that they know.
+/// All runs in one picture, with the walls of the worlds that they know.
 #[cfg(feature = "host")]
 pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     let tracks: Vec<Track> = runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
     let mission = runs.first().and_then(|loaded| loaded.run.info.as_ref()).map(|info| info.mission.clone());
     let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
     let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
-    let outlines = runs.iter().find_map(|loaded| outlines(&loaded.run)).unwrap_or_default();
-    Scene { title: title.unwrap_or(names), tracks, outlines }
+    let mut walls: Vec<Vec<[f64; 2]>> = Vec::new();
+    for outline in runs.iter().filter_map(|loaded| outlines(&loaded.run)).flatten() {
+        // Runs in the same world have the same walls.
+        if !walls.contains(&outline) {
+            walls.push(outline);
+        }
+    }
+    Scene { title: title.unwrap_or(names), tracks, outlines: walls }
 }
 
 /// The walls of the world that is in a recording.

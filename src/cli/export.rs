@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::common::{LoadedRun, open_run, scene_of, write_file};
 use super::{Exit, Failure, Output};
-use crate::report::export;
+use crate::report::export::{self, Part};
 use crate::runtime::recording::Grid;
 
 /// Write runs as CSV, PLY, PGM with Nav2's YAML, or MCAP chunked and indexed for viewers.
@@ -91,7 +91,10 @@ fn merged(runs: &[LoadedRun]) -> Result<Vec<u8>, Failure> {
             })
         })
         .collect::<Result<Vec<_>, _>>()?;
-    let named: Vec<(&str, &[u8])> =
-        runs.iter().zip(&bytes).map(|(loaded, bytes)| (loaded.brick(), bytes.as_slice())).collect();
-    export::mcap(&named).map_err(|error| Failure::from_error(Exit::Failed, "cannot merge", &error))
+    let parts: Vec<Part<'_>> = runs
+        .iter()
+        .zip(&bytes)
+        .map(|(loaded, bytes)| Part { name: loaded.brick(), bytes, shift_ns: 0 })
+        .collect();
+    export::mcap(&parts).map_err(|error| Failure::from_error(Exit::Failed, "cannot merge", &error))
 }

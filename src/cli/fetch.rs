@@ -1,16 +1,14 @@
 //! `onbrick fetch`: bring maps home, and watch them grow.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 use super::common::outlines;
 use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
+use super::watch::Watch;
 use super::{Exit, Failure, Output};
-use crate::clock::{Clock as _, MonotonicClock, SECOND_NS};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::LivePage;
-use crate::service::protocol::{RunId, Status};
+use crate::service::protocol::RunId;
 
 /// Bring recordings home, byte for byte. What is cut off is gone on from by the next call; a run that is going on is followed to its end.
 ///
@@ -39,7 +37,7 @@ pub(super) struct Arguments {
     page: u16,
 }
 
-/// What came of one brick.
+/// A recording that is here.
 #[derive(Debug)]
 struct Brought {
     run: RunId,
@@ -134,56 +132,19 @@ fn follow(
     let page = LivePage::serve(part, title, arguments.page, known)
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
     output.show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
-    let how = Arc::new(How::default());
+    let watch = Watch::of(run);
     let brought = std::thread::scope(|scope| {
-        scope.spawn(|| how.look(asking, brick));
+        scope.spawn(|| watch.look(asking, brick));
         let mut line = Line::new(output);
         let brought = bring(&mut client, run, &arguments.out.out, &mut |progress| {
-            line.show(progress, &how.line(run), output);
+            line.show(progress, &watch.line(), output);
         });
         line.finish();
-        how.over.store(true, Ordering::Relaxed);
+        watch.end();
         brought
     });
     show(brick, &brought.map_err(|error| failed(&error))?, output);
     Ok(())
-}
-
-/// How the brick is, asked beside the fetch.
-#[derive(Debug, Default)]
-struct How {
-    status: Mutex<Option<Status>>,
-    over: AtomicBool,
-}
-
-impl How {
-    fn look(&self, asking: &Asking, brick: &KnownBrick) {
-        let Ok(mut client) = asking.client(brick) else { return };
-        while !self.over.load(Ordering::Relaxed) {
-            let status = client.status().ok();
-            let is_over = asking.interrupted().load(Ordering::Relaxed);
-            *self.status.lock().unwrap_or_else(PoisonError::into_inner) = status;
-            let until_ns = MonotonicClock.now_ns() + SECOND_NS;
-            while !is_over && !self.over.load(Ordering::Relaxed) && MonotonicClock.now_ns() < until_ns {
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + SECOND_NS / 10);
-            }
-        }
-    }
-
-    /// State, metres, points, battery.
-    fn line(&self, run: &RunId) -> String {
-        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(status) = &*status else { return "the brick does not answer".to_owned() };
-        let battery = status.battery_v.map(|volts| format!(", {volts:.1} V")).unwrap_or_default();
-        match status.run.as_ref().filter(|going| going.run == *run) {
-            Some(going) => {
-                let progress = going.progress.as_ref();
-                let (metres, points) = progress.map_or((0.0, 0), |at| (at.travelled_m, at.points));
-                format!("{}: {metres:.1} m, {points} points{battery}", super::status::word(status.state))
-            }
-            None => format!("{}{battery}", super::status::word(status.state)),
-        }
-    }
 }
 
 /// The line of progress: a bar for a person who watches, JSON for a program.

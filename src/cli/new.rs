@@ -7,7 +7,7 @@ use super::{Exit, Failure, Output};
 use crate::behavior::shipped;
 use crate::document::nearest;
 
-/// Write a commented template: a mission, a robot, a world, or the service's configuration.
+/// Write a commented template: a mission, a robot, a world, a team, or the service's configuration.
 ///
 /// Example: onbrick new mission my-mission.toml
 #[derive(Debug, clap::Args)]
@@ -29,6 +29,8 @@ enum What {
     #[cfg(feature = "sim")]
     World,
     Service,
+    #[cfg(all(feature = "link", feature = "host"))]
+    Team,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
@@ -41,6 +43,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let text = match arguments.what {
         What::Robot => crate::robot::DEFAULT_ROBOT,
         What::Service => crate::service::config::DEFAULT_CONFIG,
+        #[cfg(all(feature = "link", feature = "host"))]
+        What::Team => crate::link::team::TEMPLATE,
         #[cfg(feature = "sim")]
         What::World => crate::sim::World::TEMPLATE,
         What::Mission => match &arguments.from {

@@ -1,16 +1,17 @@
 //! What the commands for bricks have in common: which bricks are meant, asking them all at once, and how it ends.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
+use super::common::{read_bounded, warn};
 use super::key::{self, Folder};
 use super::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
-use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience};
+use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience, Team};
 use crate::service::protocol::Kind;
 
 /// Which bricks, and how long they may take.
@@ -19,6 +20,9 @@ pub(super) struct Bricks {
     /// Bricks, by the name or the address under which known_bricks has them.
     #[arg(value_name = "HOST")]
     hosts: Vec<String>,
+    /// The bricks of a team: its file.
+    #[arg(long, value_name = "TEAM", conflicts_with = "hosts")]
+    pub(super) team: Option<PathBuf>,
     #[command(flatten)]
     pub(super) how: How,
 }
@@ -33,7 +37,7 @@ pub(super) struct How {
     pub(super) folder: Folder,
 }
 
-fn patience(text: &str) -> Result<f64, String> {
+pub(super) fn patience(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "it is a number of seconds")?;
     if (0.1..=86_400.0).contains(&seconds) {
         Ok(seconds)
@@ -52,7 +56,7 @@ pub(super) enum Unnamed {
 }
 
 /// Bricks that are about to be asked.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Asking {
     own: KeyPair,
     timeout_s: f64,
@@ -67,19 +71,41 @@ pub(super) type Answer<T> = (KnownBrick, Result<T, Failure>);
 impl Bricks {
     /// Finds out who is meant.
     pub(super) fn asking(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
+        if let Some(team) = &self.team {
+            return Ok(self.how.team(team)?.1);
+        }
         let folder = self.how.folder.path()?;
         let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
-        let bricks = chosen(&known, &self.hosts, unnamed)?;
-        Ok(Asking {
-            own: KeyPair::load(&folder).map_err(|error| key::failure(&error))?,
-            timeout_s: self.how.timeout,
-            interrupted: super::terminal::stop_flags()?.signal,
-            bricks,
-        })
+        self.how.asking(&folder, chosen(&known, &self.hosts, unnamed)?)
     }
 }
 
 impl How {
+    /// A team and its bricks, in the order of the file; warnings go to the log.
+    pub(super) fn team(&self, path: &Path) -> Result<(Team, Asking), Failure> {
+        let folder = self.folder.path()?;
+        let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+        let bytes = read_bounded(path)?;
+        let parsed = Team::parse(&path.display().to_string(), &bytes, &known);
+        let (team, warnings) = parsed.map_err(|findings| {
+            Failure::refused(findings.to_string())
+                .hint("onbrick new team, which shows a whole file with comments")
+        })?;
+        warn(&warnings);
+        let bricks = team.members.iter().map(|member| member.brick.clone()).collect();
+        let asking = self.asking(&folder, bricks)?;
+        Ok((team, asking))
+    }
+
+    fn asking(&self, folder: &Path, bricks: Vec<KnownBrick>) -> Result<Asking, Failure> {
+        Ok(Asking {
+            own: KeyPair::load(folder).map_err(|error| key::failure(&error))?,
+            timeout_s: self.timeout,
+            interrupted: super::terminal::stop_flags()?.signal,
+            bricks,
+        })
+    }
+
     /// The patience that was asked for.
     pub(super) fn patience(&self, interrupted: &Arc<AtomicBool>) -> Patience {
         Patience::new(self.timeout).unless(Arc::clone(interrupted))
@@ -115,6 +141,12 @@ impl Asking {
     /// True once somebody has pressed Ctrl-C.
     pub(super) fn interrupted(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.interrupted)
+    }
+
+    /// The same bricks, asked until another flag is raised, and with at least this patience, seconds.
+    pub(super) fn until(&self, interrupted: &Arc<AtomicBool>, least_s: f64) -> Self {
+        let timeout_s = self.timeout_s.max(least_s);
+        Self { timeout_s, interrupted: Arc::clone(interrupted), ..self.clone() }
     }
 
     /// A client for one of the bricks.

@@ -39,12 +39,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     })
 }
 
+/// Whether it is written as a file's path.
+pub(super) fn names_a_file(mission: &Path) -> bool {
+    mission.to_string_lossy().contains('/') || mission.extension().is_some_and(|ending| ending == "toml")
+}
+
 /// A file that is named as one, or the name of a mission that the brick has.
 pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
-    let name = mission.to_string_lossy();
-    let is_file = name.contains('/') || mission.extension().is_some_and(|ending| ending == "toml");
-    if !is_file {
-        return Ok(Chosen::Name(name.into_owned()));
+    if !names_a_file(mission) {
+        return Ok(Chosen::Name(mission.to_string_lossy().into_owned()));
     }
     let bytes = read_bounded(mission)?;
     let shown = mission.display();

@@ -9,6 +9,7 @@ use crate::service::protocol::{RunStatus, State, Status};
 /// Examples:
 ///   onbrick status                         all bricks that are known
 ///   onbrick status ev3-blue --json
+///   onbrick status --team team.toml        one table: who is ready, or why not
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -17,6 +18,9 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    if let Some(team) = &arguments.bricks.team {
+        return super::team::show(team, &arguments.bricks.how, output);
+    }
     let asking = arguments.bricks.asking(Unnamed::All)?;
     let answers = asking.ask(|client, _| client.status());
     conclude(answers, output, |output, brick, status| {

@@ -44,7 +44,7 @@ mod connection;
 mod fetch;
 mod line;
 
-pub use fetch::FetchProgress;
+pub use fetch::{FetchProgress, part_of};
 pub(super) use line::Line;
 
 /// The port that bricks listen at.
@@ -210,7 +210,11 @@ impl Client {
         pose: Option<[f64; 3]>,
         set: &[(String, f64)],
     ) -> Result<Started, ClientError> {
-        let run = new_run_id(&mission).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
+        let name = match &mission {
+            Chosen::Name(name) => name.as_str(),
+            Chosen::Text(_) => "mission",
+        };
+        let run = new_run_id(name).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
         self.start_as(run, mission, pose, set)
     }
 
@@ -299,12 +303,12 @@ pub(super) struct Envelope<'r, R> {
     pub(super) request: &'r R,
 }
 
-/// An identifier that sorts by time and that nobody else chooses: the mission's name, the seconds of this PC's calendar, and chance.
-fn new_run_id(mission: &Chosen) -> Result<RunId, NoRunId> {
-    let name = match mission {
-        Chosen::Name(name) => name.as_str(),
-        Chosen::Text(_) => "mission",
-    };
+/// An identifier that sorts by time and that nobody else chooses: a name's first letters, the seconds of this PC's calendar, and chance.
+///
+/// # Errors
+///
+/// None, unless the calendar is in a distant future.
+pub fn new_run_id(name: &str) -> Result<RunId, NoRunId> {
     let plain = |sign: char| if sign.is_ascii_alphanumeric() { sign } else { '-' };
     let name: String = name.chars().take(14).map(plain).collect();
     let chance = super::pairing::random().unwrap_or_default();

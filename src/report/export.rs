@@ -8,7 +8,7 @@ use super::Track;
 use crate::runtime::recording::Grid;
 use crate::units::degrees;
 
-pub use indexed::{ExportError, mcap};
+pub use indexed::{ExportError, Part, mcap};
 
 /// The points of all tracks: `time_s,x_m,y_m,robot`.
 #[must_use]

@@ -184,9 +184,12 @@ impl Stage {
         if place.pace == Pace::Real {
             robot.mend_in_background().map_err(Refused::Helper)?;
         }
+        log::debug!("the robot is bound");
         prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
+        log::debug!("the robot stands still");
         if place.announce {
             robot.announce(&*place.clock, &|| flags.is_raised());
+            log::debug!("the robot has announced itself");
         }
         let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
         let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
@@ -271,7 +274,6 @@ struct Place {
     tree: Arc<dyn Tree>,
     clock: Arc<dyn Clock>,
     pace: Pace,
-    wall_offset_ns: i64,
     seed: Option<u64>,
     world_toml: Option<String>,
     /// Beep and light before driving off: people are near.
@@ -295,11 +297,9 @@ impl Place {
                         None
                     }
                 };
-                let clock = MonotonicClock;
                 Ok(Self {
                     tree: Arc::new(tree.clone()),
-                    wall_offset_ns: wall_ns() - clock.now_ns(),
-                    clock: Arc::new(clock),
+                    clock: Arc::new(MonotonicClock),
                     pace: Pace::Real,
                     seed: None,
                     world_toml: None,
@@ -312,7 +312,7 @@ impl Place {
                 })
             }
             #[cfg(feature = "sim")]
-            Brick::Simulated { world, seed, realtime } => Self::simulated(world, *seed, *realtime),
+            Brick::Simulated { world, seed, realtime } => Self::simulated(job, world, *seed, *realtime),
             #[cfg(not(feature = "sim"))]
             Brick::Simulated { .. } => Err(Refused::NoSimulation),
         }
@@ -321,21 +321,21 @@ impl Place {
 
 #[cfg(feature = "sim")]
 impl Place {
-    /// The simulation stands at the beginning of its time; a virtual clock makes its two minutes two seconds.
-    fn simulated(world: &super::Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
+    /// The simulation stands at the beginning of its time; a virtual clock makes its two minutes two seconds. Of a world's start poses the robot
+    /// stands on the one that is nearest to where it is told to be: so each robot of a team has its own.
+    fn simulated(job: &Job, world: &super::Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
         use crate::clock::VirtualClock;
         use crate::sim::{Simulation, World, WorldPhysics};
         let (parsed, _) = World::parse(&world.name, world.text.as_bytes())?;
         let clock: Arc<dyn Clock> =
             if realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
-        let physics = WorldPhysics::new(parsed, 1, seed)?;
+        let physics = WorldPhysics::new(parsed.with_start_near(job.start.x_m, job.start.y_m), 1, seed)?;
         let observer = physics.observer();
         let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), seed);
         Ok(Self {
             tree: simulation.brick(0),
             clock,
             pace: if realtime { Pace::Real } else { Pace::Virtual },
-            wall_offset_ns: 0,
             seed: Some(seed),
             world_toml: Some(world.text.clone()),
             announce: false,
@@ -380,7 +380,8 @@ fn record(
         world_toml: place.world_toml.clone(),
         start_pose: job.start,
         start_ns: 0,
-        wall_offset_ns: place.wall_offset_ns,
+        // The run's clock begins now; see `start_ns`.
+        wall_offset_ns: if place.pace == Pace::Real { wall_ns() } else { 0 },
         period_ns: period_ns(mission),
         pace: place.pace,
         seed: place.seed,

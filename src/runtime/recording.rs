@@ -30,8 +30,8 @@
 //!
 //! Stamps and MCAP's log times are nanoseconds since 1970: the run's monotonic clock plus what the wall clock was ahead of it
 //! *when the run started*. A wall clock that is set during the run therefore changes no order. Fields called `time_ns` are of the
-//! run's clock itself. A simulated run has no wall clock: its offset is what its caller gives, 0 as a rule, and no byte of its
-//! file comes from this machine's clock or chance.
+//! run's clock itself, which begins with the run. A run in simulated time has no wall clock: its offset is what its caller gives, 0 as a
+//! rule, and no byte of its file comes from this machine's clock or chance.
 //!
 //! Attached are `robot.toml`, `mission.toml` and, where there is one, `world.toml`, as they were read. The metadata record
 //! `onbrick` says what the run is ([`Info`]), the record `onbrick.end` how it ended ([`Ending`]).

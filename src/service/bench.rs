@@ -17,7 +17,7 @@ use super::Place;
 use super::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Battery, Entry, Inventory, LocalTree, NotAPort, PortAddress, StopAction, TachoMotor, Tree,
+    Battery, Entry, Inventory, LocalTree, NotAPort, PortAddress, StopAction, TachoMotor, Technology, Tree,
 };
 use crate::robot::{LeasedMotor, RobotConfig};
 use crate::runtime::{Brick, HardwareLock, LockError};
@@ -34,9 +34,16 @@ const FORGET_NS: i64 = 5 * SECOND_NS;
 pub(super) struct Bench {
     place: Place,
     jog: Mutex<Option<Jog>>,
-    battery: Mutex<Option<(i64, Option<f64>)>>,
+    battery: Mutex<Option<(i64, Option<Charge>)>>,
     #[cfg(feature = "sim")]
     simulated: Mutex<Option<(i64, Arc<dyn Tree>)>>,
+}
+
+/// What the battery has, and what it is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Charge {
+    pub(super) volts: f64,
+    pub(super) cells: Technology,
 }
 
 /// A motor that is being turned.
@@ -143,19 +150,23 @@ impl Bench {
         release(&mut lock(&self.jog));
     }
 
-    /// The battery's voltage, read at most once a second; nothing where it cannot be read.
-    pub(super) fn battery_v(&self, now_ns: i64) -> Option<f64> {
+    /// The battery, read at most once a second; nothing where it cannot be read.
+    pub(super) fn battery(&self, now_ns: i64) -> Option<Charge> {
         let tree = self.machine()?;
         let mut known = lock(&self.battery);
-        if let Some((read_ns, volts)) = *known
+        if let Some((read_ns, charge)) = *known
             && now_ns.saturating_sub(read_ns) < SECOND_NS
         {
-            return volts;
+            return charge;
         }
         let tree: Arc<dyn Tree> = Arc::new(tree.clone());
-        let volts = Battery::open(&tree).and_then(|battery| battery.voltage_v()).ok();
-        *known = Some((now_ns, volts));
-        volts
+        let read = |battery: Battery| {
+            let cells = battery.technology().unwrap_or_default();
+            battery.voltage_v().map(|volts| Charge { volts, cells })
+        };
+        let charge = Battery::open(&tree).and_then(read).ok();
+        *known = Some((now_ns, charge));
+        charge
     }
 
     fn take(&self, port: &str, address: &PortAddress, now_ns: i64) -> Result<Jog, Refusal> {

@@ -19,7 +19,8 @@ use super::token::Tokens;
 use super::{NetworkDoor, Place, missions};
 use crate::behavior::Capabilities;
 use crate::clock::{Clock, MonotonicClock, wall_ns};
-use crate::runtime::{StopBy, WhenAbandoned};
+use crate::robot::BatteryConfig;
+use crate::runtime::{NotReady, StopBy, WhenAbandoned};
 
 /// Why there is no service.
 #[derive(Debug, thiserror::Error)]
@@ -69,6 +70,8 @@ pub(super) struct Now {
     pub(super) missions_lights: bool,
     /// What is wrong with the robot's file.
     pub(super) robot: Option<String>,
+    /// What the robot's file says of the battery.
+    pub(super) battery: BatteryConfig,
     /// Nothing starts any more: the service is about to end.
     pub(super) closing: bool,
 }
@@ -99,6 +102,7 @@ impl Service {
             stopped_by: None,
             missions_lights: false,
             robot: None,
+            battery: BatteryConfig::default(),
             closing: false,
         };
         let inner = Arc::new(Inner {
@@ -164,13 +168,19 @@ impl Service {
             run: now.machine.run().cloned(),
             last: now.machine.last().cloned(),
             battery_v: sensed_v,
+            battery: None,
             token: inner.tokens.make(now_ns),
             link,
             disk,
             robot: now.robot.clone(),
         };
+        let wanted = now.battery;
         drop(now);
-        Status { battery_v: sensed_v.or_else(|| inner.bench.battery_v(now_ns)), ..status }
+        let Some(charge) = inner.bench.battery(now_ns).filter(|_| sensed_v.is_none()) else { return status };
+        let least_v = BatteryConfig { cells: charge.cells, ..wanted }.limits().slow_v;
+        let volts = charge.volts;
+        let low = (volts < least_v).then(|| NotReady::Battery { volts, least_v }.to_string());
+        Status { battery_v: Some(volts), battery: low, ..status }
     }
 
     fn missions(&self) -> Result<Missions, Refusal> {

@@ -113,7 +113,11 @@ impl Keeper {
             return self.inner.now().robot.clone();
         }
         self.robot = bytes;
-        missions::robot(path).err()
+        let robot = missions::robot(path);
+        if let Ok(robot) = &robot {
+            self.inner.now().battery = robot.config.battery;
+        }
+        robot.err()
     }
 }
 

@@ -10,7 +10,7 @@
 //! # Not here
 //!
 //! - Ioctls of the frame buffer and inotify: they do not cross FUSE.
-//! - Owners as udev sets them: everything belongs to the user who mounted it, and nobody else gets in. Rights are as [`Options::udev`](super::Options) says.
+//! - Owners as udev sets them: everything belongs to the user who mounted it; what root mounted is everybody's, and else nobody gets in. Rights are as [`Options::udev`](super::Options) says.
 //! - Private memory maps of attributes: sysfs refuses every map with ENODEV, FUSE only shared ones.
 //! - A screen that follows a map of `dev/fb0` at once: what is stored there arrives with `msync` or `munmap`, or when the kernel gets round to it.
 //!   What is written arrives at once.
@@ -25,7 +25,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use fuser::{BackgroundSession, Config, MountOption, Session};
+use fuser::{BackgroundSession, Config, MountOption, Session, SessionACL};
+use nix::unistd::geteuid;
 
 use self::files::Files;
 use self::open::Open;
@@ -100,6 +101,10 @@ impl Mount {
         let files = Files::new(bricks, Arc::clone(&open), options.events);
         let mut config = Config::default();
         config.mount_options = vec![MountOption::FSName(point::SOURCE.to_owned()), MountOption::NoAtime];
+        // As a brick's devices are everybody's; the kernel lets only root share a mount.
+        if geteuid().is_root() {
+            config.acl = SessionACL::All;
+        }
         let failed = |source| MountError::Failed { point: point.clone(), source };
         let session = Session::new(files, &point, &config).and_then(Session::spawn).map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));

@@ -142,6 +142,14 @@ impl World {
         &self.starts
     }
 
+    /// The same world with the start pose first that is nearest to a place, metres.
+    #[must_use]
+    pub fn with_start_near(mut self, x_m: f64, y_m: f64) -> Self {
+        let far = |start: &StartPose| libm::hypot(start.x_m - x_m, start.y_m - y_m);
+        self.starts.sort_by(|one, other| far(one).total_cmp(&far(other)));
+        self
+    }
+
     /// The true robot; all robots of a world are built alike.
     #[must_use]
     pub fn robot(&self) -> &RobotModel {
@@ -182,6 +190,16 @@ impl World {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_robot_stands_on_the_start_pose_that_is_nearest_to_where_it_is_told_to_be() {
+        let first = |x_m, y_m| {
+            let world = World::named("two-arenas").unwrap().with_start_near(x_m, y_m);
+            (world.starts()[0].x_m, world.starts().len())
+        };
+        assert_eq!((first(0.0, 0.0), first(2.9, 0.1)), ((0.0, 2), (3.0, 2)));
+        assert_eq!(first(f64::NAN, 0.0).1, 2);
+    }
 
     #[test]
     fn every_built_in_world_reads_without_a_finding() {

@@ -62,7 +62,7 @@ check "also among its hosts" grep -q $'^127.0.1.1\tred$' "$root/etc/hosts"
 check "the well-known password is warned of" says "$work/said" "is still the well-known one"
 check "the brick knows this PC" [ "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)@")" = 1 ]
 check "whose key is the service's alone to see" [ "$(chroot "$root" stat -c '%U %a' /etc/onbrick/keys/authorised)" = "onbrick 700" ]
-check "this PC knows the brick" grep -qx '\[red\]' "$work/keys/known_bricks"
+check "this PC knows the brick" grep -qx '\["red"\]' "$work/keys/known_bricks"
 check "by the brick's own key" says "$work/keys/known_bricks" "$(chroot "$root" onbrick key show --keys /etc/onbrick/keys | sed -n 's/^key *//p')"
 check "no copy is left in robot's folder" [ -z "$(find "$root/home/robot" -name '*.deb*')" ]
 echo robot:another | chroot "$root" chpasswd

@@ -4,8 +4,10 @@
 mod bench;
 mod chapter;
 mod commands;
+mod discovery;
 mod fetching;
 mod figures;
 mod hostile;
 mod keys;
 mod python;
+mod team;

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use onbrick::clock::{Clock, MonotonicClock};
+use onbrick::report::export::Part;
 use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
 use onbrick::runtime::recording::{Grid, Run};
 
@@ -226,10 +227,14 @@ fn a_grid_is_a_picture_with_the_highest_row_first() {
     assert_eq!(export::pgm(&empty), b"P5\n0 0\n255\n");
 }
 
+fn part<'a>(name: &'a str, bytes: &'a [u8], shift_ns: i64) -> Part<'a> {
+    Part { name, bytes, shift_ns }
+}
+
 #[test]
 fn viewers_get_an_index_and_everything_that_was_recorded() {
     let bytes = sample(300, 1_000_000_000);
-    let exported = export::mcap(&[("mapper", &bytes)]).unwrap();
+    let exported = export::mcap(&[part("mapper", &bytes, 0)]).unwrap();
     let summary = mcap::Summary::read(&exported).unwrap().unwrap();
     let whole = Run::read(&bytes).unwrap();
     let count = summary.stats.unwrap().message_count;
@@ -249,7 +254,7 @@ fn viewers_get_an_index_and_everything_that_was_recorded() {
 fn several_runs_get_a_namespace_each_in_one_tree_of_frames() {
     let (first, second) = (sample(100, 1_000_000_000), sample(60, 1_000_000_000));
     let cut = &second[..second.len() - 2_000];
-    let exported = export::mcap(&[("Ada", &first), ("Grace", cut)]).unwrap();
+    let exported = export::mcap(&[part("Ada", &first, 0), part("Grace", cut, 7_000_000_000)]).unwrap();
     let Some(found) = python(&exported, "indexed") else { return };
     let topics = &found["topics"];
     assert_eq!(topics["/ada/senses"]["count"], 100);
@@ -260,11 +265,23 @@ fn several_runs_get_a_namespace_each_in_one_tree_of_frames() {
     assert_eq!(topics["/ada/odom"]["first"]["header"]["frame_id"], "ada/odom");
     assert_eq!(topics["/grace/range"]["first"]["header"]["frame_id"], "grace/range_link");
     assert_eq!(topics["/ada/points"]["first"]["header"]["frame_id"], "map");
+    // The second brick's clock was seven seconds behind: its stamps and its offset are moved, what its run's clock says is not.
+    let stamp = |topic: &str| topics[topic]["first"]["header"]["stamp"]["sec"].as_i64().unwrap();
+    assert_eq!(stamp("/grace/odom") - stamp("/ada/odom"), 7);
+    assert_eq!(topics["/grace/senses"]["first"]["time_ns"], topics["/ada/senses"]["first"]["time_ns"]);
+    let offset = |brick: &str| {
+        found["metadata"][format!("{brick}/onbrick")]["wall_offset_ns"]
+            .as_str()
+            .unwrap()
+            .parse::<i64>()
+            .unwrap()
+    };
+    assert_eq!(offset("grace") - offset("ada"), 7_000_000_000);
     let still = &topics["/tf_static"];
     assert_eq!(still["count"], 2);
     assert_eq!(still["last"]["transforms"][0]["header"]["frame_id"], "map");
     assert_eq!(still["last"]["transforms"][0]["child_frame_id"], "grace/odom");
     assert_eq!(found["attachments"]["grace/robot.toml"], "name = \"mapper\"\n");
-    let error = export::mcap(&[("nothing", b"text")]).unwrap_err();
+    let error = export::mcap(&[part("nothing", b"text", 0)]).unwrap_err();
     assert_eq!(error.to_string(), "cannot export nothing");
 }

@@ -42,8 +42,9 @@ impl FetchProgress {
     }
 }
 
-/// The file that a recording lies in until it is whole.
-pub(super) fn part_of(file: &Path) -> PathBuf {
+/// The file that a recording lies in until it is whole, beside the one that it will be.
+#[must_use]
+pub fn part_of(file: &Path) -> PathBuf {
     let mut name = file.as_os_str().to_owned();
     name.push(".part");
     PathBuf::from(name)

@@ -2,6 +2,9 @@
 //!
 //! One run keeps its topics and frames. Several get a namespace each: topics `/NAME/odom`, frames `NAME/base_link`; the frame
 //! `map` stays common, because all poses are given in it.
+//!
+//! Each brick stamps by its own calendar, which may be years off. A part's shift puts its log times, its messages' stamps and the
+//! `wall_offset_ns` of its metadata onto the clock that all share; times of the run's own clock (`time_ns`) stay what they are.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -12,9 +15,20 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::runtime::recording::message::{
-    Header, OccupancyGridMessage, Odometry, PointCloud2, RangeMessage, TfMessage, decode, encode,
+    Header, LogMessage, OccupancyGridMessage, Odometry, PointCloud2, RangeMessage, TfMessage, decode, encode,
 };
 use crate::runtime::recording::{FRAME_MAP, Found, ReadError, Run, Topic, walk};
+
+/// A recording that becomes a part of the file.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<'a> {
+    /// The robot's name.
+    pub name: &'a str,
+    /// The recording.
+    pub bytes: &'a [u8],
+    /// What its stamps are moved by, nanoseconds.
+    pub shift_ns: i64,
+}
 
 /// An export failed.
 #[derive(Debug, thiserror::Error)]
@@ -32,24 +46,26 @@ pub enum ExportError {
     Write(#[from] McapError),
 }
 
-/// Recordings, each with its robot's name, as one file. A damaged or cut recording gives what is whole of it.
+/// Recordings as one file. A damaged or cut recording gives what is whole of it.
 ///
 /// # Errors
 ///
 /// See [`ExportError`].
-pub fn mcap(runs: &[(&str, &[u8])]) -> Result<Vec<u8>, ExportError> {
-    let spaces = namespaces(runs);
+pub fn mcap(parts: &[Part<'_>]) -> Result<Vec<u8>, ExportError> {
+    let names: Vec<&str> = parts.iter().map(|part| part.name).collect();
+    let spaces = namespaces(&names);
     let mut messages = Vec::new();
     let mut writer = WriteOptions::new()
         .profile("ros2")
         .library(concat!("onbrick ", env!("CARGO_PKG_VERSION")))
         .create(Cursor::new(Vec::new()))?;
-    for ((name, bytes), space) in runs.iter().zip(&spaces) {
-        Run::read(bytes).map_err(|source| ExportError::Read { name: (*name).to_owned(), source })?;
+    for (part, space) in parts.iter().zip(&spaces) {
+        Run::read(part.bytes).map_err(|source| ExportError::Read { name: part.name.to_owned(), source })?;
+        let place = Place { space, shift_ns: part.shift_ns };
         let mut outcome = Ok(());
-        walk(bytes, true, &mut |_, found| {
+        walk(part.bytes, true, &mut |_, found| {
             if outcome.is_ok() {
-                outcome = take(found, space, &mut messages, &mut writer);
+                outcome = take(found, place, &mut messages, &mut writer);
             }
         });
         outcome?;
@@ -64,41 +80,49 @@ pub fn mcap(runs: &[(&str, &[u8])]) -> Result<Vec<u8>, ExportError> {
 fn write(writer: &mut Writer<Cursor<Vec<u8>>>, messages: &[MessageRecord<'_>]) -> Result<(), McapError> {
     let mut channels = BTreeMap::new();
     for message in messages {
-        let MessageRecord { sequence, log_time, space, topic, data } = *message;
-        let channel_id = match channels.get(&(space, topic)) {
+        let MessageRecord { sequence, log_time, place, topic, data } = *message;
+        let channel_id = match channels.get(&(place.space, topic)) {
             Some(channel) => *channel,
             None => {
-                let channel = describe(writer, space, topic)?;
-                channels.insert((space, topic), channel);
+                let channel = describe(writer, place.space, topic)?;
+                channels.insert((place.space, topic), channel);
                 channel
             }
         };
         let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
-        writer.write_to_known_channel(&header, &in_space(space, topic, data))?;
+        writer.write_to_known_channel(&header, &place.put(topic, data))?;
     }
     Ok(())
+}
+
+/// Where a recording goes: its namespace, and what its stamps are moved by.
+#[derive(Debug, Clone, Copy)]
+struct Place<'a> {
+    space: &'a str,
+    shift_ns: i64,
 }
 
 /// A message before it is written again.
 struct MessageRecord<'a> {
     log_time: u64,
     sequence: u32,
-    space: &'a str,
+    place: Place<'a>,
     topic: Topic,
     data: &'a [u8],
 }
 
 fn take<'a>(
     found: Found<'a>,
-    space: &'a str,
+    place: Place<'a>,
     messages: &mut Vec<MessageRecord<'a>>,
     writer: &mut Writer<Cursor<Vec<u8>>>,
 ) -> Result<(), McapError> {
+    let Place { space, shift_ns } = place;
     let named = |name: &str| if space.is_empty() { name.to_owned() } else { format!("{space}/{name}") };
     match found {
         Found::Message { topic: Some(topic), header, data } => {
-            let (log_time, sequence) = (header.log_time, header.sequence);
-            messages.push(MessageRecord { log_time, sequence, space, topic, data });
+            let (log_time, sequence) = (header.log_time.saturating_add_signed(shift_ns), header.sequence);
+            messages.push(MessageRecord { log_time, sequence, place, topic, data });
             Ok(())
         }
         Found::Message { topic: None, .. } => Ok(()),
@@ -110,7 +134,13 @@ fn take<'a>(
             data: data.into(),
         }),
         Found::Metadata(metadata) => {
-            writer.write_metadata(&Metadata { name: named(&metadata.name), metadata: metadata.metadata })
+            let mut values = metadata.metadata;
+            if let Some(offset) = values.get_mut("wall_offset_ns")
+                && let Ok(offset_ns) = offset.parse::<i64>()
+            {
+                *offset = offset_ns.saturating_add(shift_ns).to_string();
+            }
+            writer.write_metadata(&Metadata { name: named(&metadata.name), metadata: values })
         }
     }
 }
@@ -129,12 +159,12 @@ fn describe(writer: &mut Writer<Cursor<Vec<u8>>>, space: &str, topic: Topic) -> 
 
 /// A namespace for each run: none for a single one; else its name in the letters that ROS allows, made different where two are
 /// the same.
-fn namespaces(runs: &[(&str, &[u8])]) -> Vec<String> {
-    if runs.len() == 1 {
+fn namespaces(names: &[&str]) -> Vec<String> {
+    if names.len() == 1 {
         return vec![String::new()];
     }
     let mut spaces: Vec<String> = Vec::new();
-    for (name, _) in runs {
+    for name in names {
         let allowed = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
         let mut plain: String = name.chars().map(allowed).collect();
         if !plain.starts_with(|c: char| c.is_ascii_alphabetic()) {
@@ -151,28 +181,45 @@ fn namespaces(runs: &[(&str, &[u8])]) -> Vec<String> {
     spaces
 }
 
-/// A message with its frames in the namespace.
-fn in_space(space: &str, topic: Topic, data: &[u8]) -> Vec<u8> {
-    if space.is_empty() {
-        return data.to_vec();
+impl Place<'_> {
+    /// A message with its frames in the namespace and its stamps on the common clock.
+    fn put(self, topic: Topic, data: &[u8]) -> Vec<u8> {
+        if self.space.is_empty() && self.shift_ns == 0 {
+            return data.to_vec();
+        }
+        let changed = match topic {
+            Topic::Odometry => change::<Odometry>(data, |odometry| {
+                self.head(&mut odometry.header);
+                self.frame(&mut odometry.child_frame_id);
+            }),
+            Topic::Transforms | Topic::StaticTransforms => change::<TfMessage>(data, |message| {
+                for transform in &mut message.transforms {
+                    self.head(&mut transform.header);
+                    self.frame(&mut transform.child_frame_id);
+                }
+            }),
+            Topic::Range => change::<RangeMessage>(data, |range| self.head(&mut range.header)),
+            Topic::Points => change::<PointCloud2>(data, |cloud| self.head(&mut cloud.header)),
+            Topic::Map => change::<OccupancyGridMessage>(data, |map| {
+                self.head(&mut map.header);
+                map.map_load_time = map.map_load_time.later(self.shift_ns);
+            }),
+            Topic::Log => change::<LogMessage>(data, |log| log.stamp = log.stamp.later(self.shift_ns)),
+            _ => None,
+        };
+        changed.unwrap_or_else(|| data.to_vec())
     }
-    let changed = match topic {
-        Topic::Odometry => change::<Odometry>(data, |odometry| {
-            frame(space, &mut odometry.header);
-            name(space, &mut odometry.child_frame_id);
-        }),
-        Topic::Transforms | Topic::StaticTransforms => change::<TfMessage>(data, |message| {
-            for transform in &mut message.transforms {
-                frame(space, &mut transform.header);
-                name(space, &mut transform.child_frame_id);
-            }
-        }),
-        Topic::Range => change::<RangeMessage>(data, |range| frame(space, &mut range.header)),
-        Topic::Points => change::<PointCloud2>(data, |cloud| frame(space, &mut cloud.header)),
-        Topic::Map => change::<OccupancyGridMessage>(data, |map| frame(space, &mut map.header)),
-        _ => None,
-    };
-    changed.unwrap_or_else(|| data.to_vec())
+
+    fn head(self, header: &mut Header) {
+        header.stamp = header.stamp.later(self.shift_ns);
+        self.frame(&mut header.frame_id);
+    }
+
+    fn frame(self, frame: &mut String) {
+        if frame != FRAME_MAP && !self.space.is_empty() {
+            *frame = format!("{}/{frame}", self.space);
+        }
+    }
 }
 
 fn change<T: Serialize + DeserializeOwned>(data: &[u8], with: impl FnOnce(&mut T)) -> Option<Vec<u8>> {
@@ -181,24 +228,14 @@ fn change<T: Serialize + DeserializeOwned>(data: &[u8], with: impl FnOnce(&mut T
     encode(&message).ok()
 }
 
-fn frame(space: &str, header: &mut Header) {
-    name(space, &mut header.frame_id);
-}
-
-fn name(space: &str, frame: &mut String) {
-    if frame != FRAME_MAP {
-        *frame = format!("{space}/{frame}");
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn namespaces_are_names_that_ros_allows_and_differ() {
-        let runs: Vec<(&str, &[u8])> = vec![("Ada", &[]), ("ada", &[]), ("3 é", &[]), ("", &[])];
-        assert_eq!(namespaces(&runs), ["ada", "ada_2", "robot_3__", "robot_"]);
-        assert_eq!(namespaces(&runs[..1]), [""]);
+        let names = ["Ada", "ada", "3 é", ""];
+        assert_eq!(namespaces(&names), ["ada", "ada_2", "robot_3__", "robot_"]);
+        assert_eq!(namespaces(&names[..1]), [""]);
     }
 }

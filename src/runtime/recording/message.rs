@@ -55,6 +55,13 @@ impl Time {
         let nanosec = u32::try_from(stamp_ns % 1_000_000_000).unwrap_or(0);
         Self { sec, nanosec }
     }
+
+    /// So many nanoseconds later; before 1970 it stays there.
+    #[must_use]
+    pub fn later(self, by_ns: i64) -> Self {
+        let stamp_ns = i64::from(self.sec) * 1_000_000_000 + i64::from(self.nanosec);
+        Self::of_ns(u64::try_from(stamp_ns.saturating_add(by_ns)).unwrap_or(0))
+    }
 }
 
 /// `std_msgs/Header`.
@@ -317,5 +324,8 @@ mod tests {
     fn stamps_beyond_2038_stay_there() {
         assert_eq!(Time::of_ns(1_500_000_000), Time { sec: 1, nanosec: 500_000_000 });
         assert_eq!(Time::of_ns(u64::MAX).sec, i32::MAX);
+        assert_eq!(Time::of_ns(1_500_000_000).later(-600_000_000), Time { sec: 0, nanosec: 900_000_000 });
+        assert_eq!(Time::of_ns(5).later(-6), Time::default());
+        assert_eq!(Time::of_ns(5).later(i64::MAX).sec, i32::MAX);
     }
 }

@@ -53,6 +53,9 @@ pub struct Status {
     pub last: Option<LastStop>,
     /// Volts, where they can be read.
     pub battery_v: Option<f64>,
+    /// A battery with which no run begins: what the run would say; otherwise nothing. Older bricks do not tell.
+    #[serde(default)]
+    pub battery: Option<String>,
     /// For a `start`, within [`TOKEN_LIFE_NS`](super::TOKEN_LIFE_NS).
     pub token: String,
     /// How the link is: `ready`, or what it waits for.

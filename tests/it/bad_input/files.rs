@@ -1,8 +1,10 @@
-//! `robot.toml` and `world.toml`: mutated, cut, enormous, and with every wrong kind of value in every place.
+//! `robot.toml`, `world.toml` and `team.toml`: mutated, cut, enormous, and with every wrong kind of value in every place.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use onbrick::document::{Document, Findings};
+use onbrick::link::{KnownBricks, Team};
 use onbrick::robot::{DEFAULT_ROBOT, RobotConfig};
 use onbrick::sim::{World, WorldPhysics};
 use proptest::prelude::*;
@@ -12,7 +14,25 @@ use proptest::prelude::*;
 enum Kind {
     Robot,
     World,
+    Team,
 }
+
+/// Two bricks that need not be known.
+const TEAM: &str = r#"
+name = "two"
+mission = "map"
+[brick.blue]
+x_m = 0.0
+y_m = 0
+address = "127.0.0.1"
+key = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"
+[brick."a red one"]
+x_m = 3
+y_m = 0.0
+heading_deg = 90
+address = "red.local"
+key = "w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd"
+"#;
 
 impl Kind {
     /// Reads the bytes; whatever loads must also do for what comes next.
@@ -26,13 +46,27 @@ impl Kind {
             Self::World => World::parse("world.toml", bytes).map(|(world, _)| {
                 let _ = WorldPhysics::new(world, 1, 1);
             }),
+            Self::Team => {
+                let nobody = KnownBricks::load(Path::new("/not/there")).unwrap();
+                Team::parse("team.toml", bytes, &nobody).map(|(team, _)| {
+                    assert!(!team.members.is_empty() && team.members.len() <= 100, "{team:?}");
+                    assert!(
+                        team.members.iter().flat_map(|member| member.pose).all(f64::is_finite),
+                        "{team:?}"
+                    );
+                })
+            }
         }
     }
 
     /// Loads or refuses; a refusal has a place and is not endless.
     fn judge(self, bytes: &[u8]) -> Option<String> {
         let message = self.load(bytes).err()?.to_string();
-        let name = if matches!(self, Self::Robot) { "robot.toml" } else { "world.toml" };
+        let name = match self {
+            Self::Robot => "robot.toml",
+            Self::World => "world.toml",
+            Self::Team => "team.toml",
+        };
         assert!(message.contains(&format!("--> {name}:")), "no place: {message}");
         assert!(message.contains("error: "), "{message}");
         assert!(message.len() < 300_000, "{} bytes of message", message.len());
@@ -42,7 +76,7 @@ impl Kind {
 
 fn texts() -> Vec<(Kind, &'static str)> {
     let worlds = World::names().map(|name| World::text(name).unwrap()).chain([World::TEMPLATE]);
-    worlds.map(|text| (Kind::World, text)).chain([(Kind::Robot, DEFAULT_ROBOT)]).collect()
+    worlds.map(|text| (Kind::World, text)).chain([(Kind::Robot, DEFAULT_ROBOT), (Kind::Team, TEAM)]).collect()
 }
 
 #[test]
@@ -73,7 +107,7 @@ fn files_that_are_none_are_refused_with_a_place() {
         brackets.as_bytes(),
         dots.as_bytes(),
     ] {
-        for kind in [Kind::Robot, Kind::World] {
+        for kind in [Kind::Robot, Kind::World, Kind::Team] {
             let started = Instant::now();
             assert!(kind.judge(bytes).is_some(), "{kind:?} took {} bytes", bytes.len());
             assert!(started.elapsed() < Duration::from_secs(20), "{kind:?}: {:?}", started.elapsed());
@@ -267,7 +301,7 @@ proptest! {
 
     #[test]
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-        for kind in [Kind::Robot, Kind::World] {
+        for kind in [Kind::Robot, Kind::World, Kind::Team] {
             kind.judge(&bytes);
         }
     }

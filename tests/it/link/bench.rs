@@ -18,6 +18,8 @@ use onbrick::service::protocol::{
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
 
+use crate::support::real_time::Pace;
+
 /// Nothing here takes this long on any machine, and nothing waits for it to be over.
 pub const LONG: Duration = Duration::from_secs(60);
 
@@ -71,6 +73,7 @@ impl Fake {
             token: "t".to_owned(),
             link: "ready".to_owned(),
             disk: Disk { used: 0, quota: 0, free: 0 },
+            battery: None,
             robot: None,
         }
     }
@@ -226,6 +229,9 @@ pub fn client_at(address: &str, key: PublicKey, own: &KeyPair) -> Client {
 pub struct Service {
     pub folder: TempDir,
     pub address: String,
+    pub name: String,
+    /// Where its robot is: arguments of `serve`.
+    place: Vec<String>,
     /// What the service's process has in its environment besides.
     pub environment: Vec<(&'static str, PathBuf)>,
     child: Option<Child>,
@@ -234,14 +240,21 @@ pub struct Service {
 impl Service {
     /// Serves at a loopback address that nobody else of this machine has.
     pub fn new() -> Self {
+        Self::of("sim", &["--sim", "arena"])
+    }
+
+    /// The same with a name and a robot of its own.
+    pub fn of(name: &str, place: &[&str]) -> Self {
         static NUMBER: AtomicU32 = AtomicU32::new(1);
         let folder = tempfile::tempdir().unwrap();
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let process = std::process::id();
         let address = format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255);
-        let config = format!("name = \"sim\"\n[link]\naddress = \"{address}\"\n");
+        let config = format!("name = \"{name}\"\n[link]\naddress = \"{address}\"\n");
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
-        let mut service = Self { folder, address, environment: Vec::new(), child: None };
+        let place = place.iter().map(|&argument| argument.to_owned()).collect();
+        let name = name.to_owned();
+        let mut service = Self { folder, address, name, place, environment: Vec::new(), child: None };
         service.start();
         service
     }
@@ -259,10 +272,11 @@ impl Service {
     /// Starts the service's process and waits until its link is ready.
     pub fn start(&mut self) {
         let log = std::fs::File::create(self.path("log")).unwrap();
-        let child = onbrick()
+        let child = Pace::command(env!("CARGO_BIN_EXE_onbrick"))
             .envs(self.environment.iter().map(|(name, value)| (name, value)))
-            .args(["-v", "serve", "--sim", "arena", "--config"])
+            .args(["-v", "serve", "--config"])
             .arg(self.folder.path())
+            .args(&self.place)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log)
@@ -298,11 +312,21 @@ impl Service {
 
     /// Makes a PC with keys of its own and introduces the two to each other without a person.
     pub fn introduce(&self) {
-        let pc = KeyPair::load_or_make(&self.path("pc")).unwrap();
+        self.introduce_to(&self.path("pc"));
+    }
+
+    /// The same to a PC whose keys are in this folder.
+    pub fn introduce_to(&self, folder: &Path) {
+        let pc = KeyPair::load_or_make(folder).unwrap();
         Authorised::below(&self.path("keys")).add(&pc.public(), "anna").unwrap();
         let key = KeyPair::load(&self.path("keys")).unwrap().public();
-        let brick = KnownBrick { name: "sim".to_owned(), address: self.address.clone(), key };
-        KnownBricks::load(&self.path("pc")).unwrap().put(&brick).unwrap();
+        let brick = KnownBrick { name: self.name.clone(), address: self.address.clone(), key };
+        KnownBricks::load(folder).unwrap().put(&brick).unwrap();
+    }
+
+    /// The service's process.
+    pub fn process(&self) -> &Child {
+        self.child.as_ref().unwrap()
     }
 
     /// A command of the PC's.

@@ -11,6 +11,7 @@ use serde_json::Value;
 use super::bench::{LONG, Service, halves, onbrick, text, until};
 use crate::foreign::bench::{no_namespaces, unshare};
 use crate::support::pass_over;
+use crate::support::real_time::patiently;
 
 /// A mission that is over in two seconds.
 pub const SHORT: &str = r#"
@@ -114,18 +115,21 @@ fn refusals_and_silence_have_exit_codes_and_a_way_out() {
 
 #[test]
 fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
-    let service = Service::new();
-    service.introduce();
-    std::fs::create_dir_all(service.path("out")).unwrap();
-    std::fs::write(service.path("out").join("mine.toml"), SHORT.replace("\"short\"", "\"mine\"")).unwrap();
-    service.done(&["start", "./mine.toml", "sim"]);
-    // The fetch follows the run to its end.
-    let fetched = service.done(&["fetch", "sim"]);
-    let file = fetched.split(' ').nth(1).unwrap().trim_end_matches(',').to_owned();
-    let recording = Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
-    assert_eq!(recording.info.as_ref().unwrap().mission, "mine");
-    assert_eq!(recording.ending.unwrap().reason, "the mission is finished");
-    assert!(!service.done(&["missions", "sim"]).contains("mine"), "kept with the run, and nowhere else");
+    patiently("a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run", || {
+        let service = Service::new();
+        service.introduce();
+        std::fs::create_dir_all(service.path("out")).unwrap();
+        std::fs::write(service.path("out").join("mine.toml"), SHORT.replace("\"short\"", "\"mine\""))
+            .unwrap();
+        service.done(&["start", "./mine.toml", "sim"]);
+        // The fetch follows the run to its end.
+        let fetched = service.done(&["fetch", "sim"]);
+        let file = fetched.split(' ').nth(1).unwrap().trim_end_matches(',').to_owned();
+        let recording = Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
+        assert_eq!(recording.info.as_ref().unwrap().mission, "mine");
+        assert_eq!(recording.ending.unwrap().reason, "the mission is finished");
+        assert!(!service.done(&["missions", "sim"]).contains("mine"), "kept with the run, and nowhere else");
+    });
 }
 
 #[test]

@@ -257,6 +257,30 @@ fn an_ordinary_user_mounts_with_the_helper_and_nobody_else_gets_in() {
     assert!(last.contains("unmounted after") && !is_mounted(&point), "{last}");
 }
 
+#[test]
+fn what_root_has_mounted_is_everybodys() {
+    if no_fuse() {
+        return;
+    }
+    if !nix::unistd::geteuid().is_root() {
+        return pass_over("root, whose mounts others may use");
+    }
+    let (folder, _) = open_house();
+    let point = folder.path().canonicalize().unwrap().join("brick");
+    let simulator = Simulator::start(&point);
+    let position = point.join("sys/class/tacho-motor/motor0/position");
+    let somebody = |words: &str| {
+        let mut command = Command::new("sh");
+        command.uid(NOBODY).gid(NOBODY).args(["-c", words, "sh"]).arg(&position).output().unwrap()
+    };
+    let written = somebody(r#"echo 7 >"$1""#);
+    assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+    let read = somebody(r#"cat "$1""#);
+    assert_eq!(read.stdout, b"7\n", "{}", String::from_utf8_lossy(&read.stderr));
+    simulator.signal(Signal::SIGTERM);
+    assert_eq!(simulator.end().0, Some(0));
+}
+
 /// A simulator with more to do than to mount, until a line that it says.
 fn simulate(point: &Path, arguments: &[&str], until: &str) -> Simulator {
     let mut process =

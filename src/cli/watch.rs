@@ -1,0 +1,173 @@
+//! A run on a brick, watched beside its fetch: how it is going, and what the brick's clock says.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use super::remote::Asking;
+use super::status::word;
+use crate::clock::{Clock as _, MonotonicClock, SECOND_NS, nanoseconds, seconds, wall_ns};
+use crate::link::KnownBrick;
+use crate::service::protocol::{RunId, State, Status};
+
+/// How often the brick is asked, nanoseconds.
+const PACE_NS: i64 = SECOND_NS;
+
+/// A run is said to have driven for less than the brick has been driving; where it is the other way round by more than this, seconds, the
+/// service was started anew meanwhile and has counted from there.
+const MOST_AHEAD_S: f64 = 0.1;
+
+/// A run that is watched.
+#[derive(Debug)]
+pub(super) struct Watch {
+    run: RunId,
+    seen: Mutex<Seen>,
+    over: AtomicBool,
+}
+
+#[derive(Debug, Default)]
+struct Seen {
+    /// Somebody has looked at all.
+    looked: bool,
+    status: Option<Status>,
+    began: Option<Began>,
+}
+
+/// When a run began to drive, by this PC's calendar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Began {
+    /// Nanoseconds since 1970.
+    pub(super) at_ns: i64,
+    /// It was at most this much earlier or later, nanoseconds.
+    pub(super) within_ns: i64,
+}
+
+impl Began {
+    /// From an answer: the brick said at some moment between question and answer for how long it had been driving.
+    fn of(status: &Status, run: &RunId, asked_ns: i64, answered_ns: i64) -> Option<Self> {
+        let going = status.run.as_ref().filter(|going| going.run == *run)?;
+        let driven_s = going.progress.as_ref().map_or(0.0, |progress| seconds(progress.elapsed_ns));
+        if status.state != State::Running || driven_s > status.state_s + MOST_AHEAD_S {
+            return None;
+        }
+        let within_ns = answered_ns.saturating_sub(asked_ns) / 2;
+        let at_ns = answered_ns.saturating_sub(within_ns).saturating_sub(nanoseconds(status.state_s));
+        Some(Self { at_ns, within_ns })
+    }
+}
+
+impl Watch {
+    /// This run is to be watched.
+    pub(super) fn of(run: &RunId) -> Self {
+        Self { run: run.clone(), seen: Mutex::default(), over: AtomicBool::new(false) }
+    }
+
+    /// Asks again and again until [`Watch::end`], or somebody interrupts it.
+    pub(super) fn look(&self, asking: &Asking, brick: &KnownBrick) {
+        let Ok(mut client) = asking.client(brick) else { return };
+        let is_over = || self.over.load(Ordering::Relaxed) || asking.interrupted().load(Ordering::Relaxed);
+        while !is_over() {
+            let asked_ns = MonotonicClock.now_ns();
+            let status = client.status().ok();
+            let answered_ns = MonotonicClock.now_ns();
+            // The calendar is read once, so that it cannot jump between question and answer.
+            let wall_ns = wall_ns();
+            self.note(status, wall_ns.saturating_sub(answered_ns.saturating_sub(asked_ns)), wall_ns);
+            let until_ns = MonotonicClock.now_ns() + PACE_NS;
+            while !is_over() && MonotonicClock.now_ns() < until_ns {
+                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + PACE_NS / 10);
+            }
+        }
+    }
+
+    fn note(&self, status: Option<Status>, asked_ns: i64, answered_ns: i64) {
+        let began = status.as_ref().and_then(|status| Began::of(status, &self.run, asked_ns, answered_ns));
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        (seen.status, seen.looked) = (status, true);
+        // The quickest answer says it best.
+        seen.began = [seen.began, began].into_iter().flatten().min_by_key(|began| began.within_ns);
+    }
+
+    /// Nobody asks any more.
+    pub(super) fn end(&self) {
+        self.over.store(true, Ordering::Relaxed);
+    }
+
+    /// How the brick was last; nothing where it did not answer.
+    pub(super) fn status(&self) -> Option<Status> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner).status.clone()
+    }
+
+    /// When the run began to drive, where that was seen.
+    pub(super) fn began(&self) -> Option<Began> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner).began
+    }
+
+    /// Which run.
+    pub(super) fn run(&self) -> &RunId {
+        &self.run
+    }
+
+    /// How much of the mission's time is over, in thousandths; all of it where the run is over.
+    pub(super) fn thousandths(&self) -> u64 {
+        let Some(status) = self.status() else { return 0 };
+        let Some(going) = status.run.filter(|going| going.run == self.run) else { return 1000 };
+        let elapsed_ns = going.progress.map_or(0, |progress| progress.elapsed_ns);
+        let limit_ms = (nanoseconds(going.time_limit_s) / 1_000_000).max(1);
+        u64::try_from(elapsed_ns / 1000 / limit_ms).unwrap_or(0).min(1000)
+    }
+
+    /// State, metres, points, battery.
+    pub(super) fn line(&self) -> String {
+        let Some(status) = self.status() else {
+            let looked = self.seen.lock().unwrap_or_else(PoisonError::into_inner).looked;
+            return if looked { "the brick does not answer" } else { "asked to start" }.to_owned();
+        };
+        let battery = status.battery_v.map(|volts| format!(", {volts:.1} V")).unwrap_or_default();
+        match status.run.as_ref().filter(|going| going.run == self.run) {
+            Some(going) => {
+                let progress = going.progress.as_ref();
+                let (metres, points) = progress.map_or((0.0, 0), |at| (at.travelled_m, at.points));
+                format!("{}: {metres:.1} m, {points} points{battery}", word(status.state))
+            }
+            None => format!("{}{battery}", word(status.state)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn running(state_s: f64, elapsed_s: Option<f64>) -> Status {
+        let progress = elapsed_s.map(|elapsed_s| {
+            serde_json::json!({
+                "tick": 1, "time_ns": 0, "elapsed_ns": nanoseconds(elapsed_s), "travelled_m": 0.0, "points": 0, "states": [],
+                "pose": { "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0 }, "battery_v": null, "overruns": 0, "latest_ns": 0, "dropped": 0,
+            })
+        });
+        serde_json::from_value(serde_json::json!({
+            "brick": "b", "version": "0", "protocol": 1, "state": "running", "state_s": state_s, "last": null, "battery_v": null,
+            "run": { "run": "r", "mission": "map", "time_limit_s": 9.0, "by": "pc", "waits": null, "progress": progress },
+            "token": "t", "link": "ready", "disk": { "used": 0, "quota": 0, "free": 0 }, "robot": null,
+        }))
+        .unwrap()
+    }
+
+    #[test]
+    fn the_quickest_answer_says_when_a_run_began() {
+        let run = RunId::new("r").unwrap();
+        let watch = Watch::of(&run);
+        assert_eq!(watch.began(), None);
+        watch.note(Some(running(1.0, Some(0.9))), 10 * SECOND_NS, 10 * SECOND_NS + 40);
+        assert_eq!(watch.began(), Some(Began { at_ns: 9 * SECOND_NS + 20, within_ns: 20 }));
+        watch.note(Some(running(2.0, Some(1.9))), 11 * SECOND_NS, 11 * SECOND_NS + 10);
+        watch.note(None, 0, 0);
+        let best = Some(Began { at_ns: 9 * SECOND_NS + 5, within_ns: 5 });
+        assert_eq!(watch.began(), best);
+        // A service that was started anew, another run, a run that does not drive yet: none of them says anything.
+        watch.note(Some(running(0.5, Some(3.0))), 12 * SECOND_NS, 12 * SECOND_NS + 2);
+        watch.note(Some(Status { state: State::Preparing, ..running(0.5, None) }), 0, 2);
+        assert_eq!(watch.began(), best);
+        assert_eq!(Began::of(&running(1.0, None), &RunId::new("other").unwrap(), 0, 2), None);
+    }
+}

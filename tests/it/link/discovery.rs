@@ -1,0 +1,83 @@
+//! Bricks that make themselves known: avahi with the package's own file, in a network of the test's own.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+use super::bench::text;
+use crate::foreign::bench::unshare;
+use crate::support::pass_over;
+
+/// As on ev3dev, without the system's bus, which is not there.
+const AVAHI: &str =
+    "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\nallow-interfaces=brick\nenable-dbus=no\n";
+
+/// A network with one cable, a brick's avahi at it, and a PC that listens.
+const SCRIPT: &str = r#"
+set -e
+ip link set lo up
+ip link add brick type veth peer name cable
+ip address add 10.5.0.1/24 dev brick
+ip link set brick up
+ip link set cable up
+mount --bind "$1/services" /etc/avahi/services
+mount -t tmpfs tmpfs /run
+mkdir -p /run/avahi-daemon
+avahi-daemon --file "$1/conf" --no-drop-root --no-chroot --no-rlimits >"$1/avahi.log" 2>&1 &
+avahi=$!
+said=0
+shift
+"$@" || said=$?
+kill $avahi
+exit $said
+"#;
+
+/// True, and said, where this machine has no avahi, or makes no networks.
+fn no_avahi() -> bool {
+    if Command::new("avahi-daemon").arg("--version").output().is_err()
+        || !Path::new("/etc/avahi/services").is_dir()
+    {
+        pass_over("avahi-daemon");
+        return true;
+    }
+    let cable = ["--net", "ip", "link", "add", "one", "type", "veth", "peer", "name", "other"];
+    let can = unshare().args(cable).output();
+    let can = can.is_ok_and(|output| output.status.success());
+    if !can {
+        pass_over("network namespaces: unshare --net, ip, and veth");
+    }
+    !can
+}
+
+#[test]
+fn a_brick_whose_avahi_has_the_packages_file_is_found() {
+    if no_avahi() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("brick-image/package/onbrick.avahi");
+    std::fs::create_dir(folder.path().join("services")).unwrap();
+    std::fs::copy(file, folder.path().join("services/onbrick.service")).unwrap();
+    std::fs::write(folder.path().join("conf"), AVAHI).unwrap();
+    let discover = |listen: &str| {
+        let output = unshare()
+            .args(["--net", "sh", "-c", SCRIPT, "sh"])
+            .arg(folder.path())
+            .args([env!("CARGO_BIN_EXE_onbrick"), "bricks", "--discover", "--json", "--listen", listen])
+            .env("ONBRICK_KEYS", folder.path().join("keys"))
+            .output()
+            .unwrap();
+        let log = std::fs::read_to_string(folder.path().join("avahi.log")).unwrap_or_default();
+        assert!(output.status.success(), "{}{}{log}", text(&output.stdout), text(&output.stderr));
+        println!("{log}");
+        text(&output.stdout)
+    };
+    // Avahi looks for a second whether its name is free; a machine that has no time for it is given more.
+    let said = ["6", "20", "60"].into_iter().map(discover).find(|said| !said.is_empty()).unwrap_or_default();
+    let brick: Value = serde_json::from_str(said.lines().next().expect("nobody was heard")).unwrap();
+    assert_eq!(brick["brick"], "ev3-blue", "{brick}");
+    assert_eq!(brick["address"], "ev3-blue.local", "{brick}");
+    assert_eq!(brick["numbers"][0], "10.5.0.1", "{brick}");
+    assert_eq!(brick["known"], false, "{brick}");
+}
