@@ -160,7 +160,7 @@ fn a_fetch_goes_on_after_the_brick_or_the_pc_was_switched_off() {
     let key = bench.brick_key();
     let Bench { folder, fake, server, pc } = bench;
     let mut client = client_at(&format!("127.0.0.1:{}", server.port()), key, &pc);
-    client = client.with_patience(Patience::new(2.0));
+    client = client.with_patience(Patience::new(8.0));
     let mut server = Some(server);
     let ended = client.fetch(&run("r"), &home.file, &mut |progress| {
         if progress.bytes == 200_000 {
