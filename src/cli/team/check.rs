@@ -307,8 +307,8 @@ grey         ?  ?        ?             no answer from grey";
         let running = Status { state: State::Running, ..status("1") };
         assert_eq!(unready(&running).as_deref(), Some("running"));
         assert_eq!(unready(&Status { state: State::Stopped, last: Some(last("x")), ..status("1") }), None);
-        let mut low = checked("low", "mpa");
+        let mut low = checked("low", "mapp");
         low.note(Status { battery: Some("charge it".to_owned()), ..status("1") }, Some(mission("a", None)));
-        assert_eq!(low.problems, ["charge it", "it has no mission mpa; did you mean `map`?"]);
+        assert_eq!(low.problems, ["charge it", "it has no mission mapp; did you mean `map`?"]);
     }
 }
