@@ -14,45 +14,63 @@ use crate::support::real_time::{alone, patiently};
 
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
-/// A brick on its machine, and a person at a PC on another.
+/// A brick, or several, on a machine, and a person at a PC on another.
 pub struct Apart {
     pub network: Network,
     pub folder: tempfile::TempDir,
-    service: Option<Child>,
+    /// Each brick's name and address.
+    bricks: &'static [(&'static str, &'static str)],
+    world: &'static str,
+    services: Vec<Child>,
 }
 
 impl Apart {
     /// Serves a simulated brick, called `blue`; `None` where there are no network namespaces.
     pub fn new() -> Option<Self> {
+        Self::of(&[("blue", BRICK)], "arena")
+    }
+
+    /// The same for several bricks in a world.
+    fn of(bricks: &'static [(&'static str, &'static str)], world: &'static str) -> Option<Self> {
         let network = Network::new()?;
         let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir_all(folder.path().join("brick")).unwrap();
         std::fs::create_dir_all(folder.path().join("pc")).unwrap();
-        std::fs::write(folder.path().join("brick/onbrick.toml"), "name = \"blue\"\n").unwrap();
-        let mut apart = Self { network, folder, service: None };
+        for (name, address) in bricks {
+            if *address != BRICK {
+                network.add_address(address);
+            }
+            std::fs::create_dir_all(folder.path().join(name)).unwrap();
+            let config = format!("name = \"{name}\"\n[link]\naddress = \"{address}\"\n");
+            std::fs::write(folder.path().join(name).join("onbrick.toml"), config).unwrap();
+        }
+        let mut apart = Self { network, folder, bricks, world, services: Vec::new() };
         apart.serve();
         Some(apart)
     }
 
-    /// Starts the service and waits until it listens.
+    /// Starts the services and waits until they listen.
     pub fn serve(&mut self) {
-        let log = std::fs::File::create(self.folder.path().join("log")).unwrap();
-        let mut service = self.network.brick(PROGRAM);
-        service.args(["-v", "serve", "--sim", "arena", "--config"]).arg(self.folder.path().join("brick"));
-        service.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
-        self.service = Some(service.spawn().unwrap());
-        until("the link listens", || self.log().contains("the link listens").then_some(()));
+        for (name, _) in self.bricks {
+            let log = std::fs::File::create(self.folder.path().join(format!("{name}.log"))).unwrap();
+            let mut service = self.network.brick(PROGRAM);
+            service.args(["-v", "serve", "--sim", self.world, "--config"]).arg(self.folder.path().join(name));
+            service.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+            self.services.push(service.spawn().unwrap());
+        }
+        let listening = || self.log().matches("the link listens").count() == self.bricks.len();
+        until("the link listens", || listening().then_some(()));
     }
 
-    /// Ends it.
+    /// Ends them.
     pub fn stop(&mut self) {
-        if let Some(mut service) = self.service.take() {
+        for mut service in self.services.drain(..) {
             let _ = (service.kill(), service.wait());
         }
     }
 
     pub fn log(&self) -> String {
-        std::fs::read_to_string(self.folder.path().join("log")).unwrap_or_default()
+        let log = |name| std::fs::read_to_string(self.folder.path().join(format!("{name}.log")));
+        self.bricks.iter().map(|(name, _)| log(name).unwrap_or_default()).collect()
     }
 
     /// A command at the PC.
@@ -74,25 +92,34 @@ impl Apart {
         said
     }
 
-    /// Two people, one at the brick and one at the PC, who compare the code and find it the same.
+    /// Two people, one at each brick and one at the PC, who compare the code and find it the same.
     pub fn pair(&self) {
         let yes = self.folder.path().join("yes");
         std::fs::write(&yes, "yes\n").unwrap();
-        let mut there = self.network.brick(PROGRAM);
-        there.args(["pair", "--config"]).arg(self.folder.path().join("brick")).arg("--answers").arg(&yes);
-        let mut there = there.stdout(Stdio::null()).spawn().unwrap();
-        let said = self.done(&format!("pair {BRICK} --name anna --answers {} --timeout 60", yes.display()));
-        assert!(said.starts_with("blue is known from now on"), "{said}");
-        assert!(there.wait().unwrap().success());
+        for (name, address) in self.bricks {
+            let mut there = self.network.brick(PROGRAM);
+            there.args(["pair", "--config"]).arg(self.folder.path().join(name)).arg("--answers").arg(&yes);
+            let mut there = there.stdout(Stdio::null()).spawn().unwrap();
+            let said =
+                self.done(&format!("pair {address} --name anna --answers {} --timeout 60", yes.display()));
+            assert!(said.starts_with(&format!("{name} is known from now on")), "{said}");
+            assert!(there.wait().unwrap().success());
+        }
     }
 
-    /// The file on the brick of the only run.
+    /// The file on the brick of the only run of the first brick.
     pub fn recording(&self) -> PathBuf {
-        let runs = std::fs::read_dir(self.folder.path().join("brick/runs")).unwrap();
-        let files = runs.map(|entry| entry.unwrap().path().join("run.mcap")).filter(|file| file.exists());
-        let files: Vec<PathBuf> = files.collect();
-        let [file] = files.as_slice() else { panic!("{files:?}") };
+        let (name, _) = self.bricks[0];
+        let files = self.recordings(name);
+        let [file] = files.as_slice() else { panic!("{name}: {files:?}") };
         file.clone()
+    }
+
+    /// The files of a brick's runs.
+    fn recordings(&self, name: &str) -> Vec<PathBuf> {
+        let runs = std::fs::read_dir(self.folder.path().join(name).join("runs")).into_iter().flatten();
+        let files = runs.map(|entry| entry.unwrap().path().join("run.mcap"));
+        files.filter(|file| file.exists()).collect()
     }
 }
 
@@ -166,4 +193,61 @@ fn a_start_that_was_caught_by_an_outage_starts_nothing_when_the_cable_is_back() 
     std::thread::sleep(Duration::from_secs(1));
     let status = apart.done("status blue");
     assert!(status.contains("ready") && !status.contains("running"), "{status}");
+}
+
+const TEAM: &str = "\
+mission = \"map\"
+[brick.blue]
+x_m = 0.0
+y_m = 0.0
+[brick.red]
+x_m = 3.0
+y_m = 0.0
+heading_deg = 90
+";
+
+#[test]
+fn the_readmes_chapter_on_teams_works_with_the_cable_pulled_out_meanwhile() {
+    let _alone = alone();
+    patiently("the chapter on teams", the_readmes_chapter_on_teams);
+}
+
+fn the_readmes_chapter_on_teams() {
+    let Some(apart) = Apart::of(&[("blue", BRICK), ("red", "10.77.0.3")], "two-arenas") else { return };
+    apart.pair();
+    let pc = apart.folder.path().join("pc");
+    std::fs::write(pc.join("team.toml"), TEAM).unwrap();
+    assert_eq!(apart.done("status --team team.toml").matches("  ready").count(), 2);
+    let team = "--json team team.toml --set time_limit_s=15 --lost 120 --timeout 60";
+    let team = apart.pc(team).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let lengths = || {
+        ["blue", "red"].map(|name| match apart.recordings(name).as_slice() {
+            [file] => std::fs::metadata(file).map_or(0, |file| file.len()),
+            _ => 0,
+        })
+    };
+    let grown = |what: &str, from: [u64; 2]| {
+        until(what, || lengths().iter().zip(from).all(|(now, then)| *now > then + 30_000).then_some(()));
+    };
+    grown("both drive", [0; 2]);
+    apart.network.pull();
+    grown("both record on by themselves", lengths());
+    apart.network.plug();
+
+    let output = team.wait_with_output().unwrap();
+    let (said, error) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{said}{error}\nthe services: {}", apart.log());
+    let lines: Vec<Value> = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    for name in ["blue", "red"] {
+        let came = lines.iter().find(|line| line["brick"] == name && line["good"] == true);
+        let came = came.unwrap_or_else(|| panic!("{name}: {said}"));
+        let ours = std::fs::read(pc.join(came["file"].as_str().unwrap())).unwrap();
+        let [theirs] = apart.recordings(name).try_into().unwrap();
+        assert!(ours == std::fs::read(theirs).unwrap(), "{name}: {} bytes are not the brick's", ours.len());
+        let run = Run::read_checked(&ours).unwrap();
+        assert!(run.senses.is_sorted_by(|a, b| a.tick + 1 == b.tick), "{name}: a tick is missing");
+    }
+    let map = std::fs::read_to_string(pc.join("onbrick-team/map.svg")).unwrap();
+    assert!(map.contains(">\nblue\n<") && map.contains(">\nred\n<"), "one picture of both");
+    assert!(pc.join("onbrick-team/team.mcap").exists() && pc.join("onbrick-team/map.png").exists());
 }

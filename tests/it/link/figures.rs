@@ -310,7 +310,7 @@ fn plant(apart: &mut Apart, bytes: usize) -> PathBuf {
     apart.done("start map blue --set time_limit_s=1");
     apart.done("fetch blue --timeout 60");
     apart.stop();
-    let runs = apart.folder.path().join("brick/runs");
+    let runs = apart.folder.path().join("blue/runs");
     let of = apart.recording().parent().unwrap().to_owned();
     let record: Value = serde_json::from_slice(&std::fs::read(of.join("run.json")).unwrap()).unwrap();
     let mut record = record.as_object().unwrap().clone();

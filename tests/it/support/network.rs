@@ -114,6 +114,12 @@ impl Network {
         self.pc.command(program)
     }
 
+    /// Gives the brick's machine another address: another brick, for who looks from the PC.
+    #[track_caller]
+    pub fn add_address(&self, address: &str) {
+        self.brick.must(&format!("ip address add {address}/24 dev {CABLE}"));
+    }
+
     /// Pulls the cable out at the brick.
     pub fn pull(&self) {
         self.brick.must(&format!("ip link set {CABLE} down"));
