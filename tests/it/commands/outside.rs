@@ -94,6 +94,9 @@ fn crates_outside_the_repository_compile_and_run() {
         \x20       println!(\"{:.6}\", estimator.update(&inputs).pose.x_m);\n    }\n}\n";
     let printed = outside(folder.path(), "bare", ", default-features = false", bare);
     assert_eq!(printed, "0.000000\n0.003008\n", "a tenth of a radian of a wheel of 0.189 m");
-    let whole = "fn main() {\n    let names: Vec<&str> = onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n}\n";
-    assert!(outside(folder.path(), "whole", "", whole).contains("arena"));
+    let whole = "fn main() {\n    let names: Vec<&str> = onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n\
+        \x20   // Without libzmq's CURVE there is no key.\n\
+        \x20   println!(\"key {}\", onbrick::link::KeyPair::generate().unwrap().public());\n}\n";
+    let printed = outside(folder.path(), "whole", "", whole);
+    assert!(printed.contains("arena") && printed.contains("\nkey "), "{printed}");
 }
