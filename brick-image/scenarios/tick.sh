@@ -26,6 +26,6 @@ per_tick=$(awk "BEGIN { printf \"%d\", ($after_cpu - $before_cpu) / 4 / (($after
 figure "samples of control" $((user + kernel)) "in 8 s"
 figure "of a tick in user code" $((per_tick * user / (user + kernel))) "instructions"
 figure "of a tick in the kernel" $((per_tick * kernel / (user + kernel))) "instructions"
-# On a brick the drivers answer from the kernel; here each of the five readings is a message to the simulator's process and back, most of
-# the kernel's part. The goal for a brick is 50000; what is held here is that it gets no worse.
-figure "the whole tick at 100 Hz, control alone" "$per_tick" instructions "<=" 130000
+# On a brick the drivers answer from the kernel; here each reading, and each look whether a motor is still ours, is a message to the
+# simulator's process and back, most of the kernel's part. The goal for a brick is 50000; what is held here is that it gets no worse.
+figure "the whole tick at 100 Hz, control alone" "$per_tick" instructions "<=" 135000

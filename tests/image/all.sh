@@ -5,7 +5,7 @@ set -euo pipefail
 checkout=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 
 # In time that counts instructions.
-scenarios=(reading tick start lateness memory entropy old-kernel bad-input)
+scenarios=(reading tick start lateness memory entropy old-kernel bad-input menu)
 parts=(power-cut package inject install boot)
 failed=()
 
@@ -28,7 +28,7 @@ wanted() {
 }
 
 for name in "${scenarios[@]}"; do
-  if wanted "$name" "$@"; then timed "$name" "$checkout/brick-image/emulate.sh" --exact "$name"; fi
+  if wanted "$name" "$@"; then timed "$name" "$checkout/brick-image/emulate.sh" --exact --timeout 3000 "$name"; fi
 done
 for name in "${parts[@]}"; do
   if wanted "$name" "$@"; then timed "$name" "$checkout/tests/image/$name.sh"; fi
