@@ -1,6 +1,7 @@
 //! What the tests share.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 pub mod allocations;
 pub mod chance;
@@ -31,6 +32,14 @@ pub fn segfault(process: nix::unistd::Pid) {
         }
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
+}
+
+/// A loopback address that no other service of these tests listens at; one at `*` would have the port of all of them.
+pub fn own_address() -> String {
+    static NUMBER: AtomicU32 = AtomicU32::new(1);
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    let process = std::process::id();
+    format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255)
 }
 
 /// Says what a test passes over because this machine lacks it; under `ONBRICK_REQUIRE=1` that is a failure.

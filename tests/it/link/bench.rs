@@ -18,6 +18,7 @@ use onbrick::service::protocol::{
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
 
+use crate::support::own_address;
 use crate::support::real_time::Pace;
 
 /// Nothing here takes this long on any machine, and nothing waits for it to be over.
@@ -245,11 +246,8 @@ impl Service {
 
     /// The same with a name and a robot of its own.
     pub fn of(name: &str, place: &[&str]) -> Self {
-        static NUMBER: AtomicU32 = AtomicU32::new(1);
         let folder = tempfile::tempdir().unwrap();
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let process = std::process::id();
-        let address = format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255);
+        let address = own_address();
         let config = format!("name = \"{name}\"\n[link]\naddress = \"{address}\"\n");
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
         let place = place.iter().map(|&argument| argument.to_owned()).collect();

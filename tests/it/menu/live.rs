@@ -18,6 +18,7 @@ use onbrick::service::client::Client;
 use onbrick::service::protocol::{Chosen, LocalOnly, Request, RunId, Start, Started, State, Status, Stopped};
 
 use crate::mount::bench::{Mounted, real_time};
+use crate::support::own_address;
 use crate::support::real_time::in_real_time;
 
 /// Far more than anything here takes on a machine that does other things as well.
@@ -74,7 +75,10 @@ impl Served {
 
     fn at(place: [&str; 2]) -> Self {
         let place = place.map(str::to_owned);
-        let mut served = Self { folder: tempfile::tempdir().unwrap(), place, serve: None };
+        let folder = tempfile::tempdir().unwrap();
+        let config = format!("[link]\naddress = \"{}\"\n", own_address());
+        fs::write(folder.path().join("onbrick.toml"), config).unwrap();
+        let mut served = Self { folder, place, serve: None };
         served.begin();
         served
     }
