@@ -10,7 +10,7 @@ use crate::ev3dev::LocalTree;
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
-use crate::report::{Scene, Track};
+use crate::report::{Scene, Track, export, plot};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
 use crate::runtime::recording::{ReadError, Run};
 use crate::runtime::{Event, Source};
@@ -226,6 +226,19 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
         }
     }
     Scene { title: title.unwrap_or(names), tracks, outlines: walls }
+}
+
+/// Writes a picture, as map.svg and map.png, and what is drawn in it, as points.csv and path.csv, into a folder.
+#[cfg(feature = "host")]
+pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
+    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
+    let files = [
+        ("map.svg", plot::svg(scene).map_err(|error| failed(&error))?.into_bytes()),
+        ("map.png", plot::png(scene).map_err(|error| failed(&error))?),
+        ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
+        ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
+    ];
+    files.iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
 }
 
 /// The walls of the world that is in a recording.

@@ -1,17 +1,15 @@
 //! `onbrick demo`: the main job on the simulated brick.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
 use super::common::{
-    LoadedRun, Progress, load_mission, load_robot, load_world, open_run, scene_of, shipped_mission,
-    write_file,
+    LoadedRun, Progress, draw, load_mission, load_robot, load_world, open_run, scene_of, shipped_mission,
 };
 use super::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
 use crate::mapping::stats;
-use crate::report::{export, plot};
 use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, StopFlags, WhenAbandoned, execute};
 use crate::sim::World;
 use crate::units::{degrees, wrap_rad};
@@ -80,7 +78,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let Brick::Simulated { world, .. } = &job.brick else {
         return Err(Failure::new(Exit::Failed, "a demo runs on a simulated brick"));
     };
-    draw(&arguments.out, &loaded)?;
+    draw(&arguments.out, &scene_of(std::slice::from_ref(&loaded), None))?;
     let quality = quality(&loaded, world)?;
     output.show(
         format!(
@@ -120,18 +118,6 @@ fn job(arguments: &Arguments, output: &mut Output) -> Result<Job, Failure> {
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     })
-}
-
-fn draw(folder: &Path, loaded: &LoadedRun) -> Result<(), Failure> {
-    let scene = scene_of(std::slice::from_ref(loaded), None);
-    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
-    let files = [
-        ("map.svg", plot::svg(&scene).map_err(|error| failed(&error))?.into_bytes()),
-        ("map.png", plot::png(&scene).map_err(|error| failed(&error))?),
-        ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
-        ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
-    ];
-    files.iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::super::common::{LoadedRun, open_run, scene_of, write_file};
+use super::super::common::{LoadedRun, draw, open_run, scene_of, write_file};
 use super::super::{Exit, Failure, Output};
 use super::Plan;
 use super::drive::Came;
 use crate::clock::{SECOND_NS, seconds};
+use crate::report::Scene;
 use crate::report::export::{self, Part};
-use crate::report::{Scene, plot};
 use crate::runtime::recording::Info;
 
 /// Says brick by brick what came of it.
@@ -82,15 +82,8 @@ pub(super) fn merge(plan: &Plan<'_>, came: &[Came], output: &mut Output) -> Resu
         return Ok(());
     }
     let scene = scene(plan, &ones, &runs);
-    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
-    let files = [
-        ("map.svg", plot::svg(&scene).map_err(|error| failed(&error))?.into_bytes()),
-        ("map.png", plot::png(&scene).map_err(|error| failed(&error))?),
-        ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
-        ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
-        ("team.mcap", merged(&ones, &runs, output)?),
-    ];
-    files.iter().try_for_each(|(name, bytes)| write_file(&plan.out.join(name), bytes))?;
+    draw(plan.out, &scene)?;
+    write_file(&plan.out.join("team.mcap"), &merged(&ones, &runs, output)?)?;
     let points: usize = scene.tracks.iter().map(|track| track.points.len()).sum();
     let (count, out) = (runs.len(), plan.out.display());
     output.show(
