@@ -19,7 +19,7 @@ use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{Brick, HardwareLock, Job, Lock, Source, WhenAbandoned};
-use onbrick::sim::{World, WorldPhysics};
+use onbrick::sim::{DeviceFault, Port, World, WorldPhysics};
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
     set_thread_priority_and_policy, thread_native_id,
@@ -28,6 +28,8 @@ use thread_priority::{
 use super::witness::{Seen, Witness};
 use crate::foreign::bench::example;
 use crate::mount::bench::{Mounted, await_or_fail, no_fuse, real_time};
+use crate::service::{self, Served};
+use crate::support::memory_group::{MemoryGroup, no_memory_groups};
 use crate::support::promised::{long, promised};
 use crate::support::segfault;
 
@@ -39,6 +41,9 @@ const REST_NS: i64 = 500 * MILLISECOND_NS;
 /// Without a guard the last lease runs out first, which may have been given just before the death: 0.3 s, and then the wheels roll out as
 /// they do behind a guard.
 const REST_BY_LEASE_NS: i64 = REST_NS + 150 * MILLISECOND_NS;
+
+/// How long a sensor needs after it was plugged in again, as its driver has it, and more.
+const PLUGGED_NS: i64 = 2500 * MILLISECOND_NS;
 
 /// How long a brick is watched after a fault.
 const WATCH_NS: i64 = 1000 * MILLISECOND_NS;
@@ -85,7 +90,7 @@ next = [{ when = "state_s > 1.9", go = "left" }]
 /// What becomes of the processes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Trouble {
-    /// SIGKILL, as the kernel also sends it when memory runs out.
+    /// SIGKILL.
     Killed,
     /// SIGSTOP, and SIGCONT when everything should be over.
     StoppedAndContinued,
@@ -99,6 +104,12 @@ enum Trouble {
     /// The guard is made deaf first, so that it cannot act before it is killed too.
     BothKilled,
     StarterKilled,
+    /// The service that the run was started through is killed, and was told that its runs are to end with it.
+    ServiceKilled,
+    /// The kernel kills what drives because it wants more memory than there is.
+    OutOfMemory,
+    /// This thread of the process that drives panics.
+    Panic(&'static str),
 }
 
 /// What is there to stop the motors.
@@ -115,8 +126,8 @@ const NEITHER: Protection = Protection { lease: false, guard: false };
 
 type Case = (Trouble, Protection);
 
-/// One of each, within a minute on a few bricks.
-const CASES: [Case; 15] = [
+/// One of each, within a minute on a few bricks. A thread that panics stops the motors whoever else is there to do it.
+const CASES: [Case; 25] = [
     (Trouble::Killed, BOTH),
     (Trouble::StoppedAndContinued, BOTH),
     (Trouble::Segfault, BOTH),
@@ -132,6 +143,16 @@ const CASES: [Case; 15] = [
     (Trouble::Killed, ONLY_LEASE),
     (Trouble::Aborted, ONLY_LEASE),
     (Trouble::Spinning, ONLY_LEASE),
+    (Trouble::ServiceKilled, BOTH),
+    (Trouble::ServiceKilled, ONLY_GUARD),
+    (Trouble::OutOfMemory, BOTH),
+    (Trouble::OutOfMemory, ONLY_LEASE),
+    (Trouble::OutOfMemory, ONLY_GUARD),
+    (Trouble::Panic("tick"), BOTH),
+    (Trouble::Panic("tick"), NEITHER),
+    (Trouble::Panic("recorder"), NEITHER),
+    (Trouble::Panic("mender"), NEITHER),
+    (Trouble::Panic("orders"), NEITHER),
 ];
 
 /// What was measured, nanoseconds after the fault.
@@ -173,6 +194,10 @@ impl Bench {
         *self.seen.lock().unwrap()
     }
 
+    fn drives(&self) -> bool {
+        self.now_ns() - self.seen().driven_ns < DRIVES_NS
+    }
+
     fn await_free(&self) {
         let root = self.mounted.root();
         await_or_fail("the lock is free", || HardwareLock::owner(&root).unwrap().is_none());
@@ -182,9 +207,7 @@ impl Bench {
     fn start(&mut self, (trouble, protection): Case, after_ns: i64) -> Run {
         self.runs += 1;
         let out = self.folder.path().join(self.runs.to_string());
-        let program =
-            if trouble == Trouble::Spinning { example("troubled").unwrap() } else { PROGRAM.into() };
-        let mut run = Run::start(&program, &self.mounted.root(), &out, protection.guard);
+        let mut run = Run::start(trouble, &self.mounted.root(), &out, protection.guard);
         let began_ns = self.now_ns();
         await_or_fail("the robot drives, or the run is over", || {
             self.seen().driven_ns > began_ns || run.is_over()
@@ -205,6 +228,7 @@ impl Bench {
     fn suffer(&mut self, case: Case, after_ns: i64) -> Option<Measured> {
         let run = self.start(case, after_ns);
         let processes = run.control().and_then(|control| Some((control, parent_of(control)?)));
+        let group = (case.0 == Trouble::OutOfMemory).then(|| MemoryGroup::new().unwrap());
         let fault_ns = self.now_ns();
         let Some((control, parent)) = processes.filter(|_| fault_ns - self.seen().driven_ns < DRIVES_NS)
         else {
@@ -213,7 +237,14 @@ impl Bench {
             return None;
         };
         let guard = case.1.guard.then_some(parent);
+        if let Some(group) = &group {
+            group.put(control);
+        }
         case.0.strike(run.starter(), guard, control);
+        if case.0 == Trouble::Panic("mender") {
+            // It does something only where something is not there.
+            self.mounted.simulation.inject(0, Port::In1, DeviceFault::Unplug).unwrap();
+        }
         pass(2 * COMMANDS_NS);
         // One that is dead needs no going on.
         let _ = kill(control, Signal::SIGCONT);
@@ -224,6 +255,13 @@ impl Bench {
         }
         run.end();
         self.await_free();
+        if let Some(group) = &group {
+            assert!(group.kills() > 0, "memory did not run out");
+        }
+        if case.0 == Trouble::Panic("mender") {
+            self.mounted.simulation.control(0, "clear").unwrap();
+            pass(PLUGGED_NS);
+        }
         Some(Measured { commands_ns: seen.driven_ns - fault_ns, rest_ns: seen.turned_ns - fault_ns })
     }
 }
@@ -247,24 +285,48 @@ impl Trouble {
                 send(control, Signal::SIGKILL);
                 send(guard.unwrap(), Signal::SIGKILL);
             }
-            Self::StarterKilled => send(starter, Signal::SIGKILL),
+            Self::StarterKilled | Self::ServiceKilled => send(starter, Signal::SIGKILL),
+            Self::OutOfMemory | Self::Panic(_) => send(control, Signal::SIGUSR2),
+        }
+    }
+
+    /// The program that can have this trouble, and what it is told for it.
+    fn program(self) -> Command {
+        let troubled = |thread| {
+            let mut command = Command::new(example("troubled").unwrap());
+            command.env("TROUBLED_THREAD", thread);
+            command
+        };
+        match self {
+            Self::Spinning => Command::new(example("troubled").unwrap()),
+            Self::OutOfMemory => troubled("memory"),
+            Self::Panic(thread) => troubled(thread),
+            _ => Command::new(PROGRAM),
         }
     }
 }
 
-/// The processes of a run: `onbrick run` with a guard, or control by itself.
+/// The processes of a run: a service or `onbrick run` with a guard, or control by itself.
 struct Run {
-    child: Child,
+    starter: Starter,
     guarded: bool,
     root: PathBuf,
 }
 
+enum Starter {
+    Child(Child),
+    Service(Box<Served>),
+}
+
 impl Run {
-    fn start(program: &Path, root: &Path, out: &Path, guarded: bool) -> Self {
+    fn start(trouble: Trouble, root: &Path, out: &Path, guarded: bool) -> Self {
+        if trouble == Trouble::ServiceKilled {
+            return Self::served("", root);
+        }
         fs::create_dir(out).unwrap();
         let mission = out.join("dance.toml");
         fs::write(&mission, DANCE).unwrap();
-        let mut command = Command::new(program);
+        let mut command = trouble.program();
         command.stdout(Stdio::null()).stderr(Stdio::null()).stdin(Stdio::piped());
         if guarded {
             command.arg("run").arg(&mission).arg("--brick").arg(root).arg("--out").arg(out);
@@ -289,11 +351,24 @@ impl Run {
             let line = serde_json::to_string(&job).unwrap() + "\n";
             child.stdin.as_mut().unwrap().write_all(line.as_bytes()).unwrap();
         }
-        Self { child, guarded, root: root.to_owned() }
+        Self { starter: Starter::Child(child), guarded, root: root.to_owned() }
+    }
+
+    /// Through a service with this in its `onbrick.toml`.
+    fn served(config: &str, root: &Path) -> Self {
+        let folder = service::folder(config);
+        fs::write(folder.path().join("missions/dance.toml"), DANCE).unwrap();
+        let mut served = Served::started(folder, &["--brick", root.to_str().unwrap()], |command| command);
+        served.start("dance", "dance");
+        Self { starter: Starter::Service(Box::new(served)), guarded: true, root: root.to_owned() }
     }
 
     fn starter(&self) -> Pid {
-        Pid::from_raw(i32::try_from(self.child.id()).unwrap())
+        let child = match &self.starter {
+            Starter::Child(child) => child,
+            Starter::Service(served) => &served.child,
+        };
+        Pid::from_raw(i32::try_from(child.id()).unwrap())
     }
 
     fn control(&self) -> Option<Pid> {
@@ -306,13 +381,18 @@ impl Run {
     }
 
     fn is_over(&mut self) -> bool {
-        self.child.try_wait().unwrap().is_some()
+        match &mut self.starter {
+            Starter::Child(child) => child.try_wait().unwrap().is_some(),
+            Starter::Service(served) => served.status().last.is_some(),
+        }
     }
 
     fn end(mut self) {
-        // One that is over needs no killing.
-        let _ = self.child.kill();
-        self.child.wait().unwrap();
+        if let Starter::Child(child) = &mut self.starter {
+            // One that is over needs no killing.
+            let _ = child.kill();
+            child.wait().unwrap();
+        }
     }
 }
 
@@ -388,7 +468,7 @@ fn report(what: &str, mut ns: Vec<i64>) {
 
 #[test]
 fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
-    if no_fuse() || example("troubled").is_none() {
+    if no_fuse() || no_memory_groups() || example("troubled").is_none() {
         return;
     }
     let _alone = real_time();
@@ -486,4 +566,41 @@ fn promise_1_without_lease_and_guard_the_motors_would_go_on() {
     std::thread::sleep(Duration::from_millis(20));
     let seen = bench.seen();
     assert!(bench.now_ns() - seen.turned_ns > 500 * MILLISECOND_NS, "halt stopped what was left running");
+}
+
+#[test]
+fn promise_1_a_run_that_may_outlive_its_service_goes_on_under_its_guard() {
+    if no_fuse() {
+        return;
+    }
+    let _alone = real_time();
+    let bench = Bench::new(1);
+    for attempt in 1..=ATTEMPTS {
+        let run = Run::served("when_service_dies = \"go on\"", &bench.mounted.root());
+        await_or_fail("the robot drives", || bench.drives());
+        kill(run.starter(), Signal::SIGKILL).unwrap();
+        pass(WATCH_NS);
+        // One that this machine made late has ended by itself.
+        let control = run.control().filter(|_| bench.drives());
+        let Some(control) = control else {
+            println!("attempt {attempt}: it was late");
+            bench.await_free();
+            continue;
+        };
+        let fault_ns = bench.now_ns();
+        kill(control, Signal::SIGKILL).unwrap();
+        pass(WATCH_NS);
+        let seen = bench.seen();
+        let measured = Measured { commands_ns: seen.driven_ns - fault_ns, rest_ns: seen.turned_ns - fault_ns };
+        bench.await_free();
+        if measured.is_in_time((Trouble::Killed, BOTH)) {
+            return promised(&format!(
+                "the service killed, the run goes on; then control is killed: last command ended after {} ms, at rest after {} ms",
+                measured.commands_ns / MILLISECOND_NS,
+                measured.rest_ns / MILLISECOND_NS
+            ));
+        }
+        println!("attempt {attempt}: {measured:?}");
+    }
+    panic!("{ATTEMPTS} times the guard was late, or the run did not go on");
 }
