@@ -343,7 +343,11 @@ fn how_implausible(channel: Channel) -> &'static str {
         Channel::Gyro => {
             "it does not turn with the wheels, or leaps about: a plug may be loose, or the wheels turn in vain"
         }
-        Channel::Range => "it says the same while the robot drives: a plug may be loose, or the wheels turn in vain",
-        _ => "it does not turn as it is told, or its angle leaps about: a plug may be loose, or something blocks it",
+        Channel::Range => {
+            "it says the same while the robot drives: a plug may be loose, or the wheels turn in vain"
+        }
+        _ => {
+            "it does not turn as it is told, or its angle leaps about: a plug may be loose, or something blocks it"
+        }
     }
 }

@@ -15,9 +15,7 @@ use signal_hook::consts::SIGXFSZ;
 
 use super::{Exit, Failure, Output, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::runtime::{
-    Brick, Event, Heartbeat, StopFlags, WhenAbandoned, execute, obey, read_job,
-};
+use crate::runtime::{Brick, Event, Heartbeat, StopFlags, WhenAbandoned, execute, obey, read_job};
 
 /// Drive: started by the guard of a run, never by hand.
 #[derive(Debug, clap::Args)]

@@ -64,11 +64,11 @@ impl StopFlags {
     /// and nobody else would notice that it hears no orders any more, or looks for no plug.
     pub fn on_panic(&self) {
         let panicked = Arc::clone(&self.panicked);
-        let before = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
-            // Before anything is said, which may have to wait.
+            // Before anything is said, which may have to wait. A backtrace is not made: that takes longer than motors may go on.
             panicked.store(true, Ordering::Relaxed);
-            before(panic);
+            let thread = std::thread::current();
+            log::error!("the thread {} {panic}", thread.name().unwrap_or("without a name"));
         }));
     }
 

@@ -5,7 +5,7 @@
 //!
 //! | reading | must change | and has not |
 //! |---|---|---|
-//! | gyro | while the wheels turn the robot to one side | by the sensor's least step in 120° |
+//! | gyro | while the wheels turn the robot to one side | by the sensor's least step in 60° |
 //! | range | while the robot drives towards what it measures, or away from it | by a bit in 0.2 m and 2 s |
 //! | head's angle | while the head is told to turn to a place that is far from it | by a count in 1 s |
 //!
@@ -37,7 +37,7 @@ use crate::mapping::{Estimate, Events, Range};
 use crate::robot::{Channel, RobotConfig, Senses};
 
 /// So far the wheels may turn the robot to one side while the gyro does not move, radians.
-const TURN_RAD: f64 = 2.0 * PI / 3.0;
+const TURN_RAD: f64 = PI / 3.0;
 
 /// So far the robot may drive along the beam while the range does not move, metres, and so long it must take, nanoseconds: something that moves before
 /// the robot at its own speed keeps its distance for moments.
@@ -183,8 +183,7 @@ impl Plausibility {
     fn doubts_gyro(&mut self, senses: &Senses, estimate: &Estimate, turned_rad: f64) -> bool {
         let Some(gyro) = senses.get(Channel::Gyro) else { return false };
         let turned_rad = if turned_rad.abs() < WHEELS_LEAP_RAD { turned_rad } else { 0.0 };
-        let leaps =
-            estimate.events.contains(Events::GYRO_RESET) && self.state.gyro_leaps.add(senses.time_ns);
+        let leaps = estimate.events.contains(Events::GYRO_RESET) && self.state.gyro_leaps.add(senses.time_ns);
         leaps || self.state.gyro.add(gyro.changed_ns, turned_rad) > TURN_RAD
     }
 
@@ -311,7 +310,7 @@ mod tests {
         let (at_s, doubted) = Bench::new()
             .play(|time_s| [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, 0.5])
             .expect("it never moves");
-        assert!(doubted == Channel::Gyro && (3.5..4.2).contains(&at_s), "{doubted} after {at_s} s");
+        assert!(doubted == Channel::Gyro && (1.8..2.1).contains(&at_s), "{doubted} after {at_s} s");
         let straight = Bench::new().play(|time_s| [turning(time_s), turning(time_s), 0.0, 2.0 - time_s, 0.5]);
         assert_eq!(straight, None, "straight on it may");
     }

@@ -129,7 +129,8 @@ impl log::Log for Trouble {
     }
 
     fn log(&self, _record: &log::Record<'_>) {
-        if std::thread::current().name() == Some("mender") {
+        // A panic says something, too.
+        if std::thread::current().name() == Some("mender") && !std::thread::panicking() {
             self.may_befall("mender");
         }
     }
