@@ -181,7 +181,10 @@ impl Plausibility {
     }
 
     fn doubts_gyro(&mut self, senses: &Senses, estimate: &Estimate, turned_rad: f64) -> bool {
-        let Some(gyro) = senses.get(Channel::Gyro) else { return false };
+        // One that could not be read in this tick has not been seen to stand still.
+        let Some(gyro) = senses.get(Channel::Gyro).filter(|gyro| gyro.read_ns == senses.time_ns) else {
+            return false;
+        };
         let turned_rad = if turned_rad.abs() < WHEELS_LEAP_RAD { turned_rad } else { 0.0 };
         let leaps = estimate.events.contains(Events::GYRO_RESET) && self.state.gyro_leaps.add(senses.time_ns);
         leaps || self.state.gyro.add(gyro.changed_ns, turned_rad) > TURN_RAD

@@ -22,6 +22,9 @@ fn run_down(pack: Pack) -> Played {
     play.scenario(RAMP).play().unwrap()
 }
 
+/// So often the real program is started anew where this machine made its loop late.
+const ATTEMPTS: u32 = 8;
+
 /// When the recording's log says something, seconds, and the battery's voltage then.
 fn said(run: &Run, what: &str) -> (f64, f64) {
     let line = run.logs.iter().find(|line| line.text.contains(what));
@@ -103,7 +106,7 @@ fn promise_6_the_program_on_a_brick_stops_before_its_battery_is_flat() {
     // What serves the brick's files: a run at real-time priority must not wait for it.
     println!("what serves the brick comes first: {}", come_first());
     let folder = tempfile::tempdir().unwrap();
-    for attempt in 1..=5 {
+    for attempt in 1..=ATTEMPTS {
         let Some(mounted) = Mounted::in_world("open", 1, Arc::new(MonotonicClock)) else { return };
         let out = folder.path().join(attempt.to_string());
         let mut child = Command::new(env!("CARGO_BIN_EXE_onbrick"))
@@ -140,5 +143,5 @@ fn promise_6_the_program_on_a_brick_stops_before_its_battery_is_flat() {
         ));
     }
     // The same is shown in virtual time above.
-    pass_over("time for a control loop: this machine was too busy five times");
+    pass_over("time for a control loop: this machine was too busy each time");
 }

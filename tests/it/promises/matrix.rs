@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use crate::missions;
 use crate::support::promised::{long, promised};
 use crate::support::stage::{Play, Played, fault};
-use onbrick::runtime::StopReason;
+use onbrick::runtime::recording::Run;
+use onbrick::runtime::{StopReason, replay};
 use onbrick::sim::World;
 
 const FAULTS: [&str; 8] = ["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "jump"];
@@ -33,6 +34,17 @@ fn mapping() -> Play {
 fn blind_m(ended: &Played) -> f64 {
     let at_fault = ended.truths[500.min(ended.truths.len() - 1)].travelled_m;
     ended.truth.travelled_m - at_fault
+}
+
+/// What was doubted is doubted again in a replay, also in one that has a gap shortly before: then the evidence is in the checkpoint.
+fn assert_is_repeated(ended: &Played, what: &str) {
+    let mut bytes = ended.disk.bytes();
+    assert!(replay(&Run::read(&bytes).unwrap()).unwrap().is_same(), "{what}");
+    // Before the map at its end, and after the fault in runs that went on for a while.
+    let place = bytes.len() / 10 * 6;
+    bytes[place] ^= 0x20;
+    let replayed = replay(&Run::read(&bytes).unwrap()).unwrap();
+    assert!(replayed.is_same() && replayed.gaps.len() == 1, "{what}: {replayed}");
 }
 
 #[test]
@@ -68,6 +80,9 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
             ended.pose_error_m()
         ));
         ended.assert_at_rest(&format!("{device} {kind}"));
+        if matches!(ended.reason, StopReason::Implausible(_)) {
+            assert_is_repeated(ended, &format!("{device} {kind}"));
+        }
         let cell = format!("{device} {kind}:");
         let known = undetectable.lines().any(|line| line.starts_with(&cell) && line.len() > cell.len() + 10);
         if blind_m > BLIND_M && !known {

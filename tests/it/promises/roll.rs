@@ -14,7 +14,7 @@ use super::witness::Witness;
 use crate::support::promised::promised;
 
 /// Up to here the lease alone has the wheels at rest in time, degrees per second.
-const IN_TIME_DPS: f64 = 100.0;
+const IN_TIME_DPS: f64 = 150.0;
 
 /// When the command ended and when the wheels stood, after the last renewal, nanoseconds: both wheels ahead.
 fn after_the_last_renewal(dps: f64) -> (i64, i64) {
@@ -45,7 +45,7 @@ fn after_the_last_renewal(dps: f64) -> (i64, i64) {
 
 #[test]
 fn promise_1_how_long_wheels_roll_on_after_the_last_lease_is_known() {
-    for dps in [60.0, IN_TIME_DPS, 150.0, 240.0, 360.0] {
+    for dps in [60.0, 100.0, IN_TIME_DPS, 240.0, 360.0] {
         let (commands_ns, rest_ns) = after_the_last_renewal(dps);
         let ms = |ns: i64| ns / MILLISECOND_NS;
         promised(&format!(

@@ -14,6 +14,9 @@ use crate::support::wall_clock::{replace, shim};
 
 const YEARS_NS: i64 = 31_556_952_000_000_000;
 
+/// So often the real program is started anew where this machine made its loop late.
+const ATTEMPTS: u32 = 8;
+
 /// The log times of all messages, in the order of the file.
 fn stamps(bytes: &[u8]) -> Vec<u64> {
     let mut stamps = Vec::new();
@@ -77,7 +80,7 @@ fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing()
     let mission = folder.path().join("on.toml");
     std::fs::write(&mission, STRAIGHT_ON).unwrap();
     let now = folder.path().join("now");
-    for attempt in 1..=5 {
+    for attempt in 1..=ATTEMPTS {
         let brick = TurningBrick::new();
         let out = folder.path().join(attempt.to_string());
         // As a brick wakes up that has no network and no battery for its clock.
@@ -128,5 +131,5 @@ fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing()
         ));
     }
     // The same is shown in virtual time above.
-    pass_over("time for a control loop: this machine was too busy five times");
+    pass_over("time for a control loop: this machine was too busy each time");
 }
