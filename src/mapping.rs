@@ -53,6 +53,7 @@ mod inputs;
 mod map;
 mod pose;
 mod range;
+mod room;
 mod slip;
 mod sounding;
 pub mod stats;
@@ -73,7 +74,7 @@ pub use sounding::Sounding;
 use serde::{Deserialize, Serialize};
 
 /// One point of the map, world frame, in metres, with the time of its reading.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct MapPoint {
     /// Nanoseconds of the run's clock.
     pub time_ns: i64,

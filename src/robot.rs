@@ -77,8 +77,9 @@ pub struct Robot {
     refused: Option<DeviceError>,
     settle_ns: i64,
     mender: Mender,
-    /// What of the motors is looked at next, by its place in [`Aspect::ALL`].
-    aspect: usize,
+    /// The motors, and which of them is looked at next.
+    motor_channels: Vec<Channel>,
+    look: usize,
     outside: Option<Channel>,
 }
 
@@ -211,19 +212,16 @@ impl Robot {
         self.outside
     }
 
-    /// Looks at one aspect of each motor a tick, and at the same one again where it raised a doubt.
+    /// Looks at one motor a tick, each in its turn, whether it runs as we left it; at the same one again where it raised a doubt. What a
+    /// motor under a lease is else told to do by others shows when the lease is renewed.
     fn look_for_others(&mut self, now_ns: i64) {
-        let Some(aspect) = Aspect::ALL.get(self.aspect).copied() else { return };
-        let mut doubt = false;
-        for channel in Channel::ALL {
-            if let Some(motor) = self.motor_mut(channel) {
-                let taken = motor.is_taken(aspect, now_ns);
-                doubt |= motor.is_in_doubt();
-                self.outside = self.outside.or(taken.then_some(channel));
-            }
-        }
+        let Some(channel) = self.motor_channels.get(self.look).copied() else { return };
+        let Some(motor) = self.motor_mut(channel) else { return };
+        let taken = motor.is_taken(Aspect::State, now_ns);
+        let doubt = motor.is_in_doubt();
+        self.outside = self.outside.or(taken.then_some(channel));
         if !doubt {
-            self.aspect = (self.aspect + 1) % Aspect::ALL.len();
+            self.look = (self.look + 1) % self.motor_channels.len();
         }
     }
 

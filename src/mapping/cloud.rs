@@ -3,7 +3,7 @@
 //! A list that is full drops every second entry and from then on takes every second of what is offered: a mission of hours is kept as
 //! evenly as one of minutes, only more coarsely.
 
-use super::{MapPoint, Pose};
+use super::{MapPoint, Pose, room};
 
 /// A list with a limit.
 #[derive(Debug, Clone)]
@@ -15,11 +15,11 @@ pub(super) struct Thinned<T> {
     offered: u64,
 }
 
-impl<T> Thinned<T> {
+impl<T: Copy + Default> Thinned<T> {
     /// An empty list with room for `limit` entries (two at least), taken at once.
     pub(super) fn new(limit: usize) -> Self {
         let limit = limit.max(2);
-        Self { kept: Vec::with_capacity(limit), limit, stride: 1, offered: 0 }
+        Self { kept: room::reserved(limit), limit, stride: 1, offered: 0 }
     }
 
     pub(super) fn offer(&mut self, entry: T) {

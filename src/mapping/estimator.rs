@@ -12,7 +12,7 @@ use super::sounding::{Schedule, Sounding};
 use super::uncertainty::{self, Covariance};
 use super::wheels::{WheelStep, WheelsState};
 use super::{Estimate, Events, Inputs, Pose, Range};
-use crate::clock::seconds;
+use crate::clock::seconds_nearly;
 
 /// Speeds are smoothed over this: a whole degree of a wheel in a tick of 10 ms would else be 5 cm/s.
 const SPEED_MEMORY_S: f64 = 0.1;
@@ -108,8 +108,11 @@ impl Estimator {
             inputs.right_rad,
         );
         events |= wheels.events;
+        let heading_rad = self.state.pose.heading_rad;
         let trust = self.turn(&inputs, &wheels, passed_s, &mut events);
+        let turned_rad = self.state.pose.heading_rad - heading_rad;
         self.step(&wheels, passed_s, trust);
+        self.smooth_speeds(wheels.forward_m, turned_rad, passed_s);
         let pose = self.state.pose;
         self.state.history.note(Placement { time_ns: inputs.time_ns, pose, head_rad: inputs.head_rad });
         let range = self.understand(&inputs);
@@ -130,7 +133,7 @@ impl Estimator {
     fn passed_s(&mut self, now_ns: i64, events: &mut Events) -> f64 {
         let Some(last_ns) = self.state.time_ns.replace(now_ns) else { return 0.0 };
         *events |= Events::TIME_BACKWARDS.when(now_ns < last_ns);
-        seconds(now_ns.saturating_sub(last_ns).max(0))
+        seconds_nearly(now_ns.saturating_sub(last_ns).max(0))
     }
 
     /// Brings the heading up to now; returns how far the step can be trusted.
@@ -149,8 +152,6 @@ impl Estimator {
             // Without a believable change of the gyro the seed's heading stays.
             Method::Seed => before_rad + step.change_rad.unwrap_or(0.0),
         };
-        let turned_rad = self.state.pose.heading_rad - before_rad;
-        self.state.turn_rad_s = smoothed(self.state.turn_rad_s, turned_rad, passed_s);
         let by_gyro = step.gyro_rad.is_some();
         let Some(gyro_rad) = step.gyro_rad.filter(|_| wheels.read) else {
             return Trust { by_gyro, slip_m: 0.0 };
@@ -174,7 +175,6 @@ impl Estimator {
         if wheels.read {
             state.wheels_heading_rad = after_rad;
         }
-        state.forward_m_s = smoothed(state.forward_m_s, wheels.forward_m, passed_s);
         let moved = wheels.left_m != 0.0 || wheels.right_m != 0.0;
         let direction = if moved { unit(along_rad) } else { [1.0, 0.0] };
         let [cos, sin] = direction;
@@ -189,11 +189,21 @@ impl Estimator {
                 wheels_m: wheels.left_m.abs() + wheels.right_m.abs(),
                 turn_rad: turned_rad,
                 passed_s,
-                track_width_m: self.config.geometry.track_width_m(),
+                per_track_width_m: self.config.geometry.per_track_width_m(),
                 by_gyro: trust.by_gyro,
                 slip_m: trust.slip_m,
             },
         );
+    }
+
+    /// A smoothed speed is the mean of what it was and of way / time, weighted by the memory and by the time.
+    fn smooth_speeds(&mut self, forward_m: f64, turned_rad: f64, passed_s: f64) {
+        if passed_s > 0.0 {
+            let state = &mut self.state;
+            let per_s = 1.0 / (SPEED_MEMORY_S + passed_s);
+            state.forward_m_s = (state.forward_m_s * SPEED_MEMORY_S + forward_m) * per_s;
+            state.turn_rad_s = (state.turn_rad_s * SPEED_MEMORY_S + turned_rad) * per_s;
+        }
     }
 
     fn understand(&mut self, inputs: &Inputs) -> Option<Range> {
@@ -257,12 +267,6 @@ struct Trust {
     by_gyro: bool,
     /// What a slip may have falsified its way by, metres.
     slip_m: f64,
-}
-
-/// A speed, smoothed, after a way (metres or radians) in a time: the mean of what it was and of `way / passed_s`, weighted by the memory
-/// and by the time. One division, which a processor without floating point feels.
-fn smoothed(speed: f64, way: f64, passed_s: f64) -> f64 {
-    if passed_s > 0.0 { (speed * SPEED_MEMORY_S + way) / (SPEED_MEMORY_S + passed_s) } else { speed }
 }
 
 fn unit(direction_rad: f64) -> [f64; 2] {

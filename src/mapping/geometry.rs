@@ -97,6 +97,8 @@ pub struct GeometryError {
 pub struct Geometry {
     wheel_circumference_m: f64,
     track_width_m: f64,
+    /// Its inverse: the brick's processor divides slowly.
+    per_track_width_m: f64,
     max_wheel_rad_s: f64,
     range: RangeMount,
 }
@@ -113,6 +115,7 @@ impl Geometry {
         Ok(Self {
             wheel_circumference_m,
             track_width_m,
+            per_track_width_m: 1.0 / track_width_m,
             max_wheel_rad_s: MAX_WHEEL_RAD_S,
             range: RangeMount::default(),
         })
@@ -124,6 +127,7 @@ impl Geometry {
         Self {
             wheel_circumference_m: SEED_WHEEL_CIRCUMFERENCE_M,
             track_width_m: SEED_TRACK_WIDTH_M,
+            per_track_width_m: 1.0 / SEED_TRACK_WIDTH_M,
             max_wheel_rad_s: MAX_WHEEL_RAD_S,
             range: RangeMount::default(),
         }
@@ -165,6 +169,11 @@ impl Geometry {
     #[must_use]
     pub fn track_width_m(&self) -> f64 {
         self.track_width_m
+    }
+
+    /// Radians that the robot turns when one wheel gets ahead of the other by a metre.
+    pub(super) fn per_track_width_m(&self) -> f64 {
+        self.per_track_width_m
     }
 
     /// The fastest that a wheel can turn, rad/s.

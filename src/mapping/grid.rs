@@ -15,7 +15,7 @@
 //! 200 × 200 cells of one byte. An update visits the box around its cone, 2 600 cells at most, each once, in 32-bit integers
 //! alone: places in sixteenths of a cell, directions in 1024ths.
 
-use super::{Pose, Range, Sounding};
+use super::{Pose, Range, Sounding, room};
 
 /// A cell's size: the sensor's own error is a centimetre or two, its cone at 1 m is 35 cm wide.
 const CELL_M: f64 = 0.05;
@@ -80,7 +80,7 @@ impl OccupancyGrid {
     }
 
     fn empty(first: [i32; 2], columns: usize, rows: usize) -> Self {
-        Self { first, columns, rows, cells: vec![0; columns * rows], outside: 0 }
+        Self { first, columns, rows, cells: room::filled(0, columns * rows), outside: 0 }
     }
 
     /// All of several grids in one that covers them: log-odds are added. `None` where there are none.

@@ -26,7 +26,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Events;
-use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
+use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds, seconds_nearly};
 
 /// One step of the sensor, and the unit of this file: a degree in radians.
 pub(super) const DEGREE_RAD: f64 = std::f64::consts::PI / 180.0;
@@ -148,7 +148,7 @@ impl GyroState {
         };
         let change_rad = unwrapped(value_rad - last.angle_rad);
         let expected_rad = self.unread_rad + input.encoder_rad;
-        let passed_s = seconds(input.time_ns.saturating_sub(last.time_ns).max(0));
+        let passed_s = seconds_nearly(input.time_ns.saturating_sub(last.time_ns).max(0));
         self.last = Some(GyroSample { time_ns: input.time_ns, angle_rad: value_rad });
         self.unread_rad = 0.0;
         if is_jump(value_rad, last.angle_rad, change_rad, expected_rad, passed_s) {

@@ -41,8 +41,8 @@ pub(super) struct SlipState {
 impl SlipState {
     /// Takes one tick's turns; returns whether the wheels slip.
     pub(super) fn update(&mut self, passed_s: f64, encoder_rad: f64, gyro_rad: f64) -> bool {
-        // The rational fade is the exponential's first-order form: no call of exp in a tick.
-        let keep = MEMORY_S / (MEMORY_S + passed_s);
+        // The exponential's first order: neither exp nor a division in a tick.
+        let keep = (1.0 - passed_s * (1.0 / MEMORY_S)).max(0.0);
         self.encoder_rad = self.encoder_rad * keep + encoder_rad;
         self.gyro_rad = self.gyro_rad * keep + gyro_rad;
         self.slipping = if self.slipping {

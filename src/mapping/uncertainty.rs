@@ -33,7 +33,8 @@ pub(super) struct Step {
     pub wheels_m: f64,
     pub turn_rad: f64,
     pub passed_s: f64,
-    pub track_width_m: f64,
+    /// The inverse of the track width, 1/m.
+    pub per_track_width_m: f64,
     /// Whether the heading is the gyro's.
     pub by_gyro: bool,
     /// What a slip may have falsified the step by, metres; 0 without.
@@ -56,7 +57,7 @@ pub(super) fn propagated(before: Covariance, step: &Step) -> Covariance {
     let turn_rad2 = if step.by_gyro {
         GYRO_RAD2_RAD * step.turn_rad.abs() + GYRO_RAD2_S * step.passed_s
     } else {
-        wheels_m2 / (step.track_width_m * step.track_width_m)
+        wheels_m2 * (step.per_track_width_m * step.per_track_width_m)
     };
     [
         xx + along * (2.0 * xh + along * hh) + cos * cos * way_m2 + slip_m2,
@@ -80,7 +81,7 @@ mod tests {
             wheels_m: 2.0,
             turn_rad: 0.0,
             passed_s: 10.0,
-            track_width_m: 0.1143,
+            per_track_width_m: 1.0 / 0.1143,
             by_gyro: true,
             slip_m: 0.0,
         }

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 use super::{Events, Geometry};
-use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
+use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds_nearly};
 
 /// What a change may exceed the fastest motion by, radians: the two wheels are not read at one instant.
 const JUMP_SLACK_RAD: f64 = 0.35;
@@ -70,7 +70,7 @@ impl WheelsState {
         else {
             return standing;
         };
-        let passed_s = seconds(now_ns.saturating_sub(last_ns).clamp(0, UNREAD_MAX_NS));
+        let passed_s = seconds_nearly(now_ns.saturating_sub(last_ns).clamp(0, UNREAD_MAX_NS));
         let most_rad = geometry.max_wheel_rad_s() * passed_s + JUMP_SLACK_RAD;
         let (left_rad, right_rad) = (left_rad - last_left_rad, right_rad - last_right_rad);
         if left_rad.abs() > most_rad || right_rad.abs() > most_rad {
@@ -82,7 +82,7 @@ impl WheelsState {
             left_m,
             right_m,
             forward_m: (left_m + right_m) / 2.0,
-            turn_rad: (right_m - left_m) / geometry.track_width_m(),
+            turn_rad: (right_m - left_m) * geometry.per_track_width_m(),
             ..standing
         }
     }

@@ -82,9 +82,12 @@ impl Robot {
             refused: None,
             settle_ns: 0,
             mender: Mender::new(recipe),
-            aspect: 0,
+            motor_channels: Vec::new(),
+            look: 0,
             outside: None,
         };
+        robot.motor_channels =
+            Channel::ALL.into_iter().filter(|channel| robot.motor_mut(*channel).is_some()).collect();
         robot.settle_ns = settle_ns;
         for channel in robot.channels().collect::<Vec<_>>() {
             if let Some(name) = robot.device_name(channel) {

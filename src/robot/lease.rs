@@ -57,6 +57,8 @@ pub struct LeasedMotor {
     /// The axle's angle where the motor counts 0, radians.
     zero_rad: f64,
     max_rad_s: f64,
+    /// What was asked for last, and what it is for the motor.
+    asked: (f64, i32),
     lease: Option<Lease>,
     /// A motion was begun, and no stop has got through since.
     moving: bool,
@@ -96,6 +98,7 @@ impl LeasedMotor {
             counts_per_axle_rad: 1.0 / axle_rad_per_count,
             zero_rad: 0.0,
             max_rad_s,
+            asked: (0.0, 0),
             lease: None,
             moving: false,
             stop_action: StopAction::Brake,
@@ -129,7 +132,11 @@ impl LeasedMotor {
         if self.hand != Hand::Ours {
             return Ok(());
         }
-        let speed_counts_s = self.counts_s(rad_s);
+        // Most ticks ask for what the one before did.
+        if self.asked.0.to_bits() != rad_s.to_bits() {
+            self.asked = (rad_s, self.counts_s(rad_s));
+        }
+        let (_, speed_counts_s) = self.asked;
         if speed_counts_s == 0 {
             return self.stop(StopAction::Brake);
         }

@@ -58,12 +58,12 @@ impl UltrasonicSensor {
         use UltrasonicMode::{DcCm, DcIn, DistCm, DistIn, SingleCm, SingleIn};
         const USABLE: &[UltrasonicMode] = &[DistCm, DistIn, SingleCm, SingleIn, DcCm, DcIn];
         const WORDS: &[&str] = &["US-DIST-CM", "US-DIST-IN", "US-SI-CM", "US-SI-IN", "US-DC-CM", "US-DC-IN"];
-        let (no_echo, per_m) = match self.mode_among(USABLE, WORDS)? {
-            DistCm | SingleCm | DcCm => (NO_ECHO_TENTHS_CM, 1000.0),
-            _ => (NO_ECHO_TENTHS_IN, 10.0 / 0.0254),
+        let (no_echo, tenth_m) = match self.mode_among(USABLE, WORDS)? {
+            DistCm | SingleCm | DcCm => (NO_ECHO_TENTHS_CM, 0.001),
+            _ => (NO_ECHO_TENTHS_IN, 0.00254),
         };
         let tenths = self.first_value(0, no_echo)?;
-        Ok((tenths < no_echo).then(|| f64::from(tenths) / per_m))
+        Ok((tenths < no_echo).then(|| f64::from(tenths) * tenth_m))
     }
 
     /// Whether another ultrasonic source is heard. Mode [`UltrasonicMode::Listen`].
