@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # A card made by inject.sh in the emulated brick, with its own systemd: at the first start the package installs itself and the service comes
 # up; a PC outside, whose key came with the card, sees it, starts a mission and fetches the run; another one pairs; after a power cut it all
-# comes up by itself.
+# comes up by itself; with a configuration that is not this version's, and with a program that was half copied, the journal says so and the
+# service stays down.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -73,6 +74,10 @@ cat >"$work/report.sh" <<'END'
 while :; do
   echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' '), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)"
   onbrick key show --keys /etc/onbrick/keys 2>/dev/null | sed -n 's/^key/report: key/p'
+  if systemctl -q is-failed onbrick; then
+    journalctl -u onbrick -o cat -n 12 --no-pager | sed 's/^/report: journal: /'
+    echo "report: down after $(systemctl show -p NRestarts --value onbrick) restarts; motors: $(cat /run/brick/sys/class/tacho-motor/*/state | tr -d '\n')."
+  fi
   sleep 5
 done >/dev/console
 END
@@ -123,8 +128,42 @@ cut_power
 start "$work/second"
 check "after a power cut the service comes up by itself" wait_until 600 active "$work/second"
 check "and nothing is installed a second time" not says "$work/second" "onbrick: installed"
+cut_power
+
+# stays_down SAID NAME WORDS: the brick is switched on; the service says why it cannot come up, and does not try for ever.
+stays_down() {
+  start "$1"
+  check "$2: the service stays down" wait_until 600 grep -q 'report: down after ' "$1"
+  check "$2: the journal says why" grep -q "report: journal: .*$3" "$1"
+  # Two more reports, ten seconds later.
+  check "$2: it is not tried for ever" wait_until 120 stays_as_it_is "$1"
+  check "$2: the motors are still" says "$1" "motors: ."
+  tr -d '\r' <"$1" | grep 'report: journal: \|report: down' | sort -u | head -n 8
+  cut_power
+}
+stays_as_it_is() { tr -d '\r' <"$1" | grep 'report: down after ' | uniq -c | awk '$1 >= 3 { found = 1 } END { exit !found }'; }
+
+# What was not yet in its place when the power was cut would else be put there over what is changed now. e2fsck forgets the offset when it has
+# done that, and so begins again. (1: something was mended.)
+settle() {
+  e2fsck -fy "$image?$linux" >/dev/null 2>&1 || true
+  e2fsck -fy "$image?$linux" >"$work/fsck" 2>&1 || [ $? = 1 ] || cat "$work/fsck"
+}
+
+echo 'quta_mb = 5' >"$work/other.toml"
+settle
+debugfs -w -R 'rm /etc/onbrick/onbrick.toml' "$image?$linux" 2>/dev/null >&2
+add "$work/other.toml" /etc/onbrick/onbrick.toml 644
+stays_down "$work/third" "a configuration of another version" quota_mb
+
+settle
+debugfs -R "dump /usr/bin/onbrick $work/whole" "$image?$linux" 2>/dev/null
+head -c $(($(stat -c %s "$work/whole") / 2)) "$work/whole" >"$work/half"
+debugfs -w -R 'rm /usr/bin/onbrick' "$image?$linux" 2>/dev/null >&2
+add "$work/half" /usr/bin/onbrick 755
+stays_down "$work/fourth" "a program that was half copied" "half copied"
+
 grep -h 'report: .*: active' "$work/first" | head -n 1
 grep -h 'report: .*: active' "$work/second" | head -n 1
-cut_power
 if [ "$failures" != 0 ]; then tail -n 40 "$work/first" "$work/second"; fi
 finish

@@ -12,7 +12,7 @@ use crate::support::pass_over;
 const EV3DEV_SYSTEMD: u32 = 232;
 
 /// The version of systemd that each directive of ours came in with, by its NEWS; 0 for those that are older than version 200.
-const DIRECTIVES: [(&str, u32); 43] = [
+const DIRECTIVES: [(&str, u32); 44] = [
     ("Unit/Description", 0),
     ("Unit/Documentation", 0),
     ("Unit/After", 0),
@@ -28,6 +28,7 @@ const DIRECTIVES: [(&str, u32); 43] = [
     ("Service/ExecStopPost", 0),
     ("Service/Restart", 0),
     ("Service/RestartSec", 0),
+    ("Service/RestartPreventExitStatus", 189),
     ("Service/WatchdogSec", 0),
     ("Service/TimeoutStartSec", 0),
     ("Service/TimeoutStopSec", 0),
