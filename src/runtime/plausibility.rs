@@ -119,7 +119,7 @@ struct Leaps {
 impl Leaps {
     /// True if there were too many.
     fn add(&mut self, now_ns: i64) -> bool {
-        if self.count == 0 || now_ns - self.since_ns > LEAPS_NS {
+        if self.count == 0 || now_ns.saturating_sub(self.since_ns) > LEAPS_NS {
             *self = Self { since_ns: now_ns, count: 0 };
         }
         self.count = self.count.saturating_add(1);
@@ -219,7 +219,7 @@ impl Plausibility {
             return false;
         }
         let since_ns = *self.state.told_since_ns.get_or_insert(senses.time_ns);
-        senses.time_ns - since_ns.max(head.changed_ns) > HEAD_NS
+        senses.time_ns.saturating_sub(since_ns.max(head.changed_ns)) > HEAD_NS
     }
 }
 

@@ -409,7 +409,15 @@ fn pose_of(metadata: &Metadata, keys: [&str; 3]) -> Option<Pose> {
     Some(Pose { x_m: x_m?, y_m: y_m?, heading_rad: heading_rad? })
 }
 
+/// No run lasts until then, nanoseconds of its clock, and none has had that many ticks: so what replays it may subtract any two.
+const LAST_NS: i64 = i64::MAX / 4;
+const LAST_TICK: u64 = u64::MAX / 4;
+
 fn senses(message: &message::SensesMessage) -> Option<Senses> {
+    let times = message.read_ns.iter().chain(&message.changed_ns).chain([&message.time_ns]);
+    if message.tick > LAST_TICK || times.into_iter().any(|time_ns| !(-LAST_NS..=LAST_NS).contains(time_ns)) {
+        return None;
+    }
     let mut senses = Senses { tick: message.tick, time_ns: message.time_ns, ..Senses::default() };
     let count = message.channel.len();
     if [message.value.len(), message.read_ns.len(), message.changed_ns.len()] != [count; 3] {
