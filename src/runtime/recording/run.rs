@@ -481,3 +481,24 @@ fn checkpoint(message: &message::CheckpointMessage) -> Option<Checkpoint> {
     let state = message::decode(&message.state)?;
     Some(Checkpoint { tick: message.tick, time_ns: message.time_ns, state })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_ticks_that_no_run_has_are_not_understood() {
+        let message = |tick, time_ns, read_ns| message::SensesMessage {
+            tick,
+            time_ns,
+            channel: vec![0],
+            value: vec![1.0],
+            read_ns: vec![read_ns],
+            changed_ns: vec![0],
+        };
+        assert!(senses(&message(7, 140_000_000, -20_000_000)).is_some());
+        for (tick, time_ns, read_ns) in [(u64::MAX, 0, 0), (7, i64::MIN, 0), (7, 0, i64::MAX)] {
+            assert_eq!(senses(&message(tick, time_ns, read_ns)), None, "{tick} {time_ns} {read_ns}");
+        }
+    }
+}
