@@ -36,6 +36,7 @@ mod guard;
 mod lock;
 mod names;
 mod pilot;
+mod plausibility;
 mod prepare;
 pub mod recording;
 mod replay;
@@ -48,7 +49,7 @@ pub use calibrate::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
     calibrate, set_numbers,
 };
-pub use child::{Order, RunError, RunProcess, StartError, StopBy, Stopper, next_order, read_job};
+pub use child::{Order, RunError, RunProcess, StartError, StopBy, Stopper, obey, read_job};
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
@@ -261,6 +262,9 @@ pub enum StopReason {
     Outside(Channel),
     /// A device is gone, or cannot be read any more.
     Lost(Channel),
+    /// A reading cannot be true: it stands still although what it measures moves (a gyro while the wheels turn the robot by 60°, a range while the
+    /// robot drives 0.2 m along its beam, a head's angle for a second while it is told to turn), or leaps about.
+    Implausible(Channel),
     /// A wheel that was told to turn did not.
     Stalled,
     /// The battery is too low to go on.
@@ -289,6 +293,7 @@ impl StopReason {
             Self::Abandoned => "abandoned",
             Self::Outside(_) => "outside",
             Self::Lost(_) => "lost",
+            Self::Implausible(_) => "implausible",
             Self::Stalled => "stalled",
             Self::Battery => "battery",
             Self::Late => "late",
@@ -322,12 +327,28 @@ impl std::fmt::Display for StopReason {
                 write!(f, "stopped from outside: another program commands the {channel}")
             }
             Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
+            Self::Implausible(channel) => write!(f, "implausible: {channel} ({})", how_implausible(*channel)),
             Self::Stalled => f.write_str("a wheel is blocked"),
             Self::Battery => Charge::Empty.fmt(f),
             Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
             Self::Recording => f.write_str("the recording cannot be written"),
             Self::Guard => f.write_str("the guard stopped the motors"),
             Self::Panicked => f.write_str("the program failed; please report it"),
+        }
+    }
+}
+
+/// What a person should look at.
+fn how_implausible(channel: Channel) -> &'static str {
+    match channel {
+        Channel::Gyro => {
+            "it does not turn with the wheels, or leaps about: a plug may be loose, or the wheels turn in vain"
+        }
+        Channel::Range => {
+            "it says the same while the robot drives: a plug may be loose, or the wheels turn in vain"
+        }
+        _ => {
+            "it does not turn as it is told, or its angle leaps about: a plug may be loose, or something blocks it"
         }
     }
 }

@@ -24,6 +24,9 @@
 //! ]
 //! ```
 //!
+//! A reading that cannot be true - it stands still although what it measures moves, or leaps about - ends the run whatever `on_lost` says: waiting
+//! shows nothing new.
+//!
 //! | key of `do` | meaning |
 //! |---|---|
 //! | `left_dps` and `right_dps` | speeds of the wheels at their axles, degrees per second |

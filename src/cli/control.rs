@@ -4,7 +4,7 @@
 //! be killed and waited for. What is said over its two pipes is in [`RunProcess`](crate::runtime::RunProcess). Its output never blocks
 //! a tick: what does not fit into the pipe is left out. Only what is said after the motors have stopped is waited with, and not for ever.
 
-use std::io::{self, BufReader, Stdin};
+use std::io::{self, BufReader};
 use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,9 +15,7 @@ use signal_hook::consts::SIGXFSZ;
 
 use super::{Exit, Failure, Output, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::runtime::{
-    Brick, Event, Heartbeat, Order, StopFlags, WhenAbandoned, execute, next_order, read_job,
-};
+use crate::runtime::{Brick, Event, Heartbeat, StopFlags, WhenAbandoned, execute, obey, read_job};
 
 /// Drive: started by the guard of a run, never by hand.
 #[derive(Debug, clap::Args)]
@@ -29,6 +27,7 @@ const PATIENCE_NS: i64 = 2 * SECOND_NS;
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
     let flags = StopFlags::on_signals()
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    flags.on_panic();
     // A file that may not grow is then an error of its write (EFBIG) and not the end of the process that drives.
     signal_hook::flag::register(SIGXFSZ, Arc::default())
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
@@ -41,7 +40,8 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
         WhenAbandoned::Stop => Arc::clone(&flags.abandoned),
         WhenAbandoned::GoOn => Arc::default(),
     };
-    obey(orders, flags.clone(), Arc::clone(&gone));
+    obey(orders, &flags, &gone)
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to orders", &error))?;
     let pipe = Pipe { gone };
     pipe.never_wait();
     let mut heartbeat = pipe.clone();
@@ -63,16 +63,6 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
         }
     });
     Ok(())
-}
-
-/// Does what the starter asks, and raises `gone` when its pipe closes. The thread ends with the process.
-fn obey(mut orders: BufReader<Stdin>, flags: StopFlags, gone: Arc<AtomicBool>) {
-    std::thread::spawn(move || {
-        while let Some(Order::Stop(by)) = next_order(&mut orders) {
-            flags.raise(by);
-        }
-        gone.store(true, Ordering::Relaxed);
-    });
 }
 
 /// Standard output as a pipe that never makes the tick wait.

@@ -22,11 +22,12 @@
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Brick, Ended, Event, Job};
+use super::{Brick, Ended, Event, Job, StopFlags};
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
 const LONGEST_JOB: u64 = 64 << 20;
@@ -217,8 +218,32 @@ pub fn read_job(orders: &mut impl BufRead) -> io::Result<Job> {
     Ok(serde_json::from_str(&line)?)
 }
 
+/// Does what the starter orders, in a thread of its own that ends with the process.
+///
+/// - `orders`: the pipe from the starter, behind the job.
+/// - `gone`: raised when that pipe closes.
+///
+/// # Errors
+///
+/// The kernel has no room for a thread.
+pub fn obey(
+    mut orders: impl BufRead + Send + 'static,
+    flags: &StopFlags,
+    gone: &Arc<AtomicBool>,
+) -> io::Result<()> {
+    let (flags, gone) = (flags.clone(), Arc::clone(gone));
+    let thread = std::thread::Builder::new().name("orders".to_owned());
+    thread.spawn(move || {
+        while let Some(Order::Stop(by)) = next_order(&mut orders) {
+            flags.raise(by);
+        }
+        gone.store(true, Ordering::Relaxed);
+    })?;
+    Ok(())
+}
+
 /// Waits for the starter's next order; `None` when the starter is gone. What is no order is passed over.
-pub fn next_order(orders: &mut impl BufRead) -> Option<Order> {
+fn next_order(orders: &mut impl BufRead) -> Option<Order> {
     let mut line = Vec::new();
     loop {
         line.clear();

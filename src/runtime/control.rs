@@ -42,6 +42,8 @@ pub struct StopFlags {
     pub remote: Arc<AtomicBool>,
     /// The menu is gone.
     pub menu_closed: Arc<AtomicBool>,
+    /// A thread of this process has panicked.
+    pub panicked: Arc<AtomicBool>,
 }
 
 impl StopFlags {
@@ -56,6 +58,18 @@ impl StopFlags {
             signal_hook::flag::register(signal, Arc::clone(&flags.signal))?;
         }
         Ok(flags)
+    }
+
+    /// From now on a panic in any thread of this process stops the run: a process that has lost a thread no longer does all that it should,
+    /// and nobody else would notice that it hears no orders any more, or looks for no plug.
+    pub fn on_panic(&self) {
+        let panicked = Arc::clone(&self.panicked);
+        std::panic::set_hook(Box::new(move |panic| {
+            // Before anything is said, which may have to wait. A backtrace is not made: that takes longer than motors may go on.
+            panicked.store(true, Ordering::Relaxed);
+            let thread = std::thread::current();
+            log::error!("the thread {} {panic}", thread.name().unwrap_or("without a name"));
+        }));
     }
 
     /// Asks to stop on somebody's behalf.
@@ -76,6 +90,7 @@ impl StopFlags {
 
     fn reason(&self) -> Option<StopReason> {
         let raised = [
+            (&self.panicked, StopReason::Panicked),
             (&self.signal, StopReason::Signal),
             (&self.remote, StopReason::Remote),
             (&self.menu_closed, StopReason::MenuClosed),

@@ -24,6 +24,7 @@ use crate::robot::{BatteryLimits, Channel, RobotConfig, Senses};
 
 use super::StopReason;
 use super::battery::{BatteryWatch, Charge};
+use super::plausibility::{Plausibility, PlausibilityState};
 use super::stall::StallWatch;
 
 /// How old the battery's voltage may be, nanoseconds: it is read about once a second.
@@ -52,9 +53,11 @@ pub struct Pilot {
     program: Program,
     signals: Signals,
     stalls: StallWatch,
+    plausibility: Plausibility,
     limits: BatteryLimits,
     battery: BatteryWatch,
     wheels_rad_s: [f64; 2],
+    head_rad: Option<f64>,
     paused: bool,
 }
 
@@ -88,6 +91,10 @@ pub struct PilotState {
     battery: BatteryWatch,
     wheels_rad_s: [f64; 2],
     paused: bool,
+    #[serde(default)]
+    plausibility: PlausibilityState,
+    #[serde(default)]
+    head_rad: Option<f64>,
 }
 
 impl Pilot {
@@ -111,6 +118,7 @@ impl Pilot {
         required.extend(mission.roles().iter().filter_map(|&role| channel(role)));
         Ok(Self {
             config: config.clone(),
+            plausibility: Plausibility::new(config, &required),
             required,
             on_lost: mission.on_lost(),
             time_limit_ns: nanoseconds(mission.time_limit_s()),
@@ -122,6 +130,7 @@ impl Pilot {
             limits: config.battery.limits(),
             battery: BatteryWatch::default(),
             wheels_rad_s: [0.0; 2],
+            head_rad: None,
             paused: false,
         })
     }
@@ -137,7 +146,9 @@ impl Pilot {
             [Channel::Left, Channel::Right].map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
         let stalled = self.stalls.step(senses.time_ns, self.wheels_rad_s, angles_rad);
         let lost = self.lost(senses);
+        let doubted = self.plausibility.step(senses, &estimate, self.head_rad);
         let end = self.decide(senses, &estimate, lost, stalled, demands, taken);
+        let end = end.or(doubted.map(StopReason::Implausible));
         let volts = self.fresh(senses, Channel::Battery);
         let charge = self.battery.step(&self.limits, senses.time_ns, volts);
         charge.limit(demands);
@@ -146,6 +157,7 @@ impl Pilot {
             *demands = STANDSTILL;
         }
         self.wheels_rad_s = self.config.wheel_speeds(demands.drive);
+        self.head_rad = demands.head_rad;
         Step { estimate, point, stalled, paused: lost.filter(|_| self.paused), charge, end }
     }
 
@@ -170,6 +182,8 @@ impl Pilot {
             battery: self.battery,
             wheels_rad_s: self.wheels_rad_s,
             paused: self.paused,
+            plausibility: self.plausibility.state(),
+            head_rad: self.head_rad,
             ..PilotState::default()
         };
         for (place, machine) in state.machines.iter_mut().zip(self.program.checkpoint()) {
@@ -190,6 +204,8 @@ impl Pilot {
             self.battery = state.battery;
             self.wheels_rad_s = state.wheels_rad_s;
             self.paused = state.paused;
+            self.plausibility.restore(state.plausibility);
+            self.head_rad = state.head_rad;
         }
         fits
     }

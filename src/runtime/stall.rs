@@ -43,7 +43,7 @@ impl WheelWatch {
         if demanded_rad_s.abs() < self.demanded_rad_s.abs() {
             self.demanded_rad_s = demanded_rad_s;
         }
-        let watched_ns = time_ns - self.since_ns;
+        let watched_ns = time_ns.saturating_sub(self.since_ns);
         if watched_ns < WINDOW_NS {
             return false;
         }

@@ -204,9 +204,10 @@ fn word_of(reason: &str) -> (&'static str, bool) {
         Reason::Guard,
         Reason::Outside(Channel::Left),
         Reason::Lost(Channel::Left),
+        Reason::Implausible(Channel::Gyro),
         Reason::Panicked,
     ];
-    // Two name a device after a colon.
+    // Some name a device after a colon.
     let says =
         |plain: &&Reason| plain.to_string().split(':').next().is_some_and(|head| reason.starts_with(head));
     plain.iter().find(says).map_or(("unknown", false), |known| (known.word(), known.is_wanted()))
@@ -222,6 +223,7 @@ mod tests {
         assert_eq!(word_of("whoever started the run is gone"), ("abandoned", false));
         assert_eq!(word_of(&StopReason::Battery.to_string()), ("battery", false));
         assert_eq!(word_of(&format!("{}: ENODEV", StopReason::Lost(Channel::Gyro))), ("lost", false));
+        assert_eq!(word_of(&StopReason::Implausible(Channel::Head).to_string()), ("implausible", false));
         assert_eq!(word_of(&StopReason::Outside(Channel::Right).to_string()), ("outside", false));
         assert_eq!(word_of(&StopReason::Guard.to_string()), ("guard", false));
         assert_eq!(word_of("made up"), ("unknown", false));

@@ -16,6 +16,7 @@ mod flips;
 mod kills;
 mod matrix;
 mod plugs;
+mod roll;
 mod soak;
 mod table;
 mod wall_clock;

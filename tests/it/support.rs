@@ -7,6 +7,7 @@ pub mod allocations;
 pub mod chance;
 pub mod faulty;
 pub mod memory;
+pub mod memory_group;
 pub mod network;
 pub mod plain_brick;
 pub mod promised;

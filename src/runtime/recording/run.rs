@@ -409,7 +409,15 @@ fn pose_of(metadata: &Metadata, keys: [&str; 3]) -> Option<Pose> {
     Some(Pose { x_m: x_m?, y_m: y_m?, heading_rad: heading_rad? })
 }
 
+/// No run lasts until then, nanoseconds of its clock, and none has had that many ticks: so what replays it may subtract any two.
+const LAST_NS: i64 = i64::MAX / 4;
+const LAST_TICK: u64 = u64::MAX / 4;
+
 fn senses(message: &message::SensesMessage) -> Option<Senses> {
+    let times = message.read_ns.iter().chain(&message.changed_ns).chain([&message.time_ns]);
+    if message.tick > LAST_TICK || times.into_iter().any(|time_ns| !(-LAST_NS..=LAST_NS).contains(time_ns)) {
+        return None;
+    }
     let mut senses = Senses { tick: message.tick, time_ns: message.time_ns, ..Senses::default() };
     let count = message.channel.len();
     if [message.value.len(), message.read_ns.len(), message.changed_ns.len()] != [count; 3] {
@@ -472,4 +480,25 @@ fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
 fn checkpoint(message: &message::CheckpointMessage) -> Option<Checkpoint> {
     let state = message::decode(&message.state)?;
     Some(Checkpoint { tick: message.tick, time_ns: message.time_ns, state })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_ticks_that_no_run_has_are_not_understood() {
+        let message = |tick, time_ns, read_ns| message::SensesMessage {
+            tick,
+            time_ns,
+            channel: vec![0],
+            value: vec![1.0],
+            read_ns: vec![read_ns],
+            changed_ns: vec![0],
+        };
+        assert!(senses(&message(7, 140_000_000, -20_000_000)).is_some());
+        for (tick, time_ns, read_ns) in [(u64::MAX, 0, 0), (7, i64::MIN, 0), (7, 0, i64::MAX)] {
+            assert_eq!(senses(&message(tick, time_ns, read_ns)), None, "{tick} {time_ns} {read_ns}");
+        }
+    }
 }

@@ -10,7 +10,9 @@ use onbrick::runtime::{StopReason, replay};
 use onbrick::sim::Pack;
 
 use crate::mount::bench::{Mounted, await_or_fail, real_time};
+use crate::support::pass_over;
 use crate::support::promised::promised;
+use crate::support::real_time::come_first;
 use crate::support::stage::{Play, Played};
 
 const RAMP: &str = "[[battery]]\nat_s = 0\nfrom_v = 8.0\nto_v = 5.0\nover_s = 60\n";
@@ -19,6 +21,9 @@ fn run_down(pack: Pack) -> Played {
     let play = Play { pack, journal: true, ..Play::of("map", "arena", 3).seconds(100.0) };
     play.scenario(RAMP).play().unwrap()
 }
+
+/// So often the real program is started anew where this machine made its loop late.
+const ATTEMPTS: u32 = 8;
 
 /// When the recording's log says something, seconds, and the battery's voltage then.
 fn said(run: &Run, what: &str) -> (f64, f64) {
@@ -98,8 +103,10 @@ fn promise_6_a_replay_after_a_gap_knows_how_low_the_battery_was() {
 #[test]
 fn promise_6_the_program_on_a_brick_stops_before_its_battery_is_flat() {
     let _alone = real_time();
+    // What serves the brick's files: a run at real-time priority must not wait for it.
+    println!("what serves the brick comes first: {}", come_first());
     let folder = tempfile::tempdir().unwrap();
-    for attempt in 1..=5 {
+    for attempt in 1..=ATTEMPTS {
         let Some(mounted) = Mounted::in_world("open", 1, Arc::new(MonotonicClock)) else { return };
         let out = folder.path().join(attempt.to_string());
         let mut child = Command::new(env!("CARGO_BIN_EXE_onbrick"))
@@ -136,5 +143,5 @@ fn promise_6_the_program_on_a_brick_stops_before_its_battery_is_flat() {
         ));
     }
     // The same is shown in virtual time above.
-    println!("passed over: this machine is too busy for a control loop");
+    pass_over("time for a control loop: this machine was too busy each time");
 }

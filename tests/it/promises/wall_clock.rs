@@ -5,12 +5,17 @@ use std::process::Command;
 use onbrick::runtime::recording::{Found, Run, walk};
 use onbrick::runtime::replay;
 
+use crate::support::pass_over;
 use crate::support::promised::promised;
+use crate::support::real_time::come_first;
 use crate::support::stage::{Play, Played};
 use crate::support::turning_brick::{TurningBrick, await_that};
 use crate::support::wall_clock::{replace, shim};
 
 const YEARS_NS: i64 = 31_556_952_000_000_000;
+
+/// So often the real program is started anew where this machine made its loop late.
+const ATTEMPTS: u32 = 8;
 
 /// The log times of all messages, in the order of the file.
 fn stamps(bytes: &[u8]) -> Vec<u64> {
@@ -70,10 +75,12 @@ fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing()
     let folder = tempfile::tempdir().unwrap();
     let Some(library) = shim(folder.path()) else { return };
     let _alone = crate::mount::bench::real_time();
+    // What turns the brick's wheels: a run at real-time priority must not wait for it.
+    println!("what turns the wheels comes first: {}", come_first());
     let mission = folder.path().join("on.toml");
     std::fs::write(&mission, STRAIGHT_ON).unwrap();
     let now = folder.path().join("now");
-    for attempt in 1..=5 {
+    for attempt in 1..=ATTEMPTS {
         let brick = TurningBrick::new();
         let out = folder.path().join(attempt.to_string());
         // As a brick wakes up that has no network and no battery for its clock.
@@ -124,5 +131,5 @@ fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing()
         ));
     }
     // The same is shown in virtual time above.
-    println!("passed over: this machine is too busy for a control loop");
+    pass_over("time for a control loop: this machine was too busy each time");
 }

@@ -23,6 +23,10 @@ use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
 
 /// A machine is starved that kept a thread of the scenario waiting for more than this in a [`WINDOW_NS`]. What a scenario allows in time and way
 /// must be more than what comes of such a wait.
@@ -45,6 +49,13 @@ const STAT_TICK_NS: i64 = 10 * MILLISECOND_NS;
 pub fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Threads that are started from now on by this one come before what else this machine does, where that is permitted.
+pub fn come_first() -> bool {
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let priority = ThreadPriority::Crossplatform(ThreadPriorityValue::try_from(5).unwrap());
+    set_thread_priority_and_policy(thread_native_id(), priority, policy).is_ok()
 }
 
 /// Plays a scenario until it has nothing to complain of, or the machine kept time and it has.
