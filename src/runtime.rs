@@ -49,7 +49,7 @@ pub use calibrate::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
     calibrate, set_numbers,
 };
-pub use child::{Order, RunError, RunProcess, StartError, StopBy, Stopper, obey, read_job};
+pub use child::{Order, RunError, RunProcess, StartError, StopBy, Stopper, obey, read_job, verbosity};
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};

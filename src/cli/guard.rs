@@ -25,6 +25,7 @@ use crate::ev3dev::Tree;
 use crate::robot::still;
 use crate::runtime::{
     Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned, read_job,
+    verbosity,
 };
 
 /// Guard a run: started by `onbrick run`, never by hand.
@@ -166,6 +167,7 @@ impl Guard {
     fn start(job: &Job, starter: Starter, signals: UnixStream) -> io::Result<Self> {
         let mut control = Command::new(std::env::current_exe()?)
             .arg("control")
+            .args(verbosity())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()?;

@@ -25,6 +25,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use log::LevelFilter;
 use serde::{Deserialize, Serialize};
 
 use super::{Brick, Ended, Event, Job, StopFlags};
@@ -118,6 +119,7 @@ impl RunProcess {
         };
         let mut child = Command::new(program)
             .arg(process)
+            .args(verbosity())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -216,6 +218,17 @@ pub fn read_job(orders: &mut impl BufRead) -> io::Result<Job> {
     let mut line = String::new();
     orders.take(LONGEST_JOB).read_line(&mut line)?;
     Ok(serde_json::from_str(&line)?)
+}
+
+/// The arguments with which a process of a run says as much as this one does: to be added to its command.
+#[must_use]
+pub fn verbosity() -> Option<&'static str> {
+    match log::max_level() {
+        LevelFilter::Off | LevelFilter::Error | LevelFilter::Warn => None,
+        LevelFilter::Info => Some("-v"),
+        LevelFilter::Debug => Some("-vv"),
+        LevelFilter::Trace => Some("-vvv"),
+    }
 }
 
 /// Does what the starter orders, in a thread of its own that ends with the process.

@@ -5,17 +5,16 @@
 
 #![allow(
     unsafe_code,
-    reason = "nothing of std, nix or rustix duplicates a descriptor that is only known by its number"
+    reason = "nothing of std, nix or rustix duplicates a descriptor that is only known by its number, or takes a TCP_INFO of any length"
 )]
 
 use std::net::IpAddr;
 use std::os::fd::{AsRawFd as _, BorrowedFd, OwnedFd, RawFd};
 
+use nix::libc;
 use nix::sys::socket::{
-    Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername, getsockname,
-    getsockopt, shutdown,
+    Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername, getsockname, shutdown,
 };
-use nix::{getsockopt_impl, libc, sockopt_impl};
 
 /// A connection to one of our ports.
 #[derive(Debug)]
@@ -51,7 +50,20 @@ impl Held {
 
     /// Bytes that have come over it; `None` where the kernel does not count them (before Linux 4.2).
     pub(super) fn received(&self) -> Option<u64> {
-        getsockopt(&self.own, CountedBytes).ok().map(|info| info.received)
+        let (mut info, mut length) = ([0_u64; COUNTED as usize / 8], libc::socklen_t::from(COUNTED));
+        // nix's getsockopt panics where a kernel knows less of it.
+        // SAFETY: the descriptor is open for as long as `self`; the kernel writes at most `length` bytes, into numbers that may have any value.
+        let failed = unsafe {
+            libc::getsockopt(
+                self.own.as_raw_fd(),
+                libc::IPPROTO_TCP,
+                libc::TCP_INFO,
+                (&raw mut info).cast(),
+                &raw mut length,
+            )
+        };
+        let [.., received] = info;
+        (failed == 0 && length == libc::socklen_t::from(COUNTED)).then_some(received)
     }
 }
 
@@ -62,26 +74,9 @@ fn address(address: &SockaddrStorage) -> Option<(IpAddr, u16)> {
     address.as_sockaddr_in().map(v4).or_else(|| address.as_sockaddr_in6().map(v6))
 }
 
-/// The beginning of Linux's `struct tcp_info` (include/uapi/linux/tcp.h), which only ever grows at its end.
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-#[allow(unreachable_pub, reason = "nix makes the option's name public, and its value may be no less")]
-pub struct TcpInfo {
-    states: [u8; 8],
-    numbers: [u32; 24],
-    rates: [u64; 2],
-    acknowledged: u64,
-    received: u64,
-}
-
-sockopt_impl!(
-    /// `TCP_INFO`, as far as the bytes that were received.
-    CountedBytes,
-    GetOnly,
-    libc::IPPROTO_TCP,
-    libc::TCP_INFO,
-    TcpInfo
-);
+/// Bytes of the beginning of Linux's `struct tcp_info` (include/uapi/linux/tcp.h, which only ever grows at its end) up to and with
+/// `tcpi_bytes_received`: eight bytes, 24 numbers of four, and four of eight.
+const COUNTED: u8 = 8 + 24 * 4 + 4 * 8;
 
 #[cfg(test)]
 mod tests {
@@ -98,7 +93,10 @@ mod tests {
         near.write_all(&[7; 12_345]).unwrap();
         far.read_exact(&mut [0; 12_345]).unwrap();
         let held = Held::of(far.as_raw_fd(), address.port()).unwrap();
-        assert_eq!((held.peer(), held.received()), (address.ip(), Some(12_345)));
+        assert_eq!(held.peer(), address.ip());
+        // QEMU does not know this option where it stands for the kernel.
+        let uncounted = cfg!(target_arch = "arm") && held.received().is_none();
+        assert!(uncounted || held.received() == Some(12_345), "{:?}", held.received());
         held.shut();
         assert_eq!(near.read(&mut [0]).unwrap(), 0);
         // The listener, the other end, a file, and numbers of nobody are none of ours.

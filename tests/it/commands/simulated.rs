@@ -48,6 +48,16 @@ fn demo_takes_another_world_and_refuses_one_that_is_none() {
 }
 
 #[test]
+fn the_process_that_drives_says_as_much_as_the_one_that_started_it() {
+    let folder = tempfile::tempdir().unwrap();
+    for (more, says) in [(&["-vv"][..], true), (&[], false)] {
+        let arguments = ["run", "square", "--sim", "open", "--set", "time_limit_s=1"];
+        let said = run(folder.path(), &[more, &arguments].concat()).expect(0);
+        assert_eq!(said.err.contains("the robot is bound"), says, "{more:?}: {}", said.err);
+    }
+}
+
+#[test]
 fn a_simulated_run_tells_how_it_goes_and_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["run", "map", "--sim", "arena", "--set", "time_limit_s=3", "--out", "first", "--json"];
