@@ -12,14 +12,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use super::witness::{Seen, Witness};
-use crate::foreign::bench::example;
-use crate::mount::bench::{Mounted, await_or_fail, no_fuse, real_time};
-use crate::service::{self, Served};
-use crate::support::memory_group::{MemoryGroup, no_memory_groups};
-use crate::support::promised::{long, promised};
-use crate::support::real_time::come_first;
-use crate::support::segfault;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
@@ -29,6 +21,15 @@ use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording;
 use onbrick::runtime::{Brick, HardwareLock, Job, Lock, Source, WhenAbandoned};
 use onbrick::sim::{DeviceFault, Port, World, WorldPhysics};
+
+use super::witness::{Seen, Witness};
+use crate::foreign::bench::example;
+use crate::mount::bench::{Mounted, await_or_fail, no_fuse, real_time};
+use crate::service::{self, Served};
+use crate::support::memory_group::{MemoryGroup, no_memory_groups};
+use crate::support::promised::{long, promised};
+use crate::support::real_time::come_first;
+use crate::support::segfault;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
