@@ -42,7 +42,11 @@ for device in /tmp/brick/sys/class/*/*/; do find "$device" -type f; done | while
   mkdir -p "${plain%/*}"
   cat "$file" >"$plain" 2>/dev/null || true
 done
-for state in /tmp/plain/sys/class/tacho-motor/*/state; do echo unknown >"$state"; done
+for motor in /tmp/plain/sys/class/tacho-motor/*; do
+  echo unknown >"$motor/state"
+  # The head was left where it looked last.
+  echo 0 >"$motor/position"
+done
 brick_down
 sed -i -e 's/left_dps = [-0-9]*, right_dps = [-0-9]*/left_dps = 9, right_dps = 9/' -e 's/do = { head_deg = [-0-9]* }/do = { head_deg = 4 }/' "$(mission map 100 "$seconds")"
 tick_of /tmp/map.toml /tmp/plain
