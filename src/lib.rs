@@ -85,15 +85,16 @@
 //!
 //! Every motion that a mission makes, the head's too, is a lease ([`robot::LeasedMotor`]): `run-timed` for 300 ms, renewed about every
 //! 100 ms while the loop is healthy, ramps 0, stop action brake. A position is reached by deciding the speed tick by tick. A process that is
-//! killed or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's end, an error, a panic in any of its threads,
-//! SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A battery that gets low ([`robot::BatteryLimits`])
-//! slows the robot down and then ends the run. A lock that names its owner gives the
-//! hardware to one run at a time; between runs nothing of ours touches a motor.
+//! killed or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's end, an error, a panic in any of its
+//! threads, SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A battery that gets low
+//! ([`robot::BatteryLimits`]) slows the robot down and then ends the run. A lock that names its owner gives the hardware to one run at a time;
+//! between runs nothing of ours touches a motor.
 //!
-//! Each tick also looks at one aspect of each motor, and a motor that another program has commanded or reset ends the run; it is left
-//! alone from then on. A device that was unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where
-//! they were, modes are restored, a motion never. What the mission does meanwhile is its `on_lost`. A device that says something that cannot be true
-//! ends the run ([`runtime::StopReason::Implausible`]).
+//! Each tick also looks whether one of the motors, each in its turn, runs as it was left, and before a lease is renewed or changed everything of that
+//! motor is looked at: one that another program has commanded or reset ends the run, and is left alone from then on. A device that was
+//! unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where they were, modes are restored, a motion
+//! never. What the mission does meanwhile is its `on_lost`. A device that says something that cannot be true ends the run
+//! ([`runtime::StopReason::Implausible`]).
 //!
 //! # What may never happen
 //!
