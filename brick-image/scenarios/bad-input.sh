@@ -35,6 +35,7 @@ wrong "a configuration that this version does not know" "3" "quota_mb" onbrick s
 # in_trouble NAME RUNS WORDS: a service that cannot record into RUNS goes on, so that its status can be asked for, and at rest; it says why on
 # its console, which on a brick is the journal, and in its status; and it refuses a run with the same words.
 in_trouble() {
+  service=
   service_up "$2"
   brick-figures status /tmp/config/socket >/tmp/status
   before=$(probe cpu "$service")
