@@ -80,7 +80,7 @@ fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> 
     }
     let envelope: Envelope = serde_json::from_slice(bytes).map_err(|error| {
         // A request that can be read at all is answered under its own name.
-        refuse(id_of(bytes), Kind::BadRequest, format!("not a request: {error}"))
+        refuse(id_of(bytes), Kind::BadRequest, format!("not a request: {}", said(&error)))
     })?;
     if matches!(&envelope.id, Id::Text(text) if text.len() > MAX_ID_BYTES) {
         return Err(refuse(None, Kind::BadRequest, format!("an id has at most {MAX_ID_BYTES} bytes")));
@@ -111,8 +111,22 @@ fn id_of(bytes: &[u8]) -> Option<Id> {
 fn body<R: DeserializeOwned>(bytes: &[u8], id: &Id) -> Result<R, NotUnderstood> {
     serde_json::from_slice(bytes).map_err(|error| NotUnderstood {
         id: Some(id.clone()),
-        refusal: Refusal::new(Kind::BadRequest, format!("the request's fields: {error}")),
+        refusal: Refusal::new(Kind::BadRequest, format!("the request's fields: {}", said(&error))),
     })
+}
+
+/// What was not understood is repeated in it, however long it is: of a long text the middle is left out.
+fn said(error: &serde_json::Error) -> String {
+    const BEGINNING: usize = 200;
+    const END: usize = 100;
+    let text = error.to_string();
+    let count = text.chars().count();
+    if count <= BEGINNING + END {
+        return text;
+    }
+    let beginning: String = text.chars().take(BEGINNING).collect();
+    let end: String = text.chars().skip(count - END).collect();
+    format!("{beginning}…{end}")
 }
 
 #[cfg(test)]
@@ -171,6 +185,21 @@ mod tests {
         }
         let deep = format!(r#"{{"id":1,"version":1,"op":"status","x":{}"#, "[".repeat(100_000));
         assert_eq!(refused(deep.as_bytes()).refusal.kind, Kind::BadRequest);
+    }
+
+    #[test]
+    fn a_refusal_is_short_and_says_what_is_wrong_however_long_the_request_is() {
+        let long = "9ä".repeat(10_000);
+        for (text, what) in [
+            (format!("\"{long}\""), "at line 1 column "),
+            (
+                format!(r#"{{"id":1,"version":1,"op":"fetch","run":"r","offset":"{long}","length":1}}"#),
+                "expected u64",
+            ),
+        ] {
+            let message = refused(text.as_bytes()).refusal.message;
+            assert!(message.len() < 1000 && message.contains(what), "{message}");
+        }
     }
 
     #[test]
