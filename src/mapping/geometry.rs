@@ -5,6 +5,8 @@
 //! A [`Geometry`] has been checked when it exists: every number in it is finite and in a range that a robot of LEGO bricks can
 //! have, so that nothing after it divides by zero or overflows.
 
+use std::ops::RangeInclusive;
+
 use crate::clock::MILLISECOND_NS;
 
 /// Metres per turn of the seed's wheel: 37.2 inches in five turns.
@@ -65,6 +67,13 @@ pub struct RangeMount {
     pub on_head: bool,
 }
 
+impl RangeMount {
+    /// What [`RangeMount::ahead_m`] can be.
+    pub const AHEAD_M: RangeInclusive<f64> = -1.0..=1.0;
+    /// What [`RangeMount::max_m`] can be.
+    pub const MAX_M: RangeInclusive<f64> = 0.1..=10.0;
+}
+
 impl Default for RangeMount {
     fn default() -> Self {
         Self {
@@ -104,14 +113,19 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// Metres that a wheel can make in a turn.
+    pub const WHEEL_CIRCUMFERENCE_M: RangeInclusive<f64> = 0.01..=2.0;
+    /// Metres that there can be between the wheels' contact points.
+    pub const TRACK_WIDTH_M: RangeInclusive<f64> = 0.01..=1.0;
+
     /// A robot with two driven wheels; its range sensor is mounted as the seed's until [`Geometry::with_range`] says otherwise.
     ///
     /// # Errors
     ///
-    /// [`GeometryError`] where the circumference is not in 0.01 to 2 m or the track width not in 0.01 to 1 m.
+    /// [`GeometryError`] where the one is not in [`Geometry::WHEEL_CIRCUMFERENCE_M`] or the other not in [`Geometry::TRACK_WIDTH_M`].
     pub fn new(wheel_circumference_m: f64, track_width_m: f64) -> Result<Self, GeometryError> {
-        within("wheel_circumference_m", wheel_circumference_m, 0.01, 2.0)?;
-        within("track_width_m", track_width_m, 0.01, 1.0)?;
+        within("wheel_circumference_m", wheel_circumference_m, Self::WHEEL_CIRCUMFERENCE_M)?;
+        within("track_width_m", track_width_m, Self::TRACK_WIDTH_M)?;
         Ok(Self {
             wheel_circumference_m,
             track_width_m,
@@ -139,12 +153,12 @@ impl Geometry {
     ///
     /// [`GeometryError`] with the first measure that is out of the range given at [`RangeMount`].
     pub fn with_range(self, range: RangeMount) -> Result<Self, GeometryError> {
-        within("range ahead_m", range.ahead_m, -1.0, 1.0)?;
-        within("range left_m", range.left_m, -1.0, 1.0)?;
-        within("range max_m", range.max_m, 0.1, 10.0)?;
-        within("range half_cone_rad", range.half_cone_rad, 0.0, 0.5)?;
+        within("range ahead_m", range.ahead_m, RangeMount::AHEAD_M)?;
+        within("range left_m", range.left_m, -1.0..=1.0)?;
+        within("range max_m", range.max_m, RangeMount::MAX_M)?;
+        within("range half_cone_rad", range.half_cone_rad, 0.0..=0.5)?;
         #[expect(clippy::cast_precision_loss, reason = "only compared and shown")]
-        within("range latency_ns", range.latency_ns as f64, 0.0, RANGE_LATENCY_MAX_NS as f64)?;
+        within("range latency_ns", range.latency_ns as f64, 0.0..=RANGE_LATENCY_MAX_NS as f64)?;
         Ok(Self { range, ..self })
     }
 
@@ -155,7 +169,7 @@ impl Geometry {
     ///
     /// [`GeometryError`] where it is not in 1 to 1000 rad/s.
     pub fn with_max_wheel_rad_s(self, max_wheel_rad_s: f64) -> Result<Self, GeometryError> {
-        within("max_wheel_rad_s", max_wheel_rad_s, 1.0, 1000.0)?;
+        within("max_wheel_rad_s", max_wheel_rad_s, 1.0..=1000.0)?;
         Ok(Self { max_wheel_rad_s, ..self })
     }
 
@@ -189,8 +203,12 @@ impl Geometry {
     }
 }
 
-fn within(quantity: &'static str, value: f64, least: f64, most: f64) -> Result<(), GeometryError> {
-    if (least..=most).contains(&value) { Ok(()) } else { Err(GeometryError { quantity, value, least, most }) }
+fn within(quantity: &'static str, value: f64, range: RangeInclusive<f64>) -> Result<(), GeometryError> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let (least, most) = range.into_inner();
+    Err(GeometryError { quantity, value, least, most })
 }
 
 #[cfg(test)]

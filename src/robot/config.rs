@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 use super::battery::{BatteryConfig, battery};
 use crate::document::{Document, Findings, Item, Section};
 use crate::ev3dev::PortAddress;
+use crate::mapping::{Geometry, RangeMount};
 use crate::units::radians;
 
 /// The shipped `robot.toml`: the seed's robot.
@@ -204,9 +205,11 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
     };
     let left = wheel("left");
     let right = wheel("right");
-    let wheel_circumference_m =
-        section.require("wheel_circumference_m").and_then(|item| item.number(0.01..=2.0));
-    let track_width_m = section.require("track_width_m").and_then(|item| item.number(0.01..=2.0));
+    let wheel_circumference_m = section
+        .require("wheel_circumference_m")
+        .and_then(|item| item.number(Geometry::WHEEL_CIRCUMFERENCE_M));
+    let track_width_m =
+        section.require("track_width_m").and_then(|item| item.number(Geometry::TRACK_WIDTH_M));
     let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
     Some(Drive {
         left: left?,
@@ -260,8 +263,9 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
 fn range(section: &Section<'_>) -> Option<RangeRole> {
     section.allow(&["port", "ahead_m", "max_m", "infrared_m_per_pct"]);
     let port = port(section);
-    let ahead_m = section.get("ahead_m").map_or(Some(0.0), |item| item.number(-1.0..=1.0));
-    let max_m = section.get("max_m").map_or(Some(2.0), |item| item.number(0.05..=2.55));
+    let ahead_m = section.get("ahead_m").map_or(Some(0.0), |item| item.number(RangeMount::AHEAD_M));
+    // The sensor's own end.
+    let max_m = section.get("max_m").map_or(Some(2.0), |item| item.number(*RangeMount::MAX_M.start()..=2.55));
     let infrared = section.get("infrared_m_per_pct").map_or(Some(0.007), |item| item.number(0.0001..=0.1));
     Some(RangeRole { port: port?, ahead_m: ahead_m?, max_m: max_m?, infrared_m_per_pct: infrared? })
 }
@@ -392,6 +396,27 @@ mod tests {
             let found = findings(&changed(from, to));
             assert!(found.contains(expected), "`{to}` should say `{expected}`:\n{found}");
             assert!(found.contains("--> robot.toml:"), "{found}");
+        }
+    }
+
+    #[test]
+    fn the_measures_that_a_file_may_have_are_those_that_mapping_takes() {
+        let ranges = [
+            ("wheel_circumference_m = 0.188976", Geometry::WHEEL_CIRCUMFERENCE_M),
+            ("track_width_m = 0.1143", Geometry::TRACK_WIDTH_M),
+            ("ahead_m = 0.0508", RangeMount::AHEAD_M),
+            ("max_m = 2.0", *RangeMount::MAX_M.start()..=2.55),
+        ];
+        for (line, range) in ranges {
+            let with =
+                |value: f64| changed(line, &format!("{} = {value:?}", line.split(' ').next().unwrap()));
+            for end in [*range.start(), *range.end()] {
+                let (robot, _) = RobotConfig::load("robot.toml", with(end).as_bytes()).unwrap();
+                assert!(robot.geometry().is_ok(), "{line}: {end}");
+            }
+            for beyond in [range.start() - 0.001, range.end() + 0.001] {
+                assert!(findings(&with(beyond)).contains("it can be"), "{line}: {beyond}");
+            }
         }
     }
 
