@@ -17,6 +17,7 @@ use std::sync::Arc;
 use crate::clock::{Clock, MILLISECOND_NS};
 use crate::document::Findings;
 use crate::ev3dev::{Class, DeviceError, FindError, Identity, StopAction, TachoMotor, Tree, devices};
+use crate::mapping::{Geometry, RangeMount};
 use crate::robot::{LeasedMotor, RobotConfig};
 
 use super::dialogue::parsed;
@@ -172,18 +173,18 @@ fn measures(dialogue: &mut dyn Dialogue, draft: &mut Draft) -> Result<(), NoAnsw
     draft.wheel_circumference_m = dialogue.number(
         "How far does the robot roll in one turn of a wheel, in metres (3.14 times the wheel's diameter)?",
         draft.wheel_circumference_m,
-        0.01..=2.0,
+        Geometry::WHEEL_CIRCUMFERENCE_M,
     )?;
     draft.track_width_m = dialogue.number(
         "How far are the two wheels apart, from middle to middle, in metres?",
         draft.track_width_m,
-        0.01..=2.0,
+        Geometry::TRACK_WIDTH_M,
     )?;
     if let Some(range) = &mut draft.range {
         range.ahead_m = dialogue.number(
             "How far ahead of the middle between the wheels is the range sensor, in metres (behind: negative)?",
             range.ahead_m,
-            -1.0..=1.0,
+            RangeMount::AHEAD_M,
         )?;
     }
     Ok(())

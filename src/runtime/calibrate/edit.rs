@@ -83,6 +83,7 @@ fn put(text: &mut String, place: Range<usize>, number: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::Geometry;
     use crate::robot::{DEFAULT_ROBOT, RobotConfig};
     use proptest::prelude::*;
 
@@ -135,8 +136,8 @@ mod tests {
     proptest! {
         #[test]
         fn the_file_reads_back_with_the_new_numbers_and_nothing_else_changed(
-            circumference_m in 0.01..=2.0_f64,
-            track_m in 0.01..=2.0_f64,
+            circumference_m in Geometry::WHEEL_CIRCUMFERENCE_M,
+            track_m in Geometry::TRACK_WIDTH_M,
             gap in 0..30_usize,
         ) {
             let gapped = DEFAULT_ROBOT.replacen("0.1143                  #", &format!("0.1143{}#", " ".repeat(gap)), 1);

@@ -239,6 +239,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mapping::Geometry;
     use crate::robot::{DEFAULT_ROBOT, RobotConfig};
     use proptest::prelude::*;
 
@@ -288,8 +289,8 @@ mod tests {
         fn whatever_was_answered_loads_without_findings(
             name in "[^\\p{Cc}]{1,16}",
             inverted in any::<[bool; 2]>(),
-            circumference_m in 0.01..=2.0_f64,
-            track_m in 0.01..=2.0_f64,
+            circumference_m in Geometry::WHEEL_CIRCUMFERENCE_M,
+            track_m in Geometry::TRACK_WIDTH_M,
             ahead_m in -1.0..=1.0_f64,
             gear in (1..=1000_i32, 1..=1000_i32, any::<bool>()),
             there in any::<[bool; 4]>(),
