@@ -90,8 +90,8 @@
 //! ([`robot::BatteryLimits`]) slows the robot down and then ends the run. A lock that names its owner gives the hardware to one run at a time;
 //! between runs nothing of ours touches a motor.
 //!
-//! Each tick also looks whether one of the motors, each in its turn, runs as it was left, and before a lease is renewed or changed everything of that
-//! motor is looked at: one that another program has commanded or reset ends the run, and is left alone from then on. A device that was
+//! Each tick also looks at one aspect of one motor, each in its turn, and before a lease is renewed or changed everything of that motor is looked
+//! at: one that another program has commanded or reset ends the run, and is left alone from then on. A device that was
 //! unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where they were, modes are restored, a motion
 //! never. What the mission does meanwhile is its `on_lost`. A device that says something that cannot be true ends the run
 //! ([`runtime::StopReason::Implausible`]).

@@ -77,8 +77,8 @@ pub struct Robot {
     refused: Option<DeviceError>,
     settle_ns: i64,
     mender: Mender,
-    /// The motors, and which of them is looked at next.
-    motor_channels: Vec<Channel>,
+    /// What of which motor is looked at, and which of these looks is next.
+    looks: Vec<(Channel, Aspect)>,
     look: usize,
     outside: Option<Channel>,
 }
@@ -212,16 +212,16 @@ impl Robot {
         self.outside
     }
 
-    /// Looks at one motor a tick, each in its turn, whether it runs as we left it; at the same one again where it raised a doubt. What a
-    /// motor under a lease is else told to do by others shows when the lease is renewed.
+    /// Looks at one aspect of one motor a tick, each in its turn, and at the same one again where it raised a doubt. A motor under a lease
+    /// is besides looked at closely when that is renewed, so this is for those that stand.
     fn look_for_others(&mut self, now_ns: i64) {
-        let Some(channel) = self.motor_channels.get(self.look).copied() else { return };
+        let Some((channel, aspect)) = self.looks.get(self.look).copied() else { return };
         let Some(motor) = self.motor_mut(channel) else { return };
-        let taken = motor.is_taken(Aspect::State, now_ns);
+        let taken = motor.is_taken(aspect, now_ns);
         let doubt = motor.is_in_doubt();
         self.outside = self.outside.or(taken.then_some(channel));
         if !doubt {
-            self.look = (self.look + 1) % self.motor_channels.len();
+            self.look = (self.look + 1) % self.looks.len();
         }
     }
 

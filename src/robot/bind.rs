@@ -10,7 +10,7 @@ use crate::ev3dev::{
 };
 
 use super::mend::Mender;
-use super::{Channel, LeasedMotor, MotorRole, RangeSensor, Robot, RobotConfig, SensorRole};
+use super::{Aspect, Channel, LeasedMotor, MotorRole, RangeSensor, Robot, RobotConfig, SensorRole};
 
 /// Why a role could not be bound to a device.
 #[derive(Debug, thiserror::Error)]
@@ -82,12 +82,15 @@ impl Robot {
             refused: None,
             settle_ns: 0,
             mender: Mender::new(recipe),
-            motor_channels: Vec::new(),
+            looks: Vec::new(),
             look: 0,
             outside: None,
         };
-        robot.motor_channels =
-            Channel::ALL.into_iter().filter(|channel| robot.motor_mut(*channel).is_some()).collect();
+        for aspect in Aspect::ALL {
+            let motors = Channel::ALL.into_iter().filter(|channel| robot.motor_mut(*channel).is_some());
+            let motors: Vec<_> = motors.map(|channel| (channel, aspect)).collect();
+            robot.looks.extend(motors);
+        }
         robot.settle_ns = settle_ns;
         for channel in robot.channels().collect::<Vec<_>>() {
             if let Some(name) = robot.device_name(channel) {

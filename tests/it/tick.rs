@@ -101,8 +101,8 @@ fn traced(folder: &Path) -> Option<(String, String)> {
     (!trace.is_empty() && !said.contains("ptrace")).then_some((trace, said))
 }
 
-/// Each tick: six attributes read (the positions of two wheels and the head; range and gyro; the state of one motor, in which another
-/// program's hand would show; the battery once a second), one sleep, one heartbeat; and with the leases, every fifth tick or so, one
+/// Each tick: six attributes read (the positions of two wheels and the head; range and gyro; one aspect of one motor, in which
+/// another program's hand would show; the battery once a second), one sleep, one heartbeat; and with the leases, every fifth tick or so, one
 /// write a wheel, before which all three of its aspects are looked at. The clock is read without a system call on a PC.
 fn expect_calls(ticks: &[Calls]) {
     let count = |tick: &Calls, name: &str| tick.get(name).copied().unwrap_or(0);

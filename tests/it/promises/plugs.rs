@@ -159,6 +159,38 @@ fn promise_2_a_loop_that_stalls_stops_and_one_that_is_late_is_counted_and_record
     stalled.assert_at_rest("stalled");
 }
 
+/// Ahead for two seconds, and then nothing.
+const STAND: &str = r#"
+name = "stand"
+time_limit_s = 30
+[machine.drive]
+start = "ahead"
+final = "end"
+[machine.drive.state.ahead]
+do = { left_dps = 60, right_dps = 60 }
+next = [{ when = "state_s > 2", go = "wait" }]
+[machine.drive.state.wait]
+do = { stop = "brake" }
+next = [{ when = "time_s > 25", go = "end" }]
+[machine.drive.state.end]
+"#;
+
+#[test]
+fn promise_9_another_programs_hand_on_a_motor_that_stands_is_noticed_too() {
+    for writes in [&["command reset"][..], &["speed_sp 77"], &["speed_sp 77", "command run-forever"]] {
+        let orders: String = writes
+            .iter()
+            .map(|write| format!("[[fault]]\nat_s = 10\nport = \"outB\"\nkind = \"write {write}\"\n"))
+            .collect();
+        let play = Play { mission_toml: STAND.to_owned(), ..mapping(30.0) };
+        let ended = play.scenario(&orders).play().unwrap();
+        let took_ms = (ended.drove_s - 10.0) * 1e3;
+        promised(&format!("standing, {writes:?}: {} after {took_ms:.0} ms", ended.reason));
+        assert_eq!(ended.reason, StopReason::Outside(Channel::Left), "{writes:?}");
+        assert!(took_ms <= 220.0, "{writes:?}: {took_ms} ms");
+    }
+}
+
 #[test]
 fn promise_9_another_programs_hand_on_our_motors_ends_the_run_and_nothing_is_fought_over() {
     let orders = |port: &str, writes: &[&str]| -> String {
