@@ -32,6 +32,7 @@ pub(super) struct Folder {
     keys: Option<PathBuf>,
 }
 
+// Of 85 keys one begins with a hyphen: it is an argument like the others.
 #[derive(Debug, Subcommand)]
 enum What {
     /// Make this machine's key; one that is there is never replaced.
@@ -41,6 +42,7 @@ enum What {
     /// Let a key ask this machine from now on.
     Authorise {
         /// The key, as `key show` prints it on the other machine.
+        #[arg(allow_hyphen_values = true)]
         key: String,
         /// What its owner is called.
         #[arg(long)]
@@ -49,6 +51,7 @@ enum What {
     /// Turn a key away from now on, on connections that are open as well.
     Revoke {
         /// The name, the fingerprint or the key.
+        #[arg(allow_hyphen_values = true)]
         which: String,
     },
     /// List the keys that may ask this machine.
@@ -61,6 +64,7 @@ enum What {
         /// Where it is.
         address: String,
         /// The key, as `key show` prints it on the brick.
+        #[arg(allow_hyphen_values = true)]
         key: String,
     },
 }

@@ -7,7 +7,7 @@ use onbrick::link::pairing::pair;
 use onbrick::link::{ClientError, KeyPair, Patience};
 use onbrick::service::protocol::{Caller, Chosen, Kind, Pairing};
 
-use super::bench::{Bench, client_at, serve, until};
+use super::bench::{Bench, client_at, onbrick, serve, text, until};
 
 #[test]
 fn every_operation_is_answered_to_a_key_under_its_name() {
@@ -49,6 +49,23 @@ fn an_unknown_key_a_wrong_key_and_nobody_are_told_apart() {
     let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     assert_eq!(silence(&mute.local_addr().unwrap().to_string()), Silence::NoHandshake);
     assert!(bench.fake.asked.lock().unwrap().is_empty());
+}
+
+#[test]
+fn a_key_that_begins_with_a_hyphen_is_an_argument_like_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let key = |arguments: &[&str]| {
+        let output = onbrick().args(arguments).arg("--keys").arg(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    };
+    // Behind a hyphen each sign could be an option's letter, or mean the beginning of a long option.
+    let signs = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
+    for sign in signs.chars() {
+        let public = format!("-{sign}]NE6H!s]g>!v&*Q@q{{DZ:B:6]9wV:)vVC.Dxz0");
+        key(&["key", "authorise", &public, "--name", "anna"]);
+        key(&["key", "revoke", &public]);
+        key(&["key", "know", "brick", "127.0.0.1", &public]);
+    }
 }
 
 #[test]
