@@ -70,6 +70,7 @@
 //! - Times given to one [`TickSide`] do not go back.
 //! - [`Recorder::start`] is called before the tick's thread takes its real-time priority: threads inherit it.
 
+mod cdr;
 mod encoder;
 mod file;
 mod grid;

@@ -31,8 +31,8 @@ use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 use serde::Serialize;
 
-use super::message;
 use super::topic::{Topic, table_checksum};
+use super::{cdr, message};
 
 /// The opcode of the private record that closes a stretch; MCAP leaves 0x80 and above to applications.
 pub const SYNC_OPCODE: u8 = 0x80;
@@ -109,7 +109,7 @@ pub(super) struct RecordingFile {
     sequence: [u32; Topic::ALL.len()],
     wall_offset_ns: i64,
     table: u32,
-    body: Vec<u8>,
+    encoded: cdr::Writer,
 }
 
 impl Debug for RecordingFile {
@@ -132,8 +132,14 @@ impl RecordingFile {
         let writer =
             options.create(NoSeek::new(Tap(Arc::clone(&output)))).map_err(failed("begin the file"))?;
         let sequence = [0; Topic::ALL.len()];
-        let mut file =
-            Self { writer, output, sequence, wall_offset_ns, table: table_checksum(), body: Vec::new() };
+        let mut file = Self {
+            writer,
+            output,
+            sequence,
+            wall_offset_ns,
+            table: table_checksum(),
+            encoded: cdr::Writer::default(),
+        };
         file.describe_channels().map_err(failed("describe the channels"))?;
         Ok(file)
     }
@@ -145,17 +151,16 @@ impl RecordingFile {
         time_ns: i64,
         message: &T,
     ) -> Result<(), RecordError> {
-        self.body.clear();
-        message::encode_into(message, &mut self.body).map_err(|error| RecordError {
+        let log_time = self.stamp_ns(time_ns);
+        let encoded = message::encode_into(message, &mut self.encoded).map_err(|error| RecordError {
             doing: "encode a message",
             source: io::Error::other(error.to_string()),
         })?;
         let channel_id = topic as u16;
-        let log_time = self.stamp_ns(time_ns);
         let counter = &mut self.sequence[topic as usize];
         let header = MessageHeader { channel_id, sequence: *counter, log_time, publish_time: log_time };
         *counter = counter.wrapping_add(1);
-        self.writer.write_to_known_channel(&header, &self.body).map_err(failed("write a message"))
+        self.writer.write_to_known_channel(&header, encoded).map_err(failed("write a message"))
     }
 
     /// A time of the run's clock as a stamp, nanoseconds since 1970.

@@ -3,22 +3,30 @@
 //! Each type repeats its definition in `schema/` field by field; a test has an independent decoder read them by those
 //! definitions.
 //!
+//! # Not here
+//!
+//! Writing a body is `cdr`'s, reading it the crate `cdr-encoding`'s.
+//!
 //! # What we count on
 //!
-//! - CDR aligns to the start of the body, after the four bytes (DDS-RTPS 10.2); `cdr-encoding` sees only the body.
-//! - A list's length comes before it, an array's does not.
+//! - CDR aligns to the start of the body, after the four bytes (DDS-RTPS 10.2).
 
 use byteorder::LittleEndian;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
+
+pub use super::cdr::EncodeError;
+use super::cdr::Writer;
 
 /// Encapsulation: plain CDR, little-endian, no options (DDS-RTPS 10.2).
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
-/// Puts a message to the end of `out`, header and all.
-pub(super) fn encode_into<T: Serialize>(message: &T, out: &mut Vec<u8>) -> Result<(), cdr_encoding::Error> {
-    out.extend_from_slice(&ENCAPSULATION);
-    cdr_encoding::to_writer::<T, LittleEndian, _>(&mut *out, message)
+/// Writes a message, header and all.
+pub(super) fn encode_into<'a, T: Serialize>(
+    message: &T,
+    room: &'a mut Writer,
+) -> Result<&'a [u8], EncodeError> {
+    room.write(&ENCAPSULATION, message)
 }
 
 /// A message as bytes, header and all.
@@ -26,16 +34,19 @@ pub(super) fn encode_into<T: Serialize>(message: &T, out: &mut Vec<u8>) -> Resul
 /// # Errors
 ///
 /// A type that CDR has no form for, such as a list of unknown length.
-pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>, cdr_encoding::Error> {
-    let mut out = Vec::new();
-    encode_into(message, &mut out)?;
-    Ok(out)
+pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>, EncodeError> {
+    encode_into(message, &mut Writer::default()).map(<[u8]>::to_vec)
 }
 
 /// Takes a message from its bytes; `None` where they are not one.
 pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
     let body = bytes.strip_prefix(&ENCAPSULATION)?;
     cdr_encoding::from_bytes::<T, LittleEndian>(body).ok().map(|(message, _)| message)
+}
+
+/// A list of bytes in one piece, and not each as a number.
+fn bytes<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytes)
 }
 
 /// `builtin_interfaces/Time`.
@@ -182,6 +193,7 @@ pub struct PointCloud2 {
     pub is_bigendian: bool,
     pub point_step: u32,
     pub row_step: u32,
+    #[serde(serialize_with = "bytes")]
     pub data: Vec<u8>,
     pub is_dense: bool,
 }
@@ -217,6 +229,7 @@ pub struct LogMessage {
 pub(super) struct SensesMessage {
     pub(super) tick: u64,
     pub(super) time_ns: i64,
+    #[serde(serialize_with = "bytes")]
     pub(super) channel: Vec<u8>,
     pub(super) value: Vec<f64>,
     pub(super) read_ns: Vec<i64>,
@@ -279,6 +292,7 @@ pub struct TickStatistics {
 pub(super) struct CheckpointMessage {
     pub(super) tick: u64,
     pub(super) time_ns: i64,
+    #[serde(serialize_with = "bytes")]
     pub(super) state: Vec<u8>,
 }
 
