@@ -196,14 +196,17 @@ impl Estimator {
         );
     }
 
-    /// A smoothed speed is the mean of what it was and of way / time, weighted by the memory and by the time.
+    /// A smoothed speed is the mean of what it was and of way / time, weighted by what the time leaves of the memory (the exponential's first
+    /// order, as in `slip`) and by the time. An update that takes longer than the memory is all there is.
     fn smooth_speeds(&mut self, forward_m: f64, turned_rad: f64, passed_s: f64) {
-        if passed_s > 0.0 {
-            let state = &mut self.state;
-            let per_s = 1.0 / (SPEED_MEMORY_S + passed_s);
-            state.forward_m_s = (state.forward_m_s * SPEED_MEMORY_S + forward_m) * per_s;
-            state.turn_rad_s = (state.turn_rad_s * SPEED_MEMORY_S + turned_rad) * per_s;
+        if passed_s <= 0.0 {
+            return;
         }
+        let state = &mut self.state;
+        let keep = 1.0 - passed_s * (1.0 / SPEED_MEMORY_S);
+        let (keep, per_s) = if keep > 0.0 { (keep, 1.0 / SPEED_MEMORY_S) } else { (0.0, 1.0 / passed_s) };
+        state.forward_m_s = state.forward_m_s * keep + forward_m * per_s;
+        state.turn_rad_s = state.turn_rad_s * keep + turned_rad * per_s;
     }
 
     fn understand(&mut self, inputs: &Inputs) -> Option<Range> {

@@ -12,8 +12,8 @@
 //!
 //! # What it costs
 //!
-//! 200 × 200 cells of one byte. An update visits the box around its cone, 2 600 cells at most, each once, in 32-bit integers
-//! alone: places in sixteenths of a cell, directions in 1024ths.
+//! 200 × 200 cells of one byte. An update visits the cells between the edges of its cone and three beside them, each once, in 32-bit
+//! integers alone: places in sixteenths of a cell, directions in 1024ths.
 
 use super::{Pose, Range, Sounding, room};
 
@@ -34,6 +34,9 @@ const TOUCHED: i32 = 12;
 /// Tangents of the cone's half angles, in [`UNIT`]s: 5° around the axis, 12° in all (the beam's is given as 10 to 20°).
 const TAN_AXIS: i32 = 90;
 const TAN_CONE: i32 = 218;
+
+/// So many cells beside an edge may be in the cone: half a cell that is granted, the tip's place in its cell, and what is rounded.
+const BESIDE_EDGE: i32 = 3;
 
 /// Log-odds are in twentieths and kept within ±100, which is odds of 148 to 1: a cell can change its mind.
 const LIMIT: i8 = 100;
@@ -94,8 +97,9 @@ impl OccupancyGrid {
         for grid in grids {
             union.outside = union.outside.saturating_add(grid.outside);
             for (row, y) in (0..grid.rows).zip(grid.first[1]..) {
+                let mut line = union.row_at(y);
                 for (column, x) in (0..grid.columns).zip(grid.first[0]..) {
-                    union.weigh(x, y, grid.log_odds(column, row).unwrap_or(0));
+                    line.weigh(x, grid.log_odds(column, row).unwrap_or(0));
                 }
             }
         }
@@ -119,7 +123,6 @@ impl OccupancyGrid {
             Range::NoEcho => [MISS_AXIS, 0],
             Range::TooNear => [0, 0],
         };
-        let (low, high) = cone.bounds();
         let weight_of = |part| match part {
             Part::Outside => 0,
             Part::Before { axis } => free[usize::from(!axis)],
@@ -127,13 +130,21 @@ impl OccupancyGrid {
             Part::Arc { axis: true } => HIT_AXIS,
             Part::Arc { axis: false } => HIT_CONE,
         };
+        // Rows run across the axis: its edges then move by no more than a cell or two from a row to the next.
+        let turned = cone.is_along_x();
+        let cone = if turned { cone.transposed() } else { cone };
+        let (low, high) = cone.bounds();
+        let edges = cone.edges();
         for y in low[1]..=high[1] {
-            let mut place = cone.place(low[0], y);
+            let (first, last) = cone.row(edges, y);
+            let first = first.max(low[0]);
+            let mut place = cone.place(first, y);
             let mut met = false;
-            for x in low[0]..=high[0] {
+            let mut line = if turned { self.column_at(y) } else { self.row_at(y) };
+            for x in first..=last.min(high[0]) {
                 let part = cone.part_of(&place);
                 if part != Part::Outside {
-                    self.weigh(x, y, weight_of(part));
+                    line.weigh(x, weight_of(part));
                     met = true;
                 } else if met {
                     // The cone is convex: a row that has left it does not meet it again.
@@ -216,17 +227,58 @@ impl OccupancyGrid {
         [self.first[0].saturating_add(count(self.columns)), self.first[1].saturating_add(count(self.rows))]
     }
 
-    /// Adds to the log-odds of a cell of the lattice.
-    fn weigh(&mut self, x: i32, y: i32, weight: i8) {
+    /// The cells of one y of the lattice, by x.
+    fn row_at(&mut self, y: i32) -> Line<'_> {
+        let row = usize::try_from(y - self.first[1]).ok().filter(|row| *row < self.rows);
+        Line {
+            first: self.first[0],
+            count: row.map_or(0, |_| self.columns),
+            start: row.map_or(0, |row| row * self.columns),
+            stride: 1,
+            cells: &mut self.cells,
+            outside: &mut self.outside,
+        }
+    }
+
+    /// The cells of one x of the lattice, by y.
+    fn column_at(&mut self, x: i32) -> Line<'_> {
+        let column = usize::try_from(x - self.first[0]).ok().filter(|column| *column < self.columns);
+        Line {
+            first: self.first[1],
+            count: column.map_or(0, |_| self.rows),
+            start: column.unwrap_or(0),
+            stride: self.columns,
+            cells: &mut self.cells,
+            outside: &mut self.outside,
+        }
+    }
+}
+
+/// A row or a column of a grid.
+#[derive(Debug)]
+struct Line<'a> {
+    /// The lattice's place of its first cell.
+    first: i32,
+    /// How many cells it has; none where the grid has no such line.
+    count: usize,
+    /// Where it begins in the grid's cells, and how far its cells are apart there.
+    start: usize,
+    stride: usize,
+    cells: &'a mut [i8],
+    outside: &'a mut u64,
+}
+
+impl Line<'_> {
+    /// Adds to the log-odds of a cell, by its place on the lattice.
+    #[inline]
+    fn weigh(&mut self, at: i32, weight: i8) {
         if weight == 0 {
             return;
         }
-        let column = usize::try_from(x - self.first[0]).ok().filter(|column| *column < self.columns);
-        let row = usize::try_from(y - self.first[1]).ok().filter(|row| *row < self.rows);
-        let place = column.zip(row).map(|(column, row)| row * self.columns + column);
-        match place.and_then(|place| self.cells.get_mut(place)) {
+        let place = usize::try_from(at - self.first).ok().filter(|place| *place < self.count);
+        match place.and_then(|place| self.cells.get_mut(self.start + place * self.stride)) {
             Some(cell) => *cell = cell.saturating_add(weight).clamp(-LIMIT, LIMIT),
-            None => self.outside = self.outside.saturating_add(1),
+            None => *self.outside = self.outside.saturating_add(1),
         }
     }
 }
@@ -296,6 +348,36 @@ impl Cone {
         let (low_x, high_x) = extent(cos, side[0]);
         let (low_y, high_y) = extent(sin, side[1]);
         ([self.tip[0] + low_x, self.tip[1] + low_y], [self.tip[0] + high_x, self.tip[1] + high_y])
+    }
+
+    /// Whether the axis points more along x than along y.
+    fn is_along_x(&self) -> bool {
+        self.axis[0].abs() > self.axis[1].abs()
+    }
+
+    /// The same with x and y exchanged. A cell's part does not change: it asks for the distance across the axis, not for the side.
+    fn transposed(mut self) -> Self {
+        self.tip.reverse();
+        self.within.reverse();
+        self.axis.reverse();
+        self
+    }
+
+    /// What both edges move by in x from a row to the next, in 1024ths of a cell, for an axis along y.
+    fn edges(&self) -> [i32; 2] {
+        let [cos, sin] = self.axis;
+        [TAN_CONE, -TAN_CONE].map(|tan| {
+            let (x, y) = (cos * UNIT - sin * tan, sin * UNIT + cos * tan);
+            // Only a vector that is no direction has none of it along its greater component.
+            x.checked_div(y / UNIT).unwrap_or(0)
+        })
+    }
+
+    /// The first and the last cell of a row between the edges: what is beyond is outside.
+    fn row(&self, edges: [i32; 2], y: i32) -> (i32, i32) {
+        let rows = y - self.tip[1];
+        let [one, other] = edges.map(|edge| self.tip[0] + (rows * edge).div_euclid(UNIT));
+        (one.min(other) - BESIDE_EDGE, one.max(other) + BESIDE_EDGE)
     }
 
     /// The place of a cell's middle. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths below 2¹¹, tangents below 2⁸.
@@ -407,7 +489,7 @@ mod tests {
         let cone = Cone::of(&sounding(0.0, 0.0, 0.0, Range::NoEcho), 2.0).expect("on the lattice");
         for (y, x) in (-60..60).flat_map(|y| (-60..60).map(move |x| (y, x))) {
             if let Part::Before { axis } = cone.part_of(&cone.place(x, y)) {
-                grid.weigh(x, y, 4 * if axis { at_axis } else { beside });
+                grid.row_at(y).weigh(x, 4 * if axis { at_axis } else { beside });
             }
         }
         grid
@@ -467,6 +549,28 @@ mod tests {
                         "({cell_x}, {cell_y}) is in the cone and not in {low:?} to {high:?}"
                     );
                 }
+            }
+        }
+
+        #[test]
+        fn every_cell_of_the_cone_and_no_other_is_weighed(
+            x in -1.0..1.0, y in -1.0..1.0, direction in -7.0..7.0, range in 0.0..2.6
+        ) {
+            let one = sounding(x, y, direction, Range::Echo(range));
+            let mut grid = OccupancyGrid::around(&Pose::default());
+            grid.add(&one, 2.6);
+            let cone = Cone::of(&one, range).expect("on the lattice");
+            for (cell_y, cell_x) in (-99..99).flat_map(|y| (-99..99).map(move |x| (y, x))) {
+                let expected = match cone.part_of(&cone.place(cell_x, cell_y)) {
+                    Part::Outside => 0,
+                    Part::Before { axis: true } => FREE_AXIS,
+                    Part::Before { axis: false } => FREE_CONE,
+                    Part::Arc { axis: true } => HIT_AXIS,
+                    Part::Arc { axis: false } => HIT_CONE,
+                };
+                let (column, row) = (cell_x - grid.first[0], cell_y - grid.first[1]);
+                let found = grid.log_odds(column.try_into().unwrap(), row.try_into().unwrap());
+                prop_assert_eq!(found, Some(expected), "({}, {})", cell_x, cell_y);
             }
         }
 

@@ -243,7 +243,7 @@ impl GyroState {
 
     /// Takes up a bias for the whole of a standstill.
     fn correct_bias(&mut self, still: &Standstill, now_ns: i64, bias_rad_s: f64) {
-        let stood_s = seconds(now_ns.saturating_sub(still.since_ns));
+        let stood_s = seconds_nearly(now_ns.saturating_sub(still.since_ns));
         self.centre_rad -= (bias_rad_s - self.bias_rad_s) * stood_s;
         self.bias_rad_s = bias_rad_s;
     }
@@ -282,9 +282,10 @@ impl Standstill {
                 return Some((turned_rad / seconds(between_ns)).clamp(-most, most));
             }
         }
-        let stood_s = seconds(stood_ns);
-        let least = (self.turned_rad - DEGREE_RAD) / stood_s;
-        let most = (self.turned_rad + DEGREE_RAD) / stood_s;
+        // In every tick of a standstill, and so with one division.
+        let per_s = 1.0 / seconds_nearly(stood_ns);
+        let least = (self.turned_rad - DEGREE_RAD) * per_s;
+        let most = (self.turned_rad + DEGREE_RAD) * per_s;
         // As little away from what it was as the steps allow: a body that settles by a degree or two after a turn is not drift.
         Some(self.bias_rad_s.clamp(least, most))
     }
