@@ -65,8 +65,9 @@ impl Signal {
 /// One tick's signals.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Signals {
-    /// The tick's time, nanoseconds of the run's clock, whose zero is the start of the run.
-    pub time_ns: i64,
+    time_ns: i64,
+    /// The same in seconds: a division for all conditions together.
+    time_s: f64,
     values: [Option<f64>; Signal::COUNT],
     /// The last ones known: a state entered while they are lost counts from there.
     travelled_m: f64,
@@ -77,7 +78,21 @@ impl Signals {
     /// Signals of a moment at which nothing else is known.
     #[must_use]
     pub fn at(time_ns: i64) -> Self {
-        Self { time_ns, ..Self::default() }
+        let mut signals = Self::default();
+        signals.set_time_ns(time_ns);
+        signals
+    }
+
+    /// The tick's time, nanoseconds of the run's clock, whose zero is the start of the run.
+    #[must_use]
+    pub fn time_ns(&self) -> i64 {
+        self.time_ns
+    }
+
+    /// Goes on to another tick; what is known stays known.
+    pub fn set_time_ns(&mut self, time_ns: i64) {
+        self.time_ns = time_ns;
+        self.time_s = seconds(time_ns);
     }
 
     /// Notes a signal's value, in metres, seconds, radians. What is not a number counts as lost, and so does an infinite
@@ -280,7 +295,7 @@ impl Quantity {
             Self::Y => signals.get(Signal::Y),
             Self::Left => angle(Signal::Left),
             Self::Right => angle(Signal::Right),
-            Self::Time => Some(seconds(signals.time_ns)),
+            Self::Time => Some(signals.time_s),
             Self::Battery => signals.get(Signal::Battery),
             Self::StateTime => Some(seconds(signals.time_ns.saturating_sub(since.entered_ns))),
             Self::StateDistance => signals.get(Signal::Travelled).map(|now_m| now_m - since.entered_m),

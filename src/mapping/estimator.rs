@@ -199,14 +199,14 @@ impl Estimator {
     /// A smoothed speed is the mean of what it was and of way / time, weighted by what the time leaves of the memory (the exponential's first
     /// order, as in `slip`) and by the time. An update that takes longer than the memory is all there is.
     fn smooth_speeds(&mut self, forward_m: f64, turned_rad: f64, passed_s: f64) {
-        if passed_s <= 0.0 {
-            return;
-        }
         let state = &mut self.state;
-        let keep = 1.0 - passed_s * (1.0 / SPEED_MEMORY_S);
-        let (keep, per_s) = if keep > 0.0 { (keep, 1.0 / SPEED_MEMORY_S) } else { (0.0, 1.0 / passed_s) };
-        state.forward_m_s = state.forward_m_s * keep + forward_m * per_s;
-        state.turn_rad_s = state.turn_rad_s * keep + turned_rad * per_s;
+        if passed_s >= SPEED_MEMORY_S {
+            [state.forward_m_s, state.turn_rad_s] = speeds(forward_m, turned_rad, passed_s);
+        } else if passed_s > 0.0 {
+            let keep = 1.0 - passed_s * (1.0 / SPEED_MEMORY_S);
+            state.forward_m_s = state.forward_m_s * keep + forward_m * (1.0 / SPEED_MEMORY_S);
+            state.turn_rad_s = state.turn_rad_s * keep + turned_rad * (1.0 / SPEED_MEMORY_S);
+        }
     }
 
     fn understand(&mut self, inputs: &Inputs) -> Option<Range> {
@@ -270,6 +270,12 @@ struct Trust {
     by_gyro: bool,
     /// What a slip may have falsified its way by, metres.
     slip_m: f64,
+}
+
+/// Ways by their time. Not inlined: the division would else be done in every tick.
+#[inline(never)]
+fn speeds(forward_m: f64, turned_rad: f64, passed_s: f64) -> [f64; 2] {
+    [forward_m / passed_s, turned_rad / passed_s]
 }
 
 fn unit(direction_rad: f64) -> [f64; 2] {

@@ -59,12 +59,15 @@ pub(super) fn propagated(before: Covariance, step: &Step) -> Covariance {
     } else {
         wheels_m2 * (step.per_track_width_m * step.per_track_width_m)
     };
+    // The covariances with the heading come first: the others are made of both theirs, from before and after.
+    let (xh_after, yh_after) = (xh + along * hh, yh + across * hh);
+    let (way_x, way_y) = (cos * way_m2, sin * way_m2);
     [
-        xx + along * (2.0 * xh + along * hh) + cos * cos * way_m2 + slip_m2,
-        xy + along * yh + across * xh + along * across * hh + cos * sin * way_m2,
-        xh + along * hh,
-        yy + across * (2.0 * yh + across * hh) + sin * sin * way_m2 + slip_m2,
-        yh + across * hh,
+        xx + along * (xh + xh_after) + (cos * way_x + slip_m2),
+        xy + along * yh + across * xh_after + cos * way_y,
+        xh_after,
+        yy + across * (yh + yh_after) + (sin * way_y + slip_m2),
+        yh_after,
         hh + turn_rad2,
     ]
     .map(|value| value.clamp(-LIMIT, LIMIT))

@@ -292,7 +292,7 @@ impl Pilot {
             (Signal::Travelled, Some(estimate.travelled_m)),
         ];
         let sensed = SENSED.map(|(signal, channel)| (signal, self.fresh(senses, channel)));
-        self.signals.time_ns = senses.time_ns;
+        self.signals.set_time_ns(senses.time_ns);
         for (signal, value) in estimated.into_iter().chain(sensed) {
             match value {
                 Some(value) => self.signals.set(signal, value),

@@ -59,7 +59,7 @@ impl Program {
     ) -> Progress {
         self.turn.signals = *signals;
         self.turn.demands = Demands::default();
-        let progress = self.engine.step_traced(signals.time_ns, &mut self.turn, on_taken);
+        let progress = self.engine.step_traced(signals.time_ns(), &mut self.turn, on_taken);
         *demands = self.turn.demands;
         progress
     }

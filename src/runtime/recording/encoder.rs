@@ -6,7 +6,7 @@
 use serde::Serialize;
 
 use super::file::{RecordError, RecordingFile};
-use super::message::{self, Covariance, Gap, Header, Time, Vector3};
+use super::message::{self, Covariance, Gap, Header, Quaternion, Time, Vector3};
 use super::status::Status;
 use super::tick::{Dropped, Entry, Level, TickRecord};
 use super::topic::Topic;
@@ -133,7 +133,8 @@ impl Encoder {
     /// The frames that do not move. Poses are given in the map's frame, so odometry starts from there.
     pub(super) fn static_transforms(&mut self) -> Result<(), RecordError> {
         let time_ns = self.start.start_ns;
-        let still = self.transform(time_ns, FRAME_MAP, FRAME_ODOM, Vector3::default(), 0.0);
+        let still =
+            self.transform(time_ns, FRAME_MAP, FRAME_ODOM, Vector3::default(), Quaternion::of_yaw(0.0));
         self.put(Topic::StaticTransforms, time_ns, &message::TfMessage { transforms: vec![still] })
     }
 
@@ -208,10 +209,11 @@ impl Encoder {
     fn odometry(&mut self, record: &TickRecord) -> Result<(), RecordError> {
         let Estimate { time_ns, pose, forward_m_s, turn_rad_s, covariance, .. } = record.estimate;
         let position = Vector3 { x: pose.x_m, y: pose.y_m, z: 0.0 };
+        let orientation = Quaternion::of_yaw(pose.heading_rad);
         let message = message::Odometry {
             header: self.header(time_ns, FRAME_ODOM),
             child_frame_id: FRAME_BASE.to_owned(),
-            pose: message::Pose3 { position, orientation: message::Quaternion::of_yaw(pose.heading_rad) },
+            pose: message::Pose3 { position, orientation },
             pose_covariance: planar(covariance),
             twist: message::Twist {
                 linear: Vector3 { x: forward_m_s, ..Vector3::default() },
@@ -220,13 +222,13 @@ impl Encoder {
             twist_covariance: [[0.0; 6]; 6],
         };
         self.put(Topic::Odometry, time_ns, &message)?;
-        let mut transforms =
-            vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, position, pose.heading_rad)];
+        let mut transforms = vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, position, orientation)];
         if let Some(range) = self.start.range {
             let head_rad = record.senses.get(Channel::Head).map_or(0.0, |head| head.value);
-            let (x, y) = (range.ahead_m * libm::cos(head_rad), range.ahead_m * libm::sin(head_rad));
-            let place = Vector3 { x, y, z: 0.0 };
-            transforms.push(self.transform(time_ns, FRAME_BASE, FRAME_RANGE, place, head_rad));
+            let (sin, cos) = libm::sincos(head_rad);
+            let place = Vector3 { x: range.ahead_m * cos, y: range.ahead_m * sin, z: 0.0 };
+            let turned = Quaternion::of_yaw(head_rad);
+            transforms.push(self.transform(time_ns, FRAME_BASE, FRAME_RANGE, place, turned));
         }
         self.put(Topic::Transforms, time_ns, &message::TfMessage { transforms })
     }
@@ -342,13 +344,13 @@ impl Encoder {
         parent: &str,
         child: &str,
         translation: Vector3,
-        yaw_rad: f64,
+        rotation: Quaternion,
     ) -> message::TransformStamped {
         message::TransformStamped {
             header: self.header(time_ns, parent),
             child_frame_id: child.to_owned(),
             translation,
-            rotation: message::Quaternion::of_yaw(yaw_rad),
+            rotation,
         }
     }
 

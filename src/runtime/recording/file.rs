@@ -21,7 +21,7 @@
 
 use std::fmt::Debug;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -104,12 +104,14 @@ pub struct RecordError {
 
 /// A recording that is being written.
 pub(super) struct RecordingFile {
-    writer: Writer<NoSeek<Tap>>,
+    /// Before the tap small pieces are collected: a record comes in seven, and each would take the lock.
+    writer: Writer<NoSeek<BufWriter<Tap>>>,
     output: Arc<Mutex<Output>>,
     sequence: [u32; Topic::ALL.len()],
     wall_offset_ns: i64,
     table: u32,
     encoded: cdr::Writer,
+    dirty: bool,
 }
 
 impl Debug for RecordingFile {
@@ -129,8 +131,9 @@ impl RecordingFile {
             .disable_seeking(true)
             // Syncs have checksums of their own, and an interrupted run never gets to this one.
             .calculate_data_section_crc(false);
-        let writer =
-            options.create(NoSeek::new(Tap(Arc::clone(&output)))).map_err(failed("begin the file"))?;
+        let writer = options
+            .create(NoSeek::new(BufWriter::new(Tap(Arc::clone(&output)))))
+            .map_err(failed("begin the file"))?;
         let sequence = [0; Topic::ALL.len()];
         let mut file = Self {
             writer,
@@ -139,6 +142,7 @@ impl RecordingFile {
             wall_offset_ns,
             table: table_checksum(),
             encoded: cdr::Writer::default(),
+            dirty: false,
         };
         file.describe_channels().map_err(failed("describe the channels"))?;
         Ok(file)
@@ -160,6 +164,7 @@ impl RecordingFile {
         let counter = &mut self.sequence[topic as usize];
         let header = MessageHeader { channel_id, sequence: *counter, log_time, publish_time: log_time };
         *counter = counter.wrapping_add(1);
+        self.dirty = true;
         self.writer.write_to_known_channel(&header, encoded).map_err(failed("write a message"))
     }
 
@@ -188,6 +193,8 @@ impl RecordingFile {
 
     /// Closes the stretch since the last sync and waits until all of it is on the disk. Nothing new is nothing to do.
     pub(super) fn sync(&mut self) -> Result<(), RecordError> {
+        self.dirty = false;
+        self.writer.flush().map_err(failed("write a message"))?;
         let stretch = self.lock().stretch();
         if stretch.length == 0 {
             return Ok(());
@@ -195,23 +202,30 @@ impl RecordingFile {
         let body = SyncBody { stretch, wall_offset_ns: self.wall_offset_ns, table: self.table }.to_bytes();
         self.writer
             .write_private_record(SYNC_OPCODE, &body, Default::default())
+            .and_then(|()| self.writer.flush())
             .map_err(failed("write a sync"))?;
         let mut output = self.lock();
         output.begin_stretch();
         output.sync().map_err(|source| RecordError { doing: "bring the file to the disk", source })
     }
 
-    /// True where something was written since the last sync.
+    /// True where a message was put since the last sync.
     pub(super) fn is_dirty(&self) -> bool {
-        let output = self.lock();
-        output.position > output.stretch_start
+        self.dirty
     }
 
     /// Puts the last sync and MCAP's own end, with its summary.
     pub(super) fn finish(mut self) -> Result<u64, RecordError> {
         self.sync()?;
         self.writer.finish().map_err(failed("finish the file"))?;
-        let mut output = self.lock();
+        let Self { writer, output, .. } = self;
+        // What is still collected goes on with it.
+        writer
+            .into_inner()
+            .into_inner()
+            .into_inner()
+            .map_err(|error| RecordError { doing: "finish the file", source: error.into_error() })?;
+        let mut output = output.lock().unwrap_or_else(PoisonError::into_inner);
         output.sync().map_err(|source| RecordError { doing: "bring the file's end to the disk", source })?;
         Ok(output.position)
     }

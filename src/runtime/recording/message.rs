@@ -107,7 +107,8 @@ impl Quaternion {
     /// A turn about the vertical, anticlockwise seen from above.
     #[must_use]
     pub fn of_yaw(yaw_rad: f64) -> Self {
-        Self { x: 0.0, y: 0.0, z: libm::sin(yaw_rad / 2.0), w: libm::cos(yaw_rad / 2.0) }
+        let (z, w) = libm::sincos(yaw_rad / 2.0);
+        Self { x: 0.0, y: 0.0, z, w }
     }
 }
 
