@@ -204,7 +204,7 @@ impl GyroState {
         self.rate_rad += change_rad;
         let passed_ns = now_ns.saturating_sub(self.rate_since_ns);
         if passed_ns >= RATE_WINDOW_NS {
-            self.saturated = self.rate_rad.abs() > SATURATED_RAD_S * seconds(passed_ns);
+            self.saturated = self.rate_rad.abs() > SATURATED_RAD_S * seconds_nearly(passed_ns);
             self.rate_since_ns = now_ns;
             self.rate_rad = 0.0;
         }

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
-use crate::clock::{MILLISECOND_NS, seconds};
+use crate::clock::MILLISECOND_NS;
 
 /// Kept poses.
 const KEPT: usize = 16;
@@ -72,12 +72,13 @@ impl History {
 #[expect(clippy::cast_possible_truncation, reason = "sixteen")]
 const KEPT_U8: u8 = KEPT as u8;
 
+#[expect(clippy::cast_precision_loss, reason = "times within a second are exact")]
 fn between(earlier: &Placement, later: &Placement, time_ns: i64) -> Placement {
     let whole_ns = later.time_ns.saturating_sub(earlier.time_ns);
     if whole_ns <= 0 {
         return *later;
     }
-    let share = seconds(time_ns.saturating_sub(earlier.time_ns)) / seconds(whole_ns);
+    let share = time_ns.saturating_sub(earlier.time_ns) as f64 / whole_ns as f64;
     let head_rad = match (earlier.head_rad, later.head_rad) {
         (Some(from_rad), Some(to_rad)) => Some(from_rad + (to_rad - from_rad) * share),
         (known, None) | (None, known) => known,
@@ -88,6 +89,7 @@ fn between(earlier: &Placement, later: &Placement, time_ns: i64) -> Placement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::seconds;
 
     fn driving(ticks: i64, period_ns: i64) -> History {
         let mut history = History::default();

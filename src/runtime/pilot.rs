@@ -291,14 +291,21 @@ impl Pilot {
             (Signal::Y, Some(pose.y_m)),
             (Signal::Travelled, Some(estimate.travelled_m)),
         ];
-        let sensed = SENSED.map(|(signal, channel)| (signal, self.fresh(senses, channel)));
         self.signals.set_time_ns(senses.time_ns);
-        for (signal, value) in estimated.into_iter().chain(sensed) {
-            match value {
-                Some(value) => self.signals.set(signal, value),
-                None => self.signals.lose(signal),
-            }
+        for (signal, value) in estimated {
+            note(&mut self.signals, signal, value);
         }
+        for (signal, channel) in SENSED {
+            let value = self.fresh(senses, channel);
+            note(&mut self.signals, signal, value);
+        }
+    }
+}
+
+fn note(signals: &mut Signals, signal: Signal, value: Option<f64>) {
+    match value {
+        Some(value) => signals.set(signal, value),
+        None => signals.lose(signal),
     }
 }
 
