@@ -224,9 +224,13 @@ impl Work {
             let closing = self.flags.closing.load(Ordering::Acquire);
             encoder.note_ring(self.ring.slots());
             let mut ticks = false;
-            while let Ok(entry) = self.ring.pop() {
-                ticks |= matches!(entry, Entry::Tick(_));
-                encoder.entry(&entry)?;
+            // Taken where they lie: an entry is large.
+            while let Ok(entries) = self.ring.read_chunk(1) {
+                for entry in entries.as_slices().0 {
+                    ticks |= matches!(entry, Entry::Tick(_));
+                    encoder.entry(entry)?;
+                }
+                entries.commit_all();
                 self.tell(encoder.status());
             }
             if closing {

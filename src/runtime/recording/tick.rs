@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
 
 use arrayvec::ArrayString;
-use rtrb::{Producer, PushError};
+use rtrb::Producer;
 use serde::Serialize;
 
 use crate::behavior::Taken;
@@ -173,19 +173,21 @@ impl TickSide {
         }
     }
 
+    /// An entry is large: it is handed on only where there is room, and so never back.
+    #[inline]
     fn push(&mut self, entry: Entry) -> bool {
-        let mut entry = entry;
-        loop {
-            match self.ring.push(entry) {
-                Ok(()) => return true,
-                Err(PushError::Full(back)) => entry = back,
-            }
+        self.has_room() && self.ring.push(entry).is_ok()
+    }
+
+    fn has_room(&self) -> bool {
+        while self.ring.is_full() {
             match &self.recorder {
                 Some(recorder) if !self.ring.is_abandoned() => recorder.unpark(),
                 _ => return false,
             }
             std::thread::yield_now();
         }
+        true
     }
 
     fn drop_one(&mut self) {
