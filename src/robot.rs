@@ -323,14 +323,14 @@ impl Robot {
                 Some(action) => wheel.stop(action),
                 None => wheel.turn(speed, now_ns),
             };
-            self.refused = done.err().or(self.refused.take());
+            note_refusal(&mut self.refused, done);
         }
         let head_rad_s = self.head_speed(demands.head_rad);
         if let Some(head) = &mut self.head {
-            self.refused = head.turn(head_rad_s, now_ns).err().or(self.refused.take());
+            note_refusal(&mut self.refused, head.turn(head_rad_s, now_ns));
         }
         for (motor, speed) in self.motors.iter_mut().zip(demands.motors) {
-            self.refused = motor.turn(speed.unwrap_or(0.0), now_ns).err().or(self.refused.take());
+            note_refusal(&mut self.refused, motor.turn(speed.unwrap_or(0.0), now_ns));
         }
         self.show(demands);
     }
@@ -435,6 +435,13 @@ impl Robot {
                 None => sound.silence(),
             };
         }
+    }
+}
+
+/// Keeps the last command that was refused.
+fn note_refusal(refused: &mut Option<DeviceError>, done: Result<(), DeviceError>) {
+    if let Err(error) = done {
+        *refused = Some(error);
     }
 }
 

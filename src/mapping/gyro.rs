@@ -243,6 +243,9 @@ impl GyroState {
 
     /// Takes up a bias for the whole of a standstill.
     fn correct_bias(&mut self, still: &Standstill, now_ns: i64, bias_rad_s: f64) {
+        if bias_rad_s.to_bits() == self.bias_rad_s.to_bits() {
+            return;
+        }
         let stood_s = seconds_nearly(now_ns.saturating_sub(still.since_ns));
         self.centre_rad -= (bias_rad_s - self.bias_rad_s) * stood_s;
         self.bias_rad_s = bias_rad_s;
@@ -282,13 +285,24 @@ impl Standstill {
                 return Some((turned_rad / seconds(between_ns)).clamp(-most, most));
             }
         }
-        // In every tick of a standstill, and so with one division.
-        let per_s = 1.0 / seconds_nearly(stood_ns);
-        let least = (self.turned_rad - DEGREE_RAD) * per_s;
-        let most = (self.turned_rad + DEGREE_RAD) * per_s;
+        let stood_s = seconds_nearly(stood_ns);
+        let (least_rad, most_rad) = (self.turned_rad - DEGREE_RAD, self.turned_rad + DEGREE_RAD);
+        let drifted_rad = self.bias_rad_s * stood_s;
         // As little away from what it was as the steps allow: a body that settles by a degree or two after a turn is not drift.
-        Some(self.bias_rad_s.clamp(least, most))
+        Some(if drifted_rad < least_rad {
+            rate(least_rad, stood_s)
+        } else if drifted_rad > most_rad {
+            rate(most_rad, stood_s)
+        } else {
+            self.bias_rad_s
+        })
     }
+}
+
+/// Not inlined: the division would else be done in every tick of a standstill, and seldom used.
+#[inline(never)]
+fn rate(turned_rad: f64, passed_s: f64) -> f64 {
+    turned_rad / passed_s
 }
 
 /// A change of the sensor's angle without the wrap at the end of its 16 bits.

@@ -45,7 +45,7 @@
 //! # Costs
 //!
 //! With five channels at 50 Hz 27 kB a second, 100 MB an hour, of which `/odom` and `/tf` are a third. The ring has
-//! [`Options::ring_entries`] entries of 640 bytes and what the estimator's state grows to. The tick pays for one copy of the
+//! [`Options::ring_entries`] entries of 1920 bytes, as long as a checkpoint. The tick pays for one copy of the
 //! entry (0.4 µs on a PC), the recorder for encoding it (5 µs).
 //!
 //! # Example

@@ -11,7 +11,7 @@
 //! # Why not that writer
 //!
 //! It passes each number on through four layers of `std::io::Write`, and its padding byte by byte: 130 instructions a number on the brick's processor,
-//! a quarter of a whole tick.
+//! 9,000 of the 59,000 of a whole tick. Here it is 40.
 
 use std::fmt::Display;
 
