@@ -56,7 +56,7 @@ fn libzmq() -> Result<(), VarError> {
     Ok(())
 }
 
-/// A header of the C++ standard library with what libzmq uses of it, and says why.
+/// Headers with what libzmq uses of the standard ones; each says why.
 #[cfg(feature = "link")]
 const SMALL_HEADERS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/link/libzmq");
 
