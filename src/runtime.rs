@@ -32,6 +32,7 @@ mod control;
 mod dialogue;
 mod doctor;
 mod execute;
+pub(crate) mod groups;
 mod guard;
 mod lock;
 mod names;

@@ -103,8 +103,8 @@ pub(crate) enum ServerError {
     /// The folder of keys: look at the file that it names.
     #[error(transparent)]
     Keys(#[from] KeyError),
-    /// Another program listens there: stop it, or choose another port.
-    #[error("cannot listen at {endpoint}: {source}")]
+    /// Another program listens there, or it is no address of this machine: stop it, or choose another port or address.
+    #[error("cannot listen at {endpoint}: {}", in_words(*source))]
     Bind {
         /// Where.
         endpoint: String,
@@ -123,6 +123,17 @@ pub(crate) enum ServerError {
     /// The system gives no thread.
     #[error("no thread can be started: {0}")]
     Thread(std::io::Error),
+}
+
+/// libzmq says of an address that is none of this machine's, and of names, that there is no such device.
+fn in_words(bound: zmq::Error) -> String {
+    match bound {
+        zmq::Error::ENODEV => {
+            "this machine has no such address; `address` takes `*`, or one of its addresses in numbers"
+                .to_owned()
+        }
+        other => other.to_string(),
+    }
 }
 
 /// A brick's door to the network. Dropping it closes it.

@@ -19,7 +19,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
-use nix::unistd::Group;
 
 use super::config::SocketConfig;
 use super::protocol::{
@@ -27,6 +26,7 @@ use super::protocol::{
     Reply, parse_local,
 };
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::runtime::groups;
 
 /// Connections at a time.
 pub const MAX_CLIENTS: usize = 128;
@@ -98,10 +98,9 @@ fn listen(config: &SocketConfig) -> Result<UnixListener, DoorError> {
     let failed = |source| DoorError::Io { path: path.clone(), source };
     let group = match &config.group {
         Some(name) => Some(
-            Group::from_name(name)
-                .map_err(|errno| failed(errno.into()))?
+            groups::number_of(name)
+                .map_err(failed)?
                 .ok_or_else(|| DoorError::NoGroup(name.clone()))?
-                .gid
                 .as_raw(),
         ),
         None => None,

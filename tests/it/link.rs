@@ -9,5 +9,6 @@ mod fetching;
 mod figures;
 mod hostile;
 mod keys;
+mod numbers;
 mod python;
 mod team;

@@ -146,6 +146,7 @@ fn only_ev3dev_touches_device_files() {
     let others = [
         ("cli/", "files that people name on the command line"),
         ("runtime/lock.rs", "the lock that names the hardware's owner"),
+        ("runtime/groups.rs", "/etc/group, which a static file reads itself"),
         ("runtime/doctor/machine.rs", "whether a recording could be written; missions"),
         ("runtime/recording/", "run.mcap"),
         ("runtime/save.rs", "robot.toml, as setup and calibrate write it"),

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use nix::sys::resource::{Resource, getrlimit};
 use nix::sys::statvfs::statvfs;
-use nix::unistd::{Gid, Group, geteuid, getgroups};
+use nix::unistd::{Gid, geteuid, getgroups};
 
 use crate::behavior::{Capabilities, Mission};
 use crate::document::Document;
 
+use super::super::groups;
 use super::{Diagnosis, Examination, Verdict, with_causes};
 
 /// What gives access to what on ev3dev's images.
@@ -42,8 +43,8 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
     let mine: Vec<Gid> = getgroups().unwrap_or_default();
     let mut all = true;
     for (name, what, verdict) in GROUPS {
-        let group = Group::from_name(name).ok().flatten();
-        if !group.is_some_and(|group| mine.contains(&group.gid)) {
+        let group = groups::number_of(name).ok().flatten();
+        if !group.is_some_and(|group| mine.contains(&group)) {
             all = false;
             let to_do = format!("sudo usermod -aG {name} USER, then log in anew");
             diagnosis.add(
