@@ -255,6 +255,10 @@ impl Comparison {
 const STACK: usize = Expression::MAX_NESTING + 2;
 
 fn evaluate(ops: &[Op], signals: &Signals, since: &MachineState) -> Option<f64> {
+    // Most speeds and angles are numbers as they stand.
+    if let [Op::Number(number) | Op::Named { value: number, .. }] = ops {
+        return Some(*number);
+    }
     let mut stack: ArrayVec<Option<f64>, STACK> = ArrayVec::new();
     for op in ops {
         let value = match op {

@@ -118,40 +118,26 @@ impl OccupancyGrid {
             self.outside = self.outside.saturating_add(1);
             return;
         };
-        let free = match sounding.range {
+        let before = match sounding.range {
             Range::Echo(_) => [FREE_AXIS, FREE_CONE],
             Range::NoEcho => [MISS_AXIS, 0],
             Range::TooNear => [0, 0],
         };
-        let weight_of = |part| match part {
-            Part::Outside => 0,
-            Part::Before { axis } => free[usize::from(!axis)],
-            Part::Arc { .. } if !hit => 0,
-            Part::Arc { axis: true } => HIT_AXIS,
-            Part::Arc { axis: false } => HIT_CONE,
-        };
+        let at = if hit { [HIT_AXIS, HIT_CONE] } else { [0, 0] };
+        self.weigh(&cone, before, at);
+    }
+
+    /// Adds to the log-odds of a cone's cells: before the distance and at it, each near the axis and beside it.
+    fn weigh(&mut self, cone: &Cone, before: [i8; 2], at: [i8; 2]) {
         // Rows run across the axis: its edges then move by no more than a cell or two from a row to the next.
         let turned = cone.is_along_x();
-        let cone = if turned { cone.transposed() } else { cone };
+        let cone = if turned { cone.transposed() } else { *cone };
         let (low, high) = cone.bounds();
         let edges = cone.edges();
         for y in low[1]..=high[1] {
             let (first, last) = cone.row(edges, y);
-            let first = first.max(low[0]);
-            let mut place = cone.place(first, y);
-            let mut met = false;
             let mut line = if turned { self.column_at(y) } else { self.row_at(y) };
-            for x in first..=last.min(high[0]) {
-                let part = cone.part_of(&place);
-                if part != Part::Outside {
-                    line.weigh(x, weight_of(part));
-                    met = true;
-                } else if met {
-                    // The cone is convex: a row that has left it does not meet it again.
-                    break;
-                }
-                place.step(cone.axis);
-            }
+            line.weigh_cone(&cone, y, [first.max(low[0]), last.min(high[0])], before, at);
         }
     }
 
@@ -269,17 +255,59 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
+    /// Adds to the log-odds of those cells of a cone that are in row `y` between two places, in the cone's own x and y.
+    // Most of what a map costs; so it and what it calls are in ARM, also where the rest is in Thumb, and do without what would stay in Thumb.
+    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
+    fn weigh_cone(&mut self, cone: &Cone, y: i32, [first, last]: [i32; 2], before: [i8; 2], at: [i8; 2]) {
+        let mut place = cone.place(first, y);
+        let mut met = false;
+        let mut x = first;
+        while x <= last {
+            match cone.part_of(&place) {
+                // The cone is convex: a row that has left it does not meet it again.
+                Part::Outside if met => return,
+                Part::Outside => {}
+                part => {
+                    met = true;
+                    self.weigh(
+                        x,
+                        match part {
+                            Part::Before { axis: true } => before[0],
+                            Part::Before { axis: false } => before[1],
+                            Part::Arc { axis: true } => at[0],
+                            _ => at[1],
+                        },
+                    );
+                }
+            }
+            place.step(cone.axis);
+            x += 1;
+        }
+    }
+
     /// Adds to the log-odds of a cell, by its place on the lattice.
     #[inline]
+    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     fn weigh(&mut self, at: i32, weight: i8) {
         if weight == 0 {
             return;
         }
-        let place = usize::try_from(at - self.first).ok().filter(|place| *place < self.count);
-        match place.and_then(|place| self.cells.get_mut(self.start + place * self.stride)) {
-            Some(cell) => *cell = cell.saturating_add(weight).clamp(-LIMIT, LIMIT),
-            None => *self.outside = self.outside.saturating_add(1),
+        #[expect(clippy::cast_sign_loss, reason = "what is before the first is far behind the last then")]
+        let along = at.wrapping_sub(self.first) as usize;
+        let place = self.start.wrapping_add(along.wrapping_mul(self.stride));
+        if along >= self.count || place >= self.cells.len() {
+            *self.outside = self.outside.saturating_add(1);
+            return;
         }
+        let cell = &mut self.cells[place];
+        let sum = i16::from(*cell) + i16::from(weight);
+        *cell = if sum > i16::from(LIMIT) {
+            LIMIT
+        } else if sum < -i16::from(LIMIT) {
+            -LIMIT
+        } else {
+            *cell + weight
+        };
     }
 }
 
@@ -381,6 +409,7 @@ impl Cone {
     }
 
     /// The place of a cell's middle. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths below 2¹¹, tangents below 2⁸.
+    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     fn place(&self, x: i32, y: i32) -> Place {
         let dx = (x - self.tip[0]) * PARTS + PARTS / 2 - self.within[0];
         let dy = (y - self.tip[1]) * PARTS + PARTS / 2 - self.within[1];
@@ -389,9 +418,11 @@ impl Cone {
     }
 
     /// Where a cell of [`Cone::bounds`] lies.
+    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     fn part_of(&self, place: &Place) -> Part {
         // Half a cell is granted to each side, so that a cone is a cell wide where it is narrowest.
-        let beside = (place.across.abs() - UNIT * PARTS / 2).max(0);
+        let across = if place.across < 0 { -place.across } else { place.across };
+        let beside = if across > UNIT * PARTS / 2 { across - UNIT * PARTS / 2 } else { 0 };
         if place.along < 0 || beside > place.along * TAN_CONE / UNIT {
             return Part::Outside;
         }
@@ -415,6 +446,7 @@ struct Place {
 
 impl Place {
     /// To the next cell in x.
+    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     fn step(&mut self, [cos, sin]: [i32; 2]) {
         self.dx += PARTS;
         self.along += PARTS * cos;

@@ -42,7 +42,8 @@ impl SlipState {
     /// Takes one tick's turns; returns whether the wheels slip.
     pub(super) fn update(&mut self, passed_s: f64, encoder_rad: f64, gyro_rad: f64) -> bool {
         // The exponential's first order: neither exp nor a division in a tick.
-        let keep = (1.0 - passed_s * (1.0 / MEMORY_S)).max(0.0);
+        let keep = 1.0 - passed_s * (1.0 / MEMORY_S);
+        let keep = if keep > 0.0 { keep } else { 0.0 };
         self.encoder_rad = self.encoder_rad * keep + encoder_rad;
         self.gyro_rad = self.gyro_rad * keep + gyro_rad;
         self.slipping = if self.slipping {

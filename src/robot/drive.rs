@@ -52,13 +52,21 @@ impl RobotConfig {
                 [(forward_m_s - turning_m_s) / metres_per_rad, (forward_m_s + turning_m_s) / metres_per_rad]
             }
         };
+        if wanted.iter().all(|speed| speed.abs() <= self.max_wheel_rad_s) {
+            wanted
+        } else {
+            self.slower(wanted)
+        }
+    }
+
+    /// Wheels that are told to turn too fast, at the same ratio; none where a speed is not finite.
+    #[cold]
+    fn slower(&self, wanted: [f64; 2]) -> [f64; 2] {
         let fastest = wanted[0].abs().max(wanted[1].abs());
-        if !wanted.iter().all(|speed| speed.is_finite()) {
-            [0.0; 2]
-        } else if fastest > self.max_wheel_rad_s {
+        if wanted.iter().all(|speed| speed.is_finite()) {
             wanted.map(|speed| speed * (self.max_wheel_rad_s / fastest))
         } else {
-            wanted
+            [0.0; 2]
         }
     }
 }

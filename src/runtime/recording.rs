@@ -71,6 +71,7 @@
 //! - [`Recorder::start`] is called before the tick's thread takes its real-time priority: threads inherit it.
 
 mod cdr;
+mod crc;
 mod encoder;
 mod file;
 mod grid;

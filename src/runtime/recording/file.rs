@@ -25,12 +25,12 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crc32fast::Hasher;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 use serde::Serialize;
 
+use super::crc::Crc;
 use super::topic::{Topic, table_checksum};
 use super::{cdr, message};
 
@@ -311,7 +311,7 @@ struct Output {
     buffer: Vec<u8>,
     /// How much of the buffer is in the checksum: it goes in in one piece, which is many times faster than field by field.
     hashed: usize,
-    hasher: Hasher,
+    crc: Crc,
     stretch_start: u64,
     position: u64,
     failed: bool,
@@ -323,7 +323,7 @@ impl Output {
             sink,
             buffer: Vec::with_capacity(BUFFER_BYTES + 4096),
             hashed: 0,
-            hasher: Hasher::new(),
+            crc: Crc::default(),
             stretch_start: 0,
             position: 0,
             failed: false,
@@ -342,12 +342,12 @@ impl Output {
     fn stretch(&mut self) -> Stretch {
         self.hash();
         let length = self.position - self.stretch_start;
-        Stretch { start: self.stretch_start, length, crc: self.hasher.clone().finalize() }
+        Stretch { start: self.stretch_start, length, crc: self.crc.value() }
     }
 
     /// What is in the buffer up to here belongs to the sync before.
     fn begin_stretch(&mut self) {
-        self.hasher = Hasher::new();
+        self.crc = Crc::default();
         self.hashed = self.buffer.len();
         self.stretch_start = self.position;
     }
@@ -369,7 +369,7 @@ impl Output {
     }
 
     fn hash(&mut self) {
-        self.hasher.update(self.buffer.get(self.hashed..).unwrap_or_default());
+        self.crc.update(self.buffer.get(self.hashed..).unwrap_or_default());
         self.hashed = self.buffer.len();
     }
 }
