@@ -255,27 +255,40 @@ impl Comparison {
 const STACK: usize = Expression::MAX_NESTING + 2;
 
 fn evaluate(ops: &[Op], signals: &Signals, since: &MachineState) -> Option<f64> {
-    // Most speeds and angles are numbers as they stand.
-    if let [Op::Number(number) | Op::Named { value: number, .. }] = ops {
-        return Some(*number);
+    // Most are a number as it stands, or compare a signal with one: no stack is needed.
+    match ops {
+        [only] => return operand(only, signals, since),
+        [left, right, Op::Infix(Infix::Compare(comparison))] => {
+            let (left, right) = (operand(left, signals, since)?, operand(right, signals, since)?);
+            return Some(f64::from(comparison.of(left, right)));
+        }
+        _ => {}
     }
     let mut stack: ArrayVec<Option<f64>, STACK> = ArrayVec::new();
     for op in ops {
         let value = match op {
-            Op::Number(number) | Op::Named { value: number, .. } => Some(*number),
-            Op::Truth(truth) => Some(f64::from(*truth)),
-            Op::Signal(quantity) => quantity.read(signals, since),
-            Op::Motor { place, .. } => Quantity::Motor(*place).read(signals, since),
             Op::Negate => stack.pop()?.map(|number| -number),
             Op::Not => stack.pop()?.map(|truth| f64::from(truth == 0.0)),
             Op::Infix(infix) => {
                 let right = stack.pop()?;
                 apply(*infix, stack.pop()?, right)
             }
+            _ => operand(op, signals, since),
         };
         stack.try_push(value).ok()?;
     }
     stack.pop()?
+}
+
+/// The value of what needs no other; `None` where a lost signal leaves it unknown.
+fn operand(op: &Op, signals: &Signals, since: &MachineState) -> Option<f64> {
+    match op {
+        Op::Number(number) | Op::Named { value: number, .. } => Some(*number),
+        Op::Truth(truth) => Some(f64::from(*truth)),
+        Op::Signal(quantity) => quantity.read(signals, since),
+        Op::Motor { place, .. } => Quantity::Motor(*place).read(signals, since),
+        Op::Negate | Op::Not | Op::Infix(_) => None,
+    }
 }
 
 fn apply(infix: Infix, left: Option<f64>, right: Option<f64>) -> Option<f64> {
