@@ -28,6 +28,7 @@ const TOO_NEAR_M: f64 = 0.03;
 
 /// Parts of a cell and of a unit vector in integer geometry.
 const PARTS: i32 = 16;
+const PARTS_PER_M: f64 = 16.0 / CELL_M;
 const UNIT: i32 = 1024;
 /// From the middle of a cell to its corner, and a little more.
 const TOUCHED: i32 = 12;
@@ -343,14 +344,13 @@ struct Cone {
 impl Cone {
     /// `None` for a place that is not on the lattice.
     fn of(sounding: &Sounding, range_m: f64) -> Option<Self> {
-        let parts = f64::from(PARTS);
-        let [x, y] = [sounding.x_m, sounding.y_m].map(|m| libm::floor(m / CELL_M * parts));
-        let limit = f64::from(LATTICE_LIMIT) * parts;
+        let [x, y] = [sounding.x_m, sounding.y_m].map(|m| libm::floor(m * PARTS_PER_M));
+        let limit = f64::from(LATTICE_LIMIT * PARTS);
         if !(x.abs() < limit && y.abs() < limit) {
             return None;
         }
         let [x, y] = [integer(x), integer(y)];
-        let range = integer(range_m.clamp(0.0, REACH_M) / CELL_M * parts);
+        let range = integer(range_m.clamp(0.0, REACH_M) * PARTS_PER_M);
         let (near, far) = ((range - TOUCHED).max(0), range + TOUCHED);
         Some(Self {
             tip: [x.div_euclid(PARTS), y.div_euclid(PARTS)],

@@ -46,6 +46,8 @@ pub enum PilotError {
 pub struct Pilot {
     config: RobotConfig,
     required: Vec<Channel>,
+    /// The readings that the mission can ask for, as signals.
+    sensed: Vec<(Signal, Channel)>,
     on_lost: OnLost,
     time_limit_ns: i64,
     estimator: Estimator,
@@ -119,6 +121,10 @@ impl Pilot {
         Ok(Self {
             config: config.clone(),
             plausibility: Plausibility::new(config, &required),
+            sensed: SENSED
+                .into_iter()
+                .filter(|(signal, channel)| *signal == Signal::Battery || required.contains(channel))
+                .collect(),
             required,
             on_lost: mission.on_lost(),
             time_limit_ns: nanoseconds(mission.time_limit_s()),
@@ -295,7 +301,7 @@ impl Pilot {
         for (signal, value) in estimated {
             note(&mut self.signals, signal, value);
         }
-        for (signal, channel) in SENSED {
+        for &(signal, channel) in &self.sensed {
             let value = self.fresh(senses, channel);
             note(&mut self.signals, signal, value);
         }

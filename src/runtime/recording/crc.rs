@@ -8,7 +8,7 @@
 //! # Why not that crate
 //!
 //! A recording's bytes are a tenth of what a tick costs, and the brick's program is in Thumb, which has no instruction that looks a table up by a
-//! shifted index: 9 instructions a byte there, 5 in ARM. A crate's functions cannot be had in ARM one by one, a function of ours can.
+//! shifted index: 9 instructions a byte there, 4 in ARM. A crate's functions cannot be had in ARM one by one, a function of ours can.
 
 /// The polynomial, its bits turned round.
 const POLYNOMIAL: u32 = 0xEDB8_8320;
