@@ -212,8 +212,11 @@ impl Plausibility {
             return true;
         }
         let limit_rad = self.head_limit_rad;
-        let is_far =
-            |wanted_rad: f64| (wanted_rad.clamp(-limit_rad, limit_rad) - head.value).abs() > HEAD_FAR_RAD;
+        let is_far = |wanted_rad: f64| {
+            let beyond = wanted_rad.abs() > limit_rad;
+            let reached_rad = if beyond { limit_rad.copysign(wanted_rad) } else { wanted_rad };
+            (reached_rad - head.value).abs() > HEAD_FAR_RAD
+        };
         if !wanted_rad.is_some_and(is_far) {
             self.state.told_since_ns = None;
             return false;
