@@ -74,7 +74,7 @@ fn in_parallel(from: usize, to: usize, work: impl Fn(usize) + Sync) {
 fn promise_7_every_single_flipped_bit_of_a_small_recording_costs_at_most_its_stretch() {
     let whole = Whole::of(sample(9, 60_000_000));
     let texts = 300..whole.syncs[0].0 - 1_500;
-    let flips = std::sync::atomic::AtomicU64::new(0);
+    let flips = std::sync::atomic::AtomicUsize::new(0);
     in_parallel(0, whole.bytes.len(), |place| {
         let mut damaged = whole.bytes.clone();
         let hit: Vec<usize> = whole.stretch(place).into_iter().collect();

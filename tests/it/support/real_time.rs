@@ -19,7 +19,7 @@ use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
-use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
@@ -170,7 +170,7 @@ impl Pace {
 /// Plays it once: what it complains of, and how long it was kept waiting in the worst stretch.
 fn play(scenario: impl Fn(&Pace)) -> (Vec<String>, i64) {
     let pace = Pace::default();
-    let (over, worst_ns) = (AtomicBool::new(false), AtomicI64::new(0));
+    let (over, worst_ns) = (AtomicBool::new(false), Mutex::new(0));
     std::thread::scope(|scope| {
         let (watched, over) = (&pace.watched, &over);
         scope.spawn(|| watch(watched, over, &worst_ns));
@@ -178,7 +178,7 @@ fn play(scenario: impl Fn(&Pace)) -> (Vec<String>, i64) {
         let _end = End(over);
         scenario(&pace);
     });
-    (pace.complaints.into_inner(), worst_ns.into_inner())
+    (pace.complaints.into_inner(), worst_ns.into_inner().unwrap())
 }
 
 struct End<'f>(&'f AtomicBool);
@@ -190,7 +190,7 @@ impl Drop for End<'_> {
 }
 
 /// Keeps the longest wait in a window until it is over.
-fn watch(watched: &Mutex<Vec<u32>>, over: &AtomicBool, worst_ns: &AtomicI64) {
+fn watch(watched: &Mutex<Vec<u32>>, over: &AtomicBool, worst_ns: &Mutex<i64>) {
     let (mut family, mut known) = (Vec::new(), 0);
     let mut before = Counters::of(&family);
     for window in 0.. {
@@ -204,7 +204,8 @@ fn watch(watched: &Mutex<Vec<u32>>, over: &AtomicBool, worst_ns: &AtomicI64) {
         }
         let overslept_ns = oversleep();
         let counters = Counters::of(&family);
-        worst_ns.fetch_max(overslept_ns.max(counters.since(&before)), Ordering::Relaxed);
+        let mut worst_ns = worst_ns.lock().unwrap();
+        *worst_ns = (*worst_ns).max(overslept_ns).max(counters.since(&before));
         before = counters;
     }
 }
