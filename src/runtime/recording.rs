@@ -79,6 +79,7 @@ mod growing;
 pub mod message;
 mod outside;
 mod points;
+mod record;
 mod recorder;
 mod run;
 mod status;

@@ -1,7 +1,8 @@
 //! Tests of the recording: what goes in comes out, however slow the disk, wherever the file is cut.
 
 use std::collections::BTreeSet;
-use std::io;
+use std::io::{self, Write as _};
+use std::os::unix::fs::FileExt as _;
 use std::process::Command;
 use std::sync::{Arc, Condvar, Mutex};
 
@@ -13,7 +14,7 @@ use onbrick::robot::{Channel, Senses};
 use onbrick::runtime::PilotState;
 use onbrick::runtime::recording::{
     End, Grid, Level, MachineNames, Options, Pace, RangeSensor, ReadError, Recorder, Run, SYNC_OPCODE, Sink,
-    Start, StateNames, Status, TickRecord, TickSide, create,
+    Start, StateNames, Status, TickRecord, TickSide, create, ending_of,
 };
 use proptest::prelude::*;
 
@@ -432,6 +433,33 @@ fn what_is_no_recording_is_refused_with_a_reason() {
     }
     let error = Run::open(std::path::Path::new("/no/such/run.mcap")).unwrap_err().to_string();
     assert_eq!(error, "cannot read /no/such/run.mcap");
+}
+
+#[test]
+fn promise_7_an_ending_is_seen_from_outside_as_it_was_written_or_not_at_all() {
+    let bytes = small();
+    let ending = Run::read(bytes).unwrap().ending;
+    assert!(ending.is_some());
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(bytes).unwrap();
+    assert_eq!(ending_of(file.path()).unwrap(), ending);
+    // Each byte of what a summary's reader looks at first, and some of all others.
+    let places = (0..bytes.len()).filter(|place| place % 13 == 0 || place + 500 > bytes.len());
+    let mut unseen = 0;
+    for place in places {
+        file.as_file().write_at(&[bytes[place] ^ 0x80], place as u64).unwrap();
+        let seen = ending_of(file.path()).unwrap();
+        file.as_file().write_at(&bytes[place..=place], place as u64).unwrap();
+        // No text has such a byte in it: what is not counted by the summary's checksum is noticed too.
+        assert!(seen.is_none() || seen == ending, "byte {place}: {seen:?}");
+        unseen += usize::from(seen.is_none());
+    }
+    assert!(unseen > 500, "{unseen} unseen");
+    for length in [0, 8, bytes.len() / 2, bytes.len() - 37, bytes.len() - 8, bytes.len() - 1] {
+        file.as_file().set_len(length as u64).unwrap();
+        assert_eq!(ending_of(file.path()).unwrap(), None, "{length} bytes");
+        file.as_file().write_at(bytes, 0).unwrap();
+    }
 }
 
 proptest! {

@@ -9,20 +9,25 @@
 //! - A file system without locks makes a run that is going on look like one that was cut; nothing else depends on it.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io;
+use std::ops::Range;
 use std::os::fd::AsFd;
+use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-use mcap::records::MetadataIndex;
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+use mcap::records::op;
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::libc;
 
 use super::Ending;
+use super::record::{self, FRAME_BYTES, frame};
 use super::run::{ending, names};
 
-/// No record of a summary is longer, bytes: the longest is a definition of messages.
-const LONGEST_RECORD: usize = 1 << 20;
+/// What a whole file ends with, bytes: the footer and the magic (mcap.dev/spec).
+const END_BYTES: u64 = (FRAME_BYTES + 20 + mcap::MAGIC.len()) as u64;
+
+/// No summary is longer, bytes, and no record of an ending: most of it are definitions of messages, some ten thousand.
+const LONGEST_PART: u64 = 1 << 20;
 
 /// Marks a file as being written by this process, until it is closed.
 pub(super) fn hold(file: &File) -> io::Result<()> {
@@ -46,36 +51,61 @@ pub fn writer(path: &Path) -> io::Result<Option<i32>> {
     Ok((i32::from(lock.l_type) != libc::F_UNLCK).then_some(lock.l_pid))
 }
 
-/// How a recording ended; `None` where it was cut, or is no recording.
+/// How a recording ended; `None` where it was cut or damaged, or is no recording.
 ///
 /// # Errors
 ///
 /// The file cannot be read.
 pub fn ending_of(path: &Path) -> io::Result<Option<Ending>> {
-    let mut file = File::open(path)?;
+    let file = File::open(path)?;
+    let Some(summary) = summary(&file)? else { return Ok(None) };
+    let Some(place) = ending_in(&summary) else { return Ok(None) };
+    let record = part(&file, place)?.unwrap_or_default();
+    let metadata = frame(&record, 0).filter(|record| record.opcode == op::METADATA);
+    Ok(metadata.and_then(|record| record::metadata(record.body)).map(|metadata| ending(&metadata)))
+}
+
+/// The records of a file's summary, if its checksum holds; `None` where there is none, as in a file that was cut.
+fn summary(file: &File) -> io::Result<Option<Vec<u8>>> {
     let length = file.metadata()?.len();
-    let options =
-        SummaryReaderOptions::default().with_file_size(length).with_record_length_limit(LONGEST_RECORD);
-    let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event {
-            Ok(SummaryReadEvent::ReadRequest(wanted)) => {
-                let read = file.read(reader.insert(wanted))?;
-                reader.notify_read(read);
-            }
-            Ok(SummaryReadEvent::SeekRequest(to)) => reader.notify_seeked(file.seek(to)?),
-            // A file that was cut has no summary.
-            Err(_) => return Ok(None),
+    let end = length.saturating_sub(END_BYTES);
+    let Some(last) = part(file, end..length)? else { return Ok(None) };
+    let Some(footer) = frame(&last, 0).filter(|record| record.opcode == op::FOOTER) else { return Ok(None) };
+    let (Some((start @ 1.., crc)), Some(mcap::MAGIC)) =
+        (record::footer(footer.body), last.get(footer.next..))
+    else {
+        return Ok(None);
+    };
+    let Some(summary) = part(file, start..end)? else { return Ok(None) };
+    let mut counted = crc32fast::Hasher::new();
+    counted.update(&summary);
+    counted.update(last.get(..footer.next - size_of_val(&crc)).unwrap_or_default());
+    Ok((counted.finalize() == crc).then_some(summary))
+}
+
+/// Where a summary says that the record of the ending lies.
+fn ending_in(summary: &[u8]) -> Option<Range<u64>> {
+    let mut at = 0;
+    while let Some(record) = frame(summary, at) {
+        if record.opcode == op::METADATA_INDEX
+            && let Some((place, names::ENDING)) = record::metadata_index(record.body)
+        {
+            return Some(place);
         }
+        at = record.next;
     }
-    let indexes = reader.finish().map(|summary| summary.metadata_indexes).unwrap_or_default();
-    let Some(index) = indexes.into_iter().find(|index| index.name == names::ENDING) else { return Ok(None) };
-    let length = usize::try_from(index.length).unwrap_or(usize::MAX).min(LONGEST_RECORD);
-    let mut record = vec![0; length];
-    file.seek(SeekFrom::Start(index.offset))?;
-    file.read_exact(&mut record)?;
-    let alone = MetadataIndex { offset: 0, ..index };
-    Ok(mcap::read::metadata(&record, &alone).ok().map(|metadata| ending(&metadata)))
+    None
+}
+
+/// A part of a file; `None` where the file has no such part, or it is longer than any that is looked at.
+fn part(file: &File, place: Range<u64>) -> io::Result<Option<Vec<u8>>> {
+    let Some(length @ 0..=LONGEST_PART) = place.end.checked_sub(place.start) else { return Ok(None) };
+    if place.end > file.metadata()?.len() {
+        return Ok(None);
+    }
+    let mut bytes = vec![0; usize::try_from(length).unwrap_or(0)];
+    file.read_exact_at(&mut bytes, place.start)?;
+    Ok(Some(bytes))
 }
 
 /// From the first byte to wherever the end will be.

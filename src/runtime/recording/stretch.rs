@@ -14,6 +14,7 @@
 //! - Nobody can put a sync into a recording from within: a sync's first byte, 0x80, never begins a character of UTF-8, and all
 //!   that comes from people (files, names, log lines) is UTF-8.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use mcap::records::{MessageHeader, Record, op};
@@ -21,10 +22,8 @@ use memchr::memmem;
 use serde::Serialize;
 
 use super::file::{SYNC_BODY, SYNC_MAGIC, SYNC_OPCODE, SyncBody};
+use super::record::{self, FRAME_BYTES, Frame, frame};
 use super::topic::{Topic, table_checksum};
-
-/// The bytes of a record before its body: opcode and length.
-const FRAME_BYTES: usize = 9;
 
 /// Something that a recording holds.
 #[derive(Debug)]
@@ -211,30 +210,13 @@ const SYNC_START: [u8; FRAME_BYTES + SYNC_MAGIC.len()] = {
     start
 };
 
-/// A record as framed.
-struct Frame<'a> {
-    opcode: u8,
-    body: &'a [u8],
-    next: usize,
-}
-
-/// The record at a place; `None` where it is not whole.
-fn frame(bytes: &[u8], at: usize) -> Option<Frame<'_>> {
-    let head = bytes.get(at..at.checked_add(FRAME_BYTES)?)?;
-    let (opcode, length) = head.split_first()?;
-    let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
-    let start = at + FRAME_BYTES;
-    let next = start.checked_add(length)?;
-    Some(Frame { opcode: *opcode, body: bytes.get(start..next)?, next })
-}
-
 /// The channels that a file describes.
 #[derive(Default)]
 struct Channels(std::collections::BTreeMap<u16, Topic>);
 
 impl Channels {
-    fn describe(&mut self, channel: &mcap::records::Channel) {
-        match Topic::of_name(&channel.topic) {
+    fn describe(&mut self, channel: &record::Channel<'_>) {
+        match Topic::of_name(channel.topic) {
             Some(topic) if channel.message_encoding == "cdr" => self.0.insert(channel.id, topic),
             _ => self.0.remove(&channel.id),
         };
@@ -297,49 +279,35 @@ impl<'a> Walk<'a, '_> {
 
     /// Hands on a record; true where it is a message.
     fn record(&mut self, context: Context, record: &Frame<'a>) -> bool {
-        // The crate's own reader of attachments panics where one is shorter than its checksum.
-        if record.opcode == op::ATTACHMENT {
-            if let Some((name, media_type, data)) = attachment(record.body) {
-                (self.found)(context, Found::Attachment { name, media_type, data });
+        match record.opcode {
+            op::ATTACHMENT => {
+                if let Some((name, media_type, data)) = record::attachment(record.body) {
+                    (self.found)(context, Found::Attachment { name, media_type, data });
+                }
             }
-            return false;
-        }
-        if !matches!(record.opcode, op::MESSAGE | op::CHANNEL | op::METADATA) {
-            return false;
-        }
-        match mcap::parse_record(record.opcode, record.body) {
-            Ok(Record::Channel(channel)) => self.channels.describe(&channel),
-            Ok(Record::Metadata(metadata)) => (self.found)(context, Found::Metadata(metadata)),
-            Ok(Record::Message { header, data: std::borrow::Cow::Borrowed(data) }) => {
-                let topic = self.channels.0.get(&header.channel_id).copied();
-                (self.found)(context, Found::Message { topic, header, data });
-                return true;
+            op::CHANNEL => {
+                if let Some(channel) = record::channel(record.body) {
+                    self.channels.describe(&channel);
+                }
+            }
+            op::METADATA => {
+                if let Some(metadata) = record::metadata(record.body) {
+                    (self.found)(context, Found::Metadata(metadata));
+                }
+            }
+            op::MESSAGE => {
+                // Numbers alone, so the crate makes no room for anything.
+                let message = mcap::parse_record(record.opcode, record.body);
+                if let Ok(Record::Message { header, data: Cow::Borrowed(data) }) = message {
+                    let topic = self.channels.0.get(&header.channel_id).copied();
+                    (self.found)(context, Found::Message { topic, header, data });
+                    return true;
+                }
             }
             _ => {}
         }
         false
     }
-}
-
-/// Name, type and bytes of an attachment, if its own checksum holds.
-fn attachment(body: &[u8]) -> Option<(String, String, &[u8])> {
-    let (counted, crc) = body.split_last_chunk::<4>()?;
-    let crc = u32::from_le_bytes(*crc);
-    if crc != 0 && crc32fast::hash(counted) != crc {
-        return None;
-    }
-    let rest = counted.get(16..)?;
-    let (name, rest) = text(rest)?;
-    let (media_type, rest) = text(rest)?;
-    let (length, data) = rest.split_first_chunk::<8>()?;
-    (u64::from_le_bytes(*length) == data.len() as u64).then_some((name, media_type, data))
-}
-
-/// A string with its length before it, and what follows.
-fn text(bytes: &[u8]) -> Option<(String, &[u8])> {
-    let (length, rest) = bytes.split_first_chunk::<4>()?;
-    let (text, rest) = rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)?;
-    Some((String::from_utf8(text.to_vec()).ok()?, rest))
 }
 
 /// True where the bytes close as an MCAP file does.
