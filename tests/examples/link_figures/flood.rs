@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 use std::net::{SocketAddr, TcpStream};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 /// How many handshake at the same time.
@@ -18,7 +18,7 @@ const GREETING: [u8; 12] = [0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
 pub(crate) fn flood(address: &str, key: &str, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
     let until = Instant::now() + Duration::from_secs_f64(seconds);
     let (door, key) = (address.parse::<SocketAddr>()?, zmq::z85_decode(key)?);
-    let (whole, half) = (AtomicU64::new(0), AtomicU64::new(0));
+    let (whole, half) = (AtomicU32::new(0), AtomicU32::new(0));
     std::thread::scope(|scope| {
         for _ in 0..STRANGERS {
             scope.spawn(|| {
@@ -31,7 +31,7 @@ pub(crate) fn flood(address: &str, key: &str, seconds: f64) -> Result<(), Box<dy
         while Instant::now() < until {
             let patience = Duration::from_millis(PATIENCE_MS.unsigned_abs());
             if let Ok(mut stream) = TcpStream::connect_timeout(&door, patience) {
-                half.fetch_add(u64::from(stream.write_all(&GREETING).is_ok()), Ordering::Relaxed);
+                half.fetch_add(u32::from(stream.write_all(&GREETING).is_ok()), Ordering::Relaxed);
             }
             std::thread::sleep(Duration::from_millis(1));
         }

@@ -259,6 +259,7 @@ fn carry_slowly(mut from: TcpStream, mut to: TcpStream) {
 }
 
 #[test]
+#[cfg_attr(target_arch = "arm", ignore = "QEMU's user mode knows no TCP_INFO, by which the service sees it")]
 fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
     const FRAME: usize = 64 << 10;
     const FRAMES: usize = 2000;

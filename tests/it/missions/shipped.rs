@@ -6,6 +6,7 @@ use onbrick::sim::{Truth, World};
 use onbrick::units::{degrees, wrap_rad};
 
 use super::{Played, job, play, play_in, robot};
+use crate::support::seeds;
 
 /// A point of the body in the world, ahead of the axle's middle and left of it.
 fn point(truth: &Truth, ahead_m: f64, left_m: f64) -> [f64; 2] {
@@ -24,7 +25,7 @@ fn times(played: &Played, so: impl Fn(&Truth) -> bool) -> usize {
 
 #[test]
 fn map_looks_round_without_touching_a_wall() {
-    for seed in 1..=10 {
+    for seed in seeds(10) {
         let played = play_in("map", "arena", seed);
         let world = World::named("arena").unwrap();
         let run = played.run();
@@ -47,7 +48,7 @@ fn map_looks_round_without_touching_a_wall() {
 
 #[test]
 fn bump_backs_off_each_time_and_gets_about() {
-    for seed in 1..=5 {
+    for seed in seeds(5) {
         let played = play_in("bump", "rooms", seed);
         let bumps = times(&played, |truth| truth.touching);
         let pushing_s = played.longest_s(|truth| truth.touching && truth.speed_mps.abs() < 0.01);
@@ -67,7 +68,7 @@ fn bump_backs_off_each_time_and_gets_about() {
 #[test]
 fn wall_keeps_near_its_wall() {
     let world = World::named("wall").unwrap();
-    for seed in 1..=5 {
+    for seed in seeds(5) {
         let played = play_in("wall", "wall", seed);
         let wall_m = |truth: &Truth| world.distance_to_nearest_surface(truth.x_m, truth.y_m);
         let following = played.run().transitions.into_iter().find(|taken| taken.to == "follow");
@@ -95,7 +96,7 @@ fn wall_keeps_near_its_wall() {
 fn line_stays_on_its_edge_for_a_whole_lap() {
     let points = line_points(World::text("line").unwrap());
     let half_m = 0.015;
-    for seed in 1..=5 {
+    for seed in seeds(5) {
         let played = play_in("line", "line", seed);
         let off_m = |truth: &Truth| (to_ring_m(&points, point(truth, 0.07, 0.0)) - half_m).abs();
         let start = &played.truths[0];
@@ -150,7 +151,7 @@ fn to_ring_m(ring: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
 #[test]
 fn edge_never_falls_off_the_table() {
     let on_table = |[x, y]: [f64; 2]| (-0.5..=1.1).contains(&x) && (-0.5..=0.6).contains(&y);
-    for seed in 1..=8 {
+    for seed in seeds(8) {
         let played = play_in("edge", "table", seed);
         let wheels_on =
             |truth: &Truth| [-0.057, 0.057].iter().all(|left_m| on_table(point(truth, 0.0, *left_m)));
@@ -171,7 +172,7 @@ fn remote_drives_as_its_buttons_say() {
         .lines()
         .filter(|line| !line.starts_with("ahead_m") && !line.starts_with("max_m"))
         .fold(String::new(), |text, line| text + line + "\n");
-    for seed in 1..=3 {
+    for seed in seeds(3) {
         let played = play(|file| job("remote", &robot, ("remote", world), seed, file));
         assert_eq!(played.ended.word, "finished");
         // The first press moves the robot; from there on the buttons are at the times that the world's file says.
@@ -207,7 +208,7 @@ fn remote_drives_as_its_buttons_say() {
 
 #[test]
 fn square_comes_back_to_its_start() {
-    for seed in 1..=6 {
+    for seed in seeds(6) {
         let played = play_in("square", "open", seed);
         let run = played.run();
         let at = |time_ns: i64| &played.truths[played.tick_at(time_ns as f64 / 1e9)];

@@ -4,6 +4,8 @@ use super::*;
 use onbrick::runtime::{ApplyError, CalibrateError, CalibrateOptions, Calibration, Straight, calibrate};
 use onbrick::sim::{Button, Fault, Port};
 
+use crate::support::seeds;
+
 /// How near the true numbers calibration must come.
 const NEAR: f64 = 0.02;
 
@@ -141,7 +143,7 @@ const WRONG: [(f64, f64); 3] = [(0.9, 1.1), (1.1, 0.9), (1.1, 1.1)];
 
 #[test]
 fn wrong_numbers_end_near_the_true_ones_at_a_wall_and_by_gyro_and_marks() {
-    for seed in 1..=5 {
+    for seed in seeds(5) {
         for (circumference, track) in WRONG {
             let bench = Bench::new("", seed);
             let robot = wrong(circumference, track, true);
@@ -153,7 +155,7 @@ fn wrong_numbers_end_near_the_true_ones_at_a_wall_and_by_gyro_and_marks() {
 
 #[test]
 fn the_gyro_alone_does_as_well_as_the_gyro_itself() {
-    for seed in 1..=5 {
+    for seed in seeds(5) {
         for (circumference, track) in WRONG {
             // Nothing on the robot sees the gyro's own scale, so this one counts truly.
             let bench = Bench::new("[robot.errors]\ngyro_scale_sd = 0.0\n", seed);
@@ -176,7 +178,7 @@ pub(crate) fn make_room(bench: &Bench) {
 
 #[test]
 fn wrong_numbers_end_near_the_true_ones_with_a_tape_and_marked_turns() {
-    for seed in 1..=3 {
+    for seed in seeds(3) {
         for (circumference, track) in [(0.9, 1.1), (1.1, 0.9)] {
             let bench = Bench::new("", seed);
             make_room(&bench);
