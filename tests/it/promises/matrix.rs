@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::missions;
 use crate::support::promised::{long, promised};
-use crate::support::seeds;
 use crate::support::stage::{Play, Played, fault};
 use onbrick::runtime::recording::Run;
 use onbrick::runtime::{StopReason, replay};
@@ -99,14 +98,18 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
 
 /// What is not a fault must not be taken for one: bumps, slip, noise, open spaces.
 #[test]
+#[cfg_attr(
+    target_arch = "arm",
+    ignore = "each mission in each world, the same bits as on a PC: an hour where floats are software"
+)]
 fn promise_3_no_reading_of_a_good_robot_is_called_implausible() {
-    let most = if long() { 50 } else { 2 };
+    let seeds = if long() { 50 } else { 2 };
     // The robot of these worlds has no infrared sensor for a remote control.
     let jobs: Vec<(&str, &str, u64)> = onbrick::behavior::shipped::MISSIONS
         .iter()
         .filter(|mission| mission.name != "remote")
         .flat_map(|mission| World::names().map(move |world| (mission.name, world)))
-        .flat_map(|(mission, world)| seeds(most).map(move |seed| (mission, world, seed)))
+        .flat_map(|(mission, world)| (1..=seeds).map(move |seed| (mission, world, seed)))
         .collect();
     let next = AtomicUsize::new(0);
     let (ends, metres) = (Mutex::new(BTreeMap::new()), Mutex::new(0.0));
