@@ -1,7 +1,8 @@
 //! MCAP's records as they lie in a file: framed, and taken apart (mcap.dev/spec).
 //!
 //! `mcap` reads them too, but makes room for as many bytes as a string says that it has before it looks whether they are there. In a damaged
-//! file that may be 4 GB, and on a brick the end of the program. Nothing here makes room for more than is there.
+//! file that may be 4 GB, and on a brick the end of the program. Nothing here makes room for more than is there. And `mcap` panics at an attachment
+//! that is shorter than its own checksum.
 //!
 //! # Not here
 //!
