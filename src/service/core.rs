@@ -54,6 +54,8 @@ pub(super) struct Inner {
     pub(super) changed: Condvar,
     /// One start at a time; it is long, because it makes room on the disk.
     pub(super) starting: Mutex<()>,
+    /// One change of the settings at a time: each is made of what is there, and written to the same file.
+    setting: Mutex<()>,
     link: Mutex<Link>,
 }
 
@@ -116,6 +118,7 @@ impl Service {
             now: Mutex::new(now),
             changed: Condvar::new(),
             starting: Mutex::new(()),
+            setting: Mutex::new(()),
             link: Mutex::new(Link::Waits(
                 "there is no link: this onbrick, or this service, has none".to_owned(),
             )),
@@ -229,6 +232,7 @@ impl Service {
     }
 
     fn set(&self, change: &SettingsChange) -> Result<Settings, Refusal> {
+        let _one_at_a_time = lock(&self.inner.setting);
         let kept = self.inner.now().kept.changed(change)?;
         kept.write(&self.inner.config.runs).map_err(|error| {
             let folder = self.inner.config.runs.display();

@@ -56,6 +56,8 @@ pub(super) struct Store {
     folder: PathBuf,
     quota: u64,
     index: Mutex<Index>,
+    /// Held by whoever writes a `run.json`: several threads note things of the same run.
+    saving: Mutex<()>,
     /// Nothing where the folder cannot be written to; then nothing is written.
     _lock: Option<Flock<File>>,
 }
@@ -151,7 +153,13 @@ impl Store {
             lock => lock.ok(),
         };
         let index = Index::read(folder, lock.is_some());
-        Ok(Self { folder: folder.to_owned(), quota, index: Mutex::new(index), _lock: lock })
+        Ok(Self {
+            folder: folder.to_owned(),
+            quota,
+            index: Mutex::new(index),
+            saving: Mutex::default(),
+            _lock: lock,
+        })
     }
 
     /// True for a run that is or once was here.
@@ -230,6 +238,7 @@ impl Store {
 
     /// Writes what the disk did not take before.
     pub(super) fn save(&self) {
+        let _one_at_a_time = self.saving.lock().unwrap_or_else(PoisonError::into_inner);
         let unsaved: Vec<Record> = self
             .index()
             .runs

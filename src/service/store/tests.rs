@@ -158,3 +158,32 @@ fn a_folder_that_cannot_be_used_is_trouble_that_says_why() {
     let good = Store::open(&folder.path().join("runs"), 64 * MB).unwrap();
     assert!(good.trouble().is_none());
 }
+
+/// A run's end, its hash and a fetch are noted by three threads of the service, and all write its `run.json`.
+#[test]
+fn what_several_threads_note_of_a_run_is_all_on_the_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(folder.path(), 64 * MB).unwrap();
+    for at in 0..50 {
+        let name = format!("run-{at}");
+        std::fs::write(store.begin(Record::new(id(&name), "m", 60.0, "pc")).unwrap(), [7]).unwrap();
+        store.index().going_on = None;
+        let ready = std::sync::Barrier::new(3);
+        std::thread::scope(|scope| {
+            let first_all = |note: fn(&Store, &RunId)| {
+                let (store, ready, run) = (&store, &ready, id(&name));
+                scope.spawn(move || {
+                    ready.wait();
+                    note(store, &run);
+                });
+            };
+            first_all(|store, run| {
+                store.end(run, Some(over("a longer word than before")), Some(1.5), Some(3))
+            });
+            first_all(|store, run| store.change(run, |record| record.sha256 = Some("0".repeat(64))));
+            first_all(|store, run| store.note_fetched(run));
+        });
+        let saved = files::read(&store.folder_of(&id(&name))).unwrap();
+        assert_eq!(&saved, &store.index().find(&id(&name)).unwrap().record, "after {at} runs");
+    }
+}
