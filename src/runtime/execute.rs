@@ -11,7 +11,7 @@ use crate::ev3dev::{DeviceError, StopAction, Tree};
 use crate::mapping::{Method, Pose};
 use crate::robot::{BindError, Robot, RobotConfig};
 
-use super::control::{Control, Tally};
+use super::control::{Control, STALL_NS, Tally};
 use super::pilot::PilotError;
 use super::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 use super::{
@@ -312,7 +312,7 @@ impl Place {
                 })
             }
             #[cfg(feature = "sim")]
-            Brick::Simulated { world, seed, realtime } => Self::simulated(job, world, *seed, *realtime),
+            Brick::Simulated { world, seed, realtime } => Self::simulated(job.start, world, *seed, *realtime),
             #[cfg(not(feature = "sim"))]
             Brick::Simulated { .. } => Err(Refused::NoSimulation),
         }
@@ -323,15 +323,19 @@ impl Place {
 impl Place {
     /// The simulation stands at the beginning of its time; a virtual clock makes its two minutes two seconds. Of a world's start poses the robot
     /// stands on the one that is nearest to where it is told to be: so each robot of a team has its own.
-    fn simulated(job: &Job, world: &super::Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
+    fn simulated(start: Pose, world: &super::Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
         use crate::clock::VirtualClock;
         use crate::sim::{Simulation, World, WorldPhysics};
         let (parsed, _) = World::parse(&world.name, world.text.as_bytes())?;
         let clock: Arc<dyn Clock> =
             if realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
-        let physics = WorldPhysics::new(parsed.with_start_near(job.start.x_m, job.start.y_m), 1, seed)?;
+        let physics = WorldPhysics::new(parsed.with_start_near(start.x_m, start.y_m), 1, seed)?;
         let observer = physics.observer();
         let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), seed);
+        if realtime {
+            // A tick that is so late ends the run.
+            simulation.give_up_behind_ns(STALL_NS);
+        }
         Ok(Self {
             tree: simulation.brick(0),
             clock,
@@ -393,4 +397,28 @@ fn record(
     let options = Options { sync_period_ns: job.sync_ns, ..Options::default() };
     let on_status = Box::new(move |status: &recording::Status| report(&Event::Status(status.clone())));
     Recorder::start(Box::new(sink), start, options, on_status).map_err(failed)
+}
+
+#[cfg(all(test, feature = "sim"))]
+mod tests {
+    use super::*;
+    use crate::clock::MILLISECOND_NS;
+    use crate::runtime::Source;
+    use crate::sim::World;
+
+    /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
+    fn lost_ns(realtime: bool, pause_ns: i64) -> i64 {
+        let world = Source { name: "arena".to_owned(), text: World::text("arena").unwrap().to_owned() };
+        let place = Place::simulated(Pose::default(), &world, 1, realtime).unwrap();
+        place.clock.sleep_until_ns(place.clock.now_ns() + pause_ns);
+        let simulation = place.simulation.unwrap();
+        simulation.catch_up();
+        simulation.lost_ns()
+    }
+
+    #[test]
+    fn a_simulation_in_real_time_gives_up_what_it_is_far_behind_and_one_in_virtual_time_nothing() {
+        assert_eq!(lost_ns(false, 10 * SECOND_NS), 0);
+        assert!(lost_ns(true, STALL_NS + 100 * MILLISECOND_NS) >= 100 * MILLISECOND_NS);
+    }
 }

@@ -150,7 +150,8 @@ impl Simulation {
     }
 
     /// Never lets more than this pass at once. A simulation that is further behind its clock gives the rest up for lost, so that no
-    /// access waits long on a machine that is too slow, or that was asleep.
+    /// access waits long on a machine that is too slow, or that was asleep. Without it, a machine on which a second takes longer than a second
+    /// to simulate falls further behind with each access, and soon is done with none.
     pub fn give_up_behind_ns(&self, most_ns: i64) {
         self.shared.now().most_behind_ns = Some(most_ns.max(STEP_NS));
     }
@@ -373,18 +374,18 @@ impl Shared {
     pub(crate) fn now(&self) -> MutexGuard<'_, State> {
         // A panic under the lock cannot leave a step half done in a way that matters to a simulation.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut passed_ns = self.time_ns();
-        if let Some(most_ns) = state.most_behind_ns
-            && passed_ns - state.now_ns > most_ns
-        {
-            // Whole steps, so that moments stay where they were within a step.
-            let lost_ns = (passed_ns - state.now_ns - most_ns).div_euclid(STEP_NS) * STEP_NS;
-            state.lost_ns += lost_ns;
-            passed_ns -= lost_ns;
-            *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
-        }
-        while state.now_ns + STEP_NS <= passed_ns {
+        let most_ns = state.most_behind_ns.unwrap_or(i64::MAX);
+        let behind_ns = self.time_ns() - state.now_ns;
+        let until_ns = state.now_ns + behind_ns.min(most_ns);
+        while state.now_ns + STEP_NS <= until_ns {
             state.step();
+        }
+        if behind_ns > most_ns {
+            // With what it took to get here, or whoever reads next would wait for that. Whole steps, so that moments stay where they were
+            // within a step.
+            let lost_ns = (self.time_ns() - state.now_ns).div_euclid(STEP_NS) * STEP_NS;
+            state.lost_ns += lost_ns;
+            *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
         }
         state
     }
