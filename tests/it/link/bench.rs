@@ -342,6 +342,24 @@ impl Service {
         assert!(output.status.success(), "{arguments:?}: {said}{error}\nthe service: {}", self.log());
         said
     }
+
+    /// The same, and these words are in its output.
+    #[track_caller]
+    pub fn says(&self, arguments: &[&str], words: &str) -> String {
+        let said = self.done(arguments);
+        assert!(said.contains(words), "{arguments:?}: {said}\nthe service: {}", self.log());
+        said
+    }
+
+    /// Waits until the run that was started drives, of which it must not have ended before; the status.
+    #[track_caller]
+    pub fn until_it_drives(&self) -> String {
+        until("it drives", || {
+            let status = self.done(&["status", &self.name]);
+            assert!(!status.contains("last: "), "over already: {status}\nthe service: {}", self.log());
+            status.contains("running").then_some(status)
+        })
+    }
 }
 
 impl Drop for Service {
