@@ -42,7 +42,7 @@ pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
 pub use page::{Page, PageError};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use ports::Port;
-pub use simulation::{Options, Plugged, Simulation, Written};
+pub use simulation::{MOST_BEHIND_NS, Options, Plugged, Simulation, Written};
 pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};
 pub use world::{Colour, Errors, RobotModel, StartPose, World};
 pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

@@ -10,8 +10,8 @@ use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
 use crate::sim::{
-    EventLayout, Found, LcdGeometry, Mount, MountError, MountOptions, Options, Order, Scenario, Simulation,
-    World, WorldPhysics, still,
+    EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions, Options, Order,
+    Scenario, Simulation, World, WorldPhysics, still,
 };
 
 /// Mount a simulated brick, for any program that was written for ev3dev, until Ctrl-C.
@@ -55,9 +55,6 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     show: Option<PathBuf>,
 }
-
-/// More than this is behind for good, instead of keeping the next reader waiting: simulating so much takes some 20 ms for ten robots.
-const MOST_BEHIND_NS: i64 = 500 * MILLISECOND_NS;
 
 /// How often it is looked whether to end.
 const LOOK_NS: i64 = 50 * MILLISECOND_NS;

@@ -399,7 +399,8 @@ fn record(
     Recorder::start(Box::new(sink), start, options, on_status).map_err(failed)
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(feature = "sim")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::clock::MILLISECOND_NS;

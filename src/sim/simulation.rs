@@ -20,7 +20,7 @@ use super::physics::{Bridge, Physics, STEP_NS};
 use super::ports::Port;
 use super::view::Trail;
 use super::world_physics::WorldPhysics;
-use crate::clock::Clock;
+use crate::clock::{Clock, MILLISECOND_NS};
 
 /// How a brick is made, where bricks differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -38,6 +38,10 @@ pub struct Options {
     /// The screen.
     pub lcd: LcdGeometry,
 }
+
+/// What a simulation in real time is further behind is better lost than waited for, nanoseconds: simulating so much takes some 20 ms for ten
+/// robots on a PC. For [`Simulation::give_up_behind_ns`].
+pub const MOST_BEHIND_NS: i64 = 500 * MILLISECOND_NS;
 
 /// A write that reached a brick.
 #[derive(Debug, Clone, PartialEq, Eq)]
