@@ -11,7 +11,7 @@ use crate::ev3dev::{DeviceError, StopAction, Tree};
 use crate::mapping::{Method, Pose};
 use crate::robot::{BindError, Robot, RobotConfig};
 
-use super::control::{Control, STALL_NS, Tally};
+use super::control::{Control, Tally};
 use super::pilot::PilotError;
 use super::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 use super::{
@@ -325,6 +325,7 @@ impl Place {
     /// stands on the one that is nearest to where it is told to be: so each robot of a team has its own.
     fn simulated(start: Pose, world: &super::Source, seed: u64, realtime: bool) -> Result<Self, Refused> {
         use crate::clock::VirtualClock;
+        use crate::runtime::STALL_NS;
         use crate::sim::{Simulation, World, WorldPhysics};
         let (parsed, _) = World::parse(&world.name, world.text.as_bytes())?;
         let clock: Arc<dyn Clock> =
@@ -404,7 +405,7 @@ fn record(
 mod tests {
     use super::*;
     use crate::clock::MILLISECOND_NS;
-    use crate::runtime::Source;
+    use crate::runtime::{STALL_NS, Source};
     use crate::sim::World;
 
     /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
