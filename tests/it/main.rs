@@ -35,6 +35,7 @@ mod service;
 mod setup;
 mod sim_drivers;
 mod sim_page;
+mod sim_time;
 mod sim_world;
 mod support;
 mod tick;
