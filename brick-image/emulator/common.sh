@@ -31,6 +31,10 @@ install_packages() {
   [ $# -gt 0 ] || return 0
   command -v apt-get >/dev/null || fail "this needs $*" "install them with your system's packages"
   say "installing $*"
+  locked packages install_now "$@"
+}
+
+install_now() {
   as_root apt-get update -qq >&2 || fail "apt-get update failed" "look at the network, then again"
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null ||
     fail "could not install $*" "apt-get install $*"

@@ -16,6 +16,8 @@ arm_cargo build --release --no-default-features --features link,sim --example br
 built=${CARGO_TARGET_DIR:-$checkout/target}/armv5te-unknown-linux-gnueabi/release
 folder=$checkout/target/emulator
 mkdir -p "$folder"
-arm-linux-gnueabi-strip -o "$folder/onbrick-sim" "$built/examples/brick-figures"
+# In one step, because another script may be copying it.
+arm-linux-gnueabi-strip -o "$folder/onbrick-sim.$$" "$built/examples/brick-figures"
+mv "$folder/onbrick-sim.$$" "$folder/onbrick-sim"
 ln -sf onbrick-sim "$folder/brick-figures"
 echo "$folder"

@@ -17,7 +17,11 @@ refuse "which is not open" linked
 arrive
 probe seed
 expect "with random numbers the link opens" wait_for 60 linked
-brick-figures status /tmp/config/socket >/tmp/status
-expect "and the status says so" grep -q '"link":"ready"' /tmp/status
+# The link opens a moment before the service's next look at it.
+says_that_it_is_ready() {
+  brick-figures status /tmp/config/socket >/tmp/status
+  grep -q '"link":"ready"' /tmp/status
+}
+expect "and the status says so" wait_for 60 says_that_it_is_ready
 service_down
 brick_down
