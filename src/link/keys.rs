@@ -8,6 +8,7 @@
 //! | `own.key` | this machine's pair, mode 0600 |
 //! | `authorised/FINGERPRINT.toml` | one file for each key that may ask this machine ([`Authorised`]) |
 //! | `known_bricks` | on a PC: each brick's name, address and key ([`KnownBricks`]) |
+//! | `known_bricks.lock` | empty; held by who adds a brick |
 //!
 //! # Not here
 //!

@@ -8,8 +8,9 @@
 //!
 //! `onbrick pair` adds bricks to it; a person may edit it, and what else stands in it is kept.
 
-use std::fs;
+use std::fs::{self, OpenOptions};
 use std::io;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use super::{KeyError, PublicKey, Replace, make_folder, quoted, write_private};
@@ -79,23 +80,30 @@ impl KnownBricks {
         &self.path
     }
 
-    /// Adds a brick, in place of one of the same name or of the same key, and writes the file.
+    /// Adds a brick, in place of one of the same name or of the same key, to what the file holds by now, and writes it.
+    ///
+    /// Whoever else adds one waits, so that none is lost.
     ///
     /// # Errors
     ///
-    /// [`KeyError::Io`]; the file is then as it was.
+    /// [`KeyError::Broken`] where the file has been broken meanwhile, [`KeyError::Io`]; it is then as it was.
     pub fn put(&mut self, brick: &KnownBrick) -> Result<(), KeyError> {
-        let mut text = self.without(|known| known.name == brick.name || known.key == brick.key);
+        let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();
+        make_folder(&folder)?;
+        // The file itself is replaced, and a lock on it would go with the old one.
+        let beside = self.path.with_extension("lock");
+        let lock = OpenOptions::new().create(true).append(true).mode(0o600).open(&beside);
+        let _held =
+            lock.and_then(|lock| lock.lock().map(|()| lock)).map_err(|error| KeyError::io(&beside)(error))?;
+        let now = Self::load(&folder)?;
+        let mut text = now.without(|known| known.name == brick.name || known.key == brick.key);
         if !text.is_empty() && !text.ends_with('\n') {
             text.push('\n');
         }
         let (name, address, key) = (quoted(&brick.name), quoted(&brick.address), brick.key);
         text.push_str(&format!("\n[{name}]\naddress = {address}\nkey = \"{key}\"\n"));
-        let fresh = Self::parse(self.path.clone(), text.as_bytes())?;
-        if let Some(folder) = self.path.parent() {
-            make_folder(folder)?;
-        }
-        write_private(&self.path, &text, Replace::Yes)?;
+        let fresh = Self::parse(now.path, text.as_bytes())?;
+        write_private(&fresh.path, &text, Replace::Yes)?;
         *self = fresh;
         Ok(())
     }
@@ -170,6 +178,20 @@ mod tests {
         assert_eq!(known.find("blue"), None);
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.starts_with(HEADER), "{text}");
+    }
+
+    #[test]
+    fn none_is_lost_that_others_add_meanwhile() {
+        let folder = tempfile::tempdir().unwrap();
+        // As `onbrick pair` does: the file is read, and then people compare codes.
+        let several: Vec<KnownBricks> = (0..8).map(|_| KnownBricks::load(folder.path()).unwrap()).collect();
+        std::thread::scope(|scope| {
+            for (mut known, byte) in several.into_iter().zip(1..) {
+                scope.spawn(move || known.put(&brick(&format!("brick-{byte}"), byte)).unwrap());
+            }
+        });
+        let known = KnownBricks::load(folder.path()).unwrap();
+        assert_eq!(known.iter().count(), 8, "{}", known.text);
     }
 
     #[test]
