@@ -6,6 +6,7 @@ use onbrick::runtime::recording::{Run, writer};
 use onbrick::service::protocol::{State, Stopped};
 
 use super::{Served, id, start};
+use crate::support::real_time::patiently;
 use crate::support::turning_brick::await_that;
 
 #[test]
@@ -34,6 +35,10 @@ fn a_killed_services_run_stops_and_the_next_service_knows_how() {
 
 #[test]
 fn where_configured_a_killed_services_run_goes_on_and_the_next_service_finds_it_and_stops_it() {
+    patiently("a run that goes on without its service", a_run_that_goes_on);
+}
+
+fn a_run_that_goes_on() {
     let mut served = Served::simulated("when_service_dies = \"go on\"");
     let run = served.drive("straight");
     let file = served.path("runs").join(run.as_str()).join("run.mcap");
