@@ -292,6 +292,7 @@ fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
 }
 
 #[test]
+#[cfg_attr(target_arch = "arm", ignore = "a static program takes no LD_PRELOAD")]
 fn a_wall_clock_that_jumps_under_the_service_changes_nothing_of_the_link() {
     let _alone = alone();
     patiently("a wall clock that jumps under the service", jumping_wall_clock);
