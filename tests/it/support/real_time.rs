@@ -23,7 +23,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
-use onbrick::runtime::StopReason;
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
     set_thread_priority_and_policy, thread_native_id,
@@ -111,14 +110,6 @@ pub fn patiently(name: &str, test: impl Fn()) {
         return pass_over("a processor that keeps time, which QEMU's user mode is not");
     }
     test();
-}
-
-/// Whether a run whose last words these are may have ended for want of a processor: it was late, or the guard thought it dead, or what turns its
-/// wheels came too late to.
-pub fn starved(said: &str) -> bool {
-    [StopReason::Late, StopReason::Guard, StopReason::Stalled]
-        .iter()
-        .any(|why| said.contains(&why.to_string()))
 }
 
 #[derive(Debug, PartialEq, Eq)]
