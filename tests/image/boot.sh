@@ -8,7 +8,6 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 image=$work/card.img
-linux=offset=$((106496 * 512))
 port=$((20000 + $$ % 20000))
 pc=${ONBRICK:-$checkout/target/debug/onbrick}
 tools=${ONBRICK_TOOLS:-$("$checkout/brick-image/emulator/tools.sh")}
@@ -147,10 +146,10 @@ stays_as_it_is() { tr -d '\r' <"$1" | grep 'report: down after ' | uniq -c | awk
 # in a part of a file: it forgets the offset, and so begins again. (1: something was mended.)
 settle() {
   local status=0
-  dd if="$image" of="$work/linux" bs=512 skip=106496 status=none
+  dd if="$image" of="$work/linux" bs=512 skip="$linux_sector" status=none
   e2fsck -fy "$work/linux" >"$work/fsck" 2>&1 || status=$?
   [ $status -le 1 ] || { cat "$work/fsck" && return 1; }
-  dd if="$work/linux" of="$image" bs=512 seek=106496 conv=notrunc status=none
+  dd if="$work/linux" of="$image" bs=512 seek="$linux_sector" conv=notrunc status=none
   rm "$work/linux"
 }
 

@@ -11,20 +11,18 @@ key='rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7'
 [ "${3:-}" != --key ] || key=$4
 inject() { "$checkout/brick-image/inject.sh" "$@" --deb "$deb" >"$work/said" 2>&1; }
 
-# ev3dev's layout: 48 MB of FAT from sector 8192 on, then Linux.
 make_image() {
   local image=$1 megabytes=640
   truncate -s ${megabytes}M "$image"
-  printf '8192,98304,c\n106496,,83\n' | sfdisk -q "$image"
+  printf '%s,%s,c\n%s,,83\n' $fat_sector $((linux_sector - fat_sector)) $linux_sector | sfdisk -q "$image"
   truncate -s 48M "$work/boot"
   mkfs.vfat -n EV3DEV_BOOT "$work/boot" >/dev/null
   echo kernel >"$work/uImage"
   mcopy -i "$work/boot" "$work/uImage" ::uImage
-  dd if="$work/boot" of="$image" bs=512 seek=8192 conv=notrunc status=none
-  mke2fs -q -t ext4 -d "$root" -E offset=$((106496 * 512)) "$image" $((megabytes * 1024 - 106496 / 2))k
+  dd if="$work/boot" of="$image" bs=512 seek=$fat_sector conv=notrunc status=none
+  mke2fs -q -t ext4 -d "$root" -E "$linux" "$image" $((megabytes * 1024 - linux_sector / 2))k
 }
 
-linux=offset=$((106496 * 512))
 in_image() { debugfs -R "$1" "$2?$linux" 2>/dev/null; }
 # Everything in an image's root by name and, where it is a plain file, content; not what inject.sh is there to change.
 contents() {
