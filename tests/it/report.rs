@@ -9,7 +9,8 @@ use onbrick::report::export::Part;
 use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
 use onbrick::runtime::recording::{Grid, Run};
 
-use crate::recording::{grid, python, sample, tick, walls};
+use crate::recording::decoder::python;
+use crate::recording::sample::{grid, sample, tick, walls};
 use crate::support::pass_over;
 
 fn one() -> Scene {

@@ -8,7 +8,7 @@ use onbrick::runtime::recording::{self, End, Options, Pace, ReadError, Recorder,
 use onbrick::runtime::{ReplayError, replay};
 
 use super::{keys, names, run};
-use crate::recording::{start, tick};
+use crate::recording::sample::{start, tick};
 
 /// A folder with two recordings of the simulated brick, `left.mcap` and `right.mcap`, made once.
 fn recorded() -> &'static Path {

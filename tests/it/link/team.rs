@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::bench::{Service, onbrick, text, until};
 use super::commands::SHORT;
-use crate::recording::python;
+use crate::recording::decoder::python;
 use crate::support::plain_brick;
 use crate::support::real_time::{Pace, alone, in_real_time};
 

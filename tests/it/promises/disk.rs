@@ -12,7 +12,7 @@ use onbrick::robot::Senses;
 use onbrick::runtime::recording::{Options, Pace, Recorder, Run, Sink};
 use onbrick::runtime::{StopReason, replay};
 
-use crate::recording::{end, start, tick};
+use crate::recording::sample::{end, start, tick};
 use crate::support::chance::Chance;
 use crate::support::faulty::{Kind, Plan, Trouble};
 use crate::support::memory::MemoryDisk;

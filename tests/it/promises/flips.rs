@@ -4,7 +4,7 @@ use onbrick::robot::Senses;
 use onbrick::runtime::recording::Run;
 use onbrick::runtime::replay;
 
-use crate::recording::{records, sample};
+use crate::recording::sample::{records, sample};
 use crate::support::chance::Chance;
 use crate::support::promised::{long, promised};
 use crate::support::stage::Play;
