@@ -26,7 +26,7 @@ root=$work/root
 put() { install -D -m "$1" "$2" "$root/$3"; }
 
 put 755 "$binary" usr/bin/onbrick
-for script in check still; do put 755 "$image/package/$script" "usr/lib/onbrick/$script"; done
+put 755 "$image/package/check" usr/lib/onbrick/check
 for unit in onbrick onbrick-menu; do put 644 "$image/package/$unit.service" "lib/systemd/system/$unit.service"; done
 put 644 "$image/onbrick.toml" etc/onbrick/onbrick.toml
 put 644 "$image/package/onbrick.avahi" etc/avahi/services/onbrick.service

@@ -54,7 +54,7 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
         return Err(Failure::new(Exit::Usage, "a simulated brick needs no guard"));
     };
     let mut starter = Starter::new(input).map_err(|error| failed("cannot talk to the starter", &error))?;
-    let lock = match HardwareLock::take(tree.root(), "a run that is being prepared") {
+    let mut lock = match HardwareLock::take(tree.root(), "a run that is being prepared") {
         Ok(lock) => lock,
         Err(error) => {
             starter.refuse(&Refused::from(error));
@@ -65,7 +65,10 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     let mut guard = guard.map_err(|error| failed("cannot start the process that drives", &error))?;
     urgency::as_guard();
     let tree: Arc<dyn Tree> = Arc::new(tree.clone());
-    guard.follow(&tree);
+    let stopped = guard.follow(&tree);
+    if stopped && let Err(error) = lock.nothing_turns() {
+        log::warn!("cannot write into the hardware's lock: {error}");
+    }
     drop(lock);
     Ok(())
 }
@@ -194,8 +197,8 @@ impl Guard {
         })
     }
 
-    /// Follows the run to its end, and leaves no motor of it turning.
-    fn follow(&mut self, tree: &Arc<dyn Tree>) {
+    /// Follows the run to its end, and leaves no motor of it turning; true if it had to stop them itself, and did.
+    fn follow(&mut self, tree: &Arc<dyn Tree>) -> bool {
         self.pass_orders_on();
         let hung = loop {
             self.wait();
@@ -207,8 +210,9 @@ impl Guard {
                 break true;
             }
         };
+        let mut stopped = false;
         if !self.watch.is_over() {
-            self.take_over(tree, hung);
+            stopped = self.take_over(tree, hung);
         } else if hung {
             log::warn!("the process that drove has ended its run, but not itself");
         }
@@ -216,6 +220,7 @@ impl Guard {
         let _ = self.control.kill();
         let _ = self.control.wait();
         self.starter.finish();
+        stopped
     }
 
     /// Waits until somebody says something or control's time is over.
@@ -279,8 +284,8 @@ impl Guard {
         }
     }
 
-    /// Control is gone or hung: makes sure that it is gone, stops the motors, and says so in its place.
-    fn take_over(&mut self, tree: &Arc<dyn Tree>, hung: bool) {
+    /// Control is gone or hung: makes sure that it is gone, stops the motors, and says so in its place; true if they are still.
+    fn take_over(&mut self, tree: &Arc<dyn Tree>, hung: bool) -> bool {
         let _ = self.control.kill();
         let status = self.reap();
         let mut stopped = self.stop_motors(tree);
@@ -295,6 +300,7 @@ impl Guard {
         };
         let last_word = self.watch.last_word(&how, stopped);
         self.starter.tell(&last_word);
+        stopped
     }
 
     /// Waits for a process that was killed, for a moment.

@@ -193,7 +193,9 @@ impl Stage {
         }
         let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
         let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
-        report(&Event::Driving { file: job.file.clone(), motors: robot.motor_ports() });
+        let motors = robot.motor_ports();
+        name_motors(job, &mission, &motors);
+        report(&Event::Driving { file: job.file.clone(), motors });
 
         let mut control = Control {
             robot: &mut robot,
@@ -214,6 +216,9 @@ impl Stage {
             Some(trouble) => format!("{word}: {trouble}"),
             None => word.to_string(),
         };
+        if stopped {
+            name_motors(job, &mission, &[]);
+        }
         report(&Event::Stopped { word: word.word().to_owned(), reason: reason.clone(), stopped });
         let end = End {
             reason: reason.clone(),
@@ -269,6 +274,20 @@ fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
 
 type Report = dyn Fn(&Event) + Send + Sync;
 
+/// What the hardware's lock says of a run.
+fn doing(mission: &str) -> String {
+    format!("mission {mission}")
+}
+
+/// Names in the hardware's lock the motors that somebody would have to stop, should all processes of this run be killed at once.
+fn name_motors(job: &Job, mission: &Mission, motors: &[String]) {
+    if let Brick::Local(tree) = &job.brick
+        && let Err(error) = HardwareLock::name_owner(tree.root(), &doing(mission.name()), motors)
+    {
+        log::warn!("{}", with_causes(&error));
+    }
+}
+
 /// Where the robot is: its files, its time, and who else may have it.
 struct Place {
     tree: Arc<dyn Tree>,
@@ -289,11 +308,11 @@ impl Place {
     fn open(job: &Job, mission: &str) -> Result<Self, Refused> {
         match &job.brick {
             Brick::Local(tree) => {
-                let doing = format!("mission {mission}");
+                let doing = doing(mission);
                 let lock = match job.lock {
                     Lock::Take => Some(HardwareLock::take(tree.root(), &doing)?),
                     Lock::Inherited => {
-                        HardwareLock::name_owner(tree.root(), &doing)?;
+                        HardwareLock::name_owner(tree.root(), &doing, &[])?;
                         None
                     }
                 };

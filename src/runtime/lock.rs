@@ -3,6 +3,9 @@
 //! The lock is the kernel's advisory lock on a file beside other programs' locks. It ends with the process that holds it, however that
 //! process ends, so a lock left by the dead needs no clearing up. The file's text names the owner, for the message to whoever
 //! comes second. Between runs nothing is held: other people's programs have the motors.
+//!
+//! The text also names the motors that a run has taken over, until it has stopped them. Where it still does when nobody holds the lock, all of
+//! the run's processes were killed at once, and these motors, no others, are orphans ([`HardwareLock::take_orphans`]).
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Read, Seek};
@@ -19,6 +22,9 @@ pub struct Owner {
     pub pid: i32,
     /// What it is doing, for people: the mission's name.
     pub doing: String,
+    /// The motors that it has taken over and not yet stopped, by their ports.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motors: Vec<String>,
 }
 
 /// The hardware, held until this is dropped or the process ends.
@@ -60,8 +66,42 @@ impl HardwareLock {
             }
             Err((_, errno)) => return Err(failed(errno.into())),
         };
-        write_owner(&mut held, doing).map_err(failed)?;
+        write_owner(&held, doing, &[]).map_err(failed)?;
         Ok(Self { file: held })
+    }
+
+    /// Takes the hardware below `root` where a run was killed before it had stopped its motors, which are then for the caller to stop; `None` where
+    /// no run has left any. Whoever has stopped them says so ([`HardwareLock::nothing_turns`]).
+    ///
+    /// # Errors
+    ///
+    /// [`LockError::Taken`] by a run that lives and sees to its motors itself, or [`LockError::Io`].
+    pub fn take_orphans(root: &Path) -> Result<Option<(Self, Owner)>, LockError> {
+        let path = lock_path(root);
+        let failed = |source| LockError::Io { path: path.clone(), source };
+        let file = match OpenOptions::new().read(true).write(true).open(&path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(failed(error)),
+        };
+        match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
+            Ok(mut held) => {
+                let owner = read_owner(&mut held);
+                Ok(Some((Self { file: held }, owner)).filter(|(_, owner)| !owner.motors.is_empty()))
+            }
+            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => Err(LockError::Taken(read_owner(&mut file))),
+            Err((_, errno)) => Err(failed(errno.into())),
+        }
+    }
+
+    /// No motor is left to stop, should the run's processes be killed from now on.
+    ///
+    /// # Errors
+    ///
+    /// What writing into the lock gave.
+    pub fn nothing_turns(&mut self) -> io::Result<()> {
+        let doing = read_owner(&mut self.file).doing;
+        write_owner(&self.file, &doing, &[])
     }
 
     /// Lets the processes that are started from now on share the lock: it is free when the last of them is gone.
@@ -74,15 +114,15 @@ impl HardwareLock {
         Ok(())
     }
 
-    /// Names this process as the owner of hardware that another one has taken for it.
+    /// Names this process as the owner of hardware that another one has taken for it, and the motors that it has taken over, by their ports.
     ///
     /// # Errors
     ///
     /// [`LockError::Io`].
-    pub fn name_owner(root: &Path, doing: &str) -> Result<(), LockError> {
+    pub fn name_owner(root: &Path, doing: &str, motors: &[String]) -> Result<(), LockError> {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
-        write_owner(&mut open(&path).map_err(failed)?, doing).map_err(failed)
+        write_owner(&open(&path).map_err(failed)?, doing, motors).map_err(failed)
     }
 
     /// Who holds the hardware below `root`, if anybody does.
@@ -125,8 +165,9 @@ fn open(path: &Path) -> io::Result<File> {
 }
 
 /// One write of a line that ends, so that nobody reads half a name; what an earlier owner left behind it is then cut off.
-fn write_owner(file: &mut File, doing: &str) -> io::Result<()> {
-    let owner = Owner { pid: nix::unistd::getpid().as_raw(), doing: doing.to_owned() };
+fn write_owner(file: &File, doing: &str, motors: &[String]) -> io::Result<()> {
+    let owner =
+        Owner { pid: nix::unistd::getpid().as_raw(), doing: doing.to_owned(), motors: motors.to_owned() };
     let mut text = serde_json::to_vec(&owner)?;
     text.push(b'\n');
     file.write_all_at(&text, 0)?;
@@ -137,7 +178,11 @@ fn write_owner(file: &mut File, doing: &str) -> io::Result<()> {
 fn read_owner(file: &mut File) -> Owner {
     let mut text = String::new();
     let _ = file.rewind().and_then(|()| BufReader::new(file.take(4096)).read_line(&mut text));
-    serde_json::from_str(&text).unwrap_or_else(|_| Owner { pid: 0, doing: "another run".to_owned() })
+    serde_json::from_str(&text).unwrap_or_else(|_| Owner {
+        pid: 0,
+        doing: "another run".to_owned(),
+        motors: Vec::new(),
+    })
 }
 
 /// One file a brick: the machine's own hardware, or the brick below a mount point.
@@ -169,6 +214,27 @@ mod tests {
         drop(first);
         assert_eq!(HardwareLock::owner(folder.path()).unwrap(), None);
         HardwareLock::take(folder.path(), "mission bump").unwrap();
+        std::fs::remove_file(lock_path(folder.path())).unwrap();
+    }
+
+    #[test]
+    fn motors_that_a_run_has_not_stopped_are_orphans_when_it_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let orphans = || HardwareLock::take_orphans(folder.path());
+        assert!(orphans().unwrap().is_none(), "nobody was ever here");
+        let run = HardwareLock::take(folder.path(), "mission map").unwrap();
+        let motors = ["outB".to_owned(), "outD".to_owned()];
+        HardwareLock::name_owner(folder.path(), "mission map", &motors).unwrap();
+        assert!(matches!(orphans().unwrap_err(), LockError::Taken(owner) if owner.motors == motors));
+        drop(run);
+        let (mut held, owner) = orphans().unwrap().unwrap();
+        assert_eq!((owner.doing.as_str(), owner.motors), ("mission map", motors.to_vec()));
+        assert!(HardwareLock::take(folder.path(), "mission bump").is_err(), "no run begins meanwhile");
+        drop(held);
+        (held, _) = orphans().unwrap().expect("nobody has stopped them yet");
+        held.nothing_turns().unwrap();
+        drop(held);
+        assert!(orphans().unwrap().is_none());
         std::fs::remove_file(lock_path(folder.path())).unwrap();
     }
 }

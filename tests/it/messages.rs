@@ -169,7 +169,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
     ] {
         writeln!(out, "## {title}\n\n{}\n", causes(&why)).unwrap();
     }
-    let owner = Owner { pid: 4711, doing: "mission map".to_owned() };
+    let owner = Owner { pid: 4711, doing: "mission map".to_owned(), motors: Vec::new() };
     writeln!(out, "## somebody else drives\n\n{}\n", causes(&LockError::Taken(owner))).unwrap();
     writeln!(out, "## why a run ends\n").unwrap();
     for reason in [

@@ -217,19 +217,44 @@ fn promise_1_when_the_guard_is_killed_control_stops_the_run() {
     });
 }
 
+/// Kills the run's two processes at once: the guard is stopped first, so that neither sees the other one go.
+fn kill_both(running: &Running) {
+    let (control, guard) = (running.control(), running.guard());
+    for (process, signal) in [(guard, Signal::SIGSTOP), (control, Signal::SIGKILL), (guard, Signal::SIGKILL)]
+    {
+        kill(process, signal).unwrap();
+    }
+}
+
+#[test]
+fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
+    patiently("promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses", || {
+        let running = Running::start(&DRIVE.replace(", head_deg = 60", ""));
+        let root = text(running.brick.root().to_owned());
+        let folder = tempfile::tempdir().unwrap();
+        let orphaned = || run(folder.path(), &["halt", "--orphaned", "--brick", &root]).expect(0).out;
+        running.brick.await_driving();
+        let said = orphaned();
+        assert!(said.contains("mission straight (process ") && said.contains("itself"), "{said}");
+        assert_eq!(running.brick.read("tacho-motor/motor1", "command"), "run-timed", "its run goes on");
+        kill_both(&running);
+        let (brick, _, _) = running.finish();
+        brick.put("tacho-motor/motor0", "command", b"run-forever\n");
+        let said = orphaned();
+        assert!(said.contains("outB, outD"), "{said}");
+        assert_eq!(brick.commands(), ["run-forever", "stop", "stop"], "another program has outA");
+        brick.put("tacho-motor/motor1", "command", b"run-forever\n");
+        assert_eq!(orphaned(), "no run has left a motor behind\n");
+        assert_eq!(brick.commands(), ["run-forever", "run-forever", "stop"], "another program has outB now");
+    });
+}
+
 #[test]
 fn promise_1_when_both_are_killed_the_leases_end_by_themselves() {
     patiently("promise_1_when_both_are_killed_the_leases_end_by_themselves", || {
         let running = Running::start(DRIVE);
         running.brick.await_driving();
-        let control = running.control();
-        // Stopped first, so that neither sees the other one go.
-        let guard = running.guard();
-        for (process, signal) in
-            [(guard, Signal::SIGSTOP), (control, Signal::SIGKILL), (guard, Signal::SIGKILL)]
-        {
-            kill(process, signal).unwrap();
-        }
+        kill_both(&running);
         let (brick, said, recorded) = running.finish();
         assert_eq!(said.code, Some(1), "{}", said.err);
         assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
