@@ -110,9 +110,41 @@ pub fn wall_ns() -> i64 {
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }
 
+/// Seconds from 1970 to 2024: this program is younger, so a clock before that stands wrong.
+const SECONDS_TO_2024: i64 = 1_704_067_200;
+
+/// Seconds of a mean Gregorian year.
+const SECONDS_A_YEAR: i64 = 31_556_952;
+
+/// The year that a wall clock shows, by its nanoseconds since 1970.
+#[must_use]
+pub fn year(wall_ns: i64) -> i64 {
+    1970 + wall_ns / SECOND_NS / SECONDS_A_YEAR
+}
+
+/// What a wall clock says, by its nanoseconds since 1970, that stands wrong, and a way out; `None` from 2024 on. A brick has no battery for its clock:
+/// after power-on it stands where it stood before, or at 1970, until a network tells it the time.
+#[must_use]
+pub fn wrong_year(wall_ns: i64) -> Option<(String, &'static str)> {
+    (wall_ns / SECOND_NS < SECONDS_TO_2024).then(|| {
+        let way_out = "recordings get wrong dates; connect to a network for a minute, or sudo date -s";
+        (format!("it is {}, says the clock", year(wall_ns)), way_out)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_wall_clock_before_2024_stands_wrong() {
+        let new_year_ns = SECONDS_TO_2024 * SECOND_NS;
+        let (found, _) = wrong_year(0).unwrap();
+        assert_eq!(found, "it is 1970, says the clock");
+        let (found, _) = wrong_year(new_year_ns - 1).unwrap();
+        assert_eq!(found, "it is 2023, says the clock");
+        assert_eq!(wrong_year(new_year_ns), None);
+    }
 
     #[test]
     fn a_virtual_clock_moves_only_forward_and_only_by_sleeping() {

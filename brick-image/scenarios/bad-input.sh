@@ -1,6 +1,6 @@
 # shellcheck shell=dash
 # What goes wrong on a card: no room, read-only, a configuration of another version, a robot.toml that is none. Each says so and how to mend it,
-# ends with the exit code of a refusal or a failure, and leaves motors that are still. (The date is 1970 here throughout.)
+# ends with the exit code of a refusal or a failure, and leaves motors that are still. The date is 1970 here throughout.
 expect "the date is 1970" [ "$(date +%Y)" = 1970 ]
 brick_up
 still() {
@@ -33,7 +33,7 @@ echo 'quta_mb = 5' >/tmp/config/onbrick.toml
 wrong "a configuration that this version does not know" "3" "quota_mb" onbrick serve --brick /tmp/brick --config /tmp/config
 
 # in_trouble NAME RUNS WORDS: a service that cannot record into RUNS goes on, so that its status can be asked for, and at rest; it says why on
-# its console, which on a brick is the journal, and in its status; and it refuses a run with the same words.
+# its console, which on a brick is journal and console, and in its status; and it refuses a run with the same words.
 in_trouble() {
   service=
   service_up "$2"
@@ -50,6 +50,11 @@ in_trouble() {
   service_down
 }
 run="onbrick run $(mission map 50 20) --brick /tmp/brick"
+service_up /tmp/runs
+brick-figures status /tmp/config/socket >/tmp/status
+expect "a date of 1970: the service says so" grep -q "it is 1970, says the clock" /tmp/serve.log
+expect "a date of 1970: its status says so" grep -q "it is 1970, says the clock" /tmp/status
+service_down
 in_trouble "a service on a card that is read-only" /tmp/locked/runs "read-only"
 in_trouble "a service on a card without room" /tmp/full/runs "no room"
 echo 'name = 3' >/tmp/robot.toml

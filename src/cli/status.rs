@@ -55,6 +55,9 @@ fn doing(status: &Status) -> String {
     if let Some(finding) = &status.robot {
         lines.push_str(&format!("\n  robot: {}", finding.trim_end()));
     }
+    if let Some(finding) = &status.clock {
+        lines.push_str(&format!("\n  clock: {finding}"));
+    }
     if status.link != "ready" {
         lines.push_str(&format!("\n  link: {}", status.link));
     }

@@ -207,8 +207,9 @@ impl Menu {
             .strong(settings.brick.clone());
         let sheet = settings.addresses.iter().fold(sheet, |sheet, address| sheet.line(address.clone()));
         let link = self.seen.status.as_ref().map(|status| format!("link: {}", status.link));
+        let clock = self.seen.status.as_ref().and_then(|status| status.clock.clone());
         let key = settings.fingerprint.as_ref().map(|key| format!("key: {key}"));
-        [link, key]
+        [link, clock, key]
             .into_iter()
             .flatten()
             .fold(sheet, Sheet::line)

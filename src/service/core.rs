@@ -18,7 +18,7 @@ use super::store::{Store, StoreError};
 use super::token::Tokens;
 use super::{NetworkDoor, Place, missions};
 use crate::behavior::Capabilities;
-use crate::clock::{Clock, MonotonicClock, wall_ns};
+use crate::clock::{Clock, MonotonicClock, wall_ns, wrong_year};
 use crate::robot::BatteryConfig;
 use crate::runtime::{NotReady, StopBy, WhenAbandoned};
 
@@ -176,6 +176,7 @@ impl Service {
             link,
             disk,
             robot: now.robot.clone(),
+            clock: clock_finding(),
         };
         let wanted = now.battery;
         drop(now);
@@ -338,6 +339,11 @@ impl Inner {
     fn link(&self) -> MutexGuard<'_, Link> {
         lock(&self.link)
     }
+}
+
+/// A wall clock that stands wrong: what it says, and what to do.
+pub(super) fn clock_finding() -> Option<String> {
+    wrong_year(wall_ns()).map(|(found, way_out)| format!("{found}; {way_out}"))
 }
 
 /// What a caller is called.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::core::{Inner, Service};
+use super::core::{Inner, Service, clock_finding};
 use super::machine::Happening;
 use super::missions;
 use super::protocol::LastStop;
@@ -44,11 +44,20 @@ struct Keeper {
     robot: Option<Vec<u8>>,
     /// What keeps runs from starting, as it was said last.
     found: Option<LastStop>,
+    /// What the wall clock was found to say when it stood wrong.
+    clock: Option<String>,
 }
 
 impl Keeper {
     fn new(inner: Arc<Inner>) -> Self {
-        Self { inner, signs: Signs::default(), looked_ns: MonotonicClock.now_ns(), robot: None, found: None }
+        Self {
+            inner,
+            signs: Signs::default(),
+            looked_ns: MonotonicClock.now_ns(),
+            robot: None,
+            found: None,
+            clock: None,
+        }
     }
 
     fn keep(mut self) {
@@ -100,6 +109,11 @@ impl Keeper {
             log::warn!("{}", found.reason);
         }
         self.found.clone_from(&found);
+        let clock = clock_finding();
+        if let Some(finding) = clock.as_ref().filter(|_| self.clock.is_none()) {
+            log::warn!("{finding}");
+        }
+        self.clock = clock;
         let mut now = inner.now();
         now.robot = robot;
         now.machine.happen(MonotonicClock.now_ns(), Happening::Trouble(found));

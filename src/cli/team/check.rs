@@ -228,6 +228,7 @@ mod tests {
             link: "ready".to_owned(),
             disk: Disk { used: 0, quota: 0, free: 0 },
             robot: None,
+            clock: None,
         }
     }
 

@@ -7,6 +7,7 @@ use nix::sys::statvfs::statvfs;
 use nix::unistd::{Gid, geteuid, getgroups};
 
 use crate::behavior::{Capabilities, Mission};
+use crate::clock::{wrong_year, year};
 use crate::document::Document;
 
 use super::super::groups;
@@ -24,12 +25,6 @@ const LEAST_BYTES: u64 = 20 << 20;
 
 /// With less than this it is time to clear up.
 const FEW_BYTES: u64 = 200 << 20;
-
-/// Seconds from 1970 to 2024: this program is younger, so a clock before that stands wrong.
-const SECONDS_TO_2024: i64 = 1_704_067_200;
-
-/// Seconds of a mean Gregorian year.
-const SECONDS_A_YEAR: i64 = 31_556_952;
 
 pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "groups";
@@ -101,16 +96,10 @@ fn try_to_write(folder: &Path) -> std::io::Result<()> {
 }
 
 pub(super) fn clock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    let since_1970_s = examination.patient.wall_ns / 1_000_000_000;
-    let year = 1970 + since_1970_s / SECONDS_A_YEAR;
-    if since_1970_s < SECONDS_TO_2024 {
-        diagnosis.warn(
-            "clock",
-            format!("it is {year}, says the clock"),
-            "recordings get wrong dates; connect to a network for a minute, or sudo date -s",
-        );
-    } else {
-        diagnosis.ok("clock", format!("it is {year}"));
+    let wall_ns = examination.patient.wall_ns;
+    match wrong_year(wall_ns) {
+        Some((found, way_out)) => diagnosis.warn("clock", found, way_out),
+        None => diagnosis.ok("clock", format!("it is {}", year(wall_ns))),
     }
 }
 

@@ -64,6 +64,9 @@ pub struct Status {
     pub disk: Disk,
     /// A robot that has a finding in its file: the finding; otherwise nothing.
     pub robot: Option<String>,
+    /// A wall clock that stands wrong: what it says, and what to do; otherwise nothing. Older bricks do not tell.
+    #[serde(default)]
+    pub clock: Option<String>,
 }
 
 /// Room for runs.

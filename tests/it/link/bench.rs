@@ -76,6 +76,7 @@ impl Fake {
             disk: Disk { used: 0, quota: 0, free: 0 },
             battery: None,
             robot: None,
+            clock: None,
         }
     }
 

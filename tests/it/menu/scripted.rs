@@ -110,6 +110,7 @@ impl Default for Scripted {
             disk: Disk { used: 12 << 20, quota: 512 << 20, free: 4 << 30 },
             battery: None,
             robot: None,
+            clock: None,
         };
         let broken = "wall.toml:14:12: there is no signal `rang_m`; did you mean `range_m`?\nwall.toml:21:1: the state `turn_back` can never be reached\nwall.toml:30:14: two machines drive `left_dps`: `drive` and `head`";
         Self(Mutex::new(World {
