@@ -24,7 +24,7 @@ mod through;
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// A mission file, or the name of a shipped mission.
+    /// A mission file, or a name: that of one of the brick's own missions, where a service lives on it, or of a shipped one.
     mission: PathBuf,
     /// The robot's file; without it the shipped one, which fits the simulated brick.
     #[arg(long)]

@@ -73,7 +73,7 @@ pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output
         return Err(Failure::new(Exit::Usage, message)
             .hint("give them to onbrick serve, or stop the service (systemctl stop onbrick)"));
     }
-    let source = read_mission(&arguments.mission)?;
+    let source = read_mission(&own_mission(&living.config, &arguments.mission))?;
     if source.text.len() > MAX_MISSION_BYTES {
         return Err(Failure::refused(format!("{} has more than {MAX_MISSION_BYTES} bytes", source.name)));
     }
@@ -106,6 +106,13 @@ pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output
     });
     progress.iter().for_each(Progress::finish);
     finish(living, &run, last?, folder.as_ref(), output)
+}
+
+/// A name is first of all that of one of this brick's missions, as in its menu and from a PC; then that of a shipped one.
+fn own_mission(config: &Config, mission: &Path) -> PathBuf {
+    let own = config.missions.join(mission).with_extension("toml");
+    let is_name = mission.components().count() == 1 && mission.extension().is_none() && !mission.exists();
+    if is_name && own.is_file() { own } else { mission.to_owned() }
 }
 
 /// What is told of a run that is over.

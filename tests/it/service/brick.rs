@@ -91,6 +91,12 @@ fn onbrick_run_goes_through_the_service_and_brings_the_recording() {
     assert!(std::fs::read(&copy).unwrap() == std::fs::read(kept).unwrap());
     assert_eq!(info.mission, "short");
 
+    // By name, it is the brick's own mission, though one of that name is shipped.
+    std::fs::write(served.path("missions").join("map.toml"), short()).unwrap();
+    run(&["run", "map", "--out", "q"]).expect(0);
+    let missions: Vec<String> = served.runs().into_iter().map(|run| run.mission).collect();
+    assert_eq!(missions, ["short", "short"]);
+
     let said = run(&["run", "mine.toml", "--robot", "r.toml"]).expect(2);
     assert!(said.err.contains("--robot"), "{}", said.err);
     std::fs::write(folder.path().join("bad.toml"), "name = 3\n").unwrap();
@@ -98,7 +104,7 @@ fn onbrick_run_goes_through_the_service_and_brings_the_recording() {
     assert!(said.err.contains("mission.toml:1"), "{}", said.err);
     assert!(!folder.path().join("p").exists(), "a run that was refused leaves no folder");
     let status = served.status();
-    assert_eq!((status.state, served.runs().len()), (State::Stopped, 1));
+    assert_eq!((status.state, served.runs().len()), (State::Stopped, 2));
 }
 
 #[test]
