@@ -1,8 +1,10 @@
 //! `onbrick key`: this machine's key, and the keys that may ask it.
 
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
+use nix::unistd::geteuid;
 
 use super::{Exit, Failure, Output};
 use crate::link::keys::{Authorised, AuthorisedKey, KeyError, PublicKey};
@@ -14,7 +16,7 @@ use crate::link::{KnownBrick, KnownBricks};
 ///
 /// Examples:
 ///   onbrick key show
-///   onbrick key authorise 'w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd' --name anna --keys /etc/onbrick/keys
+///   sudo -u onbrick onbrick key authorise 'w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd' --name anna --keys /etc/onbrick/keys
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -87,6 +89,9 @@ impl Folder {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let folder = arguments.folder.path()?;
     let authorised = Authorised::below(&folder);
+    if matches!(arguments.what, What::New | What::Authorise { .. } | What::Revoke { .. }) {
+        refuse_for_another(&folder)?;
+    }
     match &arguments.what {
         What::New => {
             let pair = KeyPair::generate().map_err(|error| failure(&error))?;
@@ -133,6 +138,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
+/// What root puts into another user's folder is root's, and the service whose keys these are could not read it.
+fn refuse_for_another(folder: &Path) -> Result<(), Failure> {
+    let is_anothers = std::fs::metadata(folder).is_ok_and(|folder| folder.uid() != 0);
+    if geteuid().is_root() && is_anothers {
+        let message =
+            format!("{} belongs to another user, who could not read what root puts there", folder.display());
+        return Err(Failure::refused(message).hint(AS_THE_SERVICE));
+    }
+    Ok(())
+}
+
 fn parsed(key: &str) -> Result<PublicKey, Failure> {
     PublicKey::parse(key).map_err(|error| {
         Failure::new(Exit::Usage, error.to_string())
@@ -169,6 +185,9 @@ fn show(key: &PublicKey, output: &mut Output) {
     );
 }
 
+/// A brick's keys are its service's alone.
+const AS_THE_SERVICE: &str = "as the user whose folder it is; on a brick: sudo -u onbrick onbrick key …";
+
 /// A folder of keys that cannot be used.
 pub(super) fn failure(error: &KeyError) -> Failure {
     let message = super::output::with_causes(error);
@@ -177,6 +196,9 @@ pub(super) fn failure(error: &KeyError) -> Failure {
         KeyError::Missing(_) => refused.hint("onbrick key new"),
         KeyError::Exists(_) => {
             refused.hint("keep it: whoever knows this machine knows it by this key; or delete the file and introduce the machine anew")
+        }
+        KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
+            refused.hint(AS_THE_SERVICE)
         }
         KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
         _ => refused,
