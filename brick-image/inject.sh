@@ -27,7 +27,7 @@ fail() {
 say() { printf 'inject: %s\n' "$*"; }
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-image='' out='' name='' wifi='' deb='' keys=()
+image='' out='' name='' wifi='' password='' deb='' keys=()
 while [ $# -gt 0 ]; do
   case $1 in
     --out) out=${2:?--out needs a file} && shift ;;
@@ -71,6 +71,13 @@ read_keys() {
     keys[place]=$key
     place=$((place + 1))
   done
+}
+
+# The password comes from the person or from standard input, and is looked at before anything is written.
+read_password() {
+  [ -n "$wifi" ] || return 0
+  if [ -t 0 ]; then read -rsp "password of $wifi: " password && echo; else read -r password || true; fi
+  [ ${#password} -ge 8 ] || [ -z "$password" ] || fail "a wireless password has at least 8 signs" "nothing for an open network"
 }
 
 find_deb() {
@@ -137,7 +144,7 @@ make_folder() {
 put() {
   make_folder "$(dirname "$2")"
   ! exists "$2" || in_root "rm $2"
-  in_root "write $1 $2"
+  in_root "write \"$1\" $2"
   in_root "set_inode_field $2 mode 0100$3"
   in_root "set_inode_field $2 uid 0"
   in_root "set_inode_field $2 gid 0"
@@ -162,17 +169,17 @@ put_name() {
   put "$work/hosts" /etc/hosts 644
 }
 
+# in_key_file TEXT: as connman's files have it, which GLib reads: a backslash begins an escape, and spaces at either end would be lost.
+in_key_file() { sed -e 's/\\/\\\\/g' -e 's/^ /\\s/' -e 's/ $/\\s/' <<<"$1"; }
+
 # connman reads a network from a file of its own, and its settings say whether the radio is on.
 put_wifi() {
-  local password
-  if [ -t 0 ]; then read -rsp "password of $wifi: " password && echo; else read -r password; fi
-  [ ${#password} -ge 8 ] || [ -z "$password" ] || fail "a wireless password has at least 8 signs" "nothing for an open network"
-  printf '[service_onbrick]\nType=wifi\nName=%s\n' "$wifi" >"$work/wifi"
-  [ -z "$password" ] || printf 'Passphrase=%s\n' "$password" >>"$work/wifi"
+  printf '[service_onbrick]\nType=wifi\nName=%s\n' "$(in_key_file "$wifi")" >"$work/wifi"
+  [ -z "$password" ] || printf 'Passphrase=%s\n' "$(in_key_file "$password")" >>"$work/wifi"
   put "$work/wifi" /var/lib/connman/onbrick.config 600
   get /var/lib/connman/settings >"$work/settings" || true
   if grep -qx '\[WiFi\]' "$work/settings"; then
-    sed -i '/^\[WiFi\]$/,/^\[/ s/^Enable=.*/Enable=true/' "$work/settings"
+    sed -i -e '/^\[WiFi\]$/,/^\[/ { /^Enable=/d }' -e 's/^\[WiFi\]$/&\nEnable=true/' "$work/settings"
   else
     printf '\n[WiFi]\nEnable=true\n' >>"$work/settings"
   fi
@@ -190,10 +197,19 @@ check_name
 read_keys
 find_deb
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+made=''
+# An image that did not come to its end is none.
+clean_up() {
+  local status=$?
+  rm -rf "$work"
+  if [ $status != 0 ] && [ -n "$made" ]; then rm -f "$made"; fi
+}
+trap clean_up EXIT
 check_image
+read_password
 if [ -n "$out" ]; then
   [ ! -e "$out" ] || fail "$out is there already" "another name, or delete it"
+  made=$out
   cp --reflink=auto --sparse=always "$image" "$out"
   image=$out
 fi
