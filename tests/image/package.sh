@@ -26,6 +26,7 @@ check "so is robot.toml" [ "$(owner /home/robot/robot.toml)" = "robot:robot 644"
 check "brickman's browser finds the menu" [ "$(owner /home/robot/onbrick-menu)" = "robot:robot 755" ]
 check "the service starts with the brick" [ -L "$root/etc/systemd/system/multi-user.target.wants/onbrick.service" ]
 check "systemd finds nothing wrong with the unit" in_root systemd-analyze verify --man=no /lib/systemd/system/onbrick.service
+check "nor with the menu's" in_root systemd-analyze verify --man=no /lib/systemd/system/onbrick-menu.service
 check "every shipped mission is in order" in_root sh -c 'onbrick check /home/robot/missions/*.toml >/dev/null'
 check "the program is whole" in_root /usr/lib/onbrick/check
 
@@ -39,13 +40,6 @@ dpkg-deb --root-owner-group -Zxz -b "$next" "$work/next.deb" >/dev/null
 echo "# edited" >>"$root/home/robot/missions/map.toml"
 rm "$root/home/robot/missions/bump.toml"
 echo "# edited" >>"$root/etc/onbrick/onbrick.toml"
-# A run, as the lock shows it, for so many seconds.
-run_goes_on() {
-  exec 9>>"$root/run/lock/onbrick.lock"
-  flock 9
-  exec sleep "$1"
-}
-
 echo '{"pid":1,"doing":"mission map"}' >"$root/run/lock/onbrick.lock"
 run_goes_on 30 &
 running=$!
@@ -77,10 +71,18 @@ check "with a message" says "$work/said" "it is half copied, or for another proc
 install_deb "$work/next.deb"
 check "installing again mends it" in_root /usr/lib/onbrick/check
 
+# As README tells a person who wants the menu in brickman's place.
+printf '[Service]\nExecStart=/bin/true\n[Install]\nWantedBy=multi-user.target\n' >"$root/lib/systemd/system/brickman.service"
+in_root systemctl disable brickman >"$work/said" 2>&1
+in_root systemctl enable onbrick-menu >>"$work/said" 2>&1
+mkdir -p "$root/var/cache/onbrick"
+cp "$deb" "$root/var/cache/onbrick/installed.deb"
 in_root dpkg -r onbrick >"$work/said" 2>&1
 check "removed: no program" [ ! -e "$root/usr/bin/onbrick" ]
 check "removed: runs are kept" [ -d "$root/var/lib/onbrick/runs" ]
-check "removed: nothing starts with the brick" [ ! -e "$root/etc/systemd/system/multi-user.target.wants/onbrick.service" ]
+wants=$root/etc/systemd/system/multi-user.target.wants
+check "removed: nothing starts with the brick" [ -z "$(find "$wants" -name 'onbrick*')" ]
+check "removed: brickman has the screen again" [ -L "$wants/brickman.service" ]
 in_root dpkg -P onbrick >"$work/said" 2>&1
 check "purged: nothing of ours is left" [ -z "$(find "$root" -xdev -path "$root/proc" -prune -o -name '*onbrick*' ! -path "$root/tmp/*" ! -name onbrick.lock -print)" ]
 check "purged: nor is the user" not in_root getent passwd onbrick
