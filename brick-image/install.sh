@@ -93,29 +93,43 @@ as_root() { printf '%s\n' "$password" | on_brick "sudo -S -p '' sh -c $(quoted "
 # The file is whole before anything happens; dpkg then unpacks it beside the old version, and changes over at once.
 sum=$(sha256sum <"$deb" | cut -d' ' -f1)
 file=onbrick-$sum.deb
-on_brick "cat >$file.part && echo '$sum  $file.part' | sha256sum --quiet -c - && mv $file.part $file" <"$deb" ||
+on_brick "if cat >$file.part && echo '$sum  $file.part' | sha256sum --quiet -c -; then mv $file.part $file; else rm -f $file.part; exit 1; fi" <"$deb" ||
   fail "the package did not arrive whole" "is there room on the card? ssh $host df -h"
 say "copied $(basename "$deb")"
 
-# What a power cut left is finished first; a version that cannot be installed is taken back for the one before.
+# What a power cut left is finished first; a version that cannot be installed is taken back for the one before, or altogether. It writes into a
+# file, and so goes on to its end when the connection is lost.
 install_package() {
   as_root "
-    set -e
+    trap '' HUP PIPE
     export DEBIAN_FRONTEND=noninteractive
-    home=\$(getent passwd ${SUDO_USER_ON_BRICK} | cut -d: -f6)
-    mkdir -p /var/cache/onbrick
-    dpkg --configure -a
-    if dpkg -i --force-confold \$home/$file; then
-      mv \$home/$file /var/cache/onbrick/installed.deb
-    else
-      code=\$?
+    home=\$(getent passwd ${user_on_brick} | cut -d: -f6)
+    cache=/var/cache/onbrick
+    mkdir -p \$cache && : >\$cache/install.log || exit 1
+    is_installed() { [ \"\$(dpkg-query -W -f '\${db:Status-Status}' onbrick 2>/dev/null)\" = installed ]; }
+    change_over() {
+      dpkg --configure -a || echo 'onbrick: dpkg cannot finish what was begun before; going on'
+      if dpkg -i --force-confold \$home/$file; then mv \$home/$file \$cache/installed.deb && return; fi
       rm -f \$home/$file
-      if [ -e /var/cache/onbrick/installed.deb ]; then dpkg -i --force-confold /var/cache/onbrick/installed.deb; fi
-      exit \$code
-    fi"
+      # A package that refused, because of a run for example, has changed nothing.
+      is_installed && return 1
+      [ -e \$cache/installed.deb ] && dpkg -i --force-confold \$cache/installed.deb && return 1
+      dpkg -r --force-remove-reinstreq onbrick
+      return 2
+    }
+    change_over >>\$cache/install.log 2>&1 &
+    tail -n +1 -f --pid \$! \$cache/install.log
+    wait \$!"
 }
-SUDO_USER_ON_BRICK=$(on_brick id -un </dev/null)
-install_package || fail "the package was not installed; the version before is still there, if there was one" "look at what the brick said above"
+user_on_brick=$(on_brick id -un </dev/null)
+code=0
+install_package || code=$?
+case $code in
+  0) ;;
+  1) fail "the package was not installed; the version before is still there" "look at what the brick said above" ;;
+  2) fail "the package was not installed, and there is none on the brick" "look at what the brick said above" ;;
+  *) fail "the connection to the brick was lost; it goes on installing by itself" "this command again, in a minute" 4 ;;
+esac
 say "installed: $(on_brick onbrick --version </dev/null)"
 
 if [ -n "$name" ]; then
@@ -132,8 +146,8 @@ if [ -n "$name" ]; then
 fi
 
 # The image's password is in every handbook: with it, everybody on the network is this brick's owner.
-if as_root "perl -e '\$hash = (getpwnam(q($SUDO_USER_ON_BRICK)))[1]; exit(crypt(q(maker), \$hash) eq \$hash ? 0 : 1)'"; then
-  say "warning: the password of $SUDO_USER_ON_BRICK is still the well-known one"
+if as_root "perl -e '\$hash = (getpwnam(q($user_on_brick)))[1]; exit(crypt(q(maker), \$hash) eq \$hash ? 0 : 1)'"; then
+  say "warning: the password of $user_on_brick is still the well-known one"
   say "  try: ssh -t $host passwd"
 fi
 
@@ -148,17 +162,23 @@ introduce() {
     cd /
     key() { runuser -u onbrick -- onbrick --json key --keys /etc/onbrick/keys \"\$@\"; }
     key authorise $(quoted "$ours") --name $(quoted "$(id -un)@$(hostname)") >/dev/null
-    key show 2>/dev/null || key new" >"$work/theirs" || return 1
+    # The service, which has just started, may make the brick's key at the same moment.
+    key show 2>/dev/null || key new 2>/dev/null || key show" >"$work/theirs" || return 1
   theirs=$(key_in <"$work/theirs")
   address=${host#ssh://}
   address=${address#*@}
   address=${address%%:*}
   [ -z "$name" ] || address=$name.local
-  "$onbrick" key know "${name:-$address}" "$address" "$theirs"
+  "$onbrick" key know "$known_as" "$address" "$theirs"
 }
+
+# A brick that has a name of its own is known by it, however it was called here.
+known_as=$name
+[ -n "$known_as" ] || known_as=$(on_brick hostname </dev/null)
+if [ "$known_as" = ev3dev ]; then known_as=${host#*@} && known_as=${known_as%%:*}; fi
 
 if [ "$key" = yes ]; then
   introduce >&2 || fail "the brick is installed, but this PC's key is not in it" "onbrick pair, on the brick and here"
-  say "this PC may talk to it: onbrick status ${name:-${host#*@}}"
+  say "this PC may talk to it: onbrick status $known_as"
 fi
 say "done"

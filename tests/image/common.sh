@@ -46,6 +46,23 @@ not() { ! "$@"; }
 # says FILE TEXT: whether a file has it in it.
 says() { grep -qF -- "$2" "$1"; }
 
+# wait_until SECONDS COMMAND…
+wait_until() {
+  local end=$((SECONDS + $1))
+  shift
+  until "$@" >/dev/null 2>&1; do
+    [ $SECONDS -lt $end ] || return 1
+    sleep 1
+  done
+}
+
+# What a run of ours looks like from outside: its lock, held for so many seconds.
+run_goes_on() {
+  exec 9>>"$root/run/lock/onbrick.lock"
+  flock 9
+  exec sleep "$1"
+}
+
 finish() {
   if [ "$failures" != 0 ]; then
     echo "$failures failed"

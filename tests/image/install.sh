@@ -5,7 +5,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 onbrick=${ONBRICK:-$checkout/target/debug/onbrick}
-port=$((20000 + $$ % 20000))
+port=$((10000 + $$ % 10000))
 host=ssh://robot@127.0.0.1:$port
 
 # The brick: its own host name and mounts, so that what install.sh does to them stays in there.
@@ -48,10 +48,29 @@ install_onto() {
 installed() { chroot "$root" dpkg-query -W -f '${Status} ${Version}' onbrick 2>/dev/null; }
 version=$(dpkg-deb -f "$deb" Version)
 
+# A version that does not install.
+broken=$work/broken
+dpkg-deb -R "$deb" "$broken"
+sed -i 's/^Version: .*/Version: 9.9.9/' "$broken/DEBIAN/control"
+printf '#!/bin/sh\necho "this version is broken" >&2\nexit 1\n' >"$broken/DEBIAN/postinst"
+dpkg-deb --root-owner-group -Zxz -b "$broken" "$work/broken.deb" >/dev/null
+# And one that does.
+next=$work/next
+dpkg-deb -R "$deb" "$next"
+sed -i 's/^Version: .*/Version: 9.9.8/' "$next/DEBIAN/control"
+dpkg-deb --root-owner-group -Zxz -b "$next" "$work/next.deb" >/dev/null
+
 start_brick
 check "a wrong password for sudo is refused" not install_onto wrong
 check "with a way out" says "$work/said" "try: the password of a new ev3dev"
 check "nothing is installed then" [ -z "$(installed)" ]
+
+with=$work/broken.deb
+check "a first version that does not install is a failure" not install_onto maker
+unset with
+check "it says what the brick said" says "$work/said" "this version is broken"
+check "and that there is none now" says "$work/said" "there is none on the brick"
+check "which is so" [ ! -e "$root/usr/bin/onbrick" ]
 
 install_onto maker --name red || { cat "$work/said" "$work/sshd.log" && exit 1; }
 check "it is installed" [ "$(installed)" = "install ok installed $version" ]
@@ -69,13 +88,15 @@ echo robot:another | chroot "$root" chpasswd
 install_onto another || { cat "$work/said" && exit 1; }
 check "it can be run again, and another password is no longer warned of" not says "$work/said" "well-known"
 check "the name stays" [ "$(cat "$root/etc/hostname")" = red ]
+check "here as well, though it was not given again" [ "$(grep '^\[' "$work/keys/known_bricks")" = '["red"]' ]
 
-# A version that does not install: the one before is there afterwards, whole.
-broken=$work/broken
-dpkg-deb -R "$deb" "$broken"
-sed -i 's/^Version: .*/Version: 9.9.9/' "$broken/DEBIAN/control"
-printf '#!/bin/sh\necho "this version is broken" >&2\nexit 1\n' >"$broken/DEBIAN/postinst"
-dpkg-deb --root-owner-group -Zxz -b "$broken" "$work/broken.deb" >/dev/null
+# As the first start of a card from inject.sh installs it.
+cp "$deb" "$root/var/cache/onbrick/onbrick.deb"
+rm "$root/var/cache/onbrick/installed.deb"
+cp "$checkout/brick-image/package/install-first" "$root/var/cache/onbrick/"
+check "a card installs it" chroot "$root" /var/cache/onbrick/install-first
+
+# The one before is there afterwards, whole.
 with=$work/broken.deb
 check "a version that does not install is a failure" not install_onto another
 unset with
@@ -87,6 +108,22 @@ with=$work/cut.deb
 check "half a package is a failure" not install_onto another
 unset with
 check "and changes nothing" [ "$(installed)" = "install ok installed $version" ]
+
+# A run keeps the next version waiting, and the connection is lost meanwhile.
+run_goes_on 1000 &
+running=$!
+with=$work/next.deb
+install_onto another &
+installing=$!
+unset with
+check "an upgrade waits for a run" wait_until 120 says "$root/var/cache/onbrick/install.log" "waiting until it is over"
+pkill -KILL -f "ssh -F $work/ssh/config"
+wait "$installing" || true
+check "a connection that is lost is named" says "$work/said" "the connection to the brick was lost"
+check "and changes nothing until then" [ "$(installed)" = "install ok installed $version" ]
+kill "$running"
+is_next() { [ "$(installed)" = "install ok installed 9.9.8" ]; }
+check "it is finished though nobody is connected any more" wait_until 120 is_next
 
 printf 'name = "mine"\ntime_limit_s = 5\n[machine.drive]\nstart = "halt"\nfinal = "halt"\n[machine.drive.state.halt]\ndo = { stop = "brake" }\n' >"$work/mine.toml"
 check "a mission is pushed" "$onbrick" push "$host" "$work/mine.toml"
