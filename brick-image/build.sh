@@ -96,7 +96,7 @@ drive() {
   local file=$1 last
   shift
   "${arm926[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" >"$work/job"
-  last=$("$@" control <"$work/job" | grep -v '^$' | tail -n 1)
+  last=$("$@" control <"$work/job" | grep -v '^$' | tail -n 1) || true
   case $last in
     *'"event":"ended"'*'"wanted":true'*) ;;
     *) unfit "a mission did not end well with $*: $last" ;;

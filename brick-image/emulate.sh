@@ -96,12 +96,14 @@ fetch_busybox() {
 put() { install -D -m 755 "$1" "$work/root/$2"; }
 
 first_file_system() {
+  onbrick=${onbrick:-$checkout/target/brick/onbrick}
+  [ -f "$onbrick" ] || fail "there is no $onbrick" "brick-image/build.sh, which makes it"
   mkdir -p "$work/root"/{bin,dev,etc}
   put "$(busybox)" bin/busybox
   put "$here/init" init
   put "$here/scenario.sh" lib/scenario.sh
   put "$here/room.toml" lib/room.toml
-  put "${onbrick:-$checkout/target/brick/onbrick}" usr/bin/onbrick
+  put "$onbrick" usr/bin/onbrick
   tools=${tools:-$("$here/tools.sh")}
   put "$tools/onbrick-sim" usr/bin/onbrick-sim
   ln -s onbrick-sim "$work/root/usr/bin/brick-figures"

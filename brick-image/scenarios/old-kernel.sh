@@ -1,5 +1,5 @@
 # shellcheck shell=dash
-# ev3dev's kernel is 4.14: no system call from number 398 on. A mission runs where they do not exist.
+# ev3dev's kernel is 4.14: no system call from number 398 on. Missions, service, link and menu run where they do not exist.
 # pidfd_open came with 5.3, fstat64 is as old as ARM.
 expect "this kernel has a call of a later one" probe call 434
 refuse "under the filter it has not" probe enosys 398 probe call 434
@@ -14,5 +14,14 @@ drive "$(mission map 50 5)"
 arrive
 onbrick devices --brick /tmp/brick >/dev/null
 onbrick halt --brick /tmp/brick
+probe seed
+service_up /tmp/runs
+expect "the service's link opens" wait_for 60 linked
+drive_through "$(mission map 50 5)"
+arrive
+mkdir /tmp/frames
+timeout 20 onbrick menu --frames /tmp/frames --config /tmp/config --brick /tmp/brick </dev/null || true
+expect "the menu draws" [ "$(find /tmp/frames -name '*.png' | wc -l)" -gt 0 ]
+service_down
 brick_down
-echo "ok: a mission, devices and halt without a system call of a later kernel"
+echo "ok: a mission, devices, halt, service, link and menu without a system call of a later kernel"

@@ -10,9 +10,10 @@ if [ "$number" -gt 1 ]; then
     echo "FAILED: the recording cannot be opened"
     exit 1
   }
-  reached_ms=$(field /tmp/figures last_tick_ms)
+  synced_ms=$(field /tmp/figures last_synced_ms)
   figure "cut $((number - 1)): reached when it was last seen, less the second between two syncs and half a second" "$least_ms" ms
-  figure "cut $((number - 1)): the recording goes to" "${reached_ms:-0}" ms ">=" "$least_ms"
+  figure "cut $((number - 1)): the recording, with each record's checksum, goes to" "${synced_ms:-0}" ms ">=" "$least_ms"
+  figure "cut $((number - 1)): damaged stretches" "$(field /tmp/figures damaged)" "" "==" 0
   echo "cut $((number - 1)): $(sed -n 's/.*"integrity":"\([^"]*\)".*/\1/p' /tmp/figures)"
   # Nothing of ours starts anything: what a motor does after the next start is nobody's.
   sleep 2

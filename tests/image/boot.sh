@@ -8,7 +8,8 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 image=$work/card.img
-port=$((20000 + $$ % 20000))
+# And the next one, for pairing.
+port=$((20000 + 2 * ($$ % 5000)))
 pc=${ONBRICK:-$checkout/target/debug/onbrick}
 tools=${ONBRICK_TOOLS:-$("$checkout/brick-image/emulator/tools.sh")}
 
@@ -28,7 +29,7 @@ add_room() {
 # It stands for hardware, which answers at once whatever else the processor is asked to do, and which the service may write to.
 add_hardware() {
   printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nCPUSchedulingPolicy=fifo\nCPUSchedulingPriority=60\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
-  printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nReadWritePaths=/run/brick\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\n' >"$work/drop-in"
+  printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nReadWritePaths=/run/brick\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\nExecStopPost=\nExecStopPost=/usr/bin/onbrick halt --orphaned --brick /run/brick\n' >"$work/drop-in"
   add "$tools/onbrick-sim" /usr/local/bin/onbrick-sim 755
   add "$checkout/brick-image/emulator/room.toml" /usr/local/lib/room.toml 644
   add "$work/hardware" /etc/systemd/system/hardware.service 644
@@ -48,16 +49,6 @@ cut_power() {
 # shellcheck disable=SC2016  # when it is run
 cleaning+=('kill -KILL "$(cat "$work/pid")" 2>/dev/null')
 
-# wait_until SECONDS COMMAND…
-wait_until() {
-  local end=$((SECONDS + $1))
-  shift
-  until "$@" >/dev/null 2>&1; do
-    [ $SECONDS -lt $end ] || return 1
-    sleep 1
-  done
-}
-
 # This PC, with a key of its own, and what it says.
 pc() { "$pc" "$@" --keys "$work/keys" >"$work/said" 2>&1; }
 key_of() { sed -n 's/^key *//p' | tail -n 1; }
@@ -70,12 +61,22 @@ add_hardware
 # What the brick says of itself, on its console; its public key as well, which a person would compare when pairing.
 cat >"$work/report.sh" <<'END'
 #!/bin/sh
+motors() { awk '{ n++; if ($0 != "") run++ } END { print n + 0 " motors, " run + 0 " of them run" }' /run/brick/sys/class/tacho-motor/*/state; }
 while :; do
-  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' '), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)"
+  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' '), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null), $(motors)"
   onbrick key show --keys /etc/onbrick/keys 2>/dev/null | sed -n 's/^key/report: key/p'
   if systemctl -q is-failed onbrick; then
     journalctl -u onbrick -o cat -n 12 --no-pager | sed 's/^/report: journal: /'
-    echo "report: down after $(systemctl show -p NRestarts --value onbrick) restarts; motors: $(cat /run/brick/sys/class/tacho-motor/*/state | tr -d '\n')."
+    echo "report: down after $(systemctl show -p NRestarts --value onbrick) restarts; $(motors)"
+  fi
+  # The worst that can happen to a mission, and once to this one.
+  lock=/run/lock/onbrick-run-brick.lock
+  if [ ! -e /run/killed ] && grep -q 'mission square.*"motors"' $lock 2>/dev/null; then
+    touch /run/killed
+    systemctl kill --signal=KILL onbrick
+    echo "report: killed all of the service's processes"
+    sleep 10
+    echo "report: after that, $(motors)"
   fi
   sleep 5
 done >/dev/console
@@ -122,10 +123,23 @@ if ! pc_has_run; then pc --json status red && cat "$work/said"; fi
 check "and fetches the run" pc fetch red -o "$work/maps"
 run=$(find "$work/maps" -name '*.mcap' | head -n 1)
 check "which is a whole recording" "$pc" replay "$run"
+check "another mission is started" pc start square red
+check "and all of the service's processes are killed while it drives" wait_until 300 says "$work/first" "report: killed all of the"
+check "systemd has its motors stopped, and says which" wait_until 120 grep -q 'stopped what mission square (process [0-9]*) left behind: outB, outD' "$work/first"
+check "no motor runs then" wait_until 120 says "$work/first" "report: after that, 3 motors, 0 of them run"
+check "the service is back by itself" wait_until 120 pc status red
+cat "$work/said"
+check "and knows that the run was cut" says "$work/said" "last: square"
 
+check "a mission is started" pc start map red
+drives() { pc status red && says "$work/said" "running"; }
+check "which drives when the power is cut" wait_until 120 drives
 cut_power
 start "$work/second"
 check "after a power cut the service comes up by itself" wait_until 600 active "$work/second"
+check "and nothing moves by itself" says "$work/second" "installed, 3 motors, 0 of them run"
+check "it knows that the run was cut" wait_until 120 pc status red
+check "and says so" says "$work/said" "last: map"
 check "and nothing is installed a second time" not says "$work/second" "onbrick: installed"
 cut_power
 
@@ -134,9 +148,10 @@ stays_down() {
   start "$1"
   check "$2: the service stays down" wait_until 600 grep -q 'report: down after ' "$1"
   check "$2: the journal says why" grep -q "report: journal: .*$3" "$1"
+  check "$2: so does the console" grep -q "onbrick\[[0-9]*\]: .*$3\|check\[[0-9]*\]: .*$3" "$1"
   # Two more reports, ten seconds later.
   check "$2: it is not tried for ever" wait_until 120 stays_as_it_is "$1"
-  check "$2: the motors are still" says "$1" "motors: ."
+  check "$2: the motors are still" says "$1" "; 3 motors, 0 of them run"
   tr -d '\r' <"$1" | grep 'report: journal: \|report: down' | sort -u | head -n 8
   cut_power
 }
