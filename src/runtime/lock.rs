@@ -59,7 +59,7 @@ impl HardwareLock {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
         let file = open(&path).map_err(failed)?;
-        let mut held = match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
+        let held = match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
             Ok(held) => held,
             Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => {
                 return Err(LockError::Taken(read_owner(&mut file)));
