@@ -31,6 +31,17 @@ next = [{ when = "time_s > 50", go = "off" }]
 [machine.drive.state.off]
 "#;
 
+/// A robot that has nothing but wheels: what else is plugged in is no concern of its runs.
+const TWO_WHEELS: &str = r#"
+name = "two wheels"
+[drive]
+left = { port = "outB" }
+right = { port = "outD" }
+wheel_circumference_m = 0.188976
+track_width_m = 0.1143
+max_dps = 360
+"#;
+
 /// A run under way on a brick of plain files.
 struct Running {
     brick: TurningBrick,
@@ -229,7 +240,10 @@ fn kill_both(running: &Running) {
 #[test]
 fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
     patiently("promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses", || {
-        let running = Running::start(&DRIVE.replace(", head_deg = 60", ""));
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("wheels.toml"), TWO_WHEELS).unwrap();
+        let mission = DRIVE.replace(", head_deg = 60", "");
+        let running = Running::with(TurningBrick::new(), &mission, folder, &["--robot", "wheels.toml"]);
         let root = text(running.brick.root().to_owned());
         let folder = tempfile::tempdir().unwrap();
         let orphaned = || run(folder.path(), &["halt", "--orphaned", "--brick", &root]).expect(0).out;
