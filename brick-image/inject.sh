@@ -76,7 +76,7 @@ read_keys() {
 # The password comes from the person or from standard input, and is looked at before anything is written.
 read_password() {
   [ -n "$wifi" ] || return 0
-  if [ -t 0 ]; then read -rsp "password of $wifi: " password && echo; else read -r password || true; fi
+  if [ -t 0 ]; then IFS= read -rsp "password of $wifi: " password && echo; else IFS= read -r password || true; fi
   [ ${#password} -ge 8 ] || [ -z "$password" ] || fail "a wireless password has at least 8 signs" "nothing for an open network"
 }
 

@@ -82,7 +82,7 @@ say "found ${machine##*$'\n'}"
 # The brick's sudo: without a password where it needs none, else with one that is asked for once.
 password=''
 if ! on_brick sudo -n true </dev/null 2>/dev/null; then
-  if [ -t 0 ]; then read -rsp "password of ${host%%@*} on the brick, for sudo: " password && echo; else read -r password || true; fi
+  if [ -t 0 ]; then IFS= read -rsp "password of ${host%%@*} on the brick, for sudo: " password && echo; else IFS= read -r password || true; fi
   printf '%s\n' "$password" | on_brick sudo -S -p "''" true 2>/dev/null || fail "the brick's sudo did not take that password" "the password of a new ev3dev is maker" 3
 fi
 # quoted WORD: for a shell on the other side, whichever it is.
