@@ -79,10 +79,8 @@ impl HardwareLock {
     pub fn take_orphans(root: &Path) -> Result<Option<(Self, Owner)>, LockError> {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
-        let file = match OpenOptions::new().read(true).write(true).open(&path) {
-            Ok(file) => file,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(failed(error)),
+        let Some(file) = open_existing(&path, OpenOptions::new().write(true)).map_err(failed)? else {
+            return Ok(None);
         };
         match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
             Ok(mut held) => {
@@ -133,10 +131,8 @@ impl HardwareLock {
     pub fn owner(root: &Path) -> Result<Option<Owner>, LockError> {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
-        let file = match OpenOptions::new().read(true).open(&path) {
-            Ok(file) => file,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(failed(error)),
+        let Some(file) = open_existing(&path, &mut OpenOptions::new()).map_err(failed)? else {
+            return Ok(None);
         };
         match Flock::lock(file, FlockArg::LockSharedNonblock) {
             Ok(_) => Ok(None),
@@ -162,6 +158,15 @@ fn open(path: &Path) -> io::Result<File> {
         file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(EVERYBODY))?;
     }
     Ok(file)
+}
+
+/// `None` where nobody has ever held the lock.
+fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>> {
+    match how.read(true).open(path) {
+        Ok(file) => Ok(Some(file)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 /// One write of a line that ends, so that nobody reads half a name; what an earlier owner left behind it is then cut off.
