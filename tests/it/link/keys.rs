@@ -8,6 +8,7 @@ use onbrick::link::{ClientError, KeyPair, Patience};
 use onbrick::service::protocol::{Caller, Chosen, Kind, Pairing};
 
 use super::bench::{Bench, client_at, onbrick, serve, text, until};
+use crate::support::pass_over;
 
 #[test]
 fn every_operation_is_answered_to_a_key_under_its_name() {
@@ -66,6 +67,23 @@ fn a_key_that_begins_with_a_hyphen_is_an_argument_like_any_other() {
         key(&["key", "revoke", &public]);
         key(&["key", "know", "brick", "127.0.0.1", &public]);
     }
+}
+
+#[test]
+fn root_puts_no_key_where_the_service_could_not_read_it() {
+    if !nix::unistd::geteuid().is_root() {
+        return pass_over("root, who has what would be the service's");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::os::unix::fs::chown(folder.path(), Some(1000), None).unwrap();
+    let public = KeyPair::generate().unwrap().public().to_string();
+    for arguments in [&["new"][..], &["authorise", &public, "--name", "anna"], &["revoke", "anna"]] {
+        let output = onbrick().arg("key").args(arguments).arg("--keys").arg(folder.path()).output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
+        assert!(said.contains("sudo -u onbrick onbrick key"), "{arguments:?}: {said}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing was put there");
 }
 
 #[test]
