@@ -197,7 +197,9 @@ impl Store {
         }
         index.next += 1;
         index.going_on = Some(record.run.clone());
-        index.runs.insert(record.number, Entry { record, bytes: 0, saved: true });
+        // The start does not wait for the disk, but a record that never gets there would be an empty file after a power cut: the keeper writes it
+        // again, and waits.
+        index.runs.insert(record.number, Entry { record, bytes: 0, saved: false });
         Ok(folder.join(RECORDING))
     }
 
