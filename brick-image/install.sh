@@ -154,7 +154,7 @@ fi
 # This PC's key into the brick, and the brick's into this PC's list; what is shown by both sides over ssh needs no comparing of codes.
 key_in() { sed -n 's/.*"key":"\([^"]*\)".*/\1/p' | grep .; }
 introduce() {
-  local ours theirs address
+  local ours theirs
   "$onbrick" key show >/dev/null 2>&1 || "$onbrick" key new >/dev/null || return 1
   ours=$("$onbrick" --json key show | key_in) || return 1
   as_root "
@@ -165,17 +165,16 @@ introduce() {
     # The service, which has just started, may make the brick's key at the same moment.
     key show 2>/dev/null || key new 2>/dev/null || key show" >"$work/theirs" || return 1
   theirs=$(key_in <"$work/theirs")
-  address=${host#ssh://}
-  address=${address#*@}
-  address=${address%%:*}
-  [ -z "$name" ] || address=$name.local
   "$onbrick" key know "$known_as" "$address" "$theirs"
 }
 
+address=${host#ssh://}
+address=${address#*@}
+address=${address%%:*}
+[ -z "$name" ] || address=$name.local
 # A brick that has a name of its own is known by it, however it was called here.
-known_as=$name
-[ -n "$known_as" ] || known_as=$(on_brick hostname </dev/null)
-if [ "$known_as" = ev3dev ]; then known_as=${host#*@} && known_as=${known_as%%:*}; fi
+known_as=${name:-$(on_brick hostname </dev/null)}
+[ "$known_as" != ev3dev ] || known_as=$address
 
 if [ "$key" = yes ]; then
   introduce >&2 || fail "the brick is installed, but this PC's key is not in it" "onbrick pair, on the brick and here"
