@@ -40,7 +40,7 @@ use mend::{Mended, Mender};
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::BindError;
 pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole};
-pub use halt::{HaltError, Halted, halt, still, watch_still};
+pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
 pub use senses::{Channel, Reading, Senses};
 

@@ -31,6 +31,7 @@ mod child;
 mod control;
 mod dialogue;
 mod doctor;
+mod evict;
 mod execute;
 pub(crate) mod groups;
 mod guard;
@@ -50,16 +51,19 @@ pub use calibrate::{
     ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured, Straight,
     calibrate, set_numbers,
 };
-pub use child::{Order, RunError, RunProcess, StartError, StopBy, Stopper, obey, read_job, verbosity};
+pub use child::{
+    Order, RunError, RunProcess, StartError, StopBy, Stopper, never_wait, obey, read_job, verbosity,
+};
 pub use control::{Control, STALL_NS, StopFlags, Tally};
 pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
+pub use evict::{OrphansError, PATIENCE_NS, evict, signal, stop_orphans};
 #[cfg(feature = "sim")]
 pub use execute::execute_observed;
 #[cfg(feature = "cli")]
 pub(crate) use execute::with_causes;
 pub use execute::{Refused, execute};
-pub use guard::{Lines, MISSED_NS, Watch};
+pub use guard::{Lines, MISSED_NS, Pulse, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
@@ -276,6 +280,8 @@ pub enum StopReason {
     Recording,
     /// The process that drives was gone or hung, and the guard stopped the motors.
     Guard,
+    /// The guard was gone or hung, and the process that drives stopped the motors.
+    Unguarded,
     /// The program itself failed.
     Panicked,
 }
@@ -300,6 +306,7 @@ impl StopReason {
             Self::Late => "late",
             Self::Recording => "recording",
             Self::Guard => "guard",
+            Self::Unguarded => "unguarded",
             Self::Panicked => "panicked",
         }
     }
@@ -334,6 +341,7 @@ impl std::fmt::Display for StopReason {
             Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
             Self::Recording => f.write_str("the recording cannot be written"),
             Self::Guard => f.write_str("the guard stopped the motors"),
+            Self::Unguarded => f.write_str("the run's guard is gone, or has given no sign of life for 0.2 s"),
             Self::Panicked => f.write_str("the program failed; please report it"),
         }
     }

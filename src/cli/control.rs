@@ -10,12 +10,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nix::errno::Errno;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::{Pid, getppid};
 use signal_hook::consts::SIGXFSZ;
 
-use super::{Exit, Failure, Output, urgency};
+use super::{Exit, Failure, Output, fatal, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::runtime::{Brick, Event, Heartbeat, StopFlags, WhenAbandoned, execute, obey, read_job};
+use crate::runtime::{Brick, Event, Heartbeat, Lock, StopFlags, execute, never_wait, obey, read_job};
 
 /// Drive: started by the guard of a run, never by hand.
 #[derive(Debug, clap::Args)]
@@ -24,29 +25,37 @@ pub(super) struct Arguments {}
 /// How long a last word waits for a reader that lags, nanoseconds.
 const PATIENCE_NS: i64 = 2 * SECOND_NS;
 
+/// How long the guard has for a beat after the last word, nanoseconds: it beats at least as often as it hears something.
+const HUNG_NS: i64 = SECOND_NS / 2;
+
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
-    let flags = StopFlags::on_signals()
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    fatal::ends_at_once().map_err(|error| failed("cannot set up signals", &error))?;
+    let flags = StopFlags::on_signals().map_err(|error| failed("cannot listen to signals", &error))?;
     flags.on_panic();
     // A file that may not grow is then an error of its write (EFBIG) and not the end of the process that drives.
     signal_hook::flag::register(SIGXFSZ, Arc::default())
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+        .map_err(|error| failed("cannot listen to signals", &error))?;
     let mut orders = BufReader::new(io::stdin());
     let job = read_job(&mut orders).map_err(|error| {
         Failure::from_error(Exit::Usage, "standard input has no job", &error)
             .hint("onbrick run, which starts this process and gives it its job")
     })?;
-    let gone = match job.when_abandoned {
-        WhenAbandoned::Stop => Arc::clone(&flags.abandoned),
-        WhenAbandoned::GoOn => Arc::default(),
+    let guard = getppid();
+    let gone = flags.when_pipe_closes(&job);
+    let is_real = matches!(job.brick, Brick::Local(_));
+    // A beat that is not heard in time ends the run: hearing it is as urgent as the tick.
+    let begin = move || {
+        if is_real {
+            urgency::as_control()
+        }
     };
-    obey(orders, &flags, &gone)
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to orders", &error))?;
+    obey(orders, &flags, &gone, begin).map_err(|error| failed("cannot listen to orders", &error))?;
     let pipe = Pipe { gone };
-    pipe.never_wait();
+    // Should the kernel refuse, writes wait for a reader that hardly ever lags.
+    let _ = never_wait(io::stdout().as_fd());
     let mut heartbeat = pipe.clone();
     let reporter = pipe.clone();
-    let is_real = matches!(job.brick, Brick::Local(_));
     let ended = execute(&job, &flags, &mut heartbeat, move |event| {
         match event {
             // Said by the thread that ticks, after all others have been started at their usual priority.
@@ -62,7 +71,24 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
             Event::Refused { message: refused.to_text(), hint: refused.way_out().map(str::to_owned) }
         }
     });
+    if job.lock == Lock::Inherited {
+        end_hung_guard(&flags, guard);
+    }
     Ok(())
+}
+
+/// A guard that hangs would keep the hardware's lock, and its starter waiting. One that beats has read the last word.
+fn end_hung_guard(flags: &StopFlags, guard: Pid) {
+    let beats = || flags.guard_beats.load(Ordering::Relaxed);
+    let (before, deadline_ns) = (beats(), MonotonicClock.now_ns() + HUNG_NS);
+    while beats() == before && getppid() == guard {
+        if MonotonicClock.now_ns() >= deadline_ns {
+            log::error!("the guard gives no sign of life, and is killed");
+            let _ = kill(guard, Signal::SIGKILL);
+            return;
+        }
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
+    }
 }
 
 /// Standard output as a pipe that never makes the tick wait.
@@ -107,11 +133,6 @@ impl Pipe {
             }
             MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
         }
-    }
-
-    fn never_wait(&self) {
-        // Should the kernel refuse, writes wait for a reader that hardly ever lags.
-        let _ = fcntl(io::stdout().as_fd(), FcntlArg::F_SETFL(OFlag::O_NONBLOCK));
     }
 }
 

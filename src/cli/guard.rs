@@ -4,9 +4,9 @@
 //! starts until the motors are still, so that no other run comes between; control shares the lock by inheritance, so that it is not free
 //! either while a guard is gone and control is still stopping.
 //!
-//! When control is gone or hung: SIGKILL first, then wait until it is gone, so that a process that wakes up cannot renew a lease; then
-//! the motors. Signals that end a program are orders to stop the run. When the guard itself is killed, control's pipe closes, and it
-//! stops the run.
+//! When control is gone or hung: SIGKILL first, then the motors at once; and the motors again once it is gone, because what it was in the
+//! middle of may have been a command. Signals that end a program are orders to stop the run. The guard beats, too: when it is killed or
+//! hangs, control stops the run.
 
 use std::io::{self, BufReader, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -15,17 +15,16 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 
 use nix::errno::Errno;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::{Exit, Failure, Output, urgency};
+use super::{Exit, Failure, Output, fatal, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
-use crate::robot::still;
+use crate::robot::{brake_all, still};
 use crate::runtime::{
-    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned, read_job,
-    verbosity,
+    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned, never_wait,
+    read_job, verbosity,
 };
 
 /// Guard a run: started by `onbrick run`, never by hand.
@@ -38,12 +37,21 @@ const MOST_KEPT: usize = 64 << 10;
 /// How long the last words wait for a reader that lags, nanoseconds.
 const PATIENCE_NS: i64 = 2 * SECOND_NS;
 
-/// How long a killed process is waited for before the motors are stopped all the same, nanoseconds: one that sits in a system call is
-/// gone when that ends.
-const DYING_NS: i64 = 100 * MILLISECOND_NS;
+/// How long a killed process is waited for, nanoseconds: one that sits in a system call is gone when that ends.
+const DYING_NS: i64 = 5 * SECOND_NS;
+
+/// How often its motors are braked meanwhile, nanoseconds.
+const BRAKE_NS: i64 = 100 * MILLISECOND_NS;
+
+/// How often control hears from the guard at the most, nanoseconds.
+const BEAT_NS: i64 = 20 * MILLISECOND_NS;
+
+/// How often a guard off a brick wakes up, to see whether this machine lets it, nanoseconds.
+const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
     let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    fatal::ends_at_once().map_err(|error| failed("cannot set up signals", &error))?;
     let signals = signals().map_err(|error| failed("cannot listen to signals", &error))?;
     let mut input = BufReader::new(io::stdin());
     let job = read_job(&mut input).map_err(|error| {
@@ -156,14 +164,18 @@ impl Starter {
 /// The process that drives, and what is known of it.
 struct Guard {
     control: Child,
-    /// Nothing once control was told, by closing it, that its starter is gone.
-    orders: Option<ChildStdin>,
+    orders: ChildStdin,
     said: ChildStdout,
     lines: Lines,
     watch: Watch,
     starter: Starter,
-    when_abandoned: WhenAbandoned,
+    /// What control is still to be told should the starter go.
+    abandoned: Option<Order>,
     signals: UnixStream,
+    /// When control last heard a beat.
+    beaten_ns: i64,
+    /// The brick is this machine: nothing excuses a silence.
+    on_brick: bool,
 }
 
 impl Guard {
@@ -187,13 +199,15 @@ impl Guard {
         never_wait(said.as_fd())?;
         Ok(Self {
             control,
-            orders: Some(orders),
+            orders,
             said,
             lines: Lines::default(),
             watch: Watch::new(job),
             starter,
-            when_abandoned: job.when_abandoned,
+            abandoned: (job.when_abandoned == WhenAbandoned::Stop).then_some(Order::Stop(StopBy::Abandoned)),
             signals,
+            beaten_ns: MonotonicClock.now_ns(),
+            on_brick: matches!(&job.brick, Brick::Local(tree) if tree.is_machine()),
         })
     }
 
@@ -216,15 +230,26 @@ impl Guard {
         } else if hung {
             log::warn!("the process that drove has ended its run, but not itself");
         }
-        // Nothing of it may outlive us: with it the lock would.
         let _ = self.control.kill();
-        let _ = self.control.wait();
         self.starter.finish();
+        // Nothing of it may outlive us: with it the lock would.
+        let _ = self.control.wait();
         stopped
     }
 
     /// Waits until somebody says something or control's time is over.
-    fn wait(&self) {
+    fn wait(&mut self) {
+        let deadline_ns = self.watch.deadline_ns();
+        let look_ns = MonotonicClock.now_ns() + LOOK_NS;
+        let wake_ns = if self.on_brick { deadline_ns } else { deadline_ns.map(|ns| ns.min(look_ns)) };
+        self.poll(wake_ns);
+        if let Some(wake_ns) = wake_ns.filter(|_| !self.on_brick) {
+            let now_ns = MonotonicClock.now_ns();
+            self.watch.excuse(now_ns - wake_ns, now_ns);
+        }
+    }
+
+    fn poll(&self, wake_ns: Option<i64>) {
         let (stdin, stdout) = (io::stdin(), io::stdout());
         let mut waited = vec![
             PollFd::new(self.said.as_fd(), PollFlags::POLLIN),
@@ -237,7 +262,7 @@ impl Guard {
             waited.push(PollFd::new(stdout.as_fd(), PollFlags::POLLOUT));
         }
         // Interrupted or failed: then we look, and wait again.
-        let _ = poll(&mut waited, timeout(self.watch.deadline_ns()));
+        let _ = poll(&mut waited, timeout(wake_ns));
     }
 
     /// Takes in what everybody said; true if control will say nothing more.
@@ -248,7 +273,7 @@ impl Guard {
             if let Some(event) = self.watch.hear(&line, now_ns) {
                 self.starter.tell(&event);
                 if matches!(event, Event::Stopped { stopped: false, .. }) {
-                    // It drives no more, so nobody renews what is stopped here.
+                    // It drives no more, so it renews nothing that is stopped here.
                     self.stop_motors(tree);
                 }
             }
@@ -261,6 +286,16 @@ impl Guard {
             self.pass_orders_on();
         }
         self.starter.write();
+        if self.starter.gone
+            && let Some(order) = self.abandoned.take()
+        {
+            self.order(order);
+        }
+        if now_ns - self.beaten_ns >= BEAT_NS {
+            self.beaten_ns = now_ns;
+            // A pipe that is full of beats needs no other.
+            let _ = self.orders.write(b"\n");
+        }
         silent
     }
 
@@ -270,51 +305,47 @@ impl Guard {
                 self.order(order);
             }
         }
-        if self.starter.gone && self.when_abandoned == WhenAbandoned::Stop {
-            self.orders = None;
-        }
     }
 
     fn order(&mut self, order: Order) {
-        let Some(orders) = &mut self.orders else { return };
         if let Ok(mut line) = serde_json::to_vec(&order) {
             line.push(b'\n');
             // A process that does not empty this pipe hears no order; one that drives is then hung, and is found to be.
-            let _ = orders.write_all(&line);
+            let _ = self.orders.write_all(&line);
         }
     }
 
     /// Control is gone or hung: makes sure that it is gone, stops the motors, and says so in its place; true if they are still.
     fn take_over(&mut self, tree: &Arc<dyn Tree>, hung: bool) -> bool {
         let _ = self.control.kill();
-        let status = self.reap();
-        let mut stopped = self.stop_motors(tree);
-        if status.is_none() {
-            // What it was in the middle of may have been a command.
-            let _ = self.control.wait();
-            stopped = self.stop_motors(tree);
-        }
+        let status = self.reap(tree);
+        let stopped = self.stop_motors(tree);
         let how = match (hung, status) {
             (false, Some(status)) => format!("ended without a word ({status})"),
             _ => "gave no sign of life, and was killed".to_owned(),
         };
-        let last_word = self.watch.last_word(&how, stopped);
+        let last_word = self.watch.last_word(&how, stopped, MonotonicClock.now_ns());
         self.starter.tell(&last_word);
         stopped
     }
 
-    /// Waits for a process that was killed, for a moment.
-    fn reap(&mut self) -> Option<ExitStatus> {
-        let deadline_ns = MonotonicClock.now_ns() + DYING_NS;
-        loop {
+    /// Waits for a process that was killed, and brakes its motors meanwhile: it may take its time, until its devices are closed.
+    fn reap(&mut self, tree: &Arc<dyn Tree>) -> Option<ExitStatus> {
+        let start_ns = MonotonicClock.now_ns();
+        let mut brake_ns = start_ns;
+        while MonotonicClock.now_ns() < start_ns + DYING_NS {
             if let Ok(Some(status)) = self.control.try_wait() {
                 return Some(status);
             }
-            if MonotonicClock.now_ns() >= deadline_ns {
-                return None;
+            if MonotonicClock.now_ns() >= brake_ns {
+                brake_ns += BRAKE_NS;
+                if let Err(error) = brake_all(tree, self.watch.motors()) {
+                    log::warn!("cannot stop the motors at once: {error}");
+                }
             }
             MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
         }
+        None
     }
 
     /// True if every motor of the run is still.
@@ -341,12 +372,6 @@ fn take_in(pipe: BorrowedFd<'_>, lines: &mut Lines) -> bool {
             Err(_) => return true,
         }
     }
-}
-
-fn never_wait(pipe: BorrowedFd<'_>) -> nix::Result<()> {
-    let flags = OFlag::from_bits_retain(fcntl(pipe, FcntlArg::F_GETFL)?);
-    fcntl(pipe, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
-    Ok(())
 }
 
 /// How long `poll` waits for a deadline: rounded up, so that it is over then.

@@ -1,18 +1,19 @@
 //! `onbrick halt`: stop every motor now.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
+use nix::sys::signal::Signal;
 use serde::Serialize;
 
 use super::common::no_brick;
 use super::{Exit, Failure, Output};
-use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::ev3dev::{LocalTree, PortAddress, Tree};
-use crate::robot::{Halted, halt, still, watch_still};
-use crate::runtime::{HardwareLock, LockError, Owner};
+use crate::clock::{Clock, MonotonicClock, SECOND_NS};
+use crate::ev3dev::{LocalTree, Tree};
+use crate::robot::{Halted, halt, watch_still};
+use crate::runtime::{
+    HardwareLock, LockError, OrphansError, Owner, PATIENCE_NS, evict, signal, stop_orphans,
+};
 
 /// Stop the run that drives, then every motor, and watch for a second that nothing moves.
 ///
@@ -43,29 +44,26 @@ struct Report {
     still: bool,
 }
 
-/// How long a run has to stop by itself before it is killed, nanoseconds; its leases end after 300 ms.
-const PATIENCE_NS: i64 = SECOND_NS / 2;
-
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let clock = MonotonicClock;
     if arguments.orphaned {
-        return stop_orphans(arguments, &clock, output);
+        return halt_orphans(arguments, &clock, output);
     }
-    // Should the owner not stop, its motors are stopped all the same.
-    let stopped_run = stop_owner(arguments, &clock);
+    // Whatever comes of it, every motor is told to stop.
+    let stopped_run = stop_owner(&arguments.brick, &clock);
     // A brick without motors is still; a folder that is no brick is a slip, and the robot may be driving elsewhere.
     if !arguments.brick.join("sys/class").is_dir() {
         return Err(no_brick(&arguments.brick));
     }
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     let motors = halt(&tree).map_err(|error| cannot_stop(&error))?;
-    let stopped_run = stopped_run?;
     let moving = watch_still(&tree, &clock, SECOND_NS).map_err(|error| cannot_stop(&error))?;
+    let (stopped_run, ended) = stopped_run?;
     if let Ok(Some((mut lock, _))) = HardwareLock::take_orphans(&arguments.brick) {
         // They were among those that were just stopped.
         let _ = lock.nothing_turns();
     }
-    if let Some(owner) = &stopped_run {
+    if let Some(owner) = stopped_run.as_ref().filter(|_| ended) {
         output.line(format!("stopped {} (process {})", owner.doing, owner.pid));
     }
     for motor in &motors {
@@ -74,7 +72,16 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if motors.is_empty() {
         output.line(format!("there are no motors below {}", arguments.brick.display()));
     }
-    output.value(&Report { stopped_run, motors, still: moving.is_empty() });
+    output.value(&Report {
+        stopped_run: stopped_run.clone().filter(|_| ended),
+        motors,
+        still: moving.is_empty(),
+    });
+    if let Some(owner) = stopped_run.as_ref().filter(|_| moving.is_empty() && !ended) {
+        let why =
+            format!("the motors are still, but {} (process {}) cannot be ended", owner.doing, owner.pid);
+        return Err(Failure::new(Exit::Failed, why).hint("run onbrick halt as the same user, or as root"));
+    }
     if moving.is_empty() {
         return Ok(());
     }
@@ -88,53 +95,36 @@ fn cannot_stop(error: &dyn std::error::Error) -> Failure {
 }
 
 /// Stops the motors of a run that was killed with its guard, and no others.
-fn stop_orphans(arguments: &Arguments, clock: &dyn Clock, output: &mut Output) -> Result<(), Failure> {
-    let (mut lock, owner) = match HardwareLock::take_orphans(&arguments.brick) {
-        Ok(Some(found)) => found,
+fn halt_orphans(arguments: &Arguments, clock: &dyn Clock, output: &mut Output) -> Result<(), Failure> {
+    let owner = match stop_orphans(&arguments.brick, clock) {
+        Ok(Some(owner)) => owner,
         Ok(None) => {
             output.show("no run has left a motor behind", &Orphans { left_by: None });
             return Ok(());
         }
-        Err(LockError::Taken(owner)) => {
+        Err(OrphansError::Lock(LockError::Taken(owner))) => {
             let who = format!("{} (process {}) sees to its motors itself", owner.doing, owner.pid);
             output.show(who, &Orphans { left_by: None });
             return Ok(());
         }
+        Err(error @ OrphansError::Halt(_)) => return Err(cannot_stop(&error)),
         Err(error) => return Err(Failure::from_error(Exit::Failed, "cannot see who drove", &error)),
     };
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
-    let ports: Vec<PortAddress> = owner.motors.iter().filter_map(|motor| motor.parse().ok()).collect();
-    still(&tree, &ports, clock).map_err(|error| cannot_stop(&error))?;
-    lock.nothing_turns().map_err(|error| Failure::from_error(Exit::Failed, "cannot note it", &error))?;
-    let ports: Vec<String> = ports.iter().map(ToString::to_string).collect();
-    let what =
-        format!("stopped what {} (process {}) left behind: {}", owner.doing, owner.pid, ports.join(", "));
+    let ports = owner.motors.join(", ");
+    let what = format!("stopped what {} (process {}) left behind: {ports}", owner.doing, owner.pid);
     output.show(what, &Orphans { left_by: Some(owner) });
     Ok(())
 }
 
-/// Asks the run that owns the motors to stop, and kills it where it does not listen.
-fn stop_owner(arguments: &Arguments, clock: &dyn Clock) -> Result<Option<Owner>, Failure> {
-    let owner = || {
-        HardwareLock::owner(&arguments.brick)
-            .map_err(|error| Failure::from_error(Exit::Failed, "cannot see who drives", &error))
+/// Asks the run that owns the motors to stop, and ends it by force where it does not listen; the run, and whether it cannot
+/// turn a motor any more.
+fn stop_owner(root: &Path, clock: &dyn Clock) -> Result<(Option<Owner>, bool), Failure> {
+    let failed = |error: &LockError| Failure::from_error(Exit::Failed, "cannot see who drives", error);
+    let Some(owner) = HardwareLock::owner(root).map_err(|error| failed(&error))? else {
+        return Ok((None, true));
     };
-    let Some(found) = owner()? else { return Ok(None) };
-    if found.pid <= 0 {
-        return Ok(Some(found));
-    }
-    let pid = Pid::from_raw(found.pid);
-    for signal in [Signal::SIGTERM, Signal::SIGKILL] {
-        // A process that has just gone is as good as one that obeys; one of another user's keeps its lock, and shows below.
-        let _ = kill(pid, signal);
-        let deadline_ns = clock.now_ns() + PATIENCE_NS;
-        while clock.now_ns() < deadline_ns {
-            if owner()?.is_none() {
-                return Ok(Some(found));
-            }
-            clock.sleep_until_ns(clock.now_ns() + 10 * MILLISECOND_NS);
-        }
-    }
-    Err(Failure::new(Exit::Failed, format!("{} (process {}) does not stop", found.doing, found.pid))
-        .hint("run onbrick halt as the same user, or as root"))
+    // One that is gone, or of another user, shows below.
+    let _ = signal(root, owner.pid, Signal::SIGTERM);
+    let ended = evict(root, clock, PATIENCE_NS, |_| true).map_err(|error| failed(&error))?;
+    Ok((Some(owner), ended))
 }

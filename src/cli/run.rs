@@ -186,6 +186,8 @@ fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Fai
     progress.finish();
     run.wait().map_err(|error| match error {
         RunError::Refused { message, hint } => Failure::of_refused(message, hint.as_deref()),
+        RunError::Silent { stopped: true, .. } => failed("the run", &error)
+            .hint(format!("its motors were stopped; {} says what happened before", job.file.display())),
         RunError::Silent { .. } | RunError::Io(_) => {
             failed("the run", &error).hint("onbrick halt, to be sure that the motors are still")
         }

@@ -91,16 +91,34 @@ pub fn still(tree: &Arc<dyn Tree>, ports: &[PortAddress], clock: &dyn Clock) -> 
     last
 }
 
-fn still_once(tree: &Arc<dyn Tree>, ports: &[PortAddress], clock: &dyn Clock) -> Result<(), HaltError> {
+/// Tells the tacho motors on these ports to brake, and does not wait until they are still.
+///
+/// # Errors
+///
+/// [`HaltError`]; every motor that could be told was told.
+pub fn brake_all(tree: &Arc<dyn Tree>, ports: &[PortAddress]) -> Result<(), HaltError> {
+    tell(tree, ports, |_| ())
+}
+
+/// Brakes each of these motors, and hands over those that are there.
+fn tell(
+    tree: &Arc<dyn Tree>,
+    ports: &[PortAddress],
+    mut told: impl FnMut(TachoMotor),
+) -> Result<(), HaltError> {
     let mut found = devices(tree, Class::TachoMotor)?;
     found.retain(|identity| ports.iter().any(|port| port.fits(&identity.address)));
-    let mut motors = Vec::new();
-    let told = each(found, |identity| {
+    Ok(each(found, |identity| {
         let motor = TachoMotor::bind(tree, identity)?;
         let braked = brake(&motor);
-        motors.push(motor);
+        told(motor);
         braked
-    });
+    })?)
+}
+
+fn still_once(tree: &Arc<dyn Tree>, ports: &[PortAddress], clock: &dyn Clock) -> Result<(), HaltError> {
+    let mut motors = Vec::new();
+    let told = tell(tree, ports, |motor| motors.push(motor));
     let deadline_ns = clock.now_ns() + ROLL_NS;
     while clock.now_ns() < deadline_ns && !turning(&motors).is_empty() {
         clock.sleep_until_ns(clock.now_ns() + LOOK_NS);

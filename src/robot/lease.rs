@@ -5,12 +5,13 @@
 //! ramp would go on after the lease (`ev3dev-interfaces`, 2.4).
 //!
 //! Nothing keeps another program from commanding the same motor. What it does shows in what the driver says of itself: a motor under
-//! a lease of ours runs, one that we stopped does not, `speed_sp` is what we wrote last, and `duty_cycle_sp` is 0 because we
-//! never write it. A motor that two looks in a row find otherwise is somebody else's, and is left alone from then on.
+//! a lease of ours runs, one that we stopped does not, and the settings are as we left them. Settings are looked at because each of them
+//! can undo a lease: a `time_sp` makes the next one longer, a ramp goes on after it, a stop action lets the motor roll on, a polarity
+//! turns it round. A motor that two looks in a row find otherwise is another program's, and is left alone from then on.
 
 use std::f64::consts::PI;
 
-use crate::ev3dev::{DeviceError, StopAction, TachoCommand, TachoMotor};
+use crate::ev3dev::{DeviceError, Polarity, StopAction, TachoCommand, TachoMotor};
 
 /// How long a motion lasts unless it is renewed, milliseconds.
 pub const LEASE_MS: i32 = 300;
@@ -30,11 +31,30 @@ pub enum Aspect {
     Speed,
     /// `duty_cycle_sp`: 0 since `reset`.
     Duty,
+    /// `time_sp`: [`LEASE_MS`].
+    Time,
+    /// `stop_action`: what we wrote last.
+    StopAction,
+    /// `ramp_up_sp`: 0 since `reset`.
+    RampUp,
+    /// `ramp_down_sp`: 0 since `reset`.
+    RampDown,
+    /// `polarity`: normal since `reset`.
+    Polarity,
 }
 
 impl Aspect {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::State, Self::Speed, Self::Duty];
+    pub const ALL: [Self; 8] = [
+        Self::State,
+        Self::Speed,
+        Self::Duty,
+        Self::Time,
+        Self::StopAction,
+        Self::RampUp,
+        Self::RampDown,
+        Self::Polarity,
+    ];
 }
 
 /// Who commands a motor.
@@ -88,11 +108,9 @@ impl LeasedMotor {
         motor.reset()?;
         motor.set_stop_action(StopAction::Brake)?;
         motor.set_time_sp(LEASE_MS)?;
-        // Read once here, so that the tick need not open the files; what cannot be read is not looked at.
-        let _ = (motor.state(), motor.duty_cycle_sp());
         let speed_sp = motor.speed_sp().ok();
         let axle_rad_per_count = 2.0 * PI * ratio / f64::from(motor.count_per_rot());
-        Ok(Self {
+        let leased = Self {
             motor,
             axle_rad_per_count,
             counts_per_axle_rad: 1.0 / axle_rad_per_count,
@@ -104,7 +122,10 @@ impl LeasedMotor {
             stop_action: StopAction::Brake,
             speed_sp,
             hand: Hand::Ours,
-        })
+        };
+        // Each file is read once here, so that the tick need not open it; what it says matters from then on.
+        let _ = Aspect::ALL.map(|aspect| leased.contradicts(aspect, 0));
+        Ok(leased)
     }
 
     /// The axle's angle, radians; one system call.
@@ -215,6 +236,11 @@ impl LeasedMotor {
                 self.speed_sp.is_some_and(|ours| self.motor.speed_sp().is_ok_and(|speed| speed != ours))
             }
             Aspect::Duty => self.motor.duty_cycle_sp().is_ok_and(|duty| duty.percent() != 0),
+            Aspect::Time => self.motor.time_sp().is_ok_and(|time_ms| time_ms != LEASE_MS),
+            Aspect::StopAction => self.motor.stop_action().is_ok_and(|action| action != self.stop_action),
+            Aspect::RampUp => self.motor.ramp_up_sp().is_ok_and(|ramp_ms| ramp_ms != 0),
+            Aspect::RampDown => self.motor.ramp_down_sp().is_ok_and(|ramp_ms| ramp_ms != 0),
+            Aspect::Polarity => self.motor.polarity().is_ok_and(|polarity| polarity != Polarity::Normal),
         }
     }
 

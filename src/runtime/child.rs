@@ -7,28 +7,40 @@
 //! Control drives; the guard stops the motors when control is gone or hung ([`Watch`](super::Watch)). A simulated brick lives inside
 //! control, and needs no guard. Each starter and the process that it started talk over two pipes, in lines of JSON:
 //!
-//! - its standard input: the [`Job`], then [`Order`]s as they come. When this pipe closes, the starter is gone, and what happens then is
-//!   [`Job::when_abandoned`].
+//! - its standard input: the [`Job`], then [`Order`]s as they come; control's also has an empty line each 20 ms or so, the guard's
+//!   heartbeat ([`Pulse`](super::Pulse)). When this pipe closes, the starter is gone, and what happens then is [`Job::when_abandoned`].
 //! - its standard output: an empty line for each tick (the heartbeat) and [`Event`]s, of which the last is [`Event::Ended`] or
 //!   [`Event::Refused`].
 //!
-//! The process is this same program under a hidden command, started anew rather than forked: threads and locks of the starter do not exist
+//! The process is this same program under a hidden command, executed rather than forked: threads and locks of the starter do not exist
 //! in it.
+//!
+//! A run that does not stop within [`PATIENCE_NS`] when it is asked to is ended by force: its first process is killed. Whenever that is gone
+//! without a last word, [`RunProcess::wait`] sees to it that control is gone, too, or has stopped its motors ([`evict`]).
 //!
 //! # Not here
 //!
 //! The other ends of the pipes are the commands `guard` and `control`.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::path::Path;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use log::LevelFilter;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use serde::{Deserialize, Serialize};
 
-use super::{Brick, Ended, Event, Job, StopFlags};
+use super::execute::with_causes;
+use super::{
+    Brick, Ended, Event, Job, LockError, OrphansError, Owner, PATIENCE_NS, StopFlags, evict, stop_orphans,
+};
+use crate::clock::{Clock, MonotonicClock};
+use crate::ev3dev::Tree as _;
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
 const LONGEST_JOB: u64 = 64 << 20;
@@ -54,6 +66,8 @@ pub enum StopBy {
     MenuClosed,
     /// Whoever started it was told to stop by a signal: [`StopReason::Signal`](super::StopReason::Signal).
     Terminal,
+    /// The starter is gone, says the guard: [`StopReason::Abandoned`](super::StopReason::Abandoned).
+    Abandoned,
 }
 
 /// Why a run's process could not be started. Nothing has moved.
@@ -81,11 +95,17 @@ pub enum RunError {
         /// What to do, where the message does not say it.
         hint: Option<String>,
     },
-    /// The process ended without a last word: see that the motors are still.
-    #[error("the process that drives ended without a word ({status})")]
+    /// The run's first process ended without a last word.
+    #[error("{process} ended without a word ({status}){}", if *.forced { ", killed because the run did not stop when asked to" } else { "" })]
     Silent {
+        /// Which: the guard, or, on a simulated brick, the process that drives.
+        process: &'static str,
         /// How it ended.
         status: ExitStatus,
+        /// We killed it.
+        forced: bool,
+        /// The motors are still, or were told to stop by the process that drives.
+        stopped: bool,
     },
     /// The process cannot be waited for.
     #[error("cannot wait for the process that drives")]
@@ -98,6 +118,8 @@ pub enum RunError {
 #[derive(Debug)]
 pub struct RunProcess {
     child: Child,
+    /// The brick, where it is not a simulated one inside the process.
+    root: Option<PathBuf>,
     stopper: Stopper,
     events: BufReader<ChildStdout>,
     last_word: Option<Event>,
@@ -112,10 +134,10 @@ impl RunProcess {
     ///
     /// [`StartError`].
     pub fn start(program: &Path, job: &Job) -> Result<Self, StartError> {
-        let process = match job.brick {
-            Brick::Local(_) => "guard",
+        let (process, root) = match &job.brick {
+            Brick::Local(tree) => ("guard", Some(tree.root().to_owned())),
             // Nothing real moves, and its process is the brick.
-            Brick::Simulated { .. } => "control",
+            Brick::Simulated { .. } => ("control", None),
         };
         let mut child = Command::new(program)
             .arg(process)
@@ -134,8 +156,8 @@ impl RunProcess {
             let _ = child.wait();
             return Err(StartError::HandOver(error));
         }
-        let stopper = Stopper { orders: Arc::new(Mutex::new(Some(orders))) };
-        Ok(Self { child, stopper, events, last_word: None })
+        let stopper = Stopper::new(&child, orders);
+        Ok(Self { child, root, stopper, events, last_word: None })
     }
 
     /// Waits for the next event, and skips heartbeats; `None` when the run's processes are gone.
@@ -143,10 +165,14 @@ impl RunProcess {
         let mut line = String::new();
         loop {
             line.clear();
-            if self.events.read_line(&mut line).ok()? == 0 {
+            if !self.events.read_line(&mut line).is_ok_and(|count| count > 0) {
+                self.stopper.obeyed();
                 return None;
             }
             if let Ok(event) = serde_json::from_str::<Event>(&line) {
+                if matches!(event, Event::Stopped { .. } | Event::Ended(_) | Event::Refused { .. }) {
+                    self.stopper.obeyed();
+                }
                 if matches!(event, Event::Ended(_) | Event::Refused { .. }) {
                     self.last_word = Some(event.clone());
                 }
@@ -161,7 +187,8 @@ impl RunProcess {
         self.stopper.clone()
     }
 
-    /// Waits until the run's processes are gone; how the run went.
+    /// Waits until the run's processes are gone; how the run went. Where the first of them is gone without a word, makes sure that
+    /// the other has stopped its motors, or is gone and its motors are still.
     ///
     /// # Errors
     ///
@@ -172,7 +199,12 @@ impl RunProcess {
         match self.last_word.take() {
             Some(Event::Ended(ended)) => Ok(ended),
             Some(Event::Refused { message, hint }) => Err(RunError::Refused { message, hint }),
-            _ => Err(RunError::Silent { status }),
+            _ => Err(RunError::Silent {
+                process: if self.root.is_some() { "the run's guard" } else { "the process that drives" },
+                status,
+                forced: self.stopper.has_forced(),
+                stopped: self.root.as_ref().is_none_or(|root| see_to_motors(root, self.child.id())),
+            }),
         }
     }
 }
@@ -183,30 +215,111 @@ impl Drop for RunProcess {
     }
 }
 
+/// The guard is gone: true once control has stopped the motors, or is gone and the motors are still.
+fn see_to_motors(root: &Path, guard: u32) -> bool {
+    let of_run = |owner: &Owner| {
+        [Some(owner.pid), owner.guard].into_iter().flatten().any(|pid| u32::try_from(pid) == Ok(guard))
+    };
+    let seen_to = evict(root, &MonotonicClock, 0, of_run).map_err(OrphansError::from).and_then(|gone| {
+        match stop_orphans(root, &MonotonicClock) {
+            // It is finishing its recording, or another run has begun.
+            Err(OrphansError::Lock(LockError::Taken(_))) => Ok(gone),
+            stopped => stopped.map(|_| gone),
+        }
+    });
+    seen_to.unwrap_or_else(|error| {
+        log::error!("{}", with_causes(&error));
+        false
+    })
+}
+
 /// Stops a run from any thread.
 #[derive(Debug, Clone)]
 pub struct Stopper {
+    inner: Arc<Mutex<Stopping>>,
+    /// The run's first process.
+    process: Pid,
+}
+
+#[derive(Debug)]
+struct Stopping {
     /// Nothing once the run has been waited for or left to itself.
-    orders: Arc<Mutex<Option<ChildStdin>>>,
+    orders: Option<ChildStdin>,
+    /// It was asked, and somebody waits for its answer.
+    asked: bool,
+    /// The motors were told, or the process is gone.
+    obeyed: bool,
+    /// It was killed because it did not obey.
+    forced: bool,
 }
 
 impl Stopper {
-    /// Asks the run to stop; it then ends by itself and says how. A run that is over needs no asking, and that is no error.
+    fn new(child: &Child, orders: ChildStdin) -> Self {
+        // A process that hangs does not empty its pipe; whoever asks it to stop must not hang with it.
+        if let Err(errno) = never_wait(orders.as_fd()) {
+            log::warn!("orders to the run may have to wait: {errno}");
+        }
+        let stopping = Stopping { orders: Some(orders), asked: false, obeyed: false, forced: false };
+        // The kernel's numbers of processes fit.
+        let process = Pid::from_raw(i32::try_from(child.id()).unwrap_or(0));
+        Self { inner: Arc::new(Mutex::new(stopping)), process }
+    }
+
+    /// Asks the run to stop; it then ends by itself and says how. One that has not told its motors to stop after [`PATIENCE_NS`] is
+    /// killed. A run that is over needs no asking, and that is no error.
     ///
     /// # Errors
     ///
-    /// What writing to its pipe gave; its process is then about to be gone.
+    /// What writing to its pipe gave, or the kernel has no room for the thread that waits.
     pub fn stop(&self, by: StopBy) -> io::Result<()> {
-        let mut orders = self.orders.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(pipe) = orders.as_mut() else { return Ok(()) };
+        let mut stopping = self.stopping();
+        let Some(pipe) = stopping.orders.as_mut() else { return Ok(()) };
         let mut line = serde_json::to_vec(&Order::Stop(by))?;
         line.push(b'\n');
-        pipe.write_all(&line)
+        let asked = pipe.write_all(&line);
+        if !std::mem::replace(&mut stopping.asked, true) {
+            let stopper = self.clone();
+            std::thread::Builder::new().name("patience".to_owned()).spawn(move || stopper.force_later())?;
+        }
+        asked
+    }
+
+    fn force_later(&self) {
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + PATIENCE_NS);
+        let mut stopping = self.stopping();
+        // While it has not obeyed, it has not been waited for, and its number is its own.
+        if !stopping.obeyed && self.process.as_raw() > 0 {
+            log::error!("the run did not stop when it was asked to; it is ended by force");
+            stopping.forced = kill(self.process, Signal::SIGKILL).is_ok();
+        }
+    }
+
+    fn obeyed(&self) {
+        self.stopping().obeyed = true;
+    }
+
+    fn has_forced(&self) -> bool {
+        self.stopping().forced
     }
 
     fn close(&self) {
-        self.orders.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.stopping().orders.take();
     }
+
+    fn stopping(&self) -> MutexGuard<'_, Stopping> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A pipe that answers at once, whether or not there is something in it, or room.
+///
+/// # Errors
+///
+/// What the kernel answers.
+pub fn never_wait(pipe: BorrowedFd<'_>) -> nix::Result<()> {
+    let flags = OFlag::from_bits_retain(fcntl(pipe, FcntlArg::F_GETFL)?);
+    fcntl(pipe, FcntlArg::F_SETFL(flags | OFlag::O_NONBLOCK))?;
+    Ok(())
 }
 
 /// Reads the job that the starter hands over first.
@@ -231,10 +344,11 @@ pub fn verbosity() -> Option<&'static str> {
     }
 }
 
-/// Does what the starter orders, in a thread of its own that ends with the process.
+/// Does what the starter orders and counts the guard's beats, in a thread of its own that ends with the process.
 ///
 /// - `orders`: the pipe from the starter, behind the job.
 /// - `gone`: raised when that pipe closes.
+/// - `begin`: what the thread does first, such as raising its priority.
 ///
 /// # Errors
 ///
@@ -243,11 +357,13 @@ pub fn obey(
     mut orders: impl BufRead + Send + 'static,
     flags: &StopFlags,
     gone: &Arc<AtomicBool>,
+    begin: impl FnOnce() + Send + 'static,
 ) -> io::Result<()> {
     let (flags, gone) = (flags.clone(), Arc::clone(gone));
     let thread = std::thread::Builder::new().name("orders".to_owned());
     thread.spawn(move || {
-        while let Some(Order::Stop(by)) = next_order(&mut orders) {
+        begin();
+        while let Some(Order::Stop(by)) = next_order(&mut orders, &flags.guard_beats) {
             flags.raise(by);
         }
         gone.store(true, Ordering::Relaxed);
@@ -255,15 +371,17 @@ pub fn obey(
     Ok(())
 }
 
-/// Waits for the starter's next order; `None` when the starter is gone. What is no order is passed over.
-fn next_order(orders: &mut impl BufRead) -> Option<Order> {
+/// Waits for the starter's next order; `None` when the starter is gone. Beats are counted; what else is no order is passed over.
+fn next_order(orders: &mut impl BufRead, beats: &AtomicU32) -> Option<Order> {
     let mut line = Vec::new();
     loop {
         line.clear();
         if orders.take(LONGEST_ORDER).read_until(b'\n', &mut line).ok()? == 0 {
             return None;
         }
-        if let Ok(order) = serde_json::from_slice(&line) {
+        if line == b"\n" {
+            beats.fetch_add(1, Ordering::Relaxed);
+        } else if let Ok(order) = serde_json::from_slice(&line) {
             return Some(order);
         }
     }
@@ -277,9 +395,12 @@ mod tests {
     fn orders_are_lines_and_what_is_none_is_passed_over() {
         let mut pipe: &[u8] =
             b"{\"stop\":\"remote\"}\n\nnonsense\n{\"stop\":\"menu_closed\"}\n{\"stop\":\"term";
-        assert_eq!(next_order(&mut pipe), Some(Order::Stop(StopBy::Remote)));
-        assert_eq!(next_order(&mut pipe), Some(Order::Stop(StopBy::MenuClosed)));
-        assert_eq!(next_order(&mut pipe), None, "a starter that died in the middle of a word");
+        let beats = AtomicU32::new(0);
+        let mut next = || next_order(&mut pipe, &beats);
+        assert_eq!(next(), Some(Order::Stop(StopBy::Remote)));
+        assert_eq!(next(), Some(Order::Stop(StopBy::MenuClosed)));
+        assert_eq!(next(), None, "a starter that died in the middle of a word");
+        assert_eq!(beats.load(Ordering::Relaxed), 1, "the empty line");
     }
 
     #[test]

@@ -10,7 +10,7 @@
 use std::fmt;
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use arrayvec::{ArrayString, ArrayVec};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -23,7 +23,7 @@ use crate::robot::{Channel, Robot, Senses};
 use super::battery::Charge;
 use super::pilot::{Pilot, Step};
 use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
-use super::{Heartbeat, StopBy, StopReason};
+use super::{Heartbeat, Job, Lock, Pulse, StopBy, StopReason, WhenAbandoned};
 
 /// A tick this late ends the run, nanoseconds.
 pub const STALL_NS: i64 = 200_000_000;
@@ -42,8 +42,12 @@ pub struct StopFlags {
     pub remote: Arc<AtomicBool>,
     /// The menu is gone.
     pub menu_closed: Arc<AtomicBool>,
+    /// The guard is gone.
+    pub unguarded: Arc<AtomicBool>,
     /// A thread of this process has panicked.
     pub panicked: Arc<AtomicBool>,
+    /// The guard's heartbeats, counted.
+    pub guard_beats: Arc<AtomicU32>,
 }
 
 impl StopFlags {
@@ -72,12 +76,23 @@ impl StopFlags {
         }));
     }
 
+    /// What is raised when the pipe of orders closes: it is the guard's, or the starter's, whose end may be none of the run's.
+    #[must_use]
+    pub fn when_pipe_closes(&self, job: &Job) -> Arc<AtomicBool> {
+        match (job.lock, job.when_abandoned) {
+            (Lock::Inherited, _) => Arc::clone(&self.unguarded),
+            (Lock::Take, WhenAbandoned::Stop) => Arc::clone(&self.abandoned),
+            (Lock::Take, WhenAbandoned::GoOn) => Arc::default(),
+        }
+    }
+
     /// Asks to stop on somebody's behalf.
     pub fn raise(&self, by: StopBy) {
         let flag = match by {
             StopBy::Remote => &self.remote,
             StopBy::MenuClosed => &self.menu_closed,
             StopBy::Terminal => &self.signal,
+            StopBy::Abandoned => &self.abandoned,
         };
         flag.store(true, Ordering::Relaxed);
     }
@@ -95,6 +110,7 @@ impl StopFlags {
             (&self.remote, StopReason::Remote),
             (&self.menu_closed, StopReason::MenuClosed),
             (&self.abandoned, StopReason::Abandoned),
+            (&self.unguarded, StopReason::Unguarded),
         ];
         raised.into_iter().find(|(flag, _)| flag.load(Ordering::Relaxed)).map(|(_, reason)| reason)
     }
@@ -132,6 +148,8 @@ pub struct Control<'r> {
     pub flags: &'r StopFlags,
     /// Who is told that the loop is alive.
     pub heartbeat: &'r mut dyn Heartbeat,
+    /// The guard, where there is one.
+    pub guard: Option<Pulse>,
     /// The tick's period, nanoseconds.
     pub period_ns: i64,
     /// What was counted so far.
@@ -167,6 +185,10 @@ impl Control<'_> {
             self.tally.latest_ns = self.tally.latest_ns.max(late_ns);
             if late_ns > STALL_NS {
                 return StopReason::Late;
+            }
+            let period_ns = self.period_ns;
+            if self.guard.as_mut().is_some_and(|guard| guard.is_silent(now_ns, period_ns)) {
+                return StopReason::Unguarded;
             }
             senses.time_ns = now_ns - start_ns;
             let step = self.tick(&mut senses, &mut demands, late_ns);

@@ -15,8 +15,8 @@ use super::control::{Control, Tally};
 use super::pilot::PilotError;
 use super::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 use super::{
-    Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Pilot, StopFlags,
-    StopReason, names, prepare,
+    Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot, Pulse,
+    StopFlags, StopReason, names, prepare,
 };
 
 /// Why a run did not start. Nothing has moved.
@@ -194,7 +194,7 @@ impl Stage {
         let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
         let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
         let motors = robot.motor_ports();
-        name_motors(job, &mission, &motors);
+        write_owner(job, &Owner { motors: motors.clone(), ..owner(job, mission.name()) });
         report(&Event::Driving { file: job.file.clone(), motors });
 
         let mut control = Control {
@@ -204,6 +204,7 @@ impl Stage {
             clock: &*place.clock,
             flags,
             heartbeat,
+            guard: (job.lock == Lock::Inherited).then(|| Pulse::new(Arc::clone(&flags.guard_beats))),
             period_ns: period_ns(&mission),
             tally: Tally::default(),
         };
@@ -217,7 +218,7 @@ impl Stage {
             None => word.to_string(),
         };
         if stopped {
-            name_motors(job, &mission, &[]);
+            write_owner(job, &Owner { stopped: true, ..owner(job, mission.name()) });
         }
         report(&Event::Stopped { word: word.word().to_owned(), reason: reason.clone(), stopped });
         let end = End {
@@ -279,10 +280,16 @@ fn doing(mission: &str) -> String {
     format!("mission {mission}")
 }
 
-/// Names in the hardware's lock the motors that somebody would have to stop, should all processes of this run be killed at once.
-fn name_motors(job: &Job, mission: &Mission, motors: &[String]) {
+/// This process as the hardware's owner, before it has taken over any motor.
+fn owner(job: &Job, mission: &str) -> Owner {
+    let guard = (job.lock == Lock::Inherited).then(|| nix::unistd::getppid().as_raw());
+    Owner { guard, ..Owner::here(&doing(mission)) }
+}
+
+/// Writes into the hardware's lock what others need to know of this run, should its processes be killed or hang.
+fn write_owner(job: &Job, owner: &Owner) {
     if let Brick::Local(tree) = &job.brick
-        && let Err(error) = HardwareLock::name_owner(tree.root(), &doing(mission.name()), motors)
+        && let Err(error) = HardwareLock::name_owner(tree.root(), owner)
     {
         log::warn!("{}", with_causes(&error));
     }
@@ -308,11 +315,10 @@ impl Place {
     fn open(job: &Job, mission: &str) -> Result<Self, Refused> {
         match &job.brick {
             Brick::Local(tree) => {
-                let doing = doing(mission);
                 let lock = match job.lock {
-                    Lock::Take => Some(HardwareLock::take(tree.root(), &doing)?),
+                    Lock::Take => Some(HardwareLock::take(tree.root(), &doing(mission))?),
                     Lock::Inherited => {
-                        HardwareLock::name_owner(tree.root(), &doing, &[])?;
+                        HardwareLock::name_owner(tree.root(), &owner(job, mission))?;
                         None
                     }
                 };

@@ -1,4 +1,4 @@
-//! What the guard knows of the process that drives, from what it hears: when it counts as hung, and what is to be said in its place.
+//! What guard and control know of each other: when the other counts as hung, and what is to be said in its place.
 //!
 //! The leases stop the motors by themselves 0.3 s after the last renewal; the guard does not trust that. It listens to control's
 //! heartbeat, and when a beat is missed while the robot drives, or control's pipe closes, it kills control, so that nobody can renew a
@@ -9,11 +9,15 @@
 //!  no beats               200 ms               a minute                 ten seconds to be gone
 //! ```
 //!
+//! Control counts the guard's beats ([`Pulse`]) and ends the run when none comes: a robot without a guard does not drive.
+//!
 //! # Not here
 //!
-//! No processes, no pipes and no time: the command `guard` has them.
+//! No processes, no pipes and no time: the commands `guard` and `control` have them.
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::PortAddress;
@@ -21,7 +25,7 @@ use crate::ev3dev::PortAddress;
 use super::recording::Status;
 use super::{Ended, Event, Job, StopReason};
 
-/// How long after its last heartbeat a process that drives counts as hung, nanoseconds.
+/// How long after its last heartbeat guard or control counts as hung, nanoseconds.
 pub const MISSED_NS: i64 = 200 * MILLISECOND_NS;
 
 /// How long the recording may take to finish after the motors were stopped, nanoseconds: a slow card syncs in seconds.
@@ -29,6 +33,15 @@ const FINISHING_NS: i64 = 60 * SECOND_NS;
 
 /// How long a process that has said its last word may take to be gone, nanoseconds.
 const LEAVING_NS: i64 = 10 * SECOND_NS;
+
+/// A guard that was woken so late was away, nanoseconds.
+const AWAY_NS: i64 = 50 * MILLISECOND_NS;
+
+/// For how long at the most a silence is put down to the machine, nanoseconds.
+const MOST_EXCUSED_NS: i64 = 2 * SECOND_NS;
+
+/// How long an absence of the guard may explain a late tick of control, nanoseconds.
+const EXPLAINS_NS: i64 = SECOND_NS;
 
 /// No line of control's is longer, bytes; the longest is a refusal with all findings of a file.
 const LONGEST_LINE: usize = 4 << 20;
@@ -55,6 +68,10 @@ pub struct Watch {
     motors: Vec<PortAddress>,
     status: Option<Status>,
     file: PathBuf,
+    /// When the guard was last away itself, and for how long.
+    away: Option<(i64, i64)>,
+    /// How much of control's silence was put down to the machine.
+    excused_ns: i64,
 }
 
 impl Watch {
@@ -67,15 +84,45 @@ impl Watch {
             motors: Vec::new(),
             status: None,
             file: job.file.clone(),
+            away: None,
+            excused_ns: 0,
         }
+    }
+
+    /// The guard itself was woken late, by `away_ns`: for so long it could not hear control, nor could control speak, as on a
+    /// PC that is busy. Never called on a brick, where nothing may excuse a silence.
+    pub fn excuse(&mut self, away_ns: i64, now_ns: i64) {
+        if away_ns < AWAY_NS || self.phase != Phase::Driving {
+            return;
+        }
+        self.away = Some((now_ns, away_ns));
+        let excused_ns = away_ns.min(MOST_EXCUSED_NS - self.excused_ns);
+        self.excused_ns += excused_ns;
+        self.heard_ns += excused_ns;
+    }
+
+    /// What to tell people where the machine was too busy for guard and control alike.
+    fn too_busy(&self, now_ns: i64) -> Option<String> {
+        let (_, away_ns) = self.away.filter(|(at_ns, _)| now_ns - at_ns < EXPLAINS_NS)?;
+        Some(format!(
+            "this machine was too busy: the guard did not get a processor for {:.2} s either; close other programs, or run onbrick as root, which gives it real-time priority",
+            seconds(away_ns)
+        ))
     }
 
     /// Takes in a line of control's, without its end; the event that was in it, which is to be passed on. An empty line is a heartbeat.
     pub fn hear(&mut self, line: &[u8], now_ns: i64) -> Option<Event> {
         if self.phase == Phase::Driving {
             self.heard_ns = now_ns;
+            self.excused_ns = 0;
         }
-        let event = serde_json::from_slice::<Event>(line).ok()?;
+        let mut event = serde_json::from_slice::<Event>(line).ok()?;
+        if let Event::Stopped { word, reason, .. } | Event::Ended(Ended { word, reason, .. }) = &mut event
+            && word == StopReason::Late.word()
+            && let Some(busy) = self.too_busy(now_ns)
+        {
+            *reason = format!("{reason}: {busy}");
+        }
         let phase = match &event {
             Event::Driving { motors, .. } => {
                 // An address that is none fits no motor.
@@ -126,7 +173,7 @@ impl Watch {
     /// - `how`: how it ended, for people.
     /// - `stopped`: every motor of the run is still.
     #[must_use]
-    pub fn last_word(&self, how: &str, stopped: bool) -> Event {
+    pub fn last_word(&self, how: &str, stopped: bool, now_ns: i64) -> Event {
         if self.phase == Phase::Preparing {
             let hint = Some("onbrick doctor, which checks everything and drives nothing".to_owned());
             return Event::Refused {
@@ -135,9 +182,10 @@ impl Watch {
             };
         }
         let status = self.status.as_ref();
+        let reason = format!("{}: the process that drives {how}", StopReason::Guard);
         Event::Ended(Ended {
             word: StopReason::Guard.word().to_owned(),
-            reason: format!("{}: the process that drives {how}", StopReason::Guard),
+            reason: self.too_busy(now_ns).map_or_else(|| reason.clone(), |busy| format!("{reason}; {busy}")),
             wanted: false,
             stopped,
             ticks: status.map_or(0, |status| status.tick + 1),
@@ -149,6 +197,37 @@ impl Watch {
             file: self.file.clone(),
             recording: Some("it was not finished".to_owned()),
         })
+    }
+}
+
+/// Control's picture of its guard.
+#[derive(Debug)]
+pub struct Pulse {
+    beats: Arc<AtomicU32>,
+    heard: u32,
+    looked_ns: Option<i64>,
+    silent_ns: i64,
+}
+
+impl Pulse {
+    /// - `beats`: counted by the thread that hears the guard ([`obey`](super::obey)).
+    #[must_use]
+    pub fn new(beats: Arc<AtomicU32>) -> Self {
+        Self { beats, heard: 0, looked_ns: None, silent_ns: 0 }
+    }
+
+    /// Looks once in a tick; true where the guard has been silent for [`MISSED_NS`].
+    ///
+    /// A tick counts for two periods at most: where control itself was away, it cannot have heard anybody.
+    pub fn is_silent(&mut self, now_ns: i64, period_ns: i64) -> bool {
+        let beats = self.beats.load(Ordering::Relaxed);
+        let passed_ns = now_ns - self.looked_ns.replace(now_ns).unwrap_or(now_ns);
+        if beats == self.heard {
+            self.silent_ns += passed_ns.min(2 * period_ns);
+        } else {
+            (self.heard, self.silent_ns) = (beats, 0);
+        }
+        self.silent_ns > MISSED_NS
     }
 }
 
@@ -228,9 +307,36 @@ mod tests {
         watch.hear(b"", 60);
         assert_eq!(watch.deadline_ns(), Some(50 + FINISHING_NS), "finishing is not made longer");
         assert!(!watch.is_over());
-        watch.hear(&line(&watch.last_word("was killed", true)), 70);
+        watch.hear(&line(&watch.last_word("was killed", true, 70)), 70);
         assert!(watch.is_over());
         assert_eq!(watch.deadline_ns(), Some(70 + LEAVING_NS));
+    }
+
+    #[test]
+    fn what_the_guard_missed_itself_is_the_machines_doing_and_is_said_to_be() {
+        let mut watch = watch();
+        watch.hear(&line(&driving()), 0);
+        watch.excuse(AWAY_NS - 1, 10);
+        assert_eq!(watch.deadline_ns(), Some(MISSED_NS), "every sleeper is woken a little late");
+        watch.excuse(SECOND_NS, SECOND_NS);
+        assert_eq!(watch.deadline_ns(), Some(SECOND_NS + MISSED_NS));
+        watch.excuse(3 * SECOND_NS, 4 * SECOND_NS);
+        assert_eq!(watch.deadline_ns(), Some(MOST_EXCUSED_NS + MISSED_NS), "but not for ever");
+        let Event::Ended(ended) = watch.last_word("was killed", true, 4 * SECOND_NS) else {
+            panic!("it drove")
+        };
+        assert!(
+            ended.reason.contains("too busy: the guard did not get a processor for 3.00 s"),
+            "{}",
+            ended.reason
+        );
+        let late = Event::Stopped { word: "late".to_owned(), reason: "late".to_owned(), stopped: true };
+        for (now_ns, busy) in [(4 * SECOND_NS, true), (5 * SECOND_NS, false)] {
+            let Some(Event::Stopped { reason, .. }) = watch.hear(&line(&late), now_ns) else {
+                panic!("passed on")
+            };
+            assert_eq!(reason.contains("too busy"), busy, "{reason}");
+        }
     }
 
     #[test]
@@ -245,14 +351,33 @@ mod tests {
     #[test]
     fn what_ended_before_it_drove_is_refused_and_afterwards_it_is_the_guards_end() {
         let mut watch = watch();
-        let Event::Refused { message, .. } = watch.last_word("ended (signal: 9)", true) else {
+        let Event::Refused { message, .. } = watch.last_word("ended (signal: 9)", true, 0) else {
             panic!("nothing moved")
         };
         assert_eq!(message, "the process that drives ended (signal: 9) before it drove");
         watch.hear(&line(&driving()), 10);
-        let Event::Ended(ended) = watch.last_word("ended (signal: 9)", false) else { panic!("it drove") };
+        let Event::Ended(ended) = watch.last_word("ended (signal: 9)", false, 20) else { panic!("it drove") };
         assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("guard", false, false));
         assert!(ended.reason.contains("signal: 9"), "{}", ended.reason);
+    }
+
+    #[test]
+    fn a_guard_is_silent_after_200_ms_in_which_control_could_have_heard_it() {
+        const PERIOD_NS: i64 = 20 * MILLISECOND_NS;
+        let beats = Arc::new(AtomicU32::new(0));
+        let mut pulse = Pulse::new(Arc::clone(&beats));
+        let mut now_ns = 0;
+        let mut silent_after = |beating: bool, step_ns: i64, looks: u32| {
+            (1..=looks).find(|_| {
+                now_ns += step_ns;
+                beats.fetch_add(u32::from(beating), Ordering::Relaxed);
+                pulse.is_silent(now_ns, PERIOD_NS)
+            })
+        };
+        assert_eq!(silent_after(true, PERIOD_NS, 100), None);
+        assert_eq!(silent_after(false, PERIOD_NS, 100), Some(11), "11 x 20 ms");
+        assert_eq!(silent_after(true, PERIOD_NS, 1), None, "it is back");
+        assert_eq!(silent_after(false, SECOND_NS, 100), Some(6), "a look counts for 40 ms at the most");
     }
 
     #[test]

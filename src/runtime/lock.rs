@@ -18,13 +18,28 @@ use serde::{Deserialize, Serialize};
 /// Who owns the hardware.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Owner {
-    /// The process that drives.
+    /// The process that drives; before it has said so, the guard.
     pub pid: i32,
+    /// Its guard, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guard: Option<i32>,
     /// What it is doing, for people: the mission's name.
     pub doing: String,
+    /// It has stopped its motors for good, and only its recording is not yet finished.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub stopped: bool,
     /// The motors that it has taken over and not yet stopped, by their ports.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub motors: Vec<String>,
+}
+
+impl Owner {
+    /// This process, which has no guard and has taken over no motor.
+    #[must_use]
+    pub fn here(doing: &str) -> Self {
+        let pid = nix::unistd::getpid().as_raw();
+        Self { pid, guard: None, doing: doing.to_owned(), stopped: false, motors: Vec::new() }
+    }
 }
 
 /// The hardware, held until this is dropped or the process ends.
@@ -66,7 +81,7 @@ impl HardwareLock {
             }
             Err((_, errno)) => return Err(failed(errno.into())),
         };
-        write_owner(&held, doing, &[]).map_err(failed)?;
+        write_owner(&held, &Owner::here(doing)).map_err(failed)?;
         Ok(Self { file: held })
     }
 
@@ -98,8 +113,8 @@ impl HardwareLock {
     ///
     /// What writing into the lock gave.
     pub fn nothing_turns(&mut self) -> io::Result<()> {
-        let doing = read_owner(&mut self.file).doing;
-        write_owner(&self.file, &doing, &[])
+        let owner = read_owner(&mut self.file);
+        write_owner(&self.file, &Owner { stopped: true, motors: Vec::new(), ..owner })
     }
 
     /// Lets the processes that are started from now on share the lock: it is free when the last of them is gone.
@@ -112,15 +127,25 @@ impl HardwareLock {
         Ok(())
     }
 
-    /// Names this process as the owner of hardware that another one has taken for it, and the motors that it has taken over, by their ports.
+    /// Writes who owns hardware that this process, or its guard, has taken.
     ///
     /// # Errors
     ///
     /// [`LockError::Io`].
-    pub fn name_owner(root: &Path, doing: &str, motors: &[String]) -> Result<(), LockError> {
+    pub fn name_owner(root: &Path, owner: &Owner) -> Result<(), LockError> {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
-        write_owner(&open(&path).map_err(failed)?, doing, motors).map_err(failed)
+        write_owner(&open(&path).map_err(failed)?, owner).map_err(failed)
+    }
+
+    /// True where this process has the lock file below `root` open: a number that the file names may belong to a
+    /// stranger by now, or be a slip of another program, and a stranger is not killed.
+    #[must_use]
+    pub fn is_held_by(root: &Path, pid: i32) -> bool {
+        let Ok(lock) = std::fs::metadata(lock_path(root)) else { return false };
+        let is_lock = |file: std::fs::Metadata| (file.dev(), file.ino()) == (lock.dev(), lock.ino());
+        let Ok(open) = std::fs::read_dir(format!("/proc/{pid}/fd")) else { return false };
+        open.flatten().any(|link| std::fs::metadata(link.path()).is_ok_and(is_lock))
     }
 
     /// Who holds the hardware below `root`, if anybody does.
@@ -170,10 +195,8 @@ fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>>
 }
 
 /// One write of a line that ends, so that nobody reads half a name; what an earlier owner left behind it is then cut off.
-fn write_owner(file: &File, doing: &str, motors: &[String]) -> io::Result<()> {
-    let owner =
-        Owner { pid: nix::unistd::getpid().as_raw(), doing: doing.to_owned(), motors: motors.to_owned() };
-    let mut text = serde_json::to_vec(&owner)?;
+fn write_owner(file: &File, owner: &Owner) -> io::Result<()> {
+    let mut text = serde_json::to_vec(owner)?;
     text.push(b'\n');
     file.write_all_at(&text, 0)?;
     file.set_len(u64::try_from(text.len()).unwrap_or(u64::MAX))
@@ -183,11 +206,7 @@ fn write_owner(file: &File, doing: &str, motors: &[String]) -> io::Result<()> {
 fn read_owner(file: &mut File) -> Owner {
     let mut text = String::new();
     let _ = file.rewind().and_then(|()| BufReader::new(file.take(4096)).read_line(&mut text));
-    serde_json::from_str(&text).unwrap_or_else(|_| Owner {
-        pid: 0,
-        doing: "another run".to_owned(),
-        motors: Vec::new(),
-    })
+    serde_json::from_str(&text).unwrap_or_else(|_| Owner { pid: 0, ..Owner::here("another run") })
 }
 
 /// One file a brick: the machine's own hardware, or the brick below a mount point.
@@ -229,7 +248,8 @@ mod tests {
         assert!(orphans().unwrap().is_none(), "nobody was ever here");
         let run = HardwareLock::take(folder.path(), "mission map").unwrap();
         let motors = ["outB".to_owned(), "outD".to_owned()];
-        HardwareLock::name_owner(folder.path(), "mission map", &motors).unwrap();
+        let owner = Owner { motors: motors.to_vec(), ..Owner::here("mission map") };
+        HardwareLock::name_owner(folder.path(), &owner).unwrap();
         assert!(matches!(orphans().unwrap_err(), LockError::Taken(owner) if owner.motors == motors));
         drop(run);
         let (mut held, owner) = orphans().unwrap().unwrap();

@@ -9,6 +9,7 @@ use super::protocol::{LastStop, RunId, RunStatus};
 use super::start::Stop;
 use super::store::Record;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::ev3dev::Tree as _;
 use crate::robot::Channel;
 use crate::runtime::with_causes;
 use crate::runtime::{Ended, Event, NotReady, RunError, RunProcess, StopBy, StopReason, recording};
@@ -71,7 +72,10 @@ impl Service {
             let mut now = inner.now();
             // Nothing else runs: that was looked at before.
             let _ = now.machine.start(MonotonicClock.now_ns(), run);
-            now.stop = Some(Stop::Found { file: file.clone() });
+            now.stop = Some(Stop::Found {
+                file: file.clone(),
+                root: inner.bench.machine().map(|tree| tree.root().to_owned()),
+            });
             // It may; then its lights are its own.
             now.missions_lights = true;
         }
@@ -118,9 +122,11 @@ impl Service {
             }
             Err(RunError::Refused { message, hint }) => self.refused(run, mission, message, hint.as_deref()),
             Err(error) => {
-                let reason =
-                    format!("{}; onbrick halt, to be sure that the motors are still", with_causes(error));
-                self.ended(run, mission, "died", reason, false)
+                let then = match error {
+                    RunError::Silent { stopped: true, .. } => "its motors were stopped",
+                    _ => "onbrick halt, to be sure that the motors are still",
+                };
+                self.ended(run, mission, "died", format!("{}; {then}", with_causes(error)), false)
             }
         };
         match &last.wanted {
@@ -134,8 +140,9 @@ impl Service {
             }
             // Nothing was recorded.
             Err(RunError::Refused { .. }) => inner.store.take_back(run),
-            Err(_) => {
-                inner.happen(Happening::MotorsTold { stopped: false });
+            Err(error) => {
+                let stopped = matches!(error, RunError::Silent { stopped: true, .. });
+                inner.happen(Happening::MotorsTold { stopped });
                 inner.store.end(run, Some(last.clone()), None, None);
             }
         }
@@ -151,6 +158,7 @@ impl Service {
             Some(StopBy::Remote) => (StopReason::Remote.word(), true),
             Some(StopBy::MenuClosed) => (StopReason::MenuClosed.word(), true),
             Some(StopBy::Terminal) => (StopReason::Signal.word(), true),
+            Some(StopBy::Abandoned) => (StopReason::Abandoned.word(), false),
             None if was_stopped => (StopReason::Button.word(), true),
             None => ("refused", false),
         };
@@ -202,6 +210,7 @@ fn word_of(reason: &str) -> (&'static str, bool) {
         Reason::Recording,
         Reason::Battery,
         Reason::Guard,
+        Reason::Unguarded,
         Reason::Outside(Channel::Left),
         Reason::Lost(Channel::Left),
         Reason::Implausible(Channel::Gyro),

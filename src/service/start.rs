@@ -1,5 +1,6 @@
 //! Starting a run and stopping it.
 
+use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -19,7 +20,10 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
 use crate::runtime::with_causes;
-use crate::runtime::{HardwareLock, Job, Lock, LockError, RunProcess, Source, StopBy, Stopper, recording};
+use crate::runtime::{
+    HardwareLock, Job, Lock, LockError, OrphansError, PATIENCE_NS, RunProcess, Source, StopBy, Stopper,
+    evict, recording, stop_orphans,
+};
 use crate::units::radians;
 
 /// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them within a tick.
@@ -37,6 +41,8 @@ pub(super) enum Stop {
     Found {
         /// The recording, which tells whether it is still that process.
         file: PathBuf,
+        /// The brick that it drives, where that is not a simulated one inside the process.
+        root: Option<PathBuf>,
     },
 }
 
@@ -44,8 +50,11 @@ impl Stop {
     fn ask(&self, by: StopBy) {
         let asked = match self {
             Self::Ours(stopper) => stopper.stop(by),
-            Self::Found { file } => match recording::writer(file) {
-                Ok(Some(pid)) => kill(Pid::from_raw(pid), Signal::SIGTERM).map_err(Into::into),
+            Self::Found { file, root } => match recording::writer(file) {
+                Ok(Some(pid)) => root
+                    .clone()
+                    .map_or(Ok(()), |root| force_later(root, pid))
+                    .and_then(|()| kill(Pid::from_raw(pid), Signal::SIGTERM).map_err(Into::into)),
                 // Over already.
                 Ok(None) => Ok(()),
                 Err(error) => Err(error),
@@ -55,6 +64,23 @@ impl Stop {
             log::warn!("the run could not be asked to stop, so it is about to be gone: {error}");
         }
     }
+}
+
+/// Ends the run that this process drives by force, should it not stop when it is asked to.
+fn force_later(root: PathBuf, control: i32) -> io::Result<()> {
+    let thread = std::thread::Builder::new().name("patience".to_owned());
+    thread.spawn(move || {
+        let clock = &MonotonicClock;
+        let forced = evict(&root, clock, PATIENCE_NS, |owner| owner.pid == control)
+            .map_err(OrphansError::from)
+            .and_then(|_| stop_orphans(&root, clock));
+        match forced {
+            // It yielded, and another run may have begun since.
+            Ok(_) | Err(OrphansError::Lock(LockError::Taken(_))) => {}
+            Err(error) => log::error!("the run did not stop when it was asked to: {}", with_causes(&error)),
+        }
+    })?;
+    Ok(())
 }
 
 /// A start that was found in order: all that a run needs.

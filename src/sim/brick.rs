@@ -192,8 +192,11 @@ impl Brick {
             match &mut node.device {
                 Device::Tacho(out, motor) => {
                     let count = (physics.edges(robot, *out), physics.edge_position(robot, *out));
-                    let faults = self.faults.get_mut(FIRST_OUTPUT + *out);
-                    motor.tick(faults.map_or(count, |faults| faults.count(count, now_ns)), now_ns);
+                    let Some(faults) = self.faults.get_mut(FIRST_OUTPUT + *out) else { continue };
+                    if !faults.is_endless() {
+                        motor.end_when_due(now_ns);
+                    }
+                    motor.tick(faults.count(count, now_ns), now_ns);
                 }
                 Device::Dc(_, motor) => motor.tick(now_ns),
                 Device::Sensor(input, sensor) => {

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use onbrick::runtime::{Event, Heartbeat, StopFlags, WhenAbandoned, execute, obey, read_job};
+use onbrick::runtime::{Event, Heartbeat, StopFlags, execute, obey, read_job};
 use signal_hook::consts::{SIGUSR1, SIGUSR2};
 
 #[allow(
@@ -75,11 +75,8 @@ fn control(trouble: &Trouble) -> ExitCode {
     }
     let mut orders = BufReader::new(io::stdin());
     let Ok(job) = read_job(&mut orders) else { return ExitCode::FAILURE };
-    let gone = match job.when_abandoned {
-        WhenAbandoned::Stop => Arc::clone(&flags.abandoned),
-        WhenAbandoned::GoOn => Arc::default(),
-    };
-    if obey(Orders { pipe: orders, trouble: trouble.clone() }, &flags, &gone).is_err() {
+    let gone = flags.when_pipe_closes(&job);
+    if obey(Orders { pipe: orders, trouble: trouble.clone() }, &flags, &gone, || {}).is_err() {
         return ExitCode::FAILURE;
     }
     let reporter = trouble.clone();

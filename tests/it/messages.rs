@@ -169,7 +169,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
     ] {
         writeln!(out, "## {title}\n\n{}\n", causes(&why)).unwrap();
     }
-    let owner = Owner { pid: 4711, doing: "mission map".to_owned(), motors: Vec::new() };
+    let owner = Owner { pid: 4711, ..Owner::here("mission map") };
     writeln!(out, "## somebody else drives\n\n{}\n", causes(&LockError::Taken(owner))).unwrap();
     writeln!(out, "## why a run ends\n").unwrap();
     for reason in [
@@ -190,6 +190,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::Late,
         StopReason::Recording,
         StopReason::Guard,
+        StopReason::Unguarded,
         StopReason::Panicked,
     ] {
         writeln!(out, "{}: {reason}", reason.word()).unwrap();

@@ -24,18 +24,6 @@ pub fn shared() -> Option<PathBuf> {
     [Some(beside), named].into_iter().flatten().find(|folder| folder.join("data").is_dir())
 }
 
-/// Lets a process die of a segmentation fault. The first signal goes to the handler of Rust's runtime, which expects the fault to happen
-/// again; one that comes while another is pending is lost. So it is sent until the process is gone.
-pub fn segfault(process: nix::unistd::Pid) {
-    for _ in 0..5 {
-        match nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGSEGV) {
-            Err(nix::errno::Errno::ESRCH) => return,
-            sent => sent.unwrap(),
-        }
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
-}
-
 /// A loopback address that no other service of these tests listens at; one at `*` would have the port of all of them.
 pub fn own_address() -> String {
     static NUMBER: AtomicU32 = AtomicU32::new(1);

@@ -164,11 +164,15 @@ impl TachoMotor {
         self.notices
     }
 
-    /// What happens in one step: timers, the loop, the worker that wakes pollers.
-    pub(crate) fn tick(&mut self, count: (i64, f64), now_ns: i64) {
+    /// The timer of `run-timed`.
+    pub(crate) fn end_when_due(&mut self, now_ns: i64) {
         if self.timed_ns.is_some_and(|due_ns| due_ns <= now_ns) {
             self.end_run_timed(now_ns);
         }
+    }
+
+    /// What happens in one step besides: the ramp's timer, the loop, the worker that wakes pollers.
+    pub(crate) fn tick(&mut self, count: (i64, f64), now_ns: i64) {
         if self.ramp.due_ns.is_some_and(|due_ns| due_ns <= now_ns) {
             self.ramp.due_ns = None;
             self.step_ramp(now_ns);

@@ -60,6 +60,8 @@ pub enum DeviceFault {
     Denied,
     /// `block`: the motor's shaft does not turn.
     Block,
+    /// `endless`: the kernel's timer does not end a `run-timed`.
+    Endless,
     /// `resync`: the serial line is lost and the sensor describes itself again: values answer ENXIO, a write of `mode` ENODEV.
     Resync,
     /// `stale [MS]`: after a change of mode the old mode's values stay for at least this long.
@@ -78,7 +80,7 @@ pub enum DeviceFault {
 
 impl DeviceFault {
     /// The words that a fault's text can begin with.
-    pub const WORDS: [&'static str; 18] = [
+    pub const WORDS: [&'static str; 19] = [
         "unplug",
         "plug",
         "off",
@@ -93,6 +95,7 @@ impl DeviceFault {
         "eio",
         "denied",
         "block",
+        "endless",
         "resync",
         "stale",
         "write",
@@ -127,7 +130,7 @@ impl DeviceFault {
         let of_line = matches!(self, Self::Resync | Self::Stale { .. });
         let why = match home {
             _ if of_line && port.is_output() => "it has no serial line",
-            _ if *self == Self::Block && !port.is_output() => "nothing turns there",
+            _ if matches!(self, Self::Block | Self::Endless) && !port.is_output() => "nothing turns there",
             Some(Plugged::Sensor(SensorKind::Touch)) if of_line => "a touch sensor has no serial line",
             Some(Plugged::Motor(MotorKind::Rcx)) if of_signal => "the motor has no encoder",
             None if *self == Self::Plug => "nothing was in it",
@@ -161,6 +164,7 @@ impl fmt::Display for DeviceFault {
             Self::Eio => f.write_str("eio"),
             Self::Denied => f.write_str("denied"),
             Self::Block => f.write_str("block"),
+            Self::Endless => f.write_str("endless"),
             Self::Resync => f.write_str("resync"),
             Self::Stale { for_ns } => write!(f, "stale {}", milliseconds(*for_ns)),
             Self::Write { attribute, value } if attribute == "command" && value == "reset" => {

@@ -165,6 +165,11 @@ impl PortFaults {
         self.has(&DeviceFault::Off)
     }
 
+    /// True while no timer ends a `run-timed`.
+    pub(crate) fn is_endless(&self) -> bool {
+        self.has(&DeviceFault::Endless)
+    }
+
     /// How the serial line is.
     pub(crate) fn line(&self) -> SerialLine {
         if self.has(&DeviceFault::Resync) {

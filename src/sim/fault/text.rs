@@ -256,6 +256,7 @@ impl DeviceFault {
             "eio" => Self::Eio,
             "denied" => Self::Denied,
             "block" => Self::Block,
+            "endless" => Self::Endless,
             "resync" => Self::Resync,
             "stale" => Self::Stale { for_ns: numbers.milliseconds(2000.0, 60_000.0)? },
             "reset" => Self::Write { attribute: "command".to_owned(), value: "reset".to_owned() },

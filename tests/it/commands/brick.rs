@@ -10,12 +10,11 @@ use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording::Run;
-use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, WhenAbandoned, execute};
+use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, StopReason, WhenAbandoned, execute};
 use onbrick::sim::EventLayout;
 
 use super::{Done, done, keys, names, onbrick, onbrick_in_time, run, text};
 use crate::support::real_time::patiently;
-use crate::support::segfault;
 use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
 
 /// A mission that drives straight on and moves the head for a minute.
@@ -30,6 +29,10 @@ do = { left_dps = 90, right_dps = 90, head_deg = 60 }
 next = [{ when = "time_s > 50", go = "off" }]
 [machine.drive.state.off]
 "#;
+
+/// Faults that end a process at once, sent once each.
+const FAULTS: [Signal; 5] =
+    [Signal::SIGSEGV, Signal::SIGBUS, Signal::SIGILL, Signal::SIGFPE, Signal::SIGABRT];
 
 /// A robot that has nothing but wheels: what else is plugged in is no concern of its runs.
 const TWO_WHEELS: &str = r#"
@@ -181,14 +184,10 @@ fn promise_1_the_run_stops_when_its_starter_is_killed() {
 #[test]
 fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so() {
     patiently("promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so", || {
-        for signal in [Signal::SIGKILL, Signal::SIGSEGV, Signal::SIGABRT, Signal::SIGSTOP] {
+        for signal in FAULTS.into_iter().chain([Signal::SIGKILL, Signal::SIGSTOP]) {
             let running = Running::start(DRIVE);
             running.brick.await_driving();
-            let control = running.control();
-            match signal {
-                Signal::SIGSEGV => segfault(control),
-                signal => kill(control, signal).unwrap(),
-            }
+            kill(running.control(), signal).unwrap();
             await_that("every motor is still", || running.brick.is_still());
             let (brick, said, recorded) = running.finish();
             assert_eq!(said.code, Some(1), "{signal}: {}", said.err);
@@ -216,24 +215,117 @@ fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_s
 #[test]
 fn promise_1_when_the_guard_is_killed_control_stops_the_run() {
     patiently("promise_1_when_the_guard_is_killed_control_stops_the_run", || {
-        let running = Running::start(DRIVE);
-        running.brick.await_driving();
-        kill(running.guard(), Signal::SIGKILL).unwrap();
-        await_that("every motor is still", || running.brick.is_still());
-        let (brick, said, recorded) = running.finish();
-        assert_eq!(said.code, Some(1), "{}", said.err);
-        assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
-        assert_eq!(brick.commands(), ["stop"; 3]);
-        assert_eq!(recorded.ending.unwrap().reason, "whoever started the run is gone");
+        for signal in FAULTS.into_iter().chain([Signal::SIGKILL]) {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            kill(running.guard(), signal).unwrap();
+            await_that("every motor is still", || running.brick.is_still());
+            let (brick, said, recorded) = running.finish();
+            assert_eq!(said.code, Some(1), "{signal}: {}", said.err);
+            let who = "the run's guard ended without a word";
+            let how = format!("signal: {}", signal as i32);
+            assert!(said.err.contains(who) && said.err.contains(&how), "{signal}: {}", said.err);
+            assert!(said.err.contains("its motors were stopped"), "{signal}: {}", said.err);
+            assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
+            assert_eq!(recorded.ending.unwrap().reason, StopReason::Unguarded.to_string(), "{signal}");
+        }
     });
 }
 
-/// Kills the run's two processes at once: the guard is stopped first, so that neither sees the other one go.
-fn kill_both(running: &Running) {
-    let (control, guard) = (running.control(), running.guard());
-    for (process, signal) in [(guard, Signal::SIGSTOP), (control, Signal::SIGKILL), (guard, Signal::SIGKILL)]
-    {
-        kill(process, signal).unwrap();
+#[test]
+fn promise_1_when_the_guard_hangs_control_stops_the_motors_and_ends_the_run() {
+    patiently("promise_1_when_the_guard_hangs_control_stops_the_motors_and_ends_the_run", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        kill(running.guard(), Signal::SIGSTOP).unwrap();
+        let hung = Instant::now();
+        await_that("every motor is still", || running.brick.is_still());
+        let took = hung.elapsed();
+        assert!(took < Duration::from_millis(400), "told after {took:?}");
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        assert!(said.err.contains("the guard gives no sign of life, and is killed"), "{}", said.err);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+        assert_eq!(recorded.ending.unwrap().reason, StopReason::Unguarded.to_string());
+    });
+}
+
+#[test]
+fn promise_1_whoever_asks_a_run_to_stop_whose_guard_and_control_hang_ends_it_by_force() {
+    patiently("promise_1_whoever_asks_a_run_to_stop_whose_guard_and_control_hang_ends_it_by_force", || {
+        let case = |how: &str, ask: &dyn Fn(&Running) -> Option<Child>| {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            let (control, guard) = (running.control(), running.guard());
+            for process in [guard, control] {
+                kill(process, Signal::SIGSTOP).unwrap();
+            }
+            let asked = Instant::now();
+            let helper = ask(&running);
+            await_that("every motor is still", || running.brick.is_still());
+            let took = asked.elapsed();
+            let (brick, said, _) = running.finish();
+            assert!(took < Duration::from_millis(1500), "{how}: told after {took:?}");
+            assert_eq!(said.code, Some(1), "{how}: {}{}", said.out, said.err);
+            assert_eq!(brick.commands(), ["stop"; 3], "{how}");
+            helper.map(|helper| done(&helper.wait_with_output().unwrap()))
+        };
+        let signal = |signal| {
+            move |running: &Running| {
+                kill(running.parent(), signal).unwrap();
+                None
+            }
+        };
+        case("Ctrl-C", &signal(Signal::SIGINT));
+        case("SIGTERM", &signal(Signal::SIGTERM));
+        let halt = |running: &Running| {
+            let root = text(running.brick.root().to_owned());
+            let mut halt = onbrick_in_time(running.folder.path(), &["halt", "--brick", &root]);
+            Some(halt.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+        };
+        let said = case("halt", &halt).expect("halt says something");
+        assert_eq!(said.code, Some(0), "{}", said.err);
+        assert!(said.out.contains("stopped mission straight"), "{}", said.out);
+    });
+}
+
+#[test]
+fn promise_10_halt_frees_a_brick_whose_guard_hangs_over_a_dead_control() {
+    patiently("promise_10_halt_frees_a_brick_whose_guard_hangs_over_a_dead_control", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let (control, guard) = (running.control(), running.guard());
+        kill(guard, Signal::SIGSTOP).unwrap();
+        kill(control, Signal::SIGKILL).unwrap();
+        await_that("control is a zombie", || state_of(control) == Some('Z'));
+        let root = text(running.brick.root().to_owned());
+        let folder = tempfile::tempdir().unwrap();
+        run(folder.path(), &["halt", "--brick", &root]).expect(0);
+        assert_eq!(running.brick.commands(), ["stop"; 3], "the motors are told whatever the processes do");
+        assert_eq!(running.brick.owner(), None, "the lock is free");
+        let (brick, said, _) = running.finish();
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        let again = Running::on(brick, DRIVE);
+        again.brick.await_driving();
+        kill(again.parent(), Signal::SIGTERM).unwrap();
+        assert_eq!(again.finish().1.code, Some(0), "a new run has the hardware");
+    });
+}
+
+/// A process's state as `/proc` has it.
+fn state_of(process: Pid) -> Option<char> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    stat.rsplit_once(") ")?.1.chars().next()
+}
+
+/// Kills all of the run's processes at once: starter and guard are stopped first, so that neither sees another one go.
+fn kill_all(running: &Running) {
+    let (control, guard, starter) = (running.control(), running.guard(), running.parent());
+    for process in [starter, guard] {
+        kill(process, Signal::SIGSTOP).unwrap();
+    }
+    for process in [control, guard, starter] {
+        kill(process, Signal::SIGKILL).unwrap();
     }
 }
 
@@ -251,7 +343,7 @@ fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
         let said = orphaned();
         assert!(said.contains("mission straight (process ") && said.contains("itself"), "{said}");
         assert_eq!(running.brick.read("tacho-motor/motor1", "command"), "run-timed", "its run goes on");
-        kill_both(&running);
+        kill_all(&running);
         let (brick, _, _) = running.finish();
         brick.put("tacho-motor/motor0", "command", b"run-forever\n");
         let said = orphaned();
@@ -264,14 +356,32 @@ fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
 }
 
 #[test]
-fn promise_1_when_both_are_killed_the_leases_end_by_themselves() {
-    patiently("promise_1_when_both_are_killed_the_leases_end_by_themselves", || {
+fn promise_1_when_guard_and_control_are_killed_the_starter_stops_the_motors() {
+    patiently("promise_1_when_guard_and_control_are_killed_the_starter_stops_the_motors", || {
         let running = Running::start(DRIVE);
         running.brick.await_driving();
-        kill_both(&running);
+        let (control, guard) = (running.control(), running.guard());
+        for (process, signal) in
+            [(guard, Signal::SIGSTOP), (control, Signal::SIGKILL), (guard, Signal::SIGKILL)]
+        {
+            kill(process, signal).unwrap();
+        }
         let (brick, said, recorded) = running.finish();
         assert_eq!(said.code, Some(1), "{}", said.err);
-        assert!(said.err.contains("signal: 9") && said.err.contains("onbrick halt"), "{}", said.err);
+        assert!(said.err.contains("the run's guard") && said.err.contains("signal: 9"), "{}", said.err);
+        assert!(said.err.contains("its motors were stopped"), "{}", said.err);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+        assert!(recorded.ending.is_none(), "nobody was there to end it");
+    });
+}
+
+#[test]
+fn promise_1_when_all_are_killed_the_leases_end_by_themselves() {
+    patiently("promise_1_when_all_are_killed_the_leases_end_by_themselves", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        kill_all(&running);
+        let (brick, _, recorded) = running.finish();
         for (_, name, _) in MOTORS {
             // What the kernel was told last is a motion that ends, with nothing to roll on with.
             let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);

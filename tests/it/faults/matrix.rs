@@ -449,10 +449,23 @@ fn a_blocked_wheel_stands_and_a_battery_sags_to_its_end() {
 }
 
 #[test]
+fn a_timer_that_does_not_fire_leaves_a_lease_without_an_end() {
+    let rig = Rig::over(room());
+    inject(&rig, Port::OutB, "endless");
+    rig.drive("speed_sp=300 time_sp=200 run-timed");
+    rig.pass_ms(1000);
+    assert_eq!(rig.read("outB", "state"), "running");
+    clear(&rig, Port::OutB);
+    rig.pass_ms(2);
+    assert_eq!(rig.read("outB", "state"), "");
+}
+
+#[test]
 fn faults_that_a_port_cannot_have_are_refused_with_the_reason() {
     let rig = rig();
     for (port, text, why) in [
         (Port::In1, "block", "nothing turns there"),
+        (Port::In1, "endless", "nothing turns there"),
         (Port::OutA, "resync", "it has no serial line"),
         (Port::In2, "stale 10", "a touch sensor has no serial line"),
         (Port::OutC, "plug", "nothing was in it"),

@@ -37,7 +37,7 @@ fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
         ("in9 stuck", "line 1: there is no port `in9`; there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot"),
         ("\nmotor stuck", "line 2: there is no port `motor`; there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot"),
         ("in1 stuk", "line 1: there is no fault `stuk`; did you mean `stuck`?"),
-        ("in1", "line 1: no fault is named; there are unplug, plug, off, stuck, garbage, wrong, slow, delayed, intermittent, jump, enxio, eio, denied, block, resync, stale, write, reset"),
+        ("in1", "line 1: no fault is named; there are unplug, plug, off, stuck, garbage, wrong, slow, delayed, intermittent, jump, enxio, eio, denied, block, endless, resync, stale, write, reset"),
         ("in1 delayed soon", "line 1: `soon` is not a number"),
         ("in1 delayed -5", "line 1: -5 is out of range; it can be 0 to 10000"),
         ("in1 wrong nan", "line 1: nan is out of range; it can be -100 to 100"),

@@ -13,7 +13,7 @@ use nix::sys::signal::{Signal, kill};
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 
 use self::bench::{
-    BOTH, Bench, Case, Measured, NEITHER, ONLY_GUARD, ONLY_LEASE, PROGRAM, Protection, Run, Trouble,
+    Asked, BOTH, Bench, Case, Measured, NEITHER, ONLY_GUARD, ONLY_LEASE, PROGRAM, Protection, Run, Trouble,
     WATCH_NS, pass,
 };
 use crate::foreign::bench::example;
@@ -27,6 +27,10 @@ mod bench;
 /// After a death no motor is under a command for longer, and no shaft turns for longer.
 pub(super) const COMMANDS_NS: i64 = 350 * MILLISECOND_NS;
 pub(super) const REST_NS: i64 = 500 * MILLISECOND_NS;
+/// The same where the guard hangs: control must first notice that.
+const HUNG_GUARD_REST_NS: i64 = 600 * MILLISECOND_NS;
+/// The same where guard and control hang and somebody asks for a stop.
+const FORCED_REST_NS: i64 = 1500 * MILLISECOND_NS;
 /// So often a case is done again before this machine is too busy to tell.
 const ATTEMPTS: usize = 10;
 
@@ -34,21 +38,38 @@ const ATTEMPTS: usize = 10;
 const STARVED_NS: i64 = 25 * MILLISECOND_NS;
 
 /// One of each, within a minute on a few bricks. A thread that panics stops the motors whoever else is there to do it.
-const CASES: [Case; 25] = [
+const CASES: [Case; 42] = [
     (Trouble::Killed, BOTH),
     (Trouble::StoppedAndContinued, BOTH),
-    (Trouble::Segfault, BOTH),
-    (Trouble::Aborted, BOTH),
+    (Trouble::Fault(Signal::SIGSEGV), BOTH),
+    (Trouble::Fault(Signal::SIGBUS), BOTH),
+    (Trouble::Fault(Signal::SIGILL), BOTH),
+    (Trouble::Fault(Signal::SIGFPE), BOTH),
+    (Trouble::Fault(Signal::SIGABRT), BOTH),
     (Trouble::Spinning, BOTH),
     (Trouble::GuardKilled, BOTH),
-    (Trouble::BothKilled, BOTH),
+    (Trouble::GuardFault(Signal::SIGSEGV), BOTH),
+    (Trouble::GuardFault(Signal::SIGBUS), BOTH),
+    (Trouble::GuardFault(Signal::SIGABRT), BOTH),
+    (Trouble::GuardHung(Asked::No), BOTH),
+    (Trouble::GuardHung(Asked::No), ONLY_GUARD),
+    (Trouble::GuardHung(Asked::Starter(Signal::SIGINT)), BOTH),
+    (Trouble::GuardHung(Asked::Starter(Signal::SIGTERM)), BOTH),
+    (Trouble::GuardHung(Asked::Starter(Signal::SIGKILL)), BOTH),
+    (Trouble::GuardHung(Asked::ServiceStop), BOTH),
+    (Trouble::GuardHung(Asked::Service(Signal::SIGTERM)), BOTH),
+    (Trouble::GuardHung(Asked::Service(Signal::SIGKILL)), BOTH),
+    (Trouble::BothHung, BOTH),
+    (Trouble::BothHung, ONLY_GUARD),
+    (Trouble::AllKilled, BOTH),
     (Trouble::StarterKilled, BOTH),
     (Trouble::Killed, ONLY_GUARD),
     (Trouble::StoppedAndContinued, ONLY_GUARD),
     (Trouble::Spinning, ONLY_GUARD),
     (Trouble::StarterKilled, ONLY_GUARD),
     (Trouble::Killed, ONLY_LEASE),
-    (Trouble::Aborted, ONLY_LEASE),
+    (Trouble::Fault(Signal::SIGSEGV), ONLY_LEASE),
+    (Trouble::Fault(Signal::SIGABRT), ONLY_LEASE),
     (Trouble::Spinning, ONLY_LEASE),
     (Trouble::ServiceKilled, BOTH),
     (Trouble::ServiceKilled, ONLY_GUARD),
@@ -174,7 +195,8 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
     promised(&format!("done again because this machine was starved: {}", starved.into_inner().unwrap()));
     println!("{} of {kills} judged; the others found this machine too busy each time", results.len());
     assert!(!results.is_empty(), "this machine is too busy for a control loop");
-    let missed: Vec<_> = results.iter().filter(|(_, measured)| !measured.is_in_time()).collect();
+    let missed: Vec<_> =
+        results.iter().filter(|((trouble, _), measured)| !measured.is_in_time(*trouble)).collect();
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
@@ -191,7 +213,7 @@ impl Bench {
             let since_ns = MonotonicClock.now_ns();
             let measured = self.suffer(case, moment_ns(number + 7919 * attempt));
             if let Some(measured) = measured
-                && (measured.is_in_time() || !canary.starved_since(since_ns))
+                && (measured.is_in_time(case.0) || !canary.starved_since(since_ns))
             {
                 return Some(measured);
             }
@@ -248,7 +270,7 @@ fn promise_1_a_run_that_may_outlive_its_service_goes_on_under_its_guard() {
             println!("attempt {attempt}: it does not drive: {:?}", run.end_of_served());
             continue;
         }
-        if measured.is_in_time() {
+        if measured.is_in_time(Trouble::ServiceKilled) {
             return promised(&format!(
                 "the service killed, the run goes on; then control is killed: last command ended after {} ms, at rest after {} ms",
                 measured.commands_ns / MILLISECOND_NS,

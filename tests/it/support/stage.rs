@@ -122,6 +122,7 @@ impl Play {
             clock: &*clock,
             flags: &flags,
             heartbeat: &mut Witness { observer, truths: Arc::clone(&truths) },
+            guard: None,
             period_ns: SECOND_NS / i64::from(mission.rate_hz()),
             tally: Tally::default(),
         };

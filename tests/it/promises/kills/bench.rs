@@ -18,15 +18,19 @@ use onbrick::mapping::Pose;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::recording;
 use onbrick::runtime::{Brick, HardwareLock, Job, Lock, Source, WhenAbandoned};
+use onbrick::service::client::Client;
+use onbrick::service::protocol::{Request, Stopped};
 use onbrick::sim::{DeviceFault, Port, World, WorldPhysics};
 
 use super::super::witness::{Seen, Witness};
-use super::{COMMANDS_NS, REST_NS};
+use super::{COMMANDS_NS, FORCED_REST_NS, HUNG_GUARD_REST_NS, REST_NS};
 use crate::foreign::bench::example;
 use crate::mount::bench::{Mounted, await_or_fail};
 use crate::service::{self, Served};
 use crate::support::memory_group::MemoryGroup;
-use crate::support::segfault;
+
+/// The robot's motors.
+const MOTORS: [Port; 3] = [Port::OutA, Port::OutB, Port::OutD];
 
 pub(super) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
@@ -92,15 +96,18 @@ pub(super) enum Trouble {
     Killed,
     /// SIGSTOP, and SIGCONT when everything should be over.
     StoppedAndContinued,
-    /// A segmentation fault.
-    Segfault,
-    /// As when the program aborts itself.
-    Aborted,
+    /// A fault of the program, or its own abort.
+    Fault(Signal),
     /// The tick spins for ever.
     Spinning,
     GuardKilled,
-    /// The guard is made deaf first, so that it cannot act before it is killed too.
-    BothKilled,
+    GuardFault(Signal),
+    /// The guard gives no sign of life, and then this happens, at once.
+    GuardHung(Asked),
+    /// Starter and guard are made deaf first, so that they cannot act before they are killed, too.
+    AllKilled,
+    /// Guard and control give no sign of life, and the starter is told to stop.
+    BothHung,
     StarterKilled,
     /// The service that the run was started through is killed, and was told that its runs are to end with it.
     ServiceKilled,
@@ -108,6 +115,18 @@ pub(super) enum Trouble {
     OutOfMemory,
     /// This thread of the process that drives panics.
     Panic(&'static str),
+}
+
+/// Who asks for a stop, and how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Asked {
+    No,
+    /// This signal to the starter.
+    Starter(Signal),
+    /// This signal to the service that the run was started through.
+    Service(Signal),
+    /// A request to that service.
+    ServiceStop,
 }
 
 /// What is there to stop the motors.
@@ -123,6 +142,34 @@ pub(super) const ONLY_GUARD: Protection = Protection { lease: false, guard: true
 pub(super) const NEITHER: Protection = Protection { lease: false, guard: false };
 
 pub(super) type Case = (Trouble, Protection);
+
+impl Trouble {
+    /// How long after it a shaft may turn, nanoseconds.
+    pub(super) fn rest_ns(self) -> i64 {
+        match self {
+            Self::GuardHung(_) => HUNG_GUARD_REST_NS,
+            Self::BothHung => FORCED_REST_NS,
+            _ => REST_NS,
+        }
+    }
+
+    /// How long a brick is watched after it, nanoseconds.
+    fn watch_ns(self) -> i64 {
+        WATCH_NS + self.rest_ns() - REST_NS
+    }
+
+    /// How long after it a motor may be under a command, nanoseconds.
+    pub(super) fn commands_ns(self) -> i64 {
+        // Braking takes its time after the last command.
+        COMMANDS_NS + self.rest_ns() - REST_NS
+    }
+
+    /// True for a run that is started through a service.
+    fn is_served(self) -> bool {
+        matches!(self, Self::ServiceKilled | Self::GuardHung(Asked::Service(_) | Asked::ServiceStop))
+    }
+}
+
 /// What was measured, nanoseconds after the fault.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Measured {
@@ -131,8 +178,8 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    pub(super) fn is_in_time(self) -> bool {
-        self.commands_ns <= COMMANDS_NS && self.rest_ns <= REST_NS
+    pub(super) fn is_in_time(self, trouble: Trouble) -> bool {
+        self.commands_ns <= trouble.commands_ns() && self.rest_ns <= trouble.rest_ns()
     }
 }
 
@@ -179,9 +226,8 @@ impl Bench {
             self.seen().driven_ns > began_ns || run.is_over()
         });
         if !protection.lease {
-            for motor in ["motor0", "motor1", "motor2"] {
-                fs::write(self.mounted.path(&format!("sys/class/tacho-motor/{motor}/time_sp")), "3600000")
-                    .unwrap();
+            for port in MOTORS {
+                self.mounted.simulation.inject(0, port, DeviceFault::Endless).unwrap();
             }
         }
         // By then every lease was renewed.
@@ -192,7 +238,7 @@ impl Bench {
     /// Lets one fault happen, and watches what the motors do; nothing where the run has ended by itself before, as it does where this
     /// machine lets it wait for more than 200 ms.
     pub(super) fn suffer(&mut self, case: Case, after_ns: i64) -> Option<Measured> {
-        let run = self.start(case, after_ns);
+        let mut run = self.start(case, after_ns);
         let processes = run.control().and_then(|control| Some((control, parent_of(control)?)));
         let group = (case.0 == Trouble::OutOfMemory).then(|| MemoryGroup::new().unwrap());
         let mut fault_ns = self.now_ns();
@@ -206,7 +252,7 @@ impl Bench {
         if let Some(group) = &group {
             group.put(control);
         }
-        case.0.strike(run.starter(), guard, control);
+        case.0.strike(&mut run, guard, control);
         if let Some(group) = &group {
             // It drives on while it fills its memory: the fault is the kernel's, just before it is seen.
             let deadline_ns = fault_ns + 3 * WATCH_NS;
@@ -225,16 +271,22 @@ impl Bench {
             // It does something only where something is not there.
             self.mounted.simulation.inject(0, Port::In1, DeviceFault::Unplug).unwrap();
         }
-        pass(2 * COMMANDS_NS);
+        let over_ns = case.0.commands_ns() + COMMANDS_NS;
+        pass(over_ns);
         // One that is dead needs no going on.
-        let _ = kill(control, Signal::SIGCONT);
-        pass(WATCH_NS - 2 * COMMANDS_NS);
+        for process in [Some(control), guard].into_iter().flatten() {
+            let _ = kill(process, Signal::SIGCONT);
+        }
+        pass(case.0.watch_ns() - over_ns);
         let seen = self.seen();
         for process in [Some(control), guard].into_iter().flatten() {
             let _ = kill(process, Signal::SIGKILL);
         }
         run.end();
         self.await_free();
+        if !case.1.lease {
+            MOTORS.map(|port| self.mounted.simulation.control(0, &format!("{port} clear")).unwrap());
+        }
         if case.0 == Trouble::Panic("mender") {
             self.mounted.simulation.control(0, "clear").unwrap();
             pass(PLUGGED_NS);
@@ -248,19 +300,32 @@ pub(super) fn pass(ns: i64) {
 }
 
 impl Trouble {
-    fn strike(self, starter: Pid, guard: Option<Pid>, control: Pid) {
+    fn strike(self, run: &mut Run, guard: Option<Pid>, control: Pid) {
         let send = |process: Pid, signal| kill(process, signal).unwrap();
+        let starter = run.starter();
         match self {
             Self::Killed => send(control, Signal::SIGKILL),
             Self::StoppedAndContinued => send(control, Signal::SIGSTOP),
-            Self::Segfault => segfault(control),
-            Self::Aborted => send(control, Signal::SIGABRT),
+            Self::Fault(signal) => send(control, signal),
+            Self::GuardFault(signal) => send(guard.unwrap(), signal),
+            Self::GuardHung(asked) => {
+                send(guard.unwrap(), Signal::SIGSTOP);
+                run.ask(asked);
+            }
+            Self::BothHung => {
+                send(guard.unwrap(), Signal::SIGSTOP);
+                send(control, Signal::SIGSTOP);
+                send(starter, Signal::SIGTERM);
+            }
             Self::Spinning => send(control, Signal::SIGUSR1),
             Self::GuardKilled => send(guard.unwrap(), Signal::SIGKILL),
-            Self::BothKilled => {
-                send(guard.unwrap(), Signal::SIGSTOP);
-                send(control, Signal::SIGKILL);
-                send(guard.unwrap(), Signal::SIGKILL);
+            Self::AllKilled => {
+                for process in [starter, guard.unwrap()] {
+                    send(process, Signal::SIGSTOP);
+                }
+                for process in [control, guard.unwrap(), starter] {
+                    send(process, Signal::SIGKILL);
+                }
             }
             Self::StarterKilled | Self::ServiceKilled => send(starter, Signal::SIGKILL),
             Self::OutOfMemory | Self::Panic(_) => send(control, Signal::SIGUSR2),
@@ -297,11 +362,11 @@ enum Starter {
 
 impl Run {
     fn start((trouble, protection): Case, root: &Path, out: &Path) -> Self {
-        if trouble == Trouble::ServiceKilled {
+        if trouble.is_served() {
             return Self::served("", root);
         }
         let guarded = protection.guard;
-        let dance = dance(if guarded && trouble != Trouble::BothKilled { GUARDED_DPS } else { LEASED_DPS });
+        let dance = dance(if guarded && trouble != Trouble::AllKilled { GUARDED_DPS } else { LEASED_DPS });
         fs::create_dir(out).unwrap();
         let mission = out.join("dance.toml");
         fs::write(&mission, &dance).unwrap();
@@ -370,6 +435,23 @@ impl Run {
         match &mut self.starter {
             Starter::Child(child) => child.try_wait().unwrap().is_some(),
             Starter::Service(served) => served.status().last.is_some(),
+        }
+    }
+
+    /// Asks for a stop, and does not wait for what comes of it.
+    fn ask(&mut self, asked: Asked) {
+        let starter = self.starter();
+        match (asked, &self.starter) {
+            (Asked::No, _) => {}
+            (Asked::Starter(signal) | Asked::Service(signal), _) => kill(starter, signal).unwrap(),
+            (Asked::ServiceStop, Starter::Service(served)) => {
+                let mut client = Client::at(served.path("socket"));
+                let patience = std::time::Duration::from_secs(10);
+                std::thread::spawn(move || {
+                    client.ask::<Stopped>(&Request::Stop { run: None }, patience).expect("it is stopped")
+                });
+            }
+            (Asked::ServiceStop, Starter::Child(_)) => unreachable!("a run of a service"),
         }
     }
 

@@ -1,0 +1,131 @@
+//! Ending a run whose processes do not stop when they are asked to, and stopping the motors that a dead run left.
+//!
+//! The guard is killed first: a control that is in order then stops its motors within a tick and finishes its recording.
+//! Control is killed only where it has not stopped its motors by then. Both are found by the lock, and killed only while
+//! they have its file open: the kernel may have given their numbers to other processes.
+//!
+//! # Not here
+//!
+//! No asking: a run is asked to stop over its pipe ([`Stopper`](super::Stopper)) or by a signal, and has
+//! [`PATIENCE_NS`] to do so.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use super::{HardwareLock, LockError, Owner};
+use crate::clock::{Clock, MILLISECOND_NS};
+use crate::ev3dev::{LocalTree, PortAddress, Tree};
+use crate::robot::{HaltError, still};
+
+/// How long a run that was asked to stop has to stop its motors before it is ended by force, nanoseconds: it needs a
+/// tick; its motors' leases end after 300 ms.
+pub const PATIENCE_NS: i64 = 700 * MILLISECOND_NS;
+
+/// How long a control whose guard was killed has to stop its motors, nanoseconds.
+const YIELDING_NS: i64 = 200 * MILLISECOND_NS;
+
+/// How long a killed process is waited for, nanoseconds: one that sits in a system call is gone when that ends.
+const DYING_NS: i64 = 200 * MILLISECOND_NS;
+
+/// How often the lock is looked at meanwhile, nanoseconds.
+const LOOK_NS: i64 = 5 * MILLISECOND_NS;
+
+/// Why the motors that a dead run left were not stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum OrphansError {
+    /// A run has the hardware and sees to its motors itself, or the lock cannot be used.
+    #[error(transparent)]
+    Lock(#[from] LockError),
+    /// Not every motor could be stopped: unplug its cable.
+    #[error("cannot stop the motors")]
+    Halt(#[from] HaltError),
+    /// The motors are still, and the lock still names them.
+    #[error("cannot write into the lock")]
+    Note(#[from] std::io::Error),
+}
+
+/// Gives the run that has the hardware below `root` time to stop its motors, and ends it by force where it does not; only a
+/// run that `which` means. One that has stopped its motors and is finishing its recording is left to do so. Takes 0.4 s more
+/// than `patience_ns` at the most.
+///
+/// Returns true where no process of that run can turn a motor any more; false where one cannot be killed: it is another
+/// user's, or the kernel holds it in a system call.
+///
+/// # Errors
+///
+/// [`LockError::Io`].
+pub fn evict(
+    root: &Path,
+    clock: &dyn Clock,
+    patience_ns: i64,
+    which: impl Fn(&Owner) -> bool,
+) -> Result<bool, LockError> {
+    let of_run = || Ok(HardwareLock::owner(root)?.filter(|owner| which(owner)));
+    let has_yielded = || Ok(of_run()?.is_none_or(|owner| is_finishing(root, &owner)));
+    if wait_until(clock, patience_ns, &has_yielded)? {
+        return Ok(true);
+    }
+    let Some(owner) = of_run()? else { return Ok(true) };
+    for (process, patience_ns) in [(owner.guard, YIELDING_NS), (Some(owner.pid), DYING_NS)] {
+        let Some(process) = process else { continue };
+        // One that is gone, or of another user, shows below.
+        let _ = signal(root, process, Signal::SIGKILL);
+        if wait_until(clock, patience_ns, &has_yielded)? {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// Sends a signal to a process of the run that has the hardware below `root`; to no other.
+///
+/// # Errors
+///
+/// What the kernel answers, `ESRCH` for a process that has not got the lock.
+pub fn signal(root: &Path, process: i32, signal: Signal) -> nix::Result<()> {
+    if !HardwareLock::is_held_by(root, process) {
+        return Err(nix::errno::Errno::ESRCH);
+    }
+    kill(Pid::from_raw(process), signal)
+}
+
+/// Stops the motors of a run all of whose processes were killed before they had stopped them, and no others; the run, or
+/// `None` where no run has left any.
+///
+/// # Errors
+///
+/// [`OrphansError`].
+pub fn stop_orphans(root: &Path, clock: &dyn Clock) -> Result<Option<Owner>, OrphansError> {
+    let Some((mut lock, owner)) = HardwareLock::take_orphans(root)? else { return Ok(None) };
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
+    // An address that is none fits no motor.
+    let ports: Vec<PortAddress> = owner.motors.iter().filter_map(|motor| motor.parse().ok()).collect();
+    still(&tree, &ports, clock)?;
+    lock.nothing_turns()?;
+    Ok(Some(owner))
+}
+
+/// True where the process that drove has stopped its motors and lives: it is finishing its recording.
+fn is_finishing(root: &Path, owner: &Owner) -> bool {
+    owner.stopped && HardwareLock::is_held_by(root, owner.pid)
+}
+
+fn wait_until(
+    clock: &dyn Clock,
+    patience_ns: i64,
+    is_so: &dyn Fn() -> Result<bool, LockError>,
+) -> Result<bool, LockError> {
+    let deadline_ns = clock.now_ns() + patience_ns;
+    loop {
+        if is_so()? {
+            return Ok(true);
+        }
+        if clock.now_ns() >= deadline_ns {
+            return Ok(false);
+        }
+        clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
+    }
+}
