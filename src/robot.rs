@@ -255,6 +255,12 @@ impl Robot {
         })
     }
 
+    /// A motor of this robot by its channel.
+    #[must_use]
+    pub fn motor(&mut self, channel: Channel) -> Option<&LeasedMotor> {
+        self.motor_mut(channel).map(|motor| &*motor)
+    }
+
     fn motor_mut(&mut self, channel: Channel) -> Option<&mut LeasedMotor> {
         match channel {
             Channel::Left => Some(&mut self.left),

@@ -37,6 +37,7 @@ pub(crate) mod groups;
 mod guard;
 mod lock;
 mod names;
+mod open_files;
 mod pilot;
 mod plausibility;
 mod prepare;

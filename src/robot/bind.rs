@@ -86,7 +86,7 @@ impl Robot {
             look: 0,
             outside: None,
         };
-        for aspect in Aspect::ALL {
+        for aspect in Aspect::OF_COMMANDS {
             let motors = Channel::ALL.into_iter().filter(|channel| robot.motor_mut(*channel).is_some());
             let motors: Vec<_> = motors.map(|channel| (channel, aspect)).collect();
             robot.looks.extend(motors);

@@ -44,6 +44,9 @@ pub enum Aspect {
 }
 
 impl Aspect {
+    /// What another program's command changes. Looked at all the time; the settings only before each command of ours.
+    pub const OF_COMMANDS: [Self; 3] = [Self::State, Self::Speed, Self::Duty];
+
     /// All of them.
     pub const ALL: [Self; 8] = [
         Self::State,
@@ -57,13 +60,36 @@ impl Aspect {
     ];
 }
 
+impl Aspect {
+    /// The attribute's file.
+    #[must_use]
+    pub const fn file(self) -> &'static str {
+        match self {
+            Self::State => "state",
+            Self::Speed => "speed_sp",
+            Self::Duty => "duty_cycle_sp",
+            Self::Time => "time_sp",
+            Self::StopAction => "stop_action",
+            Self::RampUp => "ramp_up_sp",
+            Self::RampDown => "ramp_down_sp",
+            Self::Polarity => "polarity",
+        }
+    }
+
+    /// True for what only changes what a command of ours does: the last command is still ours then.
+    fn is_setting(self) -> bool {
+        !Self::OF_COMMANDS.contains(&self)
+    }
+}
+
 /// Who commands a motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Hand {
     Ours,
     /// One look found it otherwise than we left it.
     InDoubt,
-    Theirs,
+    /// Two looks did, at this.
+    Theirs(Aspect),
 }
 
 /// A motor that only ever moves by leases.
@@ -165,8 +191,8 @@ impl LeasedMotor {
         if same.is_some_and(|lease| now_ns - lease.given_ns < RENEW_NS) {
             return Ok(());
         }
-        // What we write next would hide, and undo, what somebody else has done meanwhile.
-        if self.lease.is_some() && self.look_closely(now_ns) {
+        // What we write next would hide, and undo, what another program has done meanwhile, or be changed by it.
+        if self.look_closely(now_ns) {
             return Ok(());
         }
         // Until the command is through, the next call must count on nothing.
@@ -188,7 +214,7 @@ impl LeasedMotor {
     ///
     /// What the driver answers; the motor then still counts as moving, and the next call tries again.
     pub fn stop(&mut self, action: StopAction) -> Result<(), DeviceError> {
-        if self.hand == Hand::Theirs || (!self.moving && self.stop_action == action) {
+        if matches!(self.hand, Hand::Theirs(_)) || (!self.moving && self.stop_action == action) {
             return Ok(());
         }
         self.lease = None;
@@ -202,15 +228,39 @@ impl LeasedMotor {
     /// Looks whether the motor is as we left it: true from the second look in a row on that finds it otherwise; it is somebody
     /// else's from then on, and neither we nor dropping it writes to it again. What cannot be read says nothing.
     pub fn is_taken(&mut self, aspect: Aspect, now_ns: i64) -> bool {
-        self.hand = match (self.hand, self.contradicts(aspect, now_ns)) {
-            (Hand::Theirs, _) | (Hand::InDoubt, true) => Hand::Theirs,
-            (Hand::Ours, true) => Hand::InDoubt,
-            (Hand::Ours | Hand::InDoubt, false) => Hand::Ours,
-        };
-        if self.hand == Hand::Theirs {
-            self.motor.set_stops_on_drop(false);
+        let contradicts = self.contradicts(aspect, now_ns);
+        match self.hand {
+            Hand::Theirs(_) => return true,
+            Hand::Ours | Hand::InDoubt if !contradicts => self.hand = Hand::Ours,
+            Hand::Ours => self.hand = Hand::InDoubt,
+            Hand::InDoubt => {
+                if aspect.is_setting() && self.lease.is_some() {
+                    // Should it have come between our last look and our last command, that may not end by itself.
+                    self.end_own_motion();
+                }
+                self.hand = Hand::Theirs(aspect);
+                self.motor.set_stops_on_drop(false);
+                return true;
+            }
         }
-        self.hand == Hand::Theirs
+        false
+    }
+
+    /// Brakes at once, whatever the settings are. What the driver refuses is left: the motor is another program's from now on.
+    fn end_own_motion(&mut self) {
+        let _ = self.motor.set_ramp_down_sp(0);
+        let _ = self.motor.set_stop_action(StopAction::Brake);
+        let _ = self.motor.stop();
+        self.lease = None;
+    }
+
+    /// What of the motor showed another program's hand, if anything did.
+    #[must_use]
+    pub fn taken_at(&self) -> Option<Aspect> {
+        match self.hand {
+            Hand::Theirs(aspect) => Some(aspect),
+            Hand::Ours | Hand::InDoubt => None,
+        }
     }
 
     /// As [`LeasedMotor::is_taken`], by all aspects, each at once again where it raises a doubt.

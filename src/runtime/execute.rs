@@ -9,14 +9,14 @@ use crate::clock::{Clock, MonotonicClock, SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
 use crate::ev3dev::{DeviceError, StopAction, Tree};
 use crate::mapping::{Method, Pose};
-use crate::robot::{BindError, Robot, RobotConfig};
+use crate::robot::{Aspect, BindError, LeasedMotor, Robot, RobotConfig};
 
 use super::control::{Control, Tally};
 use super::pilot::PilotError;
 use super::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 use super::{
     Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot, Pulse,
-    StopFlags, StopReason, names, prepare,
+    StopFlags, StopReason, names, open_files, prepare,
 };
 
 /// Why a run did not start. Nothing has moved.
@@ -213,10 +213,12 @@ impl Stage {
         let tally = control.tally;
         let stopped = robot.stop(StopAction::Brake);
         let word = driven.unwrap_or(StopReason::Panicked);
-        let reason = match robot.trouble().filter(|_| matches!(word, StopReason::Lost(_))) {
-            Some(trouble) => format!("{word}: {trouble}"),
-            None => word.to_string(),
+        let details = match word {
+            StopReason::Lost(_) => robot.trouble().map(|trouble| trouble.to_string()),
+            StopReason::Outside(channel) => robot.motor(channel).map(|motor| hand_on(motor, &place.tree)),
+            _ => None,
         };
+        let reason = details.map_or_else(|| word.to_string(), |details| format!("{word}: {details}"));
         if stopped {
             write_owner(job, &Owner { stopped: true, ..owner(job, mission.name()) });
         }
@@ -271,6 +273,22 @@ fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
         }
         (Brick::Simulated { .. }, Err(_)) => Ok(()),
     }
+}
+
+/// What is known of another program's hand on a motor: what showed it, whether the motor turns, and who has its files open.
+fn hand_on(motor: &LeasedMotor, tree: &Arc<dyn Tree>) -> String {
+    let identity = motor.motor().identity();
+    let shown = motor.taken_at().map(Aspect::file).unwrap_or_default();
+    let turns = match motor.motor().state() {
+        Ok(state) if state.is_running() => "which turns; onbrick halt stops it",
+        _ => "which stands still",
+    };
+    let folder = tree.root().join("sys/class").join(identity.class.to_string()).join(&identity.name);
+    let users = match &open_files::users_of(&folder)[..] {
+        [] => "no program has its files open now".to_owned(),
+        users => format!("its files are open in {}", users.join(", ")),
+    };
+    format!("{} ({shown}), {turns}; {users}", identity.address)
 }
 
 type Report = dyn Fn(&Event) + Send + Sync;

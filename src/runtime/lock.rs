@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 use nix::fcntl::{FcntlArg, FdFlag, Flock, FlockArg, fcntl};
 use serde::{Deserialize, Serialize};
 
+use super::open_files;
+
 /// Who owns the hardware.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Owner {
@@ -142,10 +144,7 @@ impl HardwareLock {
     /// stranger by now, or be a slip of another program, and a stranger is not killed.
     #[must_use]
     pub fn is_held_by(root: &Path, pid: i32) -> bool {
-        let Ok(lock) = std::fs::metadata(lock_path(root)) else { return false };
-        let is_lock = |file: std::fs::Metadata| (file.dev(), file.ino()) == (lock.dev(), lock.ino());
-        let Ok(open) = std::fs::read_dir(format!("/proc/{pid}/fd")) else { return false };
-        open.flatten().any(|link| std::fs::metadata(link.path()).is_ok_and(is_lock))
+        open_files::has_open(pid, &lock_path(root))
     }
 
     /// Who holds the hardware below `root`, if anybody does.

@@ -318,6 +318,27 @@ fn state_of(process: Pid) -> Option<char> {
     stat.rsplit_once(") ")?.1.chars().next()
 }
 
+#[test]
+fn promise_1_the_guard_brakes_before_a_killed_control_is_reaped() {
+    patiently("promise_1_the_guard_brakes_before_a_killed_control_is_reaped", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let control = running.control();
+        // A traced process that has ended is its tracer's to reap before it is its parent's.
+        nix::sys::ptrace::seize(control, nix::sys::ptrace::Options::empty()).unwrap();
+        kill(control, Signal::SIGKILL).unwrap();
+        let killed = Instant::now();
+        await_that("every motor is still", || running.brick.is_still());
+        let took = killed.elapsed();
+        assert_eq!(state_of(control), Some('Z'), "it is not reaped yet");
+        nix::sys::wait::waitpid(control, None).unwrap();
+        assert!(took < Duration::from_millis(50), "told after {took:?}");
+        let (brick, said, _) = running.finish();
+        assert!(said.err.contains("the guard stopped the motors"), "{}", said.err);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+    });
+}
+
 /// Kills all of the run's processes at once: starter and guard are stopped first, so that neither sees another one go.
 fn kill_all(running: &Running) {
     let (control, guard, starter) = (running.control(), running.guard(), running.parent());
@@ -352,6 +373,33 @@ fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
         brick.put("tacho-motor/motor1", "command", b"run-forever\n");
         assert_eq!(orphaned(), "no run has left a motor behind\n");
         assert_eq!(brick.commands(), ["run-forever", "run-forever", "stop"], "another program has outB now");
+    });
+}
+
+#[test]
+fn promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_way_out() {
+    patiently("promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_way_out", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let motor = running.brick.path("tacho-motor/motor1", "");
+        let mut other = std::process::Command::new("sh")
+            .args([
+                "-c",
+                "exec 3>\"$0\"/state 4>\"$0\"/speed_sp; echo running >&3; echo 77 >&4; exec sleep 60",
+            ])
+            .arg(&motor)
+            .spawn()
+            .unwrap();
+        let (brick, said, _) = running.finish();
+        let expected = format!(
+            "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are open in sleep (process {})",
+            other.id()
+        );
+        other.kill().unwrap();
+        other.wait().unwrap();
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        assert!(said.err.contains(&expected), "{} is not in\n{}", expected, said.err);
+        assert_eq!(brick.commands(), ["stop", "run-timed", "stop"], "another program has outB");
     });
 }
 

@@ -192,6 +192,27 @@ fn promise_9_another_programs_hand_on_a_motor_that_stands_is_noticed_too() {
 }
 
 #[test]
+fn promise_9_a_setting_that_would_change_what_a_lease_does_ends_the_run_and_the_motor_stands() {
+    for (port, channel) in &DEVICES[..3] {
+        for write in [
+            "time_sp 60000",
+            "stop_action coast",
+            "ramp_up_sp 9000",
+            "ramp_down_sp 9000",
+            "polarity inversed",
+        ] {
+            let order = format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"write {write}\"\n");
+            let ended = mapping(60.0).scenario(&order).play().unwrap();
+            let took_ms = (ended.drove_s - 10.0) * 1e3;
+            promised(&format!("{port} {write}: {} after {took_ms:.0} ms", ended.reason));
+            assert_eq!(ended.reason, StopReason::Outside(*channel), "{port} {write}");
+            assert!(took_ms <= 120.0, "{port} {write}: {took_ms} ms");
+            assert_eq!(ended.states, [""; 3], "{port} {write}");
+        }
+    }
+}
+
+#[test]
 fn promise_9_another_programs_hand_on_our_motors_ends_the_run_and_nothing_is_fought_over() {
     let orders = |port: &str, writes: &[&str]| -> String {
         let order =
