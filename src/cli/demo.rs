@@ -71,9 +71,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     progress.finish();
     let ended = ended.map_err(|refused| Failure::of_refused(refused.to_text(), refused.way_out()))?;
     output.line(ended.to_string());
-    if !ended.wanted {
-        return Err(Failure::new(Exit::Failed, ended.reason));
-    }
     let loaded = open_run(&job.file)?;
     let Brick::Simulated { world, .. } = &job.brick else {
         return Err(Failure::new(Exit::Failed, "a demo runs on a simulated brick"));
@@ -95,7 +92,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         ),
         &quality,
     );
-    Ok(())
+    if ended.wanted { Ok(()) } else { Err(Failure::new(Exit::Failed, ended.reason)) }
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

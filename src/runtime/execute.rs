@@ -19,6 +19,10 @@ use super::{
     StopFlags, StopReason, names, open_files, prepare,
 };
 
+/// What a loop that is late means where no real device can hold it up.
+const TOO_BUSY: &str =
+    "this machine was too busy; close other programs, or simulate without the clock on the wall";
+
 /// Why a run did not start. Nothing has moved.
 #[derive(Debug, thiserror::Error)]
 pub enum Refused {
@@ -216,6 +220,7 @@ impl Stage {
         let details = match word {
             StopReason::Lost(_) => robot.trouble().map(|trouble| trouble.to_string()),
             StopReason::Outside(channel) => robot.motor(channel).map(|motor| hand_on(motor, &place.tree)),
+            StopReason::Late if matches!(job.brick, Brick::Simulated { .. }) => Some(TOO_BUSY.to_owned()),
             _ => None,
         };
         let reason = details.map_or_else(|| word.to_string(), |details| format!("{word}: {details}"));

@@ -6,7 +6,7 @@ mod shipped;
 
 use std::path::PathBuf;
 
-use onbrick::behavior::shipped::find;
+use onbrick::behavior::shipped::{TEMPLATE, find};
 use onbrick::clock::SECOND_NS;
 use onbrick::mapping::Pose;
 use onbrick::runtime::recording::Run;
@@ -72,7 +72,10 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
     Job {
         mission: Source {
             name: format!("{mission}.toml"),
-            text: find(mission).expect("a shipped mission").text.to_owned(),
+            text: match mission {
+                "template" => TEMPLATE.to_owned(),
+                _ => find(mission).expect("a shipped mission").text.to_owned(),
+            },
         },
         robot: Source { name: "robot.toml".to_owned(), text: robot.to_owned() },
         brick: Brick::Simulated {

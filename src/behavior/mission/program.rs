@@ -64,11 +64,14 @@ impl Program {
         progress
     }
 
-    /// The wheels are blocked, to be told once for each time that they are: the machine that drives them goes to the state of `on_stall` at the next step, whatever its
-    /// conditions say. False where the mission asks to be stopped instead.
+    /// The wheels are blocked: the machine that drives them goes to the state of `on_stall` at the next step, whatever its
+    /// conditions say. One that is there already stays, and the state's time and way go on: its own conditions lead it out.
+    /// False where the mission asks to be stopped instead.
     pub fn stall(&mut self) -> bool {
-        for (machine, state) in &self.on_stall {
-            self.engine.force(*machine, *state);
+        for &(machine, state) in &self.on_stall {
+            if self.engine.position(machine).is_none_or(|(active, _)| active != state) {
+                self.engine.force(machine, state);
+            }
         }
         !self.on_stall.is_empty()
     }

@@ -290,6 +290,26 @@ fn promise_1_whoever_asks_a_run_to_stop_whose_guard_and_control_hang_ends_it_by_
 }
 
 #[test]
+fn a_pc_that_runs_neither_guard_nor_control_for_a_while_is_said_to_be_too_busy() {
+    patiently("a_pc_that_runs_neither_guard_nor_control_for_a_while_is_said_to_be_too_busy", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let processes = [running.guard(), running.control()];
+        for signal in [Signal::SIGSTOP, Signal::SIGCONT] {
+            processes.map(|process| kill(process, signal).unwrap());
+            std::thread::sleep(Duration::from_millis(400));
+        }
+        let (brick, said, recorded) = running.finish();
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        assert!(said.err.contains("the loop stood still"), "{}", said.err);
+        let busy = "this machine was too busy: the guard did not get a processor for 0.";
+        assert!(said.err.contains(busy) && said.err.contains("close other programs"), "{}", said.err);
+        assert_eq!(brick.commands(), ["stop"; 3]);
+        assert_eq!(recorded.ending.unwrap().reason, StopReason::Late.to_string());
+    });
+}
+
+#[test]
 fn promise_10_halt_frees_a_brick_whose_guard_hangs_over_a_dead_control() {
     patiently("promise_10_halt_frees_a_brick_whose_guard_hangs_over_a_dead_control", || {
         let running = Running::start(DRIVE);

@@ -21,7 +21,7 @@ fn check_looks_at_every_file_and_says_which_are_broken() {
     std::fs::write(folder.path().join("empty.toml"), "").unwrap();
     let said = run(folder.path(), &["check", "map", "good.toml", "bump"]).expect(0);
     assert!(
-        said.out.contains("good.toml: in order: drive (3 states), look (3 states), 50 Hz, 120 s at most"),
+        said.out.contains("good.toml: in order: drive (5 states), look (3 states), 50 Hz, 120 s at most"),
         "{}",
         said.out
     );

@@ -5,6 +5,8 @@ use std::f64::consts::TAU;
 use onbrick::sim::{Truth, World};
 use onbrick::units::{degrees, wrap_rad};
 
+use onbrick::runtime::Job;
+
 use super::{Played, job, play, play_in, robot};
 use crate::support::seeds;
 
@@ -21,6 +23,67 @@ fn distance_m(a: &Truth, b: &Truth) -> f64 {
 /// How many runs of ticks there are in which something is so.
 fn times(played: &Played, so: impl Fn(&Truth) -> bool) -> usize {
     played.truths.windows(2).filter(|two| !so(&two[0]) && so(&two[1])).count()
+}
+
+/// Worlds with walls, in which a robot that drives about meets something.
+const ROOMS: [&str; 6] = ["arena", "rooms", "cylinders", "two-arenas", "corridor", "wall"];
+
+/// How long the robot touched something and neither went nor turned, seconds at the most.
+fn pushing_s(played: &Played) -> f64 {
+    let mut last = played.truths[0];
+    let stands = played.truths.iter().map(|truth| {
+        let turned_rad = (truth.heading_rad - last.heading_rad).abs();
+        last = *truth;
+        truth.touching && truth.speed_mps.abs() < 0.005 && turned_rad < 0.05 * played.tick_s
+    });
+    let mut longest = (0_u32, 0_u32);
+    for stands in stands {
+        longest.1 = if stands { longest.1 + 1 } else { 0 };
+        longest.0 = longest.0.max(longest.1);
+    }
+    f64::from(longest.0) * played.tick_s
+}
+
+#[test]
+fn missions_that_drive_about_end_as_intended_in_every_room_and_push_nothing_for_long() {
+    for mission in ["map", "bump", "wall", "template"] {
+        for world in ROOMS {
+            let pushing: Vec<f64> = seeds(20)
+                .map(|seed| {
+                    let played = play_in(mission, world, seed);
+                    assert!(played.ended.wanted, "{mission} in {world}, seed {seed}: {}", played.ended);
+                    pushing_s(&played)
+                })
+                .collect();
+            let worst_s = pushing.iter().copied().fold(0.0, f64::max);
+            println!("{mission} in {world}: pushed for {worst_s:.1} s at most in {} seeds", pushing.len());
+            assert!(worst_s < 4.0, "{mission} in {world} pushed for {pushing:.1?} s");
+        }
+    }
+}
+
+#[test]
+fn map_drives_for_ten_minutes_and_is_never_stuck() {
+    for world in ["arena", "rooms", "cylinders"] {
+        for seed in seeds(10) {
+            let played = play(|file| {
+                let text = World::text(world).expect("a built-in world");
+                let set = vec![("time_limit_s".to_owned(), 600.0)];
+                Job { set, ..job("map", &robot(), (world, text), seed, file) }
+            });
+            let pushing_s = pushing_s(&played);
+            let way_m = played.truths.last().unwrap().travelled_m;
+            println!(
+                "map in {world}, seed {seed}: {way_m:.1} m, pushed for {pushing_s:.1} s at most; {}",
+                played.ended.reason
+            );
+            assert!(played.ended.wanted, "{world}, seed {seed}: {}", played.ended);
+            assert!(
+                pushing_s < 4.0 && way_m > 12.0,
+                "{world}, seed {seed}: {way_m} m, pushed for {pushing_s} s"
+            );
+        }
+    }
 }
 
 #[test]
