@@ -48,6 +48,8 @@ if [ -z "$image" ]; then usage >&2 && exit 2; fi
 
 # Everything is checked before anything is written.
 check_tools() {
+  # An ordinary user's PATH does not lead to sfdisk and debugfs.
+  PATH=$PATH:/usr/sbin:/sbin
   local missing=()
   command -v sfdisk >/dev/null || missing+=(fdisk)
   command -v mdir >/dev/null || missing+=(mtools)

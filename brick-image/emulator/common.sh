@@ -6,6 +6,8 @@ checkout=$(cd "$here/../.." && pwd)
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/onbrick
 # shellcheck disable=SC2034  # for the scripts that source this
 readonly here checkout cache
+# Where an ordinary user's PATH does not lead: sfdisk, mkfs.vfat, debugfs.
+PATH=$PATH:/usr/sbin:/sbin
 
 say() { printf 'emulate: %s\n' "$*" >&2; }
 
@@ -34,10 +36,18 @@ install_packages() {
   locked packages install_now "$@"
 }
 
+# Another program may hold apt's locks for a while, as unattended upgrades do: it is waited for, ten minutes at most. apt waits by
+# itself for the lock of dpkg alone, not for that of the lists.
 install_now() {
-  as_root apt-get update -qq >&2 || fail "apt-get update failed" "look at the network, then again"
-  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null ||
-    fail "could not install $*" "apt-get install $*"
+  local said end=$((SECONDS + 600)) apt_get=(env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600)
+  until said=$(as_root "${apt_get[@]}" update -qq 2>&1); do
+    case $said in
+      *"Could not get lock"*) [ $SECONDS -lt $end ] && sleep 2 && continue ;;
+    esac
+    fail "apt-get update failed: $said" "look at the network, then again"
+  done
+  said=$(as_root "${apt_get[@]}" install -y -qq --no-install-recommends "$@" 2>&1) ||
+    fail "could not install $*: $said" "apt-get install $*"
 }
 
 # Only one builds into the cache at a time; the others wait for it.

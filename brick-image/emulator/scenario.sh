@@ -128,10 +128,10 @@ arrive() {
   fi
 }
 
-# process WORDS: the number of the process whose command line has these words in it.
+# process WORDS: the number of the process whose command line has these words in it. One may be gone before it is looked at.
 process() {
   for folder in /proc/[0-9]*; do
-    case $(tr '\0' ' ' <"$folder/cmdline" 2>/dev/null) in
+    case $({ tr '\0' ' ' <"$folder/cmdline"; } 2>/dev/null || true) in
       *"$1"*) echo "${folder#/proc/}" && return ;;
     esac
   done

@@ -6,6 +6,7 @@
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+needs debugfs=e2fsprogs sfdisk=fdisk mkfs.vfat=dosfstools mcopy=mtools
 
 image=$work/card.img
 # And the next one, for pairing.

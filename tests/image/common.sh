@@ -1,7 +1,8 @@
 # shellcheck shell=bash
 # What the tests on a Debian armel root share: sourced, never run. They need root, and QEMU for programs of the brick's processor.
 tests=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-checkout=$(cd "$tests/../.." && pwd)
+# shellcheck source-path=SCRIPTDIR source=../../brick-image/emulator/common.sh
+source "$tests/../../brick-image/emulator/common.sh"
 work=$(mktemp -d)
 root=$work/root
 failures=0
@@ -25,7 +26,7 @@ clean_up() {
 trap clean_up EXIT
 
 unpack_root() {
-  [ "$(id -u)" = 0 ] || { echo "error: this test needs root" >&2 && exit 1; }
+  [ "$(id -u)" = 0 ] || fail "this test needs root" "sudo -E $0"
   mkdir "$root"
   tar xzf "$("$checkout/brick-image/emulator/root.sh")" -C "$root"
   mkdir -p "$root/run/lock"

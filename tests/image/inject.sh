@@ -4,6 +4,7 @@
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+needs sfdisk=fdisk mkfs.vfat=dosfstools mcopy=mtools debugfs=e2fsprogs
 
 keep=''
 [ "${1:-}" != --keep ] || keep=$2

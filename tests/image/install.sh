@@ -3,6 +3,7 @@
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+needs ssh=openssh-client unshare=util-linux dpkg-deb=dpkg
 
 onbrick=${ONBRICK:-$checkout/target/debug/onbrick}
 port=$((10000 + $$ % 10000))

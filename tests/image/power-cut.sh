@@ -5,7 +5,9 @@ set -euo pipefail
 
 cuts=${1:-3}
 shift || true
-checkout=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+# shellcheck source-path=SCRIPTDIR source=../../brick-image/emulator/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/../../brick-image/emulator/common.sh"
+needs mke2fs=e2fsprogs
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 truncate -s 256M "$work/disk"

@@ -252,3 +252,42 @@ fn an_image_that_is_not_ev3devs_is_refused_and_left_alone() {
     assert!(text.contains("is no SD card image") && text.contains("try: "), "{text}");
     assert!(std::fs::read(&image).unwrap() == vec![7_u8; 100_000], "it was left alone");
 }
+
+#[test]
+fn scripts_wait_for_apts_lock_and_name_what_could_not_be_installed() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("#!/bin/bash\n{text}\n")).unwrap();
+        std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    };
+    // The lists are locked twice; what is installed is noted.
+    script(
+        "apt-get",
+        "cd \"$HOME\"\nif [[ $* == *update* ]]; then\n  echo x >>tried\n  [ \"$(wc -l <tried)\" -gt 2 ] || \
+         { echo 'E: Could not get lock /var/lib/apt/lists/lock' >&2; exit 100; }\n\
+         elif [[ $* == *no-such-package* ]]; then\n  echo 'E: Unable to locate package' >&2; exit 100\n\
+         else echo \"$*\" >installed\nfi",
+    );
+    script("sudo", "exec \"$@\"");
+    let needs = |pairs: &str| {
+        let sourced =
+            format!("source {}/brick-image/emulator/common.sh; needs {pairs}", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").unwrap());
+        let mut bash = Command::new("bash");
+        bash.args(["-euo", "pipefail", "-c", &sourced]).env("PATH", path).env("HOME", folder.path());
+        bash.env_remove("XDG_CACHE_HOME").output().unwrap()
+    };
+    let said = needs("ls=coreutils no-such-command=fdisk");
+    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(read("tried").lines().count(), 3, "it was tried until the lock was free");
+    let installed = read("installed");
+    assert!(installed.ends_with(" fdisk\n") && installed.contains("DPkg::Lock::Timeout=600"), "{installed}");
+    let said = needs("no-such-command=no-such-package");
+    let text = String::from_utf8_lossy(&said.stderr);
+    assert!(
+        !said.status.success() && text.contains("could not install no-such-package: E: Unable"),
+        "{text}"
+    );
+}
