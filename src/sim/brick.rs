@@ -212,6 +212,13 @@ impl Brick {
         }
     }
 
+    /// What the driver of a port does before a write to it returns: it unregisters and registers.
+    pub(crate) fn settle_port(&mut self, id: u32, now_ns: i64, physics: &mut dyn Physics) {
+        if let Some(&Device::Port(index)) = self.node(id).map(|node| &node.device) {
+            self.step_port(index, now_ns, physics);
+        }
+    }
+
     fn step_port(&mut self, index: usize, now_ns: i64, physics: &mut dyn Physics) {
         loop {
             let Some(port) = self.ports.get_mut(index) else { return };
