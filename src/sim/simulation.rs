@@ -308,7 +308,7 @@ impl Simulation {
         self.shared.now().bricks.get(robot)?.servo_pulse_us(name)
     }
 
-    /// Presses a button. Nothing happens if it is down already.
+    /// Presses a button, until it is let go. Nothing happens if it is down already.
     ///
     /// # Errors
     ///

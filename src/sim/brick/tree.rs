@@ -22,6 +22,9 @@ pub(crate) const TRUTH: &str = "sim/truth";
 /// What is wrong on purpose: written to make it so.
 pub(crate) const FAULTS: &str = "sim/faults";
 
+/// What is to be done to the robot, and what was: faults, pressed buttons, a hand that carries it.
+pub(crate) const ORDERS: &str = "sim/orders";
+
 /// Folders whose entries are always the same.
 const FIXED: &[(&str, &[&str])] = &[
     ("", &["dev", "sim", "sys"]),
@@ -33,7 +36,7 @@ const FIXED: &[(&str, &[&str])] = &[
 ];
 
 /// Files outside `sys`.
-const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH, FAULTS];
+const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH, FAULTS, ORDERS];
 
 impl Brick {
     /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the links of `sys/class`.

@@ -139,8 +139,8 @@ impl Files {
         if let Some(file) = brick.open_truth(&place.path, access) {
             return Ok((Handle::Truth { file: file?, text: Vec::new() }, direct));
         }
-        if let Some(file) = brick.open_faults(&place.path) {
-            return Ok((Handle::Faults { file, text: Vec::new() }, direct));
+        if let Some(file) = brick.open_orders(&place.path) {
+            return Ok((Handle::Orders { file, text: Vec::new() }, direct));
         }
         let file = brick.open_attribute(&place.path, access)?;
         let handle = Handle::Attribute { file, text: Vec::new(), poller: None };
