@@ -1,5 +1,10 @@
 //! `onbrick sim`: the simulated brick as a mounted file system.
 
+mod exec;
+mod private;
+mod stand_in;
+
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -22,6 +27,7 @@ use crate::sim::{
 ///   onbrick sim /tmp/brick --scenario loose-plug.toml --show end.svg
 ///   onbrick sim fault /tmp/brick in1 stuck
 ///   onbrick sim press /tmp/brick enter --for 1s
+///   onbrick sim exec /tmp/brick -- python3 my_robot.py
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
@@ -105,6 +111,23 @@ enum SimCommand {
         #[arg(long = "for", default_value = "200ms", value_parser = span, value_name = "TIME")]
         hold: f64,
     },
+    /// Run a program in a private view in which a mounted brick's /sys, /dev/input, /dev/fb0 and speaker lie
+    /// over this machine's.
+    Exec {
+        /// Where the brick is mounted: with several robots, the folder of one.
+        brick: PathBuf,
+        /// The program and its arguments.
+        #[arg(required = true, last = true, value_name = "PROGRAM")]
+        program: Vec<OsString>,
+    },
+    /// What the stand-ins for beep, aplay, espeak and amixer start.
+    #[command(hide = true)]
+    StandIn {
+        view: PathBuf,
+        name: String,
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
 }
 
 fn button(name: &str) -> Result<Button, String> {
@@ -150,6 +173,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         Some(SimCommand::Press { brick, buttons, hold }) => {
             let press = |button: &Button| format!("press {} for {hold}", button.as_str());
             return order(brick, &buttons.iter().map(press).collect::<Vec<_>>().join("\n"), output);
+        }
+        Some(SimCommand::Exec { brick, program }) => return exec::exec(brick, program, output),
+        Some(SimCommand::StandIn { view, name, arguments }) => {
+            return exec::stand_in(view, name, arguments, output);
         }
         None => {}
     }

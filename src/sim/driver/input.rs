@@ -244,6 +244,11 @@ impl Speaker {
         Ok(taken)
     }
 
+    /// Sounds at so many hertz, or with 0 falls silent, as if that had been written.
+    pub(crate) fn tone(&mut self, hz: u32, now_ns: i64) {
+        self.play(EV_SND, SND_TONE, i32::try_from(hz).unwrap_or(i32::MAX), now_ns);
+    }
+
     fn play(&mut self, kind: u16, code: u16, value: i32, now_ns: i64) {
         if kind != EV_SND {
             return;

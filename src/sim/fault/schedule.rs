@@ -136,6 +136,12 @@ impl Faults {
                 self.held.retain(|held| (held.robot, held.button) != (*robot, *button));
                 brick.buttons.set(*button, false, now_ns);
             }
+            Act::Tone(hz) => {
+                brick.speaker.tone(*hz, now_ns);
+                // A melody would be all that is left of the record.
+                return Ok(());
+            }
+            Act::Say(_) => {}
             Act::Place { x_m, y_m, heading_deg } => {
                 if !physics.place(*robot, Some([*x_m, *y_m, radians(*heading_deg)])) {
                     return Err(FaultError::NoRoom { x_m: *x_m, y_m: *y_m });

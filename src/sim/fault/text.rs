@@ -9,6 +9,7 @@
 //! in4 clear                     clear
 //! press enter for 1.5           release enter
 //! place 0.5 -0.2 90             reset
+//! tone 440                      say Hello
 //! robot 2 in1 garbage text      # a comment
 //! ```
 
@@ -27,6 +28,12 @@ pub(super) const VOLTS: RangeInclusive<f64> = 0.0..=12.0;
 
 /// How long a press lasts that names no time, nanoseconds.
 pub(super) const PRESS_NS: i64 = 200_000_000;
+
+/// What the speaker can be asked for, hertz: what it plays is 100 to 10,000.
+const TONE_HZ: RangeInclusive<f64> = 0.0..=20_000.0;
+
+/// Of what is said, so many characters are noted.
+const MOST_SAID: usize = 200;
 
 /// How far from the world's origin a robot can be put, metres.
 const PLACE_M: RangeInclusive<f64> = -1000.0..=1000.0;
@@ -54,6 +61,10 @@ pub enum Act {
     Press(Button, i64),
     /// A button that is down goes up.
     Release(Button),
+    /// The speaker sounds at so many hertz, or with 0 falls silent.
+    Tone(u32),
+    /// Words that a person would hear.
+    Say(String),
     /// A hand puts the robot elsewhere: metres, and degrees anticlockwise from x. It stands still there.
     Place {
         /// World frame.
@@ -79,6 +90,8 @@ impl fmt::Display for Act {
                 write!(f, "battery {from_v} {to_v} {}", seconds(*over_ns))
             }
             Self::Press(button, for_ns) => write!(f, "press {} for {}", button.as_str(), seconds(*for_ns)),
+            Self::Tone(hz) => write!(f, "tone {hz}"),
+            Self::Say(words) => write!(f, "say {words}"),
             Self::Release(button) => write!(f, "release {}", button.as_str()),
             Self::Place { x_m, y_m, heading_deg } => write!(f, "place {x_m} {y_m} {heading_deg}"),
             Self::Reset => f.write_str("reset"),
@@ -176,15 +189,31 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
         ["battery", rest @ ..] => battery(rest),
         ["press", rest @ ..] => press(rest),
         ["release", name] => Ok(Act::Release(button(name)?)),
+        ["tone", hz] => {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "`number` has checked it"
+            )]
+            let hz = libm::round(number(hz, TONE_HZ)?) as u32;
+            Ok(Act::Tone(hz))
+        }
+        ["say", words @ ..] if !words.is_empty() => {
+            let said = words.join(" ").chars().filter(|c| !c.is_control()).take(MOST_SAID).collect();
+            Ok(Act::Say(said))
+        }
         ["place", x, y, heading] => Ok(Act::Place {
             x_m: number(x, PLACE_M)?,
             y_m: number(y, PLACE_M)?,
             heading_deg: number(heading, HEADING_DEG)?,
         }),
-        ["release" | "place", ..] => {
-            Err(Misread::new(format!("`{}` does not say it all", shown(&words.join(" "))))
-                .hint("`release enter`, or `place 0.5 -0.2 90`: metres, metres and degrees"))
-        }
+        ["release" | "tone" | "say" | "place", ..] => Err(Misread::new(format!(
+            "`{}` does not say it all",
+            shown(&words.join(" "))
+        ))
+        .hint(
+            "`release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres and degrees",
+        )),
         [name, "clear"] => Ok(Act::Clear(Some(port(name)?))),
         [name, rest @ ..] => {
             let port = port(name)?;

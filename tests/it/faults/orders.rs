@@ -10,7 +10,7 @@ use crate::drivers_bench::Rig;
 fn an_order_is_a_line_of_text() {
     let text = "in1 stuck\n\n# nothing\nrobot 2 outB block for 2.5  # a child's hand\nbattery 6.2\nbattery 8 5 60\nin4 clear\nclear\n\
                 ev3-ports:outA write speed_sp 500\nin3 wrong 1.5 -20\noutD reset\nin2 garbage text\n\
-                press enter\nrobot 3 press back for 1.5\nrelease enter\nplace 0.5 -0.2 90\nreset";
+                press enter\nrobot 3 press back for 1.5\nrelease enter\nplace 0.5 -0.2 90\nreset\ntone 440\nsay Hello  robot";
     let orders = Order::parse(0, text).unwrap();
     let shown: Vec<String> = orders.iter().map(|order| format!("{} {}", order.robot, order.act)).collect();
     #[rustfmt::skip]
@@ -18,6 +18,7 @@ fn an_order_is_a_line_of_text() {
         "0 in1 stuck", "1 outB block for 2.5", "0 battery 6.2", "0 battery 8 5 60", "0 in4 clear", "0 clear",
         "0 outA write speed_sp 500", "0 in3 wrong 1.5 -20", "0 outD reset", "0 in2 garbage text",
         "0 press enter for 0.2", "2 press back for 1.5", "0 release enter", "0 place 0.5 -0.2 90", "0 reset",
+        "0 tone 440", "0 say Hello robot",
     ]);
     assert_eq!(orders[1].act, Act::Inject(Port::OutB, DeviceFault::Block, Some(5 * SECOND_NS / 2)));
     assert!(Order::parse(0, "").unwrap().is_empty());
@@ -54,7 +55,7 @@ fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
         ("press entre", "line 1: there is no button `entre`; did you mean `enter`?"),
         ("press", "line 1: `press` takes one button; `press enter`, or `press enter for 1.5`"),
         ("press enter left", "line 1: `press` takes one button; `press enter`, or `press enter for 1.5`"),
-        ("place 1 2", "line 1: `place 1 2` does not say it all; `release enter`, or `place 0.5 -0.2 90`: metres, metres and degrees"),
+        ("place 1 2", "line 1: `place 1 2` does not say it all; `release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres and degrees"),
         ("place 1 2 400", "line 1: 400 is out of range; it can be -360 to 360"),
         ("robot 0 clear", "line 1: `robot 0` is no robot; robots count from 1"),
         ("robot 1", "line 1: there is no order; write for example `in1 stuck`"),
