@@ -211,7 +211,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Guard(arguments) => guard::run(&arguments, &mut output),
     };
     match ended {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => output.code(),
         Err(failure) => output.fail(&failure),
     }
 }

@@ -1,13 +1,16 @@
-//! A page for a browser on this machine: a small server on 127.0.0.1 that only shows.
+//! A page for a browser on this machine: a small server on 127.0.0.1 that shows, and takes what its own page
+//! posts where whoever serves it wants that.
 //!
 //! # Not here
 //!
-//! What is shown: a simulation's room (`sim`), a run that is going on (`report`). Nothing can be changed from a page.
+//! What is shown: a simulation's room (`sim`), a run that is going on (`report`), from which nothing can be
+//! changed.
 //!
 //! # What we count on
 //!
 //! Whoever may open a port of this machine may look. Questions by another host name than this machine's are refused, so that a foreign
-//! page in the same browser cannot ask.
+//! page in the same browser cannot ask. What is posted must carry a header of ours ([`OWN`]), which a foreign
+//! page may not send without asking first, and it is refused when it asks.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -46,7 +49,19 @@ pub(crate) enum Shown {
     Nothing,
     /// It cannot be shown now.
     Failed,
+    /// Nothing can be changed there.
+    Fixed,
+    /// What was posted was done.
+    Done,
+    /// What was posted was not done, and why.
+    Refused(String),
 }
+
+/// The header that the page's own script sends with what it posts.
+const OWN: &str = "X-Onbrick";
+
+/// No post is longer, bytes.
+const MOST_POSTED: u64 = 4096;
 
 /// A page that is being served. Dropping it ends that.
 #[derive(Debug)]
@@ -75,6 +90,19 @@ impl LocalPage {
         port: u16,
         show: impl Fn(&str, &str) -> Shown + Send + 'static,
     ) -> Result<Self, PageError> {
+        Self::serve_and_take(port, show, |_, _| Shown::Fixed)
+    }
+
+    /// As [`LocalPage::serve`]; `take` is given path and text of what the page posts.
+    ///
+    /// # Errors
+    ///
+    /// [`PageError`]; nothing is served then.
+    pub(crate) fn serve_and_take(
+        port: u16,
+        show: impl Fn(&str, &str) -> Shown + Send + 'static,
+        take: impl Fn(&str, &str) -> Shown + Send + 'static,
+    ) -> Result<Self, PageError> {
         let failed = |message: String| PageError::Bind { port, message };
         let server = Server::http((Ipv4Addr::LOCALHOST, port)).map_err(|error| failed(error.to_string()))?;
         let address =
@@ -83,7 +111,7 @@ impl LocalPage {
         let served = Arc::clone(&server);
         let serve = move || {
             for request in served.0.incoming_requests() {
-                answer(request, &show);
+                answer(request, &show, &take);
             }
         };
         let thread = std::thread::Builder::new().name("page".to_owned()).spawn(serve)?;
@@ -106,22 +134,37 @@ impl Drop for LocalPage {
     }
 }
 
-fn answer(request: Request, show: &impl Fn(&str, &str) -> Shown) {
-    let (path, query) = request.url().split_once('?').unwrap_or((request.url(), ""));
-    let response = if !is_ours(&request) {
-        text("text/plain", "this page is for its own machine\n").with_status_code(403)
-    } else if *request.method() != Method::Get {
-        text("text/plain", "nothing can be changed here\n").with_status_code(405)
-    } else {
-        match show(path, query) {
-            Shown::Html(body) => text("text/html; charset=utf-8", &body),
-            Shown::Json(body) => text("application/json", &body),
-            Shown::Nothing => text("text/plain", "there is nothing here\n").with_status_code(404),
-            Shown::Failed => text("text/plain", "there is nothing to be shown\n").with_status_code(500),
-        }
+fn answer(mut request: Request, show: &impl Fn(&str, &str) -> Shown, take: &impl Fn(&str, &str) -> Shown) {
+    let url = request.url().to_owned();
+    let (path, query) = url.split_once('?').unwrap_or((&url, ""));
+    let is_own = request.headers().iter().any(|header| header.field.equiv(OWN));
+    let shown = match request.method() {
+        _ if !is_ours(&request) => None,
+        Method::Get => Some(show(path, query)),
+        Method::Post if is_own => Some(posted(&mut request).map_or(Shown::Failed, |text| take(path, &text))),
+        _ => Some(Shown::Fixed),
+    };
+    let plain = |body: &str, status: u16| text("text/plain", body).with_status_code(status);
+    let response = match shown {
+        None => plain("this page is for its own machine\n", 403),
+        Some(Shown::Html(body)) => text("text/html; charset=utf-8", &body),
+        Some(Shown::Json(body)) => text("application/json", &body),
+        Some(Shown::Nothing) => plain("there is nothing here\n", 404),
+        Some(Shown::Failed) => plain("there is nothing to be shown\n", 500),
+        Some(Shown::Fixed) => plain("nothing can be changed here\n", 405),
+        Some(Shown::Done) => plain("done\n", 200),
+        Some(Shown::Refused(why)) => plain(&format!("{why}\n"), 400),
     };
     // A browser that has gone away needs no answer.
     let _ = request.respond(response);
+}
+
+/// The text that was posted; none where it is too long, or no text.
+fn posted(request: &mut Request) -> Option<String> {
+    let mut body = String::new();
+    let mut most = io::Read::take(request.as_reader(), MOST_POSTED + 1);
+    io::Read::read_to_string(&mut most, &mut body).ok()?;
+    Some(body).filter(|body| u64::try_from(body.len()).is_ok_and(|length| length <= MOST_POSTED))
 }
 
 /// A value as JSON that may stand inside a script element: only `<` could end that.

@@ -56,13 +56,17 @@ pub(super) struct LoadedRobot {
     pub(super) config: RobotConfig,
 }
 
-/// Reads a file; a name without a folder or an ending may also be that of a text we carry.
+/// Reads a file, or takes a text we carry by its name. Such a name is a path only with a folder before it
+/// (`./arena`) or an ending (`arena.toml`): what lies in the working folder never changes what a name means.
 pub(super) fn read_source(
     path: &Path,
     carried: impl Fn(&str) -> Option<&'static str>,
 ) -> Result<Source, Failure> {
     let name = path.to_string_lossy();
-    if let Some(text) = carried(&name).filter(|_| !path.exists()) {
+    if let Some(text) = carried(&name) {
+        if path.is_file() {
+            log::warn!("`{name}` is the built-in one; the file is ./{name}");
+        }
         return Ok(Source { name: format!("{name}.toml"), text: text.to_owned() });
     }
     let bytes = read_bounded(path)?;

@@ -90,13 +90,26 @@ pub(super) fn with_causes(error: &dyn Error) -> String {
 pub struct Output {
     json: bool,
     closed: bool,
+    /// The exit code of a program that was run for somebody.
+    code: u8,
 }
 
 impl Output {
     /// Text for people, or JSON for programs.
     #[must_use]
     pub fn new(json: bool) -> Self {
-        Self { json, closed: false }
+        Self { json, closed: false, code: 0 }
+    }
+
+    /// Has this program end with another one's exit code.
+    pub fn ends_with(&mut self, code: u8) {
+        self.code = code;
+    }
+
+    /// The exit code of a command that did what it was asked to.
+    #[must_use]
+    pub fn code(&self) -> ExitCode {
+        ExitCode::from(self.code)
     }
 
     /// True where a program reads the output.
@@ -160,6 +173,12 @@ impl Output {
     }
 
     /// A reader that has gone away (`onbrick … | head`) is no failure.
+    /// Prints bytes as they are: what another program would have.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        let mut out = io::stdout().lock();
+        self.closed |= out.write_all(bytes).and_then(|()| out.flush()).is_err();
+    }
+
     fn print(&mut self, text: &str) {
         let mut out = io::stdout().lock();
         self.closed |= writeln!(out, "{text}").and_then(|()| out.flush()).is_err();

@@ -1,5 +1,10 @@
 //! `onbrick sim`: the simulated brick as a mounted file system.
 
+mod exec;
+mod private;
+mod stand_in;
+
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,7 +15,7 @@ use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
 use crate::sim::{
-    EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions, Options, Order,
+    Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions, Options, Order,
     Scenario, Simulation, World, WorldPhysics, still,
 };
 
@@ -21,6 +26,8 @@ use crate::sim::{
 ///   onbrick sim /tmp/bricks --robots 2 --world two-arenas --page
 ///   onbrick sim /tmp/brick --scenario loose-plug.toml --show end.svg
 ///   onbrick sim fault /tmp/brick in1 stuck
+///   onbrick sim press /tmp/brick enter --for 1s
+///   onbrick sim exec /tmp/brick -- python3 my_robot.py
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
@@ -93,20 +100,67 @@ enum SimCommand {
         #[arg(required = true)]
         order: Vec<String>,
     },
+    /// Press buttons of a mounted brick, all at once: back, enter, up, left, right, down.
+    Press {
+        /// Where the brick is mounted: with several robots, the folder of one.
+        brick: PathBuf,
+        /// Which buttons.
+        #[arg(required = true, value_parser = button, value_name = "BUTTON")]
+        buttons: Vec<Button>,
+        /// For how long: 1s, 250ms.
+        #[arg(long = "for", default_value = "200ms", value_parser = span, value_name = "TIME")]
+        hold: f64,
+    },
+    /// Run a program in a private view in which a mounted brick's /sys, /dev/input, /dev/fb0 and speaker lie
+    /// over this machine's.
+    Exec {
+        /// Where the brick is mounted: with several robots, the folder of one.
+        brick: PathBuf,
+        /// The program and its arguments.
+        #[arg(required = true, last = true, value_name = "PROGRAM")]
+        program: Vec<OsString>,
+    },
+    /// What the stand-ins for beep, aplay, espeak and amixer start.
+    #[command(hide = true)]
+    StandIn {
+        view: PathBuf,
+        name: String,
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
 }
 
-/// Writes an order to a mounted brick's `sim/faults`.
-fn fault(brick: &Path, order: &[String], output: &mut Output) -> Result<(), Failure> {
-    let order = order.join(" ");
-    Order::parse(0, &order).map_err(|error| Failure::from_error(Exit::Usage, "no such fault", &error))?;
-    let file = brick.join("sim/faults");
+fn button(name: &str) -> Result<Button, String> {
+    let names = Button::ALL.map(Button::as_str);
+    Button::named(name).ok_or_else(|| format!("the buttons are {}", names.join(", ")))
+}
+
+/// A time that a button can be held, in seconds.
+fn span(text: &str) -> Result<f64, String> {
+    let (number, unit_s) = match (text.strip_suffix("ms"), text.strip_suffix('s')) {
+        (Some(number), _) => (number, 1e-3),
+        (_, Some(number)) => (number, 1.0),
+        _ => (text, 1.0),
+    };
+    let time_s = number.parse::<f64>().map_or(f64::NAN, |number| number * unit_s);
+    if (0.002..=86_400.0).contains(&time_s) {
+        Ok(time_s)
+    } else {
+        Err("a time is 2ms to 86400s, such as 1s or 250ms".to_owned())
+    }
+}
+
+/// Writes orders to a mounted brick's `sim/orders`.
+fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> {
+    Order::parse(0, order).map_err(|error| Failure::from_error(Exit::Usage, "no such order", &error))?;
+    let file = brick.join("sim/orders");
     if !file.exists() {
         return Err(Failure::refused(format!("there is no simulated brick mounted at {}", brick.display()))
             .hint("onbrick sim FOLDER, and then the same folder here"));
     }
-    std::fs::write(&file, &order).map_err(|error| {
+    std::fs::write(&file, order).map_err(|error| {
         Failure::from_error(Exit::Failed, &format!("`{order}` was not done"), &error).hint(
-            "a device that is there, and a fault that fits it; onbrick devices shows what is plugged in",
+            "a device that is there, and an order that fits it; onbrick devices shows what is plugged in",
         )
     })?;
     output.show(format!("done: {order}"), &serde_json::json!({ "done": order }));
@@ -114,8 +168,17 @@ fn fault(brick: &Path, order: &[String], output: &mut Output) -> Result<(), Fail
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    if let Some(SimCommand::Fault { brick, order }) = &arguments.command {
-        return fault(brick, order, output);
+    match &arguments.command {
+        Some(SimCommand::Fault { brick, order: words }) => return order(brick, &words.join(" "), output),
+        Some(SimCommand::Press { brick, buttons, hold }) => {
+            let press = |button: &Button| format!("press {} for {hold}", button.as_str());
+            return order(brick, &buttons.iter().map(press).collect::<Vec<_>>().join("\n"), output);
+        }
+        Some(SimCommand::Exec { brick, program }) => return exec::exec(brick, program, output),
+        Some(SimCommand::StandIn { view, name, arguments }) => {
+            return exec::stand_in(view, name, arguments, output);
+        }
+        None => {}
     }
     let Some(mountpoint) = &arguments.mountpoint else {
         return Err(Failure::new(Exit::Usage, "where is the brick to be mounted?").hint("onbrick sim FOLDER"));

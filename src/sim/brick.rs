@@ -13,6 +13,7 @@ use rand_chacha::rand_core::SeedableRng as _;
 pub use self::port::Plugged;
 use self::port::{Change, PortState, Wanted};
 use super::driver::board::{Battery, Board};
+use super::driver::bus::{BusDevice, POWER, read_power, store_power};
 use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
 use super::driver::lcd::Lcd;
@@ -22,7 +23,7 @@ use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
 use super::driver::{Context, Driver, Spec, Stored, readwriteable};
 use super::fault::{PortFaults, Reading};
-use super::physics::{Bridge, Physics};
+use super::physics::{Bridge, Physics, SensorKind};
 use super::simulation::Options;
 
 const ADDRESSES: [&str; 8] = [
@@ -51,6 +52,8 @@ const UEVENT: Spec = readwriteable("uevent");
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Class {
     BoardInfo,
+    /// No class, but the bus of what is plugged into ports.
+    LegoBus,
     DcMotor,
     Graphics,
     Leds,
@@ -74,10 +77,11 @@ impl Class {
         Self::TachoMotor,
     ];
 
-    /// The folder's name.
+    /// The name of its folder in `sys/class`, or in `sys/bus`.
     pub(crate) fn as_str(self) -> &'static str {
         match self {
             Self::BoardInfo => "board-info",
+            Self::LegoBus => "lego",
             Self::DcMotor => "dc-motor",
             Self::Graphics => "graphics",
             Self::Leds => "leds",
@@ -97,6 +101,7 @@ enum Device {
     Servo(ServoMotor),
     Sensor(usize, Sensor),
     Port(usize),
+    Bus(BusDevice),
     Led(Led),
     Lcd(Lcd),
     Battery(Battery),
@@ -215,14 +220,21 @@ impl Brick {
         }
     }
 
+    /// What the driver of a port does before a write to it returns: it unregisters and registers.
+    pub(crate) fn settle_port(&mut self, id: u32, now_ns: i64, physics: &mut dyn Physics) {
+        if let Some(&Device::Port(index)) = self.node(id).map(|node| &node.device) {
+            self.step_port(index, now_ns, physics);
+        }
+    }
+
     fn step_port(&mut self, index: usize, now_ns: i64, physics: &mut dyn Physics) {
         loop {
             let Some(port) = self.ports.get_mut(index) else { return };
             match port.due(now_ns) {
                 Change::Nothing => return,
                 Change::Unregister => {
-                    let id = port.device.take();
-                    self.nodes.retain(|node| Some(node.id) != id);
+                    let gone = [port.device.take(), port.on_bus.take()];
+                    self.nodes.retain(|node| !gone.contains(&Some(node.id)));
                 }
                 Change::Register(wanted) => self.register_on(index, wanted, now_ns, physics),
             }
@@ -253,8 +265,19 @@ impl Brick {
             }
         };
         let id = self.register(class, name, now_ns, device);
+        let bus_driver = match wanted {
+            Wanted::Tacho(_) => "legoev3-motor",
+            Wanted::Dc => "rcx-motor",
+            Wanted::Led => "rcx-led",
+            Wanted::Sensor(SensorKind::Touch) => "ev3-analog-sensor",
+            Wanted::Sensor(_) => "ev3-uart-host",
+        };
+        let driver_name = self.driver_name(id).unwrap_or_default();
+        let bound = Device::Bus(BusDevice::new(bus_driver, driver_name, address));
+        let on_bus = self.register(Class::LegoBus, format!("{address}:{driver_name}"), now_ns, bound);
         if let Some(port) = self.ports.get_mut(index) {
             port.device = Some(id);
+            port.on_bus = Some(on_bus);
         }
     }
 
@@ -390,6 +413,7 @@ impl Brick {
             Device::Servo(servo) => servo,
             Device::Sensor(_, sensor) => sensor,
             Device::Port(index) => self.ports.get(*index)?,
+            Device::Bus(device) => device,
             Device::Led(led) => led,
             Device::Lcd(lcd) => lcd,
             Device::Battery(battery) => battery,
@@ -405,10 +429,8 @@ impl Brick {
 
     /// The row of an attribute; none if the device has none of that name now.
     pub(crate) fn attribute(&self, id: u32, name: &str) -> Option<Spec> {
-        if name == UEVENT.name {
-            return Some(UEVENT);
-        }
-        self.driver(id)?.attributes().iter().find(|spec| spec.name == name).copied()
+        let own = self.driver(id)?.attributes();
+        own.iter().chain(POWER).chain(&[UEVENT]).find(|spec| spec.name == name).copied()
     }
 
     /// When a device was registered.
@@ -435,6 +457,9 @@ impl Brick {
             driver.uevent(out);
             return Ok(());
         }
+        if POWER.iter().any(|spec| spec.name == attribute) {
+            return read_power(attribute, out);
+        }
         driver.read(attribute, out)
     }
 
@@ -459,6 +484,7 @@ impl Brick {
             Device::Servo(servo) => servo,
             Device::Sensor(_, sensor) => sensor,
             Device::Port(index) => self.ports.get_mut(*index).ok_or(Errno::ENODEV)?,
+            Device::Bus(device) => device,
             Device::Led(led) => led,
             Device::Lcd(lcd) => lcd,
             Device::Battery(battery) => battery,
@@ -472,6 +498,10 @@ impl Brick {
         if attribute == UEVENT.name {
             let actions = ["add", "remove", "change", "move", "online", "offline", "bind", "unbind"];
             super::driver::text::word(bytes, actions)?;
+            return Ok(Stored { taken, wait: None });
+        }
+        if POWER.iter().any(|spec| spec.name == attribute) {
+            store_power(attribute, bytes)?;
             return Ok(Stored { taken, wait: None });
         }
         let mut context = Context { now_ns, chance: &mut self.chance };

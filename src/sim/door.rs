@@ -5,7 +5,7 @@
 //! is the truth about the robot.
 
 mod attribute;
-mod faults;
+mod orders;
 mod stream;
 mod truth;
 
@@ -16,11 +16,11 @@ use std::time::Duration;
 use nix::errno::Errno;
 
 pub(crate) use self::attribute::{SimFile, Write};
-pub(crate) use self::faults::FaultsFile;
+pub(crate) use self::orders::{OrdersFile, Tells};
 pub(crate) use self::stream::{Device, StreamFile};
 pub(crate) use self::truth::TruthFile;
 use super::brick::Brick;
-use super::brick::tree::{BUTTONS, FAULTS, SCREEN, SPEAKER, TRUTH};
+use super::brick::tree::{BUTTONS, FAULTS, ORDERS, SCREEN, SPEAKER, TRUTH};
 use super::driver::Entry;
 use super::driver::input::EventLayout;
 use super::simulation::{Shared, State};
@@ -98,9 +98,14 @@ impl SimBrick {
         (path == TRUTH).then(|| TruthFile::open(&self.shared, self.robot, access))
     }
 
-    /// Opens what is wrong on purpose; none at any other path.
-    pub(crate) fn open_faults(&self, path: &str) -> Option<FaultsFile> {
-        (path == FAULTS).then(|| FaultsFile::open(&self.shared, self.robot))
+    /// Opens what takes orders; none at any other path.
+    pub(crate) fn open_orders(&self, path: &str) -> Option<OrdersFile> {
+        let tells = match path {
+            FAULTS => Tells::Wrong,
+            ORDERS => Tells::Done,
+            _ => return None,
+        };
+        Some(OrdersFile::open(&self.shared, self.robot, tells))
     }
 
     /// Reads the picture on the screen from an offset.
@@ -135,8 +140,8 @@ impl Tree for SimBrick {
         if let Some(truth) = self.open_truth(path, access) {
             return Ok(Box::new(truth?));
         }
-        if let Some(faults) = self.open_faults(path) {
-            return Ok(Box::new(faults));
+        if let Some(orders) = self.open_orders(path) {
+            return Ok(Box::new(orders));
         }
         Ok(Box::new(self.open_attribute(path, access)?))
     }

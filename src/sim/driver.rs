@@ -12,6 +12,7 @@
 //! No numbering, ports or plugging (`sim::brick`), no walls and motors (`sim::physics`).
 
 pub(crate) mod board;
+pub(crate) mod bus;
 pub(crate) mod dc;
 pub(crate) mod input;
 pub(crate) mod jiffies;

@@ -1,4 +1,5 @@
-//! What goes wrong with a simulated robot on purpose: loose plugs, broken sensors, flat batteries, foreign hands.
+//! What is done to a simulated robot on purpose: loose plugs, broken sensors, flat batteries, foreign hands,
+//! pressed buttons.
 //!
 //! A [`DeviceFault`] is put on a port ([`Simulation::inject`](super::Simulation::inject)) and stays there, whatever is plugged in, until its end or
 //! until it is cleared. It has one text form, which stands in control commands ([`Order::parse`]), in scenario files
@@ -34,6 +35,7 @@ pub use self::scenario::Scenario;
 pub use self::schedule::FaultRecord;
 pub(crate) use self::schedule::Faults;
 pub use self::text::{Act, Order, OrderError};
+use super::driver::input::Button;
 use super::ports::Port;
 use nix::errno::Errno;
 
@@ -48,6 +50,17 @@ pub enum FaultError {
         /// How many there are.
         robots: usize,
     },
+    /// Put it elsewhere.
+    #[error("the robot has no room at x {x_m} m, y {y_m} m: something is there, or the floor ends")]
+    NoRoom {
+        /// World frame, metres.
+        x_m: f64,
+        /// World frame, metres.
+        y_m: f64,
+    },
+    /// Move what stands there, another robot.
+    #[error("something stands where the robot started")]
+    Taken,
     /// Choose another fault or another port.
     #[error("`{fault}` does not fit {port}: {why}")]
     Unfit {

@@ -6,10 +6,13 @@
 //! The page draws on a canvas and says at it what it draws: `data-time`, `data-x`, `data-y`, `data-heading` of the first
 //! robot, `data-moved` since the page was opened, `data-walls`, `data-robots`, `data-echoes`, `data-faults`.
 //!
+//! What a person does to the robots there is posted to `/order` as the text of orders
+//! ([`Order`](super::Order)): the brick's buttons.
+//!
 //! # Not here
 //!
-//! Nothing can be changed from the page, and it loads nothing from elsewhere; its own policy forbids it. Who may look is the server's matter
-//! (`page`).
+//! The page loads nothing from elsewhere; its own policy forbids it. Who may look and post is the server's
+//! matter (`page`).
 
 use super::Simulation;
 pub use crate::page::PageError;
@@ -34,12 +37,19 @@ impl Page {
         let room = serde_json::to_string(&room)
             .map_err(|_| PageError::Nothing("this world's room is not to be written as JSON"))?;
         let html = TEMPLATE.replace("\"@ROOM@\"", &inside_script(&room));
-        let shown = simulation.clone();
-        let page = LocalPage::serve(port, move |path, query| match path {
+        let (shown, changed) = (simulation.clone(), simulation.clone());
+        let show = move |path: &str, query: &str| match path {
             "/" => Shown::Html(html.clone()),
             "/state" => state(query, &shown),
             _ => Shown::Nothing,
-        })?;
+        };
+        let take = move |path: &str, text: &str| match path {
+            "/order" => {
+                changed.control(0, text).map_or_else(|why| Shown::Refused(why.to_string()), |()| Shown::Done)
+            }
+            _ => Shown::Fixed,
+        };
+        let page = LocalPage::serve_and_take(port, show, take)?;
         simulation.watch();
         Ok(Self { page })
     }

@@ -103,6 +103,12 @@ pub trait Physics: Any + Debug + Send {
     /// Makes something go wrong with a robot from the next step on. A world without such faults takes no notice.
     fn fail(&mut self, _robot: usize, _fault: Fault) {}
 
+    /// Puts a robot elsewhere as a hand would, standing still: x and y in metres and the heading in
+    /// radians, or where it started. False where there is no room for it; physics without places has none.
+    fn place(&mut self, _robot: usize, _pose: Option<[f64; 3]>) -> bool {
+        false
+    }
+
     /// Battery voltage and current, volts and amperes.
     fn battery(&self, robot: usize) -> (f64, f64);
 }

@@ -11,6 +11,7 @@ use nix::errno::Errno;
 use super::brick::Brick;
 pub use super::brick::Plugged;
 use super::door::SimBrick;
+use super::driver::Stored;
 use super::driver::board::Pack;
 use super::driver::input::Button;
 use super::driver::lcd::LcdGeometry;
@@ -307,7 +308,7 @@ impl Simulation {
         self.shared.now().bricks.get(robot)?.servo_pulse_us(name)
     }
 
-    /// Presses a button. Nothing happens if it is down already.
+    /// Presses a button, until it is let go. Nothing happens if it is down already.
     ///
     /// # Errors
     ///
@@ -437,6 +438,24 @@ impl State {
         if let Some((trail, world)) = self.trail.as_mut().zip(world.downcast_ref()) {
             trail.step(self.now_ns, &self.bricks, world);
         }
+    }
+
+    /// Stores what one `write` brought to an attribute; what a port registers is there when it returns.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV for a device that is gone; else the driver's.
+    pub(crate) fn store(
+        &mut self,
+        robot: usize,
+        id: u32,
+        attribute: &str,
+        bytes: &[u8],
+    ) -> Result<Stored, Errno> {
+        let brick = self.bricks.get_mut(robot).ok_or(Errno::ENODEV)?;
+        let stored = brick.store(id, attribute, bytes, self.now_ns);
+        brick.settle_port(id, self.now_ns, self.physics.as_mut());
+        stored
     }
 
     /// Begins to gather what robots drive and see.

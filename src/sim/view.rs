@@ -68,6 +68,8 @@ pub struct RobotView {
     pub devices: Vec<DeviceView>,
     /// What is wrong: orders' texts.
     pub faults: Vec<String>,
+    /// Buttons that are down.
+    pub pressed: Vec<&'static str>,
 }
 
 /// A range sensor's view.
@@ -220,6 +222,7 @@ impl Simulation {
                 beam: devices.iter().find_map(sighted_m).map(beam),
                 battery_v: super::physics::Physics::battery(world, robot).0,
                 devices,
+                pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
                 faults: brick.faults_active().map(|(port, fault)| format!("{port} {fault}")).collect(),
             })
         });

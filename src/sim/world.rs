@@ -21,6 +21,7 @@
 //!
 //! A world does not change while robots drive in it, and has at most [`World::MAX_THINGS`] things in each list.
 
+use super::body::Outline;
 use crate::document::{Document, Findings};
 
 mod floor;
@@ -39,6 +40,8 @@ use geometry::{Disc, Point, Surfaces};
 pub struct World {
     name: String,
     pub(in crate::sim) surfaces: Surfaces,
+    /// The corners of what has an inside.
+    solids: Vec<[Point; 4]>,
     outlines: Vec<Vec<[f64; 2]>>,
     pub(in crate::sim) floor: Floor,
     starts: Vec<StartPose>,
@@ -134,6 +137,20 @@ impl World {
     #[must_use]
     pub fn distance_to_nearest_surface(&self, x_m: f64, y_m: f64) -> f64 {
         self.surfaces.distance(Point::new(x_m, y_m))
+    }
+
+    /// True where the robot would stand clear of all that stands in the world.
+    pub(in crate::sim) fn is_clear(&self, pose: StartPose) -> bool {
+        let place = Point::new(pose.x_m, pose.y_m);
+        let outline = Outline::new(&self.robot).at(place, pose.heading_rad);
+        let in_solid = |corners: &[Point; 4]| {
+            geometry::contains(corners, place) || corners.iter().any(|corner| outline.covers(*corner))
+        };
+        let in_disc =
+            |disc: &Disc| (disc.centre - place).norm() <= disc.radius_m || outline.covers(disc.centre);
+        !self.solids.iter().any(in_solid)
+            && !self.surfaces.discs.iter().any(in_disc)
+            && outline.clearance(&self.surfaces) > 0.0
     }
 
     /// The start poses, one for each robot that the world has place for.

@@ -15,12 +15,12 @@
 use std::f64::consts::PI;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::body::{Body, Solver, Wheel, metres_per_radian};
+use super::body::{Body, Outline, Solver, Wheel, metres_per_radian};
 use super::chance::Chance;
 use super::motor::{Motor, MotorConstants};
 use super::physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 use super::sensors::{Gyro, Scene};
-use super::world::geometry::Point;
+use super::world::geometry::{Point, Surfaces};
 use super::world::{RobotModel, StartPose, World};
 use crate::clock::seconds;
 use crate::units::radians;
@@ -173,7 +173,25 @@ impl WorldPhysics {
             body.velocity = Point::zeros();
             body.turning_rad_s = 0.0;
         }
+        // A hand that sets it down has picked it up.
+        if let Some(rig) = self.rigs.get_mut(robot) {
+            rig.fallen = false;
+        }
         self.publish();
+    }
+
+    /// True where a robot could stand: on the floor, clear of walls and of other robots.
+    fn has_room(&self, robot: usize, pose: StartPose) -> bool {
+        let Some(body) = self.bodies.get(robot) else { return false };
+        let place = Point::new(pose.x_m, pose.y_m);
+        let outline = body.outline.at(place, pose.heading_rad);
+        let others = self.bodies.iter().enumerate().filter(|(other, _)| *other != robot);
+        let mut others = others.map(|(_, body)| body.outline_now());
+        let meets = |other: &Outline| {
+            let near = Surfaces { segments: other.hull().to_vec(), ..Surfaces::default() };
+            other.covers(place) || outline.clearance(&near) <= 0.0
+        };
+        self.world.floor.has(place) && self.world.is_clear(pose) && !others.any(|other| meets(&other))
     }
 
     /// How far a robot's outline is from the nearest surface, metres; negative where it has gone in.
@@ -295,6 +313,14 @@ impl Physics for WorldPhysics {
 
     fn fail(&mut self, robot: usize, fault: Fault) {
         Self::fail(self, robot, fault);
+    }
+
+    fn place(&mut self, robot: usize, pose: Option<[f64; 3]>) -> bool {
+        let start = self.world.starts().get(robot).copied();
+        let pose = pose.map(|[x_m, y_m, heading_rad]| StartPose { x_m, y_m, heading_rad }).or(start);
+        let Some(pose) = pose.filter(|pose| self.has_room(robot, *pose)) else { return false };
+        self.carry(robot, pose);
+        true
     }
 
     fn battery(&self, robot: usize) -> (f64, f64) {

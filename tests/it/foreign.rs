@@ -1,15 +1,11 @@
 //! Programs on libraries that nobody here wrote, over a mounted brick: PyPI's `python-ev3dev2` and crates.io's `ev3dev-lang-rust`, both unmodified.
 //!
-//! Each runs in a mount namespace of its own, in which the brick's tree lies over `/sys` and its input devices in `/dev/input`, so that it takes
-//! this machine for an EV3. What it says it did is compared with where the robot truly is.
-//!
-//! # Not here
-//!
-//! - `ev3dev2.sound` starts `/usr/bin/beep`, `aplay` and `espeak`, which are not of the brick's files.
-//! - `ev3dev2.display` asks the frame buffer by ioctls that do not cross FUSE.
-//! - `Button.wait_for_pressed` looks for a character device, which a file of FUSE cannot be. `buttons_pressed` and `process` do not.
+//! Each runs in a private view of the brick (`onbrick sim exec`), so that it takes this machine for an EV3. What it says it did is compared with
+//! where the robot truly is. `demos` are programs as people write them.
 
 pub(crate) mod bench;
+mod demos;
+mod exec;
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;

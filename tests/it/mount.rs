@@ -11,7 +11,7 @@ mod streams;
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
-use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
@@ -90,6 +90,73 @@ fn the_mount_lists_what_the_door_of_this_process_lists_and_every_link_leads_some
     assert_eq!(bench::names(&through_port), ["motor1"]);
     assert_eq!(motor.join("device/../..").canonicalize().unwrap().file_name().unwrap(), "lego-port");
     assert_eq!(motor.join("subsystem").canonicalize().unwrap(), mounted.path("sys/class/tacho-motor"));
+}
+
+/// What udev and scripts look at beside the attributes: the device on the bus, its driver, power management.
+#[test]
+fn a_plugged_device_is_on_the_bus_and_bound_to_a_driver() {
+    let Some(mounted) = Mounted::recorded() else { return };
+    let read = |path: &str| fs::read_to_string(mounted.path(path)).map_err(errno);
+    for (device, driver, name, address) in [
+        ("tacho-motor/motor1", "legoev3-motor", "lego-ev3-l-motor", "ev3-ports:outB"),
+        ("lego-sensor/sensor1", "ev3-analog-sensor", "lego-ev3-touch", "ev3-ports:in2"),
+        ("lego-sensor/sensor0", "ev3-uart-host", "lego-ev3-us", "ev3-ports:in1"),
+    ] {
+        let folder = format!("sys/class/{device}/device");
+        assert_eq!(read(&format!("{folder}/modalias")), Ok(format!("lego:{driver}\n")));
+        let uevent = format!(
+            "DEVTYPE={driver}\nDRIVER={driver}\nLEGO_DRIVER_NAME={name}\nLEGO_ADDRESS={address}\nMODALIAS=lego:{driver}\n"
+        );
+        assert_eq!(read(&format!("{folder}/uevent")), Ok(uevent));
+        let real = |path: &str| mounted.path(path).canonicalize().unwrap();
+        let of_driver = format!("sys/bus/lego/drivers/{driver}");
+        assert_eq!(real(&format!("{folder}/driver")), real(&of_driver));
+        assert_eq!(real(&format!("{folder}/subsystem")), real("sys/bus/lego"));
+        for link in
+            [format!("sys/bus/lego/devices/{address}:{name}"), format!("{of_driver}/{address}:{name}")]
+        {
+            assert_eq!(real(&link), real(&folder), "{link}");
+        }
+        for power in [format!("sys/class/{device}/power"), format!("{folder}/power")] {
+            let names = bench::names(&mounted.path(&power));
+            let expected = [
+                "autosuspend_delay_ms",
+                "control",
+                "runtime_active_time",
+                "runtime_status",
+                "runtime_suspended_time",
+            ];
+            assert_eq!(names, expected, "{power}");
+            assert_eq!(read(&format!("{power}/control")), Ok("auto\n".to_owned()));
+            assert_eq!(read(&format!("{power}/runtime_status")), Ok("unsupported\n".to_owned()));
+            assert_eq!(read(&format!("{power}/autosuspend_delay_ms")), Err(Errno::EIO));
+            let write =
+                |word: &str| fs::write(mounted.path(&format!("{power}/control")), word).map_err(errno);
+            assert_eq!((write("on\n"), write("off")), (Ok(()), Err(Errno::EINVAL)));
+        }
+    }
+    mounted.unplug(Port::OutB);
+    assert_eq!(fs::read_dir(mounted.path("sys/bus/lego/drivers/legoev3-motor")).unwrap().count(), 2);
+    assert_eq!(read("sys/bus/lego/devices/ev3-ports:outB:lego-ev3-l-motor/modalias"), Err(Errno::ENOENT));
+}
+
+/// As udev's rules do; the rights of a device that went are not those of the next one.
+#[test]
+fn root_may_change_rights_and_nobody_the_owner() {
+    let Some(mounted) = Mounted::recorded() else { return };
+    let path = mounted.path("sys/class/tacho-motor/motor1/command");
+    let rights = || fs::metadata(&path).unwrap().permissions().mode() & 0o7777;
+    let set = |mode: u32| fs::set_permissions(&path, fs::Permissions::from_mode(mode)).map_err(errno);
+    if !nix::unistd::geteuid().is_root() {
+        assert_eq!((set(0o666), rights()), (Err(Errno::EPERM), 0o200));
+        return;
+    }
+    assert_eq!((set(0o666), rights()), (Ok(()), 0o666));
+    assert_eq!(std::os::unix::fs::chown(&path, Some(1), None).map_err(errno), Err(Errno::EPERM));
+    mounted.unplug(Port::OutB);
+    mounted.plug(Port::OutB);
+    let again = mounted.path("sys/class/tacho-motor/motor3/command");
+    assert_eq!(fs::metadata(again).unwrap().permissions().mode() & 0o7777, 0o200);
 }
 
 /// Two simulations alike, one mounted, one not: whatever is written, both answer the same.

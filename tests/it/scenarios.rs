@@ -305,7 +305,8 @@ fn turn_a_gyro(rig: &Rig, after_two_changes_of_mode: i64) {
     assert_eq!(rig.number("in4", "value0"), 0, "after 0x11");
 }
 
-/// Facing open space at first; and what is left over from the mode before is read for a while.
+/// Facing open space at first. After a change of mode it goes on with what that mode measured when it
+/// was last used, and with 0 where it never was.
 fn an_ultrasonic_sensor_is_slow(rig: &Rig) {
     let measured = || rig.world(|bench| bench.measured[0]);
     rig.world(|bench| bench.readings[0][0] = 2550);
@@ -315,9 +316,14 @@ fn an_ultrasonic_sensor_is_slow(rig: &Rig) {
     assert_eq!((rig.number("in1", "value0"), rig.number("in1", "decimals")), (2550, 1));
     rig.world(|bench| bench.readings[0][0] = 1003);
     rig.write("in1", "mode", "US-DIST-IN");
-    assert_eq!(rig.number("in1", "value0"), 2550, "left over from the mode before");
+    assert_eq!(rig.number("in1", "value0"), 0, "before the mode's first data");
     rig.pass_ms(220);
     assert_eq!(rig.number("in1", "value0"), 1003);
+    rig.world(|bench| bench.readings[0][0] = 500);
+    rig.write("in1", "mode", "US-DIST-CM");
+    assert_eq!(rig.number("in1", "value0"), 2550, "what the mode was left with");
+    rig.pass_ms(220);
+    assert_eq!(rig.number("in1", "value0"), 500);
     rig.write("in1", "mode", "US-SI-CM");
     rig.pass_ms(1200);
     let single = measured();

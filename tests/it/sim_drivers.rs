@@ -103,6 +103,52 @@ fn a_mode_write_waits_for_the_first_frame_on_a_serial_line_only() {
     assert_eq!(passed_ms("in2", "TOUCH"), 0);
 }
 
+/// The driver keeps the data of each mode apart (`mode_info[mode].raw_data`), and a sensor's first
+/// message after a change of mode is what that mode measured when it was last used: ev3dev's issue 1401.
+#[test]
+fn each_mode_of_a_sensor_has_a_frame_of_its_own() {
+    let rig = Rig::recorded();
+    let measures = |input: usize, value: i32| rig.world(|bench| bench.readings[input] = [value; 8]);
+    // Sensor, a mode, its value; another, its value; how long its old values stay.
+    for (device, input, (first, one), (second, two), stale_ms) in [
+        ("in3", 2, ("COL-REFLECT", 35), ("COL-COLOR", 6), 20),
+        ("in1", 0, ("US-DIST-CM", 318), ("US-LISTEN", 1), 1000),
+        ("in1", 0, ("US-DIST-CM", 318), ("US-DIST-IN", 125), 100),
+    ] {
+        rig.write(device, "mode", first);
+        measures(input, one);
+        rig.pass_ms(1300);
+        assert_eq!(rig.number(device, "value0"), i64::from(one), "{device} {first}");
+        rig.write(device, "mode", second);
+        measures(input, two);
+        assert_eq!(rig.number(device, "value0"), 0, "{device} {second}: before its first data");
+        let mut frame = [0xAA; 32];
+        assert_eq!(rig.keep(device, "bin_data", Access::Read).read(&mut frame), Ok(32));
+        assert_eq!(frame, [0; 32], "{device} {second}");
+        rig.pass_ms(stale_ms + 104);
+        assert_eq!(rig.number(device, "value0"), i64::from(two), "{device} {second}");
+        rig.write(device, "mode", first);
+        measures(input, 7);
+        assert_eq!(rig.number(device, "value0"), i64::from(one), "{device} {first}: as it was left");
+        rig.pass_ms(stale_ms + 104);
+        assert_eq!(rig.number(device, "value0"), 7, "{device} {first}");
+    }
+}
+
+#[test]
+fn a_sensor_that_describes_itself_again_has_forgotten_its_frames() {
+    let rig = Rig::recorded();
+    rig.world(|bench| bench.readings[2][0] = 42);
+    rig.pass_ms(10);
+    rig.write("in3", "mode", "COL-COLOR");
+    rig.pass_ms(30);
+    let set_line = |line| rig.bench.simulation.set_line(0, Port::In3, line).unwrap();
+    set_line(SerialLine::Resynchronising);
+    set_line(SerialLine::Sound);
+    rig.write("in3", "mode", "COL-REFLECT");
+    assert_eq!(rig.number("in3", "value0"), 0);
+}
+
 /// A clock that stands still, also for sleepers, until it is moved.
 #[derive(Debug, Default)]
 pub(crate) struct HandClock {
@@ -176,36 +222,43 @@ fn a_sensor_that_does_not_answer_times_out_and_one_that_resynchronises_is_not_th
 #[test]
 fn a_motor_port_in_another_mode_makes_what_the_mode_says() {
     let rig = Rig::recorded();
+    let class = |name: &str| rig.tree.list(&format!("sys/class/{name}")).unwrap();
     rig.write("port:outC", "mode", "tacho-motor");
-    rig.pass_ms(2);
     assert_eq!(rig.read("outC", "driver_name"), "lego-ev3-l-motor");
     rig.write("port:outC", "set_device", "act-l12-ev3-50");
-    rig.pass_ms(2);
     assert_eq!(rig.folder("outC").unwrap(), "sys/class/tacho-motor/linear4");
     assert_eq!(rig.number("outC", "full_travel_count"), 100);
     assert_eq!(rig.number("outC", "max_speed"), 24);
     rig.write("port:outC", "set_device", "lego-nxt-motor");
-    rig.pass_ms(2);
     assert_eq!(
         (rig.read("outC", "driver_name").as_str(), rig.number("outC", "max_speed")),
         ("lego-nxt-motor", 1020)
     );
     assert_eq!(rig.try_write("port:outC", "set_device", "lego-ev3-us"), Err(Errno::EINVAL));
     rig.write("port:outC", "set_device", "act-l12-ev3-100");
-    rig.pass_ms(2);
     assert_eq!(rig.folder("outC").unwrap(), "sys/class/tacho-motor/linear6");
     assert_eq!((rig.number("outC", "full_travel_count"), rig.number("outC", "count_per_m")), (200, 2000));
     assert_eq!(rig.try_read("outC", "count_per_rot"), Err(Errno::ENOENT));
     assert_eq!(rig.read("port:outC", "status"), "tacho-motor");
     rig.write("port:outC", "mode", "led");
-    rig.pass_ms(2);
     assert_eq!(
         rig.read_path("sys/class/leds/ev3-ports:outC::brick-status/max_brightness"),
         Ok("100\n".to_owned())
     );
     rig.write("port:outC", "mode", "raw");
-    rig.pass_ms(2);
-    assert_eq!(rig.tree.list("sys/class/leds").unwrap().len(), 4);
+    assert_eq!(class("leds").len(), 4);
+    // The driver unregisters and registers before the write returns: a file that was open is dead.
+    let open = rig.keep("outB", "position", Access::Read);
+    rig.write("port:outB", "mode", "dc-motor");
+    assert_eq!(open.read(&mut [0; 8]), Err(Errno::ENODEV));
+    assert_eq!((rig.folder("outB"), class("dc-motor").len()), (None, 1));
+    let open = rig.keep("in2", "value0", Access::Read);
+    rig.write("port:in2", "mode", "ev3-analog");
+    assert_eq!(open.read(&mut [0; 8]), Err(Errno::ENODEV));
+    assert_eq!(rig.folder("in2").unwrap(), "sys/class/lego-sensor/sensor4");
+    // What is detected takes its time, but the old device is gone at once.
+    rig.write("port:in2", "mode", "auto");
+    assert_eq!(rig.folder("in2"), None);
 }
 
 #[test]
@@ -245,7 +298,6 @@ fn a_touch_wakes_those_who_poll_it() {
 fn a_dc_motor_latches_duty_and_polarity_and_ramps_by_signed_difference() {
     let rig = Rig::recorded();
     rig.write("port:outB", "mode", "dc-motor");
-    rig.pass_ms(2);
     assert_eq!(rig.read("dc:outB", "driver_name"), "rcx-motor");
     assert_eq!(rig.folder("dc:outB").unwrap(), "sys/class/dc-motor/motor0");
     assert_eq!(rig.read("dc:outB", "commands"), "run-forever run-timed run-direct stop");
@@ -285,6 +337,64 @@ fn a_dc_motor_latches_duty_and_polarity_and_ramps_by_signed_difference() {
     assert!(rig.read("dc:outB", "state").starts_with("running"));
     rig.pass_ms(1200);
     assert_eq!(rig.read("dc:outB", "state"), "");
+}
+
+/// `schedule_delayed_work` leaves work alone that is pending: a command within 100 ms of the last step of
+/// the ramp is put to the bridge when that work is due.
+#[test]
+fn a_dc_motors_command_waits_for_the_work_that_is_pending() {
+    let rig = Rig::recorded();
+    rig.write("port:outB", "mode", "dc-motor");
+    let command = |duty: &str, command: &str| {
+        rig.write("dc:outB", "duty_cycle_sp", duty);
+        rig.write("dc:outB", "command", command);
+    };
+    let shows = || (rig.number("dc:outB", "duty_cycle"), rig.read("dc:outB", "state"));
+    command("60", "run-forever");
+    assert_eq!(shows(), (60, "running ramping".into()), "without pending work at once");
+    rig.pass_ms(30);
+    command("-20", "run-forever");
+    assert_eq!(shows(), (60, "running ramping".into()));
+    rig.pass_ms(60);
+    assert_eq!(shows(), (60, "running ramping".into()));
+    rig.pass_ms(24);
+    assert_eq!(shows(), (-20, "running ramping".into()));
+    // The next step is 100 ms and a tick after the command that waited, not after its own one.
+    rig.write("dc:outB", "command", "stop");
+    rig.pass_ms(20);
+    assert_eq!(shows(), (-20, "running ramping".into()), "a stop waits as well");
+    rig.pass_ms(8);
+    assert_eq!(shows(), (0, String::new()));
+    command("40", "run-direct");
+    assert_eq!(shows(), (40, "running ramping".into()));
+    rig.pass_ms(150);
+    assert_eq!(shows(), (40, "running".into()));
+    rig.write("dc:outB", "duty_cycle_sp", "50");
+    assert_eq!(shows(), (50, "running ramping".into()));
+}
+
+/// The first step of a ramp is done with the command, at its very beginning; the others every 100 ms and
+/// a tick.
+#[test]
+fn a_dc_motors_ramp_has_its_steps_where_the_driver_has_them() {
+    let rig = Rig::recorded();
+    rig.write("port:outB", "mode", "dc-motor");
+    rig.write("dc:outB", "ramp_up_sp", "1000");
+    rig.write("dc:outB", "duty_cycle_sp", "100");
+    rig.write("dc:outB", "command", "run-forever");
+    assert_eq!(rig.read("dc:outB", "state"), "running ramping");
+    let mut steps = vec![(0, rig.number("dc:outB", "duty_cycle"))];
+    for ms in (2..1400).step_by(2) {
+        rig.pass_ms(2);
+        let duty = rig.number("dc:outB", "duty_cycle");
+        if steps.last().is_some_and(|(_, last)| *last != duty) {
+            steps.push((ms, duty));
+        }
+    }
+    let expected: Vec<(i64, i64)> =
+        (0..=9).map(|step| (110 * step, 11 * step)).chain([(1100, 100)]).collect();
+    assert_eq!(steps, expected);
+    assert_eq!(rig.read("dc:outB", "state"), "running");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{StopAction, TachoCommand, TachoMotor, Tree};
-use onbrick::sim::{MarkKind, Page, PageError, Simulation, World, WorldPhysics, still};
+use onbrick::sim::{Button, MarkKind, Page, PageError, Simulation, World, WorldPhysics, still};
 
 use crate::support::pass_over;
 
@@ -62,7 +62,35 @@ fn get(page: &Page, path: &str) -> String {
 }
 
 #[test]
-fn a_page_is_for_this_machine_and_changes_nothing() {
+fn a_page_takes_orders_from_itself_alone() {
+    let driven = driven("arena", 1, Arc::new(VirtualClock::default()));
+    let page = Page::serve(&driven.simulation, 0).unwrap();
+    let post = |header: &str, path: &str, body: &str| {
+        let length = body.len();
+        let head = format!("POST {path} HTTP/1.1\r\nHost: localhost:1\r\n{header}Content-Length: {length}");
+        let answer = ask(&page, &format!("{head}\r\nConnection: close\r\n\r\n{body}"));
+        answer.split(' ').nth(1).unwrap().parse::<u16>().unwrap()
+    };
+    const OWN: &str = "X-Onbrick: 1\r\n";
+    for (header, path, body, status) in [
+        ("", "/order", "press enter", 405),
+        ("Origin: http://evil.example\r\n", "/order", "press enter", 405),
+        (OWN, "/state", "press enter", 405),
+        (OWN, "/order", "press entre", 400),
+        (OWN, "/order", &"#".repeat(5000), 500),
+    ] {
+        assert_eq!(post(header, path, body), status, "{header}{path} {}", &body[..body.len().min(20)]);
+    }
+    assert_eq!(driven.simulation.pressed(0), []);
+    assert_eq!(post(OWN, "/order", "robot 1 press enter for 60"), 200);
+    assert_eq!(driven.simulation.pressed(0), [Button::Enter]);
+    assert!(get(&page, "/state").contains("\"pressed\":[\"enter\"]"));
+    assert_eq!(post(OWN, "/order", "robot 1 release enter"), 200);
+    assert_eq!(driven.simulation.pressed(0), []);
+}
+
+#[test]
+fn a_page_is_for_this_machine_and_changes_nothing_else() {
     let driven = driven("arena", 1, Arc::new(VirtualClock::default()));
     let page = Page::serve(&driven.simulation, 0).unwrap();
     assert!(page.url().starts_with("http://127.0.0.1:"), "{}", page.url());

@@ -5,7 +5,7 @@ from ev3dev2.motor import OUTPUT_B, OUTPUT_D, MoveTank, SpeedPercent
 from ev3dev2.sensor import INPUT_2, INPUT_3, INPUT_4, list_sensors
 from ev3dev2.sensor.lego import ColorSensor, GyroSensor, TouchSensor
 
-# What comes in the first moments after a change of mode is left over from the one before.
+# What comes in the first moments after a change of mode is what that mode last measured, or 0.
 SETTLE_S = 0.3
 
 touch, eye, gyro = TouchSensor(INPUT_2), ColorSensor(INPUT_3), GyroSensor(INPUT_4)

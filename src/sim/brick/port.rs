@@ -71,8 +71,10 @@ pub(crate) struct PortState {
     vanish_ns: Option<i64>,
     /// A store has asked for the device to be registered again.
     renew: bool,
-    /// The device registered on it.
+    /// The device registered on it, of a class.
     pub(crate) device: Option<u32>,
+    /// The device on the bus that it belongs to.
+    pub(crate) on_bus: Option<u32>,
 }
 
 /// What a port asks of the registry.
@@ -97,6 +99,7 @@ impl PortState {
             vanish_ns: None,
             renew: false,
             device: None,
+            on_bus: None,
         }
     }
 

@@ -1,10 +1,17 @@
 //! Where a brick's devices are in its tree: `sys/class` with links, `sys/devices` with the folders, `dev`.
 //!
-//! The folders are those of ev3dev's stretch: a port below the platform device `ev3-ports`, the device that is plugged into it below the port.
+//! The folders are those of ev3dev's stretch: a port below the platform device `ev3-ports`, below the port what is plugged into it, a device of the
+//! bus `lego`, and below that the device of a class.
+//!
+//! # Not here
+//!
+//! `sys/bus/iio`, other buses, modules and firmware: nothing that we have read says what is in them on a brick. The terminal (`tty`)
+//! that a serial sensor hangs below on a brick.
 
 use nix::errno::Errno;
 
 use super::{ADDRESSES, Brick, Class, Device, UEVENT};
+use crate::sim::driver::bus::{BusDevice, POWER};
 use crate::sim::driver::{Entry, Spec, readable, readwriteable};
 
 /// The buttons' stream of events.
@@ -22,6 +29,9 @@ pub(crate) const TRUTH: &str = "sim/truth";
 /// What is wrong on purpose: written to make it so.
 pub(crate) const FAULTS: &str = "sim/faults";
 
+/// What is to be done to the robot, and what was: faults, pressed buttons, a hand that carries it.
+pub(crate) const ORDERS: &str = "sim/orders";
+
 /// Folders whose entries are always the same.
 const FIXED: &[(&str, &[&str])] = &[
     ("", &["dev", "sim", "sys"]),
@@ -29,11 +39,18 @@ const FIXED: &[(&str, &[&str])] = &[
     ("dev/input", &["by-path"]),
     ("dev/input/by-path", &[]),
     ("sim", &[]),
-    ("sys", &["class", "devices"]),
+    ("sys", &["bus", "class", "devices"]),
+    ("sys/bus", &["lego"]),
+    ("sys/bus/lego", &["devices", "drivers"]),
+    ("sys/bus/lego/drivers", &BusDevice::DRIVERS),
 ];
 
+/// Where the devices of the bus are listed, and its drivers, each with those that are bound to it.
+const BUS_DEVICES: &str = "sys/bus/lego/devices";
+const BUS_DRIVERS: &str = "sys/bus/lego/drivers/";
+
 /// Files outside `sys`.
-const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH, FAULTS];
+const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH, FAULTS, ORDERS];
 
 impl Brick {
     /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the links of `sys/class`.
@@ -49,8 +66,19 @@ impl Brick {
             folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
         } else if folder == "sys/class" {
             Class::ALL.iter().map(|class| Entry::folder(class.as_str())).collect()
-        } else if let Some((id, rest)) = self.locate(folder) {
-            self.entries(id, rest)?
+        } else if folder == BUS_DEVICES {
+            self.names(Class::LegoBus).map(Entry::link).collect()
+        } else if let Some(driver) = folder.strip_prefix(BUS_DRIVERS) {
+            if !BusDevice::DRIVERS.contains(&driver) {
+                return Err(Errno::ENOENT);
+            }
+            let bound = self
+                .nodes
+                .iter()
+                .filter(|node| matches!(&node.device, Device::Bus(device) if device.driver() == driver));
+            bound.map(|node| Entry::link(&node.name)).collect()
+        } else if let Some(entries) = self.locate(folder).and_then(|(id, rest)| self.entries(id, rest).ok()) {
+            entries
         } else if let Some(class) = folder.strip_prefix("sys/class/") {
             let class = Class::ALL.into_iter().find(|known| known.as_str() == class).ok_or(Errno::ENOENT)?;
             self.names(class).map(Entry::link).collect()
@@ -80,9 +108,25 @@ impl Brick {
     ///
     /// ENOENT where there is none, EINVAL where there is something else.
     pub(crate) fn target(&self, path: &str) -> Result<String, Errno> {
+        // From the folder that the link is in to `sys`.
+        let up = "../".repeat(path.split('/').count().saturating_sub(2));
+        if let Some(name) = path.strip_prefix("sys/bus/").and_then(|path| path.rsplit('/').next()) {
+            let id = self.find(Class::LegoBus.as_str(), name).ok_or(Errno::EINVAL)?;
+            return Ok(format!("{up}{}", self.folder(id).ok_or(Errno::ENOENT)?));
+        }
         let (id, rest) = self.locate(path).ok_or(Errno::EINVAL)?;
         let folder = self.folder(id).ok_or(Errno::ENOENT)?;
         let (class, _) = self.name(id).ok_or(Errno::ENOENT)?;
+        let bus_driver = self.node(id).and_then(|node| match &node.device {
+            Device::Bus(device) => Some(device.driver()),
+            _ => None,
+        });
+        match (rest, bus_driver) {
+            ("subsystem", Some(_)) => return Ok(format!("{up}bus/lego")),
+            ("driver", Some(driver)) => return Ok(format!("{up}bus/lego/drivers/{driver}")),
+            (_, Some(_)) => return Err(Errno::EINVAL),
+            _ => {}
+        }
         match rest {
             "" if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
             "subsystem" => Ok(format!("{}class/{}", "../".repeat(folder.split('/').count()), class.as_str())),
@@ -104,11 +148,7 @@ impl Brick {
             let rest = path.strip_prefix(folder.as_str())?;
             if rest.is_empty() { Some((id, rest)) } else { Some((id, rest.strip_prefix('/')?)) }
         });
-        let (id, rest) = inside.min_by_key(|(_, rest)| rest.len())?;
-        // The folder of a device's driver lies in its port's, and is no part of the port.
-        let bound = self.bound_device(id);
-        let is_bound = bound.is_some_and(|bound| rest == bound || rest.starts_with(&format!("{bound}/")));
-        (!is_bound).then_some((id, rest))
+        inside.min_by_key(|(_, rest)| rest.len())
     }
 
     /// A device's class and name.
@@ -157,11 +197,9 @@ impl Brick {
         let driver = self.driver(id).ok_or(Errno::ENOENT)?;
         let file = |spec: &Spec| self.with_udev(id, Entry::file(spec));
         let inside = |spec: &Spec| spec.name.split_once('/');
-        if folder == "power" {
-            return Ok(Vec::new());
-        }
+        let specs = || driver.attributes().iter().chain(POWER);
         if !folder.is_empty() {
-            let files = driver.attributes().iter().filter_map(|spec| match spec.name.split_once('/') {
+            let files = specs().filter_map(|spec| match spec.name.split_once('/') {
                 Some((parent, name)) if parent == folder => {
                     Some(Entry { name: name.to_owned(), ..file(spec) })
                 }
@@ -170,14 +208,16 @@ impl Brick {
             let entries: Vec<Entry> = files.collect();
             return if entries.is_empty() { Err(Errno::ENOENT) } else { Ok(entries) };
         }
-        let mut entries: Vec<Entry> =
-            driver.attributes().iter().filter(|spec| inside(spec).is_none()).map(file).collect();
-        let mut folders: Vec<&str> =
-            driver.attributes().iter().filter_map(inside).map(|(folder, _)| folder).collect();
+        let mut entries: Vec<Entry> = specs().filter(|spec| inside(spec).is_none()).map(file).collect();
+        let mut folders: Vec<&str> = specs().filter_map(inside).map(|(folder, _)| folder).collect();
         folders.dedup();
-        entries.extend(folders.into_iter().chain(["power"]).map(Entry::folder));
-        entries.extend(self.bound_device(id).iter().map(|name| Entry::folder(name)));
-        entries.extend(["device", "subsystem"].map(Entry::link));
+        entries.extend(folders.into_iter().map(Entry::folder));
+        // What lies below it: on a port the device of the bus, on that the one of a class.
+        entries.extend(
+            self.folder(id).and_then(|folder| self.folders_between(&folder).ok()).unwrap_or_default(),
+        );
+        let owner = if self.is_on_bus(id) { "driver" } else { "device" };
+        entries.extend([owner, "subsystem"].map(Entry::link));
         entries.push(file(&UEVENT));
         entries.sort_by(|one, other| one.name.cmp(&other.name));
         Ok(entries)
@@ -193,11 +233,8 @@ impl Brick {
         Entry { permissions: entry.permissions | ((entry.permissions & 0o600) >> 3), ..entry }
     }
 
-    /// A port has a folder for the device on it.
-    fn bound_device(&self, id: u32) -> Option<String> {
-        let Device::Port(index) = self.node(id)?.device else { return None };
-        let port = self.ports.get(index)?;
-        Some(format!("{}:{}", port.address, self.driver_name(port.device?)?))
+    fn is_on_bus(&self, id: u32) -> bool {
+        self.node(id).is_some_and(|node| node.class == Class::LegoBus)
     }
 
     /// Every device, with its folder below `sys`.
@@ -210,14 +247,12 @@ impl Brick {
         let node = self.node(id)?;
         let parent = match (&node.device, self.port_of(id)) {
             (Device::Port(index), _) => format!("ev3-ports/{}", ADDRESSES.get(*index)?),
+            (Device::Bus(_), Some(port)) => {
+                return Some(format!("{}/{}", self.folder(self.port_node(port)?)?, node.name));
+            }
             (_, Some(port)) => {
-                return Some(format!(
-                    "{}/{}/{}/{}",
-                    self.folder(port)?,
-                    self.bound_device(port)?,
-                    node.class.as_str(),
-                    node.name
-                ));
+                let on_bus = self.folder(self.ports.get(port)?.on_bus?)?;
+                return Some(format!("{on_bus}/{}/{}", node.class.as_str(), node.name));
             }
             (Device::Battery(_), _) => "battery".to_owned(),
             (Device::Board(_), _) => "board".to_owned(),
@@ -229,10 +264,13 @@ impl Brick {
     }
 
     /// The port that a device is on.
-    fn port_of(&self, id: u32) -> Option<u32> {
-        let index = self.ports.iter().position(|port| port.device == Some(id))?;
-        let port =
-            self.nodes.iter().find(|node| matches!(node.device, Device::Port(other) if other == index));
-        port.map(|port| port.id)
+    fn port_of(&self, id: u32) -> Option<usize> {
+        self.ports.iter().position(|port| port.device == Some(id) || port.on_bus == Some(id))
+    }
+
+    /// The device of a port itself.
+    fn port_node(&self, index: usize) -> Option<u32> {
+        let is_port = |node: &&super::Node| matches!(node.device, Device::Port(other) if other == index);
+        self.nodes.iter().find(is_port).map(|node| node.id)
     }
 }

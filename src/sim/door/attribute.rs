@@ -128,11 +128,10 @@ impl SimFile {
             return Err(Errno::EBADF);
         }
         let mut state = self.shared.now();
-        let now_ns = state.now_ns;
         let stored = if self.is_binary() && offset > 0 {
             Err(Errno::EINVAL)
         } else {
-            brick_of(&mut state, self.robot)?.store(self.id, self.spec.name, value, now_ns)
+            state.store(self.robot, self.id, self.spec.name, value)
         };
         state.note(self.robot, &self.path, value, stored.map(|stored| stored.taken));
         drop(state);

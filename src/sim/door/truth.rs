@@ -1,7 +1,9 @@
-//! Where a robot truly is: the file `sim/truth`, one line of JSON, made anew by each read at its beginning.
+//! How a robot truly is: the file `sim/truth`, one line of JSON, made anew by each read at its beginning.
+//! Where it is, and what a person would see of its brick and hear: lights, tone, buttons that are down.
 //!
 //! No brick has it. A test reads it after somebody's program has driven, to see whether the robot is where that program meant it to go.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,6 +13,7 @@ use serde::Serialize;
 use super::{copy, wait};
 use crate::clock::seconds;
 use crate::ev3dev::{Access, AttributeFile};
+use crate::sim::brick::Class;
 use crate::sim::simulation::Shared;
 use crate::units::degrees;
 
@@ -32,6 +35,13 @@ struct Line {
     echo_m: Option<f64>,
     touching: bool,
     fallen: bool,
+    /// Buttons that are down.
+    pressed: Vec<&'static str>,
+    /// What sounds now, and what sounded last; null for silence.
+    tone_hz: Option<u32>,
+    last_tone_hz: Option<u32>,
+    /// Brightness of each status light, by the name in `sys/class/leds`.
+    lights: BTreeMap<String, u32>,
 }
 
 /// The open file.
@@ -71,6 +81,8 @@ impl TruthFile {
         let state = self.shared.now();
         let world = state.world()?;
         let truth = world.truth(self.robot)?;
+        let brick = state.bricks.get(self.robot)?;
+        let light = |name: &str| Some((name.to_owned(), brick.led(name)?.0));
         let [left_deg, right_deg] = truth.wheels_rad.map(degrees);
         Some(Line {
             time_s: seconds(state.now_ns),
@@ -85,6 +97,10 @@ impl TruthFile {
             echo_m: world.echo(self.robot),
             touching: truth.touching,
             fallen: truth.fallen,
+            pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
+            tone_hz: brick.speaker.tone_hz(),
+            last_tone_hz: brick.speaker.last_tone_hz(),
+            lights: brick.names(Class::Leds).filter_map(light).collect(),
         })
     }
 }

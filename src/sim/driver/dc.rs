@@ -1,6 +1,8 @@
 //! A motor without a position: class `dc-motor` (`dc_motor_class.c`).
 //!
-//! Everything goes through the ramp worker, also without a ramp, so `ramping` shows for up to about 100 ms after each command.
+//! Everything goes through the ramp worker, also without a ramp, so `ramping` shows for up to about 100 ms
+//! after each command, and a command that comes while it does waits for the worker (issue 1392 of ev3dev
+//! is about the rest of it). A worker that is queued without a delay runs at once.
 
 use nix::errno::Errno;
 
@@ -104,7 +106,12 @@ impl DcMotor {
             self.active.duty = 0;
             self.start_ramp(now_ns);
         }
-        if self.ramp_due_ns.is_some_and(|due_ns| due_ns <= now_ns) {
+        self.work(now_ns);
+    }
+
+    /// Does the ramp's work that is due.
+    fn work(&mut self, now_ns: i64) {
+        while self.ramp_due_ns.is_some_and(|due_ns| due_ns <= now_ns) {
             self.ramp_due_ns = None;
             self.step_ramp(now_ns);
         }
@@ -125,7 +132,9 @@ impl DcMotor {
         self.ramp_time = full * i64::from(self.ramp_delta.abs()) / 100;
         self.last_step = jiffies(now_ns);
         self.ramp_end = self.last_step + self.ramp_time;
-        self.ramp_due_ns = Some(now_ns);
+        // Work that is pending stays where it is.
+        self.ramp_due_ns.get_or_insert(now_ns);
+        self.work(now_ns);
     }
 
     fn step_ramp(&mut self, now_ns: i64) {
@@ -143,7 +152,8 @@ impl DcMotor {
             (false, false) => Bridge::Coast,
         };
         if runs || self.duty != 0 {
-            let delay = (RAMP_PERIOD - (now - self.last_step)).max(1);
+            // Without a delay it is done once more at once, and by then nothing has passed since the last step.
+            let delay = (RAMP_PERIOD - (now - self.last_step)).max(0);
             self.last_step = now;
             self.ramp_due_ns = Some(due_ns(now_ns, delay));
         }

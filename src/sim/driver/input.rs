@@ -26,6 +26,25 @@ impl Button {
     /// Every button.
     pub const ALL: [Self; 6] = [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
 
+    /// Its name in orders and on the page.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Back => "back",
+            Self::Enter => "enter",
+            Self::Up => "up",
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Down => "down",
+        }
+    }
+
+    /// The button with a name; `None` where there is none.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|button| button.as_str() == name)
+    }
+
     /// The kernel's key code.
     #[must_use]
     pub fn code(self) -> u16 {
@@ -223,6 +242,11 @@ impl Speaker {
             }
         }
         Ok(taken)
+    }
+
+    /// Sounds at so many hertz, or with 0 falls silent, as if that had been written.
+    pub(crate) fn tone(&mut self, hz: u32, now_ns: i64) {
+        self.play(EV_SND, SND_TONE, i32::try_from(hz).unwrap_or(i32::MAX), now_ns);
     }
 
     fn play(&mut self, kind: u16, code: u16, value: i32, now_ns: i64) {

@@ -1,8 +1,10 @@
 //! A sensor: class `lego-sensor` (`lego_sensor_class.c`, `ev3_uart_sensor_ld.c`, `ev3_analog_sensor_core.c`).
 //!
-//! A sensor holds the last frame that came; reads decode it. Frames come at the sensor's own pace, each is measured once. A write of `mode` to
-//! a UART sensor keeps the writer waiting until the first frame of the new mode, 10 to 50 ms; what comes in the first moments after
-//! it is left over from the mode before.
+//! A sensor holds the last frame of each mode, as the driver's `mode_info[mode].raw_data` does; reads
+//! decode that of the mode it is in. Frames come at the sensor's own pace, each is measured once. A
+//! write of `mode` to a UART sensor keeps the writer waiting until the first frame of the new mode, 10
+//! to 50 ms. What comes in the first moments after it is what that mode measured when it was last used,
+//! and zeros if it never was (ev3dev's issue 1401).
 
 mod models;
 
@@ -75,6 +77,12 @@ pub enum SerialLine {
 /// A mode is asked for ten times, 50 ms apart.
 const TIMEOUT_NS: i64 = 500_000_000;
 
+/// No sensor has more modes: `EV3_UART_MODE_MAX` and one.
+const MOST_MODES: usize = 8;
+
+/// What a message brings at most, bytes.
+const FRAME_BYTES: usize = 32;
+
 #[derive(Debug)]
 struct Switch {
     mode: usize,
@@ -92,10 +100,11 @@ pub(crate) struct Sensor {
     faulty_line: SerialLine,
     least_stale_ns: i64,
     mode: usize,
-    frame: [u8; 32],
+    /// One a mode; zeros before the mode's first data.
+    frames: [[u8; FRAME_BYTES]; MOST_MODES],
     next_frame_ns: i64,
     switch: Option<Switch>,
-    /// Until then the frames are left over from the mode before.
+    /// Until then the frames are those that the mode ended with when it was last left.
     stale_until_ns: i64,
     /// A single-shot mode has delivered its measurement.
     spent: bool,
@@ -119,7 +128,7 @@ impl Sensor {
             faulty_line: SerialLine::Sound,
             least_stale_ns: 0,
             mode: 0,
-            frame: [0; 32],
+            frames: [[0; FRAME_BYTES]; MOST_MODES],
             next_frame_ns: now_ns,
             switch: None,
             stale_until_ns: now_ns,
@@ -167,33 +176,37 @@ impl Sensor {
         if !self.model.uart {
             values = values.map(|value| if value == 0 { 0 } else { PRESSED_PIN_MV });
         }
-        mode.format.encode(values.get(..mode.values).unwrap_or_default(), &mut self.frame);
+        if let Some(frame) = self.frames.get_mut(self.mode) {
+            mode.format.encode(values.get(..mode.values).unwrap_or_default(), frame);
+        }
         self.notice_touch();
     }
 
     /// Puts a frame in by hand, as if the sensor went on sending it; with none, the sensor measures again.
     pub(crate) fn feed(&mut self, frame: Option<&[u8]>) {
         self.fed = frame.is_some();
-        if let Some(frame) = frame {
-            self.frame = [0; 32];
-            for (to, from) in self.frame.iter_mut().zip(frame) {
-                *to = *from;
-            }
+        if let (Some(frame), Some(kept)) = (frame, self.frames.get_mut(self.mode)) {
+            let sent = frame.iter().copied().chain(std::iter::repeat(0));
+            kept.iter_mut().zip(sent).for_each(|(to, from)| *to = from);
             self.notice_touch();
         }
     }
 
     /// Breaks the serial line, or mends it; an analog sensor has none.
     pub(crate) fn set_line(&mut self, line: SerialLine) {
+        let before = self.line();
         if self.model.uart {
             self.line = line;
         }
+        self.forget_frames(before);
     }
 
     /// Faults that lie on the wire: how the line is, and how long old values stay after a change of mode, at least.
     pub(crate) fn suffer(&mut self, line: SerialLine, stale_ns: i64) {
+        let before = self.line();
         self.faulty_line = if self.model.uart { line } else { SerialLine::Sound };
         self.least_stale_ns = stale_ns;
+        self.forget_frames(before);
     }
 
     /// The worse of what was set by hand and what a fault does.
@@ -219,10 +232,22 @@ impl Sensor {
         self.model.modes.get(self.mode)
     }
 
+    /// The last frame of the present mode.
+    fn frame(&self) -> &[u8] {
+        self.frames.get(self.mode).map_or(&[], <[u8; FRAME_BYTES]>::as_slice)
+    }
+
+    /// A description that is taken again begins with no data in any mode.
+    fn forget_frames(&mut self, before: SerialLine) {
+        if self.line() == SerialLine::Resynchronising && before != SerialLine::Resynchronising {
+            self.frames = Default::default();
+        }
+    }
+
     fn value(&self, index: usize) -> Option<i32> {
         let described = self.line() != SerialLine::Resynchronising;
         let mode = self.mode_table().filter(|mode| described && index < mode.values)?;
-        let value = mode.format.decode(&self.frame, index);
+        let value = mode.format.decode(self.frame(), index);
         Some(if self.model.uart { value } else { i32::from(value > PRESSED_MV) })
     }
 
@@ -276,7 +301,7 @@ impl Sensor {
         }
     }
 
-    /// How long values are left over after a change from `before` to the present mode.
+    /// How long the present mode's old values stay after a change from `before`.
     fn settling_ns(&self, before: usize) -> i64 {
         let family = |index: usize| {
             let name = self.model.modes.get(index).map_or("", |mode| mode.name);
@@ -316,7 +341,7 @@ impl Driver for Sensor {
         let mode = self.mode_table().ok_or(Errno::ENXIO)?;
         match attribute {
             "address" => line(out, self.address),
-            "bin_data" => out.extend_from_slice(&self.frame),
+            "bin_data" => out.extend_from_slice(self.frame()),
             "bin_data_format" => line(out, mode.format.as_str()),
             "commands" | "fw_version" => line(out, ""),
             "decimals" => line(out, mode.decimals),

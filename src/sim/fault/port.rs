@@ -181,7 +181,7 @@ impl PortFaults {
         }
     }
 
-    /// How long old values stay after a change of mode, at least.
+    /// How long a mode's old values stay after it was changed to, at least.
     pub(crate) fn stale_ns(&self) -> i64 {
         let stale = self.active().filter_map(|fault| match fault {
             DeviceFault::Stale { for_ns } => Some(*for_ns),

@@ -1,4 +1,4 @@
-//! Scenario files: which fault comes when.
+//! Scenario files: which fault comes when, and which button is pressed.
 //!
 //! ```toml
 //! [[fault]]
@@ -13,6 +13,11 @@
 //! from_v = 8.0
 //! to_v = 5.0             # left out: stays at from_v
 //! over_s = 60
+//!
+//! [[press]]
+//! at_s = 3
+//! button = "enter"
+//! for_s = 1              # left out: 0.2
 //! ```
 
 use super::text::{self, LONGEST_S, Misread, VOLTS};
@@ -55,10 +60,11 @@ impl Scenario {
 }
 
 fn scenario(root: &Section<'_>) -> Option<Scenario> {
-    root.allow(&["fault", "battery"]);
+    root.allow(&["fault", "battery", "press"]);
     let faults: Vec<_> = tables(root, "fault").iter().map(fault).collect();
     let batteries: Vec<_> = tables(root, "battery").iter().map(battery).collect();
-    let orders: Option<Vec<_>> = faults.into_iter().chain(batteries).collect();
+    let presses: Vec<_> = tables(root, "press").iter().map(press).collect();
+    let orders: Option<Vec<_>> = faults.into_iter().chain(batteries).chain(presses).collect();
     orders.map(Scenario::new)
 }
 
@@ -114,6 +120,16 @@ fn battery(section: &Section<'_>) -> Option<(i64, Order)> {
         to_v: to_v?.or(from_v)?,
         over_ns: nanoseconds(over_s?.unwrap_or(0.0)),
     };
+    Some((nanoseconds(at_s?), Order { robot: robot?, act }))
+}
+
+fn press(section: &Section<'_>) -> Option<(i64, Order)> {
+    section.allow(&["at_s", "robot", "button", "for_s"]);
+    let at_s = time(section, "at_s");
+    let robot = robot(section);
+    let button = section.require("button").and_then(|item| understood(&item, text::button(item.text()?)));
+    let for_s = optional(section, "for_s", |item| item.number(0.002..=LONGEST_S));
+    let act = Act::Press(button?, for_s?.map_or(text::PRESS_NS, nanoseconds));
     Some((nanoseconds(at_s?), Order { robot: robot?, act }))
 }
 

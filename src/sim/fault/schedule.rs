@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 
 use super::{Act, DeviceFault, FaultError, Order, Port, Scenario};
 use crate::sim::brick::Brick;
+use crate::sim::driver::input::Button;
 use crate::sim::physics::{Fault, Physics};
+use crate::units::radians;
 
 /// A battery is set this often while it changes: each time that the driver looks at it.
 const BATTERY_NS: i64 = 10_000_000;
@@ -29,7 +31,16 @@ pub(crate) struct Faults {
     /// In order of time.
     pending: VecDeque<(i64, Order)>,
     ramps: Vec<Ramp>,
+    held: Vec<Held>,
     done: Vec<FaultRecord>,
+}
+
+/// A button that is down until some time, nanoseconds.
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    robot: usize,
+    button: Button,
+    until_ns: i64,
 }
 
 /// A battery that changes.
@@ -57,6 +68,7 @@ impl Faults {
     /// Does what is due.
     pub(crate) fn step(&mut self, now_ns: i64, bricks: &mut [Brick], physics: &mut dyn Physics) {
         self.end(now_ns, bricks, physics);
+        self.let_go(now_ns, bricks, |held| held.until_ns <= now_ns);
         while self.pending.front().is_some_and(|(at_ns, _)| *at_ns <= now_ns) {
             let Some((_, order)) = self.pending.pop_front() else { break };
             // A scenario's order that does not fit is recorded; nobody waits for its answer.
@@ -102,6 +114,7 @@ impl Faults {
                     }
                 }
                 if port.is_none() {
+                    self.let_go(now_ns, bricks, |held| held.robot == *robot);
                     self.ramps.retain(|ramp| ramp.robot != *robot);
                     physics.fail(*robot, Fault::OwnBattery);
                 }
@@ -112,6 +125,33 @@ impl Faults {
                     Ramp { robot: *robot, from_v: *from_v, to_v: *to_v, start_ns: now_ns, over_ns: *over_ns };
                 physics.fail(*robot, Fault::BatteryV(ramp.volts(now_ns)));
                 self.ramps.push(ramp);
+            }
+            Act::Press(button, for_ns) => {
+                self.held.retain(|held| (held.robot, held.button) != (*robot, *button));
+                let until_ns = now_ns.saturating_add(*for_ns);
+                self.held.push(Held { robot: *robot, button: *button, until_ns });
+                brick.buttons.set(*button, true, now_ns);
+            }
+            Act::Release(button) => {
+                self.held.retain(|held| (held.robot, held.button) != (*robot, *button));
+                brick.buttons.set(*button, false, now_ns);
+            }
+            Act::Tone(hz) => {
+                brick.speaker.tone(*hz, now_ns);
+                // A melody would be all that is left of the record.
+                return Ok(());
+            }
+            Act::Say(_) => {}
+            Act::Place { x_m, y_m, heading_deg } => {
+                if !physics.place(*robot, Some([*x_m, *y_m, radians(*heading_deg)])) {
+                    return Err(FaultError::NoRoom { x_m: *x_m, y_m: *y_m });
+                }
+            }
+            Act::Reset => {
+                // Where it started, something may stand by now: another robot.
+                if !physics.place(*robot, None) {
+                    return Err(FaultError::Taken);
+                }
             }
         }
         self.note(now_ns, *robot, act.to_string());
@@ -126,6 +166,15 @@ impl Faults {
                     restore(brick, robot, port, &fault, now_ns, physics);
                     self.note(now_ns, robot, format!("{port} {fault} is over"));
                 }
+            }
+        }
+    }
+
+    /// Lets go of the buttons that are held and fit.
+    fn let_go(&mut self, now_ns: i64, bricks: &mut [Brick], fits: impl Fn(&Held) -> bool) {
+        for held in self.held.extract_if(.., |held| fits(held)) {
+            if let Some(brick) = bricks.get_mut(held.robot) {
+                brick.buttons.set(held.button, false, now_ns);
             }
         }
     }

@@ -1,4 +1,5 @@
-//! Faults and orders from text: one parser for control commands, scenario files and the command line.
+//! Faults and orders from text: one parser for control commands, scenario files, the command line and
+//! the page.
 //!
 //! ```text
 //! in1 stuck                     outB block for 2.5
@@ -6,13 +7,16 @@
 //! in4 unplug                    battery 6.2
 //! in4 plug                      battery 8 5 60
 //! in4 clear                     clear
+//! press enter for 1.5           release enter
+//! place 0.5 -0.2 90             reset
+//! tone 440                      say Hello
 //! robot 2 in1 garbage text      # a comment
 //! ```
 
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use super::{DeviceFault, Port};
+use super::{Button, DeviceFault, Port};
 use crate::clock::{nanoseconds, seconds};
 use crate::document::nearest;
 
@@ -21,6 +25,21 @@ pub(super) const LONGEST_S: f64 = 86_400.0;
 
 /// Volts that a battery can have: no cells, to more than any pack gives.
 pub(super) const VOLTS: RangeInclusive<f64> = 0.0..=12.0;
+
+/// How long a press lasts that names no time, nanoseconds.
+pub(super) const PRESS_NS: i64 = 200_000_000;
+
+/// What the speaker can be asked for, hertz: what it plays is 100 to 10,000.
+const TONE_HZ: RangeInclusive<f64> = 0.0..=20_000.0;
+
+/// Of what is said, so many characters are noted.
+const MOST_SAID: usize = 200;
+
+/// How far from the world's origin a robot can be put, metres.
+const PLACE_M: RangeInclusive<f64> = -1000.0..=1000.0;
+
+/// A heading, degrees.
+const HEADING_DEG: RangeInclusive<f64> = -360.0..=360.0;
 
 /// What to do.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +57,25 @@ pub enum Act {
         /// How long that takes, nanoseconds; 0 at once.
         over_ns: i64,
     },
+    /// A button goes down, for so many nanoseconds.
+    Press(Button, i64),
+    /// A button that is down goes up.
+    Release(Button),
+    /// The speaker sounds at so many hertz, or with 0 falls silent.
+    Tone(u32),
+    /// Words that a person would hear.
+    Say(String),
+    /// A hand puts the robot elsewhere: metres, and degrees anticlockwise from x. It stands still there.
+    Place {
+        /// World frame.
+        x_m: f64,
+        /// World frame.
+        y_m: f64,
+        /// Anticlockwise from the world's x.
+        heading_deg: f64,
+    },
+    /// A hand puts the robot back to where it started.
+    Reset,
 }
 
 impl fmt::Display for Act {
@@ -51,6 +89,12 @@ impl fmt::Display for Act {
             Self::Battery { from_v, to_v, over_ns } => {
                 write!(f, "battery {from_v} {to_v} {}", seconds(*over_ns))
             }
+            Self::Press(button, for_ns) => write!(f, "press {} for {}", button.as_str(), seconds(*for_ns)),
+            Self::Tone(hz) => write!(f, "tone {hz}"),
+            Self::Say(words) => write!(f, "say {words}"),
+            Self::Release(button) => write!(f, "release {}", button.as_str()),
+            Self::Place { x_m, y_m, heading_deg } => write!(f, "place {x_m} {y_m} {heading_deg}"),
+            Self::Reset => f.write_str("reset"),
         }
     }
 }
@@ -141,7 +185,35 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
     match words {
         [] => Err(Misread::new("there is no order").hint("write for example `in1 stuck`")),
         ["clear"] => Ok(Act::Clear(None)),
+        ["reset"] => Ok(Act::Reset),
         ["battery", rest @ ..] => battery(rest),
+        ["press", rest @ ..] => press(rest),
+        ["release", name] => Ok(Act::Release(button(name)?)),
+        ["tone", hz] => {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "`number` has checked it"
+            )]
+            let hz = libm::round(number(hz, TONE_HZ)?) as u32;
+            Ok(Act::Tone(hz))
+        }
+        ["say", words @ ..] if !words.is_empty() => {
+            let said = words.join(" ").chars().filter(|c| !c.is_control()).take(MOST_SAID).collect();
+            Ok(Act::Say(said))
+        }
+        ["place", x, y, heading] => Ok(Act::Place {
+            x_m: number(x, PLACE_M)?,
+            y_m: number(y, PLACE_M)?,
+            heading_deg: number(heading, HEADING_DEG)?,
+        }),
+        ["release" | "tone" | "say" | "place", ..] => Err(Misread::new(format!(
+            "`{}` does not say it all",
+            shown(&words.join(" "))
+        ))
+        .hint(
+            "`release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres and degrees",
+        )),
         [name, "clear"] => Ok(Act::Clear(Some(port(name)?))),
         [name, rest @ ..] => {
             let port = port(name)?;
@@ -159,8 +231,24 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
 pub(super) fn port(name: &str) -> Result<Port, Misread> {
     Port::named(name).ok_or_else(|| {
         Misread::new(format!("there is no port `{}`", shown(name)))
-            .hint("there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot")
+            .hint("there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, `press`, `release`, `place` and `reset`")
     })
+}
+
+/// A button by its name.
+pub(super) fn button(name: &str) -> Result<Button, Misread> {
+    let names = Button::ALL.map(Button::as_str);
+    Button::named(name).ok_or_else(|| {
+        let near = nearest(name, names).unwrap_or_else(|| format!("there are {}", names.join(", ")));
+        Misread::new(format!("there is no button `{}`", shown(name))).hint(near)
+    })
+}
+
+fn press(words: &[&str]) -> Result<Act, Misread> {
+    match duration(words)? {
+        ([name], for_ns) => Ok(Act::Press(button(name)?, for_ns.unwrap_or(PRESS_NS))),
+        _ => Err(Misread::new("`press` takes one button").hint("`press enter`, or `press enter for 1.5`")),
+    }
 }
 
 /// Takes `for SECONDS` from the end. `write ATTRIBUTE VALUE` keeps its words: a value may be anything.

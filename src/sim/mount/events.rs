@@ -44,6 +44,8 @@ pub(super) fn ioctl(file: &StreamFile, command: u32, room: usize) -> Result<(i32
         0x09 | 0x19 | 0x1b => (true, set(&[], SMALL_BYTES)),
         0x18 => (true, set(&pressed(file), KEY_BYTES)),
         0x1a => (true, set(&[], SMALL_BYTES)),
+        // How many force feedback effects it plays: none.
+        0x84 => (false, 0_i32.to_ne_bytes().to_vec()),
         // The kernel's clock for the events' times: they are the simulation's, whichever was chosen.
         0xa0 => (false, Vec::new()),
         kind @ 0x20..=0x3f => (true, known(device, kind - 0x20)),

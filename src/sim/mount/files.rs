@@ -1,5 +1,6 @@
 //! What the kernel is told of files and folders, and what it is given when it opens one.
 
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -35,12 +36,14 @@ pub(super) struct Files {
     pub(super) open: Arc<Open>,
     layout: EventLayout,
     mounted: WallTime,
+    /// What root has set, by place. Names of devices are never given twice.
+    rights: Mutex<BTreeMap<Place, u32>>,
 }
 
 impl Files {
     pub(super) fn new(bricks: Vec<Arc<SimBrick>>, open: Arc<Open>, layout: EventLayout) -> Self {
         let nodes = Mutex::new(Nodes::new(bricks.len()));
-        Self { bricks, nodes, open, layout, mounted: wall_time() }
+        Self { bricks, nodes, open, layout, mounted: wall_time(), rights: Mutex::default() }
     }
 
     /// The numbers that the kernel knows.
@@ -60,10 +63,25 @@ impl Files {
 
     /// What `lstat` says of a place.
     pub(super) fn entry(&self, place: &Place) -> Result<Entry, Errno> {
-        match place.robot {
-            Some(robot) => self.brick(robot)?.entry(&place.path),
-            None => Ok(Entry::folder("")),
+        let mut entry = match place.robot {
+            Some(robot) => self.brick(robot)?.entry(&place.path)?,
+            None => Entry::folder(""),
+        };
+        if let Some(rights) = self.rights().get(place) {
+            entry.permissions = *rights;
         }
+        Ok(entry)
+    }
+
+    /// Notes the rights that root has set.
+    pub(super) fn set_rights(&self, node: INodeNo, mode: u32) {
+        if let Ok(place) = self.place(node) {
+            self.rights().insert(place, mode & 0o7777);
+        }
+    }
+
+    fn rights(&self) -> MutexGuard<'_, BTreeMap<Place, u32>> {
+        self.rights.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The place of an entry of a folder.
@@ -139,8 +157,8 @@ impl Files {
         if let Some(file) = brick.open_truth(&place.path, access) {
             return Ok((Handle::Truth { file: file?, text: Vec::new() }, direct));
         }
-        if let Some(file) = brick.open_faults(&place.path) {
-            return Ok((Handle::Faults { file, text: Vec::new() }, direct));
+        if let Some(file) = brick.open_orders(&place.path) {
+            return Ok((Handle::Orders { file, text: Vec::new() }, direct));
         }
         let file = brick.open_attribute(&place.path, access)?;
         let handle = Handle::Attribute { file, text: Vec::new(), poller: None };

@@ -35,7 +35,8 @@ impl Filesystem for Files {
         }
     }
 
-    /// Lengths and times may be set, to no effect: a program truncates what it writes to. Owners and rights may not.
+    /// Lengths and times may be set, to no effect: a program truncates what it writes to. Rights may be set by root, as udev's rules do on a brick; owners
+    /// may not.
     fn setattr(
         &self,
         request: &Request,
@@ -54,11 +55,15 @@ impl Filesystem for Files {
         _flags: Option<BsdFileFlags>,
         reply: ReplyAttr,
     ) {
-        if mode.is_some() || uid.is_some() || gid.is_some() {
+        let allowed = uid.is_none() && gid.is_none() && (mode.is_none() || request.uid() == 0);
+        if !allowed {
             reply.error(fuser::Errno::EPERM);
-        } else {
-            self.getattr(request, node, file, reply);
+            return;
         }
+        if let Some(mode) = mode {
+            self.set_rights(node, mode);
+        }
+        self.getattr(request, node, file, reply);
     }
 
     fn readlink(&self, _request: &Request, node: INodeNo, reply: ReplyData) {

@@ -9,7 +9,7 @@ use nix::errno::Errno;
 use super::files::refusal;
 use super::{SimBrick, events};
 use crate::ev3dev::AttributeFile;
-use crate::sim::door::{FaultsFile, SimFile, StreamFile, TruthFile, Write};
+use crate::sim::door::{OrdersFile, SimFile, StreamFile, TruthFile, Write};
 
 /// An open file or folder.
 #[derive(Debug)]
@@ -24,8 +24,8 @@ pub(super) enum Handle {
     Screen(Arc<SimBrick>),
     /// The truth, with the line that was made when its beginning was last read.
     Truth { file: TruthFile, text: Vec<u8> },
-    /// What is wrong on purpose, with the text that was made when its beginning was last read.
-    Faults { file: FaultsFile, text: Vec<u8> },
+    /// What takes orders, with the text that was made when its beginning was last read.
+    Orders { file: OrdersFile, text: Vec<u8> },
 }
 
 /// An entry of a listing.
@@ -81,7 +81,7 @@ impl Handle {
                 Ok(bytes) => reply.data(bytes),
                 Err(errno) => reply.error(refusal(errno)),
             },
-            Self::Faults { file, text } => {
+            Self::Orders { file, text } => {
                 if offset == 0 {
                     file.read_into(text);
                 }
@@ -103,7 +103,7 @@ impl Handle {
             Self::Events { file, .. } => file.write(bytes).map(Write::Done),
             // The kernel writes to no file that was opened for reading only.
             Self::Truth { .. } => Err(Errno::EBADF),
-            Self::Faults { file, .. } => file.order(bytes).map(Write::Done),
+            Self::Orders { file, .. } => file.order(bytes).map(Write::Done),
             Self::Screen(brick) => {
                 brick.draw(usize::try_from(offset).unwrap_or(usize::MAX), bytes).map(Write::Done)
             }
@@ -115,7 +115,7 @@ impl Handle {
         let readable = PollEvents::POLLIN | PollEvents::POLLRDNORM;
         let writeable = PollEvents::POLLOUT | PollEvents::POLLWRNORM;
         match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Faults { .. } => {
+            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Orders { .. } => {
                 readable | writeable
             }
             Self::Attribute { file, poller, .. } => {
@@ -145,7 +145,7 @@ impl Handle {
     /// Wakes who waits and has something to be woken for, or, where `interrupts` is set, was interrupted; false if nobody waits any more.
     pub(super) fn wake(&mut self, interrupts: bool) -> bool {
         match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Faults { .. } => false,
+            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Orders { .. } => false,
             Self::Attribute { file, poller, .. } => {
                 if file.wakes() {
                     notify(poller);

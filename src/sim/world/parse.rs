@@ -10,7 +10,6 @@ use super::geometry::{Disc, Point, rectangle};
 use super::robot::number;
 use super::{Beacon, Colour, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World};
 use crate::document::{Item, Section};
-use crate::sim::body::Outline;
 use crate::units::radians;
 
 /// Furthest from the origin that anything stands, metres.
@@ -26,6 +25,7 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
     let mut world = World {
         name,
         surfaces: Surfaces::default(),
+        solids: Vec::new(),
         outlines: Vec::new(),
         floor: floor(root),
         starts: Vec::new(),
@@ -39,11 +39,10 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
             world.add_polyline(&points, flag(&wall, CLOSED));
         }
     }
-    let mut solids = Vec::new();
     for block in things(root, "block") {
         if let Some(corners) = self::block(&block) {
             world.add_polyline(&corners, true);
-            solids.push(corners);
+            world.solids.push(corners);
         }
     }
     for circle in things(root, "circle") {
@@ -53,7 +52,7 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
             world.add_disc(Disc { centre, radius_m });
         }
     }
-    starts(root, &mut world, &solids);
+    starts(root, &mut world);
     Some(world)
 }
 
@@ -172,11 +171,11 @@ fn beacon(section: &Section<'_>) -> Option<Beacon> {
 }
 
 /// Start poses; without any, one at the origin. None may stand in something.
-fn starts(root: &Section<'_>, world: &mut World, solids: &[[Point; 4]]) {
+fn starts(root: &Section<'_>, world: &mut World) {
     let sections = things(root, "start");
     if root.get("start").is_none() {
         let origin = StartPose { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 };
-        check_start(root, world, solids, origin);
+        check_start(root, world, origin);
         world.starts.push(origin);
     }
     for section in sections {
@@ -184,20 +183,14 @@ fn starts(root: &Section<'_>, world: &mut World, solids: &[[Point; 4]]) {
         let heading_rad = number(&section, "heading_deg", -360.0, 360.0, 0.0) * (PI / 180.0);
         let Some(place) = place(&section) else { continue };
         let start = StartPose { x_m: place.x, y_m: place.y, heading_rad };
-        check_start(&section, world, solids, start);
+        check_start(&section, world, start);
         world.starts.push(start);
     }
 }
 
-fn check_start(section: &Section<'_>, world: &World, solids: &[[Point; 4]], start: StartPose) {
+fn check_start(section: &Section<'_>, world: &World, start: StartPose) {
     let place = Point::new(start.x_m, start.y_m);
-    let outline = Outline::new(&world.robot).at(place, start.heading_rad);
-    let in_block = solids.iter().any(|corners| {
-        super::geometry::contains(corners, place) || corners.iter().any(|corner| outline.covers(*corner))
-    });
-    let in_disc = world.surfaces.discs.iter().any(|disc| (disc.centre - place).norm() <= disc.radius_m);
-    let in_disc = in_disc || world.surfaces.discs.iter().any(|disc| outline.covers(disc.centre));
-    if in_block || in_disc || outline.clearance(&world.surfaces) <= 0.0 {
+    if !world.is_clear(start) {
         section.error(format!("the robot at ({}, {}) starts inside a wall", start.x_m, start.y_m)).hint(
             format!(
                 "it reaches {} m ahead of `at`, {} m back and {} m to each side",

@@ -361,17 +361,19 @@ fn a_sensor_that_describes_itself_again_has_no_values_and_takes_no_mode() {
 }
 
 #[test]
-fn stale_values_outlive_a_change_of_mode() {
+fn a_modes_old_values_outlive_the_change_to_it() {
     let rig = rig();
     for (port, mode) in [(Port::In1, "US-DIST-IN"), (Port::In3, "COL-AMBIENT"), (Port::In4, "GYRO-RATE")] {
-        let before = raw(&rig, port).unwrap();
+        let (first, before) = (rig.read(port.as_str(), "mode"), raw(&rig, port).unwrap());
         inject(&rig, port, "stale 3000");
-        rig.write(port.as_str(), "mode", mode);
-        measure(&rig, port, 11);
-        rig.pass_ms(2900);
-        assert_eq!(raw(&rig, port), Ok(before), "{port}");
-        rig.pass_ms(300);
-        assert_eq!(raw(&rig, port), Ok(11), "{port}");
+        for (mode, old, new) in [(mode, 0, 11_i32), (first.as_str(), before, 12), (mode, 11, 13)] {
+            rig.write(port.as_str(), "mode", mode);
+            measure(&rig, port, new);
+            rig.pass_ms(2900);
+            assert_eq!(raw(&rig, port), Ok(old), "{port} {mode}");
+            rig.pass_ms(300);
+            assert_eq!(raw(&rig, port), Ok(new.into()), "{port} {mode}");
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Orders as text, scenario files, and when what is done.
 
 use onbrick::clock::{Clock, SECOND_NS};
-use onbrick::sim::{Act, DeviceFault, FaultRecord, Order, Port, STEP_NS, Scenario};
+use onbrick::sim::{Act, Button, DeviceFault, FaultRecord, Order, Port, STEP_NS, Scenario};
 use proptest::prelude::*;
 
 use crate::drivers_bench::Rig;
@@ -9,13 +9,16 @@ use crate::drivers_bench::Rig;
 #[test]
 fn an_order_is_a_line_of_text() {
     let text = "in1 stuck\n\n# nothing\nrobot 2 outB block for 2.5  # a child's hand\nbattery 6.2\nbattery 8 5 60\nin4 clear\nclear\n\
-                ev3-ports:outA write speed_sp 500\nin3 wrong 1.5 -20\noutD reset\nin2 garbage text";
+                ev3-ports:outA write speed_sp 500\nin3 wrong 1.5 -20\noutD reset\nin2 garbage text\n\
+                press enter\nrobot 3 press back for 1.5\nrelease enter\nplace 0.5 -0.2 90\nreset\ntone 440\nsay Hello  robot";
     let orders = Order::parse(0, text).unwrap();
     let shown: Vec<String> = orders.iter().map(|order| format!("{} {}", order.robot, order.act)).collect();
     #[rustfmt::skip]
     assert_eq!(shown, [
         "0 in1 stuck", "1 outB block for 2.5", "0 battery 6.2", "0 battery 8 5 60", "0 in4 clear", "0 clear",
         "0 outA write speed_sp 500", "0 in3 wrong 1.5 -20", "0 outD reset", "0 in2 garbage text",
+        "0 press enter for 0.2", "2 press back for 1.5", "0 release enter", "0 place 0.5 -0.2 90", "0 reset",
+        "0 tone 440", "0 say Hello robot",
     ]);
     assert_eq!(orders[1].act, Act::Inject(Port::OutB, DeviceFault::Block, Some(5 * SECOND_NS / 2)));
     assert!(Order::parse(0, "").unwrap().is_empty());
@@ -34,8 +37,8 @@ fn each_fault_reads_back_from_its_own_text() {
 fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
     #[rustfmt::skip]
     let cases = [
-        ("in9 stuck", "line 1: there is no port `in9`; there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot"),
-        ("\nmotor stuck", "line 2: there is no port `motor`; there are in1 to in4, outA to outD, and `battery` and `clear` for the whole robot"),
+        ("in9 stuck", "line 1: there is no port `in9`; there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, `press`, `release`, `place` and `reset`"),
+        ("\nmotor stuck", "line 2: there is no port `motor`; there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, `press`, `release`, `place` and `reset`"),
         ("in1 stuk", "line 1: there is no fault `stuk`; did you mean `stuck`?"),
         ("in1", "line 1: no fault is named; there are unplug, plug, off, stuck, garbage, wrong, slow, delayed, intermittent, jump, enxio, eio, denied, block, endless, resync, stale, write, reset"),
         ("in1 delayed soon", "line 1: `soon` is not a number"),
@@ -49,6 +52,11 @@ fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
         ("outA write speed_sp", "line 1: `write` takes an attribute and a value"),
         ("battery", "line 1: `battery` takes one number or three; `battery 6.2`, or `battery 8 5 60`: from 8 V to 5 V in 60 s"),
         ("battery 230", "line 1: 230 is out of range; it can be 0 to 12"),
+        ("press entre", "line 1: there is no button `entre`; did you mean `enter`?"),
+        ("press", "line 1: `press` takes one button; `press enter`, or `press enter for 1.5`"),
+        ("press enter left", "line 1: `press` takes one button; `press enter`, or `press enter for 1.5`"),
+        ("place 1 2", "line 1: `place 1 2` does not say it all; `release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres and degrees"),
+        ("place 1 2 400", "line 1: 400 is out of range; it can be -360 to 360"),
         ("robot 0 clear", "line 1: `robot 0` is no robot; robots count from 1"),
         ("robot 1", "line 1: there is no order; write for example `in1 stuck`"),
     ];
@@ -83,6 +91,15 @@ kind = "delayed 150"
 [[battery]]
 at_s = 0
 from_v = 7.0
+
+[[press]]
+at_s = 4
+button = "enter"
+for_s = 0.5
+
+[[press]]
+at_s = 4.4
+button = "enter"
 "#;
 
 #[test]
@@ -97,6 +114,7 @@ fn a_scenario_is_followed_to_the_step_however_the_clock_leaps() {
             rig.pass_ms(leap_ms);
         }
         assert_eq!(rig.number("outB", "speed_sp"), 120);
+        assert_eq!(rig.bench.simulation.pressed(0), [], "let go, however long the leap");
         rig.bench.simulation.faults_done()
     };
     let record = |time_ms: i64, what: &str| FaultRecord {
@@ -110,11 +128,32 @@ fn a_scenario_is_followed_to_the_step_however_the_clock_leaps() {
         record(1500, "in1 delayed 150"),
         record(2500, "in4 unplug for 1.5"),
         record(4000, "in4 unplug is over"),
+        record(4500, "press enter for 0.5"),
+        record(4900, "press enter for 0.2"),
     ];
     for leap_ms in [2, 7, 6000] {
         assert_eq!(done(leap_ms), expected, "in leaps of {leap_ms} ms");
     }
     assert_eq!(500_000_000 % STEP_NS, 0);
+}
+
+#[test]
+fn a_button_is_down_for_as_long_as_the_last_press_says() {
+    let rig = Rig::recorded();
+    let order = |text: &str| rig.bench.simulation.control(0, text).unwrap();
+    let pressed = || rig.bench.simulation.pressed(0);
+    order("press enter for 0.5\npress left");
+    rig.pass_ms(190);
+    assert_eq!(pressed(), [Button::Enter, Button::Left]);
+    rig.pass_ms(20);
+    assert_eq!(pressed(), [Button::Enter]);
+    order("press enter for 1");
+    rig.pass_ms(990);
+    assert_eq!(pressed(), [Button::Enter]);
+    order("release enter");
+    assert_eq!(pressed(), []);
+    order("press enter for 1\nclear");
+    assert_eq!(pressed(), []);
 }
 
 #[test]
@@ -132,7 +171,7 @@ fn what_a_scenario_orders_in_vain_is_recorded_with_the_reason() {
 #[test]
 fn every_mistake_in_a_scenario_has_its_place() {
     let text = "[[fault]]\nat_s = -1\nport = \"in7\"\nkind = \"stuk\"\n\n[[fault]]\nat_s = 5\nuntil_s = 4\nprot = 1\nport = \"in1\"\nkind = \"stuck\"\n\n\
-                [[fault]]\nat_s = 1\nuntil_s = 2\nport = \"outA\"\nkind = \"reset\"\n\n[[battery]]\nat_s = 0\nfrom_v = 99\nrobot = 0\n\n[wind]\n";
+                [[fault]]\nat_s = 1\nuntil_s = 2\nport = \"outA\"\nkind = \"reset\"\n\n[[battery]]\nat_s = 0\nfrom_v = 99\nrobot = 0\n\n[[press]]\nat_s = 0\nbutton = \"entre\"\nfor_s = 0\n\n[wind]\n";
     let found = Scenario::parse("loose.toml", text.as_bytes()).unwrap_err().to_string();
     for expected in [
         "error: `fault[0].at_s` is -1; it can be 0 to 86400\n  --> loose.toml:2:8",
@@ -145,11 +184,14 @@ fn every_mistake_in_a_scenario_has_its_place() {
         "error: `reset` is done at once\n  --> loose.toml:15:1",
         "error: `battery[0].from_v` is 99",
         "error: `battery[0].robot` is 0",
+        "error: there is no button `entre`",
+        "did you mean `enter`?",
+        "error: `press[0].for_s` is 0",
         "error: unknown key `wind`",
     ] {
         assert!(found.contains(expected), "{expected:?} is not in\n{found}");
     }
-    assert_eq!(found.matches("error: ").count(), 9, "{found}");
+    assert_eq!(found.matches("error: ").count(), 11, "{found}");
 }
 
 proptest! {

@@ -1,5 +1,6 @@
 //! A simulator in a process of its own, and a namespace in which a program takes it for the machine's devices.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -18,19 +19,6 @@ pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// No program here takes longer.
 const LONGEST_NS: i64 = 90 * SECOND_NS;
-
-/// A brick's `sys` over this machine's, and a `/dev` that has the usual files and the brick's input devices; then the program.
-const ENTER: &str = r#"
-set -e
-brick=$1; aside=$2; shift 2
-mount --rbind "$brick/sys" /sys
-mount --rbind /dev "$aside"
-mount -t tmpfs tmpfs /dev
-for file in null zero full random urandom; do touch "/dev/$file"; mount --bind "$aside/$file" "/dev/$file"; done
-mkdir /dev/input
-mount --bind "$brick/dev/input" /dev/input
-exec "$@"
-"#;
 
 /// `onbrick sim` with a brick in a folder of its own.
 pub(crate) struct Simulator {
@@ -51,6 +39,16 @@ pub(crate) struct Truth {
     pub(crate) echo_m: Option<f64>,
     pub(crate) touching: bool,
     pub(crate) fallen: bool,
+    pub(crate) tone_hz: Option<u32>,
+    pub(crate) last_tone_hz: Option<u32>,
+    lights: BTreeMap<String, u32>,
+}
+
+impl Truth {
+    /// The brightness of a status light, `led0:red`.
+    pub(crate) fn light(&self, name: &str) -> u32 {
+        self.lights[&format!("{name}:brick-status")]
+    }
 }
 
 /// Somebody's program, running in its namespace.
@@ -58,7 +56,6 @@ pub(crate) struct Foreign {
     name: String,
     process: Child,
     said: BufReader<ChildStdout>,
-    _aside: tempfile::TempDir,
 }
 
 impl Simulator {
@@ -96,6 +93,11 @@ impl Simulator {
         self.folder.path().join("brick")
     }
 
+    /// Has something done to the robot.
+    pub(crate) fn order(&self, order: &str) {
+        fs::write(self.root().join("sim/orders"), order).unwrap();
+    }
+
     pub(crate) fn truth(&self) -> Truth {
         serde_json::from_str(&fs::read_to_string(self.root().join("sim/truth")).unwrap()).unwrap()
     }
@@ -112,19 +114,33 @@ impl Drop for Simulator {
 }
 
 impl Foreign {
-    /// Starts a program in a namespace where a brick is mounted.
+    /// Starts a program in a private view of a mounted brick: `onbrick sim exec`.
     pub(crate) fn start(pace: &Pace, name: &str, brick: &Path, command: &[&str]) -> Self {
-        let aside = tempfile::tempdir().unwrap();
-        let mut process = unshare()
-            .args(["sh", "-c", ENTER, "sh"])
-            .args([brick, aside.path()])
+        let mut process = Pace::command(PROGRAM)
+            .args(["sim", "exec"])
+            .arg(brick)
+            .arg("--")
             .args(command)
+            .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
         pace.watch(&process);
         let said = BufReader::new(process.stdout.take().unwrap());
-        Self { name: name.to_owned(), process, said, _aside: aside }
+        Self { name: name.to_owned(), process, said }
+    }
+
+    /// Asks it to end, as Ctrl-C does; how it ended.
+    pub(crate) fn interrupt(mut self) -> std::process::ExitStatus {
+        self.ask_to_end();
+        self.process.wait().unwrap()
+    }
+
+    /// The program that it started ends with it, if it is asked and not killed.
+    fn ask_to_end(&self) {
+        if let Ok(process) = i32::try_from(self.process.id()) {
+            let _ = kill(Pid::from_raw(process), Signal::SIGTERM);
+        }
     }
 
     /// The next line it says.
@@ -162,8 +178,10 @@ impl Foreign {
 
 impl Drop for Foreign {
     fn drop(&mut self) {
-        // For the test that fails while it runs; one that has ended is not there to be killed.
-        let _ = self.process.kill();
+        // For the test that fails while it runs.
+        if matches!(self.process.try_wait(), Ok(None)) {
+            self.ask_to_end();
+        }
         let _ = self.process.wait();
     }
 }

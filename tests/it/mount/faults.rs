@@ -1,9 +1,13 @@
-//! Faults on demand, through the mount: the file `sim/faults`, and the command that writes to it.
+//! What is done on purpose, through the mount: the files `sim/faults` and `sim/orders`, and the commands that
+//! write to them.
 
 use std::process::{Command, Output};
 use std::sync::Arc;
 
-use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
+use onbrick::clock::{Clock, MILLISECOND_NS, SECOND_NS, VirtualClock};
+use onbrick::ev3dev::{BUTTONS_PATH, Button, Buttons, LocalTree, Tree};
+use onbrick::sim::World;
+use serde_json::{Value, json};
 
 use super::bench::Mounted;
 
@@ -29,6 +33,84 @@ fn a_plug_is_pulled_and_put_back_by_the_command_and_the_file_tells_of_it() {
     pass_s(4);
     assert_eq!(sensors(), before, "and back");
     assert!(!std::fs::read_to_string(root.join("sim/faults")).unwrap().starts_with("in1"));
+}
+
+/// How the robot truly is, as the file says it.
+fn truth(mounted: &Mounted) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(mounted.root().join("sim/truth")).unwrap()).unwrap()
+}
+
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "QEMU's user mode knows no EVIOCGKEY")]
+fn keys_are_pressed_by_the_command_and_by_the_file() {
+    let clock: Arc<dyn Clock> = Arc::new(VirtualClock::default());
+    let Some(mounted) = Mounted::in_world("arena", 1, Arc::clone(&clock)) else { return };
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(mounted.root()));
+    let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
+    let pass_ms = |ms: i64| clock.sleep_until_ns(clock.now_ns() + ms * MILLISECOND_NS);
+    let program = env!("CARGO_BIN_EXE_onbrick");
+    let press = |arguments: &[&str]| {
+        let root = mounted.root();
+        Command::new(program).args(["sim", "press"]).arg(root).args(arguments).output().unwrap()
+    };
+    for (arguments, held_ms, keys) in [
+        (&["enter"] as &[&str], 200, &[Button::Enter] as &[Button]),
+        (&["up", "down", "--for", "1s"], 1000, &[Button::Up, Button::Down]),
+        (&["back", "--for", "50ms"], 50, &[Button::Back]),
+    ] {
+        let done = press(arguments);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        assert_eq!(buttons.changes().unwrap().pressed.iter().collect::<Vec<_>>(), keys);
+        pass_ms(held_ms - 10);
+        assert!(buttons.changes().unwrap().released.is_empty(), "{arguments:?}");
+        pass_ms(14);
+        assert_eq!(buttons.changes().unwrap().released.iter().collect::<Vec<_>>(), keys);
+    }
+    std::fs::write(mounted.root().join("sim/orders"), "press left for 2\n").unwrap();
+    assert_eq!(truth(&mounted)["pressed"], json!(["left"]));
+    let told = std::fs::read_to_string(mounted.root().join("sim/orders")).unwrap();
+    assert!(told.starts_with("# ") && told.ends_with("press left for 2\n"), "{told}");
+    for (arguments, message) in
+        [(["entre", "--for=1s"], "the buttons are back, enter"), (["enter", "--for=soon"], "a time is 2ms")]
+    {
+        let wrong = press(&arguments);
+        let said = String::from_utf8_lossy(&wrong.stderr).into_owned();
+        assert!(wrong.status.code() == Some(2) && said.contains(message), "{said}");
+    }
+    let nowhere = Command::new(program).args(["sim", "press", "/tmp", "enter"]).output().unwrap();
+    assert_eq!(nowhere.status.code(), Some(3), "{}", String::from_utf8_lossy(&nowhere.stderr));
+}
+
+/// A hand carries the robot, and what a person would see and hear of the brick can be read.
+#[test]
+fn the_robot_is_carried_and_put_back_but_not_into_a_wall() {
+    let Some(mounted) = Mounted::in_world("two-arenas", 2, Arc::new(VirtualClock::default())) else { return };
+    let root = mounted.root();
+    let order = |text: &str| std::fs::write(root.join("sim/orders"), text);
+    let truth = || -> Value {
+        serde_json::from_str(&std::fs::read_to_string(root.join("sim/truth")).unwrap()).unwrap()
+    };
+    let pose = || ["x_m", "y_m", "heading_deg"].map(|key| truth()[key].as_f64().unwrap());
+    let start = pose();
+    order("place 0.2 -0.3 90").unwrap();
+    let moved = pose();
+    assert!((moved[0] - 0.2).abs() + (moved[1] + 0.3).abs() + (moved[2] - 90.0).abs() < 1e-9, "{moved:?}");
+    assert!(order("place 900 0 0\n").is_ok(), "outside of all walls there is room");
+    order("reset").unwrap();
+    assert_eq!(pose(), start);
+    // Where the other robot stands, and where there is no floor or a wall.
+    let other = std::fs::read_to_string(mounted.mount().root(1).join("sim/truth")).unwrap();
+    let other: Value = serde_json::from_str(&other).unwrap();
+    assert!(order(&format!("place {} {} 0", other["x_m"], other["y_m"])).is_err());
+    let walls = World::named("two-arenas").unwrap().outlines()[0].clone();
+    assert!(order(&format!("place {} {} 0", walls[0][0], walls[0][1])).is_err());
+    assert_eq!(pose(), start);
+    let lights = &truth()["lights"];
+    assert_eq!(
+        (&lights["led0:red:brick-status"], &lights["led1:green:brick-status"]),
+        (&json!(0), &json!(255))
+    );
+    assert_eq!((&truth()["tone_hz"], &truth()["last_tone_hz"]), (&Value::Null, &Value::Null));
 }
 
 #[test]

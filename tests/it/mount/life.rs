@@ -61,6 +61,28 @@ fn refused(arguments: &[&str]) -> (Option<i32>, String) {
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
+/// The first time makes the folder `arena`, which is the name of the world that is taken by default.
+#[test]
+fn a_folder_of_a_worlds_name_is_not_taken_for_the_world() {
+    if no_fuse() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for time in 1..=2 {
+        let mut command = Command::new(PROGRAM);
+        let mut process =
+            command.args(["sim", "arena"]).current_dir(folder.path()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut said = BufReader::new(process.stdout.take().unwrap());
+        let mut greeting = String::new();
+        while !greeting.contains("mounted a simulated brick") {
+            assert_ne!(said.read_line(&mut greeting).unwrap(), 0, "time {time}: {greeting}");
+        }
+        let simulator = Simulator { process, said, greeting };
+        simulator.signal(Signal::SIGTERM);
+        assert_eq!(simulator.end().0, Some(0), "time {time}");
+    }
+}
+
 #[test]
 fn every_signal_that_asks_to_end_unmounts_also_with_files_open() {
     if no_fuse() {

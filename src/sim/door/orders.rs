@@ -1,8 +1,9 @@
-//! What is wrong on purpose: the file `sim/faults`.
+//! What is done to a robot on purpose: the files `sim/faults` and `sim/orders`.
 //!
-//! Each write is a text of orders, one a line (`in1 stuck`, `outB block for 2`, `battery 6.2`, `clear`); a text that is not understood
-//! does nothing and answers EINVAL. A read says what is wrong now, as orders that would bring it about, and behind `#` what was done when.
-//! No brick has this file.
+//! Each write is a text of orders, one a line (`in1 stuck`, `battery 6.2`, `press enter for 1`,
+//! `place 0.5 0 90`, `clear`); a text that is not understood does nothing and answers EINVAL. A read says
+//! behind `#` what was done when; in `sim/faults` first of all what is wrong now, as orders that would
+//! bring it about. No brick has these files.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -16,25 +17,37 @@ use crate::ev3dev::AttributeFile;
 use crate::sim::Simulation;
 use crate::sim::simulation::Shared;
 
-/// The open file.
-#[derive(Debug)]
-pub(crate) struct FaultsFile {
-    shared: Arc<Shared>,
-    robot: usize,
+/// What a read begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Tells {
+    /// What is wrong now.
+    Wrong,
+    /// Nothing: what was done is all.
+    Done,
 }
 
-impl FaultsFile {
+/// An open file.
+#[derive(Debug)]
+pub(crate) struct OrdersFile {
+    shared: Arc<Shared>,
+    robot: usize,
+    tells: Tells,
+}
+
+impl OrdersFile {
     /// Opens it.
-    pub(crate) fn open(shared: &Arc<Shared>, robot: usize) -> Self {
-        Self { shared: Arc::clone(shared), robot }
+    pub(crate) fn open(shared: &Arc<Shared>, robot: usize, tells: Tells) -> Self {
+        Self { shared: Arc::clone(shared), robot, tells }
     }
 
     /// The text as of now, in place of what is in `text`.
     pub(crate) fn read_into(&self, text: &mut Vec<u8>) {
         let simulation = Simulation::of(&self.shared);
         let mut lines = String::new();
-        for (port, fault) in simulation.faults_active(self.robot) {
-            let _ = writeln!(lines, "{port} {fault}");
+        if self.tells == Tells::Wrong {
+            for (port, fault) in simulation.faults_active(self.robot) {
+                let _ = writeln!(lines, "{port} {fault}");
+            }
         }
         for done in simulation.faults_done().iter().filter(|done| done.robot == self.robot) {
             let _ = writeln!(lines, "# {:.3} s: {}", seconds(done.time_ns), done.what);
@@ -55,7 +68,7 @@ impl FaultsFile {
     }
 }
 
-impl AttributeFile for FaultsFile {
+impl AttributeFile for OrdersFile {
     fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
         let mut text = Vec::new();
         self.read_into(&mut text);

@@ -1,0 +1,98 @@
+//! What the kernel adds to every device, and a device of the bus `lego`: what is plugged into a port, bound to a
+//! driver (`core/lego_bus.c`). The device of a class, which programs use, lies below it.
+
+use nix::errno::Errno;
+
+use super::text::word;
+use super::{Context, Driver, Spec, Wait, lego_uevent, line, readable, readwriteable};
+
+/// Runtime power management, which no driver of the brick takes part in (`drivers/base/power/sysfs.c`).
+pub(crate) const POWER: &[Spec] = &[
+    readwriteable("power/autosuspend_delay_ms"),
+    readwriteable("power/control"),
+    readable("power/runtime_active_time"),
+    readable("power/runtime_status"),
+    readable("power/runtime_suspended_time"),
+];
+
+/// The words of `power/control`; the first is in force at the start, and neither has an effect.
+const CONTROLS: [&str; 2] = ["auto", "on"];
+
+/// Appends the text of a file of [`POWER`].
+///
+/// # Errors
+///
+/// EIO for the delay of a device that never suspends itself.
+pub(crate) fn read_power(attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+    match attribute {
+        "power/control" => line(out, CONTROLS[0]),
+        "power/runtime_status" => line(out, "unsupported"),
+        "power/autosuspend_delay_ms" => return Err(Errno::EIO),
+        _ => line(out, 0),
+    }
+    Ok(())
+}
+
+/// Takes what is written to a file of [`POWER`].
+///
+/// # Errors
+///
+/// EIO for the delay, EINVAL for any other word than those of `power/control`.
+pub(crate) fn store_power(attribute: &str, bytes: &[u8]) -> Result<(), Errno> {
+    if attribute == "power/autosuspend_delay_ms" { Err(Errno::EIO) } else { word(bytes, CONTROLS).map(drop) }
+}
+
+/// A device of the bus.
+#[derive(Debug)]
+pub(crate) struct BusDevice {
+    driver: &'static str,
+    driver_name: &'static str,
+    address: &'static str,
+}
+
+impl BusDevice {
+    /// Every driver of the bus that is simulated.
+    pub(crate) const DRIVERS: [&str; 5] =
+        ["ev3-analog-sensor", "ev3-uart-host", "legoev3-motor", "rcx-led", "rcx-motor"];
+
+    /// What was plugged in, under the name that its class gives it, bound to one of [`BusDevice::DRIVERS`].
+    pub(crate) fn new(driver: &'static str, driver_name: &'static str, address: &'static str) -> Self {
+        Self { driver, driver_name, address }
+    }
+
+    /// The driver that it is bound to.
+    pub(crate) fn driver(&self) -> &'static str {
+        self.driver
+    }
+}
+
+impl Driver for BusDevice {
+    fn attributes(&self) -> &'static [Spec] {
+        const ATTRIBUTES: &[Spec] = &[readable("modalias")];
+        ATTRIBUTES
+    }
+
+    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
+        if attribute != "modalias" {
+            return Err(Errno::ENODEV);
+        }
+        line(out, format_args!("lego:{}", self.driver));
+        Ok(())
+    }
+
+    fn store(
+        &mut self,
+        _attribute: &str,
+        _bytes: &[u8],
+        _context: &mut Context<'_>,
+    ) -> Result<Option<Wait>, Errno> {
+        Err(Errno::EIO)
+    }
+
+    fn uevent(&self, out: &mut Vec<u8>) {
+        let driver = self.driver;
+        line(out, format_args!("DEVTYPE={driver}\nDRIVER={driver}"));
+        lego_uevent(out, self.driver_name, self.address);
+        line(out, format_args!("MODALIAS=lego:{driver}"));
+    }
+}
