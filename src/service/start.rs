@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use nix::sys::signal::{Signal, kill};
+use nix::sys::signal::kill;
 use nix::unistd::Pid;
 
 use super::bench::taken;
@@ -18,6 +18,7 @@ use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
+use crate::printable::line;
 use crate::runtime::with_causes;
 use crate::runtime::{HardwareLock, Job, Lock, LockError, RunProcess, Source, StopBy, Stopper, recording};
 use crate::units::radians;
@@ -45,7 +46,7 @@ impl Stop {
         let asked = match self {
             Self::Ours(stopper) => stopper.stop(by),
             Self::Found { file } => match recording::writer(file) {
-                Ok(Some(pid)) => kill(Pid::from_raw(pid), Signal::SIGTERM).map_err(Into::into),
+                Ok(Some(pid)) => kill(Pid::from_raw(pid), by.signal()).map_err(Into::into),
                 // Over already.
                 Ok(None) => Ok(()),
                 Err(error) => Err(error),
@@ -250,9 +251,9 @@ impl Service {
         let mut mission = missions::load(&source, &robot.config.capabilities())?;
         let mut set = start.set.clone();
         for (name, value) in &set {
-            mission
-                .set(name, *value)
-                .map_err(|error| Refusal::new(Kind::BadRequest, format!("{name} = {value}: {error}")))?;
+            mission.set(name, *value).map_err(|error| {
+                Refusal::new(Kind::BadRequest, format!("{} = {value}: {error}", line(name)))
+            })?;
         }
         if let Some(limit_s) =
             inner.now().kept.time_limit_s.filter(|limit_s| *limit_s < mission.time_limit_s())
