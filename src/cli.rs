@@ -79,6 +79,8 @@ mod watch;
 
 pub use output::{Exit, Failure, Output};
 
+use crate::printable::{self, Layout};
+
 /// Runs LEGO EV3 robots under ev3dev: missions, maps, and a simulated brick to try them on.
 #[derive(Debug, Parser)]
 #[command(name = "onbrick", version, propagate_version = true, max_term_width = 110)]
@@ -150,8 +152,14 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
-            // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage 2.
-            let _ = error.print();
+            // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage 2. An argument may be
+            // a file's name that the shell found.
+            let text = error.render().to_string();
+            let text = output::safe(&text);
+            let _ = match error.use_stderr() {
+                true => std::io::stderr().write_all(text.as_bytes()),
+                false => std::io::stdout().write_all(text.as_bytes()),
+            };
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
         }
     };
@@ -216,7 +224,11 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-/// A log line as a person reads it: the same form as a failure's.
+/// The longest record of the log, characters.
+const LONGEST_RECORD: usize = 20_000;
+
+/// A record of the log as a person reads it: the same form as a failure's. Its further lines, such as those of a
+/// finding, begin with a space: nothing that a text brings along looks like a record of its own.
 fn said(out: &mut env_logger::fmt::Formatter, record: &log::Record<'_>) -> std::io::Result<()> {
     let text = record.args().to_string();
     let prefix = match record.level() {
@@ -225,7 +237,13 @@ fn said(out: &mut env_logger::fmt::Formatter, record: &log::Record<'_>) -> std::
         log::Level::Warn if !text.starts_with("warning:") => "warning: ",
         _ => "",
     };
-    writeln!(out, "{}{prefix}{}", journal_level(record.level()), text.trim_end())
+    let text = printable::shown(text.trim_end(), Layout::Lines, LONGEST_RECORD);
+    let level = journal_level(record.level());
+    for (number, line) in text.lines().enumerate() {
+        let (prefix, indent) = if number == 0 { (prefix, "") } else { ("", "  ") };
+        writeln!(out, "{level}{prefix}{indent}{line}")?;
+    }
+    Ok(())
 }
 
 /// Where the journal reads, the number by which it sorts (`sd-daemon(3)`).

@@ -22,6 +22,8 @@ use std::ops::{Range, RangeInclusive};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::printable;
+
 mod finding;
 
 pub use finding::{Finding, Findings, Severity, nearest};
@@ -394,7 +396,7 @@ impl Noted<'_> {
         if let Some(finding) = self.findings.borrow_mut().get_mut(self.index)
             && !hint.is_empty()
         {
-            finding.hint = Some(hint);
+            finding.hint = Some(printable::line(&hint).into_owned());
         }
     }
 }

@@ -38,6 +38,7 @@
 //! | [`page`] | a page for a browser on this machine: the server behind live pages (feature `host`) |
 //! | [`ev3dev`] | typed devices over attribute files: motors, sensors, ports, lights, battery, buttons, sound |
 //! | [`document`] | files that people write: places, carets, nearest names |
+//! | [`printable`] | texts of others, made fit to be shown on a terminal, in a log, on a page |
 //! | [`clock`] | monotonic time: real, or virtual for simulation and tests |
 //! | [`units`] | quantities with a legal range, and angles |
 //!
@@ -126,6 +127,7 @@ pub mod mapping;
 pub mod menu;
 #[cfg(feature = "host")]
 pub mod page;
+pub mod printable;
 #[cfg(feature = "host")]
 pub mod report;
 pub mod robot;

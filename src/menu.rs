@@ -397,6 +397,7 @@ impl Menu {
         match progress.and_then(|progress| progress.battery_v).or(status.battery_v) {
             Some(volts) if volts < LOW_V => format!("low {volts:.1} V"),
             Some(volts) => format!("{volts:.1} V"),
+            None if status.simulated => "simulated".to_owned(),
             None => "no battery".to_owned(),
         }
     }

@@ -18,6 +18,7 @@ mod page;
 pub mod plot;
 
 use crate::clock::seconds;
+use crate::printable;
 use crate::runtime::recording::Run;
 
 /// What there is to see of one or several runs, in one world frame.
@@ -92,7 +93,7 @@ impl Track {
         });
         let name = run.info.as_ref().map(|info| info.brick.clone()).filter(|name| !name.is_empty());
         Self {
-            name: name.unwrap_or_else(|| fallback.to_owned()),
+            name: name.unwrap_or_else(|| printable::line(fallback).into_owned()),
             path: path.filter(|p| [p.x_m, p.y_m, p.heading_rad].iter().all(|v| v.is_finite())).collect(),
             points: points.filter(|p| p.x_m.is_finite() && p.y_m.is_finite()).collect(),
             warnings: run.warnings.clone(),

@@ -258,6 +258,8 @@ pub enum StopReason {
     Button,
     /// Somebody asked for it over the network.
     Remote,
+    /// Somebody asked for it on the brick: in its menu, or a program there.
+    Here,
     /// The menu on the brick is gone, and runs were to end with it.
     MenuClosed,
     /// SIGINT, SIGTERM or SIGHUP, at whichever of the run's processes.
@@ -296,6 +298,7 @@ impl StopReason {
             Self::TimeLimit => "time limit",
             Self::Button => "button",
             Self::Remote => "remote",
+            Self::Here => "here",
             Self::MenuClosed => "menu closed",
             Self::Signal => "signal",
             Self::Abandoned => "abandoned",
@@ -317,7 +320,13 @@ impl StopReason {
     pub const fn is_wanted(self) -> bool {
         matches!(
             self,
-            Self::Finished | Self::TimeLimit | Self::Button | Self::Remote | Self::MenuClosed | Self::Signal
+            Self::Finished
+                | Self::TimeLimit
+                | Self::Button
+                | Self::Remote
+                | Self::Here
+                | Self::MenuClosed
+                | Self::Signal
         )
     }
 }
@@ -329,6 +338,7 @@ impl std::fmt::Display for StopReason {
             Self::TimeLimit => f.write_str("the mission's time limit"),
             Self::Button => f.write_str("stopped by a button on the brick"),
             Self::Remote => f.write_str("stopped over the network"),
+            Self::Here => f.write_str("stopped on the brick"),
             Self::MenuClosed => f.write_str("the brick's menu is gone"),
             Self::Signal => f.write_str("stopped by a signal"),
             Self::Abandoned => f.write_str("whoever started the run is gone"),

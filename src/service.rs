@@ -28,7 +28,7 @@ mod bench;
 pub mod client;
 pub mod config;
 mod core;
-mod digest;
+pub(crate) mod digest;
 pub mod door;
 mod follow;
 mod keep;

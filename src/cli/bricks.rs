@@ -31,7 +31,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if arguments.discover {
         return heard(arguments, output);
     }
-    let asking = arguments.bricks.asking(Unnamed::All)?;
+    let asking = arguments.bricks.listing(Unnamed::All)?;
     // A brick that does not answer is no failure here: that is what is asked for.
     for (brick, answer) in asking.ask(|client, _| client.status()) {
         let (how, state) = match answer {

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "host")]
+use super::output::safe;
 use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::behavior::{Capabilities, Mission};
@@ -136,9 +138,18 @@ pub(super) fn load_mission(
     Mission::parse(&source.name, source.text.as_bytes(), capabilities)
 }
 
-/// The failure of a mission that does not load.
-pub(super) fn broken_mission(findings: &Findings) -> Failure {
-    Failure::refused(findings.to_string()).hint("onbrick new mission, which shows a whole file with comments")
+/// The failure of a mission that does not load, with the way out that fits: it may be another kind of file, or one that
+/// wants more than the robot has.
+pub(super) fn broken_mission(source: &Source, findings: &Findings) -> Failure {
+    let (name, text) = (source.name.as_str(), source.text.as_bytes());
+    let hint = if RobotConfig::load(name, text).is_ok() {
+        format!("this is a robot's file: onbrick run map --robot {name} drives it")
+    } else if Mission::parse(name, text, &Capabilities::all()).is_ok() {
+        format!("the mission is in order and wants another robot; {SHOW_ROBOT}")
+    } else {
+        "onbrick new mission, which shows a whole file with comments".to_owned()
+    };
+    Failure::refused(findings.to_string()).hint(hint)
 }
 
 /// Puts warnings to the log: the file can be used all the same.
@@ -349,13 +360,14 @@ impl Progress {
         let Some(bar) = &self.bar else { return };
         let states = status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
         bar.set_position(u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0));
-        bar.set_message(format!(
+        let message = format!(
             "{:.0} s, {:.1} m, {} points; {states}{}",
             crate::clock::seconds(status.elapsed_ns),
             status.travelled_m,
             status.points,
             status.warning.as_ref().map(|warning| format!("; {warning}")).unwrap_or_default()
-        ));
+        );
+        bar.set_message(safe(&message).into_owned());
     }
 
     #[cfg(not(feature = "host"))]

@@ -3,9 +3,11 @@
 use std::path::Path;
 
 use super::common::outlines;
+use super::output::safe;
 use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
 use super::watch::Watch;
 use super::{Exit, Failure, Output};
+use crate::link::client::MOST_BYTES;
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::LivePage;
 use crate::service::protocol::RunId;
@@ -16,6 +18,8 @@ use crate::service::protocol::RunId;
 ///   onbrick fetch ev3-blue                 the newest run
 ///   onbrick fetch ev3-blue --follow        and watch the map grow in a browser
 ///   onbrick fetch ev3-blue --all -o maps   every run that is not in maps yet
+///
+/// A file that is there already is compared with the brick's hash; one that is another recording is left alone.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -29,6 +33,9 @@ pub(super) struct Arguments {
     all: bool,
     #[command(flatten)]
     out: Out,
+    /// Take at most so many megabytes of a brick.
+    #[arg(long, value_name = "MB", default_value_t = MOST_BYTES >> 20)]
+    most_mb: u64,
     /// Show the map as it grows: a page for a browser on this machine, and a line with how it goes.
     #[arg(long)]
     follow: bool,
@@ -46,6 +53,19 @@ struct Brought {
     was_there: bool,
 }
 
+impl Arguments {
+    fn most_bytes(&self) -> u64 {
+        self.most_mb.saturating_mul(1 << 20)
+    }
+}
+
+impl Brought {
+    /// Bytes that had to come.
+    fn came(&self) -> u64 {
+        if self.was_there { 0 } else { self.bytes }
+    }
+}
+
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
     std::fs::create_dir_all(&arguments.out.out).map_err(|error| {
@@ -57,21 +77,41 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         };
         return follow(arguments, &asking, brick, output);
     }
-    let answers = asking.ask(|client, _| {
+    let answers = asking.ask(|client, brick| {
+        let mut left = arguments.most_bytes();
         let mut brought = Vec::new();
         for run in runs(client, arguments)? {
-            brought.push(bring(client, &run, &arguments.out.out, &mut |_| {})?);
+            let one = match bring(client, &run, &arguments.out.out, left, &mut |_| {}) {
+                // It stands in nobody else's way.
+                Err(error @ (ClientError::OtherRecording { .. } | ClientError::Taken { .. })) => {
+                    Err(failure(brick, &error))
+                }
+                one => Ok(one?),
+            };
+            left = left.saturating_sub(one.as_ref().map_or(0, Brought::came));
+            brought.push(one);
         }
         Ok(brought)
     });
-    conclude(answers, output, |output, brick, brought| {
+    let mut refused = None;
+    let concluded = conclude(answers, output, |output, brick, brought| {
         if brought.is_empty() {
             output.line(format!("{}: no run is there yet", brick.name));
         }
-        for one in &brought {
-            show(brick, one, output);
+        let is_one_of_several = brought.len() > 1;
+        for one in brought {
+            match one {
+                Ok(one) => show(brick, &one, output),
+                Err(failure) => {
+                    if is_one_of_several {
+                        log::error!("{}", failure.message);
+                    }
+                    refused.get_or_insert(failure);
+                }
+            }
         }
-    })
+    });
+    concluded.and(refused.map_or(Ok(()), Err))
 }
 
 fn runs(client: &mut Client, arguments: &Arguments) -> Result<Vec<RunId>, ClientError> {
@@ -86,16 +126,14 @@ fn bring(
     client: &mut Client,
     run: &RunId,
     out: &Path,
+    most_bytes: u64,
     watch: &mut dyn FnMut(&FetchProgress),
 ) -> Result<Brought, ClientError> {
     let file = out.join(format!("{run}.mcap"));
     let shown = file.display().to_string();
-    // Only what is whole has this name.
-    if let Ok(there) = std::fs::metadata(&file) {
-        return Ok(Brought { run: run.clone(), file: shown, bytes: there.len(), was_there: true });
-    }
+    client.take_at_most(most_bytes);
     let progress = client.fetch(run, &file, watch)?;
-    Ok(Brought { run: run.clone(), file: shown, bytes: progress.bytes, was_there: false })
+    Ok(Brought { run: run.clone(), file: shown, bytes: progress.bytes, was_there: progress.was_there })
 }
 
 fn show(brick: &KnownBrick, brought: &Brought, output: &mut Output) {
@@ -136,7 +174,7 @@ fn follow(
     let brought = std::thread::scope(|scope| {
         scope.spawn(|| watch.look(asking, brick));
         let mut line = Line::new(output);
-        let brought = bring(&mut client, run, &arguments.out.out, &mut |progress| {
+        let brought = bring(&mut client, run, &arguments.out.out, arguments.most_bytes(), &mut |progress| {
             line.show(progress, &watch.line(), output);
         });
         line.finish();
@@ -162,7 +200,7 @@ impl Line {
     fn show(&mut self, progress: &FetchProgress, how: &str, output: &mut Output) {
         let FetchProgress { bytes, total, .. } = progress;
         if let Some(bar) = &self.bar {
-            bar.set_message(format!("{how}; {bytes} of {total} bytes"));
+            bar.set_message(safe(&format!("{how}; {bytes} of {total} bytes")).into_owned());
             bar.tick();
         }
         output.value(&serde_json::json!({ "bytes": bytes, "total": total, "how": how }));

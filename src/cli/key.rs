@@ -11,6 +11,7 @@ use crate::link::keys::{Authorised, AuthorisedKey, KeyError, PublicKey};
 use crate::link::{KeyPair, key_folder};
 #[cfg(feature = "host")]
 use crate::link::{KnownBrick, KnownBricks};
+use crate::service::protocol::Name;
 
 /// Make and show this machine's key; on a brick, let other keys in or turn them away.
 ///
@@ -48,7 +49,7 @@ enum What {
         key: String,
         /// What its owner is called.
         #[arg(long)]
-        name: String,
+        name: Name,
     },
     /// Turn a key away from now on, on connections that are open as well.
     Revoke {
@@ -62,12 +63,15 @@ enum What {
     #[cfg(feature = "host")]
     Know {
         /// What the brick is called.
-        brick: String,
+        brick: Name,
         /// Where it is.
         address: String,
         /// The key, as `key show` prints it on the brick.
         #[arg(allow_hyphen_values = true)]
         key: String,
+        /// Forget the brick that is known by this name with another key.
+        #[arg(long)]
+        replace: bool,
     },
 }
 
@@ -104,7 +108,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         }
         What::Authorise { key, name } => {
             let key = parsed(key)?;
-            authorised.add(&key, name).map_err(|error| failure(&error))?;
+            authorised.add(&key, name.as_str()).map_err(|error| failure(&error))?;
             let fingerprint = key.fingerprint();
             output.show(
                 format!("{name} may ask from now on: {fingerprint}"),
@@ -124,10 +128,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             }
         }
         #[cfg(feature = "host")]
-        What::Know { brick, address, key } => {
-            let brick = KnownBrick { name: brick.clone(), address: address.clone(), key: parsed(key)? };
+        What::Know { brick: name, address, key, replace } => {
+            let brick = KnownBrick { name: name.to_string(), address: address.clone(), key: parsed(key)? };
             let mut known = KnownBricks::load(&folder).map_err(|error| failure(&error))?;
-            known.put(&brick).map_err(|error| failure(&error))?;
+            let replaced = known.another(name, &brick.key).filter(|_| *replace).map(|other| other.key);
+            known.put(&brick, replaced).map_err(|error| failure(&error))?;
             let fingerprint = brick.key.fingerprint();
             output.show(
                 format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
@@ -200,6 +205,9 @@ pub(super) fn failure(error: &KeyError) -> Failure {
         KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
             refused.hint(AS_THE_SERVICE)
         }
+        KeyError::AnotherKey { .. } => refused.hint(
+            "--replace, if it was set up anew; or give one of the two another name: `name` in its onbrick.toml",
+        ),
         KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
         _ => refused,
     }

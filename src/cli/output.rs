@@ -1,11 +1,14 @@
 //! What a command prints, and how it ends.
 
+use std::borrow::Cow;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use serde::Serialize;
+
+use crate::printable::{self, Layout};
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,6 +88,11 @@ pub(super) fn with_causes(error: &dyn Error) -> String {
     message
 }
 
+/// Whatever is printed, nothing in it controls the terminal. How long it is, is its maker's matter.
+pub(super) fn safe(text: &str) -> Cow<'_, str> {
+    printable::shown(text, Layout::Lines, usize::MAX)
+}
+
 /// Where a command prints to.
 #[derive(Debug)]
 pub struct Output {
@@ -133,7 +141,7 @@ impl Output {
     /// Prints a line of text for people; nothing where a program reads.
     pub fn line(&mut self, text: impl AsRef<str>) {
         if !self.json {
-            self.print(text.as_ref());
+            self.print(&safe(text.as_ref()));
         }
     }
 
@@ -141,9 +149,9 @@ impl Output {
     pub fn value(&mut self, value: &impl Serialize) {
         if self.json {
             // Values of ours are plain structs; what cannot be JSON would be a mistake in the program, and is said as such.
-            self.print(
-                &serde_json::to_string(value).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}")),
-            );
+            let json =
+                serde_json::to_string(value).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"));
+            self.print(&printable::json(&json));
         }
     }
 
@@ -168,7 +176,7 @@ impl Output {
         }
         let exit = failure.exit as u8;
         self.value(&Said { error: &failure.message, hint: failure.hint.as_deref(), exit });
-        let _ = writeln!(io::stderr(), "{}", failure.to_text());
+        let _ = writeln!(io::stderr(), "{}", safe(&failure.to_text()));
         ExitCode::from(exit)
     }
 

@@ -11,10 +11,14 @@ use super::terminal::{Terminal, stop_flags};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 #[cfg(feature = "host")]
+use crate::link::pairing::Introduced;
+#[cfg(feature = "host")]
 use crate::link::{ClientError, KnownBrick, KnownBricks};
 use crate::runtime::Dialogue as _;
 use crate::service::client::{Client, ClientError as LocalError};
 use crate::service::config::BRICK_FOLDER;
+#[cfg(feature = "host")]
+use crate::service::protocol::Name;
 use crate::service::protocol::{LocalOnly, Pairing};
 
 /// Introduce this PC to a brick: both show a code, and you say on both whether it is the same.
@@ -38,7 +42,7 @@ pub(super) struct Arguments {
     /// On the PC: what it calls itself; without it, its host name.
     #[cfg(feature = "host")]
     #[arg(long)]
-    name: Option<String>,
+    name: Option<Name>,
     /// On the PC: the port of requests, where that is not 5670.
     #[cfg(feature = "host")]
     #[arg(long)]
@@ -73,27 +77,53 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     let mut known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
     let flags = stop_flags()?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
-    let name = arguments.name.clone().unwrap_or_else(|| {
-        nix::unistd::gethostname()
-            .map_or_else(|_| "a PC".to_owned(), |name| name.to_string_lossy().into_owned())
-    });
+    let name = arguments
+        .name
+        .clone()
+        .unwrap_or_else(|| Name::nearest(&nix::unistd::gethostname().unwrap_or_default().to_string_lossy()));
     let patience = arguments.how.patience(&flags.signal);
-    let mut is_same = |brick: &str, code: &str| {
-        terminal.say(&format!("{brick} should show this code:  {code}"));
-        confirmed(&mut terminal)
+    // The brick that keeps its name and its key, because the person would rather.
+    let mut kept = None;
+    let mut is_same = |brick: &Introduced, code: &str| {
+        show_code(&mut terminal, code, &format!("what answers at {host} calls itself {}", brick.name));
+        if !confirmed(&mut terminal, "does the brick show the same code?") {
+            return false;
+        }
+        let Some(other) = known.another(&brick.name, &brick.key) else { return true };
+        terminal.say(&format!(
+            "{} is known already, at {}, with another key: {}\nthis one has the key {}: it was set up anew, or it is \
+             another brick of this name",
+            other.name,
+            other.address,
+            other.key.fingerprint(),
+            brick.key.fingerprint()
+        ));
+        let replaces =
+            confirmed(&mut terminal, "forget the one that is known, and know this one in its place?");
+        kept = (!replaces).then(|| other.clone());
+        replaces
     };
     let introduced = crate::link::pairing::pair(host, &own, &name, patience, &mut is_same)
-        .map_err(|error| not_introduced(host, &error))?;
+        .map_err(|error| kept.as_ref().map_or_else(|| not_introduced(host, &error), stays))?;
     let (bare, _) = host.rsplit_once(':').filter(|(bare, _)| !bare.contains(':')).unwrap_or((host, ""));
     let address = arguments.port.map_or_else(|| bare.to_owned(), |port| format!("{bare}:{port}"));
-    let brick = KnownBrick { name: introduced.name, address, key: introduced.key };
-    known.put(&brick).map_err(|error| key::failure(&error))?;
+    let replaced = known.another(&introduced.name, &introduced.key).map(|other| other.key);
+    let brick = KnownBrick { name: introduced.name.to_string(), address, key: introduced.key };
+    known.put(&brick, replaced).map_err(|error| key::failure(&error))?;
     let fingerprint = brick.key.fingerprint();
     output.show(
         format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
         &serde_json::json!({ "paired": brick.name, "address": brick.address, "fingerprint": fingerprint }),
     );
     Ok(())
+}
+
+/// A brick of a known name was not to take the place of the one that is known.
+#[cfg(feature = "host")]
+fn stays(known: &KnownBrick) -> Failure {
+    let message = format!("{} stays as it was known: {}", known.name, known.key.fingerprint());
+    Failure::refused(message)
+        .hint("give one of the two another name: `name` in its onbrick.toml, then `onbrick pair` once more")
 }
 
 #[cfg(feature = "host")]
@@ -133,8 +163,8 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
             Pairing::Failed { why } => return Err(Failure::refused(why)),
             Pairing::NoLink { why } => return Err(Failure::refused(format!("nobody can come: {why}"))),
             Pairing::Compare { code, name } if !answered => {
-                terminal.say(&format!("{name} should show this code:  {code}"));
-                let same = confirmed(&mut terminal);
+                show_code(&mut terminal, &code, &format!("what asks to be let in calls itself {name}"));
+                let same = confirmed(&mut terminal, "does the PC show the same code?");
                 answered = true;
                 shown = ask(&LocalOnly::PairingAnswer { same })?;
             }
@@ -150,9 +180,17 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     }
 }
 
+/// The code stands alone in its line, and before any word of the other side's: nothing that it says can stand for a
+/// code, or hide this one.
+fn show_code(terminal: &mut Terminal, code: &str, who: &str) {
+    terminal.say("the code is");
+    terminal.say(&format!("  {code}"));
+    terminal.say(who);
+}
+
 /// Whoever only presses Enter has not compared.
-fn confirmed(terminal: &mut Terminal) -> bool {
-    terminal.choose("does it?", &["yes", "no"], 1).is_ok_and(|choice| choice == 0)
+fn confirmed(terminal: &mut Terminal, question: &str) -> bool {
+    terminal.choose(question, &["yes", "no"], 1).is_ok_and(|choice| choice == 0)
 }
 
 fn no_service(error: &LocalError) -> Failure {

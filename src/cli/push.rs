@@ -12,17 +12,20 @@ use serde::Serialize;
 use super::common::{broken_mission, load_mission, read_source, warn};
 use super::{Exit, Failure, Output};
 use crate::behavior::Capabilities;
+#[cfg(feature = "link")]
+use crate::link::{KnownBrick, KnownBricks, key_folder};
 
 /// Put missions onto a brick, over ssh.
 ///
 /// Each is checked first, and nothing is sent if one is broken. They go into the folder `missions` of the user robot, where
-/// the menu and `onbrick missions` find them. Every other host that ssh takes is fine: user@host, ssh://user@host:port.
+/// the menu and `onbrick missions` find them. A brick that is known here by name is found at its address; every other host
+/// that ssh takes is fine: user@host, ssh://user@host:port.
 ///
 /// Example: onbrick push red.local my-mission.toml
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The brick, as ssh knows it; without a user it is robot.
+    /// The brick: the name under which it is known here, or as ssh knows it; without a user it is robot.
     #[arg(value_parser = host)]
     host: String,
     /// Mission files.
@@ -47,6 +50,8 @@ struct Parcel {
 const NO_CONNECTION: i32 = 255;
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let host = known_host(&arguments.host)?.unwrap_or_else(|| arguments.host.clone());
+    let host = as_robot(&host);
     let parcels = arguments.missions.iter().map(|path| parcel(path)).collect::<Result<Vec<_>, _>>()?;
     let failed = |doing: &str, error: &dyn std::error::Error| {
         Failure::from_error(Exit::Failed, doing, error).hint("the package openssh-client has the program ssh")
@@ -54,7 +59,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     // One connection for all, so that a password is asked for once.
     let mut ssh = Command::new("ssh")
         .arg("--")
-        .arg(&arguments.host)
+        .arg(&host)
         .arg(script(&parcels))
         .stdin(Stdio::piped())
         .spawn()
@@ -67,20 +72,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     match status.code() {
         Some(0) => {}
         Some(NO_CONNECTION) => {
-            return Err(Failure::new(
-                Exit::NoAnswer,
-                format!("ssh did not get through to {}", arguments.host),
-            )
-            .hint(format!("ssh {}", arguments.host)));
+            return Err(Failure::new(Exit::NoAnswer, format!("ssh did not get through to {host}"))
+                .hint(format!("ssh {host}")));
         }
         _ => {
-            return Err(Failure::new(Exit::Failed, format!("{} did not take the missions", arguments.host))
+            return Err(Failure::new(Exit::Failed, format!("{host} did not take the missions"))
                 .hint("look at what the brick said above; its disk may be full"));
         }
     }
     let names: Vec<&str> = parcels.iter().map(|parcel| parcel.name.as_str()).collect();
-    let text = format!("{} has {}", arguments.host, names.join(", "));
-    output.show(text, &Pushed { host: &arguments.host, missions: names });
+    let text = format!("{host} has {}", names.join(", "));
+    output.show(text, &Pushed { host: &host, missions: names });
     Ok(())
 }
 
@@ -88,7 +90,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 fn parcel(path: &std::path::Path) -> Result<Parcel, Failure> {
     let source = read_source(path, |_| None)?;
     let (_, warnings) =
-        load_mission(&source, &Capabilities::all()).map_err(|findings| broken_mission(&findings))?;
+        load_mission(&source, &Capabilities::all()).map_err(|findings| broken_mission(&source, &findings))?;
     warn(&warnings);
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let plain = |sign: char| sign.is_ascii_alphanumeric() || matches!(sign, '-' | '_' | '.');
@@ -117,11 +119,26 @@ fn host(text: &str) -> Result<String, String> {
     if text.is_empty() || text.starts_with('-') || text.contains(char::is_whitespace) {
         return Err("a brick's name or address, like red.local".to_owned());
     }
-    Ok(if text.contains('@') || text.starts_with("ssh://") {
-        text.to_owned()
-    } else {
-        format!("robot@{text}")
-    })
+    Ok(text.to_owned())
+}
+
+/// A host without a user means the brick's own.
+fn as_robot(host: &str) -> String {
+    if host.contains('@') || host.starts_with("ssh://") { host.to_owned() } else { format!("robot@{host}") }
+}
+
+/// Where a brick is that is known by this name.
+#[cfg(feature = "link")]
+fn known_host(name: &str) -> Result<Option<String>, Failure> {
+    let Some(folder) = key_folder() else { return Ok(None) };
+    let known = KnownBricks::load(&folder).map_err(|error| super::key::failure(&error))?;
+    // Its port is the link's, and not that of ssh.
+    Ok(known.iter().find(|brick| brick.name == name).map(KnownBrick::host))
+}
+
+#[cfg(not(feature = "link"))]
+fn known_host(_name: &str) -> Result<Option<String>, Failure> {
+    Ok(None)
 }
 
 #[cfg(test)]
@@ -130,9 +147,13 @@ mod tests {
 
     #[test]
     fn a_host_without_a_user_is_the_bricks_own_and_none_is_an_option() {
-        assert_eq!(host("red.local"), Ok("robot@red.local".to_owned()));
-        assert_eq!(host("me@red"), Ok("me@red".to_owned()));
-        assert_eq!(host("ssh://robot@127.0.0.1:2222"), Ok("ssh://robot@127.0.0.1:2222".to_owned()));
+        for (text, expected) in [
+            ("red.local", "robot@red.local"),
+            ("me@red", "me@red"),
+            ("ssh://robot@127.0.0.1:2222", "ssh://robot@127.0.0.1:2222"),
+        ] {
+            assert_eq!(host(text).map(|host| as_robot(&host)), Ok(expected.to_owned()));
+        }
         for bad in ["-oProxyCommand=x", "", "a b"] {
             assert!(host(bad).is_err(), "{bad:?}");
         }

@@ -30,9 +30,9 @@ pub(super) struct Bricks {
 /// How bricks are asked.
 #[derive(Debug, Args)]
 pub(super) struct How {
-    /// Seconds to wait for an answer.
-    #[arg(long, default_value_t = PATIENCE_S, value_parser = patience, value_name = "SECONDS")]
-    timeout: f64,
+    /// Seconds to wait for an answer: 10 where it is not said, 2 for a list of bricks or of their missions.
+    #[arg(long, value_parser = patience, value_name = "SECONDS")]
+    timeout: Option<f64>,
     #[command(flatten)]
     pub(super) folder: Folder,
 }
@@ -68,7 +68,16 @@ pub(super) struct Asking {
 /// One brick's answer.
 pub(super) type Answer<T> = (KnownBrick, Result<T, Failure>);
 
+/// How long a brick that is not there may cost a list, seconds.
+const LISTING_S: f64 = 2.0;
+
 impl Bricks {
+    /// Finds out who is meant for a list, in which one that is not there costs little.
+    pub(super) fn listing(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
+        let asking = self.asking(unnamed)?;
+        Ok(Asking { timeout_s: self.how.timeout.unwrap_or(LISTING_S), ..asking })
+    }
+
     /// Finds out who is meant.
     pub(super) fn asking(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
         if let Some(team) = &self.team {
@@ -100,7 +109,7 @@ impl How {
     fn asking(&self, folder: &Path, bricks: Vec<KnownBrick>) -> Result<Asking, Failure> {
         Ok(Asking {
             own: KeyPair::load(folder).map_err(|error| key::failure(&error))?,
-            timeout_s: self.timeout,
+            timeout_s: self.timeout.unwrap_or(PATIENCE_S),
             interrupted: super::terminal::stop_flags()?.signal,
             bricks,
         })
@@ -108,7 +117,7 @@ impl How {
 
     /// The patience that was asked for.
     pub(super) fn patience(&self, interrupted: &Arc<AtomicBool>) -> Patience {
-        Patience::new(self.timeout).unless(Arc::clone(interrupted))
+        Patience::new(self.timeout.unwrap_or(PATIENCE_S)).unless(Arc::clone(interrupted))
     }
 }
 
@@ -226,6 +235,12 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
                 (None, _) => failure,
             }
         }
+        ClientError::Taken { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint("wait for the other one, or -o with another folder"),
+        ClientError::OtherRecording { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint("-o with another folder, such as one for each brick; both are kept then"),
+        ClientError::TooLong { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint("onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more"),
         _ => Failure::new(Exit::Failed, format!("{name}: {message}")),
     }
 }

@@ -67,8 +67,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     let robot = load_robot(arguments.robot.as_deref(), output)?;
     let source = read_mission(&arguments.mission)?;
-    let (mut mission, warnings) =
-        load_mission(&source, &robot.config.capabilities()).map_err(|findings| broken_mission(&findings))?;
+    let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())
+        .map_err(|findings| broken_mission(&source, &findings))?;
     warn(&warnings);
     for (name, value) in &arguments.set {
         mission

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::common::BrickFiles;
+use super::common::{BrickFiles, no_brick};
 use super::{Exit, Failure, Output};
+use crate::ev3dev::{Inventory, Tree};
 #[cfg(feature = "link")]
 use crate::link::{Server, ServerConfig};
 use crate::mapping::Pose;
@@ -24,7 +25,8 @@ use crate::service::{Config, Door, Place, Service};
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The folder of onbrick.toml; without it /etc/onbrick, and a folder of your own with --sim or --brick.
+    /// The folder of onbrick.toml, made where there is none; without it /etc/onbrick, and a folder of your own with --sim or
+    /// --brick.
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
     #[command(flatten)]
@@ -44,8 +46,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     // Before anything is done: a signal that comes early must find the way out as well.
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
         .map_err(|error| failed("cannot listen to signals", &error))?;
-    let config = load_config(&config_folder(arguments)?, arguments.config.is_some())?;
+    // Before anything is made: a machine without a brick gets no keys.
     let place = place(arguments)?;
+    let config = load_config(&config_folder(arguments)?, arguments.config.is_some())?;
     let program = std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
     let service = Service::open(config, place, program)
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
@@ -77,7 +80,7 @@ fn start_link(service: &Service) -> Option<Arc<Server>> {
     let config = service.config();
     let config = ServerConfig {
         keys: config.keys.clone(),
-        name: service.name().to_owned(),
+        name: service.name().clone(),
         address: config.link.address.clone(),
         port: config.link.port,
         pairing_port: config.link.pairing_port,
@@ -117,10 +120,18 @@ fn tell_systemd(state: sd_notify::NotifyState<'_>) {
     }
 }
 
-/// The folder of the configuration: named, the brick's, or one of the user's own, which is made.
+/// The folder of the configuration: the brick's, or one that was named or is the user's own, which is made.
 fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
+    let make = |folder: PathBuf| match std::fs::create_dir_all(&folder) {
+        Ok(()) => Ok(folder),
+        Err(error) => {
+            let doing = format!("cannot make {}", folder.display());
+            Err(Failure::from_error(Exit::Refused, &doing, &error)
+                .hint("--config with a folder that can be written to"))
+        }
+    };
     if let Some(folder) = &arguments.config {
-        return Ok(folder.clone());
+        return make(folder.clone());
     }
     if !is_simulated(arguments) && arguments.brick.tree().is_machine() {
         return Ok(PathBuf::from(BRICK_FOLDER));
@@ -131,12 +142,7 @@ fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
         Failure::new(Exit::Usage, "there is no HOME to keep a configuration below")
             .hint("--config with a folder")
     })?;
-    let folder = folder.join("onbrick");
-    std::fs::create_dir_all(&folder).map_err(|error| {
-        Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), &error)
-            .hint("--config with a folder that can be written to")
-    })?;
-    Ok(folder)
+    make(folder.join("onbrick"))
 }
 
 #[cfg(feature = "sim")]
@@ -180,6 +186,14 @@ fn place(arguments: &Arguments) -> Result<Place, Failure> {
     if let Some(path) = &arguments.sim {
         let (world, start) = super::common::load_world(path)?;
         return Ok(Place { brick: Brick::Simulated { world, seed: arguments.seed, realtime: true }, start });
+    }
+    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
+    let inventory = Inventory::read(&tree)
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot look at the devices", &error))?;
+    if inventory.devices.is_empty() && inventory.battery.is_none() {
+        return Err(no_brick(arguments.brick.root()).hint(
+            "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run this on the brick",
+        ));
     }
     Ok(Place { brick: Brick::Local(arguments.brick.tree()), start: Pose::default() })
 }

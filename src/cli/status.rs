@@ -24,12 +24,20 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let asking = arguments.bricks.asking(Unnamed::All)?;
     let answers = asking.ask(|client, _| client.status());
     conclude(answers, output, |output, brick, status| {
-        let battery =
-            status.battery_v.map_or_else(|| "battery ?".to_owned(), |volts| format!("{volts:.1} V"));
+        let battery = battery(&status);
         let word = word(status.state);
         let text = format!("{}  {word}  {battery}  onbrick {}{}", brick.name, status.version, doing(&status));
         output.show(text, &serde_json::json!({ "brick": brick.name, "status": status }));
     })
+}
+
+/// The battery, for people.
+pub(super) fn battery(status: &Status) -> String {
+    match status.battery_v {
+        Some(volts) => format!("{volts:.1} V"),
+        None if status.simulated => "simulated".to_owned(),
+        None => "no battery".to_owned(),
+    }
 }
 
 /// A state, for people.

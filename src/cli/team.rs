@@ -125,7 +125,7 @@ fn wanted(mission: &Path) -> Result<Wanted, Failure> {
         Chosen::Text(text) => {
             let source = Source { name: mission.display().to_string(), text: text.clone() };
             let loaded = load_mission(&source, &Capabilities::all());
-            loaded.map_err(|findings| broken_mission(&findings))?.0.name().to_owned()
+            loaded.map_err(|findings| broken_mission(&source, &findings))?.0.name().to_owned()
         }
     };
     Ok(Wanted { chosen, name })

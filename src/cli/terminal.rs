@@ -12,6 +12,7 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
+use super::output::safe;
 use super::{Exit, Failure};
 use crate::runtime::{Dialogue, NoAnswer, StopFlags};
 
@@ -175,7 +176,7 @@ pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
 /// A reader that has gone away is no failure of the robot's.
 fn print(text: &str) {
     let mut stream = io::stderr().lock();
-    let _ = stream.write_all(text.as_bytes()).and_then(|()| stream.flush());
+    let _ = stream.write_all(safe(text).as_bytes()).and_then(|()| stream.flush());
 }
 
 #[cfg(test)]

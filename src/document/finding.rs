@@ -3,6 +3,8 @@
 use std::fmt;
 use std::ops::Range;
 
+use crate::printable::{self, is_printable};
+
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Severity {
@@ -55,13 +57,15 @@ impl Finding {
         let column = text[line_start..start].chars().count() + 1;
         let width = text[start..end.min(line_end).max(start)].chars().count().max(1);
         let source = text[line_start..line_end].trim_end_matches('\r').to_owned();
+        // What a file says may be repeated in it.
+        let message = printable::line(&message).into_owned();
         Self { file: file.to_owned(), line, column, severity, message, hint: None, source, width }
     }
 
     /// The same finding with a way out.
     #[must_use]
     pub fn with_hint(mut self, hint: &str) -> Self {
-        self.hint = Some(hint.to_owned());
+        self.hint = Some(printable::line(hint).into_owned());
         self
     }
 }
@@ -84,7 +88,7 @@ impl fmt::Display for Finding {
     /// Message, place, the line and a caret under the place; a long line is shown around it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}: {}", self.severity.word(), self.message)?;
-        writeln!(f, "  --> {}:{}:{}", self.file, self.line, self.column)?;
+        writeln!(f, "  --> {}:{}:{}", printable::line(&self.file), self.line, self.column)?;
         let first = (self.column - 1).saturating_sub(Self::SHOWN / 2);
         // A tab or another control character would shift the caret or the terminal.
         let shown: String = self
@@ -92,7 +96,7 @@ impl fmt::Display for Finding {
             .chars()
             .skip(first)
             .take(Self::SHOWN)
-            .map(|character| if character.is_control() { ' ' } else { character })
+            .map(|character| if is_printable(character) { character } else { ' ' })
             .collect();
         let gutter = format!("{:>2}", self.line);
         let blank = " ".repeat(gutter.len());

@@ -44,11 +44,16 @@ mod connection;
 mod fetch;
 mod line;
 
+pub(super) use address::Address;
 pub use fetch::{FetchProgress, part_of};
 pub(super) use line::Line;
 
 /// The port that bricks listen at.
 pub const PORT: u16 = 5670;
+
+/// The longest recording that is taken from a brick unless it is said otherwise: twice what a brick keeps as it is
+/// shipped, and about half a day of a run.
+pub const MOST_BYTES: u64 = 1 << 30;
 
 /// How long a request is repeated unless it is said otherwise, seconds.
 pub const PATIENCE_S: f64 = 10.0;
@@ -101,6 +106,26 @@ pub enum ClientError {
         path: std::path::PathBuf,
         /// What went wrong.
         source: std::io::Error,
+    },
+    /// Another fetch of the same run writes the same file just now: wait for it, or use another folder.
+    #[error("another fetch is bringing a recording into {} just now", path.display())]
+    Taken {
+        /// The file that both would write.
+        path: std::path::PathBuf,
+    },
+    /// There is a file of this name, and it is not this recording: keep both, by fetching into another folder.
+    #[error("{} is there already, and it is not this recording: its hash is another", path.display())]
+    OtherRecording {
+        /// The file.
+        path: std::path::PathBuf,
+    },
+    /// The brick sends more than is wanted: raise the limit, if a recording can be that long.
+    #[error("the recording has {bytes} bytes by now, and at most {most} are taken")]
+    TooLong {
+        /// Its length, as far as the brick says.
+        bytes: u64,
+        /// The limit.
+        most: u64,
     },
     /// This program cannot encrypt.
     #[error(transparent)]
@@ -155,6 +180,7 @@ impl Patience {
 #[derive(Debug)]
 pub struct Client {
     line: Line,
+    most_bytes: u64,
 }
 
 impl Client {
@@ -164,7 +190,10 @@ impl Client {
     ///
     /// [`ClientError::NoCurve`].
     pub fn new(address: &str, key: PublicKey, own: &KeyPair) -> Result<Self, ClientError> {
-        Ok(Self { line: Line::new(address, PORT, key, own, Patience::new(PATIENCE_S))? })
+        Ok(Self {
+            line: Line::new(address, PORT, key, own, Patience::new(PATIENCE_S))?,
+            most_bytes: MOST_BYTES,
+        })
     }
 
     /// The same with another patience.
@@ -172,6 +201,11 @@ impl Client {
     pub fn with_patience(mut self, patience: Patience) -> Self {
         self.line.set_patience(patience);
         self
+    }
+
+    /// Takes recordings of at most so many bytes from now on; [`MOST_BYTES`] unless it is said otherwise.
+    pub fn take_at_most(&mut self, bytes: u64) {
+        self.most_bytes = bytes;
     }
 
     /// Where the brick is thought to be.
@@ -272,19 +306,21 @@ impl Client {
 
     /// Brings a run's recording home into a file, and follows it to its end where it is going on.
     ///
-    /// What has come lies in `FILE.part` until it is whole and its hash is the brick's; then it gets its name. What a broken connection, a brick that
-    /// was switched off, or an earlier call has left there is gone on from. `watch` is told how far it is, about twice a second.
+    /// What has come lies in `FILE.part`, which this call alone writes, until it is whole and its hash, of the file as
+    /// it lies on the disk, is the brick's; then it gets its name, and the brick is told. What a broken connection, a
+    /// brick that was switched off, or an earlier call has left there is gone on from. A `FILE` that is there already is
+    /// compared with the brick's hash, and nothing is fetched. `watch` is told how far it is, about twice a second.
     ///
     /// # Errors
     ///
-    /// [`ClientError`]; what has come so far stays in `FILE.part`.
+    /// [`ClientError`]; what has come so far stays in `FILE.part`, and a `FILE` that was there as it was.
     pub fn fetch(
         &mut self,
         run: &RunId,
         file: &Path,
         watch: &mut dyn FnMut(&FetchProgress),
     ) -> Result<FetchProgress, ClientError> {
-        fetch::fetch(&mut self.line, run, file, watch)
+        fetch::fetch(&mut self.line, run, file, self.most_bytes, watch)
     }
 
     /// Asks, and takes the answer apart.

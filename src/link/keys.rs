@@ -29,12 +29,12 @@ use sha2::{Digest, Sha256};
 
 use super::curve::{self, NoCurve};
 use crate::document::{Document, Findings};
+use crate::service::protocol::{Name, NoName};
 
 mod authorised;
 mod known;
 mod z85;
 
-pub(super) use authorised::shortened;
 pub use authorised::{Authorised, AuthorisedKey};
 pub use known::{KnownBrick, KnownBricks};
 
@@ -134,6 +134,18 @@ pub enum KeyError {
         path: PathBuf,
         /// What went wrong.
         source: io::Error,
+    },
+    /// Choose another name.
+    #[error(transparent)]
+    Name(#[from] NoName),
+    /// A brick of this name is known with another key, the one that is named here: forget it first, if it was set up
+    /// anew.
+    #[error("{name} is known already, with another key: {}", .known.fingerprint())]
+    AnotherKey {
+        /// The name.
+        name: Name,
+        /// The key of the brick that is known.
+        known: PublicKey,
     },
     /// This program has no CURVE.
     #[error(transparent)]

@@ -40,11 +40,10 @@ use super::pairing::Desk;
 use crate::service::NetworkDoor;
 #[cfg(doc)]
 use crate::service::protocol::MAX_REQUEST_BYTES;
-use crate::service::protocol::{Operations, Pairing};
+use crate::service::protocol::{Name, Operations, Pairing};
 
 mod door;
 mod front;
-mod held;
 mod limits;
 mod workers;
 mod zap;
@@ -61,7 +60,7 @@ pub struct ServerConfig {
     /// The folder of keys.
     pub keys: PathBuf,
     /// What the brick calls itself.
-    pub name: String,
+    pub name: Name,
     /// The address that it listens at: `*`, or one of the brick's.
     pub address: String,
     /// Its port; 0 for any that is free.
@@ -174,7 +173,7 @@ impl Server {
     ///
     /// Only where the system gives no thread.
     pub fn start(config: ServerConfig, operations: Arc<dyn Operations>) -> std::io::Result<Self> {
-        let desk = Arc::new(Desk::new(Authorised::below(&config.keys), &config.name));
+        let desk = Arc::new(Desk::new(Authorised::below(&config.keys), config.name.clone()));
         let shared = Arc::new(Shared {
             state: Mutex::new(LinkState::Waits("its thread")),
             stop: AtomicBool::new(false),

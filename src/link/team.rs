@@ -164,7 +164,9 @@ mod tests {
         let mut known = KnownBricks::load(folder.path()).unwrap();
         for (name, byte) in [("ev3-blue", 1), ("ev3-red", 2)] {
             let key = PublicKey::from_bytes([byte; 32]);
-            known.put(&KnownBrick { name: name.to_owned(), address: format!("{name}.local"), key }).unwrap();
+            known
+                .put(&KnownBrick { name: name.to_owned(), address: format!("{name}.local"), key }, None)
+                .unwrap();
         }
         (folder, known)
     }

@@ -12,7 +12,7 @@ use crate::service::protocol::{
 };
 
 /// How much of a recording is fetched at once: two seconds of a run, so that a long one comes in steps that leave the brick's processor to the run.
-const PART_BYTES: u32 = if MAX_FETCH_BYTES < 64 << 10 { MAX_FETCH_BYTES } else { 64 << 10 };
+const PART_BYTES: u32 = MAX_FETCH_BYTES;
 
 /// Why a request was not answered as asked.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -178,7 +178,7 @@ impl Menu {
             self.track = Some(Track::of(run.clone()));
         }
         let offset = self.track.as_ref()?.wanted();
-        Some(Fetch { run, offset, length: PART_BYTES })
+        Some(Fetch::part(&run, offset, PART_BYTES))
     }
 
     /// Whether more of the map on the screen can come.

@@ -326,8 +326,10 @@ fn pairing(pairing: Option<&Pairing>) -> Sheet {
             .line("On the PC: onbrick pair, and this brick's address.")
             .item("Close"),
         Some(Pairing::Compare { code, name }) => sheet
-            .line(format!("{name} shows this code?"))
+            // The code first: no name stands above it.
             .big(code.clone())
+            .line("Does the PC show this?")
+            .line(format!("It says: {name}"))
             .item("No, it is another")
             .item("Yes, the same"),
         Some(Pairing::Paired { name }) => sheet.big("Paired").line(name.clone()).item("OK"),

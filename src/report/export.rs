@@ -5,6 +5,7 @@ mod indexed;
 use std::fmt::Write;
 
 use super::Track;
+use crate::printable;
 use crate::runtime::recording::Grid;
 use crate::units::degrees;
 
@@ -44,7 +45,7 @@ pub fn ply(tracks: &[Track]) -> String {
     let count: usize = tracks.iter().map(|track| track.points.len()).sum();
     let mut text = String::from("ply\nformat ascii 1.0\ncomment onbrick, metres, z up\n");
     for (place, track) in tracks.iter().enumerate() {
-        let name = track.name.replace(char::is_control, " ");
+        let name = printable::line(&track.name);
         let _ = writeln!(text, "comment robot {place}: {name}");
     }
     let _ = write!(

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use super::{PathPoint, Scene, Track, colours, is_single, thinned};
 use crate::page::inside_script;
+use crate::printable;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -91,5 +92,6 @@ fn round(value: f64, digits: f64) -> f64 {
 }
 
 fn escaped(text: &str) -> String {
+    let text = printable::line(text);
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

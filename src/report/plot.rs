@@ -18,6 +18,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle, WHITE, register_font};
 
 use super::{Colours, Scene, Track, colours, is_single, page, thinned};
+use crate::printable;
 
 /// The picture's width in layout units.
 const WIDTH: f64 = 800.0;
@@ -411,7 +412,8 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         let lower = if self.bitmap && matches!(anchor.1, VPos::Center) { 0.12 * size } else { 0.0 };
         let place = self.at([place[0], place[1] + lower]);
         let style = self.style(size, colour, anchor);
-        self.area.draw(&Text::new(text.to_owned(), place, style)).map_err(draw_error)
+        let text = printable::line(text).into_owned();
+        self.area.draw(&Text::new(text, place, style)).map_err(draw_error)
     }
 
     fn style(&self, size: f64, colour: RGBColor, (h, v): (HPos, VPos)) -> TextStyle<'static> {

@@ -10,6 +10,7 @@ use super::battery::{BatteryConfig, battery};
 use crate::document::{Document, Findings, Item, Section};
 use crate::ev3dev::PortAddress;
 use crate::mapping::{Geometry, RangeMount};
+use crate::printable::is_printable;
 use crate::units::radians;
 
 /// The shipped `robot.toml`: the seed's robot.
@@ -181,7 +182,7 @@ fn optional<T>(
 
 fn name_of(item: &Item<'_>) -> Option<String> {
     let name = item.text()?;
-    if name.is_empty() || name.len() > LONGEST_NAME || name.chars().any(char::is_control) {
+    if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(is_printable) {
         item.error(format!("`{}` must be 1 to {LONGEST_NAME} bytes of text on one line", item.path()));
         return None;
     }

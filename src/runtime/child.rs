@@ -62,12 +62,28 @@ pub enum Order {
 pub enum StopBy {
     /// Somebody on the network: [`StopReason::Remote`](super::StopReason::Remote).
     Remote,
+    /// Somebody on the brick, in its menu or with a program there: [`StopReason::Here`](super::StopReason::Here).
+    Here,
     /// The menu is gone: [`StopReason::MenuClosed`](super::StopReason::MenuClosed).
     MenuClosed,
     /// Whoever started it was told to stop by a signal: [`StopReason::Signal`](super::StopReason::Signal).
     Terminal,
     /// The starter is gone, says the guard: [`StopReason::Abandoned`](super::StopReason::Abandoned).
     Abandoned,
+}
+
+impl StopBy {
+    /// The signal that says the same to the process that drives, for who has no pipe to it.
+    #[must_use]
+    pub fn signal(self) -> Signal {
+        match self {
+            Self::Remote => Signal::SIGUSR1,
+            Self::Here => Signal::SIGUSR2,
+            // No process of a run sets an alarm.
+            Self::MenuClosed => Signal::SIGALRM,
+            Self::Terminal | Self::Abandoned => Signal::SIGTERM,
+        }
+    }
 }
 
 /// Why a run's process could not be started. Nothing has moved.

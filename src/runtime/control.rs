@@ -40,6 +40,8 @@ pub struct StopFlags {
     pub abandoned: Arc<AtomicBool>,
     /// Somebody asked over the network.
     pub remote: Arc<AtomicBool>,
+    /// Somebody asked on the brick.
+    pub here: Arc<AtomicBool>,
     /// The menu is gone.
     pub menu_closed: Arc<AtomicBool>,
     /// The guard is gone.
@@ -51,7 +53,8 @@ pub struct StopFlags {
 }
 
 impl StopFlags {
-    /// Flags that SIGINT, SIGTERM and SIGHUP raise from now on.
+    /// Flags that signals raise from now on: SIGINT, SIGTERM and SIGHUP, and those with which a service stops a run that it
+    /// has found, and to which it has no pipe ([`StopBy::signal`]).
     ///
     /// # Errors
     ///
@@ -60,6 +63,9 @@ impl StopFlags {
         let flags = Self::default();
         for signal in [SIGINT, SIGTERM, SIGHUP] {
             signal_hook::flag::register(signal, Arc::clone(&flags.signal))?;
+        }
+        for by in [StopBy::Remote, StopBy::Here, StopBy::MenuClosed] {
+            signal_hook::flag::register(by.signal() as i32, Arc::clone(flags.flag(by)))?;
         }
         Ok(flags)
     }
@@ -88,13 +94,17 @@ impl StopFlags {
 
     /// Asks to stop on somebody's behalf.
     pub fn raise(&self, by: StopBy) {
-        let flag = match by {
+        self.flag(by).store(true, Ordering::Relaxed);
+    }
+
+    fn flag(&self, by: StopBy) -> &Arc<AtomicBool> {
+        match by {
             StopBy::Remote => &self.remote,
+            StopBy::Here => &self.here,
             StopBy::MenuClosed => &self.menu_closed,
             StopBy::Terminal => &self.signal,
             StopBy::Abandoned => &self.abandoned,
-        };
-        flag.store(true, Ordering::Relaxed);
+        }
     }
 
     /// True where anything asks to stop.
@@ -108,6 +118,7 @@ impl StopFlags {
             (&self.panicked, StopReason::Panicked),
             (&self.signal, StopReason::Signal),
             (&self.remote, StopReason::Remote),
+            (&self.here, StopReason::Here),
             (&self.menu_closed, StopReason::MenuClosed),
             (&self.abandoned, StopReason::Abandoned),
             (&self.unguarded, StopReason::Unguarded),

@@ -208,17 +208,19 @@ fn read_owner(file: &mut File) -> Owner {
     serde_json::from_str(&text).unwrap_or_else(|_| Owner { pid: 0, ..Owner::here("another run") })
 }
 
-/// One file a brick: the machine's own hardware, or the brick below a mount point.
+/// One file a brick: the machine's own hardware, or the brick below a mount point. A folder is what its device and inode
+/// say, whatever path leads to it.
 fn lock_path(root: &Path) -> PathBuf {
     let folder = Path::new("/run/lock");
     let folder = if folder.is_dir() { folder.to_owned() } else { std::env::temp_dir() };
-    let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
-    let name: String = root
-        .to_string_lossy()
-        .chars()
-        .map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '-' })
-        .collect();
-    folder.join(format!("onbrick{}.lock", name.trim_end_matches('-')))
+    let identity = |path: &Path| std::fs::metadata(path).ok().map(|folder| (folder.dev(), folder.ino()));
+    folder.join(match identity(root) {
+        Some(brick) if Some(brick) != identity(Path::new("/")) => {
+            format!("onbrick-{:x}-{:x}.lock", brick.0, brick.1)
+        }
+        // A folder that is not there has no hardware that anybody could take.
+        _ => "onbrick.lock".to_owned(),
+    })
 }
 
 #[cfg(test)]
@@ -238,6 +240,21 @@ mod tests {
         assert_eq!(HardwareLock::owner(folder.path()).unwrap(), None);
         HardwareLock::take(folder.path(), "mission bump").unwrap();
         std::fs::remove_file(lock_path(folder.path())).unwrap();
+    }
+
+    #[test]
+    fn a_brick_is_the_same_whatever_path_leads_to_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let (brick, other) = (folder.path().join("brick"), folder.path().join("other"));
+        std::fs::create_dir(&brick).unwrap();
+        std::fs::create_dir(&other).unwrap();
+        std::os::unix::fs::symlink(&brick, folder.path().join("link")).unwrap();
+        for path in ["link", "brick/../brick", "other/../link/."] {
+            assert_eq!(lock_path(&folder.path().join(path)), lock_path(&brick), "{path}");
+        }
+        assert_ne!(lock_path(&other), lock_path(&brick));
+        assert!(lock_path(Path::new("/")).ends_with("onbrick.lock"));
+        assert!(lock_path(Path::new("/usr/..")).ends_with("onbrick.lock"));
     }
 
     #[test]

@@ -25,7 +25,7 @@ use crate::robot::{BatteryLimits, Channel, RobotConfig, Senses};
 use super::StopReason;
 use super::battery::{BatteryWatch, Charge};
 use super::plausibility::{Plausibility, PlausibilityState};
-use super::stall::StallWatch;
+use super::stall::{Stall, StallWatch};
 
 /// How old the battery's voltage may be, nanoseconds: it is read about once a second.
 const BATTERY_AGE_NS: i64 = 3_000_000_000;
@@ -164,7 +164,14 @@ impl Pilot {
         }
         self.wheels_rad_s = self.config.wheel_speeds(demands.drive);
         self.head_rad = demands.head_rad;
-        Step { estimate, point, stalled, paused: lost.filter(|_| self.paused), charge, end }
+        Step {
+            estimate,
+            point,
+            stalled: stalled.is_some(),
+            paused: lost.filter(|_| self.paused),
+            charge,
+            end,
+        }
     }
 
     /// The map so far.
@@ -254,7 +261,7 @@ impl Pilot {
         senses: &Senses,
         estimate: &Estimate,
         lost: Option<Channel>,
-        stalled: bool,
+        stalled: Option<Stall>,
         demands: &mut Demands,
         taken: impl FnMut(Taken),
     ) -> Option<StopReason> {
@@ -267,7 +274,8 @@ impl Pilot {
             }
             (None, _) => {}
         }
-        if stalled && !self.program.stall() {
+        // A wheel that turns neither way leaves a mission nothing to back off with.
+        if stalled.is_some_and(|stall| stall == Stall::Dead || !self.program.stall()) {
             return Some(StopReason::Stalled);
         }
         self.sense_signals(senses, estimate);

@@ -18,6 +18,7 @@ use crate::clock::{Clock, MILLISECOND_NS};
 use crate::document::Findings;
 use crate::ev3dev::{Class, DeviceError, FindError, Identity, StopAction, TachoMotor, Tree, devices};
 use crate::mapping::{Geometry, RangeMount};
+use crate::printable::is_printable;
 use crate::robot::{LeasedMotor, RobotConfig};
 
 use super::dialogue::parsed;
@@ -159,7 +160,7 @@ fn introduce(dialogue: &mut dyn Dialogue, motors: &[Identity], sensors: &[Identi
 
 fn name(dialogue: &mut dyn Dialogue) -> Result<String, NoAnswer> {
     parsed(dialogue, "What is the robot called?", "mapper", |name| {
-        if name.is_empty() || name.len() > 64 || name.chars().any(char::is_control) {
+        if name.is_empty() || name.len() > 64 || !name.chars().all(is_printable) {
             return Err("a name has 1 to 64 letters on one line".to_owned());
         }
         Ok(name.to_owned())

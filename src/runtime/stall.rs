@@ -2,6 +2,9 @@
 //!
 //! The kernel's own `stalled` flag is advisory and speaks only of a rotor that stands quite still; a wheel that shakes against a wall is
 //! not stalled to it. Here a wheel counts as blocked when over a while it has turned much less than it was told to.
+//!
+//! One that is blocked both ways, and has not turned as it was told in between, is [`Stall::Dead`]: no mission can back off from that. Its
+//! encoder may stand still, too, and then the robot does not know where it drives.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +18,21 @@ const SHARE: f64 = 0.2;
 /// Slower demands than this are not judged, radians per second: friction alone may stop them.
 const SLOWEST_RAD_S: f64 = 0.17;
 
+/// One that has turned more than this many times what it was told to has not shown that it obeys: its encoder may talk nonsense.
+const MOST_TIMES: f64 = 20.0;
+
+/// So many blocked windows, both ways, are enough: a regulator that has pushed against a wall takes most of a window to turn round.
+const DEAD_WINDOWS: u8 = 4;
+
+/// What keeps a wheel from turning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Stall {
+    /// Something is in its way, on one side at least.
+    Blocked,
+    /// It turns neither way, or does not say so.
+    Dead,
+}
+
 /// Watches one wheel: what it was told to turn and what it turned since the window began.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct WheelWatch {
@@ -22,22 +40,25 @@ struct WheelWatch {
     demanded_rad_s: f64,
     from_rad: f64,
     watching: bool,
+    /// Backwards and ahead: in so many windows it was blocked, and in none has it turned as it was told since.
+    #[serde(default)]
+    blocked: [u8; 2],
 }
 
 impl WheelWatch {
-    /// One tick: true if the wheel is blocked.
+    /// One tick.
     ///
     /// - `demanded_rad_s`: what the wheel was told at the tick before, so what it should have been doing until now.
     /// - `angle_rad`: where it is; `None` while it is lost.
-    fn step(&mut self, time_ns: i64, demanded_rad_s: f64, angle_rad: Option<f64>) -> bool {
+    fn step(&mut self, time_ns: i64, demanded_rad_s: f64, angle_rad: Option<f64>) -> Option<Stall> {
         let Some(angle_rad) = angle_rad else {
             self.watching = false;
-            return false;
+            return None;
         };
         let same_way = demanded_rad_s * self.demanded_rad_s > 0.0;
         if demanded_rad_s.abs() < SLOWEST_RAD_S || !same_way || !self.watching {
-            *self = Self { since_ns: time_ns, demanded_rad_s, from_rad: angle_rad, watching: true };
-            return false;
+            self.begin(time_ns, demanded_rad_s, angle_rad);
+            return None;
         }
         // The slowest demand of the window is what the wheel is measured by: a ramp is not held against it.
         if demanded_rad_s.abs() < self.demanded_rad_s.abs() {
@@ -45,12 +66,27 @@ impl WheelWatch {
         }
         let watched_ns = time_ns.saturating_sub(self.since_ns);
         if watched_ns < WINDOW_NS {
-            return false;
+            return None;
         }
         let expected_rad = self.demanded_rad_s * crate::clock::seconds(watched_ns);
-        let blocked = (angle_rad - self.from_rad) / expected_rad < SHARE;
-        *self = Self { since_ns: time_ns, demanded_rad_s, from_rad: angle_rad, watching: true };
-        blocked
+        let share = (angle_rad - self.from_rad) / expected_rad;
+        self.begin(time_ns, demanded_rad_s, angle_rad);
+        if share < SHARE {
+            let [back, ahead] = &mut self.blocked;
+            let way = if demanded_rad_s < 0.0 { back } else { ahead };
+            *way = way.saturating_add(1);
+            let [back, ahead] = self.blocked;
+            let dead = back > 0 && ahead > 0 && back.saturating_add(ahead) >= DEAD_WINDOWS;
+            return Some(if dead { Stall::Dead } else { Stall::Blocked });
+        }
+        if share < MOST_TIMES {
+            self.blocked = [0; 2];
+        }
+        None
+    }
+
+    fn begin(&mut self, since_ns: i64, demanded_rad_s: f64, from_rad: f64) {
+        *self = Self { since_ns, demanded_rad_s, from_rad, watching: true, blocked: self.blocked };
     }
 }
 
@@ -62,16 +98,17 @@ pub(super) struct StallWatch {
 }
 
 impl StallWatch {
-    /// One tick: true if a wheel is blocked. Demands in radians per second, angles in radians, left before right.
+    /// One tick: the worse of what keeps the two wheels from turning. Demands in radians per second, angles in radians, left before
+    /// right.
     pub(super) fn step(
         &mut self,
         time_ns: i64,
         demanded_rad_s: [f64; 2],
         angle_rad: [Option<f64>; 2],
-    ) -> bool {
+    ) -> Option<Stall> {
         let left = self.left.step(time_ns, demanded_rad_s[0], angle_rad[0]);
         let right = self.right.step(time_ns, demanded_rad_s[1], angle_rad[1]);
-        left || right
+        left.max(right)
     }
 }
 
@@ -87,7 +124,7 @@ mod tests {
         (0..500).map(|tick| f64::from(tick) * 0.02).find(|&time_s| {
             angle += turns(time_s) * 0.02;
             let time_ns = crate::clock::nanoseconds(time_s);
-            watch.step(time_ns, [demanded(time_s), 0.0], [Some(angle), Some(0.0)])
+            watch.step(time_ns, [demanded(time_s), 0.0], [Some(angle), Some(0.0)]).is_some()
         })
     }
 
@@ -123,10 +160,32 @@ mod tests {
     }
 
     #[test]
+    fn a_wheel_that_turns_neither_way_is_dead_and_one_that_backs_off_is_not() {
+        // Ahead for two seconds, back for two, and so on: what it turns, as a share of what it is told, each way.
+        let verdicts = |ahead: f64, back: f64| {
+            let mut watch = StallWatch::default();
+            let mut angle = 0.0;
+            let mut verdicts: Vec<Stall> = (0..600)
+                .filter_map(|tick| {
+                    let demanded = if tick % 200 < 100 { 1.0 } else { -1.0 };
+                    angle += demanded * if demanded > 0.0 { ahead } else { back } * 0.02;
+                    watch.step(tick * 20 * MILLISECOND_NS, [0.0, demanded], [Some(0.0), Some(angle)])
+                })
+                .collect();
+            verdicts.dedup();
+            verdicts
+        };
+        assert_eq!(verdicts(1.0, 1.0), []);
+        assert_eq!(verdicts(0.0, 1.0), [Stall::Blocked], "a wall ahead");
+        assert_eq!(verdicts(0.1, 0.05), [Stall::Blocked, Stall::Dead]);
+        assert_eq!(verdicts(-1e6, -1e6), [Stall::Blocked, Stall::Dead], "nonsense");
+    }
+
+    #[test]
     fn a_lost_wheel_is_not_judged() {
         let mut watch = StallWatch::default();
         for tick in 0..200 {
-            assert!(!watch.step(tick * 20 * MILLISECOND_NS, [1.0, 1.0], [None, None]));
+            assert_eq!(watch.step(tick * 20 * MILLISECOND_NS, [1.0, 1.0], [None, None]), None);
         }
     }
 }

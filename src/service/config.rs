@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::protocol::{Name, NoName};
 use crate::clock::nanoseconds;
 use crate::document::{Document, Findings, Item, Section};
 use crate::runtime::WhenAbandoned;
@@ -23,7 +24,7 @@ pub const BRICK_FOLDER: &str = "/etc/onbrick";
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
     /// What this brick is called; `None` for the machine's host name.
-    pub name: Option<String>,
+    pub name: Option<Name>,
     /// The folder of missions; where there is none, the shipped missions are offered.
     pub missions: PathBuf,
     /// The robot's file; where there is none, the shipped one is used.
@@ -95,7 +96,7 @@ impl Config {
     }
 }
 
-/// The longest name, bytes: it is shown in tables and on the brick's screen.
+/// The longest name of a group or of an address, bytes.
 const LONGEST_NAME: usize = 64;
 
 /// The kernel takes no longer name of a socket (`unix(7)`: 108 with the final 0).
@@ -116,7 +117,7 @@ fn read(root: &Section<'_>, mut config: Config, folder: &Path) -> Config {
         "socket",
         "link",
     ]);
-    set(&mut config.name, root.get("name").and_then(|item| short(&item)).map(Some));
+    set(&mut config.name, root.get("name").and_then(|item| name(&item)).map(Some));
     let path = |key| root.get(key).and_then(|item| path(&item, folder));
     set(&mut config.missions, path("missions"));
     set(&mut config.robot, path("robot"));
@@ -170,6 +171,15 @@ fn set<T>(place: &mut T, value: Option<T>) {
     }
 }
 
+fn name(item: &Item<'_>) -> Option<Name> {
+    let text = item.text()?;
+    let name = Name::new(text);
+    if name.is_err() {
+        item.error(format!("`{}`: {NoName}", item.path())).hint(format!("\"{}\"", Name::nearest(text)));
+    }
+    name.ok()
+}
+
 fn short(item: &Item<'_>) -> Option<String> {
     let text = item.text()?;
     if (1..=LONGEST_NAME).contains(&text.len()) && !text.contains(char::is_control) {
@@ -213,15 +223,17 @@ mod tests {
 
     #[test]
     fn every_mistake_has_its_place() {
-        let text = "qouta_mb = 5\nquota_mb = 0\nwhen_menu_closes = \"stopp\"\nmissions = 3\n[link]\nport = 70000\npairing_port = 5670\n[socket]\ngroup = \"\"\n";
+        let text = "qouta_mb = 5\nname = \"anna's brick\"\nquota_mb = 0\nwhen_menu_closes = \"stopp\"\nmissions = 3\n[link]\nport = 70000\npairing_port = 5670\n[socket]\ngroup = \"\"\n";
         let findings =
             Config::load("onbrick.toml", text.as_bytes(), Path::new("/x")).unwrap_err().to_string();
         for part in [
             "onbrick.toml:1:1",
             "quota_mb",
-            "onbrick.toml:2",
+            "onbrick.toml:2:8",
+            "\"anna-s-brick\"",
+            "onbrick.toml:3",
             "\"stop\"",
-            "onbrick.toml:4",
+            "onbrick.toml:5",
             "70000",
             "`port` and `pairing_port`",
             "group",

@@ -9,8 +9,8 @@ use super::bench::Bench;
 use super::config::Config;
 use super::machine::{Happening, Machine};
 use super::protocol::{
-    Answer, Caller, Done, Kind, LocalOnly, Missions, Operations, Pairing, Refusal, Request, RunInfo, Runs,
-    Settings, SettingsChange, Status, VERSION,
+    Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request, RunInfo,
+    Runs, Settings, SettingsChange, Status, VERSION,
 };
 use super::settings::{Kept, addresses, host_name};
 use super::start::Stop;
@@ -43,7 +43,7 @@ pub struct Service {
 pub(super) struct Inner {
     pub(super) config: Config,
     pub(super) place: Place,
-    pub(super) name: String,
+    pub(super) name: Name,
     /// This program, which is started again for each run.
     pub(super) program: PathBuf,
     pub(super) tokens: Tokens,
@@ -137,7 +137,7 @@ impl Service {
 
     /// The brick's name.
     #[must_use]
-    pub fn name(&self) -> &str {
+    pub fn name(&self) -> &Name {
         &self.inner.name
     }
 
@@ -163,7 +163,7 @@ impl Service {
         let progress = now.machine.run().and_then(|run| run.progress.as_ref());
         let sensed_v = progress.and_then(|progress| progress.battery_v);
         let status = Status {
-            brick: inner.name.clone(),
+            brick: inner.name.to_string(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             protocol: VERSION,
             state: now.machine.state(),
@@ -171,6 +171,7 @@ impl Service {
             run: now.machine.run().cloned(),
             last: now.machine.last().cloned(),
             battery_v: sensed_v,
+            simulated: inner.bench.machine().is_none(),
             battery: None,
             token: inner.tokens.make(now_ns),
             link,
@@ -222,7 +223,7 @@ impl Service {
             Link::Door(door) => door.fingerprint(),
         };
         Settings {
-            brick: self.inner.name.clone(),
+            brick: self.inner.name.to_string(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             addresses: addresses(),
             fingerprint,
@@ -278,7 +279,13 @@ impl Operations for Service {
             Request::Status => answer(&self.status()),
             Request::Missions => answer(&self.missions()?),
             Request::Start(start) => answer(&self.start(start, caller, true)?),
-            Request::Stop { run } => answer(&self.stop(run.as_ref(), StopBy::Remote, &named(caller))?),
+            Request::Stop { run } => {
+                let by = match caller {
+                    Caller::Key(_) => StopBy::Remote,
+                    Caller::Here { .. } | Caller::Menu { .. } => StopBy::Here,
+                };
+                answer(&self.stop(run.as_ref(), by, &named(caller))?)
+            }
             Request::Runs => answer(&self.runs()),
             Request::Fetch(fetch) => {
                 let (fetched, bytes) =
@@ -351,6 +358,7 @@ pub(super) fn named(caller: &Caller) -> String {
     match caller {
         Caller::Key(name) => name.clone(),
         Caller::Here { .. } => "here".to_owned(),
+        Caller::Menu { .. } => "menu".to_owned(),
     }
 }
 

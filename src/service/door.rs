@@ -182,19 +182,18 @@ impl Drop for Guest {
 impl Guest {
     fn talk(&self, stream: &UnixStream) {
         let Ok(peer) = getsockopt(stream, PeerCredentials) else { return };
-        let caller = Caller::Here { uid: peer.uid(), pid: peer.pid() };
-        let mut is_menu = false;
+        let mut caller = Caller::Here { uid: peer.uid(), pid: peer.pid() };
         // However the talk ends: closed, broken, too slow.
-        if let Err(error) = self.requests(stream, &caller, &mut is_menu) {
+        if let Err(error) = self.requests(stream, &mut caller) {
             log::debug!("process {} at the local socket: {error}", peer.pid());
         }
-        if is_menu {
+        if matches!(caller, Caller::Menu { .. }) {
             let closed = self.hall.operations.own(&LocalOnly::MenuClosed, &caller);
             log::debug!("the menu is gone: {closed:?}");
         }
     }
 
-    fn requests(&self, stream: &UnixStream, caller: &Caller, is_menu: &mut bool) -> io::Result<()> {
+    fn requests(&self, stream: &UnixStream, caller: &mut Caller) -> io::Result<()> {
         stream.set_write_timeout(Some(PATIENCE))?;
         let mut reader = BufReader::new(stream);
         let mut line = Vec::new();
@@ -212,7 +211,7 @@ impl Guest {
                 }
                 Line::Whole => {}
             }
-            let (reply, bytes) = self.answer(&line, caller, is_menu);
+            let (reply, bytes) = self.answer(&line, caller);
             send(&mut &*stream, &reply, bytes.as_deref())?;
         }
     }
@@ -243,16 +242,18 @@ impl Guest {
         }
     }
 
-    fn answer(&self, line: &[u8], caller: &Caller, is_menu: &mut bool) -> (Reply, Option<Vec<u8>>) {
+    fn answer(&self, line: &[u8], caller: &mut Caller) -> (Reply, Option<Vec<u8>>) {
         let (id, answered) = match parse_local(line) {
             Ok(Asked { id, request }) => {
+                if let (LocalRequest::Own(LocalOnly::MenuHere), Caller::Here { uid, pid }) =
+                    (&request, &*caller)
+                {
+                    *caller = Caller::Menu { uid: *uid, pid: *pid };
+                }
                 let operations = &self.hall.operations;
                 let answered = match &request {
                     LocalRequest::Shared(request) => operations.shared(request, caller),
-                    LocalRequest::Own(request) => {
-                        *is_menu |= *request == LocalOnly::MenuHere;
-                        operations.own(request, caller)
-                    }
+                    LocalRequest::Own(request) => operations.own(request, caller),
                 };
                 (Some(id), answered)
             }

@@ -83,7 +83,11 @@ impl Service {
         let (service, record) = (self.clone(), record.clone());
         let thread = std::thread::Builder::new().name("found run".to_owned());
         thread.spawn(move || {
+            let mut progress = recording::Progress::of(&file).ok();
             while matches!(recording::writer(&file), Ok(Some(_))) {
+                if let Some(Ok(Some(status))) = progress.as_mut().map(recording::Progress::look) {
+                    service.inner.happen(Happening::Progress(status));
+                }
                 MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
             }
             let end = service.note_found_end(&record, &file);
@@ -156,6 +160,7 @@ impl Service {
         let was_stopped = message.ends_with(&NotReady::Stopped.to_string());
         let (word, wanted) = match asked.filter(|_| was_stopped) {
             Some(StopBy::Remote) => (StopReason::Remote.word(), true),
+            Some(StopBy::Here) => (StopReason::Here.word(), true),
             Some(StopBy::MenuClosed) => (StopReason::MenuClosed.word(), true),
             Some(StopBy::Terminal) => (StopReason::Signal.word(), true),
             Some(StopBy::Abandoned) => (StopReason::Abandoned.word(), false),
@@ -169,7 +174,11 @@ impl Service {
     fn ended(&self, run: &RunId, mission: &str, word: &str, reason: String, wanted: bool) -> LastStop {
         let asker = self.inner.now().stopped_by.clone();
         let reason = match asker {
-            Some((_, asker)) if word == StopReason::Remote.word() => format!("{reason} ({asker})"),
+            Some((_, asker))
+                if [StopReason::Remote, StopReason::Here].map(StopReason::word).contains(&word) =>
+            {
+                format!("{reason} ({asker})")
+            }
             _ => reason,
         };
         LastStop {
@@ -201,6 +210,7 @@ fn word_of(reason: &str) -> (&'static str, bool) {
         Reason::TimeLimit,
         Reason::Button,
         Reason::Remote,
+        Reason::Here,
         Reason::MenuClosed,
         Reason::Signal,
         Reason::Abandoned,

@@ -10,6 +10,7 @@ use super::digest::sha256_hex;
 use super::protocol::{Chosen, Kind, MAX_MISSION_BYTES, MissionInfo, Refusal};
 use crate::behavior::{Capabilities, Mission, shipped};
 use crate::document::{Document, nearest};
+use crate::printable::line;
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
 use crate::runtime::Source;
 
@@ -108,7 +109,8 @@ fn by_name(folder: &Path, name: &str) -> Result<Source, Refusal> {
         Some(Err(why)) => Err(Refusal::new(Kind::BrokenMission, why)),
         None => {
             let name: String = name.chars().take(64).collect();
-            let refusal = Refusal::new(Kind::UnknownMission, format!("there is no mission `{name}` here"));
+            let refusal =
+                Refusal::new(Kind::UnknownMission, format!("there is no mission `{}` here", line(&name)));
             let near = nearest(&name, known.iter().map(String::as_str));
             Err(match near {
                 Some(hint) => refusal.hint(hint),

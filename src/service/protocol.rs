@@ -24,13 +24,16 @@
 use serde::{Deserialize, Serialize};
 
 mod answers;
+mod name;
 mod parse;
 mod refusal;
+mod told;
 
 pub use answers::{
     Disk, Done, Fetched, LastStop, Live, LiveDevice, MissionInfo, Missions, Pairing, RunInfo, RunStatus,
     Runs, Settings, SettingsChange, Started, State, Status, Stopped,
 };
+pub use name::{Name, NoName};
 pub use parse::{NotUnderstood, parse, parse_local};
 pub use refusal::{Kind, Refusal};
 
@@ -43,8 +46,8 @@ pub const MAX_REQUEST_BYTES: usize = 512 << 10;
 /// The longest text of a mission that a `start` may carry, bytes.
 pub const MAX_MISSION_BYTES: usize = 64 << 10;
 
-/// The most bytes that one `fetch` brings.
-pub const MAX_FETCH_BYTES: u32 = 256 << 10;
+/// The most bytes that one `fetch` brings, through either door: replies wait in memory for slow clients.
+pub const MAX_FETCH_BYTES: u32 = 64 << 10;
 
 /// A token is taken for this long after the status that brought it, nanoseconds of the brick's monotonic clock.
 pub const TOKEN_LIFE_NS: i64 = 5_000_000_000;
@@ -234,6 +237,18 @@ pub struct Fetch {
     pub offset: u64,
     /// How long it may be, bytes; the brick brings at most [`MAX_FETCH_BYTES`].
     pub length: u32,
+    /// SHA-256, in hexadecimal, of the whole recording as it lies on the client's disk: with the brick's own hash, the
+    /// run counts as fetched from now on. A client that leaves it out brings the recording home all the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+}
+
+impl Fetch {
+    /// A part of a recording.
+    #[must_use]
+    pub fn part(run: &RunId, offset: u64, length: u32) -> Self {
+        Self { run: run.clone(), offset, length, sha256: None }
+    }
 }
 
 /// What a door gives back.
@@ -245,8 +260,9 @@ pub struct Answer {
     pub bytes: Option<Vec<u8>>,
 }
 
-/// A reply's JSON.
+/// A reply's JSON. What is read has texts that may be shown ([`printable`](crate::printable)).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(from = "told::AsItCame")]
 pub struct Reply {
     /// The request's, where it could be read.
     pub id: Option<Id>,
@@ -272,6 +288,13 @@ pub enum Caller {
     Key(String),
     /// At the local socket: the user's number and the process.
     Here {
+        /// The user.
+        uid: u32,
+        /// The process.
+        pid: i32,
+    },
+    /// The same, where the process has said that it is the menu ([`LocalOnly::MenuHere`]).
+    Menu {
         /// The user.
         uid: u32,
         /// The process.

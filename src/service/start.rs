@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use nix::sys::signal::{Signal, kill};
+use nix::sys::signal::kill;
 use nix::unistd::Pid;
 
 use super::bench::taken;
@@ -19,6 +19,7 @@ use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
+use crate::printable::line;
 use crate::runtime::with_causes;
 use crate::runtime::{
     HardwareLock, Job, Lock, LockError, OrphansError, PATIENCE_NS, RunProcess, Source, StopBy, Stopper,
@@ -54,7 +55,7 @@ impl Stop {
                 Ok(Some(pid)) => root
                     .clone()
                     .map_or(Ok(()), |root| force_later(root, pid))
-                    .and_then(|()| kill(Pid::from_raw(pid), Signal::SIGTERM).map_err(Into::into)),
+                    .and_then(|()| kill(Pid::from_raw(pid), by.signal()).map_err(Into::into)),
                 // Over already.
                 Ok(None) => Ok(()),
                 Err(error) => Err(error),
@@ -276,9 +277,9 @@ impl Service {
         let mut mission = missions::load(&source, &robot.config.capabilities())?;
         let mut set = start.set.clone();
         for (name, value) in &set {
-            mission
-                .set(name, *value)
-                .map_err(|error| Refusal::new(Kind::BadRequest, format!("{name} = {value}: {error}")))?;
+            mission.set(name, *value).map_err(|error| {
+                Refusal::new(Kind::BadRequest, format!("{} = {value}: {error}", line(name)))
+            })?;
         }
         if let Some(limit_s) =
             inner.now().kept.time_limit_s.filter(|limit_s| *limit_s < mission.time_limit_s())

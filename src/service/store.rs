@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Room is made by deleting: runs that somebody has fetched go first, oldest first, then the others, oldest first; the one that is going on
-//! never. A run counts as fetched when its end was handed out with the hash over all of it.
+//! never. A run counts as fetched when a client has named the hash of all of it, as it lies on that one's disk.
 //!
 //! # Not here
 //!
@@ -311,10 +311,10 @@ impl Store {
         }
         let length = u32::try_from(bytes.len()).unwrap_or(MAX_FETCH_BYTES);
         let at_end = complete && fetch.offset + u64::from(length) == total;
-        let sha256 = sha256.filter(|_| at_end);
-        if sha256.is_some() {
+        if complete && sha256.is_some() && sha256 == fetch.sha256 {
             self.note_fetched(&fetch.run);
         }
+        let sha256 = sha256.filter(|_| at_end);
         Ok((Fetched { run: fetch.run.clone(), offset: fetch.offset, length, total, complete, sha256 }, bytes))
     }
 

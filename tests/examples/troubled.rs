@@ -1,7 +1,7 @@
 //! onbrick itself, but with trouble on demand, for the tests of what stops the motors then:
 //!
-//! - SIGUSR1 makes its main thread spin for ever: in the process that drives, the one that ticks.
-//! - SIGUSR2 makes a thread of the process that drives panic, the one that `TROUBLED_THREAD` names: `tick`, `recorder`, `mender` or `orders`; with
+//! - SIGVTALRM makes its main thread spin for ever: in the process that drives, the one that ticks.
+//! - SIGPROF makes a thread of the process that drives panic, the one that `TROUBLED_THREAD` names: `tick`, `recorder`, `mender` or `orders`; with
 //!   `memory` it makes the process want more memory than there is.
 //!
 //! For the latter the process that drives is put together here as the command `control` does it, of the library's parts, each of which is called from the
@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use onbrick::runtime::{Event, Heartbeat, StopFlags, execute, obey, read_job};
-use signal_hook::consts::{SIGUSR1, SIGUSR2};
+use signal_hook::consts::{SIGPROF, SIGVTALRM};
 
 #[allow(
     unsafe_code,
@@ -24,7 +24,7 @@ use signal_hook::consts::{SIGUSR1, SIGUSR2};
 )]
 fn main() -> ExitCode {
     // SAFETY: the handler calls nothing: it only spins.
-    let registered = unsafe { signal_hook::low_level::register(SIGUSR1, spin) };
+    let registered = unsafe { signal_hook::low_level::register(SIGVTALRM, spin) };
     if registered.is_err() {
         return ExitCode::FAILURE;
     }
@@ -63,7 +63,7 @@ impl Trouble {
 fn control(trouble: &Trouble) -> ExitCode {
     let Ok(flags) = StopFlags::on_signals() else { return ExitCode::FAILURE };
     flags.on_panic();
-    if signal_hook::flag::register(SIGUSR2, Arc::clone(&trouble.asked)).is_err()
+    if signal_hook::flag::register(SIGPROF, Arc::clone(&trouble.asked)).is_err()
         || log::set_boxed_logger(Box::new(trouble.clone())).is_err()
     {
         return ExitCode::FAILURE;

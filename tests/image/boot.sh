@@ -71,7 +71,7 @@ while :; do
     echo "report: down after $(systemctl show -p NRestarts --value onbrick) restarts; $(motors)"
   fi
   # The worst that can happen to a mission, and once to this one.
-  lock=/run/lock/onbrick-run-brick.lock
+  lock='/run/lock/onbrick-*.lock'
   if [ ! -e /run/killed ] && grep -q 'mission square.*"motors"' $lock 2>/dev/null; then
     touch /run/killed
     systemctl kill --signal=KILL onbrick
@@ -94,7 +94,7 @@ add "$work/yes" /usr/local/lib/yes 644
 add "$work/person" /etc/systemd/system/person.service 644
 debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/person.service /etc/systemd/system/person.service' "$image?$linux" 2>/dev/null
 
-code() { tr -d '\r' <"$1" | sed -n 's/.*should show this code: *//p' | tail -n 1; }
+code() { tr -d '\r' <"$1" | sed -n 's/^\(.*: \)\? *\([0-9]\{3\} [0-9]\{3\}\)$/\2/p' | tail -n 1; }
 same_code() { [ -n "$(code "$work/answer")" ] && [ "$(code "$work/answer")" = "$(code "$work/first")" ]; }
 pc_has_run() { pc runs red && grep -q " finished" "$work/said"; }
 active() { grep -q 'report: .*: active, name red, failed units: , onbrick install ok installed' "$1"; }

@@ -12,6 +12,7 @@ mod brick;
 mod files;
 mod finished;
 mod help;
+mod hints;
 mod outside;
 mod processes;
 mod simulated;

@@ -9,6 +9,8 @@ mod fetching;
 mod figures;
 mod hostile;
 mod keys;
+mod lists;
 mod numbers;
+mod pairing;
 mod python;
 mod team;

@@ -177,6 +177,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::TimeLimit,
         StopReason::Button,
         StopReason::Remote,
+        StopReason::Here,
         StopReason::MenuClosed,
         StopReason::Signal,
         StopReason::Abandoned,

@@ -23,6 +23,7 @@ mod brick;
 mod death;
 mod disk;
 mod door;
+mod place;
 mod runs;
 
 /// A mission that drives slowly on for a minute.
@@ -171,14 +172,17 @@ impl Served {
         let mut all = Vec::new();
         let mut hash = None;
         await_that("the whole is fetched", || {
-            let fetch = Fetch { run: run.clone(), offset: all.len() as u64, length: u32::MAX };
+            let fetch = Fetch::part(run, all.len() as u64, u32::MAX);
             let (fetched, bytes) = self.client.fetch(&fetch, PATIENCE).unwrap();
             assert_eq!(fetched.offset, all.len() as u64);
             all.extend(bytes);
             hash = fetched.sha256;
             hash.is_some()
         });
-        (all, hash.unwrap())
+        let hash = hash.unwrap();
+        let whole = Fetch { sha256: Some(hash.clone()), ..Fetch::part(run, all.len() as u64, 0) };
+        self.client.fetch(&whole, PATIENCE).unwrap();
+        (all, hash)
     }
 
     pub fn pid(&self) -> Pid {

@@ -2,7 +2,7 @@
 
     python3 link_client.py ADDRESS BRICK_KEY OWN_PUBLIC_KEY OWN_SECRET_KEY [RUN FILE]
 """
-import json, sys, zmq
+import hashlib, json, sys, time, zmq
 
 address, brick_key, public_key, secret_key = sys.argv[1:5]
 brick = zmq.Context.instance().socket(zmq.REQ)
@@ -20,10 +20,17 @@ status = ask("status")[0]
 print(status["brick"], status["state"], [mission["name"] for mission in ask("missions")[0]["missions"]])
 if sys.argv[5:]:
     run, file = sys.argv[5:7]
-    with open(file, "wb") as recording:
+    with open(file, "wb+") as recording:
         while True:
             part, data = ask("fetch", run=run, offset=recording.tell(), length=65536)
             recording.write(data)
-            if part["complete"] and recording.tell() == part["total"]:
+            if part["sha256"] and recording.tell() == part["total"]:
                 break
+            if not data:
+                time.sleep(0.2)
+        recording.seek(0)
+        sha256 = hashlib.sha256(recording.read()).hexdigest()
+    if sha256 != part["sha256"]:
+        sys.exit("what came is not what the brick has")
+    ask("fetch", run=run, offset=part["total"], length=0, sha256=sha256)
     print(recording.name, part["total"])

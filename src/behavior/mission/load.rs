@@ -11,6 +11,7 @@ use crate::behavior::engine::Finish;
 use crate::behavior::expression::{Expression, Kind, Vocabulary, is_plain};
 use crate::behavior::signals::{Capabilities, Role, WORDS};
 use crate::document::{Document, Findings, Item, Section, Severity, nearest};
+use crate::printable::is_printable;
 
 mod actions;
 
@@ -289,7 +290,7 @@ impl Names<'_> {
 /// Says so where a text cannot be a name: names stand in messages, in graphs and on a small screen.
 fn is_name(name: &str, item: &Item<'_>) -> bool {
     let length = name.chars().count();
-    let good = (1..=NAME_CHARACTERS).contains(&length) && !name.chars().any(char::is_control);
+    let good = (1..=NAME_CHARACTERS).contains(&length) && name.chars().all(is_printable);
     if !good {
         item.error_at_key(format!(
             "a name has 1 to {NAME_CHARACTERS} characters on one line, not `{}`",

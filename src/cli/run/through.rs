@@ -18,6 +18,7 @@ use crate::runtime::Event;
 use crate::service::Config;
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
+use crate::service::digest::sha256_hex_of;
 use crate::service::protocol::{
     Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId, RunInfo, Runs,
     Start, Started, Status, Stopped,
@@ -202,6 +203,9 @@ fn follow(
     }
 }
 
+/// How long the service may take to compute a recording's hash, nanoseconds.
+const HASHED_NS: i64 = 10 * SECOND_NS;
+
 /// Brings the recording to where it was asked for.
 fn bring(client: &mut Client, info: &RunInfo, folder: &Folder) -> Result<PathBuf, Failure> {
     let path = folder.path.join("run.mcap");
@@ -211,14 +215,34 @@ fn bring(client: &mut Client, info: &RunInfo, folder: &Folder) -> Result<PathBuf
     let mut file = std::fs::File::create_new(&path).map_err(|error| failed(&error))?;
     let mut offset = 0;
     loop {
-        let fetch = Fetch { run: info.run.clone(), offset, length: MAX_FETCH_BYTES };
+        let fetch = Fetch::part(&info.run, offset, MAX_FETCH_BYTES);
         let (fetched, bytes) =
             client.fetch(&fetch, PATIENCE).map_err(|error| failure("cannot bring the recording", &error))?;
         file.write_all(&bytes).map_err(|error| failed(&error))?;
         offset += u64::from(fetched.length);
         if offset >= fetched.total {
-            file.sync_all().map_err(|error| failed(&error))?;
-            return Ok(path);
+            break;
+        }
+    }
+    file.sync_all().map_err(|error| failed(&error))?;
+    let sha256 = sha256_hex_of(&path).map_err(|error| failed(&error))?;
+    let whole = Fetch { sha256: Some(sha256.clone()), ..Fetch::part(&info.run, offset, 0) };
+    // The service computes its own hash meanwhile.
+    let deadline_ns = MonotonicClock.now_ns() + HASHED_NS;
+    loop {
+        let (fetched, _) =
+            client.fetch(&whole, PATIENCE).map_err(|error| failure("cannot bring the recording", &error))?;
+        match fetched.sha256 {
+            Some(named) if named == sha256 => return Ok(path),
+            Some(_) => {
+                let message = format!("{} is not what the service has recorded", path.display());
+                return Err(Failure::new(Exit::Failed, message).hint("is its disk in order? onbrick replay"));
+            }
+            None if MonotonicClock.now_ns() >= deadline_ns => {
+                log::warn!("the service has not named the recording's hash: {} is unchecked", path.display());
+                return Ok(path);
+            }
+            None => MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS),
         }
     }
 }

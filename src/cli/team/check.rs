@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::super::remote::Asking;
-use super::super::status::word;
+use super::super::status::{battery, word};
 use super::super::{Exit, Failure, Output};
 use super::Wanted;
 use crate::document::nearest;
@@ -179,7 +179,6 @@ fn table(checked: &[Checked]) -> String {
 fn row(checked: &Checked) -> [String; 5] {
     let status = checked.status.as_ref();
     let unknown = || "?".to_owned();
-    let battery = status.and_then(|status| status.battery_v);
     let mission = match (&checked.called, &checked.mission) {
         (Some(called), Some(mission)) => format!("{called} {}", short(mission)),
         (Some(called), None) if status.is_some() => called.clone(),
@@ -188,7 +187,7 @@ fn row(checked: &Checked) -> [String; 5] {
     };
     [
         checked.brick.name.clone(),
-        battery.map_or_else(unknown, |volts| format!("{volts:.1} V")),
+        status.map_or_else(unknown, battery),
         status.map_or_else(unknown, |status| status.version.clone()),
         mission,
         if checked.problems.is_empty() { "ready".to_owned() } else { checked.problems.join("; ") },
@@ -223,6 +222,7 @@ mod tests {
             run: None,
             last: None,
             battery_v: Some(7.64),
+            simulated: false,
             battery: None,
             token: String::new(),
             link: "ready".to_owned(),

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::super::output::safe;
 use super::super::remote::failure;
 use super::super::watch::{Began, Watch};
 use super::super::{Exit, Failure, Output};
@@ -207,7 +208,7 @@ impl Shown {
         let all = indicatif::MultiProgress::new();
         let bar = |share: &Share<'_>| {
             let bar = all.add(indicatif::ProgressBar::new(1000)).with_style(style.clone());
-            bar.with_prefix(share.member.brick.name.clone())
+            bar.with_prefix(safe(&share.member.brick.name).into_owned())
         };
         let bars = if output.is_watched() { shares.iter().map(bar).collect() } else { Vec::new() };
         Self { bars, told_ns: MonotonicClock.now_ns() }
@@ -216,7 +217,7 @@ impl Shown {
     fn show(&mut self, shares: &[Share<'_>], output: &mut Output) {
         for (bar, share) in self.bars.iter().zip(shares) {
             bar.set_position(share.watch.thousandths());
-            bar.set_message(share.watch.line());
+            bar.set_message(safe(&share.watch.line()).into_owned());
         }
         if !output.is_json() || MonotonicClock.now_ns() < self.told_ns {
             return;

@@ -4,14 +4,14 @@ use std::net::{SocketAddr, ToSocketAddrs};
 
 /// A host, and a port where one is named.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Address {
+pub(in crate::link) struct Address {
     host: String,
     port: u16,
 }
 
 impl Address {
     /// `name`, `name:port`, `1.2.3.4`, `1.2.3.4:port`, `::1`, `[::1]`, `[::1]:port`.
-    pub(super) fn parse(text: &str, usual_port: u16) -> Self {
+    pub(in crate::link) fn parse(text: &str, usual_port: u16) -> Self {
         let (host, port) = match text.rsplit_once(':') {
             // More colons than one without brackets are a number of IPv6.
             Some((host, port)) if !host.contains(':') || host.ends_with(']') => (host, port.parse().ok()),
@@ -20,6 +20,11 @@ impl Address {
         let (host, port) = port.map_or((text, usual_port), |port| (host, port));
         let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
         Self { host: bare.to_owned(), port }
+    }
+
+    /// The name or number, without brackets.
+    pub(in crate::link) fn host(&self) -> &str {
+        &self.host
     }
 
     /// Where it is now, the numbers of IPv4 first: bricks have those in every network.

@@ -1,8 +1,10 @@
 //! One connection to a brick, from its first packet to its last: a DEALER socket that is thrown away when it breaks.
 
 use std::net::SocketAddr;
+use std::os::fd::RawFd;
 
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::link::held::Held;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::{Monitor, What};
 use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
@@ -30,6 +32,14 @@ const SENDING_MS: i64 = 1000;
 const LONGEST_REPLY: i64 = 4 << 20;
 const _: () = assert!((MAX_FETCH_BYTES as i64) < LONGEST_REPLY);
 
+/// What may have come over a connection without being a reply yet, bytes: two replies of the longest kind. libzmq bounds a frame, and not how many frames a
+/// message has, and keeps them all until the last one has come.
+const MOST_UNFINISHED: u64 = 8 << 20;
+const _: () = assert!(MOST_UNFINISHED >= 2 * LONGEST_REPLY as u64);
+
+/// Replies that libzmq keeps until they are looked at.
+const REPLIES_KEPT: i32 = 16;
+
 /// A connection. Dropping it throws away what was not sent yet.
 pub(super) struct Connection {
     socket: zmq::Socket,
@@ -37,6 +47,11 @@ pub(super) struct Connection {
     stage: Stage,
     /// When it came that far.
     since_ns: i64,
+    to: SocketAddr,
+    /// libzmq's number for it.
+    descriptor: Option<RawFd>,
+    /// Bytes that had come over it when the last reply was whole.
+    finished: u64,
 }
 
 /// How far a connection is.
@@ -65,6 +80,8 @@ pub(super) enum Over {
     NotLetIn,
     /// It was open, and broke.
     Lost,
+    /// It brings on and on what is no reply.
+    TooMuch,
 }
 
 /// A reply with the bytes beside it.
@@ -102,16 +119,24 @@ impl Connection {
         socket.set_heartbeat_ivl(HEARTBEAT_MS)?;
         socket.set_heartbeat_timeout(HEARTBEAT_TIMEOUT_MS)?;
         socket.set_maxmsgsize(LONGEST_REPLY)?;
+        socket.set_rcvhwm(REPLIES_KEPT)?;
         let monitor = Monitor::of(context, &socket)?;
         socket.connect(&format!("tcp://{to}"))?;
-        Ok(Self { socket, monitor, stage: Stage::Calling, since_ns: MonotonicClock.now_ns() })
+        let since_ns = MonotonicClock.now_ns();
+        Ok(Self { socket, monitor, stage: Stage::Calling, since_ns, to, descriptor: None, finished: 0 })
     }
 
     /// How far it is by now.
     pub(super) fn stage(&mut self) -> Stage {
         let before = self.stage;
         while let Some(happened) = self.monitor.next() {
+            if happened.what == What::Connected {
+                self.descriptor = Some(happened.value);
+            }
             self.stage = after(self.stage, happened.what);
+        }
+        if self.received().is_some_and(|received| received.saturating_sub(self.finished) > MOST_UNFINISHED) {
+            self.stage = Stage::Over(Over::TooMuch);
         }
         let now_ns = MonotonicClock.now_ns();
         self.stage = in_time(before, self.stage, now_ns.saturating_sub(self.since_ns));
@@ -145,15 +170,21 @@ impl Connection {
     }
 
     /// The next reply, if one is there.
-    pub(super) fn receive(&self) -> zmq::Result<Option<Received>> {
+    pub(super) fn receive(&mut self) -> zmq::Result<Option<Received>> {
         let mut frames = match self.socket.recv_multipart(zmq::DONTWAIT) {
             Ok(frames) => frames.into_iter(),
             Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
             Err(error) => return Err(error),
         };
+        self.finished = self.received().unwrap_or(0);
         let json = frames.next().unwrap_or_default();
         let reply = serde_json::from_slice(&json).map_err(|error| error.to_string());
         Ok(Some(Received { reply, bytes: frames.next() }))
+    }
+
+    /// Bytes that have come over it; `None` where there is no connection, or the kernel does not count them.
+    fn received(&self) -> Option<u64> {
+        self.descriptor.and_then(|descriptor| Held::to(descriptor, self.to)).and_then(|held| held.received())
     }
 }
 

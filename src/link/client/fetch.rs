@@ -1,19 +1,19 @@
 //! A run's recording, brought home piece by piece: several pieces are under way at a time, and what breaks is gone on from.
 
 use std::collections::VecDeque;
-use std::fs::{File, OpenOptions};
-use std::io::{self, Read, Seek, Write};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-
-use sha2::{Digest, Sha256};
 
 use super::line::{Answered, Line, Waited};
 use super::{ClientError, Kind};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
-use crate::service::protocol::{Fetch, Fetched, Request, RunId};
+use crate::service::digest::sha256_hex_of;
+use crate::service::protocol::{Fetch, Fetched, MAX_FETCH_BYTES, Request, RunId};
 
 /// How long a piece is, bytes, and how many are under way at a time: together what a WiFi with a delay of 100 ms carries at 20 Mbit/s.
-const PIECE_BYTES: u32 = 64 << 10;
+const PIECE_BYTES: u32 = MAX_FETCH_BYTES;
 const UNDER_WAY: usize = 6;
 
 /// How often a recording that is still being written is asked for more, and how often the watcher is told, nanoseconds.
@@ -32,6 +32,8 @@ pub struct FetchProgress {
     pub total: u64,
     /// It does not grow any more.
     pub complete: bool,
+    /// It was there already, with the brick's hash, and nothing had to come.
+    pub was_there: bool,
 }
 
 impl FetchProgress {
@@ -50,22 +52,33 @@ pub fn part_of(file: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Fetches a run into a file.
+/// Fetches a run into a file, or compares the file that is there.
 pub(super) fn fetch(
     line: &mut Line,
     run: &RunId,
     file: &Path,
+    most: u64,
     watch: &mut dyn FnMut(&FetchProgress),
 ) -> Result<FetchProgress, ClientError> {
+    if file.exists() {
+        return compare(line, run, file);
+    }
+    let mut part = Part::open(file)?;
+    if file.exists() {
+        // Whoever had the lock before has brought it home meanwhile.
+        part.discard_if_empty();
+        return compare(line, run, file);
+    }
     let mut had_to_start_over = false;
     loop {
-        let part = Part::open(file)?;
-        let mut fetching = Fetching::new(line, run, part);
+        let mut fetching = Fetching::new(line, run, part, most);
         let ended = fetching.run_to_end(watch)?;
-        let Fetching { part, progress, .. } = fetching;
+        let progress = fetching.progress;
+        part = fetching.part;
         match ended {
-            End::Whole => {
+            End::Whole(sha256) => {
                 part.keep(file)?;
+                tell(line, run, progress.bytes, sha256);
                 return Ok(progress);
             }
             // What lay there is of another recording, or was never synced before the brick lost its power.
@@ -86,11 +99,52 @@ pub(super) fn fetch(
     }
 }
 
+/// Says whether the file that is there is the brick's recording: by its hash, because names are chosen freely.
+fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, ClientError> {
+    let failed = |source| ClientError::File { path: file.to_owned(), source };
+    let bytes = std::fs::metadata(file).map_err(failed)?.len();
+    let sha256 = sha256_hex_of(file).map_err(failed)?;
+    let other = || ClientError::OtherRecording { path: file.to_owned() };
+    loop {
+        // It may lie here whole although the brick was never told.
+        let fetch = Fetch { sha256: Some(sha256.clone()), ..Fetch::part(run, bytes, 0) };
+        let fetched: Fetched = match line.ask(&Request::Fetch(fetch)) {
+            Ok((value, _)) => line.understood(value)?,
+            Err(ClientError::Refused(refusal)) if refusal.kind == Kind::BeyondEnd => return Err(other()),
+            Err(error) => return Err(error),
+        };
+        match fetched.sha256 {
+            Some(named) if named == sha256 => {
+                return Ok(FetchProgress { bytes, total: bytes, complete: true, was_there: true });
+            }
+            // Only what is whole has this name; and the hash comes with the end alone.
+            Some(_) => return Err(other()),
+            None if fetched.total != bytes || !fetched.complete => return Err(other()),
+            // The brick computes it.
+            None => nap(line, line.now_ns() + GROWING_NS)?,
+        }
+    }
+}
+
+/// Tells the brick that all of a run is here, so that its room may go to others first. It is here all the same where
+/// the brick does not hear it.
+fn tell(line: &mut Line, run: &RunId, bytes: u64, sha256: String) {
+    let whole = Fetch { sha256: Some(sha256), ..Fetch::part(run, bytes, 0) };
+    if let Err(error) = line.ask(&Request::Fetch(whole)) {
+        log::warn!("{run} is here, and the brick could not be told: {error}");
+    }
+}
+
+fn nap(line: &mut Line, until_ns: i64) -> Result<(), ClientError> {
+    MonotonicClock.sleep_until_ns(until_ns.min(line.now_ns() + 100 * MILLISECOND_NS));
+    line.check_patience()
+}
+
 /// How a fetch came to its end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 enum End {
-    /// Everything is there, and its hash is the brick's.
-    Whole,
+    /// Everything is on the disk, and this is its hash, and the brick's.
+    Whole(String),
     /// What is there is something else.
     Other,
 }
@@ -100,6 +154,7 @@ struct Fetching<'l> {
     line: &'l mut Line,
     run: &'l RunId,
     part: Part,
+    most: u64,
     progress: FetchProgress,
     sha256: Option<String>,
     /// What is asked for and has not come: the request's number, and where its piece begins.
@@ -112,7 +167,7 @@ struct Fetching<'l> {
 }
 
 impl<'l> Fetching<'l> {
-    fn new(line: &'l mut Line, run: &'l RunId, part: Part) -> Self {
+    fn new(line: &'l mut Line, run: &'l RunId, part: Part, most: u64) -> Self {
         line.begin();
         let now_ns = line.now_ns();
         let bytes = part.length;
@@ -120,7 +175,8 @@ impl<'l> Fetching<'l> {
             line,
             run,
             part,
-            progress: FetchProgress { bytes, total: bytes, complete: false },
+            most,
+            progress: FetchProgress { bytes, total: bytes, complete: false, was_there: false },
             sha256: None,
             under_way: VecDeque::new(),
             next: bytes,
@@ -135,15 +191,15 @@ impl<'l> Fetching<'l> {
                 && let Some(named) = &self.sha256
             {
                 watch(&self.progress);
-                let is_it = self.part.sha256() == *named;
-                return Ok(if is_it { End::Whole } else { End::Other });
+                let sha256 = self.part.sha256_on_the_disk()?;
+                return Ok(if sha256 == *named { End::Whole(sha256) } else { End::Other });
             }
             self.ask_for_more()?;
             let until_ns =
                 if self.under_way.is_empty() { self.ask_at_ns } else { self.line.now_ns() + PIECE_NS };
             if self.under_way.is_empty() {
                 // There is nothing to wait for but time.
-                self.nap(until_ns)?;
+                nap(self.line, until_ns)?;
                 continue;
             }
             match self.line.receive(until_ns)? {
@@ -176,7 +232,7 @@ impl<'l> Fetching<'l> {
             }
             let piece = u32::try_from(left).unwrap_or(PIECE_BYTES).min(PIECE_BYTES);
             let length = if is_looking { PIECE_BYTES } else { piece };
-            let request = Request::Fetch(Fetch { run: self.run.clone(), offset: self.next, length });
+            let request = Request::Fetch(Fetch::part(self.run, self.next, length));
             let id = self.line.number();
             if !self.line.send(id, &request)? {
                 self.again();
@@ -228,9 +284,18 @@ impl<'l> Fetching<'l> {
             let message = format!("a piece at {} that was not asked for", fetched.offset);
             return Err(ClientError::NotUnderstood { address: self.line.address().to_owned(), message });
         }
+        // A recording that never ends would fill this machine's disk.
+        let has_by_now = self.part.length.saturating_add(u64::from(fetched.length)).max(fetched.total);
+        if has_by_now > self.most {
+            return Err(ClientError::TooLong { bytes: has_by_now, most: self.most });
+        }
         self.part.append(&bytes)?;
-        self.progress =
-            FetchProgress { bytes: self.part.length, total: fetched.total, complete: fetched.complete };
+        self.progress = FetchProgress {
+            bytes: self.part.length,
+            total: fetched.total,
+            complete: fetched.complete,
+            was_there: false,
+        };
         self.sha256 = fetched.sha256.or(self.sha256.take());
         if self.progress.bytes > self.progress.total {
             return Ok(Some(End::Other));
@@ -244,68 +309,66 @@ impl<'l> Fetching<'l> {
         }
         Ok(None)
     }
-
-    fn nap(&mut self, until_ns: i64) -> Result<(), ClientError> {
-        MonotonicClock.sleep_until_ns(until_ns.min(self.line.now_ns() + 100 * MILLISECOND_NS));
-        self.line.check_patience()
-    }
 }
 
-/// What has come so far.
+/// What has come so far, in a file that nobody else writes: whoever else fetches into it finds it locked.
 struct Part {
     path: PathBuf,
     file: File,
-    hash: Sha256,
     length: u64,
 }
 
 impl Part {
-    /// Opens what earlier calls have left, or begins; what is there is read once for its hash.
+    /// Opens what earlier calls have left, or begins.
     fn open(file: &Path) -> Result<Self, ClientError> {
         let path = part_of(file);
-        let opened = OpenOptions::new().read(true).append(true).create(true).open(&path);
-        let mut part = match opened {
-            Ok(file) => Self { path, file, hash: Sha256::new(), length: 0 },
-            Err(source) => return Err(ClientError::File { path, source }),
-        };
-        part.read_all().map_err(|source| part.failed(source))?;
-        Ok(part)
-    }
-
-    fn read_all(&mut self) -> io::Result<()> {
-        let mut piece = vec![0; 64 << 10];
+        let failed = |source| ClientError::File { path: path.clone(), source };
         loop {
-            let read = match self.file.read(&mut piece) {
-                Ok(0) => return Ok(()),
-                Ok(read) => read,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => return Err(error),
-            };
-            self.hash.update(piece.get(..read).unwrap_or_default());
-            self.length += u64::try_from(read).unwrap_or(0);
+            let part = OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed)?;
+            match part.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => return Err(ClientError::Taken { path }),
+                Err(TryLockError::Error(source)) => return Err(failed(source)),
+            }
+            let opened = part.metadata().map_err(failed)?;
+            // Between opening and locking, whoever had the lock may have given the file its final name.
+            let is_still_there = std::fs::metadata(&path)
+                .is_ok_and(|there| (there.dev(), there.ino()) == (opened.dev(), opened.ino()));
+            if is_still_there {
+                return Ok(Self { length: opened.len(), path, file: part });
+            }
         }
     }
 
     fn append(&mut self, bytes: &[u8]) -> Result<(), ClientError> {
         self.file.write_all(bytes).map_err(|source| self.failed(source))?;
-        self.hash.update(bytes);
         self.length += u64::try_from(bytes.len()).unwrap_or(0);
         Ok(())
     }
 
-    fn sha256(&self) -> String {
-        self.hash.clone().finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    /// The hash of the file, read from its beginning once all of it is on the disk.
+    fn sha256_on_the_disk(&self) -> Result<String, ClientError> {
+        let hash = self.file.sync_all().and_then(|()| sha256_hex_of(&self.path));
+        hash.map_err(|source| self.failed(source))
     }
 
-    /// Everything is there: the file gets its name once its bytes are on the disk.
-    fn keep(self, file: &Path) -> Result<(), ClientError> {
-        let kept = self.file.sync_all().and_then(|()| std::fs::rename(&self.path, file));
+    /// Everything is there and on the disk: the file gets its name, while its lock is held.
+    fn keep(&self, file: &Path) -> Result<(), ClientError> {
+        let kept = std::fs::rename(&self.path, file);
         kept.map_err(|source| ClientError::File { path: file.to_owned(), source })
     }
 
-    fn start_over(mut self) -> Result<(), ClientError> {
-        let emptied = self.file.set_len(0).and_then(|()| self.file.rewind());
-        emptied.map_err(|source| self.failed(source))
+    fn start_over(&mut self) -> Result<(), ClientError> {
+        self.file.set_len(0).map_err(|source| self.failed(source))?;
+        self.length = 0;
+        Ok(())
+    }
+
+    /// A file that only this call has made, and that is not needed.
+    fn discard_if_empty(&self) {
+        if self.length == 0 {
+            let _ = std::fs::remove_file(&self.path);
+        }
     }
 
     fn failed(&self, source: io::Error) -> ClientError {

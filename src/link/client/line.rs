@@ -1,6 +1,9 @@
 //! A line to a brick: connections one after the other, and requests that are repeated over them until they are answered.
 
+use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -27,6 +30,7 @@ const BREAK_OFFS: u32 = 4;
 
 /// Nobody who interrupts waits longer than this, milliseconds.
 const NAP_MS: i64 = 100;
+const NAP: Duration = Duration::from_millis(NAP_MS as u64);
 
 /// A silence that is worth a word, nanoseconds.
 const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
@@ -241,7 +245,7 @@ impl Line {
     /// Makes sure that there is a connection with both keys shown; false where it broke off and is to be tried again.
     fn connect(&mut self) -> Result<bool, ClientError> {
         if self.connection.is_none() {
-            let found = self.address.resolve();
+            let found = self.resolved()?;
             let Some(to) = found.get(self.turn % found.len().max(1)) else {
                 self.silence = Silence::NoSuchName;
                 self.pause()?;
@@ -272,6 +276,27 @@ impl Line {
         }
     }
 
+    /// Where the brick is. The system takes its own time over a name, so it is asked in a thread, which nobody waits for
+    /// any longer than for the brick.
+    fn resolved(&mut self) -> Result<Vec<SocketAddr>, ClientError> {
+        let address = self.address.clone();
+        let (tell, told) = std::sync::mpsc::sync_channel(1);
+        let thread = std::thread::Builder::new().name("name".to_owned());
+        if thread.spawn(move || tell.send(address.resolve())).is_err() {
+            return Ok(self.address.resolve());
+        }
+        loop {
+            match told.recv_timeout(NAP) {
+                Ok(found) => return Ok(found),
+                Err(RecvTimeoutError::Disconnected) => return Ok(Vec::new()),
+                Err(RecvTimeoutError::Timeout) => {
+                    self.silence = Silence::NoSuchName;
+                    self.check_patience()?;
+                }
+            }
+        }
+    }
+
     /// Draws the conclusion from a connection's end.
     fn ended(&mut self, over: Over) -> Result<(), ClientError> {
         self.connection = None;
@@ -283,6 +308,10 @@ impl Line {
                     self.break_offs = 0;
                     return Err(ClientError::AnotherKey { address: self.written.clone() });
                 }
+            }
+            Over::TooMuch => {
+                let message = "it sends much more than was asked for".to_owned();
+                return Err(self.not_understood(message));
             }
             Over::Mute => self.silence = Silence::NoHandshake,
             Over::Nobody => self.silence = Silence::Nobody,

@@ -11,8 +11,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{KeyError, PublicKey, Replace, make_folder, quoted, write_private};
+use super::{KeyError, PublicKey, Replace, make_folder, write_private};
 use crate::document::Document;
+use crate::service::protocol::Name;
 
 /// The folder of keys that may ask this machine.
 #[derive(Debug, Clone)]
@@ -29,9 +30,8 @@ pub struct AuthorisedKey {
     pub key: PublicKey,
 }
 
-/// The longest file and name, bytes.
+/// The longest file, bytes.
 const LONGEST_FILE: u64 = 4096;
-const LONGEST_NAME: usize = 64;
 
 impl Authorised {
     /// The authorised keys in a folder of keys. Nothing is read or made yet.
@@ -54,16 +54,16 @@ impl Authorised {
         }
     }
 
-    /// Lets a key ask from now on, under a name of at most 64 bytes (more is cut off); one that could before gets the new name.
+    /// Lets a key ask from now on, under a name; one that could before gets the new name.
     ///
     /// # Errors
     ///
-    /// [`KeyError::Io`].
+    /// [`KeyError::Name`], [`KeyError::Io`].
     pub fn add(&self, key: &PublicKey, name: &str) -> Result<PathBuf, KeyError> {
-        let name = quoted(&shortened(name));
+        let name = Name::new(name)?;
         make_folder(&self.folder)?;
         let path = self.path(key);
-        write_private(&path, &format!("name = {name}\nkey = \"{key}\"\n"), Replace::Yes)?;
+        write_private(&path, &format!("name = \"{name}\"\nkey = \"{key}\"\n"), Replace::Yes)?;
         Ok(path)
     }
 
@@ -124,7 +124,8 @@ fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
     let document = Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
     let read = document.read(|root| {
         root.allow(&["name", "key"]);
-        let name = root.require("name")?.text()?.to_owned();
+        // A person may have written any text there.
+        let name = String::from(Name::nearest(root.require("name")?.text()?));
         let item = root.require("key")?;
         let key = PublicKey::parse(item.text()?);
         if let Err(error) = key {
@@ -133,18 +134,6 @@ fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
         Some(AuthorisedKey { name, key: key.ok()? })
     });
     read.map(|(found, _)| found).map_err(KeyError::Broken)
-}
-
-/// A name that fits into tables and onto the brick's screen, in one line.
-pub(in crate::link) fn shortened(name: &str) -> String {
-    let mut short = String::new();
-    for sign in name.trim().chars().map(|sign| if sign.is_control() { ' ' } else { sign }) {
-        if short.len() + sign.len_utf8() > LONGEST_NAME {
-            break;
-        }
-        short.push(sign);
-    }
-    if short.is_empty() { "nameless".to_owned() } else { short }
 }
 
 #[cfg(test)]
@@ -161,12 +150,12 @@ mod tests {
         let authorised = Authorised::below(folder.path());
         assert_eq!(authorised.find(&key(1)).unwrap(), None);
         assert_eq!(authorised.list().unwrap(), []);
-        authorised.add(&key(1), "anna's laptop").unwrap();
+        authorised.add(&key(1), "anna").unwrap();
         authorised.add(&key(2), "board").unwrap();
         authorised.add(&key(3), "board").unwrap();
-        assert_eq!(authorised.find(&key(1)).unwrap().as_deref(), Some("anna's laptop"));
+        assert_eq!(authorised.find(&key(1)).unwrap().as_deref(), Some("anna"));
         let names: Vec<String> = authorised.list().unwrap().into_iter().map(|found| found.name).collect();
-        assert_eq!(names, ["anna's laptop", "board", "board"]);
+        assert_eq!(names, ["anna", "board", "board"]);
 
         assert_eq!(authorised.remove("nobody").unwrap(), []);
         assert_eq!(authorised.remove(&key(1).fingerprint()).unwrap().len(), 1);
@@ -186,9 +175,15 @@ mod tests {
     }
 
     #[test]
-    fn names_are_one_short_line() {
-        assert_eq!(shortened("  a\nb\u{1b}[31m "), "a b [31m");
-        assert_eq!(shortened(""), "nameless");
-        assert_eq!(shortened(&"ü".repeat(99)).len(), LONGEST_NAME);
+    fn a_name_is_one_whoever_has_written_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let authorised = Authorised::below(folder.path());
+        for bad in ["", "anna's laptop", "a\nb", "a\u{1b}]0;x"] {
+            assert!(matches!(authorised.add(&key(1), bad), Err(KeyError::Name(_))), "{bad:?}");
+        }
+        assert_eq!(authorised.list().unwrap(), []);
+        let path = authorised.add(&key(1), "anna").unwrap();
+        fs::write(&path, format!("name = \"anna's\\u001b]0;\"\nkey = \"{}\"\n", key(1))).unwrap();
+        assert_eq!(authorised.find(&key(1)).unwrap().as_deref(), Some("anna-s--0"));
     }
 }

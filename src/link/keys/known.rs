@@ -15,6 +15,8 @@ use std::path::{Path, PathBuf};
 
 use super::{KeyError, PublicKey, Replace, make_folder, quoted, write_private};
 use crate::document::{Document, Item, Section};
+use crate::link::client::Address;
+use crate::service::protocol::Name;
 
 /// A brick that this PC knows.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -25,6 +27,14 @@ pub struct KnownBrick {
     pub address: String,
     /// Its key: whatever answers there with another one is not this brick.
     pub key: PublicKey,
+}
+
+impl KnownBrick {
+    /// Its address without the link's port: for other programs that go there.
+    #[must_use]
+    pub fn host(&self) -> String {
+        Address::parse(&self.address, 0).host().to_owned()
+    }
 }
 
 /// The file of bricks that this PC knows.
@@ -80,14 +90,23 @@ impl KnownBricks {
         &self.path
     }
 
-    /// Adds a brick, in place of one of the same name or of the same key, to what the file holds by now, and writes it.
+    /// The brick that is known by this name with another key.
+    #[must_use]
+    pub fn another(&self, name: &Name, key: &PublicKey) -> Option<&KnownBrick> {
+        self.iter().find(|known| known.name == name.as_str() && known.key != *key)
+    }
+
+    /// Adds a brick to what the file holds by now, in place of one of the same key, and writes it. One of the same name
+    /// with another key gives way only where that key is `replaced`: a person has said so.
     ///
     /// Whoever else adds one waits, so that none is lost.
     ///
     /// # Errors
     ///
-    /// [`KeyError::Broken`] where the file has been broken meanwhile, [`KeyError::Io`]; it is then as it was.
-    pub fn put(&mut self, brick: &KnownBrick) -> Result<(), KeyError> {
+    /// [`KeyError::Name`], [`KeyError::AnotherKey`], [`KeyError::Broken`] where the file has been broken meanwhile,
+    /// [`KeyError::Io`]; it is then as it was.
+    pub fn put(&mut self, brick: &KnownBrick, replaced: Option<PublicKey>) -> Result<(), KeyError> {
+        let name = Name::new(&brick.name)?;
         let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();
         make_folder(&folder)?;
         // The file itself is replaced, and a lock on it would go with the old one.
@@ -96,6 +115,9 @@ impl KnownBricks {
         let _held =
             lock.and_then(|lock| lock.lock().map(|()| lock)).map_err(|error| KeyError::io(&beside)(error))?;
         let now = Self::load(&folder)?;
+        if let Some(other) = now.another(&name, &brick.key).filter(|other| replaced != Some(other.key)) {
+            return Err(KeyError::AnotherKey { name, known: other.key });
+        }
         let mut text = now.without(|known| known.name == brick.name || known.key == brick.key);
         if !text.is_empty() && !text.ends_with('\n') {
             text.push('\n');
@@ -159,17 +181,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut known = KnownBricks::load(folder.path()).unwrap();
         assert_eq!(known.iter().count(), 0);
-        for (name, byte) in [("blue", 1), ("my \"red\" one", 2), ("green", 3)] {
-            known.put(&brick(name, byte)).unwrap();
+        for (name, byte) in [("blue", 1), ("my-red-one", 2), ("green", 3)] {
+            known.put(&brick(name, byte), None).unwrap();
         }
         let path = known.path().to_owned();
-        let text = fs::read_to_string(&path).unwrap().replace("[\"my", "# the fast one\n[\"my");
+        // As a person writes it.
+        let text = fs::read_to_string(&path).unwrap();
+        let text = text.replace("[\"my-red-one\"]", "# the fast one\n[\"my \\\"red\\\" one\"]");
         fs::write(&path, text).unwrap();
 
         let mut known = KnownBricks::load(folder.path()).unwrap();
         // The same brick under another name, and another brick under the same one.
-        known.put(&brick("sea", 1)).unwrap();
-        known.put(&brick("green", 4)).unwrap();
+        known.put(&brick("sea", 1), None).unwrap();
+        known.put(&brick("green", 4), Some(PublicKey::from_bytes([3; 32]))).unwrap();
         let known = KnownBricks::load(folder.path()).unwrap();
         let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
         assert_eq!(names, ["my \"red\" one", "sea", "green"]);
@@ -181,17 +205,45 @@ mod tests {
     }
 
     #[test]
+    fn a_brick_of_a_known_name_with_another_key_never_takes_its_place_unasked() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut known = KnownBricks::load(folder.path()).unwrap();
+        known.put(&brick("green", 3), None).unwrap();
+        let text = fs::read_to_string(known.path()).unwrap();
+        let key = |byte| PublicKey::from_bytes([byte; 32]);
+        for replaced in [None, Some(key(4)), Some(key(5))] {
+            let refused = known.put(&brick("green", 4), replaced).unwrap_err();
+            assert!(matches!(&refused, KeyError::AnotherKey { known, .. } if *known == key(3)), "{refused}");
+        }
+        for bad in ["", "a b", "a\u{1b}]0;", "-a"] {
+            assert!(matches!(known.put(&brick(bad, 5), None), Err(KeyError::Name(_))), "{bad:?}");
+        }
+        assert_eq!(fs::read_to_string(known.path()).unwrap(), text);
+        assert_eq!(known.another(&Name::nearest("green"), &key(3)), None);
+        assert_eq!(known.another(&Name::nearest("green"), &key(4)), Some(&brick("green", 3)));
+    }
+
+    #[test]
     fn none_is_lost_that_others_add_meanwhile() {
         let folder = tempfile::tempdir().unwrap();
         // As `onbrick pair` does: the file is read, and then people compare codes.
         let several: Vec<KnownBricks> = (0..8).map(|_| KnownBricks::load(folder.path()).unwrap()).collect();
         std::thread::scope(|scope| {
             for (mut known, byte) in several.into_iter().zip(1..) {
-                scope.spawn(move || known.put(&brick(&format!("brick-{byte}"), byte)).unwrap());
+                scope.spawn(move || known.put(&brick(&format!("brick-{byte}"), byte), None).unwrap());
             }
         });
         let known = KnownBricks::load(folder.path()).unwrap();
         assert_eq!(known.iter().count(), 8, "{}", known.text);
+    }
+
+    #[test]
+    fn a_bricks_host_is_its_address_without_a_port() {
+        for (address, host) in [("red.local", "red.local"), ("10.0.0.1:81", "10.0.0.1"), ("[::1]:81", "::1")]
+        {
+            let brick = KnownBrick { address: address.to_owned(), ..brick("red", 1) };
+            assert_eq!(brick.host(), host);
+        }
     }
 
     #[test]

@@ -6,8 +6,8 @@ use serde::Deserialize;
 
 use super::{Hex, Number, Said, Side, Step, code, commitment, random};
 use crate::clock::{Clock as _, MonotonicClock, SECOND_NS};
-use crate::link::keys::{Authorised, PublicKey, shortened};
-use crate::service::protocol::{Id, Kind, NotUnderstood, Pairing, Refusal, VERSION};
+use crate::link::keys::{Authorised, PublicKey};
+use crate::service::protocol::{Id, Kind, Name, NotUnderstood, Pairing, Refusal, VERSION};
 
 /// The longest time that the window is open, seconds.
 const LONGEST_S: u32 = 600;
@@ -19,7 +19,7 @@ const COMPARING_NS: i64 = 120 * SECOND_NS;
 #[derive(Debug)]
 pub struct Desk {
     authorised: Authorised,
-    name: String,
+    name: Name,
     inner: Mutex<Inner>,
 }
 
@@ -39,11 +39,11 @@ enum Stage {
     /// It waits for a PC.
     Open(PublicKey),
     /// A PC has come; its number is not yet known.
-    Committed { own: PublicKey, pc: PublicKey, name: String, commit: [u8; 32], number: Number },
+    Committed { own: PublicKey, pc: PublicKey, name: Name, commit: [u8; 32], number: Number },
     /// Both codes are shown; who has said that they are the same?
-    Compare { own: PublicKey, pc: PublicKey, name: String, code: String, here: bool, there: bool },
+    Compare { own: PublicKey, pc: PublicKey, name: Name, code: String, here: bool, there: bool },
     /// The PC's key is authorised.
-    Paired { own: PublicKey, pc: PublicKey, name: String },
+    Paired { own: PublicKey, pc: PublicKey, name: Name },
     /// It did not work out, because of this.
     Failed { own: PublicKey, why: String },
 }
@@ -60,9 +60,9 @@ struct Asked {
 
 impl Desk {
     /// A window that is closed, and stays so until the link has its keys.
-    pub(in crate::link) fn new(authorised: Authorised, name: &str) -> Self {
+    pub(in crate::link) fn new(authorised: Authorised, name: Name) -> Self {
         let stage = Stage::NoLink("the link is not ready yet".to_owned());
-        Self { authorised, name: shortened(name), inner: Mutex::new(Inner { stage, until_ns: 0 }) }
+        Self { authorised, name, inner: Mutex::new(Inner { stage, until_ns: 0 }) }
     }
 
     /// The link has its keys.
@@ -140,7 +140,7 @@ impl Desk {
 
     fn step(&self, pc: PublicKey, step: Step) -> Result<Said, Refusal> {
         self.with(|inner, now_ns| match step {
-            Step::Commit { name, commit } => inner.commit(pc, &name, commit),
+            Step::Commit { name, commit } => inner.commit(pc, name, commit),
             Step::Reveal { number } => inner.reveal(pc, &number.0, &self.name, now_ns),
             Step::Answer { same } => {
                 inner.answered_there(pc, same)?;
@@ -154,7 +154,7 @@ impl Desk {
     /// Lets the PC in once both sides have said that the codes are the same.
     fn conclude(&self, inner: &mut Inner) {
         let Stage::Compare { own, pc, name, here: true, there: true, .. } = &inner.stage else { return };
-        inner.stage = match self.authorised.add(pc, name) {
+        inner.stage = match self.authorised.add(pc, name.as_str()) {
             Ok(_) => {
                 log::info!("{name} may ask from now on ({})", pc.fingerprint());
                 Stage::Paired { own: *own, pc: *pc, name: name.clone() }
@@ -201,7 +201,7 @@ impl Inner {
         };
     }
 
-    fn commit(&mut self, pc: PublicKey, name: &str, commit: Hex) -> Result<Said, Refusal> {
+    fn commit(&mut self, pc: PublicKey, name: Name, commit: Hex) -> Result<Said, Refusal> {
         let (own, number) = match &self.stage {
             Stage::Open(own) => {
                 let number = random().map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
@@ -216,11 +216,11 @@ impl Inner {
             _ => return Err(not_now("another introduction is going on, or the last one is over")),
         };
         let said = Said::Commit { commit: Hex(commitment(Side::Brick, &own, &number)) };
-        self.stage = Stage::Committed { own, pc, name: shortened(name), commit: commit.0, number };
+        self.stage = Stage::Committed { own, pc, name, commit: commit.0, number };
         Ok(said)
     }
 
-    fn reveal(&mut self, pc: PublicKey, theirs: &Number, brick: &str, now_ns: i64) -> Result<Said, Refusal> {
+    fn reveal(&mut self, pc: PublicKey, theirs: &Number, brick: &Name, now_ns: i64) -> Result<Said, Refusal> {
         let Stage::Committed { own, pc: known, name, commit, number } = &self.stage else {
             return Err(not_now("nothing was committed to"));
         };
@@ -233,7 +233,7 @@ impl Inner {
             self.stage = Stage::Failed { own, why: why.clone() };
             return Err(Refusal::new(Kind::NotAuthorised, why));
         }
-        let said = Said::Reveal { key: own.to_string(), number: Hex(*number), name: brick.to_owned() };
+        let said = Said::Reveal { key: own.to_string(), number: Hex(*number), name: brick.clone() };
         let code = code((&pc, theirs), (&own, number));
         self.stage = Stage::Compare { own, pc, name: name.clone(), code, here: false, there: false };
         self.until_ns = self.until_ns.max(now_ns.saturating_add(COMPARING_NS));
@@ -244,7 +244,8 @@ impl Inner {
         match &mut self.stage {
             Stage::Compare { pc: known, there, .. } if *known == pc && same => *there = true,
             Stage::Compare { own, pc: known, .. } if *known == pc => {
-                let why = "the codes are not the same, says the person at the PC".to_owned();
+                let why =
+                    "the person at the PC said no: another code, or another brick than was meant".to_owned();
                 self.stage = Stage::Failed { own: *own, why };
             }
             // The same again: its answer was lost.
@@ -274,8 +275,10 @@ impl Inner {
                 let left_s = self.until_ns.saturating_sub(now_ns) / SECOND_NS;
                 Pairing::Open { seconds: u32::try_from(left_s).unwrap_or(0) }
             }
-            Stage::Compare { name, code, .. } => Pairing::Compare { code: code.clone(), name: name.clone() },
-            Stage::Paired { name, .. } => Pairing::Paired { name: name.clone() },
+            Stage::Compare { name, code, .. } => {
+                Pairing::Compare { code: code.clone(), name: name.to_string() }
+            }
+            Stage::Paired { name, .. } => Pairing::Paired { name: name.to_string() },
             Stage::Failed { why, .. } => Pairing::Failed { why: why.clone() },
         }
     }
@@ -295,10 +298,14 @@ mod tests {
         PublicKey::from_bytes([byte; 32])
     }
 
+    fn name_of(text: &str) -> Name {
+        Name::new(text).unwrap()
+    }
+
     fn bench() -> Bench {
         let folder = tempfile::tempdir().unwrap();
         let authorised = Authorised::below(folder.path());
-        let desk = Desk::new(authorised.clone(), "blue");
+        let desk = Desk::new(authorised.clone(), name_of("blue"));
         desk.ready(key(9));
         Bench { _folder: folder, desk, authorised }
     }
@@ -308,7 +315,7 @@ mod tests {
         let number = [5; 32];
         let commit = Hex(commitment(Side::Pc, &pc, &number));
         let Said::Commit { commit: theirs } =
-            desk.step(pc, Step::Commit { name: "anna".to_owned(), commit }).unwrap()
+            desk.step(pc, Step::Commit { name: name_of("anna"), commit }).unwrap()
         else {
             panic!("no commitment")
         };
@@ -349,7 +356,7 @@ mod tests {
     #[test]
     fn nobody_pairs_while_the_window_is_closed() {
         let Bench { desk, .. } = bench();
-        let step = || desk.step(key(1), Step::Commit { name: String::new(), commit: Hex([0; 32]) });
+        let step = || desk.step(key(1), Step::Commit { name: name_of("anna"), commit: Hex([0; 32]) });
         assert_eq!(step().unwrap_err().kind, Kind::Busy);
         desk.open(60);
         assert!(step().is_ok());
@@ -366,7 +373,7 @@ mod tests {
         desk.open(60);
         exchange(&desk, key(1));
         // Another PC, another number, another try of the same one.
-        let commit = Step::Commit { name: "eve".to_owned(), commit: Hex([7; 32]) };
+        let commit = Step::Commit { name: name_of("eve"), commit: Hex([7; 32]) };
         assert_eq!(desk.step(key(2), commit.clone()).unwrap_err().kind, Kind::Busy);
         assert_eq!(desk.step(key(1), commit).unwrap_err().kind, Kind::Busy);
         assert_eq!(desk.step(key(2), Step::Answer { same: true }).unwrap_err().kind, Kind::Busy);
@@ -381,7 +388,7 @@ mod tests {
         let Bench { desk, .. } = bench();
         desk.open(60);
         let commit = Hex(commitment(Side::Pc, &key(1), &[5; 32]));
-        desk.step(key(1), Step::Commit { name: "anna".to_owned(), commit }).unwrap();
+        desk.step(key(1), Step::Commit { name: name_of("anna"), commit }).unwrap();
         assert_eq!(
             desk.step(key(1), Step::Reveal { number: Hex([6; 32]) }).unwrap_err().kind,
             Kind::NotAuthorised
@@ -406,6 +413,11 @@ mod tests {
             r#"{{"id":1,"version":1,"op":"pair","step":"commit","name":"x","commit":"{}"}}"#,
             "0".repeat(64)
         );
+        for bad in ["", "a b", "\\u001b]0;", "a\\nb", "\\u202e", "-v", "ü"] {
+            let commit = commit.replace("\"x\"", &format!("\"{bad}\""));
+            assert_eq!(ask(&commit), Err(Kind::BadRequest), "{bad}");
+        }
+        assert!(matches!(desk.state(), Pairing::Open { .. }), "and the window waits for another PC");
         assert!(ask(&commit).is_ok());
         assert!(desk.answer_request(None, commit.as_bytes()).is_err());
     }

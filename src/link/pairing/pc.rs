@@ -6,7 +6,7 @@ use super::{Hex, PAIRING_PORT, Said, Side, Step, code, commitment, random, well_
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::client::{ClientError, Line, Patience};
 use crate::link::keys::{KeyPair, PublicKey};
-use crate::service::protocol::{Kind, Refusal};
+use crate::service::protocol::{Kind, Name, Refusal};
 
 /// How often the brick is asked whether its person has answered, nanoseconds.
 const ASKED_NS: i64 = 500 * MILLISECOND_NS;
@@ -15,7 +15,7 @@ const ASKED_NS: i64 = 500 * MILLISECOND_NS;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Introduced {
     /// What it calls itself.
-    pub name: String,
+    pub name: Name,
     /// Its key, which is to be kept in `known_bricks`.
     pub key: PublicKey,
 }
@@ -29,7 +29,8 @@ struct Pair {
 
 /// Introduces this PC, which calls itself `name`, to the brick whose pairing window is open at an address (with `:port` where that is not 5671).
 ///
-/// `is_same` is shown the brick's name and the code, and says whether the brick shows the same.
+/// `is_same` is given the brick and the code, and says whether the brick shows the same code and is the one that is
+/// meant. Nothing that the brick has said may stand before the code where a person reads it.
 ///
 /// # Errors
 ///
@@ -38,19 +39,18 @@ struct Pair {
 pub fn pair(
     address: &str,
     own: &KeyPair,
-    name: &str,
+    name: &Name,
     patience: Patience,
-    is_same: &mut dyn FnMut(&str, &str) -> bool,
+    is_same: &mut dyn FnMut(&Introduced, &str) -> bool,
 ) -> Result<Introduced, ClientError> {
     let mut line = Line::new(address, PAIRING_PORT, well_known_key(), own, patience)?;
     let failed = |kind, message: &str| ClientError::Refused(Refusal::new(kind, message));
     let number = random().map_err(|error| failed(Kind::Failed, &error.to_string()))?;
     let commit = Hex(commitment(Side::Pc, &own.public(), &number));
-    let Said::Commit { commit } = ask(&mut line, Step::Commit { name: name.to_owned(), commit })? else {
+    let Said::Commit { commit } = ask(&mut line, Step::Commit { name: name.clone(), commit })? else {
         return Err(out_of_turn());
     };
-    let Said::Reveal { key, number: theirs, name: brick } =
-        ask(&mut line, Step::Reveal { number: Hex(number) })?
+    let Said::Reveal { key, number: theirs, name } = ask(&mut line, Step::Reveal { number: Hex(number) })?
     else {
         return Err(out_of_turn());
     };
@@ -58,11 +58,16 @@ pub fn pair(
     if commitment(Side::Brick, &key, &theirs.0) != commit.0 {
         return Err(failed(Kind::NotAuthorised, "the brick showed another number than it had committed to"));
     }
+    let brick = Introduced { name, key };
     let same = is_same(&brick, &code((&own.public(), &number), (&key, &theirs.0)));
     let mut said = ask(&mut line, Step::Answer { same })?;
+    if !same {
+        // Whatever the other side makes of it.
+        return Err(failed(Kind::NotAuthorised, "you said no, and nothing was kept"));
+    }
     loop {
         match said {
-            Said::Paired => return Ok(Introduced { name: brick, key }),
+            Said::Paired => return Ok(brick),
             Said::Failed { why } => return Err(failed(Kind::NotAuthorised, &why)),
             Said::Waits => {
                 MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + ASKED_NS);

@@ -4,9 +4,9 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::os::fd::RawFd;
 
 use super::ServerError;
-use super::held::Held;
 use super::limits::Limits;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::link::held::Held;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::{Monitor, What};
 use crate::service::protocol::MAX_REQUEST_BYTES;

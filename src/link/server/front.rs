@@ -18,9 +18,6 @@ use crate::service::protocol::{Kind, NotUnderstood, Operations, Outcome, Refusal
 const MOST_WAITING_OF_ONE: usize = 16;
 const MOST_WAITING: usize = 128;
 
-/// The longest piece of a recording in one reply, bytes: replies wait in memory for slow clients.
-const LONGEST_PIECE: u32 = 64 << 10;
-
 /// Requests that are taken in one turn, before replies are looked at again.
 const TAKEN_IN_ONE_TURN: usize = 32;
 
@@ -149,11 +146,7 @@ impl<'s> Front<'s> {
                 refusal: refusal.hint("wait for a reply before you ask more"),
             });
         }
-        let mut asked = asked?;
-        if let Request::Fetch(fetch) = &mut asked.request {
-            fetch.length = fetch.length.min(LONGEST_PIECE);
-        }
-        Ok((name, asked))
+        Ok((name, asked?))
     }
 
     /// The name of a key, looked up for each request: one that was revoked a moment ago is nobody's.

@@ -43,14 +43,19 @@ impl Growing {
     ///
     /// False where nothing more can be made of the file: a stretch in it is too long to be one.
     pub fn take(&mut self, part: &[u8], found: &mut dyn FnMut(Piece)) -> bool {
-        self.rest.extend_from_slice(part);
-        let done = walk_part(&self.rest, self.base, &mut |_, thing| {
+        self.take_all(part, &mut |thing| {
             if let Found::Message { topic: Some(topic), data, .. } = thing
                 && let Some(piece) = piece(topic, data)
             {
                 found(piece);
             }
-        });
+        })
+    }
+
+    /// The same with everything that is in it.
+    pub(super) fn take_all(&mut self, part: &[u8], found: &mut dyn FnMut(Found<'_>)) -> bool {
+        self.rest.extend_from_slice(part);
+        let done = walk_part(&self.rest, self.base, &mut |_, thing| found(thing));
         self.rest.drain(..done);
         self.base += done as u64;
         self.rest.len() <= LONGEST_STRETCH

@@ -14,6 +14,7 @@ use super::{Grid, Level, grid, points};
 use crate::behavior::Taken;
 use crate::ev3dev::Technology;
 use crate::mapping::{MapPoint, Pose, Range};
+use crate::printable;
 use crate::robot::{Channel, Reading, Senses};
 use crate::runtime::PilotState;
 
@@ -371,15 +372,20 @@ fn warnings(integrity: &Integrity, undecoded: u64, ended: bool, unchecked_too: b
     warnings
 }
 
-fn info(metadata: &Metadata) -> Info {
-    let text = |key: &str| metadata.metadata.get(key).cloned().unwrap_or_default();
+/// A recording may come from anywhere: its texts are made fit to be shown as they are read.
+fn fit(text: &str) -> String {
+    printable::line(text).into_owned()
+}
+
+pub(super) fn info(metadata: &Metadata) -> Info {
+    let text = |key: &str| metadata.metadata.get(key).map(|text| fit(text)).unwrap_or_default();
     let whole = |key: &str| text(key).parse().unwrap_or(0);
     let setting = |(key, value): (&String, &String)| {
-        Some((key.strip_prefix(names::SETTING)?.to_owned(), value.parse().ok()?))
+        Some((fit(key.strip_prefix(names::SETTING)?), value.parse().ok()?))
     };
     Info {
         version: text(names::VERSION),
-        run: metadata.metadata.get(names::RUN).cloned(),
+        run: metadata.metadata.get(names::RUN).map(|run| fit(run)),
         brick: text(names::BRICK),
         mission: text(names::MISSION_NAME),
         start_pose: pose_of(metadata, [names::START_X, names::START_Y, names::START_HEADING])
@@ -395,7 +401,7 @@ fn info(metadata: &Metadata) -> Info {
 }
 
 pub(super) fn ending(metadata: &Metadata) -> Ending {
-    let text = |key: &str| metadata.metadata.get(key).cloned().unwrap_or_default();
+    let text = |key: &str| metadata.metadata.get(key).map(|text| fit(text)).unwrap_or_default();
     Ending {
         reason: text(names::REASON),
         time_ns: text(names::TIME_NS).parse().unwrap_or(0),
@@ -413,7 +419,7 @@ fn pose_of(metadata: &Metadata, keys: [&str; 3]) -> Option<Pose> {
 const LAST_NS: i64 = i64::MAX / 4;
 const LAST_TICK: u64 = u64::MAX / 4;
 
-fn senses(message: &message::SensesMessage) -> Option<Senses> {
+pub(super) fn senses(message: &message::SensesMessage) -> Option<Senses> {
     let times = message.read_ns.iter().chain(&message.changed_ns).chain([&message.time_ns]);
     if message.tick > LAST_TICK || times.into_iter().any(|time_ns| !(-LAST_NS..=LAST_NS).contains(time_ns)) {
         return None;
@@ -451,7 +457,7 @@ pub(super) fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
     })
 }
 
-fn transition(message: message::TransitionMessage) -> Option<Transition> {
+pub(super) fn transition(message: message::TransitionMessage) -> Option<Transition> {
     let transition = match message.transition_index {
         -1 => None,
         index => Some(u16::try_from(index).ok()?),
@@ -465,16 +471,16 @@ fn transition(message: message::TransitionMessage) -> Option<Transition> {
             to: message.to_index,
             transition,
         },
-        machine: message.machine,
-        from: message.from_state,
-        to: message.to_state,
-        condition: message.condition,
+        machine: fit(&message.machine),
+        from: fit(&message.from_state),
+        to: fit(&message.to_state),
+        condition: fit(&message.condition),
     })
 }
 
 fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
     let message: message::LogMessage = message::decode(data)?;
-    Some(LogLine { time_ns, level: Level::of_number(message.level), text: message.msg })
+    Some(LogLine { time_ns, level: Level::of_number(message.level), text: fit(&message.msg) })
 }
 
 fn checkpoint(message: &message::CheckpointMessage) -> Option<Checkpoint> {

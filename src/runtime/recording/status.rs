@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Start;
 use super::tick::TickRecord;
+use super::{MachineNames, Start};
 use crate::mapping::{Pose, Range};
 use crate::robot::Channel;
 
 /// How a run is going, as the recorder saw it last.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Status {
     /// The last tick.
     pub tick: u64,
@@ -42,25 +42,14 @@ pub struct Status {
 
 impl Status {
     pub(super) fn at_start(start: &Start) -> Self {
-        let first = |machine: &super::MachineNames| {
-            let state = machine.states.get(usize::from(machine.start));
-            (machine.name.clone(), state.map_or_else(String::new, |state| state.name.clone()))
-        };
-        Self {
-            tick: 0,
-            time_ns: start.start_ns,
-            elapsed_ns: 0,
-            pose: start.start_pose,
-            travelled_m: 0.0,
-            range: None,
-            points: 0,
-            states: start.machines.iter().map(first).collect(),
-            battery_v: None,
-            overruns: 0,
-            latest_ns: 0,
-            warning: None,
-            dropped: 0,
-        }
+        let states = start.machines.iter().map(Self::begins).collect();
+        Self { time_ns: start.start_ns, pose: start.start_pose, states, ..Self::default() }
+    }
+
+    /// A machine, and the state that it begins in.
+    pub(super) fn begins(machine: &MachineNames) -> (String, String) {
+        let state = machine.states.get(usize::from(machine.start));
+        (machine.name.clone(), state.map_or_else(String::new, |state| state.name.clone()))
     }
 
     pub(super) fn note(&mut self, record: &TickRecord, start: &Start) {

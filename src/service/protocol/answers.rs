@@ -53,6 +53,9 @@ pub struct Status {
     pub last: Option<LastStop>,
     /// Volts, where they can be read.
     pub battery_v: Option<f64>,
+    /// The robot is a simulated one: it has a battery while it drives. Older bricks do not tell.
+    #[serde(default)]
+    pub simulated: bool,
     /// A battery with which no run begins: what the run would say; otherwise nothing. Older bricks do not tell.
     #[serde(default)]
     pub battery: Option<String>,
@@ -171,7 +174,7 @@ pub struct RunInfo {
     pub bytes: u64,
     /// It is still being written.
     pub going_on: bool,
-    /// Somebody has fetched all of it.
+    /// All of it lies on another machine's disk, which has named its hash.
     pub fetched: bool,
     /// How it ended; nothing where it is going on or was cut.
     pub end: Option<LastStop>,

@@ -5,6 +5,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::{Asked, Id, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Refusal, Request, VERSION};
+use crate::printable::{Layout, shown};
 
 /// A request that was not understood, with its client's name for it where that could be read.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,7 +92,7 @@ fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> 
         return Err(NotUnderstood { id: Some(envelope.id), refusal });
     }
     if !known.iter().any(|names| names.contains(&envelope.op.as_str())) {
-        let op: String = envelope.op.chars().take(40).collect();
+        let op = shown(&envelope.op, Layout::Line, 40);
         let names = known.concat().join(", ");
         let message = format!("there is no operation `{op}`; there are {names}");
         return Err(refuse(Some(envelope.id), Kind::UnknownOperation, message));
@@ -120,9 +121,10 @@ fn said(error: &serde_json::Error) -> String {
     const BEGINNING: usize = 200;
     const END: usize = 100;
     let text = error.to_string();
+    let text = shown(&text, Layout::Line, usize::MAX);
     let count = text.chars().count();
     if count <= BEGINNING + END {
-        return text;
+        return text.into_owned();
     }
     let beginning: String = text.chars().take(BEGINNING).collect();
     let end: String = text.chars().skip(count - END).collect();
@@ -169,6 +171,11 @@ mod tests {
         let unknown = refused(br#"{"version":1,"id":9,"op":"jog","port":"outA","percent":100}"#);
         assert_eq!((unknown.id, unknown.refusal.kind), (Some(Id::Number(9)), Kind::UnknownOperation));
         assert!(unknown.refusal.message.contains("status, missions, start"), "{}", unknown.refusal.message);
+        let forged = refused(b"{\"version\":1,\"id\":9,\"op\":\"a\\nb\\u001b[2J\"}").refusal.message;
+        assert!(forged.contains(r"`a\nb\u{1b}[2J`") && !forged.contains('\n'), "{forged}");
+        let forged =
+            refused(b"{\"version\":1,\"id\":9,\"op\":\"start\",\"run\":\"r\",\"mission\":{\"a\\nb\":1}}");
+        assert!(!forged.refusal.message.contains('\n'), "{}", forged.refusal.message);
         let version = refused(br#"{"version":2,"id":9,"op":"status"}"#);
         assert_eq!((version.id, version.refusal.kind), (Some(Id::Number(9)), Kind::Version));
         for bad in [

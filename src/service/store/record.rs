@@ -23,7 +23,7 @@ pub(in crate::service) struct Record {
     pub(in crate::service) travelled_m: Option<f64>,
     /// Points of its map.
     pub(in crate::service) points: Option<u64>,
-    /// Somebody has fetched all of it.
+    /// All of it lies on another machine's disk, which has named its hash.
     pub(in crate::service) fetched: bool,
     /// Over the whole recording, once it is complete.
     pub(in crate::service) sha256: Option<String>,

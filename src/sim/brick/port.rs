@@ -2,6 +2,7 @@
 
 use nix::errno::Errno;
 
+use crate::sim::driver::sensor::HANDSHAKE_NS;
 use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
 use crate::sim::driver::text::word;
 use crate::sim::driver::{Context, Wait};
@@ -32,9 +33,6 @@ const OUTPUT_MODES: &[&str] = &["auto", "tacho-motor", "dc-motor", "led", "raw"]
 
 /// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20 ms.
 const DETECT_NS: i64 = 390_000_000;
-
-/// A UART sensor describes itself at 2400 baud before it is registered.
-const HANDSHAKE_NS: i64 = 1_500_000_000;
 
 /// A pulled plug is believed after 100 ms.
 const VANISH_NS: i64 = 100_000_000;

@@ -68,11 +68,18 @@ pub enum SerialLine {
     /// As it should be.
     #[default]
     Sound,
-    /// The sensor answers nothing: a write of `mode` ends in ETIMEDOUT after half a second, and values stay as they are.
+    /// The sensor sends nothing: a write of `mode` ends in ETIMEDOUT after half a second, and values stay as they are, until the driver
+    /// misses it ([`KEEP_ALIVE_NS`]) and is [`SerialLine::Resynchronising`].
     Silent,
     /// The driver has lost it and takes its description again: values answer ENXIO, a write of `mode` ENODEV.
     Resynchronising,
 }
+
+/// The driver looks every 100 ms whether data has come; after more than six misses it resynchronises (interfaces, 6.2).
+const KEEP_ALIVE_NS: i64 = 700_000_000;
+
+/// How long a sensor takes to describe itself at 2400 baud.
+pub(crate) const HANDSHAKE_NS: i64 = 1_500_000_000;
 
 /// A mode is asked for ten times, 50 ms apart.
 const TIMEOUT_NS: i64 = 500_000_000;
@@ -98,6 +105,10 @@ pub(crate) struct Sensor {
     make: GyroMake,
     line: SerialLine,
     faulty_line: SerialLine,
+    /// Since when the sensor has sent nothing.
+    silent_since_ns: Option<i64>,
+    /// The driver has missed the sensor, which has not described itself again by then.
+    missed_until_ns: Option<i64>,
     least_stale_ns: i64,
     mode: usize,
     /// One a mode; zeros before the mode's first data.
@@ -126,6 +137,8 @@ impl Sensor {
             make,
             line: SerialLine::Sound,
             faulty_line: SerialLine::Sound,
+            silent_since_ns: None,
+            missed_until_ns: None,
             least_stale_ns: 0,
             mode: 0,
             frames: [[0; FRAME_BYTES]; MOST_MODES],
@@ -159,6 +172,7 @@ impl Sensor {
     /// What happens in one step. `measure` is asked for the numbers of a frame when one is due; it has none where the frame does
     /// not come.
     pub(crate) fn tick(&mut self, now_ns: i64, measure: impl FnOnce(&'static str) -> Option<[i32; 8]>) {
+        self.keep_alive(now_ns);
         if self.switch.as_ref().is_some_and(|switch| switch.due_ns <= now_ns) {
             self.finish_switch(now_ns);
         }
@@ -209,8 +223,25 @@ impl Sensor {
         self.forget_frames(before);
     }
 
-    /// The worse of what was set by hand and what a fault does.
+    /// The driver misses a sensor that sends nothing, and takes its description again when it is back.
+    fn keep_alive(&mut self, now_ns: i64) {
+        let before = self.line();
+        let since_ns = (self.wire() == SerialLine::Silent).then(|| self.silent_since_ns.unwrap_or(now_ns));
+        self.silent_since_ns = since_ns;
+        if since_ns.is_some_and(|since_ns| now_ns - since_ns >= KEEP_ALIVE_NS) {
+            self.missed_until_ns = Some(now_ns + HANDSHAKE_NS);
+        }
+        self.missed_until_ns = self.missed_until_ns.filter(|until_ns| now_ns < *until_ns);
+        self.forget_frames(before);
+    }
+
+    /// How the line is for the driver.
     fn line(&self) -> SerialLine {
+        if self.missed_until_ns.is_some() { SerialLine::Resynchronising } else { self.wire() }
+    }
+
+    /// The worse of what was set by hand and what a fault does.
+    fn wire(&self) -> SerialLine {
         match (self.line, self.faulty_line) {
             (SerialLine::Resynchronising, _) | (_, SerialLine::Resynchronising) => {
                 SerialLine::Resynchronising

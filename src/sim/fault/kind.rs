@@ -16,7 +16,8 @@ pub enum DeviceFault {
     Unplug,
     /// `plug`: what was pulled is put back. It comes with a new number and its defaults.
     Plug,
-    /// `off`: no power. A motor coasts and is still counted; a sensor sends nothing: values stand still, a change of mode ends in ETIMEDOUT.
+    /// `off`: no power. A motor coasts and is still counted. A sensor sends nothing: values stand still and a change of mode ends in
+    /// ETIMEDOUT, until its driver misses it after 0.7 s; then as `resync`.
     Off,
     /// `stuck`: what is measured stays as it is.
     Stuck,

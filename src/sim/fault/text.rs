@@ -19,6 +19,7 @@ use std::ops::RangeInclusive;
 use super::{Button, DeviceFault, Port};
 use crate::clock::{nanoseconds, seconds};
 use crate::document::nearest;
+use crate::printable::is_printable;
 
 /// The longest time that an order can name, seconds: a day.
 pub(super) const LONGEST_S: f64 = 86_400.0;
@@ -291,7 +292,7 @@ fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, Misread> {
 
 /// The beginning of what a person wrote, for a message.
 fn shown(text: &str) -> String {
-    let start: String = text.chars().take(40).map(|c| if c.is_control() { '?' } else { c }).collect();
+    let start: String = text.chars().take(40).map(|c| if is_printable(c) { c } else { '?' }).collect();
     if start.len() < text.len() && text.chars().count() > 40 { format!("{start}…") } else { start }
 }
 

@@ -2,6 +2,7 @@
 
 use super::DeviceView;
 use crate::ev3dev::PortAddress;
+use crate::printable::is_printable;
 use crate::sim::brick::{Brick, Class};
 
 /// Furthest that the ultrasonic measures, in the numbers of its two units; what it says without an echo.
@@ -50,7 +51,7 @@ impl Brick {
 fn shown(text: &[u8]) -> String {
     let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let text = String::from_utf8_lossy(line);
-    text.chars().take(40).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+    text.chars().take(40).map(|c| if is_printable(c) { c } else { '\u{fffd}' }).collect()
 }
 
 /// For a range sensor: what it says in metres, with nothing for no echo and for no answer.

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Mark, MarkKind, Paint, RobotView, Room, View};
+use crate::printable;
 use crate::sim::Simulation;
 use crate::units::radians;
 
@@ -233,5 +234,6 @@ fn whole(count: usize) -> f64 {
 }
 
 fn escaped(text: &str) -> String {
+    let text = printable::line(text);
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

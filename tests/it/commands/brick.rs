@@ -14,6 +14,7 @@ use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, StopReaso
 use onbrick::sim::EventLayout;
 
 use super::{Done, done, keys, names, onbrick, onbrick_in_time, run, text};
+use crate::foreign::bench::{no_namespaces, unshare};
 use crate::support::real_time::patiently;
 use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
 
@@ -108,6 +109,35 @@ impl Running {
         let recorded = Run::open(&folder.path().join("o/run.mcap")).unwrap();
         (brick, said, recorded)
     }
+}
+
+#[test]
+fn a_second_run_is_refused_whatever_path_leads_to_the_brick() {
+    if no_namespaces() {
+        return;
+    }
+    patiently("a second run through a bind mount", || {
+        let running = Running::start(DRIVE);
+        running.brick.await_driving();
+        let other = running.folder.path().join("other");
+        std::fs::create_dir(&other).unwrap();
+        let second = unshare()
+            .args([
+                "sh",
+                "-c",
+                r#"mount --bind "$1" other && exec "$0" run mission.toml --brick other --out second"#,
+            ])
+            .arg(env!("CARGO_BIN_EXE_onbrick"))
+            .arg(running.brick.root())
+            .current_dir(running.folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&second.stderr);
+        assert_eq!(second.status.code(), Some(3), "{said}");
+        assert!(said.contains("the motors belong to mission straight"), "{said}");
+        kill(running.parent(), Signal::SIGTERM).unwrap();
+        running.finish();
+    });
 }
 
 #[test]

@@ -319,11 +319,18 @@ fn without_power_a_motor_coasts_and_a_sensor_is_silent() {
     for (port, before, after, _) in SENSORS.into_iter().filter(|(port, ..)| *port != Port::In2) {
         inject(&rig, port, "off");
         measure(&rig, port, after);
-        rig.pass_ms(500);
+        rig.pass_ms(150);
         assert_eq!(raw(&rig, port), Ok(before.into()), "{port}");
         let mode = rig.read(port.as_str(), "mode");
         assert_eq!(rig.try_write(port.as_str(), "mode", &mode), Err(Errno::ETIMEDOUT), "{port}");
-        clear(&rig, port);
+        assert_eq!(raw(&rig, port), Ok(before.into()), "{port}: its driver has not missed it yet");
+        rig.pass_ms(60);
+        assert_eq!(raw(&rig, port), Err(Errno::ENXIO), "{port}: nothing for 0.7 s");
+        assert_eq!(rig.try_write(port.as_str(), "mode", &mode), Err(Errno::ENODEV), "{port}");
+        rig.bench.simulation.clear(0, port).unwrap();
+        rig.pass_ms(1000);
+        assert_eq!(raw(&rig, port), Err(Errno::ENXIO), "{port} describes itself");
+        rig.pass_ms(600);
         assert_eq!(raw(&rig, port), Ok(after.into()), "{port}");
         assert_eq!(rig.try_write(port.as_str(), "mode", &mode), Ok(mode.len()), "{port}");
     }

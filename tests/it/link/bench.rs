@@ -12,8 +12,8 @@ use onbrick::link::{
     Client, KeyPair, KnownBrick, KnownBricks, LinkState, Patience, PublicKey, Server, ServerConfig,
 };
 use onbrick::service::protocol::{
-    Answer, Caller, Disk, Done, Fetch, Fetched, Kind, LocalOnly, Missions, Operations, Refusal, Request,
-    RunId, Runs, Started, State, Status, Stopped,
+    Answer, Caller, Disk, Done, Fetch, Fetched, Kind, LocalOnly, Missions, Name, Operations, Refusal,
+    Request, RunId, Runs, Started, State, Status, Stopped,
 };
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
@@ -54,11 +54,18 @@ pub struct Fake {
     /// A mission's list takes so many milliseconds.
     pub slow_ms: AtomicU32,
     pub started: Mutex<Vec<RunId>>,
+    /// The hashes that clients have named.
+    hashes: Mutex<Vec<String>>,
 }
 
 impl Fake {
     pub fn record(&self, run: &str, bytes: Vec<u8>, complete: bool) {
         self.recordings.lock().unwrap().insert(run.to_owned(), Recording { bytes, complete });
+    }
+
+    /// The hashes that clients have named, of what lies on their disks.
+    pub fn told(&self) -> Vec<String> {
+        self.hashes.lock().unwrap().clone()
     }
 
     fn status(&self) -> Status {
@@ -71,6 +78,7 @@ impl Fake {
             run: None,
             last: None,
             battery_v: Some(7.5),
+            simulated: false,
             token: "t".to_owned(),
             link: "ready".to_owned(),
             disk: Disk { used: 0, quota: 0, free: 0 },
@@ -81,6 +89,7 @@ impl Fake {
     }
 
     fn fetch(&self, fetch: &Fetch) -> Result<Answer, Refusal> {
+        self.hashes.lock().unwrap().extend(fetch.sha256.clone());
         let recordings = self.recordings.lock().unwrap();
         let found = recordings.get(fetch.run.as_str());
         let recording =
@@ -209,7 +218,7 @@ pub fn halves(pair: &KeyPair) -> (Vec<u8>, Vec<u8>) {
 pub fn serve(folder: &Path, fake: &Arc<Fake>) -> Server {
     let config = ServerConfig {
         keys: folder.to_owned(),
-        name: "fake".to_owned(),
+        name: Name::new("fake").unwrap(),
         address: "127.0.0.1".to_owned(),
         port: 0,
         pairing_port: 0,
@@ -320,7 +329,7 @@ impl Service {
         Authorised::below(&self.path("keys")).add(&pc.public(), "anna").unwrap();
         let key = KeyPair::load(&self.path("keys")).unwrap().public();
         let brick = KnownBrick { name: self.name.clone(), address: self.address.clone(), key };
-        KnownBricks::load(folder).unwrap().put(&brick).unwrap();
+        KnownBricks::load(folder).unwrap().put(&brick, None).unwrap();
     }
 
     /// The service's process.

@@ -295,3 +295,58 @@ fn a_text_of_a_gigabyte_does_not_come_into_the_services_memory() {
     println!("the service's peak is {peak} kB");
     assert!(peak < 64 << 10, "{peak} kB");
 }
+
+#[test]
+fn a_run_that_is_fetched_twice_at_once_or_has_anothers_name_is_never_spoilt() {
+    patiently("a run that is fetched twice at once", || {
+        let service = Service::new();
+        service.introduce();
+        service.mission("short", SHORT);
+        service.done(&["start", "short", "sim"]);
+        let run = newest(&service);
+        service.done(&["fetch", "sim", "-o", "first"]);
+        let whole = std::fs::read(service.path("out/first").join(format!("{run}.mcap"))).unwrap();
+        let brick = service.path("runs").join(&run).join("run.mcap");
+        assert!(whole == std::fs::read(brick).unwrap(), "not the same bytes");
+        service.says(&["runs", "sim"], "fetched");
+        for round in 0..4 {
+            let folder = format!("both-{round}");
+            let fetch = || {
+                onbrick()
+                    .env("ONBRICK_KEYS", service.path("pc"))
+                    .current_dir(service.path("out"))
+                    .args(["fetch", "sim", "--run", &run, "-o", &folder])
+                    .stdout(Stdio::piped())
+                    .stderr(Stdio::piped())
+                    .spawn()
+                    .unwrap()
+            };
+            let both = [fetch(), fetch()].map(|one| one.wait_with_output().unwrap());
+            let exits = both.each_ref().map(|one| one.status.code());
+            let said = both.each_ref().map(|one| text(&one.stdout) + &text(&one.stderr)).concat();
+            assert!(exits.contains(&Some(0)), "{said}");
+            let is_clear = |exit: &Option<i32>| {
+                *exit == Some(0)
+                    || *exit == Some(3) && said.contains("another fetch") && said.contains("try: ")
+            };
+            assert!(exits.iter().all(is_clear), "{exits:?}: {said}");
+            let came = std::fs::read(service.path("out").join(&folder).join(format!("{run}.mcap"))).unwrap();
+            assert!(came == whole, "round {round}: not the same bytes: {said}");
+        }
+        // Another brick's run of the same name.
+        std::fs::create_dir_all(service.path("out/other")).unwrap();
+        let other = service.path("out/other").join(format!("{run}.mcap"));
+        std::fs::write(&other, "another recording").unwrap();
+        for which in [&["--run", &run][..], &["--all"]] {
+            let output = service.pc(&[&["fetch", "sim", "-o", "other"], which].concat());
+            let said = text(&output.stderr);
+            assert_eq!(output.status.code(), Some(3), "{said}{}", text(&output.stdout));
+            assert!(said.contains("is not this recording") && said.contains("try: -o"), "{said}");
+            assert_eq!(std::fs::read(&other).unwrap(), b"another recording");
+        }
+        // A limit.
+        let output = service.pc(&["fetch", "sim", "--most-mb", "0", "-o", "none"]);
+        let said = text(&output.stderr);
+        assert!(output.status.code() == Some(3) && said.contains("at most 0 are taken"), "{said}");
+    });
+}

@@ -208,3 +208,110 @@ fn a_slow_operation_holds_up_no_stop() {
         assert!(begun.elapsed() < LONG && begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
     });
 }
+
+/// A brick's endless recording: it grows by what is asked for.
+fn endless(bench: &Bench, stop: &std::sync::atomic::AtomicBool) {
+    let mut length = 0;
+    while !stop.load(Ordering::Relaxed) {
+        length += 1 << 20;
+        bench.fake.record("r", vec![7; length], false);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn a_recording_that_never_ends_is_taken_up_to_a_limit_and_no_further() {
+    let bench = Bench::new();
+    let home = home();
+    let over = std::sync::atomic::AtomicBool::new(false);
+    let most = 3 << 20;
+    std::thread::scope(|scope| {
+        scope.spawn(|| endless(&bench, &over));
+        until("it has begun", || bench.fake.recordings.lock().unwrap().contains_key("r").then_some(()));
+        let mut client = bench.client();
+        client.take_at_most(most);
+        let ended = client.fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
+        over.store(true, Ordering::Relaxed);
+        assert!(matches!(ended, ClientError::TooLong { bytes, most: 0x30_0000 } if bytes > most), "{ended}");
+    });
+    assert!(std::fs::metadata(&home.part).unwrap().len() <= most);
+    assert!(!home.file.exists());
+    // One that says so beforehand takes nothing of the disk.
+    std::fs::remove_file(&home.part).unwrap();
+    bench.fake.record("r", vec![7; 4 << 20], true);
+    let mut client = bench.client();
+    client.take_at_most(most);
+    client.fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
+    assert_eq!(std::fs::metadata(&home.part).unwrap().len(), 0);
+    bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap();
+}
+
+#[test]
+fn a_file_of_the_runs_name_is_the_run_only_by_its_hash() {
+    let bench = Bench::new();
+    let home = home();
+    let sent = bytes(300_000, 7);
+    bench.fake.record("r", sent.clone(), true);
+    for other in [bytes(300_000, 8), bytes(10, 8), bytes(500_000, 8), Vec::new()] {
+        std::fs::write(&home.file, &other).unwrap();
+        let refused = bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
+        assert!(matches!(refused, ClientError::OtherRecording { .. }), "{refused}");
+        assert!(std::fs::read(&home.file).unwrap() == other, "it stays as it was");
+    }
+    // The same bytes, but the run goes on: what lies there is of another one.
+    bench.fake.record("r", sent.clone(), false);
+    std::fs::write(&home.file, &sent).unwrap();
+    let refused = bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
+    assert!(matches!(refused, ClientError::OtherRecording { .. }), "{refused}");
+    bench.fake.record("r", sent.clone(), true);
+    let there = bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap();
+    assert!(there.was_there && there.is_whole(), "{there:?}");
+    assert!(!home.part.exists());
+}
+
+#[test]
+fn two_that_fetch_the_same_run_at_once_never_write_one_file() {
+    let bench = Bench::new();
+    let sent = bytes(20 << 20, 9);
+    bench.fake.record("r", sent.clone(), true);
+    for round in 0..4 {
+        let home = home();
+        let ended: Vec<Result<bool, ClientError>> = std::thread::scope(|scope| {
+            let fetch = || {
+                let fetched = bench.client().fetch(&run("r"), &home.file, &mut |_| {});
+                // Whatever has its final name is whole, at any time.
+                assert!(!home.file.exists() || std::fs::read(&home.file).unwrap() == sent, "round {round}");
+                fetched.map(|progress| progress.was_there)
+            };
+            let both: Vec<_> = (0..3).map(|_| scope.spawn(fetch)).collect();
+            both.into_iter().map(|one| one.join().unwrap()).collect()
+        });
+        assert!(std::fs::read(&home.file).unwrap() == sent, "round {round}: not the same bytes");
+        let brought = ended.iter().filter(|one| matches!(one, Ok(false))).count();
+        assert_eq!(brought, 1, "round {round}: {ended:?}");
+        let is_clear =
+            |one: &Result<bool, ClientError>| matches!(one, Ok(_) | Err(ClientError::Taken { .. }));
+        assert!(ended.iter().all(is_clear), "round {round}: {ended:?}");
+        assert!(!home.part.exists());
+    }
+}
+
+#[test]
+fn a_run_counts_as_fetched_once_its_hash_on_this_disk_was_told() {
+    let bench = Bench::new();
+    let home = home();
+    let sent = bytes(100_000, 10);
+    bench.fake.record("r", sent, true);
+    bench.client().fetch(&run("r"), &home.file, &mut |_| assert!(bench.fake.told().is_empty())).unwrap();
+    let hash = onbrick_hash(&std::fs::read(&home.file).unwrap());
+    assert_eq!(bench.fake.told(), [hash.clone()]);
+    // A file that was spoilt on its way to the disk is nothing that the brick may forget about.
+    std::fs::write(&home.file, b"spoilt").unwrap();
+    bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
+    assert!(!bench.fake.told()[1..].contains(&hash));
+}
+
+fn onbrick_hash(bytes: &[u8]) -> String {
+    use sha2::Digest as _;
+    sha2::Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}

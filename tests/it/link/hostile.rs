@@ -233,7 +233,7 @@ fn connections_to(port: u16) -> usize {
 }
 
 /// A way to a brick that carries 64 KiB in five milliseconds, and no more.
-fn slow_way(to: String) -> SocketAddr {
+pub fn slow_way(to: String) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     std::thread::spawn(move || {

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use onbrick::link::client::Silence;
 use onbrick::link::pairing::pair;
 use onbrick::link::{ClientError, KeyPair, Patience};
-use onbrick::service::protocol::{Caller, Chosen, Kind, Pairing};
+use onbrick::service::protocol::{Caller, Chosen, Kind, Name, Pairing};
 
 use super::bench::{Bench, client_at, onbrick, serve, text, until};
 use crate::support::pass_over;
@@ -65,7 +65,7 @@ fn a_key_that_begins_with_a_hyphen_is_an_argument_like_any_other() {
         let public = format!("-{sign}]NE6H!s]g>!v&*Q@q{{DZ:B:6]9wV:)vVC.Dxz0");
         key(&["key", "authorise", &public, "--name", "anna"]);
         key(&["key", "revoke", &public]);
-        key(&["key", "know", "brick", "127.0.0.1", &public]);
+        key(&["key", "know", "brick", "127.0.0.1", &public, "--replace"]);
     }
 }
 
@@ -95,11 +95,11 @@ fn a_key_that_is_revoked_is_refused_on_the_connection_that_it_has() {
     let refused = client.stop(None).unwrap_err();
     assert!(matches!(refused, ClientError::NotAuthorised { .. }), "{refused}");
     assert!(matches!(bench.client().status(), Err(ClientError::NotAuthorised { .. })), "nor on a new one");
-    bench.authorised().add(&bench.pc.public(), "pc again").unwrap();
+    bench.authorised().add(&bench.pc.public(), "pc-again").unwrap();
     client.status().unwrap();
     let asked = bench.fake.asked.lock().unwrap();
     assert_eq!(asked.len(), 2, "{asked:?}");
-    assert_eq!(asked[1].1, Caller::Key("pc again".to_owned()));
+    assert_eq!(asked[1].1, Caller::Key("pc-again".to_owned()));
 }
 
 #[test]
@@ -127,12 +127,16 @@ fn a_start_with_an_old_token_is_tried_with_a_fresh_one_and_drives_once() {
     assert_eq!(*bench.fake.started.lock().unwrap(), [started.run]);
 }
 
+fn name(text: &str) -> Name {
+    Name::new(text).unwrap()
+}
+
 #[test]
 fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
     let bench = Bench::new();
     let anna = KeyPair::generate().unwrap();
     let at = |port: u16| format!("127.0.0.1:{port}");
-    let closed = pair(&at(1), &anna, "anna", Patience::new(1.0), &mut |_, _| true).unwrap_err();
+    let closed = pair(&at(1), &anna, &name("anna"), Patience::new(1.0), &mut |_, _| true).unwrap_err();
     assert!(matches!(closed, ClientError::NoAnswer { .. }), "{closed}");
 
     let desk = bench.server.desk();
@@ -153,9 +157,9 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
             code
         });
         let mut seen = String::new();
-        let introduced = pair(&at(port), &anna, "anna", Patience::new(60.0), &mut |brick, code| {
+        let introduced = pair(&at(port), &anna, &name("anna"), Patience::new(60.0), &mut |brick, code| {
             seen = code.to_owned();
-            brick == "fake"
+            brick.name.as_str() == "fake"
         });
         assert_eq!(person.join().unwrap(), (seen, "anna".to_owned()));
         introduced.unwrap()
@@ -168,11 +172,11 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
     desk.open(0);
     let port = opened(60);
     let refused = until("the window takes a PC again", || {
-        match pair(&at(port), &eve, "eve", Patience::new(10.0), &mut |_, _| false).unwrap_err() {
+        match pair(&at(port), &eve, &name("eve"), Patience::new(10.0), &mut |_, _| false).unwrap_err() {
             ClientError::Refused(refusal) if refusal.kind == Kind::NotAuthorised => Some(refusal),
             _ => None,
         }
     });
-    assert!(refused.message.contains("not the same"), "{refused}");
+    assert!(refused.message.contains("you said no"), "{refused}");
     assert!(matches!(bench.client_of(&eve).status(), Err(ClientError::NotAuthorised { .. })));
 }

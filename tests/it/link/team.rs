@@ -271,7 +271,7 @@ fn a_team_of_which_one_is_not_ready_does_not_start_at_all_and_says_why() {
     Authorised::below(&shut.path("keys")).remove("anna").unwrap();
     let key = KeyPair::generate().unwrap().public();
     let gone = KnownBrick { name: "gone".to_owned(), address: "127.0.0.1:1".to_owned(), key };
-    KnownBricks::load(&team.keys()).unwrap().put(&gone).unwrap();
+    KnownBricks::load(&team.keys()).unwrap().put(&gone, None).unwrap();
     until("the robot is looked at", || team.last("robot").contains("fault").then_some(()));
 
     team.write("short", &poses);

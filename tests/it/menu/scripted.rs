@@ -105,6 +105,7 @@ impl Default for Scripted {
             run: None,
             last: None,
             battery_v: Some(7.9),
+            simulated: false,
             token: String::new(),
             link: "ready".to_owned(),
             disk: Disk { used: 12 << 20, quota: 512 << 20, free: 4 << 30 },
@@ -354,7 +355,7 @@ impl Operations for Scripted {
             LocalOnly::PairingAnswer { same } => {
                 world.done.push(format!("the codes are the same: {same}"));
                 world.pairing = if *same {
-                    Pairing::Paired { name: "Anna's laptop".to_owned() }
+                    Pairing::Paired { name: "annas-laptop".to_owned() }
                 } else {
                     Pairing::Failed { why: "the codes are not the same".to_owned() }
                 };

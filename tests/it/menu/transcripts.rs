@@ -112,7 +112,7 @@ fn sessions_at_the_brick_go_as_they_were_written_down() {
         .keys("e")
         .happens("a PC asks", |bench| {
             bench.service.world().pairing =
-                Pairing::Compare { code: "482 915".to_owned(), name: "Anna's laptop".to_owned() };
+                Pairing::Compare { code: "482 915".to_owned(), name: "annas-laptop".to_owned() };
         })
         .keys("dee")
         .end(&mut text);

@@ -2,7 +2,7 @@
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use onbrick::runtime::recording::{Run, writer};
+use onbrick::runtime::recording::{Run, Status, writer};
 use onbrick::service::protocol::{State, Stopped};
 
 use super::{Served, id, start};
@@ -47,14 +47,28 @@ fn a_run_that_goes_on() {
     assert_eq!(writer(&file).unwrap(), Some(driver), "the same process drives on");
     let status = served.status();
     assert_eq!((status.state, status.run.unwrap().run), (State::Running, run.clone()));
+    // How it goes is read from its recording, second by second.
+    let mut seen = Vec::new();
+    await_that("it tells how it goes, twice", || {
+        let progress = served.status().run.and_then(|run| run.progress);
+        seen.extend(progress.filter(|now| seen.last().is_none_or(|last: &Status| last.tick < now.tick)));
+        seen.len() >= 2
+    });
+    let now = seen.last().unwrap();
+    assert!(
+        now.elapsed_ns > 0 && now.travelled_m > seen[0].travelled_m && now.battery_v.is_some(),
+        "{now:?}"
+    );
+    assert!(now.states.iter().any(|(machine, state)| machine == "drive" && !state.is_empty()), "{now:?}");
     let other = served.own_refused(&onbrick::service::protocol::LocalOnly::StartHere(start("b", "short")));
     super::refused_as(&other, onbrick::service::protocol::Kind::Busy, run.as_str());
     assert_eq!(served.stop(), Stopped { run: Some(run.clone()), stopped: true });
     assert_eq!(writer(&file).unwrap(), None);
     await_that("its end is noted", || served.status().run.is_none());
     let last = served.status().last.unwrap();
-    assert_eq!((last.word.as_str(), last.wanted, last.run.as_ref()), ("signal", true, Some(&run)));
+    assert_eq!((last.word.as_str(), last.wanted, last.run.as_ref()), ("here", true, Some(&run)));
     assert!(served.runs()[0].end.is_some());
+    assert_eq!(Run::open(&file).unwrap().ending.unwrap().reason, "stopped on the brick");
 }
 
 #[test]

@@ -83,7 +83,7 @@ fn a_configuration_that_is_wrong_is_refused_with_its_place() {
     refused("[socket]\ngroup = \"nobody-has-this-group\"", 1, "nobody-has-this-group");
     refused("runs = \"onbrick.toml\"\n[socket]\npath = \"missions\"", 1, "missions");
     let folder = folder("");
-    run(folder.path(), &["serve", "--sim", "arena", "--config", "nowhere"]).expect(3);
+    run(folder.path(), &["serve", "--sim", "arena", "--config", "onbrick.toml/nowhere"]).expect(3);
     run(folder.path(), &["serve", "--sim", "arnea", "--config", "."]).expect(3);
 }
 

@@ -5,9 +5,12 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixDatagram, UnixStream};
 use std::time::Duration;
 
+use onbrick::runtime::recording::Run;
+use onbrick::service::client::Client;
 use onbrick::service::protocol::{Kind, MAX_REQUEST_BYTES, Outcome, Reply, Request, State, Status};
 
 use super::{Served, folder};
+use crate::support::real_time::patiently;
 use crate::support::turning_brick::await_that;
 
 fn connect(served: &Served) -> UnixStream {
@@ -44,12 +47,32 @@ fn a_hundred_clients_are_answered_whatever_a_slow_and_a_silent_one_do() {
         for at in 0..100 {
             let socket = &socket;
             scope.spawn(move || {
-                let mut client = onbrick::service::client::Client::at(socket);
+                let mut client = Client::at(socket);
                 for _ in 0..5 {
                     let status: Status = client.ask(&Request::Status, Duration::from_secs(30)).unwrap();
                     assert_eq!(status.state, State::Ready, "client {at}");
                 }
             });
+        }
+    });
+}
+
+#[test]
+fn a_stop_says_whether_it_was_the_menus_or_a_programs() {
+    patiently("a stop of the menu's", || {
+        for (is_menu, who) in [(true, "stopped on the brick (menu)"), (false, "stopped on the brick (here)")]
+        {
+            let mut served = Served::simulated("");
+            if is_menu {
+                served.client = Client::of_menu_at(served.path("socket"));
+            }
+            let run = served.drive("straight");
+            assert_eq!(served.status().run.unwrap().by, if is_menu { "menu" } else { "here" });
+            served.stop();
+            let last = served.await_state(State::Stopped).last.unwrap();
+            assert_eq!((last.word.as_str(), last.wanted, last.reason.as_str()), ("here", true, who));
+            let recorded = Run::open(&served.path("runs").join(run.as_str()).join("run.mcap")).unwrap();
+            assert_eq!(recorded.ending.unwrap().reason, "stopped on the brick");
         }
     });
 }

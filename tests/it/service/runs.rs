@@ -22,7 +22,7 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     refused_as(&served.own_refused(&LocalOnly::Live), Kind::Busy, run.as_str());
     refused_as(&served.own_refused(&LocalOnly::Delete { run: run.clone() }), Kind::Busy, "going on");
     // A part of it, while it grows.
-    let early = Fetch { run: run.clone(), offset: 0, length: 8 };
+    let early = Fetch::part(&run, 0, 8);
     let (early, bytes) = served.client.fetch(&early, Duration::from_secs(5)).unwrap();
     assert!(!early.complete && early.sha256.is_none() && bytes == b"\x89MCAP0\r\n", "{early:?} {bytes:?}");
 
@@ -34,7 +34,7 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     assert!(took < Duration::from_secs(2), "the motors are told at the next tick: {took:?}");
     let status = served.await_state(State::Stopped);
     let last = status.last.unwrap();
-    assert_eq!((last.word.as_str(), last.wanted, last.run), ("remote", true, Some(run.clone())));
+    assert_eq!((last.word.as_str(), last.wanted, last.run), ("here", true, Some(run.clone())));
     assert!(last.reason.ends_with("(here)"), "it says who: {}", last.reason);
 
     let (bytes, hash) = served.fetch_all(&run);
@@ -46,7 +46,7 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
         "the hash is the one that others compute"
     );
     let recorded = Run::open(&file).unwrap();
-    assert_eq!(recorded.ending.unwrap().reason, "stopped over the network");
+    assert_eq!(recorded.ending.unwrap().reason, "stopped on the brick");
     let info = served.runs().into_iter().find(|info| info.run == run).unwrap();
     assert!(info.fetched && !info.going_on && info.bytes == bytes.len() as u64, "{info:?}");
     assert_eq!(served.stop(), Stopped { run: None, stopped: true }, "nothing runs");
@@ -116,7 +116,7 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     here(Start { pose: Some([1e9, 0.0, 0.0]), ..start("a", "short") }, Kind::BadRequest, "pose");
 
     refused_as(&served.refused(&Request::Stop { run: Some(id("a")) }), Kind::UnknownRun, "`a`");
-    let fetch = Request::Fetch(Fetch { run: id("a"), offset: 0, length: 1 });
+    let fetch = Request::Fetch(Fetch::part(&id("a"), 0, 1));
     refused_as(&served.refused(&fetch), Kind::UnknownRun, "`a`");
     refused_as(&served.own_refused(&LocalOnly::Delete { run: id("a") }), Kind::UnknownRun, "`a`");
     let status = served.status();

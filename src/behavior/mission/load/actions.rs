@@ -12,6 +12,7 @@ use crate::behavior::mission::DrivePlan;
 use crate::behavior::signals::Role;
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
+use crate::printable::is_printable;
 
 /// What can be asked on entry and on exit.
 const SIGNS: [&str; 3] = ["led", "tone_hz", "say"];
@@ -159,7 +160,7 @@ impl<'d> Reader<'_, 'd, '_> {
 /// A line for the screen.
 fn line(item: &Item<'_>) -> Option<ArrayString<SAY_BYTES>> {
     let text = item.text()?;
-    if text.chars().any(char::is_control) {
+    if !text.chars().all(is_printable) {
         item.error(format!("`{}` must be one line", item.path())).hint("a later state can say more");
         return None;
     }

@@ -317,7 +317,7 @@ impl Trouble {
                 send(control, Signal::SIGSTOP);
                 send(starter, Signal::SIGTERM);
             }
-            Self::Spinning => send(control, Signal::SIGUSR1),
+            Self::Spinning => send(control, Signal::SIGVTALRM),
             Self::GuardKilled => send(guard.unwrap(), Signal::SIGKILL),
             Self::AllKilled => {
                 for process in [starter, guard.unwrap()] {
@@ -328,7 +328,7 @@ impl Trouble {
                 }
             }
             Self::StarterKilled | Self::ServiceKilled => send(starter, Signal::SIGKILL),
-            Self::OutOfMemory | Self::Panic(_) => send(control, Signal::SIGUSR2),
+            Self::OutOfMemory | Self::Panic(_) => send(control, Signal::SIGPROF),
         }
     }
 

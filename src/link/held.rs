@@ -8,7 +8,7 @@
     reason = "nothing of std, nix or rustix duplicates a descriptor that is only known by its number, or takes a TCP_INFO of any length"
 )]
 
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::os::fd::{AsRawFd as _, BorrowedFd, OwnedFd, RawFd};
 
 use nix::libc;
@@ -16,7 +16,7 @@ use nix::sys::socket::{
     Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername, getsockname, shutdown,
 };
 
-/// A connection to one of our ports.
+/// A connection: to one of our ports, or of ours to somebody else's.
 #[derive(Debug)]
 pub(super) struct Held {
     own: OwnedFd,
@@ -24,17 +24,26 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// `None` where the number is nobody's by now, or not that of a connection to this port.
+    /// One to this port of ours; `None` where the number is nobody's by now, or that of something else.
     pub(super) fn of(descriptor: RawFd, port: u16) -> Option<Self> {
+        Self::where_it_is(descriptor, |own, _| own.1 == port)
+    }
+
+    /// One of ours to this address; `None` where the number is nobody's by now, or that of something else.
+    pub(super) fn to(descriptor: RawFd, far: SocketAddr) -> Option<Self> {
+        Self::where_it_is(descriptor, |_, peer| peer == (far.ip().to_canonical(), far.port()))
+    }
+
+    fn where_it_is(descriptor: RawFd, is_it: impl Fn((IpAddr, u16), (IpAddr, u16)) -> bool) -> Option<Self> {
         if descriptor < 0 {
             return None;
         }
         // SAFETY: the number is not -1, and all that is done with it is one fcntl(F_DUPFD_CLOEXEC). Should libzmq have closed it, that fails with
         // EBADF, or duplicates what the number means now, and the duplicate is closed again without being read, written or shut.
         let own = unsafe { BorrowedFd::borrow_raw(descriptor) }.try_clone_to_owned().ok()?;
-        let peer = address(&getpeername(own.as_raw_fd()).ok()?)?.0;
-        let (_, own_port) = address(&getsockname(own.as_raw_fd()).ok()?)?;
-        (own_port == port).then_some(Self { own, peer })
+        let peer = address(&getpeername(own.as_raw_fd()).ok()?)?;
+        let here = address(&getsockname(own.as_raw_fd()).ok()?)?;
+        is_it(here, peer).then_some(Self { own, peer: peer.0 })
     }
 
     /// Who is at the other end.
@@ -97,6 +106,9 @@ mod tests {
         // QEMU does not know this option where it stands for the kernel.
         let uncounted = cfg!(target_arch = "arm") && held.received().is_none();
         assert!(uncounted || held.received() == Some(12_345), "{:?}", held.received());
+        let ours = Held::to(near.as_raw_fd(), address).unwrap();
+        assert_eq!((ours.peer(), ours.received().unwrap_or(0)), (address.ip(), 0));
+        assert!(Held::to(far.as_raw_fd(), address).is_none(), "that is the other end");
         held.shut();
         assert_eq!(near.read(&mut [0]).unwrap(), 0);
         // The listener, the other end, a file, and numbers of nobody are none of ours.
