@@ -258,7 +258,7 @@ fn a_file_of_the_runs_name_is_the_run_only_by_its_hash() {
         assert!(matches!(refused, ClientError::OtherRecording { .. }), "{refused}");
         assert!(std::fs::read(&home.file).unwrap() == other, "it stays as it was");
     }
-    // The same bytes, but the run goes on: what lies there is of another one.
+    // The same bytes, but the run is not over: what lies there is of another one.
     bench.fake.record("r", sent.clone(), false);
     std::fs::write(&home.file, &sent).unwrap();
     let refused = bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
