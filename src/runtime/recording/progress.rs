@@ -74,7 +74,7 @@ impl Heard {
         let status = &mut self.status;
         match found {
             Found::Attachment { name, data, .. } if name == names::MISSION => {
-                let (mission, _) = Mission::parse(&name, &data, &Capabilities::all()).ok()?;
+                let (mission, _) = Mission::parse(&name, data, &Capabilities::all()).ok()?;
                 status.states =
                     crate::runtime::names::machines(&mission).iter().map(Status::begins).collect();
             }

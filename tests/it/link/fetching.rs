@@ -304,7 +304,7 @@ fn a_run_counts_as_fetched_once_its_hash_on_this_disk_was_told() {
     bench.fake.record("r", sent, true);
     bench.client().fetch(&run("r"), &home.file, &mut |_| assert!(bench.fake.told().is_empty())).unwrap();
     let hash = onbrick_hash(&std::fs::read(&home.file).unwrap());
-    assert_eq!(bench.fake.told(), [hash.clone()]);
+    assert_eq!(bench.fake.told(), std::slice::from_ref(&hash));
     // A file that was spoilt on its way to the disk is nothing that the brick may forget about.
     std::fs::write(&home.file, b"spoilt").unwrap();
     bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
