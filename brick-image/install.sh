@@ -154,14 +154,16 @@ fi
 # This PC's key into the brick, and the brick's into this PC's list; what is shown by both sides over ssh needs no comparing of codes.
 key_in() { sed -n 's/.*"key":"\([^"]*\)".*/\1/p' | grep .; }
 introduce() {
-  local ours theirs
+  local ours theirs this_pc
+  # In the alphabet of names.
+  this_pc=$(printf %s "$(id -un)-$(hostname)" | tr -c 'A-Za-z0-9._-' - | sed 's/^[^A-Za-z0-9]*//' | cut -c1-64)
   "$onbrick" key show >/dev/null 2>&1 || "$onbrick" key new >/dev/null || return 1
   ours=$("$onbrick" --json key show | key_in) || return 1
   as_root "
     set -e
     cd /
     key() { runuser -u onbrick -- onbrick --json key --keys /etc/onbrick/keys \"\$@\"; }
-    key authorise $(quoted "$ours") --name $(quoted "$(id -un)@$(hostname)") >/dev/null
+    key authorise $(quoted "$ours") --name $(quoted "${this_pc:-PC}") >/dev/null
     # The service, which has just started, may make the brick's key at the same moment.
     key show 2>/dev/null || key new 2>/dev/null || key show" >"$work/theirs" || return 1
   theirs=$(key_in <"$work/theirs")

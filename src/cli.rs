@@ -152,8 +152,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
-            // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage 2. An argument may be
-            // a file's name that the shell found.
+            // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage
+            // 2. An argument may be a file's name that the shell found.
             let text = error.render().to_string();
             let text = output::safe(&text);
             let _ = match error.use_stderr() {
@@ -227,8 +227,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// The longest record of the log, characters.
 const LONGEST_RECORD: usize = 20_000;
 
-/// A record of the log as a person reads it: the same form as a failure's. Its further lines, such as those of a
-/// finding, begin with a space: nothing that a text brings along looks like a record of its own.
+/// A record of the log as a person reads it: the same form as a failure's. Its further lines, such
+/// as those of a finding, begin with a space: nothing that a text brings along looks like a record
+/// of its own.
 fn said(out: &mut env_logger::fmt::Formatter, record: &log::Record<'_>) -> std::io::Result<()> {
     let text = record.args().to_string();
     let prefix = match record.level() {

@@ -20,8 +20,9 @@
 //!
 //! # The protocol, version 1
 //!
-//! This section is all that a client in another language needs, and the one of [`pairing`] what it needs to be let in: `tests/python/link_client.py`
-//! and `link_pair.py` are clients with pyzmq, and use nothing else.
+//! This section is all that a client in another language needs, and the one of [`pairing`] what it
+//! needs to be let in: `tests/python/link_client.py` and `link_pair.py` are clients with pyzmq, and
+//! use nothing else.
 //!
 //! **Transport.** A brick binds one ROUTER socket at TCP port 5670 (ZMTP 3, [rfc 23](https://rfc.zeromq.org/spec/23/)) with the mechanism CURVE
 //! ([rfc 25](https://rfc.zeromq.org/spec/25/)). There is no plaintext mode. A client sets the brick's public key as the server key, and its own pair; the
@@ -29,9 +30,11 @@
 //! monitor). A wrong server key just ends the connection during the handshake. Keys are written in Z85, 40 signs.
 //!
 //! **Requests** are one frame of JSON, at most 512 KiB: an object with `version` (1), `id` (a number from 0 to 2⁶⁴ − 1, or a text of at most 64
-//! bytes; the client's own), `op`, and the operation's fields beside them. Fields that are not known are ignored. A key that stands there twice is refused. A longer frame ends the
-//! connection. So does a message of frames without end: ten times a second it is counted what has come of an address, and at more than 2 MiB that are no
-//! request yet all connections of that address are shut.
+//! bytes; the client's own), `op`, and the operation's fields beside them. Fields that are not
+//! known are ignored. A key that stands there twice is refused. A longer frame ends the connection.
+//! So does a message of frames without end: ten times a second it is counted what has come of an
+//! address, and at more than 2 MiB that are no request yet all connections of that address are
+//! shut.
 //!
 //! **Replies** are one frame of JSON, and for `fetch` a second one of bytes. The object has the request's `id`, or `null` where that could not be read, and either `ok`
 //! with the operation's answer, or `error` with `kind` (for programs), `message` (for people) and `hint` (the way out, or `null`). Fields that a client does not know
@@ -66,9 +69,10 @@
 //! time. A second socket at port 5671 is bound while the pairing window is open; what is said there is in [`pairing`].
 //!
 //! **Fetching.** A recording only grows: ask from the offset that you have, keep what comes, and go on until `complete` and `total` bytes are there; then the SHA-256 of
-//! all must be the one that the brick names (64 lower-case digits of hexadecimal). A last `fetch` from `total` on, of `length` 0, with the `sha256` of what lies on your
-//! disk tells the brick that it is there: a run that is fetched goes first where the brick needs room. Runs are named freely, so a run's name does not tell whose it
-//! is: its hash does.
+//! all must be the one that the brick names (64 lower-case digits of hexadecimal). A last `fetch`
+//! from `total` on, of `length` 0, with the `sha256` of what lies on your disk tells the brick that
+//! it is there: a run that is fetched goes first where the brick needs room. Runs are named freely,
+//! so a run's name does not tell whose it is: its hash does.
 //!
 //! # In a program of your own
 //!

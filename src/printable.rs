@@ -1,9 +1,9 @@
 //! Texts of others, made fit to be shown: on a terminal, in a log, on a page.
 //!
-//! A text that comes from a peer, a file, a recording or a device may hold characters that a terminal obeys
-//! instead of showing them, that turn the order of the others round, or that end a line and begin a forged one.
-//! Every such text passes [`shown`] before a person sees it: what cannot be printed is written as an escape
-//! (`\u{1b}`), and what is too long is cut.
+//! A text that comes from a peer, a file, a recording or a device may hold characters that a
+//! terminal obeys instead of showing them, that turn the order of the others round, or that end a
+//! line and begin a forged one. Every such text passes [`shown`] before a person sees it: what
+//! cannot be printed is written as an escape (`\u{1b}`), and what is too long is cut.
 //!
 //! | where it passes | as |
 //! |---|---|
@@ -14,9 +14,10 @@
 //!
 //! # Not here
 //!
-//! Names that people compare have an alphabet of their own ([`Name`](crate::service::protocol::Name), feature
-//! `cli`): letters that look alike are a matter of alphabets, not of what can be printed. HTML and TOML have
-//! their own escapes, where they are written.
+//! Names that people compare have an alphabet of their own
+//! ([`Name`](crate::service::protocol::Name), feature `cli`): letters that look alike are a matter
+//! of alphabets, not of what can be printed. HTML and TOML have their own escapes, where they are
+//! written.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -36,8 +37,8 @@ pub const LONGEST_LINE: usize = 1000;
 /// The longest text of others that has lines of its own, characters: some dozen findings.
 pub const LONGEST_LINES: usize = 20_000;
 
-/// A text as it may be shown: at most `most` characters, each of which can be printed, or belongs to the escape of one
-/// that cannot. A text that is cut ends with `…`.
+/// A text as it may be shown: at most `most` characters, each of which can be printed, or belongs
+/// to the escape of one that cannot. A text that is cut ends with `…`.
 ///
 /// It changes nothing in a text that has passed already, as long as `most` is not smaller.
 #[must_use]
@@ -83,7 +84,8 @@ pub fn lines(text: &str) -> Cow<'_, str> {
     shown(text, Layout::Lines, LONGEST_LINES)
 }
 
-/// A JSON text as it may be shown: the same value, with what cannot be printed in JSON's own escapes.
+/// A JSON text as it may be shown: the same value, with what cannot be printed in JSON's own
+/// escapes.
 #[must_use]
 pub fn json(text: &str) -> Cow<'_, str> {
     let stays = |letter: char| is_printable(letter) || letter == '\n';
@@ -103,13 +105,14 @@ pub fn json(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Letters without a shape, which the table of what can be printed takes for letters: names with and without them
-/// look alike.
+/// Letters without a shape, which the table of what can be printed takes for letters: names with
+/// and without them look alike.
 const BLANK: [char; 8] =
     ['\u{34f}', '\u{115f}', '\u{1160}', '\u{17b4}', '\u{17b5}', '\u{2800}', '\u{3164}', '\u{ffa0}'];
 
-/// True for a character that a terminal shows as it is: none that controls it (C0, C1), changes the order or the
-/// shape of others (Unicode's Cf: bidi, zero width), ends a line, or is no character at all.
+/// True for a character that a terminal shows as it is: none that controls it (C0, C1), changes the
+/// order or the shape of others (Unicode's Cf: bidi, zero width), ends a line, or is no character
+/// at all.
 #[must_use]
 pub fn is_printable(letter: char) -> bool {
     if letter.is_ascii() {
@@ -122,8 +125,8 @@ pub fn is_printable(letter: char) -> bool {
     letter.is_whitespace() || is_in_table(letter)
 }
 
-/// What std's own table says, which has no door but this: `escape_debug` leaves alone what can be printed. A mark
-/// is one behind the letter that it belongs to, so it is asked for behind one.
+/// What std's own table says, which has no door but this: `escape_debug` leaves alone what can be
+/// printed. A mark is one behind the letter that it belongs to, so it is asked for behind one.
 fn is_in_table(letter: char) -> bool {
     let mut bytes = [b'a'; 5];
     let [_, rest @ ..] = &mut bytes;

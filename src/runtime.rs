@@ -258,7 +258,7 @@ pub enum StopReason {
     Button,
     /// Somebody asked for it over the network.
     Remote,
-    /// Somebody asked for it on the brick: in its menu, or a program there.
+    /// A person in the brick's menu, or a program on the brick, asked for it.
     Here,
     /// The menu on the brick is gone, and runs were to end with it.
     MenuClosed,

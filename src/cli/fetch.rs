@@ -19,7 +19,8 @@ use crate::service::protocol::RunId;
 ///   onbrick fetch ev3-blue --follow        and watch the map grow in a browser
 ///   onbrick fetch ev3-blue --all -o maps   every run that is not in maps yet
 ///
-/// A file that is there already is compared with the brick's hash; one that is another recording is left alone.
+/// A file that is there already is compared with the brick's hash; one that is another recording is
+/// left alone.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -33,7 +34,7 @@ pub(super) struct Arguments {
     all: bool,
     #[command(flatten)]
     out: Out,
-    /// Take at most so many megabytes of a brick.
+    /// Take at most this many megabytes of a brick.
     #[arg(long, value_name = "MB", default_value_t = MOST_BYTES >> 20)]
     most_mb: u64,
     /// Show the map as it grows: a page for a browser on this machine, and a line with how it goes.
@@ -82,7 +83,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         let mut brought = Vec::new();
         for run in runs(client, arguments)? {
             let one = match bring(client, &run, &arguments.out.out, left, &mut |_| {}) {
-                // It stands in nobody else's way.
+                // The other runs come home all the same.
                 Err(error @ (ClientError::OtherRecording { .. } | ClientError::Taken { .. })) => {
                     Err(failure(brick, &error))
                 }

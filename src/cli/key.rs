@@ -206,7 +206,7 @@ pub(super) fn failure(error: &KeyError) -> Failure {
             refused.hint(AS_THE_SERVICE)
         }
         KeyError::AnotherKey { .. } => refused.hint(
-            "--replace, if it was set up anew; or give one of the two another name: `name` in its onbrick.toml",
+            "--replace, if it was set up again; or give one of the two another name: `name` in its onbrick.toml",
         ),
         KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
         _ => refused,

@@ -3,7 +3,8 @@
 use super::remote::{Bricks, Unnamed, conclude};
 use super::{Failure, Output};
 
-/// List the missions of bricks, a line each; with -v also what keeps any of them from being started.
+/// List the missions of bricks, a line each; with -v also what keeps any of them from being
+/// started.
 ///
 /// Examples:
 ///   onbrick missions ev3-blue

@@ -91,7 +91,7 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
         }
         let Some(other) = known.another(&brick.name, &brick.key) else { return true };
         terminal.say(&format!(
-            "{} is known already, at {}, with another key: {}\nthis one has the key {}: it was set up anew, or it is \
+            "{} is known already, at {}, with another key: {}\nthis one has the key {}: it was set up again, or it is \
              another brick of this name",
             other.name,
             other.address,
@@ -180,8 +180,8 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     }
 }
 
-/// The code stands alone in its line, and before any word of the other side's: nothing that it says can stand for a
-/// code, or hide this one.
+/// The code stands alone in its line, and before any word of the other side's: nothing that it says
+/// can stand for a code, or hide this one.
 fn show_code(terminal: &mut Terminal, code: &str, who: &str) {
     terminal.say("the code is");
     terminal.say(&format!("  {code}"));

@@ -18,14 +18,15 @@ use crate::link::{KnownBrick, KnownBricks, key_folder};
 /// Put missions onto a brick, over ssh.
 ///
 /// Each is checked first, and nothing is sent if one is broken. They go into the folder `missions` of the user robot, where
-/// the menu and `onbrick missions` find them. A brick that is known here by name is found at its address; every other host
-/// that ssh takes is fine: user@host, ssh://user@host:port.
+/// the menu and `onbrick missions` find them. A brick that is known here by name is found at its
+/// address; every other host that ssh takes is fine: user@host, ssh://user@host:port.
 ///
 /// Example: onbrick push red.local my-mission.toml
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The brick: the name under which it is known here, or as ssh knows it; without a user it is robot.
+    /// The brick: the name under which it is known here, or as ssh knows it; without a user it is
+    /// robot.
     #[arg(value_parser = host)]
     host: String,
     /// Mission files.

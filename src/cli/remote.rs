@@ -30,7 +30,8 @@ pub(super) struct Bricks {
 /// How bricks are asked.
 #[derive(Debug, Args)]
 pub(super) struct How {
-    /// Seconds to wait for an answer: 10 where it is not said, 2 for a list of bricks or of their missions.
+    /// Seconds to wait for an answer: 10 where it is not said, 2 for a list of bricks or of their
+    /// missions.
     #[arg(long, value_parser = patience, value_name = "SECONDS")]
     timeout: Option<f64>,
     #[command(flatten)]
@@ -68,11 +69,11 @@ pub(super) struct Asking {
 /// One brick's answer.
 pub(super) type Answer<T> = (KnownBrick, Result<T, Failure>);
 
-/// How long a brick that is not there may cost a list, seconds.
+/// How long an absent brick may hold up a list, seconds.
 const LISTING_S: f64 = 2.0;
 
 impl Bricks {
-    /// Finds out who is meant for a list, in which one that is not there costs little.
+    /// Finds out who is meant for a list, which an absent brick holds up little.
     pub(super) fn listing(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
         let asking = self.asking(unnamed)?;
         Ok(Asking { timeout_s: self.how.timeout.unwrap_or(LISTING_S), ..asking })

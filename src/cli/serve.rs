@@ -25,7 +25,8 @@ use crate::service::{Config, Door, Place, Service};
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The folder of onbrick.toml, made where there is none; without it /etc/onbrick, and a folder of your own with --sim or
+    /// The folder of onbrick.toml, made where there is none; without it /etc/onbrick, and a folder
+    /// of your own with --sim or
     /// --brick.
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
@@ -120,7 +121,8 @@ fn tell_systemd(state: sd_notify::NotifyState<'_>) {
     }
 }
 
-/// The folder of the configuration: the brick's, or one that was named or is the user's own, which is made.
+/// The folder of the configuration: the brick's, or one that was named or is the user's own, which
+/// is made.
 fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
     let make = |folder: PathBuf| match std::fs::create_dir_all(&folder) {
         Ok(()) => Ok(folder),

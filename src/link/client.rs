@@ -51,8 +51,8 @@ pub(super) use line::Line;
 /// The port that bricks listen at.
 pub const PORT: u16 = 5670;
 
-/// The longest recording that is taken from a brick unless it is said otherwise: twice what a brick keeps as it is
-/// shipped, and about half a day of a run.
+/// The longest recording that is taken from a brick unless it is said otherwise: twice what a brick
+/// keeps as it is shipped, and about half a day of a run.
 pub const MOST_BYTES: u64 = 1 << 30;
 
 /// How long a request is repeated unless it is said otherwise, seconds.
@@ -107,13 +107,15 @@ pub enum ClientError {
         /// What went wrong.
         source: std::io::Error,
     },
-    /// Another fetch of the same run writes the same file just now: wait for it, or use another folder.
+    /// Another fetch of the same run writes the same file just now: wait for it, or use another
+    /// folder.
     #[error("another fetch is bringing a recording into {} just now", path.display())]
     Taken {
         /// The file that both would write.
         path: std::path::PathBuf,
     },
-    /// There is a file of this name, and it is not this recording: keep both, by fetching into another folder.
+    /// There is a file of this name, and it is not this recording: keep both, by fetching into
+    /// another folder.
     #[error("{} is there already, and it is not this recording: its hash is another", path.display())]
     OtherRecording {
         /// The file.
@@ -203,7 +205,8 @@ impl Client {
         self
     }
 
-    /// Takes recordings of at most so many bytes from now on; [`MOST_BYTES`] unless it is said otherwise.
+    /// Takes recordings of at most this many bytes from now on; [`MOST_BYTES`] unless it is said
+    /// otherwise.
     pub fn take_at_most(&mut self, bytes: u64) {
         self.most_bytes = bytes;
     }
@@ -306,14 +309,16 @@ impl Client {
 
     /// Brings a run's recording home into a file, and follows it to its end where it is going on.
     ///
-    /// What has come lies in `FILE.part`, which this call alone writes, until it is whole and its hash, of the file as
-    /// it lies on the disk, is the brick's; then it gets its name, and the brick is told. What a broken connection, a
-    /// brick that was switched off, or an earlier call has left there is gone on from. A `FILE` that is there already is
-    /// compared with the brick's hash, and nothing is fetched. `watch` is told how far it is, about twice a second.
+    /// What has come lies in `FILE.part`, which this call alone writes, until it is whole and its
+    /// hash, of the file as it lies on the disk, is the brick's; then it gets its name, and the
+    /// brick is told. What a broken connection, a brick that was switched off, or an earlier call
+    /// has left there is gone on from. A `FILE` that is there already is compared with the brick's
+    /// hash, and nothing is fetched. `watch` is told how far it is, about twice a second.
     ///
     /// # Errors
     ///
-    /// [`ClientError`]; what has come so far stays in `FILE.part`, and a `FILE` that was there as it was.
+    /// [`ClientError`]; what has come so far stays in `FILE.part`, and a `FILE` that was there as
+    /// it was.
     pub fn fetch(
         &mut self,
         run: &RunId,

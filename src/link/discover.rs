@@ -15,6 +15,7 @@ use std::time::Duration;
 use mdns_sd::{ResolvedService, ServiceDaemon, ServiceEvent};
 
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, nanoseconds};
+use crate::printable::line;
 
 /// What bricks are announced as: `brick-image/package/onbrick.avahi` says the same.
 pub const SERVICE: &str = "_onbrick._tcp.local.";
@@ -80,16 +81,15 @@ fn announced(service: &ResolvedService) -> Announced {
     addresses.sort_by_key(|address| (address.is_ipv6(), *address));
     Announced {
         name: name_of(&service.fullname),
-        host: service.host.trim_end_matches('.').to_owned(),
+        host: line(service.host.trim_end_matches('.')).into_owned(),
         port: service.port,
         addresses,
     }
 }
 
-/// `ev3-blue._onbrick._tcp.local.` is the brick `ev3-blue`. Control characters are nobody's name.
+/// `ev3-blue._onbrick._tcp.local.` is the brick `ev3-blue`.
 fn name_of(full: &str) -> String {
-    let name = full.strip_suffix(SERVICE).unwrap_or(full).trim_end_matches('.');
-    name.chars().filter(|sign| !sign.is_control()).collect()
+    line(full.strip_suffix(SERVICE).unwrap_or(full).trim_end_matches('.')).into_owned()
 }
 
 #[cfg(test)]
@@ -100,6 +100,6 @@ mod tests {
     fn a_bricks_name_is_what_stands_before_the_service() {
         assert_eq!(name_of("ev3-blue._onbrick._tcp.local."), "ev3-blue");
         assert_eq!(name_of("Room 12.blue._onbrick._tcp.local."), "Room 12.blue");
-        assert_eq!(name_of("od\u{1b}d"), "odd");
+        assert_eq!(name_of("od\u{1b}d"), r"od\u{1b}d");
     }
 }

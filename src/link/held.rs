@@ -16,7 +16,7 @@ use nix::sys::socket::{
     Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername, getsockname, shutdown,
 };
 
-/// A connection: to one of our ports, or of ours to somebody else's.
+/// A connection: to one of our ports, or from here to another machine's.
 #[derive(Debug)]
 pub(super) struct Held {
     own: OwnedFd,
@@ -24,12 +24,13 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// One to this port of ours; `None` where the number is nobody's by now, or that of something else.
+    /// One to this port of ours; `None` where the number means nothing by now, or something else.
     pub(super) fn of(descriptor: RawFd, port: u16) -> Option<Self> {
         Self::where_it_is(descriptor, |own, _| own.1 == port)
     }
 
-    /// One of ours to this address; `None` where the number is nobody's by now, or that of something else.
+    /// One from here to this address; `None` where the number means nothing by now, or something
+    /// else.
     pub(super) fn to(descriptor: RawFd, far: SocketAddr) -> Option<Self> {
         Self::where_it_is(descriptor, |_, peer| peer == (far.ip().to_canonical(), far.port()))
     }

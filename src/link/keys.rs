@@ -138,8 +138,8 @@ pub enum KeyError {
     /// Choose another name.
     #[error(transparent)]
     Name(#[from] NoName),
-    /// A brick of this name is known with another key, the one that is named here: forget it first, if it was set up
-    /// anew.
+    /// A brick of this name is known with another key, the one that is named here: forget it first,
+    /// if it was set up again.
     #[error("{name} is known already, with another key: {}", .known.fingerprint())]
     AnotherKey {
         /// The name.

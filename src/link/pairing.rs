@@ -15,20 +15,25 @@
 //!   │◀─ waits | paired | failed ────────────────────────────│   asked again while it waits
 //! ```
 //!
-//! This is the usual commitment before a short authentication string (as in ZRTP, RFC 6189, section 4.5).
+//! This is the usual commitment before a short authentication string (as in ZRTP, RFC 6189, section
+//! 4.5).
 //!
 //! # The messages
 //!
-//! Written so that a client in another language needs nothing else; `tests/python/link_pair.py` is one.
+//! Written so that a client in another language needs nothing else; `tests/python/link_pair.py` is
+//! one.
 //!
-//! **Socket.** While the window is open, the brick binds a second ROUTER socket at TCP port 5671, with CURVE as the other one. Its
-//! public key is the same for every brick: `w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd` (Z85; the secret half is the SHA-256 of the text
-//! `onbrick pairing, version 1`, so nothing that crosses the socket is secret). The PC sets it as the server key, and its own pair as the client's:
-//! the handshake proves that key, and it is the one that is let in at the end. Any client's key may connect here.
+//! **Socket.** While the window is open, the brick binds a second ROUTER socket at TCP port 5671,
+//! with CURVE as the other one. Its public key is the same for every brick:
+//! `w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd` (Z85; the secret half is the SHA-256 of the text
+//! `onbrick pairing, version 1`, so nothing that crosses the socket is secret). The PC sets it as
+//! the server key, and its own pair as the client's: the handshake proves that key, and it is the
+//! one that is let in at the end. Any client's key may connect here.
 //!
-//! **Requests and replies** have the envelope of [the protocol](super): `version` 1, an `id`, and `op`, which is always `pair`; `step`
-//! says which message it is, and its fields stand beside it. A number, a key's hash and a commitment are 32 bytes, written as 64 lower-case digits
-//! of hexadecimal. A reply's `ok` has a `step` too.
+//! **Requests and replies** have the envelope of [the protocol](super): `version` 1, an `id`, and
+//! `op`, which is always `pair`; `step` says which message it is, and its fields stand beside it. A
+//! number, a key's hash and a commitment are 32 bytes, written as 64 lower-case digits of
+//! hexadecimal. A reply's `ok` has a `step` too.
 //!
 //! | `step` asked | fields | `step` answered | fields |
 //! |---|---|---|---|
@@ -48,21 +53,28 @@
 //! {"id": 4, "ok": {"step": "paired"}}
 //! ```
 //!
-//! **What is computed.** `commit` is SHA-256 over [`COMMIT`] (`onbrick pairing 1 commit`), one byte for the side (`P` or `B`), the 32 bytes of that
-//! side's public key and the 32 bytes of its number, which is fresh and random. The code is the first eight bytes of SHA-256 over [`CODE`]
-//! (`onbrick pairing 1 code`), the PC's key, the brick's key, the PC's number and the brick's number, as one number, the most significant byte
-//! first, modulo a million, written as six digits with a space in the middle. With keys of 32 bytes 01 (the PC's) and 02, and numbers
-//! of 32 bytes 03 and 04, the PC's `commit` is `77b0990d7eb3527f49e9bfad49c642417f68701abeef5ea1e64ac487a1ac01bc`, and the code `330 706`.
+//! **What is computed.** `commit` is SHA-256 over [`COMMIT`] (`onbrick pairing 1 commit`), one byte
+//! for the side (`P` or `B`), the 32 bytes of that side's public key and the 32 bytes of its
+//! number, which is fresh and random. The code is the first eight bytes of SHA-256 over [`CODE`]
+//! (`onbrick pairing 1 code`), the PC's key, the brick's key, the PC's number and the brick's
+//! number, as one number, the most significant byte first, modulo a million, written as six digits
+//! with a space in the middle. With keys of 32 bytes 01 (the PC's) and 02, and numbers of 32 bytes
+//! 03 and 04, the PC's `commit` is
+//! `77b0990d7eb3527f49e9bfad49c642417f68701abeef5ea1e64ac487a1ac01bc`, and the code `330 706`.
 //!
-//! **What each side checks.** That the other's `commit` is that of the key and the number that it has shown, before the code is shown; and that its
-//! name is one: 1 to 64 letters of ASCII, digits, `-`, `_` and `.`, a letter or a digit first
-//! ([`Name`](crate::service::protocol::Name)). The code is shown in a line of its own, before any word of the other's. A PC keeps the brick's key
-//! only when its person has said that the codes are the same and the answer is `paired`; where it knows another key by that name, it asks.
+//! **What each side checks.** That the other's `commit` is that of the key and the number that it
+//! has shown, before the code is shown; and that its name is one: 1 to 64 letters of ASCII, digits,
+//! `-`, `_` and `.`, a letter or a digit first ([`Name`](crate::service::protocol::Name)). The code
+//! is shown in a line of its own, before any word of the other's. A PC keeps the brick's key only
+//! when its person has said that the codes are the same and the answer is `paired`; where it knows
+//! another key by that name, it asks.
 //!
-//! **Refusals** are those of the protocol. `busy`: the window is closed, another PC is being introduced, or the window's one exchange is over, and a
-//! person has to open it again. `not_authorised`: the number is not the one that was committed to, which ends the exchange. `bad_request`: no step, or
-//! a name that is none; nothing has happened. Each step may be repeated where its reply was lost, except with other contents. After `reveal`
-//! both persons have 120 seconds; a PC asks `how` about twice a second.
+//! **Refusals** are those of the protocol. `busy`: the window is closed, another PC is being
+//! introduced, or the window's one exchange is over, and a person has to open it again.
+//! `not_authorised`: the number is not the one that was committed to, which ends the exchange.
+//! `bad_request`: no step, or a name that is none; nothing has happened. Each step may be repeated
+//! where its reply was lost, except with other contents. After `reveal` both persons have 120
+//! seconds; a PC asks `how` about twice a second.
 //!
 //! # What we count on
 //!

@@ -62,7 +62,8 @@ pub enum Order {
 pub enum StopBy {
     /// Somebody on the network: [`StopReason::Remote`](super::StopReason::Remote).
     Remote,
-    /// Somebody on the brick, in its menu or with a program there: [`StopReason::Here`](super::StopReason::Here).
+    /// A person in the brick's menu, or a program on the brick:
+    /// [`StopReason::Here`](super::StopReason::Here).
     Here,
     /// The menu is gone: [`StopReason::MenuClosed`](super::StopReason::MenuClosed).
     MenuClosed,

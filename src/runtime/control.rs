@@ -40,7 +40,7 @@ pub struct StopFlags {
     pub abandoned: Arc<AtomicBool>,
     /// Somebody asked over the network.
     pub remote: Arc<AtomicBool>,
-    /// Somebody asked on the brick.
+    /// A stop was asked for on the brick.
     pub here: Arc<AtomicBool>,
     /// The menu is gone.
     pub menu_closed: Arc<AtomicBool>,
@@ -53,8 +53,8 @@ pub struct StopFlags {
 }
 
 impl StopFlags {
-    /// Flags that signals raise from now on: SIGINT, SIGTERM and SIGHUP, and those with which a service stops a run that it
-    /// has found, and to which it has no pipe ([`StopBy::signal`]).
+    /// Flags that signals raise from now on: SIGINT, SIGTERM and SIGHUP, and those with which a
+    /// service stops a run that it has found, and to which it has no pipe ([`StopBy::signal`]).
     ///
     /// # Errors
     ///

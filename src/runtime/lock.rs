@@ -16,6 +16,7 @@ use nix::fcntl::{FcntlArg, FdFlag, Flock, FlockArg, fcntl};
 use serde::{Deserialize, Serialize};
 
 use super::open_files;
+use crate::printable::line;
 
 /// Who owns the hardware.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -205,11 +206,15 @@ fn write_owner(file: &File, owner: &Owner) -> io::Result<()> {
 fn read_owner(file: &mut File) -> Owner {
     let mut text = String::new();
     let _ = file.rewind().and_then(|()| BufReader::new(file.take(4096)).read_line(&mut text));
-    serde_json::from_str(&text).unwrap_or_else(|_| Owner { pid: 0, ..Owner::here("another run") })
+    // The file is writable for all.
+    let owner: Option<Owner> = serde_json::from_str(&text).ok();
+    owner
+        .map(|owner| Owner { doing: line(&owner.doing).into_owned(), ..owner })
+        .unwrap_or_else(|| Owner { pid: 0, ..Owner::here("another run") })
 }
 
-/// One file a brick: the machine's own hardware, or the brick below a mount point. A folder is what its device and inode
-/// say, whatever path leads to it.
+/// One file a brick: the machine's own hardware, or the brick below a mount point. A folder is what
+/// its device and inode say, whatever path leads to it.
 fn lock_path(root: &Path) -> PathBuf {
     let folder = Path::new("/run/lock");
     let folder = if folder.is_dir() { folder.to_owned() } else { std::env::temp_dir() };
@@ -218,7 +223,7 @@ fn lock_path(root: &Path) -> PathBuf {
         Some(brick) if Some(brick) != identity(Path::new("/")) => {
             format!("onbrick-{:x}-{:x}.lock", brick.0, brick.1)
         }
-        // A folder that is not there has no hardware that anybody could take.
+        // A missing folder has no hardware to take.
         _ => "onbrick.lock".to_owned(),
     })
 }

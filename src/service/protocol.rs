@@ -46,7 +46,8 @@ pub const MAX_REQUEST_BYTES: usize = 512 << 10;
 /// The longest text of a mission that a `start` may carry, bytes.
 pub const MAX_MISSION_BYTES: usize = 64 << 10;
 
-/// The most bytes that one `fetch` brings, through either door: replies wait in memory for slow clients.
+/// The most bytes that one `fetch` brings, through either door: replies wait in memory for slow
+/// clients.
 pub const MAX_FETCH_BYTES: u32 = 64 << 10;
 
 /// A token is taken for this long after the status that brought it, nanoseconds of the brick's monotonic clock.
@@ -237,8 +238,9 @@ pub struct Fetch {
     pub offset: u64,
     /// How long it may be, bytes; the brick brings at most [`MAX_FETCH_BYTES`].
     pub length: u32,
-    /// SHA-256, in hexadecimal, of the whole recording as it lies on the client's disk: with the brick's own hash, the
-    /// run counts as fetched from now on. A client that leaves it out brings the recording home all the same.
+    /// SHA-256, in hexadecimal, of the whole recording as it lies on the client's disk: with the
+    /// brick's own hash, the run counts as fetched from now on. A client that leaves it out brings
+    /// the recording home all the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
 }

@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Room is made by deleting: runs that somebody has fetched go first, oldest first, then the others, oldest first; the one that is going on
-//! never. A run counts as fetched when a client has named the hash of all of it, as it lies on that one's disk.
+//! never. A run counts as fetched when a client has named the hash of all of it, as it lies on that
+//! one's disk.
 //!
 //! # Not here
 //!

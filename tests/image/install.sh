@@ -80,7 +80,7 @@ check "the brick has its name" [ "$(cat "$root/etc/hostname")" = red ]
 check "at once" [ "$(ssh "$host" hostname </dev/null)" = red ]
 check "also among its hosts" grep -q $'^127.0.1.1\tred$' "$root/etc/hosts"
 check "the well-known password is warned of" says "$work/said" "is still the well-known one"
-check "the brick knows this PC" [ "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)@")" = 1 ]
+check "the brick knows this PC" [ "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)-")" = 1 ]
 check "whose key is the service's alone to see" [ "$(chroot "$root" stat -c '%U %a' /etc/onbrick/keys/authorised)" = "onbrick 700" ]
 check "this PC knows the brick" grep -qx '\["red"\]' "$work/keys/known_bricks"
 check "by the brick's own key" says "$work/keys/known_bricks" "$(chroot "$root" onbrick key show --keys /etc/onbrick/keys | sed -n 's/^key *//p')"

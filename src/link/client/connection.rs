@@ -32,8 +32,9 @@ const SENDING_MS: i64 = 1000;
 const LONGEST_REPLY: i64 = 4 << 20;
 const _: () = assert!((MAX_FETCH_BYTES as i64) < LONGEST_REPLY);
 
-/// What may have come over a connection without being a reply yet, bytes: two replies of the longest kind. libzmq bounds a frame, and not how many frames a
-/// message has, and keeps them all until the last one has come.
+/// What may have come over a connection without being a reply yet, bytes: two replies of the
+/// longest kind. libzmq bounds a frame, and not how many frames a message has, and keeps them all
+/// until the last one has come.
 const MOST_UNFINISHED: u64 = 8 << 20;
 const _: () = assert!(MOST_UNFINISHED >= 2 * LONGEST_REPLY as u64);
 
@@ -182,7 +183,8 @@ impl Connection {
         Ok(Some(Received { reply, bytes: frames.next() }))
     }
 
-    /// Bytes that have come over it; `None` where there is no connection, or the kernel does not count them.
+    /// Bytes that have come over it; `None` where there is no connection, or the kernel does not
+    /// count them.
     fn received(&self) -> Option<u64> {
         self.descriptor.and_then(|descriptor| Held::to(descriptor, self.to)).and_then(|held| held.received())
     }

@@ -65,7 +65,7 @@ pub(super) fn fetch(
     }
     let mut part = Part::open(file)?;
     if file.exists() {
-        // Whoever had the lock before has brought it home meanwhile.
+        // Another fetch, which had the lock before, has brought it home meanwhile.
         part.discard_if_empty();
         return compare(line, run, file);
     }
@@ -99,7 +99,8 @@ pub(super) fn fetch(
     }
 }
 
-/// Says whether the file that is there is the brick's recording: by its hash, because names are chosen freely.
+/// Says whether the file that is there is the brick's recording: by its hash, because names are
+/// chosen freely.
 fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, ClientError> {
     let failed = |source| ClientError::File { path: file.to_owned(), source };
     let bytes = std::fs::metadata(file).map_err(failed)?.len();
@@ -126,8 +127,8 @@ fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, C
     }
 }
 
-/// Tells the brick that all of a run is here, so that its room may go to others first. It is here all the same where
-/// the brick does not hear it.
+/// Tells the brick that all of a run is here, so that its room may go to others first. It is here
+/// all the same where the brick does not hear it.
 fn tell(line: &mut Line, run: &RunId, bytes: u64, sha256: String) {
     let whole = Fetch { sha256: Some(sha256), ..Fetch::part(run, bytes, 0) };
     if let Err(error) = line.ask(&Request::Fetch(whole)) {
@@ -311,7 +312,7 @@ impl<'l> Fetching<'l> {
     }
 }
 
-/// What has come so far, in a file that nobody else writes: whoever else fetches into it finds it locked.
+/// What has come so far, in a file that one fetch alone writes: another one finds it locked.
 struct Part {
     path: PathBuf,
     file: File,
@@ -331,7 +332,8 @@ impl Part {
                 Err(TryLockError::Error(source)) => return Err(failed(source)),
             }
             let opened = part.metadata().map_err(failed)?;
-            // Between opening and locking, whoever had the lock may have given the file its final name.
+            // Between opening and locking, the fetch that had the lock may have given the file its
+            // final name.
             let is_still_there = std::fs::metadata(&path)
                 .is_ok_and(|there| (there.dev(), there.ino()) == (opened.dev(), opened.ino()));
             if is_still_there {

@@ -276,8 +276,8 @@ impl Line {
         }
     }
 
-    /// Where the brick is. The system takes its own time over a name, so it is asked in a thread, which nobody waits for
-    /// any longer than for the brick.
+    /// Where the brick is. The system takes its own time over a name, so a thread asks it, and is
+    /// waited for no longer than the brick.
     fn resolved(&mut self) -> Result<Vec<SocketAddr>, ClientError> {
         let address = self.address.clone();
         let (tell, told) = std::sync::mpsc::sync_channel(1);

@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_is_one_whoever_has_written_it() {
+    fn a_name_is_one_even_where_a_person_wrote_another_text() {
         let folder = tempfile::tempdir().unwrap();
         let authorised = Authorised::below(folder.path());
         for bad in ["", "anna's laptop", "a\nb", "a\u{1b}]0;x"] {

@@ -96,15 +96,16 @@ impl KnownBricks {
         self.iter().find(|known| known.name == name.as_str() && known.key != *key)
     }
 
-    /// Adds a brick to what the file holds by now, in place of one of the same key, and writes it. One of the same name
-    /// with another key gives way only where that key is `replaced`: a person has said so.
+    /// Adds a brick to what the file holds by now, in place of one of the same key, and writes it.
+    /// One of the same name with another key gives way only where that key is `replaced`: a person
+    /// has said so.
     ///
     /// Whoever else adds one waits, so that none is lost.
     ///
     /// # Errors
     ///
-    /// [`KeyError::Name`], [`KeyError::AnotherKey`], [`KeyError::Broken`] where the file has been broken meanwhile,
-    /// [`KeyError::Io`]; it is then as it was.
+    /// [`KeyError::Name`], [`KeyError::AnotherKey`], [`KeyError::Broken`] where the file has been
+    /// broken meanwhile, [`KeyError::Io`]; it is then as it was.
     pub fn put(&mut self, brick: &KnownBrick, replaced: Option<PublicKey>) -> Result<(), KeyError> {
         let name = Name::new(&brick.name)?;
         let folder = self.path.parent().unwrap_or(Path::new("")).to_owned();

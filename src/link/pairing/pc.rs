@@ -29,8 +29,9 @@ struct Pair {
 
 /// Introduces this PC, which calls itself `name`, to the brick whose pairing window is open at an address (with `:port` where that is not 5671).
 ///
-/// `is_same` is given the brick and the code, and says whether the brick shows the same code and is the one that is
-/// meant. Nothing that the brick has said may stand before the code where a person reads it.
+/// `is_same` is given the brick and the code, and says whether the brick shows the same code and is
+/// the one that is meant. Nothing that the brick has said may stand before the code where a person
+/// reads it.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
-//! How a run is going, read from its recording while another process writes it: for whoever finds a run and has no pipe
-//! to the process that drives.
+//! How a run is going, read from its recording while another process writes it: for a service that finds a
+//! run and has no pipe to the process that drives.
 
 use std::fs::File;
 use std::io;
@@ -13,8 +13,8 @@ use super::{Growing, Status, message, points};
 use crate::behavior::{Capabilities, Mission};
 use crate::robot::Channel;
 
-/// How much is read at a time, bytes: some seconds of a run. A long one is caught up with bit by bit, which leaves the
-/// brick's processor to what drives.
+/// How much is read at a time, bytes: some seconds of a run. A long one is caught up with bit by
+/// bit, which leaves the brick's processor to what drives.
 const AT_A_TIME: u64 = 256 << 10;
 
 /// A recording that is followed. It lags behind the run by a sync, a second as a rule.
@@ -74,7 +74,7 @@ impl Heard {
         let status = &mut self.status;
         match found {
             Found::Attachment { name, data, .. } if name == names::MISSION => {
-                let (mission, _) = Mission::parse(&name, &data, &Capabilities::all()).ok()?;
+                let (mission, _) = Mission::parse(&name, data, &Capabilities::all()).ok()?;
                 status.states =
                     crate::runtime::names::machines(&mission).iter().map(Status::begins).collect();
             }

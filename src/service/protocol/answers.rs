@@ -107,7 +107,7 @@ pub struct LastStop {
     pub run: Option<RunId>,
     /// Its mission's name.
     pub mission: String,
-    /// One word: `finished`, `time limit`, `button`, `remote`, `menu closed`, `outside`, `guard`, … ([`StopReason::word`](crate::runtime::StopReason::word));
+    /// One word: `finished`, `time limit`, `button`, `remote`, `here`, `menu closed`, `outside`, `guard`, … ([`StopReason::word`](crate::runtime::StopReason::word));
     /// besides `refused` (it did not start), `died` (its process ended without a word), `cut` (nobody saw its end), and, where no run is meant, `robot` and `disk`.
     pub word: String,
     /// The reason, for people.

@@ -2,10 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A brick's or a PC's name: 1 to 64 letters and digits of ASCII, `-`, `_` and `.`, a letter or a digit first.
+/// A brick's or a PC's name: 1 to 64 letters and digits of ASCII, `-`, `_` and `.`, a letter or a
+/// digit first.
 ///
-/// People compare names, and type them: so there is nothing in one that looks like something else, that a terminal
-/// obeys, or that a shell takes for more than a word. Both sides of a pairing check it.
+/// People compare names, and type them: so there is nothing in one that looks like something else,
+/// that a terminal obeys, or that a shell takes for more than a word. Both sides of a pairing check
+/// it.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Name(String);
@@ -34,8 +36,8 @@ impl Name {
         if fits { Ok(Self(text.to_owned())) } else { Err(NoName) }
     }
 
-    /// The name that is nearest to a text: `-` in place of each sign that no name has; `nameless` where nothing is
-    /// left.
+    /// The name that is nearest to a text: `-` in place of each sign that no name has; `nameless`
+    /// where nothing is left.
     #[must_use]
     pub fn nearest(text: &str) -> Self {
         let plain = |sign: char| if may_be_in_one(sign) { sign } else { '-' };

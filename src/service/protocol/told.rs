@@ -6,8 +6,8 @@ use serde_json::Value;
 use super::{Id, Outcome, Refusal, Reply};
 use crate::printable::{line, lines};
 
-/// The fields that may have lines of their own: findings, and refusals with findings in them. Every other text of a
-/// reply stands in a line.
+/// The fields that may have lines of their own: findings, and refusals with findings in them. Every
+/// other text of a reply stands in a line.
 const OF_SEVERAL_LINES: [&str; 5] = ["message", "hint", "findings", "robot", "reason"];
 
 /// A reply as it came.

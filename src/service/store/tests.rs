@@ -80,7 +80,7 @@ fn fetched_runs_go_first_then_the_oldest_and_the_running_one_never() {
         run(&store, name, 3 << 20);
     }
     while store.hash_one() {}
-    // Of b somebody has all, of c all was handed out, and of a somebody has something else.
+    // A client has all of b; all of c was handed out; of a, a client has something else.
     let all = |name: &str| {
         let mut offset = 0;
         while offset < 3 * MB {

@@ -258,7 +258,7 @@ fn a_file_of_the_runs_name_is_the_run_only_by_its_hash() {
         assert!(matches!(refused, ClientError::OtherRecording { .. }), "{refused}");
         assert!(std::fs::read(&home.file).unwrap() == other, "it stays as it was");
     }
-    // The same bytes, but the run goes on: what lies there is of another one.
+    // The same bytes, but the run is not over: what lies there is of another one.
     bench.fake.record("r", sent.clone(), false);
     std::fs::write(&home.file, &sent).unwrap();
     let refused = bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
@@ -304,7 +304,7 @@ fn a_run_counts_as_fetched_once_its_hash_on_this_disk_was_told() {
     bench.fake.record("r", sent, true);
     bench.client().fetch(&run("r"), &home.file, &mut |_| assert!(bench.fake.told().is_empty())).unwrap();
     let hash = onbrick_hash(&std::fs::read(&home.file).unwrap());
-    assert_eq!(bench.fake.told(), [hash.clone()]);
+    assert_eq!(bench.fake.told(), std::slice::from_ref(&hash));
     // A file that was spoilt on its way to the disk is nothing that the brick may forget about.
     std::fs::write(&home.file, b"spoilt").unwrap();
     bench.client().fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();

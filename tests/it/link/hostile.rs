@@ -232,6 +232,39 @@ fn connections_to(port: u16) -> usize {
     established("/proc/net/tcp") + established("/proc/net/tcp6")
 }
 
+#[test]
+fn a_request_with_lines_in_its_names_forges_none_in_the_log() {
+    let service = Service::new();
+    service.introduce();
+    let (public, secret) = halves(&KeyPair::load(&service.path("pc")).unwrap());
+    let context = zmq::Context::new();
+    let socket = context.socket(zmq::DEALER).unwrap();
+    socket.set_curve_serverkey(KeyPair::load(&service.path("keys")).unwrap().public().as_bytes()).unwrap();
+    socket.set_curve_publickey(&public).unwrap();
+    socket.set_curve_secretkey(&secret).unwrap();
+    socket.set_linger(0).unwrap();
+    socket.set_rcvtimeo(30_000).unwrap();
+    socket.connect(&format!("tcp://{}:5670", service.address)).unwrap();
+    let forged = "x\n<3>error: the brick is on fire\u{1b}[2J\u{9b}31m\u{202e}\u{2028}";
+    for request in [
+        json!({"id": 1, "version": 1, "op": forged}),
+        json!({"id": 1, "version": 1, "op": "stop", "run": forged}),
+        json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {forged: 1}}),
+        json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {"name": forged}, "token": "t"}),
+        json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {"name": "map"}, "set": [[forged, "x"]]}),
+    ] {
+        let reply = ask(&socket, request.to_string().as_bytes());
+        let message = reply["error"]["message"].as_str().unwrap();
+        assert!(!message.contains(|letter: char| letter.is_control()), "{message:?}");
+    }
+    until("it is in the log", || service.log().contains("on fire").then_some(()));
+    let log = service.log();
+    let is_forged = |line: &str| line.starts_with("<3>") || line.starts_with("error: the brick");
+    assert!(!log.lines().any(is_forged), "{log}");
+    let acts = |letter: char| letter != '\n' && letter.is_control() || "\u{202e}\u{2028}".contains(letter);
+    assert!(!log.contains(acts), "{log:?}");
+}
+
 /// A way to a brick that carries 64 KiB in five milliseconds, and no more.
 pub fn slow_way(to: String) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -24,7 +24,7 @@ fn missions_are_a_line_each_and_findings_come_with_v() {
     );
     assert!(lines[1].starts_with("sim  short  60 s"), "{lines:?}");
     service.says(&["missions", "-v"], "did you mean `time_s`");
-    // Between runs nobody knows what a simulated battery has.
+    // Between runs a simulated battery has no voltage.
     service.says(&["status"], "sim  ready  simulated  ");
 }
 
@@ -34,7 +34,8 @@ fn bricks_that_are_not_there_cost_a_list_two_seconds_all_together() {
         let service = Service::new();
         service.introduce();
         let mut known = KnownBricks::load(&service.path("pc")).unwrap();
-        // Nobody listens; somebody accepts and says nothing; a name that is nobody's.
+        // A port without a listener; listeners that accept and say nothing; a name without an
+        // address.
         let mute = [(); 2].map(|()| std::net::TcpListener::bind("127.0.0.1:0").unwrap());
         let [one, other] = mute.each_ref().map(|mute| mute.local_addr().unwrap().to_string());
         for (name, address) in [
