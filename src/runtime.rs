@@ -63,7 +63,7 @@ pub use guard::{Lines, MISSED_NS, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
-pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, map_again, replay, replay_with};
+pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};
 pub use setup::{Draft, DraftHead, DraftMotor, DraftRange, SetupError, setup};
 
 /// A file as it was read, with the name that findings use.
@@ -276,6 +276,8 @@ pub enum StopReason {
     Recording,
     /// The process that drives was gone or hung, and the guard stopped the motors.
     Guard,
+    /// A simulated robot drove over the floor's edge. A real one's program does not learn of it.
+    Fallen,
     /// The program itself failed.
     Panicked,
 }
@@ -300,6 +302,7 @@ impl StopReason {
             Self::Late => "late",
             Self::Recording => "recording",
             Self::Guard => "guard",
+            Self::Fallen => "fallen",
             Self::Panicked => "panicked",
         }
     }
@@ -334,6 +337,7 @@ impl std::fmt::Display for StopReason {
             Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
             Self::Recording => f.write_str("the recording cannot be written"),
             Self::Guard => f.write_str("the guard stopped the motors"),
+            Self::Fallen => f.write_str("the simulated robot fell over the edge of the floor"),
             Self::Panicked => f.write_str("the program failed; please report it"),
         }
     }

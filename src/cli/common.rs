@@ -267,12 +267,10 @@ pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes a file that did not need to be kept.
-#[cfg(feature = "host")]
+/// Writes a file that can be made again, whole or not at all.
+#[cfg(any(feature = "host", feature = "sim"))]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    std::fs::write(path, bytes).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), &error)
-    })
+    crate::runtime::save::write(path, bytes).map_err(|error| Failure::new(Exit::Failed, with_causes(&error)))
 }
 
 /// Reads a world's file, or takes a built-in one; the pose is the first robot's start.

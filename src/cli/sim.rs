@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{load_world, read_source, warn};
+use super::common::{load_world, read_source, warn, write_file};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
@@ -231,9 +231,7 @@ fn done(simulation: &Simulation) -> Vec<Done> {
 
 /// Writes the still.
 fn draw(file: &Path, simulation: &Simulation) -> Result<(), Failure> {
-    std::fs::write(file, still(simulation)).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("cannot write {}", file.display()), &error)
-    })
+    write_file(file, still(simulation).as_bytes())
 }
 
 /// Serves the page, where it is asked for.

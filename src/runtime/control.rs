@@ -44,6 +44,8 @@ pub struct StopFlags {
     pub menu_closed: Arc<AtomicBool>,
     /// A thread of this process has panicked.
     pub panicked: Arc<AtomicBool>,
+    /// The simulated robot has fallen over the edge of the floor.
+    pub fallen: Arc<AtomicBool>,
 }
 
 impl StopFlags {
@@ -91,6 +93,7 @@ impl StopFlags {
     fn reason(&self) -> Option<StopReason> {
         let raised = [
             (&self.panicked, StopReason::Panicked),
+            (&self.fallen, StopReason::Fallen),
             (&self.signal, StopReason::Signal),
             (&self.remote, StopReason::Remote),
             (&self.menu_closed, StopReason::MenuClosed),

@@ -18,7 +18,7 @@ use crate::clock::nanoseconds;
 use crate::ev3dev::StopAction;
 use crate::mapping::{
     Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint,
-    Method, Pose, Range, RangeReading,
+    Method, OccupancyGrid, Pose, Range, RangeReading,
 };
 use crate::robot::{BatteryLimits, Channel, RobotConfig, Senses};
 
@@ -165,6 +165,13 @@ impl Pilot {
         self.wheels_rad_s = self.config.wheel_speeds(demands.drive);
         self.head_rad = demands.head_rad;
         Step { estimate, point, stalled, paused: lost.filter(|_| self.paused), charge, end }
+    }
+
+    /// The same pilot, whose map has another grid. For maps that are made after the run.
+    #[must_use]
+    pub fn with_grid(mut self, grid: OccupancyGrid) -> Self {
+        self.map = self.map.with_grid(grid);
+        self
     }
 
     /// The map so far.

@@ -2,6 +2,7 @@
 //!
 //! Numbers only grow: a device that comes back has a new one, and `motorN` and `linearN` share their counter.
 
+mod class;
 mod faults;
 mod port;
 pub(crate) mod tree;
@@ -10,6 +11,7 @@ use nix::errno::Errno;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 
+pub(crate) use self::class::Class;
 pub use self::port::Plugged;
 use self::port::{Change, PortState, Wanted};
 use super::driver::board::{Battery, Board};
@@ -47,52 +49,6 @@ const BATTERY_NS: i64 = 10_000_000;
 const MOST_STORED: usize = 4096;
 
 const UEVENT: Spec = readwriteable("uevent");
-
-/// The classes of devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Class {
-    BoardInfo,
-    /// No class, but the bus of what is plugged into ports.
-    LegoBus,
-    DcMotor,
-    Graphics,
-    Leds,
-    Port,
-    Sensor,
-    PowerSupply,
-    ServoMotor,
-    TachoMotor,
-}
-
-impl Class {
-    pub(crate) const ALL: [Self; 9] = [
-        Self::BoardInfo,
-        Self::DcMotor,
-        Self::Graphics,
-        Self::Leds,
-        Self::Port,
-        Self::Sensor,
-        Self::PowerSupply,
-        Self::ServoMotor,
-        Self::TachoMotor,
-    ];
-
-    /// The name of its folder in `sys/class`, or in `sys/bus`.
-    pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::BoardInfo => "board-info",
-            Self::LegoBus => "lego",
-            Self::DcMotor => "dc-motor",
-            Self::Graphics => "graphics",
-            Self::Leds => "leds",
-            Self::Port => "lego-port",
-            Self::Sensor => "lego-sensor",
-            Self::PowerSupply => "power_supply",
-            Self::ServoMotor => "servo-motor",
-            Self::TachoMotor => "tacho-motor",
-        }
-    }
-}
 
 #[derive(Debug)]
 enum Device {
