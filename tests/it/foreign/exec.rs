@@ -74,12 +74,14 @@ fn an_ordinary_user_has_a_view_of_their_own() {
     fs::set_permissions(simulator.root().parent().unwrap(), fs::Permissions::from_mode(0o755)).unwrap();
     let program = folder.path().join("onbrick");
     fs::copy(PROGRAM, &program).unwrap();
-    let script = "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; aplay -q /dev/null";
+    let script =
+        "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; aplay -q /dev/null";
     let mut command = Command::new("setpriv");
     command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]).arg(&program);
     command.args(["sim", "exec"]).arg(simulator.root()).args(["--", "sh", "-c", script]).stdin(Stdio::null());
     let Ok(ended) = command.output() else { return pass_over("setpriv") };
-    if ended.status.code() == Some(3) && said(&ended).contains("lets an ordinary user have no private mounts") {
+    if ended.status.code() == Some(3) && said(&ended).contains("lets an ordinary user have no private mounts")
+    {
         return pass_over("user namespaces for an ordinary user");
     }
     assert_eq!(String::from_utf8_lossy(&ended.stdout), "65534\nev3-ports:outA\n", "{}", said(&ended));
