@@ -55,7 +55,7 @@ enum Device {
     Tacho(usize, Box<TachoMotor>),
     Dc(usize, DcMotor),
     Servo(ServoMotor),
-    Sensor(usize, Sensor),
+    Sensor(usize, Box<Sensor>),
     Port(usize),
     Bus(BusDevice),
     Led(Led),
@@ -214,7 +214,7 @@ impl Brick {
             Wanted::Sensor(kind) => {
                 let name = format!("sensor{}", next(&mut self.counters.sensor));
                 let sensor = Sensor::new(kind, address, self.options.gyro, now_ns);
-                (Class::Sensor, name, Device::Sensor(index, sensor))
+                (Class::Sensor, name, Device::Sensor(index, Box::new(sensor)))
             }
         };
         let id = self.register(class, name, now_ns, device);
@@ -338,7 +338,7 @@ impl Brick {
 
     fn sensor(&mut self, input: usize) -> Result<&mut Sensor, Errno> {
         let sensor = self.nodes.iter_mut().find_map(|node| match &mut node.device {
-            Device::Sensor(port, sensor) if *port == input => Some(sensor),
+            Device::Sensor(port, sensor) if *port == input => Some(&mut **sensor),
             _ => None,
         });
         sensor.ok_or(Errno::ENODEV)
@@ -364,7 +364,7 @@ impl Brick {
             Device::Tacho(_, motor) => &**motor,
             Device::Dc(_, motor) => motor,
             Device::Servo(servo) => servo,
-            Device::Sensor(_, sensor) => sensor,
+            Device::Sensor(_, sensor) => &**sensor,
             Device::Port(index) => self.ports.get(*index)?,
             Device::Bus(device) => device,
             Device::Led(led) => led,
@@ -435,7 +435,7 @@ impl Brick {
             Device::Tacho(_, motor) => &mut **motor,
             Device::Dc(_, motor) => motor,
             Device::Servo(servo) => servo,
-            Device::Sensor(_, sensor) => sensor,
+            Device::Sensor(_, sensor) => &mut **sensor,
             Device::Port(index) => self.ports.get_mut(*index).ok_or(Errno::ENODEV)?,
             Device::Bus(device) => device,
             Device::Led(led) => led,
