@@ -56,8 +56,9 @@ pub(super) struct LoadedRobot {
     pub(super) config: RobotConfig,
 }
 
-/// Reads a file, or takes a text we carry by its name. Such a name is a path only with a folder before it
-/// (`./arena`) or an ending (`arena.toml`): what lies in the working folder never changes what a name means.
+/// Reads a file, or takes a text we carry by its name. Such a name is a path only with a folder
+/// before it (`./arena`) or an ending (`arena.toml`): what lies in the working folder never changes
+/// what a name means.
 pub(super) fn read_source(
     path: &Path,
     carried: impl Fn(&str) -> Option<&'static str>,

@@ -68,7 +68,8 @@ fn write_all(folder: &Path, files: Vec<(&str, Vec<u8>)>, output: &mut Output) ->
     Ok(())
 }
 
-/// The occupancy grid of one run: as it was recorded, or where that does not have all, made again from its senses.
+/// The occupancy grid of one run: as it was recorded, or where that does not have all, made again
+/// from its senses.
 fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
     let [loaded] = runs else {
         return Err(Failure::new(Exit::Usage, "an occupancy grid is made from one run")

@@ -90,7 +90,7 @@ pub(super) fn with_causes(error: &dyn Error) -> String {
 pub struct Output {
     json: bool,
     closed: bool,
-    /// The exit code of a program that was run for somebody.
+    /// The exit code of a program that was run in our place.
     code: u8,
 }
 

@@ -26,7 +26,8 @@ mod through;
 pub(super) struct Arguments {
     /// A mission file, or a name: that of one of the brick's own missions, where a service lives on it, or of a shipped one.
     mission: PathBuf,
-    /// The robot's file; without it ./robot.toml, and where there is none the shipped one, which fits the simulated brick.
+    /// The robot's file; without it ./robot.toml, and where there is none the shipped one, which
+    /// fits the simulated brick.
     #[arg(long)]
     robot: Option<PathBuf>,
     #[command(flatten)]
@@ -43,7 +44,8 @@ pub(super) struct Arguments {
     #[cfg(feature = "sim")]
     #[arg(long, requires = "sim")]
     realtime: bool,
-    /// The robot's pose at the start: metres, metres, degrees; in a simulation one of the world's start poses.
+    /// The robot's pose at the start: metres, metres, degrees; in a simulation one of the world's
+    /// start poses.
     #[arg(long, value_parser = pose, value_name = "X,Y,DEG", allow_hyphen_values = true)]
     pose: Option<[f64; 3]>,
     /// Give one of the mission's own numbers another value; can be repeated.
@@ -135,7 +137,8 @@ fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
     Ok((Brick::Local(arguments.brick.tree()), Pose::default()))
 }
 
-/// A simulated robot stands where its world lets it start, and is not told that it stands elsewhere.
+/// A simulated robot stands where its world lets it start, and is not told that it stands
+/// elsewhere.
 #[cfg(feature = "sim")]
 fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Result<(), Failure> {
     use crate::units::{degrees, wrap_rad};

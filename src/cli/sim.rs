@@ -111,8 +111,8 @@ enum SimCommand {
         #[arg(long = "for", default_value = "200ms", value_parser = span, value_name = "TIME")]
         hold: f64,
     },
-    /// Run a program in a private view in which a mounted brick's /sys, /dev/input, /dev/fb0 and speaker lie
-    /// over this machine's.
+    /// Run a program in a private view in which a mounted brick's /sys, /dev/input, /dev/fb0 and
+    /// speaker lie over this machine's.
     Exec {
         /// Where the brick is mounted: with several robots, the folder of one.
         brick: PathBuf,

@@ -73,8 +73,10 @@ impl OccupancyGrid {
         Self::empty(first, usize::from(SIDE), usize::from(SIDE))
     }
 
-    /// An empty grid over all places that a robot can have seen from a rectangle of the world, between two corners in metres, where it has
-    /// been; `None` where that is more than [`OccupancyGrid::MOST_M`] in a direction. For maps that are made after the run, where memory is no matter.
+    /// An empty grid over all places that a robot can have seen from a rectangle of the world,
+    /// between two corners in metres, where it has been; `None` where that is more than
+    /// [`OccupancyGrid::MOST_M`] in a direction. For maps that are made after the run, where memory
+    /// is no matter.
     #[must_use]
     pub fn covering(low_m: [f64; 2], high_m: [f64; 2]) -> Option<Self> {
         // The sensor is not in the middle of the robot, and a cell counts as a whole.

@@ -150,7 +150,8 @@ impl<F: FnMut(&crate::sim::Truth) + Send> Heartbeat for Witness<F> {
     }
 }
 
-/// Looks with each beat whether a simulated robot is still on the floor. A real one that falls has ended its run.
+/// Looks with each beat whether a simulated robot is still on the floor. A real one that falls has
+/// ended its run.
 #[cfg(feature = "sim")]
 #[derive(Debug)]
 struct Floor<'h> {
@@ -196,7 +197,7 @@ impl Stage {
         report: Arc<Report>,
     ) -> Result<Ended, Refused> {
         let Self { config, mission, place } = self;
-        // Of this run alone, whoever else has the others.
+        // Of this run alone; the other flags are shared.
         let flags = &StopFlags { fallen: Arc::default(), ..flags.clone() };
         #[cfg(feature = "sim")]
         let heartbeat: &mut dyn Heartbeat = &mut Floor {

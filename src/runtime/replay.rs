@@ -163,8 +163,9 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
     Ok(replayed)
 }
 
-/// The occupancy grid of a run, with all that the robot has seen: the recorded one, which covers 5 m around the start, or where the robot
-/// came further or the recording was cut before its end, one that is made again from the senses.
+/// The occupancy grid of a run, with all that the robot has seen: the recorded one, which covers 5
+/// m around the start, or where the robot came further or the recording was cut before its end, one
+/// that is made again from the senses.
 ///
 /// # Errors
 ///

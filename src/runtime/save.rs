@@ -24,7 +24,8 @@ pub enum SaveError {
 ///
 /// # Errors
 ///
-/// [`SaveError::Exists`] where there is one; a file that is there is never touched, and a disk that is full leaves none.
+/// [`SaveError::Exists`] where there is one; a file that is there is never touched, and a disk that
+/// is full leaves none.
 pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
     write_beside(path, text.as_bytes(), |fresh| match std::fs::hard_link(fresh, path) {
         // A file system without links, as on many memory cards.
@@ -56,11 +57,13 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
     if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
         return std::fs::write(path, bytes).map_err(|source| SaveError::Io { path: path.to_owned(), source });
     }
-    write_beside(path, bytes, |fresh| std::fs::rename(fresh, path))
+    // The name of a link stays a link: what it leads to is written.
+    let led_to = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    write_beside(&led_to, bytes, |fresh| std::fs::rename(fresh, &led_to))
 }
 
-/// Writes a file beside the one that is meant, and has it take the name when its bytes are on the disk: a power cut or a full disk leaves
-/// what was there.
+/// Writes a file beside the one that is meant, and has it take the name when its bytes are on the
+/// disk: a power cut or a full disk leaves what was there.
 fn write_beside(
     path: &Path,
     bytes: &[u8],
@@ -150,6 +153,19 @@ mod tests {
         let texts = [&one, &two, &path].map(|path| std::fs::read_to_string(path).unwrap());
         assert_eq!(texts, ["first", "second", "third"]);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing else is left behind");
+    }
+
+    #[test]
+    fn what_can_be_made_again_is_written_through_links_and_to_what_is_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("map.svg"), folder.path().join("link.svg"));
+        write(&file, b"first").unwrap();
+        std::os::unix::fs::symlink("map.svg", &link).unwrap();
+        write(&link, b"second").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"second");
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        write(Path::new("/dev/null"), b"third").unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing else is left behind");
     }
 
     #[test]

@@ -80,7 +80,8 @@ fn export_writes_every_format() {
     assert!(said.err.contains("one run"), "{}", said.err);
 }
 
-/// A corridor of 20 m: what lies beyond the 5 m that a robot's own grid covers is in the picture, too.
+/// A corridor of 20 m: what lies beyond the 5 m that a robot's own grid covers is in the picture,
+/// too.
 #[test]
 fn the_exported_grid_has_all_that_the_robot_has_seen() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! `onbrick sim exec` itself: what a program sees, what becomes of its exit code, and what is said where it is forbidden.
+//! `onbrick sim exec` itself: what a program sees, what becomes of its exit code, and what is said
+//! where it is forbidden.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
@@ -102,7 +103,8 @@ fn where_no_brick_is_mounted_nothing_is_started() {
     }
 }
 
-/// In a user namespace that may have none below it, as an ordinary user: the kernel's own setting says so.
+/// In a user namespace that may have none below it, as an ordinary user: the kernel's own setting
+/// says so.
 #[test]
 fn where_namespaces_are_forbidden_the_setting_is_named() {
     if no_namespaces() {
