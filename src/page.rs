@@ -1,16 +1,16 @@
-//! A page for a browser on this machine: a small server on 127.0.0.1 that shows, and takes what its own page
-//! posts where whoever serves it wants that.
+//! A page for a browser on this machine: a small server on 127.0.0.1 that shows, and takes what its
+//! own page posts where the server wants that.
 //!
 //! # Not here
 //!
-//! What is shown: a simulation's room (`sim`), a run that is going on (`report`), from which nothing can be
-//! changed.
+//! What is shown: a simulation's room (`sim`), a run that is going on (`report`), from which
+//! nothing can be changed.
 //!
 //! # What we count on
 //!
 //! Whoever may open a port of this machine may look. Questions by another host name than this machine's are refused, so that a foreign
-//! page in the same browser cannot ask. What is posted must carry a header of ours ([`OWN`]), which a foreign
-//! page may not send without asking first, and it is refused when it asks.
+//! page in the same browser cannot ask. What is posted must carry a header of ours ([`OWN`]), which
+//! a foreign page may not send without asking first, and it is refused when it asks.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};

@@ -68,7 +68,7 @@ pub use guard::{Lines, MISSED_NS, Pulse, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{NotReady, prepare};
-pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, map_again, replay, replay_with};
+pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};
 pub use setup::{Draft, DraftHead, DraftMotor, DraftRange, SetupError, setup};
 
 /// A file as it was read, with the name that findings use.
@@ -285,6 +285,8 @@ pub enum StopReason {
     Guard,
     /// The guard was gone or hung, and the process that drives stopped the motors.
     Unguarded,
+    /// A simulated robot drove over the floor's edge. A real one's program does not learn of it.
+    Fallen,
     /// The program itself failed.
     Panicked,
 }
@@ -311,6 +313,7 @@ impl StopReason {
             Self::Recording => "recording",
             Self::Guard => "guard",
             Self::Unguarded => "unguarded",
+            Self::Fallen => "fallen",
             Self::Panicked => "panicked",
         }
     }
@@ -353,6 +356,7 @@ impl std::fmt::Display for StopReason {
             Self::Recording => f.write_str("the recording cannot be written"),
             Self::Guard => f.write_str("the guard stopped the motors"),
             Self::Unguarded => f.write_str("the run's guard is gone, or has given no sign of life for 0.2 s"),
+            Self::Fallen => f.write_str("the simulated robot fell over the edge of the floor"),
             Self::Panicked => f.write_str("the program failed; please report it"),
         }
     }

@@ -58,8 +58,9 @@ pub(super) struct LoadedRobot {
     pub(super) config: RobotConfig,
 }
 
-/// Reads a file, or takes a text we carry by its name. Such a name is a path only with a folder before it
-/// (`./arena`) or an ending (`arena.toml`): what lies in the working folder never changes what a name means.
+/// Reads a file, or takes a text we carry by its name. Such a name is a path only with a folder
+/// before it (`./arena`) or an ending (`arena.toml`): what lies in the working folder never changes
+/// what a name means.
 pub(super) fn read_source(
     path: &Path,
     carried: impl Fn(&str) -> Option<&'static str>,
@@ -278,12 +279,10 @@ pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes a file that did not need to be kept.
-#[cfg(feature = "host")]
+/// Writes a file that can be made again, whole or not at all.
+#[cfg(any(feature = "host", feature = "sim"))]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    std::fs::write(path, bytes).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), &error)
-    })
+    crate::runtime::save::write(path, bytes).map_err(|error| Failure::new(Exit::Failed, with_causes(&error)))
 }
 
 /// Reads a world's file, or takes a built-in one; the pose is the first robot's start.

@@ -41,9 +41,9 @@ pub(super) struct Arguments {
 #[derive(Debug, Serialize)]
 struct Quality {
     points: usize,
-    /// Distance from the points to the nearest wall, metres.
-    wall_median_m: f64,
-    wall_p90_m: f64,
+    /// Distance from the points to the nearest wall, metres; none without points or without walls.
+    wall_median_m: Option<f64>,
+    wall_p90_m: Option<f64>,
     /// The last pose against the true one.
     pose_error_m: f64,
     heading_error_deg: f64,
@@ -79,12 +79,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let quality = quality(&loaded, world)?;
     output.show(
         format!(
-            "{} points: to the nearest wall {:.1} cm (median), {:.1} cm (90th percentile)\n\
+            "{} points: {}\n\
              final pose: {:.1} cm and {:.1} degrees from the true one, after {:.2} m\n\
              wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
             quality.points,
-            quality.wall_median_m * 100.0,
-            quality.wall_p90_m * 100.0,
+            from_walls(&quality),
             quality.pose_error_m * 100.0,
             quality.heading_error_deg,
             quality.travelled_m,
@@ -93,6 +92,18 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         &quality,
     );
     if ended.wanted { Ok(()) } else { Err(Failure::new(Exit::Failed, ended.reason)) }
+}
+
+/// How far the points are from the walls, as far as there are both.
+fn from_walls(quality: &Quality) -> String {
+    match (quality.wall_median_m, quality.wall_p90_m) {
+        (Some(median_m), Some(p90_m)) => {
+            let [median_cm, p90_cm] = [median_m, p90_m].map(|metres| metres * 100.0);
+            format!("to the nearest wall {median_cm:.1} cm (median), {p90_cm:.1} cm (90th percentile)")
+        }
+        _ if quality.points == 0 => "the robot heard no echo".to_owned(),
+        _ => "there is no wall in this world to compare them with".to_owned(),
+    }
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -123,12 +134,14 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
     let run = &loaded.run;
     let mut distances: Vec<f64> =
         run.points.iter().map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)).collect();
+    // A world without walls has no nearest one.
+    distances.retain(|distance_m| distance_m.is_finite());
     let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();
     let truth = run.ending.as_ref().and_then(|ending| ending.truth).unwrap_or(believed);
     Ok(Quality {
-        points: distances.len(),
-        wall_median_m: stats::quantile(&mut distances, 0.5).unwrap_or(f64::NAN),
-        wall_p90_m: stats::quantile(&mut distances, 0.9).unwrap_or(f64::NAN),
+        points: run.points.len(),
+        wall_median_m: stats::quantile(&mut distances, 0.5),
+        wall_p90_m: stats::quantile(&mut distances, 0.9),
         pose_error_m: libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m),
         heading_error_deg: degrees(wrap_rad(believed.heading_rad - truth.heading_rad)).abs(),
         travelled_m: run.poses.last().map_or(0.0, |pose| pose.travelled_m),

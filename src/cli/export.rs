@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::common::{LoadedRun, open_run, scene_of, write_file};
+use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::report::export::{self, Part};
 use crate::runtime::recording::Grid;
@@ -67,18 +68,31 @@ fn write_all(folder: &Path, files: Vec<(&str, Vec<u8>)>, output: &mut Output) ->
     Ok(())
 }
 
-/// The occupancy grid of one run: as it was recorded, or for a run that was cut before its end, made again from its senses.
+/// The occupancy grid of one run: as it was recorded, or where that does not have all, made again
+/// from its senses.
 fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
     let [loaded] = runs else {
         return Err(Failure::new(Exit::Usage, "an occupancy grid is made from one run")
             .hint("once for each run, with --out for each"));
     };
-    if let Some(grid) = &loaded.run.map {
-        return Ok(grid.clone());
+    if loaded.run.map.is_none() {
+        log::warn!("{}: the recording has no grid; it is made again from the senses", loaded.name);
     }
-    log::warn!("{}: the recording has no grid; it is made again from the senses", loaded.name);
-    crate::runtime::map_again(&loaded.run)
-        .map_err(|error| Failure::from_error(Exit::Failed, &format!("cannot replay {}", loaded.name), &error))
+    match (crate::runtime::whole_map(&loaded.run), &loaded.run.map) {
+        (Ok(grid), _) => Ok(grid),
+        (Err(error), Some(recorded)) => {
+            let lost = loaded.run.points.iter().filter(|point| !recorded.has(point.x_m, point.y_m)).count();
+            let (all, why) = (loaded.run.points.len(), with_causes(&error));
+            log::warn!(
+                "{}: {lost} of {all} points lie beyond the recorded grid and are left out: {why}",
+                loaded.name
+            );
+            Ok(recorded.clone())
+        }
+        (Err(error), None) => {
+            Err(Failure::from_error(Exit::Failed, &format!("cannot replay {}", loaded.name), &error))
+        }
+    }
 }
 
 /// All runs in one file, one namespace a brick.

@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use super::common::{must_be_new, shipped_mission};
+use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::behavior::shipped;
 use crate::document::nearest;
+use crate::runtime::save;
 
 /// Write a commented template: a mission, a robot, a world, a team, or the service's configuration.
 ///
@@ -62,9 +64,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Ok(());
     };
     must_be_new(path)?;
-    let written = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
-    written.and_then(|mut file| std::io::Write::write_all(&mut file, text.as_bytes())).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), &error)
+    save::create(path, text).map_err(|error| {
+        Failure::new(Exit::Failed, with_causes(&error))
             .hint("a name in a folder that is there and can be written to")
     })?;
     output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));

@@ -98,7 +98,7 @@ pub(super) fn safe(text: &str) -> Cow<'_, str> {
 pub struct Output {
     json: bool,
     closed: bool,
-    /// The exit code of a program that was run for somebody.
+    /// The exit code of a program that was run in our place.
     code: u8,
 }
 

@@ -1,21 +1,25 @@
 //! `onbrick replay`: the recorded senses through estimator and machines again.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
 
 use super::common::{load_robot, must_be_new, open_run};
 use super::{Exit, Failure, Output};
-use crate::runtime::{replay, replay_with};
+use crate::runtime::{Replayed, replay, replay_with};
 
 /// Run estimator and machines again on what a run recorded, and compare; or see what another robot.toml makes of it.
 ///
 /// Examples:
 ///   onbrick replay onbrick-demo/run.mcap
+///   onbrick replay onbrick-runs/*/run.mcap
 ///   onbrick replay run.mcap --robot wider.toml --out wider.mcap
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The recording.
-    run: PathBuf,
+    /// The recordings; several are replayed one after the other.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
     /// Another robot: the same senses make a new run, without a comparison.
     #[arg(long, requires = "out")]
     robot: Option<PathBuf>,
@@ -24,24 +28,66 @@ pub(super) struct Arguments {
     out: Option<PathBuf>,
 }
 
+/// What became of one of several recordings.
+#[derive(Serialize)]
+struct Named<'r> {
+    run: &'r Path,
+    #[serde(flatten)]
+    replayed: &'r Replayed,
+}
+
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let failed =
-        |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Refused, doing, error);
-    let name = arguments.run.display().to_string();
-    let recorded = open_run(&arguments.run)?.run;
-    if let (Some(robot), Some(out)) = (&arguments.robot, &arguments.out) {
-        must_be_new(out)?;
-        let robot = load_robot(Some(robot), output)?;
-        let made = replay_with(&recorded, &robot.source, out)
-            .map_err(|error| failed(&format!("cannot make {}", out.display()), &error))?;
-        output.show(format!("{made}\nrecorded in {}", out.display()), &made);
-        return Ok(());
+    match (arguments.runs.as_slice(), &arguments.robot, &arguments.out) {
+        ([run], Some(robot), Some(out)) => remake(run, robot, out, output),
+        (_, Some(_), Some(_)) => Err(Failure::new(Exit::Usage, "--robot and --out are for one recording")
+            .hint("once for each, with --out for each")),
+        ([run], ..) => again(run, false, output),
+        (several, ..) => {
+            let failures: Vec<Failure> = several
+                .iter()
+                .filter_map(|run| {
+                    again(run, true, output)
+                        .err()
+                        .inspect(|failure| log::error!("{}: {}", run.display(), failure.to_text()))
+                })
+                .collect();
+            let worst = failures.iter().map(|failure| failure.exit).max_by_key(|exit| *exit as u8);
+            worst.map_or(Ok(()), |exit| {
+                let (failed, all) = (failures.len(), several.len());
+                Err(Failure::new(
+                    exit,
+                    format!("{failed} of {all} recordings did not replay as they were made"),
+                ))
+            })
+        }
     }
-    let replayed = replay(&recorded).map_err(|error| failed(&format!("cannot replay {name}"), &error))?;
-    output.show(replayed.to_string(), &replayed);
+}
+
+/// Replays a run and compares; `named` where it is one of several.
+fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
+    let recorded = open_run(run)?.run;
+    let doing = format!("cannot replay {}", run.display());
+    let replayed = replay(&recorded).map_err(|error| Failure::from_error(Exit::Refused, &doing, &error))?;
+    if named {
+        output.show(format!("{}: {replayed}", run.display()), &Named { run, replayed: &replayed });
+    } else {
+        output.show(replayed.to_string(), &replayed);
+    }
     if replayed.is_same() {
         Ok(())
     } else {
         Err(Failure::new(Exit::Failed, "the replay differs from what was recorded"))
     }
+}
+
+/// Makes another run from a run's senses.
+fn remake(run: &Path, robot: &Path, out: &Path, output: &mut Output) -> Result<(), Failure> {
+    let recorded = open_run(run)?.run;
+    must_be_new(out)?;
+    let robot = load_robot(Some(robot), output)?;
+    let doing = format!("cannot make {}", out.display());
+    let made = replay_with(&recorded, &robot.source, out)
+        .map_err(|error| Failure::from_error(Exit::Refused, &doing, &error))?;
+    output.show(format!("{made}\nrecorded in {}", out.display()), &made);
+    Ok(())
 }

@@ -26,7 +26,8 @@ mod through;
 pub(super) struct Arguments {
     /// A mission file, or a name: that of one of the brick's own missions, where a service lives on it, or of a shipped one.
     mission: PathBuf,
-    /// The robot's file; without it the shipped one, which fits the simulated brick.
+    /// The robot's file; without it ./robot.toml, and where there is none the shipped one, which
+    /// fits the simulated brick.
     #[arg(long)]
     robot: Option<PathBuf>,
     #[command(flatten)]
@@ -43,7 +44,8 @@ pub(super) struct Arguments {
     #[cfg(feature = "sim")]
     #[arg(long, requires = "sim")]
     realtime: bool,
-    /// The robot's pose at the start: metres, metres, degrees; in a simulation, the world says it.
+    /// The robot's pose at the start: metres, metres, degrees; in a simulation one of the world's
+    /// start poses.
     #[arg(long, value_parser = pose, value_name = "X,Y,DEG", allow_hyphen_values = true)]
     pose: Option<[f64; 3]>,
     /// Give one of the mission's own numbers another value; can be repeated.
@@ -61,11 +63,23 @@ pub(super) struct Arguments {
     sync_s: f64,
 }
 
+/// The robot of who works in this folder, as `setup` writes it and `doctor` reads it.
+const OWN_ROBOT: &str = "robot.toml";
+
+/// So near to a start pose a robot is meant to stand on it: metres, and radians.
+#[cfg(feature = "sim")]
+const SAME_PLACE: (f64, f64) = (0.01, 0.02);
+
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     if let Some(living) = through::service(arguments)? {
         return through::run(living, arguments, output);
     }
-    let robot = load_robot(arguments.robot.as_deref(), output)?;
+    let own = Path::new(OWN_ROBOT);
+    let named = arguments.robot.as_deref().or(own.is_file().then_some(own));
+    if arguments.robot.is_none() && named.is_some() {
+        output.line(format!("with the robot of {OWN_ROBOT}"));
+    }
+    let robot = load_robot(named, output)?;
     let source = read_mission(&arguments.mission)?;
     let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())
         .map_err(|findings| broken_mission(&source, &findings))?;
@@ -111,6 +125,9 @@ fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
     #[cfg(feature = "sim")]
     if let Some(path) = &arguments.sim {
         let (world, start) = super::common::load_world(path)?;
+        if let Some(pose) = arguments.pose {
+            on_a_start(&world, pose)?;
+        }
         return Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start));
     }
     let root = arguments.brick.root();
@@ -118,6 +135,32 @@ fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
         return Err(Failure { exit: Exit::Refused, ..no_brick(root) });
     }
     Ok((Brick::Local(arguments.brick.tree()), Pose::default()))
+}
+
+/// A simulated robot stands where its world lets it start, and is not told that it stands
+/// elsewhere.
+#[cfg(feature = "sim")]
+fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Result<(), Failure> {
+    use crate::units::{degrees, wrap_rad};
+    let (parsed, _) = crate::sim::World::parse(&world.name, world.text.as_bytes())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let is_there = |start: &crate::sim::StartPose| {
+        libm::hypot(start.x_m - x_m, start.y_m - y_m) <= SAME_PLACE.0
+            && wrap_rad(start.heading_rad - radians(deg)).abs() <= SAME_PLACE.1
+    };
+    if parsed.starts().iter().any(is_there) {
+        return Ok(());
+    }
+    let shown = |start: &crate::sim::StartPose| {
+        let heading_deg = libm::round(degrees(start.heading_rad) * 100.0) / 100.0;
+        format!("{},{},{heading_deg}", start.x_m, start.y_m)
+    };
+    let starts: Vec<String> = parsed.starts().iter().map(shown).collect();
+    Err(Failure::refused(format!("no robot starts at {x_m},{y_m},{deg} in the world `{}`", parsed.name()))
+        .hint(format!(
+            "--pose={}, or a world with another [[start]] (onbrick new world)",
+            starts.join(" or --pose=")
+        )))
 }
 
 /// A recording's own folder.

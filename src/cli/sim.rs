@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{load_world, read_source, warn};
+use super::common::{load_world, read_source, warn, write_file};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
@@ -111,8 +111,8 @@ enum SimCommand {
         #[arg(long = "for", default_value = "200ms", value_parser = span, value_name = "TIME")]
         hold: f64,
     },
-    /// Run a program in a private view in which a mounted brick's /sys, /dev/input, /dev/fb0 and speaker lie
-    /// over this machine's.
+    /// Run a program in a private view in which a mounted brick's /sys, /dev/input, /dev/fb0 and
+    /// speaker lie over this machine's.
     Exec {
         /// Where the brick is mounted: with several robots, the folder of one.
         brick: PathBuf,
@@ -231,9 +231,7 @@ fn done(simulation: &Simulation) -> Vec<Done> {
 
 /// Writes the still.
 fn draw(file: &Path, simulation: &Simulation) -> Result<(), Failure> {
-    std::fs::write(file, still(simulation)).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("cannot write {}", file.display()), &error)
-    })
+    write_file(file, still(simulation).as_bytes())
 }
 
 /// Serves the page, where it is asked for.

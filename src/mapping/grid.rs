@@ -73,6 +73,25 @@ impl OccupancyGrid {
         Self::empty(first, usize::from(SIDE), usize::from(SIDE))
     }
 
+    /// An empty grid over all places that a robot can have seen from a rectangle of the world,
+    /// between two corners in metres, where it has been; `None` where that is more than
+    /// [`OccupancyGrid::MOST_M`] in a direction. For maps that are made after the run, where memory
+    /// is no matter.
+    #[must_use]
+    pub fn covering(low_m: [f64; 2], high_m: [f64; 2]) -> Option<Self> {
+        // The sensor is not in the middle of the robot, and a cell counts as a whole.
+        let reach_m = REACH_M + 0.5;
+        let first = low_m.map(|low_m| lattice(low_m - reach_m));
+        let beyond = high_m.map(|high_m| lattice(high_m + reach_m) + 1);
+        let most = lattice(Self::MOST_M);
+        let size = [beyond[0].saturating_sub(first[0]), beyond[1].saturating_sub(first[1])];
+        let [columns, rows] = size.map(|size| usize::try_from(size).ok().filter(|_| size <= most));
+        Some(Self::empty(first, columns?, rows?))
+    }
+
+    /// The longest side of a grid that is made after a run, metres.
+    pub const MOST_M: f64 = 200.0;
+
     fn empty(first: [i32; 2], columns: usize, rows: usize) -> Self {
         Self { first, columns, rows, cells: room::filled(0, columns * rows), outside: 0 }
     }
@@ -130,6 +149,13 @@ impl OccupancyGrid {
             let mut line = if turned { self.column_at(y) } else { self.row_at(y) };
             line.weigh_cone(&cone, y, [first.max(low[0]), last.min(high[0])], before, at);
         }
+    }
+
+    /// True where all places of another grid are in this one.
+    #[must_use]
+    pub fn has(&self, other: &Self) -> bool {
+        let within = |low: [i32; 2], high: [i32; 2]| low[0] <= high[0] && low[1] <= high[1];
+        within(self.first, other.first) && within(other.beyond(), self.beyond())
     }
 
     /// Metres of a cell's side.

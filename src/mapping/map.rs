@@ -29,6 +29,13 @@ impl Map {
         }
     }
 
+    /// The same map with another grid, which has seen nothing yet.
+    #[must_use]
+    pub fn with_grid(mut self, grid: OccupancyGrid) -> Self {
+        self.grid = grid;
+        self
+    }
+
     /// Takes one update; returns the new point, if there is one. Every point is returned, also one that the thinned cloud does
     /// not keep.
     pub fn add(&mut self, estimate: &Estimate) -> Option<MapPoint> {

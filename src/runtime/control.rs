@@ -50,6 +50,8 @@ pub struct StopFlags {
     pub panicked: Arc<AtomicBool>,
     /// The guard's heartbeats, counted.
     pub guard_beats: Arc<AtomicU32>,
+    /// The simulated robot has fallen over the edge of the floor.
+    pub fallen: Arc<AtomicBool>,
 }
 
 impl StopFlags {
@@ -116,6 +118,7 @@ impl StopFlags {
     fn reason(&self) -> Option<StopReason> {
         let raised = [
             (&self.panicked, StopReason::Panicked),
+            (&self.fallen, StopReason::Fallen),
             (&self.signal, StopReason::Signal),
             (&self.remote, StopReason::Remote),
             (&self.here, StopReason::Here),

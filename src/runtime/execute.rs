@@ -154,6 +154,26 @@ impl<F: FnMut(&crate::sim::Truth) + Send> Heartbeat for Witness<F> {
     }
 }
 
+/// Looks with each beat whether a simulated robot is still on the floor. A real one that falls has
+/// ended its run.
+#[cfg(feature = "sim")]
+#[derive(Debug)]
+struct Floor<'h> {
+    observer: Option<crate::sim::Observer>,
+    fallen: Arc<std::sync::atomic::AtomicBool>,
+    next: &'h mut dyn Heartbeat,
+}
+
+#[cfg(feature = "sim")]
+impl Heartbeat for Floor<'_> {
+    fn beat(&mut self) {
+        if self.observer.as_ref().and_then(|observer| observer.truth(0)).is_some_and(|truth| truth.fallen) {
+            self.fallen.store(true, std::sync::atomic::Ordering::Relaxed);
+        }
+        self.next.beat();
+    }
+}
+
 /// What a job is done with: its files, read and found in order, and the place it is done in.
 struct Stage {
     config: RobotConfig,
@@ -181,6 +201,14 @@ impl Stage {
         report: Arc<Report>,
     ) -> Result<Ended, Refused> {
         let Self { config, mission, place } = self;
+        // Of this run alone; the other flags are shared.
+        let flags = &StopFlags { fallen: Arc::default(), ..flags.clone() };
+        #[cfg(feature = "sim")]
+        let heartbeat: &mut dyn Heartbeat = &mut Floor {
+            observer: place.observer.clone(),
+            fallen: Arc::clone(&flags.fallen),
+            next: heartbeat,
+        };
         let mut robot = Robot::bind(&place.tree, &config, mission.roles())?;
         // As it was bound: with the cells that the brick runs on.
         let config = robot.config().clone();

@@ -18,7 +18,7 @@ use crate::clock::nanoseconds;
 use crate::ev3dev::StopAction;
 use crate::mapping::{
     Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint,
-    Method, Pose, Range, RangeReading,
+    Method, OccupancyGrid, Pose, Range, RangeReading,
 };
 use crate::robot::{BatteryLimits, Channel, RobotConfig, Senses};
 
@@ -172,6 +172,13 @@ impl Pilot {
             charge,
             end,
         }
+    }
+
+    /// The same pilot, whose map has another grid. For maps that are made after the run.
+    #[must_use]
+    pub fn with_grid(mut self, grid: OccupancyGrid) -> Self {
+        self.map = self.map.with_grid(grid);
+        self
     }
 
     /// The map so far.

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::behavior::{Demands, Mission, SetError, Taken};
 use crate::document::Findings;
-use crate::mapping::{MapPoint, Method, Pose};
+use crate::mapping::{MapPoint, Method, OccupancyGrid, Pose};
 use crate::robot::{Channel, RobotConfig, Senses};
 
 use super::pilot::{Pilot, PilotError, Step};
@@ -78,6 +78,9 @@ pub enum ReplayError {
     /// Robot and mission do not go together.
     #[error("robot and mission")]
     Pilot(#[from] PilotError),
+    /// No grid is made over so much of the world.
+    #[error("the robot came so far that its map would be more than {} m wide", OccupancyGrid::MOST_M)]
+    TooWide,
 }
 
 impl From<Findings> for ReplayError {
@@ -160,13 +163,32 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
     Ok(replayed)
 }
 
-/// The occupancy grid that a run's senses make: for a recording that was cut before its end.
+/// The occupancy grid of a run, with all that the robot has seen: the recorded one, which covers 5
+/// m around the start, or where the robot came further or the recording was cut before its end, one
+/// that is made again from the senses.
 ///
 /// # Errors
 ///
 /// [`ReplayError`].
-pub fn map_again(run: &Run) -> Result<Grid, ReplayError> {
+pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
+    let start = run.info.as_ref().map(|info| info.start_pose).unwrap_or_default();
+    let places = || run.poses.iter().map(|pose| pose.pose).chain([start]).map(|pose| [pose.x_m, pose.y_m]);
+    let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for [x_m, y_m] in places() {
+        low_m = [low_m[0].min(x_m), low_m[1].min(y_m)];
+        high_m = [high_m[0].max(x_m), high_m[1].max(y_m)];
+    }
+    let usual = OccupancyGrid::around(&start);
+    let whole = OccupancyGrid::covering(low_m, high_m).ok_or(ReplayError::TooWide)?;
+    let is_usual = usual.has(&whole);
+    if let Some(grid) = run.map.as_ref().filter(|_| is_usual) {
+        return Ok(grid.clone());
+    }
     let mut cast = Cast::of(run, None)?;
+    if !is_usual {
+        let both = OccupancyGrid::united(&[&usual, &whole]).ok_or(ReplayError::TooWide)?;
+        cast.pilot = cast.pilot.with_grid(both);
+    }
     let mut demands = Demands::default();
     for senses in &run.senses {
         cast.pilot.step(senses, &mut demands, |_| {});

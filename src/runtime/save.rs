@@ -24,16 +24,65 @@ pub enum SaveError {
 ///
 /// # Errors
 ///
-/// [`SaveError::Exists`] where there is one; a file that is there is never touched.
+/// [`SaveError::Exists`] where there is one; a file that is there is never touched, and a disk that
+/// is full leaves none.
 pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
-    let mut file = OpenOptions::new().write(true).create_new(true).open(path).map_err(|source| {
-        if source.kind() == io::ErrorKind::AlreadyExists {
-            SaveError::Exists(path.to_owned())
-        } else {
-            SaveError::Io { path: path.to_owned(), source }
+    write_beside(path, text.as_bytes(), |fresh| match std::fs::hard_link(fresh, path) {
+        // A file system without links, as on many memory cards.
+        Err(error)
+            if matches!(error.kind(), io::ErrorKind::Unsupported | io::ErrorKind::PermissionDenied) =>
+        {
+            if path.symlink_metadata().is_ok() {
+                return Err(io::ErrorKind::AlreadyExists.into());
+            }
+            std::fs::rename(fresh, path)
         }
-    })?;
-    fill(&mut file, text).map_err(|source| SaveError::Io { path: path.to_owned(), source })
+        linked => linked.and_then(|()| std::fs::remove_file(fresh)),
+    })
+    .map_err(|error| match error {
+        SaveError::Io { source, .. } if source.kind() == io::ErrorKind::AlreadyExists => {
+            SaveError::Exists(path.to_owned())
+        }
+        other => other,
+    })
+}
+
+/// Writes a file that can be made again, over one of its name.
+///
+/// # Errors
+///
+/// [`SaveError::Io`]; what was there is then as it was.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
+    // What is no file, such as a terminal or a pipe, is no name that could change hands.
+    if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
+        return std::fs::write(path, bytes).map_err(|source| SaveError::Io { path: path.to_owned(), source });
+    }
+    // The name of a link stays a link: what it leads to is written.
+    let led_to = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    write_beside(&led_to, bytes, |fresh| std::fs::rename(fresh, &led_to))
+}
+
+/// Writes a file beside the one that is meant, and has it take the name when its bytes are on the
+/// disk: a power cut or a full disk leaves what was there.
+fn write_beside(
+    path: &Path,
+    bytes: &[u8],
+    take_name: impl FnOnce(&Path) -> io::Result<()>,
+) -> Result<(), SaveError> {
+    // Of this process alone: two may write the same file at once.
+    let fresh = beside(path, &format!("{}.new", std::process::id()));
+    let written = File::create(&fresh).and_then(|mut file| {
+        if let Ok(known) = std::fs::metadata(path) {
+            file.set_permissions(known.permissions())?;
+        }
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    written.and_then(|()| take_name(&fresh)).map_err(|source| {
+        // What was begun is of no use to anybody.
+        let _ = std::fs::remove_file(&fresh);
+        SaveError::Io { path: path.to_owned(), source }
+    })
 }
 
 /// Replaces a file and keeps what was there beside it, as `robot.toml.1` and so on; returns where. A file that is not there is created.
@@ -51,19 +100,7 @@ pub fn replace(path: &Path, text: &str) -> Result<Option<PathBuf>, SaveError> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         Err(error) => return Err(failed(path)(error)),
     };
-    // A power cut leaves the old file or the new one: the name changes hands only when the bytes are on the disk.
-    let fresh = beside(path, "new");
-    let written = File::create(&fresh).and_then(|mut file| {
-        if let Ok(known) = std::fs::metadata(path) {
-            file.set_permissions(known.permissions())?;
-        }
-        fill(&mut file, text)
-    });
-    written.and_then(|()| std::fs::rename(&fresh, path)).map_err(|error| {
-        // The old file is untouched; what was begun is of no use to anybody.
-        let _ = std::fs::remove_file(&fresh);
-        failed(path)(error)
-    })?;
+    write(path, text.as_bytes())?;
     Ok(backup)
 }
 
@@ -83,11 +120,6 @@ fn keep(path: &Path, before: &[u8]) -> Result<PathBuf, SaveError> {
             Err(source) => return Err(SaveError::Io { path: backup, source }),
         }
     }
-}
-
-fn fill(file: &mut File, text: &str) -> io::Result<()> {
-    file.write_all(text.as_bytes())?;
-    file.sync_all()
 }
 
 fn beside(path: &Path, ending: &str) -> PathBuf {
@@ -121,6 +153,19 @@ mod tests {
         let texts = [&one, &two, &path].map(|path| std::fs::read_to_string(path).unwrap());
         assert_eq!(texts, ["first", "second", "third"]);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing else is left behind");
+    }
+
+    #[test]
+    fn what_can_be_made_again_is_written_through_links_and_to_what_is_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("map.svg"), folder.path().join("link.svg"));
+        write(&file, b"first").unwrap();
+        std::os::unix::fs::symlink("map.svg", &link).unwrap();
+        write(&link, b"second").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"second");
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        write(Path::new("/dev/null"), b"third").unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing else is left behind");
     }
 
     #[test]

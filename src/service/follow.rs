@@ -224,6 +224,7 @@ fn word_of(reason: &str) -> (&'static str, bool) {
         Reason::Outside(Channel::Left),
         Reason::Lost(Channel::Left),
         Reason::Implausible(Channel::Gyro),
+        Reason::Fallen,
         Reason::Panicked,
     ];
     // Some name a device after a colon.
@@ -245,6 +246,7 @@ mod tests {
         assert_eq!(word_of(&StopReason::Implausible(Channel::Head).to_string()), ("implausible", false));
         assert_eq!(word_of(&StopReason::Outside(Channel::Right).to_string()), ("outside", false));
         assert_eq!(word_of(&StopReason::Guard.to_string()), ("guard", false));
+        assert_eq!(word_of(&StopReason::Fallen.to_string()), ("fallen", false));
         assert_eq!(word_of("made up"), ("unknown", false));
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Numbers only grow: a device that comes back has a new one, and `motorN` and `linearN` share their counter.
 
+mod class;
 mod faults;
 mod port;
 pub(crate) mod tree;
@@ -10,6 +11,7 @@ use nix::errno::Errno;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 
+pub(crate) use self::class::Class;
 pub use self::port::Plugged;
 use self::port::{Change, PortState, Wanted};
 use super::driver::board::{Battery, Board};
@@ -48,58 +50,12 @@ const MOST_STORED: usize = 4096;
 
 const UEVENT: Spec = readwriteable("uevent");
 
-/// The classes of devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Class {
-    BoardInfo,
-    /// No class, but the bus of what is plugged into ports.
-    LegoBus,
-    DcMotor,
-    Graphics,
-    Leds,
-    Port,
-    Sensor,
-    PowerSupply,
-    ServoMotor,
-    TachoMotor,
-}
-
-impl Class {
-    pub(crate) const ALL: [Self; 9] = [
-        Self::BoardInfo,
-        Self::DcMotor,
-        Self::Graphics,
-        Self::Leds,
-        Self::Port,
-        Self::Sensor,
-        Self::PowerSupply,
-        Self::ServoMotor,
-        Self::TachoMotor,
-    ];
-
-    /// The name of its folder in `sys/class`, or in `sys/bus`.
-    pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::BoardInfo => "board-info",
-            Self::LegoBus => "lego",
-            Self::DcMotor => "dc-motor",
-            Self::Graphics => "graphics",
-            Self::Leds => "leds",
-            Self::Port => "lego-port",
-            Self::Sensor => "lego-sensor",
-            Self::PowerSupply => "power_supply",
-            Self::ServoMotor => "servo-motor",
-            Self::TachoMotor => "tacho-motor",
-        }
-    }
-}
-
 #[derive(Debug)]
 enum Device {
     Tacho(usize, Box<TachoMotor>),
     Dc(usize, DcMotor),
     Servo(ServoMotor),
-    Sensor(usize, Sensor),
+    Sensor(usize, Box<Sensor>),
     Port(usize),
     Bus(BusDevice),
     Led(Led),
@@ -261,7 +217,7 @@ impl Brick {
             Wanted::Sensor(kind) => {
                 let name = format!("sensor{}", next(&mut self.counters.sensor));
                 let sensor = Sensor::new(kind, address, self.options.gyro, now_ns);
-                (Class::Sensor, name, Device::Sensor(index, sensor))
+                (Class::Sensor, name, Device::Sensor(index, Box::new(sensor)))
             }
         };
         let id = self.register(class, name, now_ns, device);
@@ -385,7 +341,7 @@ impl Brick {
 
     fn sensor(&mut self, input: usize) -> Result<&mut Sensor, Errno> {
         let sensor = self.nodes.iter_mut().find_map(|node| match &mut node.device {
-            Device::Sensor(port, sensor) if *port == input => Some(sensor),
+            Device::Sensor(port, sensor) if *port == input => Some(&mut **sensor),
             _ => None,
         });
         sensor.ok_or(Errno::ENODEV)
@@ -411,7 +367,7 @@ impl Brick {
             Device::Tacho(_, motor) => &**motor,
             Device::Dc(_, motor) => motor,
             Device::Servo(servo) => servo,
-            Device::Sensor(_, sensor) => sensor,
+            Device::Sensor(_, sensor) => &**sensor,
             Device::Port(index) => self.ports.get(*index)?,
             Device::Bus(device) => device,
             Device::Led(led) => led,
@@ -482,7 +438,7 @@ impl Brick {
             Device::Tacho(_, motor) => &mut **motor,
             Device::Dc(_, motor) => motor,
             Device::Servo(servo) => servo,
-            Device::Sensor(_, sensor) => sensor,
+            Device::Sensor(_, sensor) => &mut **sensor,
             Device::Port(index) => self.ports.get_mut(*index).ok_or(Errno::ENODEV)?,
             Device::Bus(device) => device,
             Device::Led(led) => led,

@@ -1,5 +1,5 @@
-//! What is done to a simulated robot on purpose: loose plugs, broken sensors, flat batteries, foreign hands,
-//! pressed buttons.
+//! What is done to a simulated robot on purpose: loose plugs, broken sensors, flat batteries,
+//! foreign hands, pressed buttons.
 //!
 //! A [`DeviceFault`] is put on a port ([`Simulation::inject`](super::Simulation::inject)) and stays there, whatever is plugged in, until its end or
 //! until it is cleared. It has one text form, which stands in control commands ([`Order::parse`]), in scenario files

@@ -11,8 +11,8 @@
 //!
 //! # Not here
 //!
-//! The page loads nothing from elsewhere; its own policy forbids it. Who may look and post is the server's
-//! matter (`page`).
+//! The page loads nothing from elsewhere; its own policy forbids it. Who may look and post is the
+//! server's matter (`page`).
 
 use super::Simulation;
 pub use crate::page::PageError;

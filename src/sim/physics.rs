@@ -104,7 +104,8 @@ pub trait Physics: Any + Debug + Send {
     fn fail(&mut self, _robot: usize, _fault: Fault) {}
 
     /// Puts a robot elsewhere as a hand would, standing still: x and y in metres and the heading in
-    /// radians, or where it started. False where there is no room for it; physics without places has none.
+    /// radians, or where it started. False where there is no room for it; physics without places
+    /// has none.
     fn place(&mut self, _robot: usize, _pose: Option<[f64; 3]>) -> bool {
         false
     }

@@ -440,7 +440,8 @@ impl State {
         }
     }
 
-    /// Stores what one `write` brought to an attribute; what a port registers is there when it returns.
+    /// Stores what one `write` brought to an attribute; what a port registers is there when it
+    /// returns.
     ///
     /// # Errors
     ///

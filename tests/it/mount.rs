@@ -92,7 +92,8 @@ fn the_mount_lists_what_the_door_of_this_process_lists_and_every_link_leads_some
     assert_eq!(motor.join("subsystem").canonicalize().unwrap(), mounted.path("sys/class/tacho-motor"));
 }
 
-/// What udev and scripts look at beside the attributes: the device on the bus, its driver, power management.
+/// What udev and scripts look at beside the attributes: the device on the bus, its driver, power
+/// management.
 #[test]
 fn a_plugged_device_is_on_the_bus_and_bound_to_a_driver() {
     let Some(mounted) = Mounted::recorded() else { return };
@@ -142,7 +143,7 @@ fn a_plugged_device_is_on_the_bus_and_bound_to_a_driver() {
 
 /// As udev's rules do; the rights of a device that went are not those of the next one.
 #[test]
-fn root_may_change_rights_and_nobody_the_owner() {
+fn root_may_change_rights_and_no_user_the_owner() {
     let Some(mounted) = Mounted::recorded() else { return };
     let path = mounted.path("sys/class/tacho-motor/motor1/command");
     let rights = || fs::metadata(&path).unwrap().permissions().mode() & 0o7777;

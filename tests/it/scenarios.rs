@@ -305,8 +305,8 @@ fn turn_a_gyro(rig: &Rig, after_two_changes_of_mode: i64) {
     assert_eq!(rig.number("in4", "value0"), 0, "after 0x11");
 }
 
-/// Facing open space at first. After a change of mode it goes on with what that mode measured when it
-/// was last used, and with 0 where it never was.
+/// Facing open space at first. After a change of mode it first says what that mode measured when
+/// it was last used, and 0 where it never was.
 fn an_ultrasonic_sensor_is_slow(rig: &Rig) {
     let measured = || rig.world(|bench| bench.measured[0]);
     rig.world(|bench| bench.readings[0][0] = 2550);

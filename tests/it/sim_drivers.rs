@@ -104,7 +104,8 @@ fn a_mode_write_waits_for_the_first_frame_on_a_serial_line_only() {
 }
 
 /// The driver keeps the data of each mode apart (`mode_info[mode].raw_data`), and a sensor's first
-/// message after a change of mode is what that mode measured when it was last used: ev3dev's issue 1401.
+/// message after a change of mode is what that mode measured when it was last used: ev3dev's issue
+/// 1401.
 #[test]
 fn each_mode_of_a_sensor_has_a_frame_of_its_own() {
     let rig = Rig::recorded();
@@ -339,8 +340,8 @@ fn a_dc_motor_latches_duty_and_polarity_and_ramps_by_signed_difference() {
     assert_eq!(rig.read("dc:outB", "state"), "");
 }
 
-/// `schedule_delayed_work` leaves work alone that is pending: a command within 100 ms of the last step of
-/// the ramp is put to the bridge when that work is due.
+/// `schedule_delayed_work` leaves work alone that is pending: a command within 100 ms of the last
+/// step of the ramp is put to the bridge when that work is due.
 #[test]
 fn a_dc_motors_command_waits_for_the_work_that_is_pending() {
     let rig = Rig::recorded();
@@ -373,8 +374,8 @@ fn a_dc_motors_command_waits_for_the_work_that_is_pending() {
     assert_eq!(shows(), (50, "running ramping".into()));
 }
 
-/// The first step of a ramp is done with the command, at its very beginning; the others every 100 ms and
-/// a tick.
+/// The first step of a ramp is done with the command, at its very beginning; the others every 100
+/// ms and a tick.
 #[test]
 fn a_dc_motors_ramp_has_its_steps_where_the_driver_has_them() {
     let rig = Rig::recorded();

@@ -2,7 +2,7 @@
 #![cfg(all(feature = "sim", feature = "host"))]
 
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
@@ -232,6 +232,75 @@ fn a_browser_sees_the_room_and_the_robot_drive_through_it() {
     assert!(dom.contains("data-faults=\"in4 stuck\"") && dom.contains("<h1>arena</h1>"));
     assert!(dom.contains("outB") && dom.contains("running"), "the motors' states are told");
     assert!(dom.contains("id=\"lost\" hidden"), "the simulation has not ended");
+}
+
+/// An address at which the page has a script at its end, in place of a person's hand.
+fn with_script(page: &Page, script: &'static str) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let served = page.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let Ok(mut stream) = stream else { return };
+            // Head and body of one request; the browser asks for no second one where it is told to close.
+            let mut request = Vec::new();
+            let mut byte = [0];
+            while !request.ends_with(b"\r\n\r\n") && stream.read(&mut byte).is_ok_and(|read| read == 1) {
+                request.push(byte[0]);
+            }
+            let head = String::from_utf8_lossy(&request).into_owned();
+            let value = |name: &str| {
+                let line = head.lines().find(|line| line.to_lowercase().starts_with(name))?;
+                Some(line[name.len()..].trim().to_owned())
+            };
+            let length = value("content-length:").map_or(0, |length| length.parse().unwrap());
+            let mut body = vec![0; length];
+            let Some(first) = head.lines().next() else { continue };
+            if stream.read_exact(&mut body).is_err() {
+                continue;
+            }
+            let own = value("x-onbrick:").map_or(String::new(), |own| format!("X-Onbrick: {own}\r\n"));
+            let head = format!(
+                "{first}\r\nHost: {served}\r\n{own}Content-Length: {length}\r\nConnection: close\r\n\r\n"
+            );
+            let Ok(mut to) = TcpStream::connect(&served) else { return };
+            to.write_all(&[head.as_bytes(), &body].concat()).unwrap();
+            let mut answer = String::new();
+            let _ = to.read_to_string(&mut answer);
+            if first.starts_with("GET / ") {
+                let (_, page) = answer.split_once("\r\n\r\n").unwrap();
+                let page = page.replace("</body>", &format!("<script>{script}</script></body>"));
+                answer = format!(
+                    "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\nConnection: close\r\n\r\n{page}"
+                );
+            }
+            let _ = stream.write_all(answer.as_bytes());
+        }
+    });
+    format!("http://{address}/")
+}
+
+/// A key is down for as long as it is held on the page.
+#[test]
+fn a_browser_presses_a_key_of_the_brick() {
+    let driven = driven("arena", 1, Arc::new(MonotonicClock));
+    let page = Page::serve(&driven.simulation, 0).unwrap();
+    let url = with_script(
+        &page,
+        "const hand = setInterval(() => { \
+            const key = document.querySelector('[data-button=enter]'); \
+            if (!key) return; \
+            clearInterval(hand); \
+            key.dispatchEvent(new PointerEvent('pointerdown', { bubbles: true })); \
+            setTimeout(() => window.dispatchEvent(new PointerEvent('pointerup')), 700); }, 100);",
+    );
+    let Some(dom) = browse(&url, &["--dump-dom"]) else { return };
+    for name in ["back", "up", "left", "enter", "right", "down"] {
+        assert!(dom.contains(&format!("data-button=\"{name}\"")), "{name}");
+    }
+    let done: Vec<String> = driven.simulation.faults_done().into_iter().map(|record| record.what).collect();
+    assert_eq!(done, ["press enter for 60", "release enter"], "{dom}");
+    assert_eq!(driven.simulation.pressed(0), []);
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! `onbrick sim exec`: a program in a private view in which a mounted brick lies over this machine's devices.
+//! `onbrick sim exec`: a program in a private view in which a mounted brick lies over this
+//! machine's devices.
 
 use std::ffi::OsString;
 use std::os::unix::process::ExitStatusExt as _;

@@ -1,9 +1,10 @@
 //! A private view of this machine in which a mounted simulated brick lies over its devices.
 //!
-//! Programs for ev3dev look for `/sys/class/…`, `/dev/input/…`, `/dev/fb0` and `/usr/bin/beep`, wherever the brick
-//! is mounted. [`PrivateView::enter`] takes this process into a mount namespace of its own, and puts the
-//! brick's files there; who it starts from then on takes this machine for the brick, and nothing outside
-//! changes. Without root's rights that needs a user namespace, in which the user stays who they are.
+//! Programs for ev3dev look for `/sys/class/…`, `/dev/input/…`, `/dev/fb0` and `/usr/bin/beep`,
+//! wherever the brick is mounted. [`PrivateView::enter`] takes this process into a mount namespace
+//! of its own, and puts the brick's files there; who it starts from then on takes this machine for
+//! the brick, and nothing outside changes. Without root's rights that needs a user namespace, in
+//! which the user stays who they are.
 //!
 //! | path | what lies there |
 //! |---|---|
@@ -16,8 +17,8 @@
 //!
 //! # Not here
 //!
-//! Other processes, network and users are the machine's. A frame buffer's ioctls are answered for python alone
-//! (`sitecustomize.py`).
+//! Other processes, network and users are the machine's. A frame buffer's ioctls are answered for
+//! python alone (`sitecustomize.py`).
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -62,7 +63,8 @@ const CONSOLES: [&str; 8] = ["console", "tty0", "tty1", "tty2", "tty3", "tty4", 
 
 const SITE: &str = include_str!("sitecustomize.py");
 
-/// Settings of the kernel that forbid an ordinary user a view of their own, with the value that does.
+/// Settings of the kernel that forbid an ordinary user a view of their own, with the value that
+/// does.
 const BARRIERS: [(&str, &str); 3] = [
     ("kernel.apparmor_restrict_unprivileged_userns", "1"),
     ("kernel.unprivileged_userns_clone", "0"),
@@ -156,8 +158,8 @@ impl Kept {
 }
 
 impl PrivateView {
-    /// Takes this process, which must have one thread, into a view in which a mounted brick lies over the
-    /// machine's devices; `program` is this program's file, for the stand-ins to start.
+    /// Takes this process, which must have one thread, into a view in which a mounted brick lies
+    /// over the machine's devices; `program` is this program's file, for the stand-ins to start.
     ///
     /// # Errors
     ///
@@ -178,7 +180,8 @@ impl PrivateView {
             .open(brick.join(SCREEN))
             .map_err(failed("open the brick's screen"))?;
         become_private()?;
-        // What was opened before belongs to the machine's own view, and can be put nowhere in this one.
+        // What was opened before belongs to the machine's own view, and can be put nowhere in this
+        // one.
         let keep = |path: &Path| Kept::new(path).map_err(failed(&format!("open {}", path.display())));
         let [sys, sim, input] = ["sys", "sim", "dev/input/by-path"].map(|folder| keep(&brick.join(folder)));
         let (sys, sim, input) = (sys?, sim?, input?);
@@ -217,12 +220,14 @@ impl PrivateView {
         Ok(view)
     }
 
-    /// Stand-ins that are found by `PATH` alone, because nothing can be put into the machine's programs.
+    /// Stand-ins that are found by `PATH` alone, because nothing can be put into the machine's
+    /// programs.
     pub(super) fn lacking(&self) -> &[&'static str] {
         &self.lacking
     }
 
-    /// Variables that who is started in the view gets: where the stand-ins are, and what python loads.
+    /// Variables that who is started in the view gets: where the stand-ins are, and what python
+    /// loads.
     pub(super) fn environment() -> Vec<(&'static str, OsString)> {
         [("PATH", "bin", "/usr/local/bin:/usr/bin:/bin"), ("PYTHONPATH", "python", "")]
             .map(|(name, folder, usual)| {
@@ -237,8 +242,8 @@ impl PrivateView {
             .into()
     }
 
-    /// Brings what was drawn since the last time to the brick's screen. The EV3's own is refreshed 50 ms
-    /// after something was drawn.
+    /// Brings what was drawn since the last time to the brick's screen. The EV3's own is refreshed
+    /// 50 ms after something was drawn.
     ///
     /// # Errors
     ///
@@ -264,7 +269,8 @@ fn terminal() -> Option<PathBuf> {
     fs::read_link(format!("/proc/self/fd/{number}")).ok()
 }
 
-/// A mount namespace of its own, from which nothing gets out; with a user namespace where that is needed.
+/// A mount namespace of its own, from which nothing gets out; with a user namespace where that is
+/// needed.
 fn become_private() -> Result<(), PrivateError> {
     let (user, group) = (geteuid(), getegid());
     let enter = || -> io::Result<()> {
@@ -286,7 +292,8 @@ fn become_private() -> Result<(), PrivateError> {
     enter().map_err(|source| PrivateError::Forbidden { setting: BARRIERS.into_iter().find(forbids), source })
 }
 
-/// Makes the stand-ins and puts them over the machine's programs; returns those for which that cannot be done.
+/// Makes the stand-ins and puts them over the machine's programs; returns those for which that
+/// cannot be done.
 fn stand_ins(program: &Path) -> io::Result<Vec<&'static str>> {
     let folder = Path::new(OURS).join("bin");
     fs::create_dir_all(&folder)?;

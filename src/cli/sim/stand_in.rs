@@ -1,8 +1,8 @@
 //! Stand-ins for the programs that sound on ev3dev: `beep`, `aplay`, `espeak` and `amixer`.
 //!
-//! They take the arguments that libraries give them, and take as long. The simulated speaker knows tones alone:
-//! a recording sounds as the tone of each piece of it, and speech as a tone a word; what was said is noted in
-//! the brick's `sim/orders`.
+//! They take the arguments that libraries give them, and take as long. The simulated speaker knows
+//! tones alone: a recording sounds as the tone of each piece of it, and speech as a tone a word;
+//! what was said is noted in the brick's `sim/orders`.
 //!
 //! # Not here
 //!
@@ -88,8 +88,8 @@ impl StandIn {
         Self::ALL.into_iter().find(|stand_in| stand_in.name() == name)
     }
 
-    /// Does what the program would do; `view` is the folder with the brick's `sim` in it, `ends` is asked
-    /// whether to end early, and what goes to the standard output is written to `out`.
+    /// Does what the program would do; `view` is the folder with the brick's `sim` in it, `ends` is
+    /// asked whether to end early, and what goes to the standard output is written to `out`.
     ///
     /// # Errors
     ///
@@ -231,8 +231,8 @@ fn recording(arguments: &[String]) -> Result<Samples, StandInError> {
     samples(&bytes).ok_or_else(|| StandInError::NotWav(name.to_owned()))
 }
 
-/// The first channel of a WAV file of 8 or 16 bits. What it says of its length may be more than there is: a
-/// stream does not know it.
+/// The first channel of a WAV file of 8 or 16 bits. What it says of its length may be more than
+/// there is: a stream does not know it.
 fn samples(bytes: &[u8]) -> Option<Samples> {
     let mut rest = bytes.strip_prefix(b"RIFF")?.get(4..)?.strip_prefix(b"WAVE")?;
     let mut form = None;

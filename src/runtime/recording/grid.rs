@@ -20,6 +20,17 @@ impl From<&OccupancyGrid> for Grid {
     }
 }
 
+impl Grid {
+    /// True where a place of the world, metres, is in the grid.
+    #[must_use]
+    pub fn has(&self, x_m: f64, y_m: f64) -> bool {
+        let [from_x_m, from_y_m] = self.origin_m;
+        let side_m = |cells: u32| f64::from(cells) * self.resolution_m;
+        (from_x_m..from_x_m + side_m(self.width)).contains(&x_m)
+            && (from_y_m..from_y_m + side_m(self.height)).contains(&y_m)
+    }
+}
+
 fn percent(grid: &OccupancyGrid, column: usize, row: usize) -> i8 {
     if grid.log_odds(column, row).is_none_or(|log_odds| log_odds == 0) {
         return -1;

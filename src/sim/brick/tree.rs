@@ -1,12 +1,13 @@
 //! Where a brick's devices are in its tree: `sys/class` with links, `sys/devices` with the folders, `dev`.
 //!
-//! The folders are those of ev3dev's stretch: a port below the platform device `ev3-ports`, below the port what is plugged into it, a device of the
-//! bus `lego`, and below that the device of a class.
+//! The folders are those of ev3dev's stretch: a port below the platform device `ev3-ports`, below
+//! the port what is plugged into it, a device of the bus `lego`, and below that the device of a
+//! class.
 //!
 //! # Not here
 //!
-//! `sys/bus/iio`, other buses, modules and firmware: nothing that we have read says what is in them on a brick. The terminal (`tty`)
-//! that a serial sensor hangs below on a brick.
+//! `sys/bus/iio`, other buses, modules and firmware: nothing that we have read says what is in them
+//! on a brick. The terminal (`tty`) that a serial sensor hangs below on a brick.
 
 use nix::errno::Errno;
 

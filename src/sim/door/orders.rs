@@ -1,9 +1,9 @@
 //! What is done to a robot on purpose: the files `sim/faults` and `sim/orders`.
 //!
 //! Each write is a text of orders, one a line (`in1 stuck`, `battery 6.2`, `press enter for 1`,
-//! `place 0.5 0 90`, `clear`); a text that is not understood does nothing and answers EINVAL. A read says
-//! behind `#` what was done when; in `sim/faults` first of all what is wrong now, as orders that would
-//! bring it about. No brick has these files.
+//! `place 0.5 0 90`, `clear`); a text that is not understood does nothing and answers EINVAL. A
+//! read says behind `#` what was done when; in `sim/faults` first of all what is wrong now, as
+//! orders that would bring it about. No brick has these files.
 
 use std::fmt::Write as _;
 use std::sync::Arc;

@@ -1,5 +1,6 @@
-//! How a robot truly is: the file `sim/truth`, one line of JSON, made anew by each read at its beginning.
-//! Where it is, and what a person would see of its brick and hear: lights, tone, buttons that are down.
+//! How a robot truly is: the file `sim/truth`, one line of JSON, made by each read at its
+//! beginning. Where it is, and what a person would see of its brick and hear: lights, tone, buttons
+//! that are down.
 //!
 //! No brick has it. A test reads it after somebody's program has driven, to see whether the robot is where that program meant it to go.
 

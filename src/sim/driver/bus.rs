@@ -1,12 +1,14 @@
-//! What the kernel adds to every device, and a device of the bus `lego`: what is plugged into a port, bound to a
-//! driver (`core/lego_bus.c`). The device of a class, which programs use, lies below it.
+//! What the kernel adds to every device, and a device of the bus `lego`: what is plugged into a
+//! port, bound to a driver (`core/lego_bus.c`). The device of a class, which programs use, lies
+//! below it.
 
 use nix::errno::Errno;
 
 use super::text::word;
 use super::{Context, Driver, Spec, Wait, lego_uevent, line, readable, readwriteable};
 
-/// Runtime power management, which no driver of the brick takes part in (`drivers/base/power/sysfs.c`).
+/// Runtime power management, which no driver of the brick takes part in
+/// (`drivers/base/power/sysfs.c`).
 pub(crate) const POWER: &[Spec] = &[
     readwriteable("power/autosuspend_delay_ms"),
     readwriteable("power/control"),
@@ -55,7 +57,8 @@ impl BusDevice {
     pub(crate) const DRIVERS: [&str; 5] =
         ["ev3-analog-sensor", "ev3-uart-host", "legoev3-motor", "rcx-led", "rcx-motor"];
 
-    /// What was plugged in, under the name that its class gives it, bound to one of [`BusDevice::DRIVERS`].
+    /// What was plugged in, under the name that its class gives it, bound to one of
+    /// [`BusDevice::DRIVERS`].
     pub(crate) fn new(driver: &'static str, driver_name: &'static str, address: &'static str) -> Self {
         Self { driver, driver_name, address }
     }

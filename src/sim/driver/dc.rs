@@ -1,8 +1,8 @@
 //! A motor without a position: class `dc-motor` (`dc_motor_class.c`).
 //!
-//! Everything goes through the ramp worker, also without a ramp, so `ramping` shows for up to about 100 ms
-//! after each command, and a command that comes while it does waits for the worker (issue 1392 of ev3dev
-//! is about the rest of it). A worker that is queued without a delay runs at once.
+//! Everything goes through the ramp worker, also without a ramp, so `ramping` shows for up to about
+//! 100 ms after each command, and a command that comes while it does waits for the worker (issue
+//! 1392 of ev3dev is about the rest of it). A worker that is queued without a delay runs at once.
 
 use nix::errno::Errno;
 
@@ -152,7 +152,8 @@ impl DcMotor {
             (false, false) => Bridge::Coast,
         };
         if runs || self.duty != 0 {
-            // Without a delay it is done once more at once, and by then nothing has passed since the last step.
+            // Without a delay it is done once more at once, and by then nothing has passed since
+            // the last step.
             let delay = (RAMP_PERIOD - (now - self.last_step)).max(0);
             self.last_step = now;
             self.ramp_due_ns = Some(due_ns(now_ns, delay));

@@ -244,7 +244,7 @@ impl Speaker {
         Ok(taken)
     }
 
-    /// Sounds at so many hertz, or with 0 falls silent, as if that had been written.
+    /// Sounds at a frequency in hertz, or with 0 falls silent, as if a program had written it.
     pub(crate) fn tone(&mut self, hz: u32, now_ns: i64) {
         self.play(EV_SND, SND_TONE, i32::try_from(hz).unwrap_or(i32::MAX), now_ns);
     }

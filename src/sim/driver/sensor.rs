@@ -1,10 +1,10 @@
 //! A sensor: class `lego-sensor` (`lego_sensor_class.c`, `ev3_uart_sensor_ld.c`, `ev3_analog_sensor_core.c`).
 //!
-//! A sensor holds the last frame of each mode, as the driver's `mode_info[mode].raw_data` does; reads
-//! decode that of the mode it is in. Frames come at the sensor's own pace, each is measured once. A
-//! write of `mode` to a UART sensor keeps the writer waiting until the first frame of the new mode, 10
-//! to 50 ms. What comes in the first moments after it is what that mode measured when it was last used,
-//! and zeros if it never was (ev3dev's issue 1401).
+//! A sensor holds the last frame of each mode, as the driver's `mode_info[mode].raw_data` does;
+//! reads decode that of the mode it is in. Frames come at the sensor's own pace, each is measured
+//! once. A write of `mode` to a UART sensor keeps the writer waiting until the first frame of the
+//! new mode, 10 to 50 ms. What comes in the first moments after it is what that mode measured when
+//! it was last used, and zeros if it never was (ev3dev's issue 1401).
 
 mod models;
 

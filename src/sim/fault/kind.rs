@@ -65,8 +65,8 @@ pub enum DeviceFault {
     Endless,
     /// `resync`: the serial line is lost and the sensor describes itself again: values answer ENXIO, a write of `mode` ENODEV.
     Resync,
-    /// `stale [MS]`: after a change of mode, what the new mode measured when it was last used stays for
-    /// at least this long; zeros if it never was.
+    /// `stale [MS]`: after a change of mode, what the new mode measured when it was last used stays
+    /// for at least this long; zeros if it never was.
     Stale {
         /// Nanoseconds.
         for_ns: i64,

@@ -1,5 +1,5 @@
-//! Faults and orders from text: one parser for control commands, scenario files, the command line and
-//! the page.
+//! Faults and orders from text: one parser for control commands, scenario files, the command line
+//! and the page.
 //!
 //! ```text
 //! in1 stuck                     outB block for 2.5
@@ -33,7 +33,7 @@ pub(super) const PRESS_NS: i64 = 200_000_000;
 /// What the speaker can be asked for, hertz: what it plays is 100 to 10,000.
 const TONE_HZ: RangeInclusive<f64> = 0.0..=20_000.0;
 
-/// Of what is said, so many characters are noted.
+/// The most characters that are noted of what is said.
 const MOST_SAID: usize = 200;
 
 /// How far from the world's origin a robot can be put, metres.
@@ -58,15 +58,16 @@ pub enum Act {
         /// How long that takes, nanoseconds; 0 at once.
         over_ns: i64,
     },
-    /// A button goes down, for so many nanoseconds.
+    /// A button goes down, for this time in nanoseconds.
     Press(Button, i64),
     /// A button that is down goes up.
     Release(Button),
-    /// The speaker sounds at so many hertz, or with 0 falls silent.
+    /// The speaker sounds at this frequency in hertz, or with 0 falls silent.
     Tone(u32),
     /// Words that a person would hear.
     Say(String),
-    /// A hand puts the robot elsewhere: metres, and degrees anticlockwise from x. It stands still there.
+    /// A hand puts the robot elsewhere: metres, and degrees anticlockwise from x. It stands still
+    /// there.
     Place {
         /// World frame.
         x_m: f64,

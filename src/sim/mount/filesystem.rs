@@ -35,8 +35,8 @@ impl Filesystem for Files {
         }
     }
 
-    /// Lengths and times may be set, to no effect: a program truncates what it writes to. Rights may be set by root, as udev's rules do on a brick; owners
-    /// may not.
+    /// Lengths and times may be set, to no effect: a program truncates what it writes to. Rights
+    /// may be set by root, as udev's rules do on a brick; owners may not.
     fn setattr(
         &self,
         request: &Request,

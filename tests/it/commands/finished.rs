@@ -80,6 +80,109 @@ fn export_writes_every_format() {
     assert!(said.err.contains("one run"), "{}", said.err);
 }
 
+/// A corridor of 20 m: what lies beyond the 5 m that a robot's own grid covers is in the picture,
+/// too.
+#[test]
+fn the_exported_grid_has_all_that_the_robot_has_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let world =
+        "name = \"long\"\n[[wall]]\npoints = [[-1, 0.5], [20, 0.5], [20, -0.5], [-1, -0.5]]\nclosed = true\n";
+    let mission = "name = \"ahead\"\ntime_limit_s = 90\n[machine.drive]\nstart = \"on\"\nfinal = \"off\"\n\
+                   [machine.drive.state.on]\ndo = { left_dps = 340, right_dps = 340, head_deg = 90 }\n\
+                   next = [{ when = \"time_s > 60\", go = \"off\" }]\n[machine.drive.state.off]\n";
+    std::fs::write(folder.path().join("long.toml"), world).unwrap();
+    std::fs::write(folder.path().join("ahead.toml"), mission).unwrap();
+    run(folder.path(), &["run", "ahead.toml", "--sim", "long.toml", "--out", "out"]);
+    let recorded = Run::open(&folder.path().join("out/run.mcap")).unwrap();
+    let furthest_m = recorded.points.iter().map(|point| point.x_m).fold(0.0, f64::max);
+    assert!(furthest_m > 6.0, "it came {furthest_m} m far: {:?}", recorded.ending);
+    let said = run(folder.path(), &["export", "out/run.mcap", "--format", "pgm", "--out", "map"]).expect(0);
+    assert_eq!(said.err, "");
+    let pgm = std::fs::read(folder.path().join("map/map.pgm")).unwrap();
+    let mut head = pgm.splitn(4, |byte| *byte == b'\n');
+    let (_, size, _, cells) = (head.next(), head.next().unwrap(), head.next(), head.next().unwrap());
+    let size = String::from_utf8(size.to_vec()).unwrap();
+    let [width, height] = [0, 1].map(|part| size.split(' ').nth(part).unwrap().parse::<usize>().unwrap());
+    let yaml = std::fs::read_to_string(folder.path().join("map/map.yaml")).unwrap();
+    let origin = yaml.lines().find_map(|line| line.strip_prefix("origin: [")).unwrap();
+    let [x, y] = [0, 1].map(|part| origin.split(", ").nth(part).unwrap().parse::<f64>().unwrap());
+    // Nearly every place where an echo came from is there, and mostly dark.
+    let (mut dark, mut all) = (0, 0);
+    for point in &recorded.points {
+        let [column, row] = [(point.x_m - x) / 0.05, (point.y_m - y) / 0.05];
+        assert!(column >= 0.0 && row >= 0.0, "{point:?} is left of the picture");
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
+        let (column, row) = (column as usize, row as usize);
+        assert!(column < width && row < height, "{point:?} is beyond the picture of {width} x {height}");
+        all += 1;
+        dark += usize::from(cells[(height - 1 - row) * width + column] < 205);
+    }
+    assert!(dark * 10 > all * 5, "{dark} of {all} points are in dark cells");
+}
+
+#[test]
+fn several_recordings_are_replayed_one_after_the_other() {
+    let folder = folder();
+    let said = run(folder.path(), &["replay", "left.mcap", "right.mcap"]).expect(0);
+    let same = said.out.matches("the same, bit for bit").count();
+    assert!(
+        same == 2 && said.out.contains("left.mcap: ") && said.out.contains("right.mcap: "),
+        "{}",
+        said.out
+    );
+    let json = run(folder.path(), &["replay", "left.mcap", "right.mcap", "--json"]).expect(0).json();
+    assert_eq!(
+        json.iter().map(|line| line["run"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["left.mcap", "right.mcap"]
+    );
+    // One that is none does not keep the next one from being replayed.
+    std::fs::write(folder.path().join("bad.mcap"), "no recording").unwrap();
+    let said = run(folder.path(), &["replay", "bad.mcap", "right.mcap"]);
+    assert!(matches!(said.code, Some(1 | 3)), "{said:?}");
+    assert!(said.out.contains("right.mcap: ") && said.err.contains("1 of 2 recordings"), "{said:?}");
+    let said = run(folder.path(), &["replay", "left.mcap", "right.mcap", "--robot", "r.toml", "--out", "o"])
+        .expect(2);
+    assert!(said.err.contains("one recording"), "{}", said.err);
+}
+
+/// What a full disk leaves: nothing that looks like a file, and what was there before as it was.
+#[test]
+fn a_full_disk_leaves_no_empty_files_and_the_old_ones_whole() {
+    let folder = folder();
+    let limited = |arguments: &str| {
+        // No file may grow: the write fails as on a full disk, once SIGXFSZ is ignored.
+        let script = format!("trap '' XFSZ; ulimit -f 0; exec \"$0\" {arguments}");
+        let mut command = std::process::Command::new("sh");
+        let command = command.args(["-c", &script, super::PROGRAM]).current_dir(folder.path());
+        super::done(&command.output().unwrap())
+    };
+    std::fs::create_dir(folder.path().join("out")).unwrap();
+    std::fs::write(folder.path().join("out/map.pgm"), "old").unwrap();
+    std::fs::write(folder.path().join("old.svg"), "old").unwrap();
+    let before = names(folder.path());
+    for arguments in [
+        "new robot fresh.toml",
+        "new mission fresh.toml",
+        "plot left.mcap -o old.svg",
+        "plot left.mcap -o fresh.png",
+        "export left.mcap --format pgm --out out",
+        "export left.mcap --format csv --out out",
+    ] {
+        let said = limited(arguments).expect(1);
+        assert!(said.err.contains("cannot write"), "{arguments}: {}", said.err);
+        assert_eq!(names(folder.path()), before, "{arguments}");
+        assert_eq!(names(&folder.path().join("out")), ["map.pgm"], "{arguments}");
+        for old in ["out/map.pgm", "old.svg"] {
+            assert_eq!(
+                std::fs::read_to_string(folder.path().join(old)).unwrap(),
+                "old",
+                "{arguments}: {old}"
+            );
+        }
+    }
+    run(folder.path(), &["plot", "left.mcap", "-o", "/dev/null"]);
+}
+
 #[test]
 fn replay_of_an_honest_run_is_the_same_and_of_a_changed_one_is_not() {
     let folder = folder();

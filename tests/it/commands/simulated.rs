@@ -146,17 +146,81 @@ fn a_run_that_is_refused_leaves_no_folder() {
 }
 
 #[test]
-fn the_start_pose_is_the_worlds_or_the_persons() {
+fn the_start_pose_is_one_of_the_worlds() {
     let folder = tempfile::tempdir().unwrap();
-    for (out, pose, expected) in
-        [("given", Some("1.5,-2,90"), [1.5, -2.0, 90.0]), ("worlds", None, [-0.5, 0.0, 30.0])]
-    {
-        let mut arguments = vec!["run", "map", "--sim", "arena", "--set", "time_limit_s=1", "--out", out];
+    for (out, world, pose, expected) in [
+        ("given", "arena", Some("-0.5,0,30"), [-0.5, 0.0, 30.0]),
+        ("second", "two-arenas", Some("3,0,90"), [3.0, 0.0, 90.0]),
+        ("worlds", "arena", None, [-0.5, 0.0, 30.0]),
+    ] {
+        let mut arguments = vec!["run", "map", "--sim", world, "--set", "time_limit_s=1", "--out", out];
         arguments.extend(pose.iter().flat_map(|pose| ["--pose", pose]));
         run(folder.path(), &arguments).expect(0);
-        let start = Run::open(&folder.path().join(out).join("run.mcap")).unwrap().info.unwrap().start_pose;
-        let start = [start.x_m, start.y_m, start.heading_rad.to_degrees()];
-        assert!(start.iter().zip(expected).all(|(is, want)| (is - want).abs() < 1e-9), "{start:?}");
+        let run = Run::open(&folder.path().join(out).join("run.mcap")).unwrap();
+        let near = |pose: onbrick::mapping::Pose, within: f64| {
+            let found = [pose.x_m, pose.y_m, pose.heading_rad.to_degrees()];
+            assert!(found.iter().zip(expected).all(|(is, want)| (is - want).abs() < within), "{found:?}");
+        };
+        near(run.info.unwrap().start_pose, 1e-9);
+        // It stands there, too: a second is over before it has driven off far.
+        near(run.ending.unwrap().truth.unwrap(), 15.0);
+    }
+    // Elsewhere no robot starts, and the map would lie where the robot is not.
+    let said = run(folder.path(), &["run", "map", "--sim", "arena", "--pose", "1.5,-2,90"]).expect(3);
+    assert!(
+        said.err.contains("no robot starts at 1.5,-2,90") && said.err.contains("--pose=-0.5,0,30"),
+        "{}",
+        said.err
+    );
+}
+
+/// Beside a `robot.toml` as `setup` writes it, `run` drives that robot, as `doctor` examines it.
+#[test]
+fn the_robot_of_the_folder_is_the_one_that_is_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = onbrick::robot::DEFAULT_ROBOT;
+    let named = |name: &str| text.replacen("name = ", &format!("name = \"{name}\" # "), 1);
+    assert!(named("mine").contains("name = \"mine\""));
+    let drive = |out: &str, more: &[&str]| {
+        let arguments = ["run", "square", "--sim", "open", "--set", "time_limit_s=1", "--out", out];
+        let said = run(folder.path(), &[&arguments, more].concat()).expect(0);
+        (said.out, Run::open(&folder.path().join(out).join("run.mcap")).unwrap().info.unwrap().brick)
+    };
+    let (said, shipped) = drive("shipped", &[]);
+    assert!(!said.contains("robot.toml"), "{said}");
+    std::fs::write(folder.path().join("robot.toml"), named("mine")).unwrap();
+    std::fs::write(folder.path().join("other.toml"), named("other")).unwrap();
+    let (said, mine) = drive("mine", &[]);
+    assert!(said.contains("with the robot of robot.toml"), "{said}");
+    let (_, other) = drive("other", &["--robot", "other.toml"]);
+    assert_eq!((mine.as_str(), other.as_str()), ("mine", "other"));
+    assert_ne!(shipped, "mine");
+    std::fs::write(folder.path().join("robot.toml"), "name = 5\n").unwrap();
+    let said = run(folder.path(), &["run", "square", "--sim", "open"]).expect(3);
+    assert!(said.err.contains("robot.toml"), "{}", said.err);
+}
+
+/// What has no value is said in words: a robot that fell, a room without walls.
+#[test]
+fn a_robot_that_falls_ends_its_run_and_nothing_is_not_a_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = run(folder.path(), &["demo", "--world", "table"]).expect(1);
+    let all = format!("{}{}", said.out, said.err);
+    assert!(said.err.contains("fell over the edge of the floor"), "{all}");
+    assert!(!all.contains("NaN") && !all.contains("inf"), "{all}");
+    let recorded = Run::open(&folder.path().join("onbrick-demo/run.mcap")).unwrap();
+    let ending = recorded.ending.unwrap();
+    assert!(ending.reason.contains("fell over the edge"), "{}", ending.reason);
+    let truth = ending.truth.unwrap();
+    let over_m = [-0.5 - truth.x_m, truth.x_m - 1.1, -0.5 - truth.y_m, truth.y_m - 0.6].map(|over_m| over_m);
+    let over_m = over_m.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    assert!((0.0..0.1).contains(&over_m), "it ended where it fell: {truth:?}");
+    for world in ["open", "line"] {
+        let said =
+            run(folder.path(), &["demo", "--seconds", "20", "--world", world, "--out", world]).expect(0);
+        assert!(!said.out.contains("NaN") && !said.out.contains("inf"), "{}", said.out);
+        let words = ["no echo", "no wall in this world"].iter().any(|words| said.out.contains(words));
+        assert!(words, "{}", said.out);
     }
 }
 

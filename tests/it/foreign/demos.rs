@@ -1,4 +1,5 @@
-//! Programs as people write them with python-ev3dev2, after those of its own repository, run unmodified: a table of them.
+//! Programs as people write them with python-ev3dev2, after those of its own repository, run
+//! unmodified: a table of them.
 
 use std::fs;
 
@@ -74,7 +75,8 @@ fn motors(pace: &Pace, simulator: &Simulator, program: Foreign) {
     pace.near("nothing drove", simulator.truth().travelled_m, 0.0, 1e-9);
 }
 
-/// One and a half turns ahead, an arc on which the right wheel turns half as far as the left, a second back.
+/// One and a half turns ahead, an arc on which the right wheel turns half as far as the left, a
+/// second back.
 fn tank(pace: &Pace, simulator: &Simulator, program: Foreign) {
     assert!(done(pace, program));
     let truth = simulator.truth();
@@ -115,7 +117,8 @@ fn ultrasonic(pace: &Pace, simulator: &Simulator, program: Foreign) {
     pace.near("metres to the wall", truth.echo_m.unwrap(), 0.37, 0.06);
 }
 
-/// The remote's left button is held up from the beginning: the left wheel turns, and its light is green.
+/// The remote's left button is held up from the beginning: the left wheel turns, and its light is
+/// green.
 fn remote(pace: &Pace, simulator: &Simulator, mut program: Foreign) {
     assert_eq!(program.line(), "ready");
     assert!(until(|| simulator.truth().left_deg > 100.0), "{:?}", simulator.truth());
@@ -170,7 +173,7 @@ fn leds(pace: &Pace, simulator: &Simulator, program: Foreign) {
     assert_eq!(lights, [255, 0, 127, 63], "{truth:?}");
 }
 
-/// What is drawn through a memory map is on the brick's screen while the program goes on.
+/// What is drawn through a memory map is on the brick's screen while the program runs.
 fn display(pace: &Pace, simulator: &Simulator, mut program: Foreign) {
     assert_eq!(program.line(), "ready 178 128");
     let picture = || fs::read(simulator.root().join("dev/fb0")).unwrap();

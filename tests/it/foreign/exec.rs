@@ -1,5 +1,8 @@
-//! `onbrick sim exec` itself: what a program sees, what becomes of its exit code, and what is said where it is forbidden.
+//! `onbrick sim exec` itself: what a program sees, what becomes of its exit code, and what is said
+//! where it is forbidden.
 
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Output, Stdio};
 
 use super::bench::{PROGRAM, Simulator, no_namespaces};
@@ -58,6 +61,35 @@ fn a_program_sees_the_brick_in_place_of_the_machine_and_its_exit_code_is_kept() 
     );
 }
 
+/// An ordinary user has a user namespace under the same name, and what root mounted.
+#[test]
+fn an_ordinary_user_has_a_view_of_their_own() {
+    if no_namespaces() || !nix::unistd::geteuid().is_root() {
+        // Who is not root has run all the others as an ordinary user.
+        return;
+    }
+    let simulator = Simulator::start(&Pace::default(), "arena");
+    // Where everybody may come, and not below this repository.
+    let folder = tempfile::tempdir().unwrap();
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(simulator.root().parent().unwrap(), fs::Permissions::from_mode(0o755)).unwrap();
+    let program = folder.path().join("onbrick");
+    fs::copy(PROGRAM, &program).unwrap();
+    let script =
+        "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; aplay -q /dev/null";
+    let mut command = Command::new("setpriv");
+    command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]).arg(&program);
+    command.args(["sim", "exec"]).arg(simulator.root()).args(["--", "sh", "-c", script]).stdin(Stdio::null());
+    let Ok(ended) = command.output() else { return pass_over("setpriv") };
+    if ended.status.code() == Some(3) && said(&ended).contains("lets an ordinary user have no private mounts")
+    {
+        return pass_over("user namespaces for an ordinary user");
+    }
+    assert_eq!(String::from_utf8_lossy(&ended.stdout), "65534\nev3-ports:outA\n", "{}", said(&ended));
+    assert!(said(&ended).contains("aplay: /dev/null is not a WAV recording"), "{}", said(&ended));
+    assert_eq!(simulator.truth().last_tone_hz, Some(770));
+}
+
 #[test]
 fn where_no_brick_is_mounted_nothing_is_started() {
     let folder = tempfile::tempdir().unwrap();
@@ -71,7 +103,8 @@ fn where_no_brick_is_mounted_nothing_is_started() {
     }
 }
 
-/// In a user namespace that may have none below it, as an ordinary user: the kernel's own setting says so.
+/// In a user namespace that may have none below it, as an ordinary user: the kernel's own setting
+/// says so.
 #[test]
 fn where_namespaces_are_forbidden_the_setting_is_named() {
     if no_namespaces() {

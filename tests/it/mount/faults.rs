@@ -1,5 +1,5 @@
-//! What is done on purpose, through the mount: the files `sim/faults` and `sim/orders`, and the commands that
-//! write to them.
+//! What is done on purpose, through the mount: the files `sim/faults` and `sim/orders`, and the
+//! commands that write to them.
 
 use std::process::{Command, Output};
 use std::sync::Arc;

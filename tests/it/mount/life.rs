@@ -61,7 +61,8 @@ fn refused(arguments: &[&str]) -> (Option<i32>, String) {
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// The first time makes the folder `arena`, which is the name of the world that is taken by default.
+/// The first time makes the folder `arena`, which is the name of the world that is taken by
+/// default.
 #[test]
 fn a_folder_of_a_worlds_name_is_not_taken_for_the_world() {
     if no_fuse() {
