@@ -48,17 +48,18 @@
 //! # Processes
 //!
 //! ```text
-//! run, or the service ── orders ──▶ guard ──▶ control
-//!                     ◀── events ──       ◀── heartbeat, events
+//! run, or the service ── orders ──▶ guard ── orders, heartbeat ──▶ control
+//!                     ◀── events ──       ◀── heartbeat, events ──
 //! ```
 //!
-//! A run has processes of its own, this same file started again under hidden commands ([`runtime::RunProcess`]). *Control* drives, and
-//! beats each tick. The *guard* holds the hardware's lock, passes orders and events on, and stops the motors when control is gone or
-//! hung ([`runtime::Watch`]): it kills control first, so that one that wakes up cannot renew a lease, and waits until it is gone. When
-//! the guard is gone, control stops the run; when the starter is, the guard has control stop it, unless the job says otherwise. When
-//! guard and control are killed at once, the leases end by themselves. The guard has a higher real-time priority than control,
-//! control may not spin for more than 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
-//! inside control, and has no guard.
+//! A run has processes of its own, this same file started again under hidden commands ([`runtime::RunProcess`]). *Control* drives.
+//! The *guard* holds the hardware's lock and passes orders and events on. Each beats, and listens to the other: when control is gone
+//! or hung ([`runtime::Watch`]), the guard kills it, so that one that wakes up cannot renew a lease, brakes the motors at once, and again
+//! when control is gone. When the guard is gone or hung ([`runtime::Pulse`]), control stops the run. When the starter is gone, the guard
+//! has control stop, unless the job says otherwise. A run that does not stop within 0.7 s when it is asked to is ended by force
+//! ([`runtime::evict`]), by whoever asked: the lock names both processes. When both are killed at once, the starter brakes the motors;
+//! when all three are, the leases end. The guard has a higher real-time priority than control, control may not spin for more than
+//! 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives inside control, and has no guard.
 //!
 //! `onbrick serve` starts the same processes for whoever asks at one of its doors ([`service`]); they do not need it, and one that is started
 //! anew finds a run that goes on.
@@ -91,8 +92,8 @@
 //! ([`robot::BatteryLimits`]) slows the robot down and then ends the run. A lock that names its owner gives the hardware to one run at a time;
 //! between runs nothing of ours touches a motor.
 //!
-//! Each tick also looks at one aspect of one motor, each in its turn, and before a lease is renewed or changed everything of that motor is looked
-//! at: one that another program has commanded or reset ends the run, and is left alone from then on. A device that was
+//! Each tick also looks at one aspect of one motor, each in its turn, and before each command everything of that motor is looked at:
+//! one that another program has commanded or reset, or whose settings it has changed, ends the run, and is left alone from then on. A device that was
 //! unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where they were, modes are restored, a motion
 //! never. What the mission does meanwhile is its `on_lost`. A device that says something that cannot be true ends the run
 //! ([`runtime::StopReason::Implausible`]).
