@@ -373,19 +373,14 @@ impl Robot {
         self.trouble.as_ref().filter(|(troubled, _)| *troubled == channel).map(|(_, error)| error)
     }
 
-    /// Tells people near that the robot is about to move: three seconds of orange light and beeps, or until `stopped`.
-    pub fn announce(&mut self, clock: &dyn Clock, stopped: &dyn Fn() -> bool) {
+    /// Tells people near that the robot is about to move: an orange light, and a beep each second.
+    ///
+    /// - `for_ns`: how long they have been told, nanoseconds.
+    pub fn announce(&mut self, for_ns: i64) {
         const BEEP_HZ: i32 = 880;
+        const BEEP_NS: i64 = 200 * MILLISECOND_NS;
         self.light(Led::Orange);
-        for _ in 0..3 {
-            let start_ns = clock.now_ns();
-            for (tone_hz, until_ns) in [(Some(BEEP_HZ), 200 * MILLISECOND_NS), (None, SECOND_NS)] {
-                self.tone(tone_hz);
-                while clock.now_ns() < start_ns + until_ns && !stopped() {
-                    clock.sleep_until_ns((clock.now_ns() + 20 * MILLISECOND_NS).min(start_ns + until_ns));
-                }
-            }
-        }
+        self.tone((for_ns.rem_euclid(SECOND_NS) < BEEP_NS).then_some(BEEP_HZ));
     }
 
     /// Enter or Back went down since the last look, or is held down.
@@ -431,7 +426,8 @@ impl Robot {
         }
     }
 
-    fn tone(&mut self, tone_hz: Option<i32>) {
+    /// A tone from now on, hertz, or none.
+    pub(crate) fn tone(&mut self, tone_hz: Option<i32>) {
         if self.tone_hz != tone_hz
             && let Some(sound) = &mut self.sound
         {

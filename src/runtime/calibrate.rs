@@ -182,7 +182,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let mut robot = Robot::bind(tree, config, &[])?;
     clock.sleep_until_ns(clock.now_ns() + robot.settle_ns());
-    prepare(&mut robot, clock, flags, |why| dialogue.say(why))?;
+    prepare(&mut robot, clock, flags, false, |why| dialogue.say(why))?;
     let mut stage = Stage::new(robot, tree, clock, flags);
     let mut calibration = Calibration::default();
     let mut circumference_m = config.wheel_circumference_m;

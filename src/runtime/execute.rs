@@ -217,12 +217,10 @@ impl Stage {
             robot.mend_in_background().map_err(Refused::Helper)?;
         }
         log::debug!("the robot is bound");
-        prepare(&mut robot, &*place.clock, flags, |why| report(&Event::Preparing { what: why.to_owned() }))?;
-        log::debug!("the robot stands still");
-        if place.announce {
-            robot.announce(&*place.clock, &|| flags.is_raised());
-            log::debug!("the robot has announced itself");
-        }
+        prepare(&mut robot, &*place.clock, flags, place.announce, |why| {
+            report(&Event::Preparing { what: why.to_owned() });
+        })?;
+        log::debug!("the robot stands still, and has announced itself");
         let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
         let (recorder, mut tick_side) = record(job, &config, &mission, &place, Arc::clone(&report))?;
         let motors = robot.motor_ports();

@@ -2,16 +2,25 @@
 //!
 //! Roles and sensor modes have been seen to when the robot was bound. What is left is to watch for a moment: every reading has come,
 //! wheels and gyro stand still, and the gyro does not drift. A gyro that was moved while it started drifts for the whole session
-//! (`ev3dev-interfaces`, 6.4), and only unplugging it helps.
+//! (`ev3dev-interfaces`, 6.4), and only unplugging it helps. It says whole degrees, so a drift is seen once it has made one: a faster one
+//! than a degree in [`GYRO_NS`] always is, a slower one not always. On a brick the last three seconds are those in which it beeps.
 
-use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS};
+use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
 use crate::robot::{Channel, Robot, Senses};
 
 use super::StopFlags;
+use crate::units::degrees;
 
 /// How long everything must have stood still, nanoseconds.
 const STILL_NS: i64 = SECOND_NS;
+
+/// How long a gyro must have said no new degree, nanoseconds: a drift of 0.2 degrees a second, 24 degrees in two minutes, makes one in
+/// less.
+const GYRO_NS: i64 = 5_200 * MILLISECOND_NS;
+
+/// How long people near are told that the robot is about to move, nanoseconds.
+const ANNOUNCING_NS: i64 = 3 * SECOND_NS;
 
 /// How long we wait for it, nanoseconds.
 const PATIENCE_NS: i64 = 10 * SECOND_NS;
@@ -47,7 +56,7 @@ pub enum NotReady {
     Moving(Channel),
     /// The gyro turns although the wheels stand.
     #[error(
-        "the gyro drifts ({0:.0} degrees in a second): unplug it, hold the robot still, and plug it in again"
+        "the gyro drifts ({0:.1} degrees a second): unplug it, hold the robot still, and plug it in again"
     )]
     GyroDrifts(f64),
     /// The battery is flat, or its reading is nonsense.
@@ -69,8 +78,42 @@ fn because(error: Option<&DeviceError>) -> String {
     error.map(|error| format!(" ({error})")).unwrap_or_default()
 }
 
-/// Waits until what the sensors say is no longer of their former mode, then watches until the robot has stood still for a second.
-/// `say` is told what is being waited for, once each.
+/// A robot that stands.
+struct Standing {
+    since_ns: i64,
+    /// What was read then.
+    senses: Senses,
+    /// The smallest and the greatest angle of the gyro since, radians, and when it last was another.
+    gyro_rad: Option<[f64; 2]>,
+    gyro_ns: i64,
+}
+
+impl Standing {
+    fn new(senses: Senses) -> Self {
+        Self { since_ns: senses.time_ns, senses, gyro_rad: None, gyro_ns: senses.time_ns }
+    }
+
+    fn look(&mut self, senses: &Senses) {
+        let Some(gyro) = senses.get(Channel::Gyro) else { return };
+        let [least, most] = self.gyro_rad.unwrap_or([gyro.value; 2]);
+        if gyro.value < least || gyro.value > most {
+            self.gyro_ns = senses.time_ns;
+        }
+        self.gyro_rad = Some([least.min(gyro.value), most.max(gyro.value)]);
+    }
+
+    /// When it has stood for long enough, if nothing happens until then.
+    fn enough_ns(&self, announce: bool) -> i64 {
+        let announcing_ns = if announce { ANNOUNCING_NS } else { 0 };
+        let still_ns = self.since_ns + STILL_NS + announcing_ns;
+        if self.gyro_rad.is_some() { still_ns.max(self.gyro_ns + GYRO_NS) } else { still_ns }
+    }
+}
+
+/// Waits until what the sensors say is no longer of their former mode, then watches until the robot has stood still for a second, and its
+/// gyro for longer. `say` is told what is being waited for, once each.
+///
+/// - `announce`: people are near, who are told by light and sound that the robot is about to move.
 ///
 /// # Errors
 ///
@@ -79,11 +122,24 @@ pub fn prepare(
     robot: &mut Robot,
     clock: &dyn Clock,
     flags: &StopFlags,
+    announce: bool,
+    say: impl FnMut(&str),
+) -> Result<(), NotReady> {
+    let ready = stand(robot, clock, flags, announce, say);
+    robot.tone(None);
+    ready
+}
+
+fn stand(
+    robot: &mut Robot,
+    clock: &dyn Clock,
+    flags: &StopFlags,
+    announce: bool,
     mut say: impl FnMut(&str),
 ) -> Result<(), NotReady> {
     let start_ns = clock.now_ns();
     let mut senses = Senses::default();
-    let mut still_since: Option<(i64, Senses)> = None;
+    let mut standing: Option<Standing> = None;
     let mut drifting = 0;
     let mut said: Option<String> = None;
     loop {
@@ -100,14 +156,21 @@ pub fn prepare(
             continue;
         }
         let patient = senses.time_ns < PATIENCE_NS + robot.settle_ns();
-        match unready(robot, &senses, still_since.as_ref().map(|(_, senses)| senses)) {
-            None => match still_since {
-                Some((since_ns, _)) if senses.time_ns - since_ns >= STILL_NS => return Ok(()),
-                Some(_) => {}
-                None => still_since = Some((senses.time_ns, senses)),
-            },
+        match unready(robot, &senses, standing.as_ref()) {
+            None => {
+                let standing = standing.get_or_insert_with(|| Standing::new(senses));
+                standing.look(&senses);
+                let enough_ns = standing.enough_ns(announce);
+                if announce && senses.time_ns >= enough_ns - ANNOUNCING_NS {
+                    robot.announce(senses.time_ns - (enough_ns - ANNOUNCING_NS));
+                }
+                if senses.time_ns >= enough_ns {
+                    return Ok(());
+                }
+            }
             Some(why @ NotReady::Battery { .. }) => return Err(why),
             Some(why) => {
+                robot.tone(None);
                 drifting = if matches!(why, NotReady::GyroDrifts(_)) { drifting + 1 } else { 0 };
                 // A hand may have turned the robot once; a gyro that does it three times in a row drifts.
                 if !patient || drifting > 2 {
@@ -121,7 +184,7 @@ pub fn prepare(
                     say(&now);
                 }
                 said = Some(now);
-                still_since = None;
+                standing = None;
             }
         }
         clock.sleep_until_ns(now_ns + LOOK_NS);
@@ -129,7 +192,7 @@ pub fn prepare(
 }
 
 /// What is not in order, compared with the moment from which on everything stood still.
-fn unready(robot: &Robot, senses: &Senses, since: Option<&Senses>) -> Option<NotReady> {
+fn unready(robot: &Robot, senses: &Senses, standing: Option<&Standing>) -> Option<NotReady> {
     let missing = |channel: &Channel| senses.get(*channel).is_none();
     // Of several that are missing, one whose trouble is known tells more.
     let troubled = robot.channels().filter(missing).find(|&channel| robot.trouble_with(channel).is_some());
@@ -146,13 +209,14 @@ fn unready(robot: &Robot, senses: &Senses, since: Option<&Senses>) -> Option<Not
     {
         return Some(NotReady::Battery { volts: battery.value, least_v });
     }
-    let since = since?;
-    let moved = |channel| Some((senses.get(channel)?.value - since.get(channel)?.value).abs());
+    let standing = standing?;
+    let moved = |channel| Some((senses.get(channel)?.value - standing.senses.get(channel)?.value).abs());
     for wheel in [Channel::Left, Channel::Right] {
         if moved(wheel).is_some_and(|moved_rad| moved_rad > WHEEL_STILL_RAD) {
             return Some(NotReady::Moving(wheel));
         }
     }
     let turned_rad = moved(Channel::Gyro).filter(|&turned_rad| turned_rad > GYRO_STILL_RAD)?;
-    Some(NotReady::GyroDrifts(crate::units::degrees(turned_rad)))
+    let stood_s = seconds((senses.time_ns - standing.since_ns).max(LOOK_NS));
+    Some(NotReady::GyroDrifts(degrees(turned_rad) / stood_s))
 }

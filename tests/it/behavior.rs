@@ -70,7 +70,7 @@ fn shipped_missions_need_what_their_first_lines_say() {
 fn the_mapping_mission_is_the_seeds() {
     let mission = shipped("map");
     assert_eq!((mission.rate_hz(), mission.time_limit_s(), mission.finish()), (50, 120.0, Finish::All));
-    assert_eq!((mission.on_lost(), mission.on_stall()), (OnLost::Stop, &OnStall::Stop));
+    assert_eq!((mission.on_lost(), mission.on_stall()), (OnLost::Stop, &OnStall::Enter("back".to_owned())));
     let mut program = mission.start().unwrap();
     #[rustfmt::skip]
     let transcript = [
@@ -211,7 +211,14 @@ fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     let pressed = Taken { transition: Some(0), ..taken[0] };
     assert_eq!(mission.named(pressed).unwrap().to_string(), "drive: forward → back (touch)");
     assert_eq!(mission.named(Taken { machine: 7, ..pressed }), None);
-    assert!(!shipped("map").start().unwrap().stall(), "the mapping mission asks to be stopped");
+    // The wheels still do not turn: it goes on backing off, and its time there goes on.
+    assert!(program.stall());
+    taken.clear();
+    program.step(&free(40), &mut Demands::default(), |transition| taken.push(transition));
+    assert_eq!(taken, []);
+    program.step(&free(3021), &mut Demands::default(), |transition| taken.push(transition));
+    assert_eq!(taken, [Taken { machine: 0, from: 1, to: 2, transition: Some(1) }], "3 s since the first");
+    assert!(!shipped("square").start().unwrap().stall(), "the square asks to be stopped");
 }
 
 #[test]

@@ -163,7 +163,7 @@ fn a_tick_allocates_nothing_after_the_first() {
     mission.set("time_limit_s", 60.0).unwrap();
     let mut robot = Robot::bind(&tree, &config, mission.roles()).unwrap();
     let flags = StopFlags::default();
-    prepare(&mut robot, &*clock, &flags, |_| {}).unwrap();
+    prepare(&mut robot, &*clock, &flags, false, |_| {}).unwrap();
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
     let (recorder, mut tick_side) =
         Recorder::start(Box::new(Nothing), start(&mission), Options::default(), Box::new(|_| {})).unwrap();

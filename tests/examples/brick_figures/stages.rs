@@ -40,7 +40,7 @@ pub(crate) fn stages(brick: &str, seconds: &str) -> Result<(), Box<dyn Error>> {
     let (mission, _) = Mission::parse("map.toml", text.as_bytes(), &config.capabilities())?;
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
     let mut robot = Robot::bind(&tree, &config, mission.roles())?;
-    prepare(&mut robot, &MonotonicClock, &StopFlags::default(), |_| {})?;
+    prepare(&mut robot, &MonotonicClock, &StopFlags::default(), false, |_| {})?;
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default())?;
     let spent_ns = tick_by_tick(&mut robot, &mut pilot, &mission, ticks)?;
     robot.stop(StopAction::Brake);

@@ -39,7 +39,7 @@ pub fn ready(tree: &Arc<dyn Tree>, config: &RobotConfig) -> Result<Robot, String
     let roles = [Role::Wheels, Role::Head, Role::Range];
     let mut robot = Robot::bind(tree, config, &roles).map_err(|error| causes(&error))?;
     let clock = VirtualClock::default();
-    prepare(&mut robot, &clock, &StopFlags::default(), |_| {}).map_err(|error| causes(&error))?;
+    prepare(&mut robot, &clock, &StopFlags::default(), false, |_| {}).map_err(|error| causes(&error))?;
     Ok(robot)
 }
 
@@ -279,7 +279,8 @@ fn a_slow_driver_delays_the_start_and_a_silent_one_ends_the_patience() {
             fake.fail(SENSORS[0], "value0", Some(Errno::ETIMEDOUT), None);
         }
         let mut said = Vec::new();
-        let ready = prepare(&mut robot, &*clock, &StopFlags::default(), |what| said.push(what.to_owned()));
+        let ready =
+            prepare(&mut robot, &*clock, &StopFlags::default(), false, |what| said.push(what.to_owned()));
         match expected {
             None => assert!(ready.is_ok() && said.is_empty(), "{ready:?} {said:?}"),
             Some(expected) => {
@@ -314,7 +315,8 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
         let mut robot = Robot::bind(&fake.tree(), &shipped(), &[]).unwrap();
         let clock = Turning(VirtualClock::default(), |now_ms| happens(&fake, now_ms));
         let mut said = Vec::new();
-        let ready = prepare(&mut robot, &clock, &StopFlags::default(), |what| said.push(what.to_owned()));
+        let ready =
+            prepare(&mut robot, &clock, &StopFlags::default(), false, |what| said.push(what.to_owned()));
         (ready, said, clock.now_ns() / MILLISECOND_NS)
     };
     let put = |fake: &FakeTree, folder: &str, name: &str, value: i64| {
@@ -324,14 +326,25 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
     let (ready, said, at_ms) =
         outcome(&|fake, now_ms| put(fake, MOTORS[1], "position", now_ms.min(3000) / 10));
     assert!(
-        ready.is_ok() && (4000..4200).contains(&at_ms),
-        "a second after it stands: {at_ms} ms, {ready:?}"
+        ready.is_ok() && (8200..8400).contains(&at_ms),
+        "its gyro's time after it stands: {at_ms} ms, {ready:?}"
     );
     assert_eq!(said.len(), 1, "{said:?}");
     assert!(said[0].contains("left wheel") && said[0].contains("hands off"), "{said:?}");
 
     let (ready, ..) = outcome(&|fake, now_ms| put(fake, MOTORS[1], "position", now_ms / 10));
     assert_eq!(ready, Err(NotReady::Moving(Channel::Left)), "ten seconds of patience");
+
+    // A fifth of a degree a second, whatever part of a degree it begins with.
+    for begin_ms in [0, 1000, 2500, 4990] {
+        let (ready, _, at_ms) =
+            outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", (now_ms + begin_ms) / 5000));
+        let Err(NotReady::GyroDrifts(dps)) = ready else { panic!("{ready:?} after {at_ms} ms") };
+        assert!((0.15..0.5).contains(&dps) && at_ms <= 11_000, "{dps} degrees a second, after {at_ms} ms");
+    }
+    let (ready, said, _) =
+        outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", i64::from(now_ms % 700 < 300)));
+    assert!(ready.is_ok() && said.is_empty(), "one that flickers does not drift: {ready:?} {said:?}");
 
     let (ready, said, at_ms) = outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", now_ms / 300));
     assert!(matches!(ready, Err(NotReady::GyroDrifts(_))) && at_ms < 5000, "{ready:?} at {at_ms} ms");

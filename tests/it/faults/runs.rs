@@ -44,10 +44,19 @@ fn promise_3_a_run_that_loses_a_device_stops_its_motors_and_says_which() {
 #[test]
 fn promise_4_a_blocked_wheel_is_noticed_within_two_seconds_and_ends_the_run() {
     for port in ["outB", "outD"] {
-        let ended = run(&fault(port, "block"));
+        let map = Play::of("map", "arena", 3).seconds(60.0);
+        let stops = map.mission_toml.replace("on_stall = \"back\"", "on_stall = \"stop\"");
+        assert_ne!(stops, map.mission_toml);
+        let ended = Play { mission_toml: stops, ..map }.scenario(&fault(port, "block")).play().unwrap();
         promised(&format!("{port} blocked: noticed after {:.2} s", ended.drove_s - 10.0));
         assert_eq!(ended.reason, StopReason::Stalled);
         assert!((10.0..=12.0).contains(&ended.drove_s), "after {} s", ended.drove_s - 10.0);
+        ended.assert_at_rest("block");
+        // A mission that backs off has nothing to do it with: the wheel turns neither way.
+        let ended = run(&fault(port, "block"));
+        promised(&format!("{port} blocked both ways: the run ends after {:.2} s", ended.drove_s - 10.0));
+        assert_eq!(ended.reason, StopReason::Stalled);
+        assert!((10.0..=18.0).contains(&ended.drove_s), "after {} s", ended.drove_s - 10.0);
         ended.assert_at_rest("block");
     }
 }

@@ -102,7 +102,7 @@ impl Play {
         let mut robot = Robot::bind(&tree, &config, mission.roles()).unwrap();
         let config = robot.config().clone();
         let flags = StopFlags::default();
-        prepare(&mut robot, &*clock, &flags, |_| {}).unwrap();
+        prepare(&mut robot, &*clock, &flags, false, |_| {}).unwrap();
         let start = observer.truth(0).unwrap();
         let start = Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad };
         let mut pilot = Pilot::new(&config, &mission, Method::Default, start).unwrap();
