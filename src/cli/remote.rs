@@ -61,6 +61,8 @@ pub(super) enum Unnamed {
 pub(super) struct Asking {
     own: KeyPair,
     timeout_s: f64,
+    /// The same for a brick to which there is no connection.
+    absent_s: f64,
     interrupted: Arc<AtomicBool>,
     /// The bricks, in the order in which they were named.
     pub(super) bricks: Vec<KnownBrick>,
@@ -76,7 +78,7 @@ impl Bricks {
     /// Finds out who is meant for a list, which an absent brick holds up little.
     pub(super) fn listing(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
         let asking = self.asking(unnamed)?;
-        Ok(Asking { timeout_s: self.how.timeout.unwrap_or(LISTING_S), ..asking })
+        Ok(Asking { absent_s: self.how.timeout.unwrap_or(LISTING_S), ..asking })
     }
 
     /// Finds out who is meant.
@@ -111,6 +113,7 @@ impl How {
         Ok(Asking {
             own: KeyPair::load(folder).map_err(|error| key::failure(&error))?,
             timeout_s: self.timeout.unwrap_or(PATIENCE_S),
+            absent_s: self.timeout.unwrap_or(PATIENCE_S),
             interrupted: super::terminal::stop_flags()?.signal,
             bricks,
         })
@@ -155,13 +158,14 @@ impl Asking {
 
     /// The same bricks, asked until another flag is raised, and with at least this patience, seconds.
     pub(super) fn until(&self, interrupted: &Arc<AtomicBool>, least_s: f64) -> Self {
-        let timeout_s = self.timeout_s.max(least_s);
-        Self { timeout_s, interrupted: Arc::clone(interrupted), ..self.clone() }
+        let (timeout_s, absent_s) = (self.timeout_s.max(least_s), self.absent_s.max(least_s));
+        Self { timeout_s, absent_s, interrupted: Arc::clone(interrupted), ..self.clone() }
     }
 
     /// A client for one of the bricks.
     pub(super) fn client(&self, brick: &KnownBrick) -> Result<Client, ClientError> {
-        let patience = Patience::new(self.timeout_s).unless(Arc::clone(&self.interrupted));
+        let patience = Patience::new(self.timeout_s).if_absent(self.absent_s);
+        let patience = patience.unless(Arc::clone(&self.interrupted));
         Ok(Client::new(&brick.address, brick.key, &self.own)?.with_patience(patience))
     }
 

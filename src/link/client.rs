@@ -159,6 +159,8 @@ pub enum Silence {
 pub struct Patience {
     /// Nanoseconds without a sign of life from the brick.
     pub(super) most_ns: i64,
+    /// The same as long as there is no connection.
+    pub(super) absent_ns: i64,
     /// Raised by whoever does not want to wait any longer.
     pub(super) cancelled: Option<Arc<AtomicBool>>,
 }
@@ -167,7 +169,16 @@ impl Patience {
     /// For this long, seconds.
     #[must_use]
     pub fn new(seconds: f64) -> Self {
-        Self { most_ns: nanoseconds(seconds).max(0), cancelled: None }
+        let most_ns = nanoseconds(seconds).max(0);
+        Self { most_ns, absent_ns: most_ns, cancelled: None }
+    }
+
+    /// For this long only, seconds, where no connection comes about: an absent brick holds up little, and a slow one has
+    /// its time.
+    #[must_use]
+    pub fn if_absent(mut self, seconds: f64) -> Self {
+        self.absent_ns = nanoseconds(seconds).clamp(0, self.most_ns);
+        self
     }
 
     /// Until this flag is raised, too.

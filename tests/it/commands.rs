@@ -16,6 +16,7 @@ mod hints;
 mod outside;
 mod processes;
 mod simulated;
+mod texts;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 

@@ -53,6 +53,8 @@ pub(in crate::link) struct Line {
     silence: Silence,
     /// When the brick was last heard, or the waiting began.
     heard_ns: i64,
+    /// There has been a connection since then.
+    was_there: bool,
     has_said: bool,
 }
 
@@ -100,6 +102,7 @@ impl Line {
             break_offs: 0,
             silence: Silence::Nobody,
             heard_ns: MonotonicClock.now_ns(),
+            was_there: false,
             has_said: false,
         })
     }
@@ -150,6 +153,7 @@ impl Line {
     /// The patience begins anew.
     pub(super) fn begin(&mut self) {
         self.heard_ns = self.now_ns();
+        self.was_there = self.connection.is_some();
         self.has_said = false;
     }
 
@@ -260,6 +264,7 @@ impl Line {
             match connection.stage() {
                 Stage::Open => {
                     self.break_offs = 0;
+                    self.was_there = true;
                     self.silence = Silence::NoReply;
                     return Ok(true);
                 }
@@ -345,7 +350,8 @@ impl Line {
             return Err(ClientError::Interrupted);
         }
         let waited_ns = self.now_ns().saturating_sub(self.heard_ns);
-        if waited_ns >= self.patience.most_ns {
+        let most_ns = if self.was_there { self.patience.most_ns } else { self.patience.absent_ns };
+        if waited_ns >= most_ns {
             self.connection = None;
             let waited_s = seconds(waited_ns);
             return Err(ClientError::NoAnswer {

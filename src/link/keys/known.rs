@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use super::{KeyError, PublicKey, Replace, make_folder, quoted, write_private};
 use crate::document::{Document, Item, Section};
 use crate::link::client::Address;
+use crate::printable::line;
 use crate::service::protocol::Name;
 
 /// A brick that this PC knows.
@@ -155,13 +156,14 @@ fn line_start(text: &str, place: usize) -> usize {
 fn brick(item: &Item<'_>) -> Option<(KnownBrick, usize)> {
     let section: Section<'_> = item.section()?;
     section.allow(&["address", "key"]);
-    let address = section.require("address")?.text()?.to_owned();
+    let address = line(section.require("address")?.text()?).into_owned();
     let item_of_key = section.require("key")?;
     let key = PublicKey::parse(item_of_key.text()?);
     if let Err(error) = key {
         item_of_key.error(error.to_string()).hint("`onbrick key show` on the brick prints it");
     }
-    let name = item.key().to_owned();
+    // A person may have written any text there.
+    let name = line(item.key()).into_owned();
     Some((KnownBrick { name, address, key: key.ok()? }, item.key_place().start))
 }
 

@@ -1,11 +1,12 @@
 //! What a PC's lists say and cost, and what its commands know of a brick's name.
 
 use std::os::unix::fs::PermissionsExt;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
+use onbrick::link::{ClientError, KeyPair, KnownBrick, KnownBricks, Patience};
 
-use super::bench::{Service, onbrick, text};
+use super::bench::{Bench, Service, client_at, onbrick, text};
 use super::commands::SHORT;
 use crate::support::real_time::patiently;
 
@@ -58,6 +59,21 @@ fn bricks_that_are_not_there_cost_a_list_two_seconds_all_together() {
             assert!(said.contains("sim  ") && said.matches("no answer from").count() == 4, "{said}");
         }
     });
+}
+
+#[test]
+fn a_slow_brick_has_its_time_where_an_absent_one_is_given_up() {
+    let bench = Bench::new();
+    let patience = || Patience::new(60.0).if_absent(1.0);
+    bench.fake.slow_ms.store(3000, Ordering::Relaxed);
+    bench.client().with_patience(patience()).missions().unwrap();
+    let begun = Instant::now();
+    let absent = client_at("127.0.0.1:1", bench.brick_key(), &bench.pc).with_patience(patience());
+    let silent = match { absent }.status().unwrap_err() {
+        ClientError::NoAnswer { waited_s, .. } => waited_s,
+        other => panic!("{other}"),
+    };
+    assert!(silent < 10.0 && begun.elapsed() < Duration::from_secs(20), "{silent} s");
 }
 
 #[test]
