@@ -4,10 +4,11 @@
 //! [`TypedSensor`] knows what its values mean and gives them in SI units: [`TouchSensor`], [`ColourSensor`],
 //! [`UltrasonicSensor`], [`GyroSensor`], [`InfraredSensor`].
 //!
-//! A mode is written only when it changes, and read back. The first values after a change may still be the old mode's
-//! or nonsense; [`Sensor::set_mode`] says for how long, and the caller waits, because only `clock` sleeps. A mode is
-//! left as it is when a sensor is bound, and a sensor keeps the mode of the program before: always set the one that
-//! is needed.
+//! A mode is written only when it changes, and read back. The first values after a change may still be
+//! those that the mode had when it was last left, 0 if it was never used, or nonsense;
+//! [`Sensor::set_mode`] says for how long, and the caller waits, because only `clock` sleeps. A mode is
+//! left as it is when a sensor is bound, and a sensor keeps the mode of the program before: always set
+//! the one that is needed.
 //!
 //! # Not here
 //!

@@ -15,7 +15,7 @@ use ev3dev_lang_rust::sensors::{
 };
 use ev3dev_lang_rust::{Device as _, Ev3Result, Led, PowerSupply};
 
-/// What comes in the first moments after a change of mode is left over from the one before.
+/// What comes in the first moments after a change of mode is what that mode last measured, or 0.
 const SETTLE: Duration = Duration::from_millis(300);
 
 /// Degrees of a wheel of 188.976 mm for a quarter turn with 114.3 mm between the wheels.

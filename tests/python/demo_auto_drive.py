@@ -1,4 +1,7 @@
-"""Drives about on its own: backs away from what it bumps into, with a sound and red lights, until a button is pressed."""
+"""Drives about on its own until a button is pressed.
+
+It backs away from what it bumps into, with a sound and red lights.
+"""
 from time import sleep
 
 from ev3dev2.button import Button

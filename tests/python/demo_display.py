@@ -1,4 +1,4 @@
-"""Draws a bar that is black on a white screen, with words beside it; waits until it is told to go on."""
+"""Draws a black bar on a white screen with words beside it, until enter is pressed."""
 from time import sleep
 
 from ev3dev2.button import Button

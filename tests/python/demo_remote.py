@@ -1,4 +1,4 @@
-"""Drives by the infrared remote, with lights for the direction, until a button of the brick is pressed."""
+"""Drives by the infrared remote until a button is pressed; lights show the direction."""
 from time import sleep
 
 from ev3dev2.button import Button

@@ -322,3 +322,27 @@ fn stand_ins(program: &Path) -> io::Result<Vec<&'static str>> {
     };
     Ok(StandIn::ALL.into_iter().filter(|stand_in| !covered(stand_in)).map(StandIn::name).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_setting_that_forbids_a_view_is_named_with_the_value_that_allows_it() {
+        let said = |setting| {
+            let error = PrivateError::Forbidden { setting, source: Errno::EPERM.into() };
+            format!("{error}; {}", error.hint())
+        };
+        for (name, value, allows) in [
+            ("kernel.apparmor_restrict_unprivileged_userns", "1", "=0,"),
+            ("kernel.unprivileged_userns_clone", "0", "=1,"),
+            ("user.max_user_namespaces", "0", "=10000,"),
+        ] {
+            assert!(BARRIERS.contains(&(name, value)));
+            let said = said(Some((name, value)));
+            let expected = [format!("{name} is {value};"), format!("sudo sysctl -w {name}{allows} or mount")];
+            assert!(expected.iter().all(|part| said.contains(part)), "{said}");
+        }
+        assert!(said(None).contains("--cap-add SYS_ADMIN"), "{}", said(None));
+    }
+}

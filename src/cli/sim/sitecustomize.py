@@ -1,7 +1,8 @@
 """What a plain file cannot do for python programs in a simulated brick's private view.
 
-/dev/fb0 is a file there: the two ioctls by which a program learns the screen's layout are answered from
-/sys/class/graphics/fb0. Input devices are files of FUSE: evdev looks for character devices, and finds these.
+/dev/fb0 is a file there: the two ioctls by which a program learns the screen's layout are answered
+from /sys/class/graphics/fb0. Input devices are files of FUSE: evdev looks for character devices, and
+finds these.
 """
 import fcntl
 import importlib.machinery
@@ -23,13 +24,15 @@ def _about(name):
 
 def _answer(request):
     """The bytes of fb_fix_screeninfo or fb_var_screeninfo (linux/fb.h)."""
-    (width, height), (bits,), (stride,) = _about("virtual_size"), _about("bits_per_pixel"), _about("stride")
+    width, height = _about("virtual_size")
+    (bits,), (stride,) = _about("bits_per_pixel"), _about("stride")
     if request == _FBIOGET_FSCREENINFO:
         visual = 2 if bits > 1 else 1
-        return struct.pack("@16sLIIIIHHHILII3H", b"", 0, stride * height, 0, 0, visual, 1, 1, 0, stride, 0, 0, 0, 0, 0, 0)
-    colours = [(16, 8, 0), (8, 8, 0), (0, 8, 0), (0, 0, 0)] if bits == 32 else [(0, bits, 0)] * 3 + [(0, 0, 0)]
-    numbers = [width, height, width, height, 0, 0, bits, 0, *(part for colour in colours for part in colour)]
-    numbers += [0, 0, 37, 27] + [0] * 16
+        memory = (0, stride * height, 0, 0, visual, 1, 1, 0, stride)
+        return struct.pack("@16sLIIIIHHHILII3H", b"", *memory, 0, 0, 0, 0, 0, 0)
+    rgb = [(16, 8, 0), (8, 8, 0), (0, 8, 0)] if bits == 32 else [(0, bits, 0)] * 3
+    numbers = [width, height, width, height, 0, 0, bits, 0]
+    numbers += [part for colour in rgb + [(0, 0, 0)] for part in colour] + [0, 0, 37, 27]
     return struct.pack("@40I", *(numbers + [0] * 40)[:40])
 
 
@@ -69,7 +72,7 @@ class _Evdev:
 
             def exec_module(module):
                 load(module)
-                module.is_device = lambda fn, *_, **__: os.path.exists(fn) and os.access(fn, os.R_OK | os.W_OK)
+                module.is_device = lambda fn, *_, **__: os.access(fn, os.R_OK | os.W_OK)
 
             spec.loader.exec_module = exec_module
         return spec
