@@ -19,7 +19,7 @@
 use std::io;
 
 use crate::behavior::{Demands, Drive, Led};
-use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS};
+use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
     Battery, Button, Buttons, ColourSensor, DeviceError, GyroSensor, Identity, InfraredSensor, LightColour,
     Sound, StatusLights, StopAction, TouchSensor, UltrasonicSensor,

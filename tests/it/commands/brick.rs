@@ -326,7 +326,7 @@ fn a_pc_that_runs_neither_guard_nor_control_for_a_while_is_said_to_be_too_busy()
         running.brick.await_driving();
         let processes = [running.guard(), running.control()];
         for signal in [Signal::SIGSTOP, Signal::SIGCONT] {
-            processes.map(|process| kill(process, signal).unwrap());
+            processes.iter().for_each(|process| kill(*process, signal).unwrap());
             std::thread::sleep(Duration::from_millis(400));
         }
         let (brick, said, recorded) = running.finish();

@@ -285,7 +285,9 @@ impl Bench {
         run.end();
         self.await_free();
         if !case.1.lease {
-            MOTORS.map(|port| self.mounted.simulation.control(0, &format!("{port} clear")).unwrap());
+            for port in MOTORS {
+                self.mounted.simulation.clear(0, port).unwrap();
+            }
         }
         if case.0 == Trouble::Panic("mender") {
             self.mounted.simulation.control(0, "clear").unwrap();
