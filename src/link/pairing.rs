@@ -64,7 +64,7 @@
 //!
 //! **What each side checks.** That the other's `commit` is that of the key and the number that it
 //! has shown, before the code is shown; and that its name is one: 1 to 64 letters of ASCII, digits,
-//! `-`, `_` and `.`, a letter or a digit first ([`Name`](crate::service::protocol::Name)). The code
+//! `-`, `_` and `.`, a letter or a digit first ([`Name`]). The code
 //! is shown in a line of its own, before any word of the other's. A PC keeps the brick's key only
 //! when its person has said that the codes are the same and the answer is `paired`; where it knows
 //! another key by that name, it asks.

@@ -13,6 +13,7 @@ use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use nix::fcntl::{FcntlArg, FdFlag, Flock, FlockArg, fcntl};
+use nix::sys::statfs::{FUSE_SUPER_MAGIC, statfs};
 use serde::{Deserialize, Serialize};
 
 use super::open_files;
@@ -213,18 +214,21 @@ fn read_owner(file: &mut File) -> Owner {
         .unwrap_or_else(|| Owner { pid: 0, ..Owner::here("another run") })
 }
 
-/// One file a brick: the machine's own hardware, or the brick below a mount point. A folder is what
-/// its device and inode say, whatever path leads to it.
+/// One file a brick: the machine's own hardware, or the brick below a mount point. The hardware is in `sys`, and that is
+/// what its device and inode say, whatever path leads to it: a link, a bind mount, a namespace whose own `/sys` it is.
 fn lock_path(root: &Path) -> PathBuf {
     let folder = Path::new("/run/lock");
     let folder = if folder.is_dir() { folder.to_owned() } else { std::env::temp_dir() };
+    let sys = root.join("sys");
     let identity = |path: &Path| std::fs::metadata(path).ok().map(|folder| (folder.dev(), folder.ino()));
-    folder.join(match identity(root) {
-        Some(brick) if Some(brick) != identity(Path::new("/")) => {
-            format!("onbrick-{:x}-{:x}.lock", brick.0, brick.1)
-        }
-        // A missing folder has no hardware to take.
-        _ => "onbrick.lock".to_owned(),
+    let is_simulated = statfs(&sys).is_ok_and(|sys| sys.filesystem_type() == FUSE_SUPER_MAGIC);
+    let is_machine =
+        !is_simulated && identity(root).is_some_and(|root| Some(root) == identity(Path::new("/")));
+    folder.join(match identity(&sys).or_else(|| identity(root)) {
+        _ if is_machine => "onbrick.lock".to_owned(),
+        Some((device, inode)) => format!("onbrick-{device:x}-{inode:x}.lock"),
+        // A missing folder has no hardware to take, and no owner: least of all that of the machine's.
+        None => "onbrick-none.lock".to_owned(),
     })
 }
 
@@ -258,8 +262,13 @@ mod tests {
             assert_eq!(lock_path(&folder.path().join(path)), lock_path(&brick), "{path}");
         }
         assert_ne!(lock_path(&other), lock_path(&brick));
+        // Its devices below another folder.
+        std::fs::create_dir(brick.join("sys")).unwrap();
+        std::os::unix::fs::symlink(brick.join("sys"), other.join("sys")).unwrap();
+        assert_eq!(lock_path(&other), lock_path(&brick));
         assert!(lock_path(Path::new("/")).ends_with("onbrick.lock"));
         assert!(lock_path(Path::new("/usr/..")).ends_with("onbrick.lock"));
+        assert!(!lock_path(&folder.path().join("missing")).ends_with("onbrick.lock"));
     }
 
     #[test]

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use nix::sys::signal::kill;
+use nix::unistd::Pid;
 use onbrick::clock::SECOND_NS;
-use onbrick::runtime::recording::Run;
+use onbrick::runtime::recording::{Run, writer};
 use onbrick::runtime::{Event, Job, RunError, RunProcess, StopBy, WhenAbandoned};
 
 use super::PROGRAM;
@@ -51,6 +53,27 @@ fn a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_fini
             let recorded = Run::open(&ended.file).unwrap();
             assert_eq!(recorded.info.unwrap().run.as_deref(), Some("7f3a"));
             assert_eq!(recorded.ending.unwrap().reason, ended.reason);
+        }
+    });
+}
+
+#[test]
+fn a_signal_says_on_whose_behalf_a_run_is_stopped_that_a_service_has_found() {
+    patiently("a signal says on whose behalf", || {
+        for (by, word) in [
+            (StopBy::Remote, "remote"),
+            (StopBy::Here, "here"),
+            (StopBy::MenuClosed, "menu closed"),
+            (StopBy::Terminal, "signal"),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            let job = arena(folder.path());
+            let run = start(&job);
+            let driver = writer(&job.file).unwrap().expect("the process that drives holds its recording");
+            kill(Pid::from_raw(driver), by.signal()).unwrap();
+            let ended = run.wait().unwrap();
+            assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), (word, true, true));
+            assert_eq!(Run::open(&job.file).unwrap().ending.unwrap().reason, ended.reason);
         }
     });
 }
