@@ -383,6 +383,11 @@ impl Robot {
         self.tone((for_ns.rem_euclid(SECOND_NS) < BEEP_NS).then_some(BEEP_HZ));
     }
 
+    /// The time of the senses begins at 0 again: what is due by it is due at once.
+    pub(crate) fn restart_time(&mut self) {
+        self.battery_due_ns = 0;
+    }
+
     /// Enter or Back went down since the last look, or is held down.
     fn stop_pressed(&mut self) -> bool {
         let Ok(buttons) = &mut self.buttons else { return false };

@@ -50,8 +50,14 @@ impl Identity {
         Driver::parse(self.driver.as_bytes())
     }
 
+    /// The folder of its attributes, below the tree's root.
+    #[must_use]
+    pub fn folder(&self) -> String {
+        format!("sys/class/{}/{}", self.class, self.name)
+    }
+
     pub(crate) fn node(&self, tree: &Arc<dyn Tree>) -> Node {
-        Node::new(tree, &format!("sys/class/{}/{}", self.class, self.name), Some(self.address.clone()))
+        Node::new(tree, &self.folder(), Some(self.address.clone()))
     }
 }
 

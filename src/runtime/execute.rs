@@ -314,7 +314,7 @@ fn hand_on(motor: &LeasedMotor, tree: &Arc<dyn Tree>) -> String {
         Ok(state) if state.is_running() => "which turns; onbrick halt stops it",
         _ => "which stands still",
     };
-    let folder = tree.root().join("sys/class").join(identity.class.to_string()).join(&identity.name);
+    let folder = tree.root().join(identity.folder());
     let users = match &open_files::users_of(&folder)[..] {
         [] => "no program has its files open now".to_owned(),
         users => format!("its files are open in {}", users.join(", ")),

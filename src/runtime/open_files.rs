@@ -4,6 +4,8 @@ use std::fs::Metadata;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use crate::printable::line;
+
 /// True where this process has that very file open, by whatever path.
 pub(super) fn has_open(pid: i32, file: &Path) -> bool {
     let Ok(wanted) = std::fs::metadata(file) else { return false };
@@ -36,7 +38,7 @@ fn links(pid: i32) -> impl Iterator<Item = PathBuf> {
 /// The name that the process gave itself may hold anything.
 fn name(pid: i32) -> String {
     let name = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
-    name.chars().filter(char::is_ascii_graphic).collect()
+    line(name.trim_end()).into_owned()
 }
 
 #[cfg(test)]

@@ -31,6 +31,9 @@ const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 /// A gyro at rest may flicker between two neighbouring degrees.
 pub(super) const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
 
+/// No hand turns a robot more slowly, degrees a second.
+const SLOWEST_HAND_DPS: f64 = 1.0;
+
 /// A wheel at rest may stand on the edge between two counts.
 const WHEEL_STILL_RAD: f64 = 0.0175 * 1.5;
 
@@ -127,6 +130,8 @@ pub fn prepare(
 ) -> Result<(), NotReady> {
     let ready = stand(robot, clock, flags, announce, say);
     robot.tone(None);
+    // A run has a time of its own.
+    robot.restart_time();
     ready
 }
 
@@ -172,8 +177,9 @@ fn stand(
             Some(why) => {
                 robot.tone(None);
                 drifting = if matches!(why, NotReady::GyroDrifts(_)) { drifting + 1 } else { 0 };
-                // A hand may have turned the robot once; a gyro that does it three times in a row drifts.
-                if !patient || drifting > 2 {
+                let is_slow = matches!(why, NotReady::GyroDrifts(dps) if dps < SLOWEST_HAND_DPS);
+                // A hand may have turned the robot once; a gyro that does it three times in a row drifts, and one that creeps.
+                if !patient || drifting > 2 || is_slow {
                     return Err(why);
                 }
                 let now = match why {

@@ -3,8 +3,9 @@
 //! The kernel's own `stalled` flag is advisory and speaks only of a rotor that stands quite still; a wheel that shakes against a wall is
 //! not stalled to it. Here a wheel counts as blocked when over a while it has turned much less than it was told to.
 //!
-//! One that is blocked both ways, and has not turned as it was told in between, is [`Stall::Dead`]: no mission can back off from that. Its
-//! encoder may stand still, too, and then the robot does not know where it drives.
+//! One that gives not a count though it is told to turn both ways is [`Stall::Dead`], and so is one that turns to and fro much faster than it
+//! was told to: no mission can back off from that. Its encoder may stand still or lie, and then its regulator gives all it has, and the
+//! robot does not know where it drives.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,11 +19,15 @@ const SHARE: f64 = 0.2;
 /// Slower demands than this are not judged, radians per second: friction alone may stop them.
 const SLOWEST_RAD_S: f64 = 0.17;
 
-/// One that has turned more than this many times what it was told to has not shown that it obeys: its encoder may talk nonsense.
-const MOST_TIMES: f64 = 20.0;
+/// A wheel whose way to and fro is more than this many times what it was told to turn at the most does not obey.
+const WILD_TIMES: f64 = 3.0;
 
-/// So many blocked windows, both ways, are enough: a regulator that has pushed against a wall takes most of a window to turn round.
-const DEAD_WINDOWS: u8 = 4;
+/// So many wild windows one after the other are no accident, as a single leap of an encoder is, which may lie in two.
+const WILD_WINDOWS: u8 = 3;
+
+/// A wheel that is blocked both ways and stays within this meanwhile is dead, radians (two counts): what is jammed gives a little when it is
+/// turned round.
+const STILL_RAD: f64 = 0.035;
 
 /// What keeps a wheel from turning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,12 +42,28 @@ pub(super) enum Stall {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct WheelWatch {
     since_ns: i64,
+    /// The slowest and the fastest demand of the window.
     demanded_rad_s: f64,
-    from_rad: f64,
-    watching: bool,
-    /// Backwards and ahead: in so many windows it was blocked, and in none has it turned as it was told since.
     #[serde(default)]
-    blocked: [u8; 2],
+    fastest_rad_s: f64,
+    from_rad: f64,
+    #[serde(default)]
+    last_rad: f64,
+    /// What it turned to and fro.
+    #[serde(default)]
+    way_rad: f64,
+    watching: bool,
+    /// Backwards and ahead: it was blocked, and has not turned as it was told since.
+    #[serde(default)]
+    blocked: [bool; 2],
+    /// Where it was when that began, and how far it has been from there.
+    #[serde(default)]
+    blocked_at_rad: f64,
+    #[serde(default)]
+    given_rad: f64,
+    /// Wild windows, one after the other.
+    #[serde(default)]
+    wild: u8,
 }
 
 impl WheelWatch {
@@ -60,33 +81,56 @@ impl WheelWatch {
             self.begin(time_ns, demanded_rad_s, angle_rad);
             return None;
         }
-        // The slowest demand of the window is what the wheel is measured by: a ramp is not held against it.
+        // A ramp is not held against the wheel.
         if demanded_rad_s.abs() < self.demanded_rad_s.abs() {
             self.demanded_rad_s = demanded_rad_s;
         }
+        if demanded_rad_s.abs() > self.fastest_rad_s.abs() {
+            self.fastest_rad_s = demanded_rad_s;
+        }
+        self.way_rad += (angle_rad - self.last_rad).abs();
+        self.last_rad = angle_rad;
         let watched_ns = time_ns.saturating_sub(self.since_ns);
         if watched_ns < WINDOW_NS {
             return None;
         }
-        let expected_rad = self.demanded_rad_s * crate::clock::seconds(watched_ns);
-        let share = (angle_rad - self.from_rad) / expected_rad;
+        let verdict = self.judge(crate::clock::seconds(watched_ns));
         self.begin(time_ns, demanded_rad_s, angle_rad);
-        if share < SHARE {
-            let [back, ahead] = &mut self.blocked;
-            let way = if demanded_rad_s < 0.0 { back } else { ahead };
-            *way = way.saturating_add(1);
-            let [back, ahead] = self.blocked;
-            let dead = back > 0 && ahead > 0 && back.saturating_add(ahead) >= DEAD_WINDOWS;
-            return Some(if dead { Stall::Dead } else { Stall::Blocked });
-        }
-        if share < MOST_TIMES {
-            self.blocked = [0; 2];
-        }
-        None
+        verdict
     }
 
-    fn begin(&mut self, since_ns: i64, demanded_rad_s: f64, from_rad: f64) {
-        *self = Self { since_ns, demanded_rad_s, from_rad, watching: true, blocked: self.blocked };
+    /// What a whole window says.
+    fn judge(&mut self, watched_s: f64) -> Option<Stall> {
+        if self.way_rad > WILD_TIMES * self.fastest_rad_s.abs() * watched_s {
+            self.wild = self.wild.saturating_add(1);
+            return (self.wild >= WILD_WINDOWS).then_some(Stall::Dead);
+        }
+        self.wild = 0;
+        if (self.last_rad - self.from_rad) / (self.demanded_rad_s * watched_s) >= SHARE {
+            self.blocked = [false; 2];
+            return None;
+        }
+        if self.blocked == [false; 2] {
+            (self.blocked_at_rad, self.given_rad) = (self.from_rad, 0.0);
+        }
+        self.given_rad = self.given_rad.max((self.last_rad - self.blocked_at_rad).abs()).max(self.way_rad);
+        let [back, ahead] = &mut self.blocked;
+        *(if self.demanded_rad_s < 0.0 { back } else { ahead }) = true;
+        let dead = self.blocked == [true; 2] && self.given_rad < STILL_RAD;
+        Some(if dead { Stall::Dead } else { Stall::Blocked })
+    }
+
+    fn begin(&mut self, since_ns: i64, demanded_rad_s: f64, angle_rad: f64) {
+        *self = Self {
+            since_ns,
+            demanded_rad_s,
+            fastest_rad_s: demanded_rad_s,
+            from_rad: angle_rad,
+            last_rad: angle_rad,
+            way_rad: 0.0,
+            watching: true,
+            ..*self
+        };
     }
 }
 
@@ -177,8 +221,9 @@ mod tests {
         };
         assert_eq!(verdicts(1.0, 1.0), []);
         assert_eq!(verdicts(0.0, 1.0), [Stall::Blocked], "a wall ahead");
-        assert_eq!(verdicts(0.1, 0.05), [Stall::Blocked, Stall::Dead]);
-        assert_eq!(verdicts(-1e6, -1e6), [Stall::Blocked, Stall::Dead], "nonsense");
+        assert_eq!(verdicts(0.1, 0.05), [Stall::Blocked], "jammed, it gives a little");
+        assert_eq!(verdicts(0.0, 0.0), [Stall::Blocked, Stall::Dead], "an encoder that stands still");
+        assert_eq!(verdicts(5.0, 5.0), [Stall::Dead], "much more than it is told");
     }
 
     #[test]

@@ -19,7 +19,7 @@ use std::ops::RangeInclusive;
 use super::{Button, DeviceFault, Port};
 use crate::clock::{nanoseconds, seconds};
 use crate::document::nearest;
-use crate::printable::is_printable;
+use crate::printable::{self, Layout, is_printable};
 
 /// The longest time that an order can name, seconds: a day.
 pub(super) const LONGEST_S: f64 = 86_400.0;
@@ -201,7 +201,7 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
             Ok(Act::Tone(hz))
         }
         ["say", words @ ..] if !words.is_empty() => {
-            let said = words.join(" ").chars().filter(|c| !c.is_control()).take(MOST_SAID).collect();
+            let said = printable::shown(&words.join(" "), Layout::Line, MOST_SAID).into_owned();
             Ok(Act::Say(said))
         }
         ["place", x, y, heading] => Ok(Act::Place {
