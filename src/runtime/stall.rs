@@ -3,8 +3,8 @@
 //! The kernel's own `stalled` flag is advisory and speaks only of a rotor that stands quite still; a wheel that shakes against a wall is
 //! not stalled to it. Here a wheel counts as blocked when over a while it has turned much less than it was told to.
 //!
-//! One that gives not a count though it is told to turn both ways is [`Stall::Dead`], and so is one that turns to and fro much faster than it
-//! was told to: no mission can back off from that. Its encoder may stand still or lie, and then its regulator gives all it has, and the
+//! One that gives not a count though it is told to turn both ways is [`Stall::Dead`]. So is one that gives little for long, and one that turns to and
+//! fro much faster than it was told to: no mission can back off from that. Its encoder may stand still or lie, and then its regulator gives all it has, and the
 //! robot does not know where it drives.
 
 use serde::{Deserialize, Serialize};
@@ -28,6 +28,9 @@ const WILD_WINDOWS: u8 = 3;
 /// A wheel that is blocked both ways and stays within this meanwhile is dead, radians (two counts): what is jammed gives a little when it is
 /// turned round.
 const STILL_RAD: f64 = 0.035;
+
+/// So many blocked windows, of both ways, are no jam that a mission backs off from, but a motor without power.
+const DEAD_WINDOWS: u8 = 12;
 
 /// What keeps a wheel from turning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -53,9 +56,9 @@ struct WheelWatch {
     #[serde(default)]
     way_rad: f64,
     watching: bool,
-    /// Backwards and ahead: it was blocked, and has not turned as it was told since.
+    /// Backwards and ahead: the windows in which it was blocked, since it last turned as it was told.
     #[serde(default)]
-    blocked: [bool; 2],
+    blocked: [u8; 2],
     /// Where it was when that began, and how far it has been from there.
     #[serde(default)]
     blocked_at_rad: f64,
@@ -107,16 +110,19 @@ impl WheelWatch {
         }
         self.wild = 0;
         if (self.last_rad - self.from_rad) / (self.demanded_rad_s * watched_s) >= SHARE {
-            self.blocked = [false; 2];
+            self.blocked = [0; 2];
             return None;
         }
-        if self.blocked == [false; 2] {
+        if self.blocked == [0; 2] {
             (self.blocked_at_rad, self.given_rad) = (self.from_rad, 0.0);
         }
         self.given_rad = self.given_rad.max((self.last_rad - self.blocked_at_rad).abs()).max(self.way_rad);
         let [back, ahead] = &mut self.blocked;
-        *(if self.demanded_rad_s < 0.0 { back } else { ahead }) = true;
-        let dead = self.blocked == [true; 2] && self.given_rad < STILL_RAD;
+        let way = if self.demanded_rad_s < 0.0 { &mut *back } else { &mut *ahead };
+        *way = way.saturating_add(1);
+        let both_ways = *back > 0 && *ahead > 0;
+        let for_long = back.saturating_add(*ahead) >= DEAD_WINDOWS;
+        let dead = both_ways && (for_long || self.given_rad < STILL_RAD);
         Some(if dead { Stall::Dead } else { Stall::Blocked })
     }
 
@@ -209,7 +215,7 @@ mod tests {
         let verdicts = |ahead: f64, back: f64| {
             let mut watch = StallWatch::default();
             let mut angle = 0.0;
-            let mut verdicts: Vec<Stall> = (0..600)
+            let mut verdicts: Vec<Stall> = (0..3000)
                 .filter_map(|tick| {
                     let demanded = if tick % 200 < 100 { 1.0 } else { -1.0 };
                     angle += demanded * if demanded > 0.0 { ahead } else { back } * 0.02;
@@ -221,7 +227,7 @@ mod tests {
         };
         assert_eq!(verdicts(1.0, 1.0), []);
         assert_eq!(verdicts(0.0, 1.0), [Stall::Blocked], "a wall ahead");
-        assert_eq!(verdicts(0.1, 0.05), [Stall::Blocked], "jammed, it gives a little");
+        assert_eq!(verdicts(0.1, 0.05), [Stall::Blocked, Stall::Dead], "it gives a little, but for long");
         assert_eq!(verdicts(0.0, 0.0), [Stall::Blocked, Stall::Dead], "an encoder that stands still");
         assert_eq!(verdicts(5.0, 5.0), [Stall::Dead], "much more than it is told");
     }

@@ -57,7 +57,7 @@ fn missions_that_drive_about_end_as_intended_in_every_room_and_push_nothing_for_
                 .collect();
             let worst_s = pushing.iter().copied().fold(0.0, f64::max);
             println!("{mission} in {world}: pushed for {worst_s:.1} s at most in {} seeds", pushing.len());
-            assert!(worst_s < 4.0, "{mission} in {world} pushed for {pushing:.1?} s");
+            assert!(worst_s < 8.0, "{mission} in {world} pushed for {pushing:.1?} s");
         }
     }
 }
