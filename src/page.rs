@@ -9,7 +9,7 @@
 //! # What we count on
 //!
 //! Whoever may open a port of this machine may look. Questions by another host name than this machine's are refused, so that a foreign
-//! page in the same browser cannot ask. What is posted must carry a header of ours ([`OWN`]), which
+//! page in the same browser cannot ask. What is posted must carry a header of ours (`OWN`), which
 //! a foreign page may not send without asking first, and it is refused when it asks.
 
 use std::io;

@@ -16,7 +16,7 @@
 //! in it.
 //!
 //! A run that does not stop within [`PATIENCE_NS`] when it is asked to is ended by force: its first process is killed. Whenever that is gone
-//! without a last word, [`RunProcess::wait`] sees to it that control is gone, too, or has stopped its motors ([`evict`]).
+//! without a last word, [`RunProcess::wait`] sees to it that control is gone, too, or has stopped its motors ([`evict()`]).
 //!
 //! # Not here
 //!

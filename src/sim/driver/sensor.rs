@@ -69,7 +69,7 @@ pub enum SerialLine {
     #[default]
     Sound,
     /// The sensor sends nothing: a write of `mode` ends in ETIMEDOUT after half a second, and values stay as they are, until the driver
-    /// misses it ([`KEEP_ALIVE_NS`]) and is [`SerialLine::Resynchronising`].
+    /// misses it after 0.7 s and is [`SerialLine::Resynchronising`].
     Silent,
     /// The driver has lost it and takes its description again: values answer ENXIO, a write of `mode` ENODEV.
     Resynchronising,
