@@ -115,6 +115,11 @@ impl Apart {
         file.clone()
     }
 
+    /// True once the first brick records a run.
+    pub fn drives(&self) -> bool {
+        !self.recordings(self.bricks[0].0).is_empty()
+    }
+
     /// The files of a brick's runs.
     fn recordings(&self, name: &str) -> Vec<PathBuf> {
         let runs = std::fs::read_dir(self.folder.path().join(name).join("runs")).into_iter().flatten();

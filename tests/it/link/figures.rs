@@ -27,6 +27,7 @@ use crate::mount::bench::no_fuse;
 use crate::support::network::{BRICK, Network};
 use crate::support::pass_over;
 use crate::support::real_time::{Pace, alone, patiently};
+use crate::support::turning_brick::await_that;
 
 /// Poses of a path that are farther apart have a hole between them, metres; as the seed's program counts them.
 const HOLE_M: f64 = 0.02;
@@ -178,6 +179,8 @@ impl Driving {
         apart.network.congestion();
         apart.pair();
         apart.done(&format!("start map blue --set time_limit_s={seconds}"));
+        // What happens to the network happens to a robot that drives: before that, its gyro is watched.
+        await_that("the robot drives", || apart.drives());
         let follow = apart.pc("fetch blue --timeout 600").stdout(Stdio::null()).spawn().unwrap();
         Some(Self { apart, follow })
     }
