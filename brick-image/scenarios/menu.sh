@@ -115,7 +115,7 @@ walk() {
   expect "the mission's page is the golden picture" wait_for 5 golden mission
   keys e
   shows running "points"
-  expect "and the motors turn" wait_for 10 turns
+  expect "and the motors turn" wait_for 20 turns
   figure "while a run is shown" "$(effort 10)" "instructions a second"
   keys r
   shows map "[Map"
