@@ -57,7 +57,7 @@
 //! or hung ([`runtime::Watch`]), the guard kills it, so that one that wakes up cannot renew a lease, brakes the motors at once, and again
 //! when control is gone. When the guard is gone or hung ([`runtime::Pulse`]), control stops the run. When the starter is gone, the guard
 //! has control stop, unless the job says otherwise. A run that does not stop within 0.7 s when it is asked to is ended by force
-//! ([`runtime::evict()`]), by whoever asked: the lock names both processes. When both are killed at once, the starter brakes the motors;
+//! ([`runtime::evict()`]), by the one that asked: the lock names both processes. When both are killed at once, the starter brakes the motors;
 //! when all three are, the leases end. The guard has a higher real-time priority than control, control may not spin for more than
 //! 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives inside control, and has no guard.
 //!

@@ -262,7 +262,7 @@ pub struct Stopper {
 struct Stopping {
     /// Nothing once the run has been waited for or left to itself.
     orders: Option<ChildStdin>,
-    /// It was asked, and somebody waits for its answer.
+    /// It was asked, and a thread waits for its answer.
     asked: bool,
     /// The motors were told, or the process is gone.
     obeyed: bool,
@@ -272,7 +272,7 @@ struct Stopping {
 
 impl Stopper {
     fn new(child: &Child, orders: ChildStdin) -> Self {
-        // A process that hangs does not empty its pipe; whoever asks it to stop must not hang with it.
+        // A process that hangs does not empty its pipe; the asker must not hang with it.
         if let Err(errno) = never_wait(orders.as_fd()) {
             log::warn!("orders to the run may have to wait: {errno}");
         }

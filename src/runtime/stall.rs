@@ -22,14 +22,14 @@ const SLOWEST_RAD_S: f64 = 0.17;
 /// A wheel whose way to and fro is more than this many times what it was told to turn at the most does not obey.
 const WILD_TIMES: f64 = 3.0;
 
-/// So many wild windows one after the other are no accident, as a single leap of an encoder is, which may lie in two.
+/// This number of wild windows one after the other is no accident, as a single leap of an encoder is, which may lie in two.
 const WILD_WINDOWS: u8 = 3;
 
 /// A wheel that is blocked both ways and stays within this meanwhile is dead, radians (two counts): what is jammed gives a little when it is
 /// turned round.
 const STILL_RAD: f64 = 0.035;
 
-/// So many blocked windows, of both ways, are no jam that a mission backs off from, but a motor without power.
+/// This number of blocked windows, of both ways, is no jam that a mission backs off from, but a motor without power.
 const DEAD_WINDOWS: u8 = 12;
 
 /// What keeps a wheel from turning.

@@ -29,7 +29,7 @@ pub(super) const COMMANDS_NS: i64 = 350 * MILLISECOND_NS;
 pub(super) const REST_NS: i64 = 500 * MILLISECOND_NS;
 /// The same where the guard hangs: control must first notice that.
 const HUNG_GUARD_REST_NS: i64 = 600 * MILLISECOND_NS;
-/// The same where guard and control hang and somebody asks for a stop.
+/// The same where guard and control hang and a stop is asked for.
 const FORCED_REST_NS: i64 = 1500 * MILLISECOND_NS;
 /// So often a case is done again before this machine is too busy to tell.
 const ATTEMPTS: usize = 10;
