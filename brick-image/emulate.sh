@@ -19,6 +19,7 @@ brick, and what is left in /tmp/out comes out.
   --out DIR         where the files of /tmp/out go
   --add FILE:PATH   one more file, at this path inside; can be repeated
   --disk FILE       a raw disk image, /dev/vda inside
+  --card            an ext4 image with the brick's file as that disk, for what depends on reading it
   --pid FILE        the emulator's process number goes there: killing it is a power cut
   --timeout S       give up after so many seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
@@ -31,11 +32,12 @@ Exit codes: the scenario's own; 124 when the time is over; 1 when the emulator c
 END
 }
 
-exact=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' machine_pid='' onbrick='' tools=''
+exact=no card=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' machine_pid='' onbrick='' tools=''
 added=() arguments=()
 while [ $# -gt 0 ]; do
   case $1 in
     --exact) exact=yes ;;
+    --card) card=yes ;;
     --shell) shell=yes ;;
     --out) out=${2:?} && shift ;;
     --add) added+=("${2:?}") && shift ;;
@@ -114,6 +116,14 @@ first_file_system() {
   for file in robot.toml $missions; do put "$checkout/brick-image/$file" "etc/onbrick/$file"; done
   printf 'root:x:0:0:root:/root:/bin/sh\nrobot:x:1000:1000:robot:/home/robot:/bin/sh\n' >"$work/root/etc/passwd"
   printf 'root:x:0:\nrobot:x:1000:\n' >"$work/root/etc/group"
+  if [ "$card" = yes ]; then
+    needs mke2fs=e2fsprogs
+    mkdir "$work/card"
+    cp "$onbrick" "$work/card/onbrick"
+    truncate -s 32M "$work/card.img"
+    mke2fs -q -t ext4 -d "$work/card" "$work/card.img"
+    virtio_disk "$work/card.img"
+  fi
   for pair in ${added[@]+"${added[@]}"}; do put "${pair%%:*}" "${pair#*:}"; done
   if [ -n "$scenario" ]; then
     put "$(scenario_file)" scenario

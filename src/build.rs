@@ -22,10 +22,6 @@ fn main() -> Result<(), VarError> {
 fn libzmq() -> Result<(), VarError> {
     let features = std::env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default();
     let is_static = features.split(',').any(|feature| feature == "crt-static");
-    if is_static {
-        println!("cargo:rerun-if-changed={SMALL_HEADERS}");
-        put_before_the_compilers_headers(SMALL_HEADERS);
-    }
     // What libsodium-sys-stable says of itself reaches the build scripts of the packages that depend on it.
     let sodium =
         zeromq_src::LibLocation::new(std::env::var("DEP_SODIUM_LIB")?, std::env::var("DEP_SODIUM_INCLUDE")?);
@@ -43,9 +39,6 @@ fn libzmq() -> Result<(), VarError> {
             "-lgcc_eh",
             "-lc",
             "--end-group",
-            // What ends the program at an exception that nothing catches: libstdc++'s own says its type first, which takes 45 kB. libzmq throws
-            // none but for memory that is not there.
-            "--defsym=_ZN9__gnu_cxx27__verbose_terminate_handlerEv=abort",
         ];
         for argument in group {
             let argument =
@@ -54,16 +47,4 @@ fn libzmq() -> Result<(), VarError> {
         }
     }
     Ok(())
-}
-
-/// Headers with what libzmq uses of the standard ones; each says why.
-#[cfg(feature = "link")]
-const SMALL_HEADERS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/link/libzmq");
-
-/// The crate that compiles libzmq has no option for that; GCC and Clang take it from here.
-#[cfg(feature = "link")]
-#[allow(unsafe_code, reason = "the only thread there is sets a variable for the compilers that it starts")]
-fn put_before_the_compilers_headers(folder: &str) {
-    // SAFETY: this program has started no thread.
-    unsafe { std::env::set_var("CPLUS_INCLUDE_PATH", folder) };
 }

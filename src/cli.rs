@@ -16,7 +16,7 @@ use std::ffi::OsString;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::Parser;
 
 mod calibrate;
 mod check;
@@ -37,45 +37,16 @@ mod setup;
 mod terminal;
 mod urgency;
 
-#[cfg(feature = "host")]
-mod export;
-#[cfg(feature = "host")]
-mod plot;
-#[cfg(feature = "host")]
-mod push;
 mod replay;
 
-#[cfg(all(feature = "sim", feature = "host"))]
-mod demo;
-#[cfg(feature = "sim")]
-mod sim;
-
-#[cfg(all(feature = "link", feature = "host"))]
-mod bricks;
-#[cfg(all(feature = "link", feature = "host"))]
-mod fetch;
-#[cfg(all(feature = "link", feature = "host"))]
-mod identify;
 #[cfg(feature = "link")]
 mod key;
-#[cfg(all(feature = "link", feature = "host"))]
-mod missions;
 #[cfg(feature = "link")]
 mod pair;
-#[cfg(all(feature = "link", feature = "host"))]
-mod remote;
-#[cfg(all(feature = "link", feature = "host"))]
-mod runs;
-#[cfg(all(feature = "link", feature = "host"))]
-mod start;
-#[cfg(all(feature = "link", feature = "host"))]
-mod status;
-#[cfg(all(feature = "link", feature = "host"))]
-mod stop;
-#[cfg(all(feature = "link", feature = "host"))]
-mod team;
-#[cfg(all(feature = "link", feature = "host"))]
-mod watch;
+#[cfg(feature = "host")]
+mod pc;
+#[cfg(feature = "sim")]
+mod sim;
 
 pub use output::{Exit, Failure, Output};
 
@@ -95,56 +66,56 @@ struct Arguments {
     command: Command,
 }
 
-#[derive(Debug, Subcommand)]
-enum Command {
-    #[cfg(all(feature = "sim", feature = "host"))]
-    Demo(demo::Arguments),
-    #[cfg(feature = "sim")]
-    Sim(sim::Arguments),
-    Run(run::Arguments),
-    Serve(serve::Arguments),
-    Menu(menu::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Bricks(bricks::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Missions(missions::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Status(status::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Start(start::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Stop(stop::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Runs(runs::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Fetch(fetch::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Identify(identify::Arguments),
-    #[cfg(all(feature = "link", feature = "host"))]
-    Team(team::Arguments),
-    #[cfg(feature = "link")]
-    Key(key::Arguments),
-    #[cfg(feature = "link")]
-    Pair(pair::Arguments),
-    Check(check::Arguments),
-    Graph(graph::Arguments),
-    New(new::Arguments),
-    Setup(setup::Arguments),
-    Calibrate(calibrate::Arguments),
-    Doctor(doctor::Arguments),
-    Devices(devices::Arguments),
-    Halt(halt::Arguments),
-    #[cfg(feature = "host")]
-    Plot(plot::Arguments),
-    #[cfg(feature = "host")]
-    Export(export::Arguments),
-    #[cfg(feature = "host")]
-    Push(push::Arguments),
-    Replay(replay::Arguments),
-    #[command(hide = true)]
-    Control(control::Arguments),
-    #[command(hide = true)]
-    Guard(guard::Arguments),
+/// The commands of a program, each with its file's `Arguments` and `run`.
+macro_rules! commands {
+    ($see:vis enum $command:ident {
+        $($(#[cfg($when:meta)])? $(#[command($how:meta)])? $name:ident($module:ident),)*
+    }) => {
+        #[derive(Debug, clap::Subcommand)]
+        $see enum $command {
+            $($(#[cfg($when)])? $(#[command($how)])? $name($module::Arguments),)*
+        }
+
+        impl $command {
+            $see fn run(&self, output: &mut $crate::cli::Output) -> Result<(), $crate::cli::Failure> {
+                match self {
+                    $($(#[cfg($when)])? Self::$name(arguments) => $module::run(arguments, output),)*
+                }
+            }
+        }
+    };
+}
+#[cfg(feature = "host")]
+use commands;
+
+commands! {
+    enum Command {
+        #[cfg(feature = "sim")]
+        Sim(sim),
+        Run(run),
+        Serve(serve),
+        Menu(menu),
+        #[cfg(feature = "host")]
+        #[command(flatten)]
+        Pc(pc),
+        #[cfg(feature = "link")]
+        Key(key),
+        #[cfg(feature = "link")]
+        Pair(pair),
+        Check(check),
+        Graph(graph),
+        New(new),
+        Setup(setup),
+        Calibrate(calibrate),
+        Doctor(doctor),
+        Devices(devices),
+        Halt(halt),
+        Replay(replay),
+        #[command(hide = true)]
+        Control(control),
+        #[command(hide = true)]
+        Guard(guard),
+    }
 }
 
 /// Parses the arguments, runs the one command they name, and gives its exit code.
@@ -170,54 +141,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     env_logger::Builder::new().filter_level(level).format(said).init();
 
     let mut output = Output::new(arguments.json);
-    let ended = match arguments.command {
-        #[cfg(all(feature = "sim", feature = "host"))]
-        Command::Demo(arguments) => demo::run(&arguments, &mut output),
-        #[cfg(feature = "sim")]
-        Command::Sim(arguments) => sim::run(&arguments, &mut output),
-        Command::Run(arguments) => run::run(&arguments, &mut output),
-        Command::Serve(arguments) => serve::run(&arguments, &mut output),
-        Command::Menu(arguments) => menu::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Bricks(arguments) => bricks::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Missions(arguments) => missions::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Status(arguments) => status::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Start(arguments) => start::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Stop(arguments) => stop::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Runs(arguments) => runs::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Fetch(arguments) => fetch::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Identify(arguments) => identify::run(&arguments, &mut output),
-        #[cfg(all(feature = "link", feature = "host"))]
-        Command::Team(arguments) => team::run(&arguments, &mut output),
-        #[cfg(feature = "link")]
-        Command::Key(arguments) => key::run(&arguments, &mut output),
-        #[cfg(feature = "link")]
-        Command::Pair(arguments) => pair::run(&arguments, &mut output),
-        Command::Check(arguments) => check::run(&arguments, &mut output),
-        Command::Graph(arguments) => graph::run(&arguments, &mut output),
-        Command::New(arguments) => new::run(&arguments, &mut output),
-        Command::Setup(arguments) => setup::run(&arguments, &mut output),
-        Command::Calibrate(arguments) => calibrate::run(&arguments, &mut output),
-        Command::Doctor(arguments) => doctor::run(&arguments, &mut output),
-        Command::Devices(arguments) => devices::run(&arguments, &mut output),
-        Command::Halt(arguments) => halt::run(&arguments, &mut output),
-        #[cfg(feature = "host")]
-        Command::Plot(arguments) => plot::run(&arguments, &mut output),
-        #[cfg(feature = "host")]
-        Command::Export(arguments) => export::run(&arguments, &mut output),
-        #[cfg(feature = "host")]
-        Command::Push(arguments) => push::run(&arguments, &mut output),
-        Command::Replay(arguments) => replay::run(&arguments, &mut output),
-        Command::Control(arguments) => control::run(&arguments, &mut output),
-        Command::Guard(arguments) => guard::run(&arguments, &mut output),
-    };
+    let ended = arguments.command.run(&mut output);
     match ended {
         Ok(()) => output.code(),
         Err(failure) => output.fail(&failure),

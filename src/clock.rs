@@ -23,9 +23,7 @@ pub const SECOND_NS: i64 = 1_000_000_000;
 pub const MILLISECOND_NS: i64 = 1_000_000;
 
 /// Nanoseconds as seconds, for people and for formulas.
-// Not inlined, for the reason given at `units::degrees`: a division is the dearest of all.
 #[must_use]
-#[inline(never)]
 #[expect(clippy::cast_precision_loss, reason = "exact for 104 days of nanoseconds; one rounding beyond")]
 pub fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9

@@ -25,6 +25,7 @@ use toml::de::{DeTable, DeValue};
 use crate::printable;
 
 mod finding;
+pub mod save;
 
 pub use finding::{Finding, Findings, Severity, nearest};
 

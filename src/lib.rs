@@ -30,7 +30,10 @@
 //! | [`report`] | pictures and exports of finished runs (feature `host`) |
 //! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
 //! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
-//! | [`runtime`] | a run: checks, control loop, recorder, replay; before it, setting a robot up |
+//! | [`simulated`] | a run on a simulated brick: what a run is handed there (feature `sim`) |
+//! | [`commissioning`] | before there is a run: setting a robot up, measuring it, looking it over |
+//! | [`runtime`] | a run: checks, control loop, guard, replay |
+//! | [`recording`] | `run.mcap`: the recorder's thread, and reading what it wrote, whole or cut |
 //! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
 //! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure |
 //! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |
@@ -109,16 +112,14 @@
 //! # Features
 //!
 //! With none, the library is bindings, engine, mapping and tick. `sim` adds the simulated brick, `host` pictures and progress bars,
-//! `cli` (implied by `host`) the commands. `sim` and `host` are on by default.
-//!
-//! # Not here yet
-//!
-//! The package for the brick is an issue of its own.
+//! `cli` the commands, `link` (which implies `cli`) the network. `host` implies `link` and `sim`, and
+//! is on by default; the brick's file has `link` alone.
 
 pub mod behavior;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod clock;
+pub mod commissioning;
 pub mod document;
 pub mod ev3dev;
 #[cfg(feature = "link")]
@@ -129,6 +130,7 @@ pub mod menu;
 #[cfg(feature = "host")]
 pub mod page;
 pub mod printable;
+pub mod recording;
 #[cfg(feature = "host")]
 pub mod report;
 pub mod robot;
@@ -137,4 +139,6 @@ pub mod runtime;
 pub mod service;
 #[cfg(feature = "sim")]
 pub mod sim;
+#[cfg(feature = "sim")]
+pub mod simulated;
 pub mod units;

@@ -106,3 +106,11 @@ pub struct Estimate {
     /// What was noticed.
     pub events: Events,
 }
+
+impl Estimate {
+    /// Variances of the forward speed, m²/s², and of the turning speed, rad²/s².
+    #[must_use]
+    pub fn speed_variances(&self) -> [f64; 2] {
+        uncertainty::of_speeds(self.forward_m_s, self.turn_rad_s, estimator::SPEED_MEMORY_S)
+    }
+}

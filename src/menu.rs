@@ -65,6 +65,7 @@ pub use learn::Trouble;
 pub use shell::{Display, Door, Keys, MenuError, Parts, attend};
 pub use talk::{Replies, ScreenDialogue, TalkKind, TalkReply, Talker, Told};
 
+use crate::runtime::Stop;
 use asks::{Asks, Look};
 use press::Held;
 use sheet::View;
@@ -196,7 +197,7 @@ pub struct Menu {
     ended: Option<LastStop>,
     ended_view: View,
     /// The fault that was seen: it does not come back by itself.
-    dismissed: Option<String>,
+    dismissed: Option<Stop>,
     notice: Option<Notice>,
     notice_view: View,
     track: Option<Track>,

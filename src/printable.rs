@@ -135,6 +135,18 @@ fn is_in_table(letter: char) -> bool {
     behind_a_letter.is_some_and(|text| text.escape_debug().eq(text.chars()))
 }
 
+/// An error and all its causes, in one text.
+#[must_use]
+pub fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -19,7 +19,7 @@ pub mod plot;
 
 use crate::clock::seconds;
 use crate::printable;
-use crate::runtime::recording::Run;
+use crate::recording::Run;
 
 /// What there is to see of one or several runs, in one world frame.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -51,10 +51,7 @@ pub fn radians(degrees: f64) -> f64 {
 }
 
 /// Radians as degrees.
-// Not inlined, because a compiler that takes a multiplication for cheap does it before it knows whether it is wanted; on a processor without
-// floating point it is not cheap, and a condition of a mission would do those of all signals.
 #[must_use]
-#[inline(never)]
 pub fn degrees(radians: f64) -> f64 {
     radians * (180.0 / PI)
 }
@@ -63,7 +60,6 @@ pub fn degrees(radians: f64) -> f64 {
 ///
 /// Computed with remainders only, so that it repeats bit for bit everywhere.
 #[must_use]
-#[inline(never)]
 pub fn wrap_rad(angle_rad: f64) -> f64 {
     let turn = 2.0 * PI;
     let rest = angle_rad % turn;

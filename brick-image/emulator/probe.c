@@ -5,7 +5,7 @@
  *   probe enosys FROM CMD...  runs CMD under a filter that answers ENOSYS to every system call from FROM on
  *   probe call NUMBER         whether the kernel has a system call: exit code 0 or 1
  *   probe cpu PID             nanoseconds of processor time that a process has used, by its own processor clock
- *   probe split PID SECONDS   samples a process; prints how many fell into user and into kernel code
+ *   probe split SECONDS PID.. samples processes; prints of each how many were user and kernel code
  *   probe now                 nanoseconds since boot
  *   probe stamp               copies lines, each with nanoseconds since boot before it
  *   probe fifo PRIORITY CMD.. runs CMD with a real-time priority
@@ -89,9 +89,9 @@ static int processor_time(pid_t pid) {
   return 0;
 }
 
-/* Samples the processor, whatever runs on it, and counts what was of one process, all its threads. */
-static int split(pid_t pid, double seconds) {
-  enum { PAGES = 64 };
+/* Samples the processor and counts the samples of each process, all its threads. */
+static int split(double seconds, int processes, char **pids) {
+  enum { PAGES = 64, MOST = 8 };
   struct sample {
     struct perf_event_header header;
     unsigned long long place;
@@ -99,15 +99,17 @@ static int split(pid_t pid, double seconds) {
   };
   struct perf_event_attr what = {
       .type = PERF_TYPE_SOFTWARE, .size = sizeof what, .config = PERF_COUNT_SW_CPU_CLOCK,
+      /* In step with no rate of ticks. */
       .sample_period = 191000, .sample_type = PERF_SAMPLE_IP | PERF_SAMPLE_TID,
   };
+  long counted[MOST][2] = {0};
+  if (processes > MOST) return fprintf(stderr, "probe: at most %d processes\n", MOST), 1;
   int file = syscall(SYS_perf_event_open, &what, -1, 0, -1, 0);
   if (file < 0) return fail("perf_event_open");
   size_t page = sysconf(_SC_PAGESIZE), size = PAGES * page;
   char *ring = mmap(0, page + size, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
   if (ring == MAP_FAILED) return fail("mmap");
   struct perf_event_mmap_page *head = (void *)ring;
-  long user = 0, kernel = 0;
   long long end = on(CLOCK_MONOTONIC) + (long long)(seconds * 1e9);
   while (on(CLOCK_MONOTONIC) < end) {
     poll(0, 0, 100);
@@ -117,14 +119,14 @@ static int split(pid_t pid, double seconds) {
       struct sample record;
       for (size_t at = 0; at < sizeof record; at += 8)
         memcpy((char *)&record + at, ring + page + (head->data_tail + at) % size, 8);
-      if (record.header.type == PERF_RECORD_SAMPLE && record.process == (unsigned)pid) {
-        if ((record.header.misc & PERF_RECORD_MISC_CPUMODE_MASK) == PERF_RECORD_MISC_USER) user++;
-        else kernel++;
-      }
+      int in_user = (record.header.misc & PERF_RECORD_MISC_CPUMODE_MASK) == PERF_RECORD_MISC_USER;
+      if (record.header.type == PERF_RECORD_SAMPLE)
+        for (int i = 0; i < processes; i++)
+          if (record.process == (unsigned)atoi(pids[i])) counted[i][!in_user]++;
       head->data_tail += record.header.size;
     }
   }
-  printf("%ld %ld\n", user, kernel);
+  for (int i = 0; i < processes; i++) printf("%ld %ld\n", counted[i][0], counted[i][1]);
   return 0;
 }
 
@@ -222,7 +224,7 @@ int main(int count, char **words) {
   if (!strcmp(form, "hog")) for (volatile unsigned turns = 0;; turns++) {}
   if (!strcmp(form, "enosys") && count > 3) return enosys(atoi(words[2]), words + 3);
   if (!strcmp(form, "cpu") && count == 3) return processor_time(atoi(words[2]));
-  if (!strcmp(form, "split") && count == 4) return split(atoi(words[2]), atof(words[3]));
+  if (!strcmp(form, "split") && count > 3) return split(atof(words[2]), count - 3, words + 3);
   if (!strcmp(form, "call") && count == 3) return syscall(atol(words[2]), -1, -1, -1, -1) < 0 && errno == ENOSYS;
   if (!strcmp(form, "now")) return printf("%lld\n", on(CLOCK_MONOTONIC)) < 0;
   if (!strcmp(form, "stamp")) return stamp();
@@ -236,6 +238,6 @@ int main(int count, char **words) {
     puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
     return 0;
   }
-  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split PID SECONDS | now | stamp | fifo PRIORITY COMMAND... | random | seed | buttons | frame FILE COMMAND... | console FILE\n", stderr);
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split SECONDS PID... | now | stamp | fifo PRIORITY COMMAND... | random | seed | buttons | frame FILE COMMAND... | console FILE\n", stderr);
   return 2;
 }

@@ -305,8 +305,6 @@ fn apply(infix: Infix, left: Option<f64>, right: Option<f64>) -> Option<f64> {
     }
 }
 
-/// Never inlined: for a processor without floating point the compiler would else do all four for every comparison, and choose afterwards.
-#[inline(never)]
 fn calculate(infix: Infix, left: f64, right: f64) -> f64 {
     match infix {
         Infix::Add => left + right,

@@ -8,8 +8,10 @@ use super::setup::not_written;
 use super::terminal::{Terminal, stop_flags};
 use super::{Exit, Failure, Output};
 use crate::clock::MonotonicClock;
+use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, Straight};
+use crate::document::save;
 use crate::ev3dev::Tree;
-use crate::runtime::{ApplyError, CalibrateError, CalibrateOptions, HardwareLock, Straight, save};
+use crate::runtime::HardwareLock;
 
 /// Measure wheel circumference and track width by driving, and write them into robot.toml.
 ///
@@ -71,7 +73,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     })?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
-    let calibration = crate::runtime::calibrate(
+    let calibration = crate::commissioning::calibrate(
         &tree,
         &MonotonicClock,
         &flags,

@@ -4,18 +4,19 @@ use std::path::{Path, PathBuf};
 
 #[cfg(feature = "host")]
 use super::output::safe;
-use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::behavior::{Capabilities, Mission};
+use crate::clock::wall_ns;
 use crate::document::{Document, Findings, nearest};
 use crate::ev3dev::LocalTree;
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
+use crate::printable::with_causes;
+use crate::recording::{ReadError, Run};
 #[cfg(feature = "host")]
 use crate::report::{Scene, Track, export, plot};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
-use crate::runtime::recording::{ReadError, Run};
-use crate::runtime::{Event, Source};
+use crate::runtime::{Brick, Environment, Event, Job, Refused, Source};
 
 /// Where this machine has the brick's files: for commands that drive, or listen to the buttons.
 #[derive(Debug, clap::Args)]
@@ -204,6 +205,12 @@ impl LoadedRun {
     }
 }
 
+/// What the stamps of a simulated run count from: now, as a real one's do. A program gets the same
+/// bytes for the same seed.
+pub(super) fn stamps_ns(output: &Output) -> i64 {
+    if output.is_json() { 0 } else { wall_ns() }
+}
+
 /// Reads a recording; what a person should know about it goes to the log.
 pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     let name = path.display().to_string();
@@ -258,16 +265,11 @@ pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
 }
 
 /// The walls of the world that is in a recording.
-#[cfg(all(feature = "host", feature = "sim"))]
+#[cfg(feature = "host")]
 pub(super) fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     let text = run.world_toml.as_ref()?;
     let (world, _) = crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;
     Some(world.outlines().to_vec())
-}
-
-#[cfg(all(feature = "host", not(feature = "sim")))]
-pub(super) fn outlines(_run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
-    None
 }
 
 /// Refuses to write over a file that is there.
@@ -280,9 +282,9 @@ pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
 }
 
 /// Writes a file that can be made again, whole or not at all.
-#[cfg(any(feature = "host", feature = "sim"))]
+#[cfg(feature = "sim")]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    crate::runtime::save::write(path, bytes).map_err(|error| Failure::new(Exit::Failed, with_causes(&error)))
+    crate::document::save::write(path, bytes).map_err(|error| Failure::new(Exit::Failed, with_causes(&error)))
 }
 
 /// Reads a world's file, or takes a built-in one; the pose is the first robot's start.
@@ -341,7 +343,7 @@ impl Progress {
             Event::Preparing { what } => log::warn!("{what}"),
             Event::Driving { .. } => log::info!("driving"),
             Event::Status(status) => self.status(status),
-            Event::Stopped { reason, .. } => log::info!("{reason}"),
+            Event::Stopped { stop, .. } => log::info!("{stop}"),
             Event::Refused { .. } | Event::Ended(_) => {}
         }
     }
@@ -355,7 +357,7 @@ impl Progress {
     }
 
     #[cfg(feature = "host")]
-    fn status(&self, status: &crate::runtime::recording::Status) {
+    fn status(&self, status: &crate::recording::Status) {
         let Some(bar) = &self.bar else { return };
         let states = status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
         bar.set_position(u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0));
@@ -370,7 +372,7 @@ impl Progress {
     }
 
     #[cfg(not(feature = "host"))]
-    fn status(&self, status: &crate::runtime::recording::Status) {
+    fn status(&self, status: &crate::recording::Status) {
         log::info!("{:.1} m driven", status.travelled_m);
     }
 }
@@ -383,4 +385,15 @@ fn bar(mission: &Mission) -> indicatif::ProgressBar {
     let style = indicatif::ProgressStyle::with_template("{bar:30} {msg}");
     bar.set_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()));
     bar
+}
+
+/// Where a job is done.
+pub(super) fn environment(job: &Job) -> Result<Environment, Refused> {
+    match &job.brick {
+        Brick::Local(tree) => Ok(Environment::local(tree)),
+        #[cfg(feature = "sim")]
+        Brick::Simulated { .. } => Ok(crate::simulated::simulated(job)?.environment),
+        #[cfg(not(feature = "sim"))]
+        Brick::Simulated { .. } => Err(Refused::NoSimulation),
+    }
 }

@@ -14,6 +14,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::{Pid, getppid};
 use signal_hook::consts::SIGXFSZ;
 
+use super::common::environment;
 use super::{Exit, Failure, Output, fatal, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::runtime::{Brick, Event, Heartbeat, Lock, StopFlags, execute, never_wait, obey, read_job};
@@ -56,7 +57,7 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     let _ = never_wait(io::stdout().as_fd());
     let mut heartbeat = pipe.clone();
     let reporter = pipe.clone();
-    let ended = execute(&job, &flags, &mut heartbeat, move |event| {
+    let report = move |event: &Event| {
         match event {
             // Said by the thread that ticks, after all others have been started at their usual priority.
             Event::Driving { .. } if is_real => urgency::as_control(),
@@ -64,12 +65,12 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
             _ => {}
         }
         reporter.send(event);
-    });
+    };
+    let ended =
+        environment(&job).and_then(|environment| execute(&job, environment, &flags, &mut heartbeat, report));
     pipe.send(&match ended {
         Ok(ended) => Event::Ended(ended),
-        Err(refused) => {
-            Event::Refused { message: refused.to_text(), hint: refused.way_out().map(str::to_owned) }
-        }
+        Err(refused) => Event::Refused { stop: refused.stop(), hint: refused.way_out().map(str::to_owned) },
     });
     if job.lock == Lock::Inherited {
         end_hung_guard(&flags, guard);

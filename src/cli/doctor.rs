@@ -7,8 +7,8 @@ use super::common::{BrickFiles, read_source};
 use super::terminal::stop_flags;
 use super::{Failure, Output};
 use crate::clock::{MonotonicClock, wall_ns};
+use crate::commissioning::{Patient, Verdict, examine};
 use crate::ev3dev::Tree;
-use crate::runtime::{Patient, Verdict, examine};
 
 /// Look at everything that a run needs, before anything moves.
 ///

@@ -11,11 +11,14 @@
 use std::io::{self, BufReader, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
+use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sys::wait::{Id, WaitPidFlag, WaitStatus, waitid};
+use nix::unistd::Pid;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::{Exit, Failure, Output, fatal, urgency};
@@ -126,7 +129,7 @@ impl Starter {
 
     fn refuse(&mut self, refused: &Refused) {
         let hint = refused.way_out().map(str::to_owned);
-        self.tell(&Event::Refused { message: refused.to_text(), hint });
+        self.tell(&Event::Refused { stop: refused.stop(), hint });
         self.finish();
     }
 
@@ -232,7 +235,10 @@ impl Guard {
         }
         let _ = self.control.kill();
         self.starter.finish();
-        // Nothing of it may outlive us: with it the lock would.
+        // Nothing of it may outlive us: with it the lock would. The kernel spins while it reaps a
+        // process whose folder in `/proc` others are looking at; at real-time priority they might
+        // never get a processor to let go of it.
+        urgency::as_others();
         let _ = self.control.wait();
         stopped
     }
@@ -318,7 +324,7 @@ impl Guard {
     /// Control is gone or hung: makes sure that it is gone, stops the motors, and says so in its place; true if they are still.
     fn take_over(&mut self, tree: &Arc<dyn Tree>, hung: bool) -> bool {
         let _ = self.control.kill();
-        let status = self.reap(tree);
+        let status = self.await_death(tree);
         let stopped = self.stop_motors(tree);
         let how = match (hung, status) {
             (false, Some(status)) => format!("ended without a word ({status})"),
@@ -329,12 +335,13 @@ impl Guard {
         stopped
     }
 
-    /// Waits for a process that was killed, and brakes its motors meanwhile: it may take its time, until its devices are closed.
-    fn reap(&mut self, tree: &Arc<dyn Tree>) -> Option<ExitStatus> {
+    /// Waits for a process that was killed, and brakes its motors meanwhile: it may take its time,
+    /// until its devices are closed. How it ended; it stays to be reaped ([`Guard::follow`]).
+    fn await_death(&mut self, tree: &Arc<dyn Tree>) -> Option<ExitStatus> {
         let start_ns = MonotonicClock.now_ns();
         let mut brake_ns = start_ns;
         while MonotonicClock.now_ns() < start_ns + DYING_NS {
-            if let Ok(Some(status)) = self.control.try_wait() {
+            if let Some(status) = self.ended() {
                 return Some(status);
             }
             if MonotonicClock.now_ns() >= brake_ns {
@@ -346,6 +353,18 @@ impl Guard {
             MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
         }
         None
+    }
+
+    /// How control ended, without reaping it.
+    fn ended(&self) -> Option<ExitStatus> {
+        // The kernel's numbers of processes fit.
+        let control = Id::Pid(Pid::from_raw(i32::try_from(self.control.id()).unwrap_or(0)));
+        let look = WaitPidFlag::WEXITED | WaitPidFlag::WNOHANG | WaitPidFlag::WNOWAIT;
+        match waitid(control, look) {
+            Ok(WaitStatus::Exited(_, code)) => Some(ExitStatus::from_raw(code << 8)),
+            Ok(WaitStatus::Signaled(_, signal, _)) => Some(ExitStatus::from_raw(signal as i32)),
+            _ => None,
+        }
     }
 
     /// True if every motor of the run is still.

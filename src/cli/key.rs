@@ -195,7 +195,7 @@ const AS_THE_SERVICE: &str = "as the user whose folder it is; on a brick: sudo -
 
 /// A folder of keys that cannot be used.
 pub(super) fn failure(error: &KeyError) -> Failure {
-    let message = super::output::with_causes(error);
+    let message = crate::printable::with_causes(error);
     let refused = Failure::refused(message);
     match error {
         KeyError::Missing(_) => refused.hint("onbrick key new"),

@@ -10,13 +10,15 @@ use super::serve::load_config;
 use super::terminal::stop_flags;
 use super::{Exit, Failure, Output};
 use crate::clock::{MonotonicClock, wall_ns};
+use crate::commissioning::CalibrateOptions;
+use crate::document::save;
 use crate::ev3dev::{BUTTONS_PATH, Buttons, Console, LocalTree, SCREEN_PATH, Screen, Tree};
 use crate::menu::{
     Canvas, Display, Door, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue, StartedBy,
     TalkKind, Talker, Told, Trouble, WIDTH, attend,
 };
 use crate::robot::RobotConfig;
-use crate::runtime::{CalibrateOptions, HardwareLock, Source, StopFlags, save};
+use crate::runtime::{HardwareLock, Source, StopFlags};
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
 use crate::service::protocol::{Answer, LocalRequest, Request};
@@ -178,7 +180,7 @@ impl Door for ServiceDoor {
         };
         answered.map_err(|error| match error {
             ClientError::Refused(refusal) => Trouble::Refused(refusal),
-            other => Trouble::Gone(super::output::with_causes(&other)),
+            other => Trouble::Gone(crate::printable::with_causes(&other)),
         })
     }
 }
@@ -212,7 +214,7 @@ fn talk(
     brick: &LocalTree,
     robot: &Path,
 ) -> Result<String, String> {
-    let text = |error: &dyn std::error::Error| super::output::with_causes(error);
+    let text = |error: &dyn std::error::Error| crate::printable::with_causes(error);
     let doing = match kind {
         TalkKind::SetUp => "setting up at the menu",
         TalkKind::Calibrate => "calibrating at the menu",
@@ -221,7 +223,7 @@ fn talk(
     let tree: Arc<dyn Tree> = Arc::new(brick.clone());
     let flags = dialogue.flags.clone();
     let written = match kind {
-        TalkKind::SetUp => crate::runtime::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
+        TalkKind::SetUp => crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
             .map_err(|error| text(&error))?,
         TalkKind::Calibrate => {
             let bytes = super::common::read_bounded(robot).map_err(|failure| failure.message)?;
@@ -229,9 +231,15 @@ fn talk(
             let (config, _) = RobotConfig::load(&name, &bytes).map_err(|findings| findings.to_string())?;
             let source = Source { name, text: String::from_utf8_lossy(&bytes).into_owned() };
             let options = CalibrateOptions::default();
-            let calibration =
-                crate::runtime::calibrate(&tree, &MonotonicClock, &flags, &mut dialogue, &config, &options)
-                    .map_err(|error| text(&error))?;
+            let calibration = crate::commissioning::calibrate(
+                &tree,
+                &MonotonicClock,
+                &flags,
+                &mut dialogue,
+                &config,
+                &options,
+            )
+            .map_err(|error| text(&error))?;
             calibration.apply(&source).map_err(|error| text(&error))?
         }
     };

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use super::common::{must_be_new, shipped_mission};
-use super::output::with_causes;
 use super::{Exit, Failure, Output};
 use crate::behavior::shipped;
 use crate::document::nearest;
-use crate::runtime::save;
+use crate::document::save;
+use crate::printable::with_causes;
 
 /// Write a commented template: a mission, a robot, a world, a team, or the service's configuration.
 ///
@@ -31,7 +31,7 @@ enum What {
     #[cfg(feature = "sim")]
     World,
     Service,
-    #[cfg(all(feature = "link", feature = "host"))]
+    #[cfg(feature = "host")]
     Team,
 }
 
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let text = match arguments.what {
         What::Robot => crate::robot::DEFAULT_ROBOT,
         What::Service => crate::service::config::DEFAULT_CONFIG,
-        #[cfg(all(feature = "link", feature = "host"))]
+        #[cfg(feature = "host")]
         What::Team => crate::link::team::TEMPLATE,
         #[cfg(feature = "sim")]
         What::World => crate::sim::World::TEMPLATE,

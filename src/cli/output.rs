@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 use std::error::Error;
-use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use serde::Serialize;
 
+use crate::printable::with_causes;
 use crate::printable::{self, Layout};
 
 /// How a command ended.
@@ -75,17 +75,6 @@ impl Failure {
         self.hint = Some(hint.into());
         self
     }
-}
-
-/// An error and all its causes, as a person reads it.
-pub(super) fn with_causes(error: &dyn Error) -> String {
-    let mut message = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        let _ = write!(message, ": {error}");
-        cause = error.source();
-    }
-    message
 }
 
 /// Whatever is printed, nothing in it controls the terminal. How long it is, is its maker's matter.

@@ -6,15 +6,15 @@ use std::time::Duration;
 #[cfg(feature = "host")]
 use super::key;
 #[cfg(feature = "host")]
-use super::remote::How;
+use super::pc::remote::How;
 use super::terminal::{Terminal, stop_flags};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::commissioning::Dialogue as _;
 #[cfg(feature = "host")]
 use crate::link::pairing::Introduced;
 #[cfg(feature = "host")]
 use crate::link::{ClientError, KnownBrick, KnownBricks};
-use crate::runtime::Dialogue as _;
 use crate::service::client::{Client, ClientError as LocalError};
 use crate::service::config::BRICK_FOLDER;
 #[cfg(feature = "host")]

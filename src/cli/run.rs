@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::common::{
-    BrickFiles, broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, warn,
+    BrickFiles, broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, stamps_ns,
+    warn,
 };
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
@@ -101,6 +102,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         set: arguments.set.clone(),
         file: file.clone(),
         sync_ns: nanoseconds(arguments.sync_s),
+        stamps_ns: stamps_ns(output),
         run: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
@@ -108,10 +110,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let ended = drive(&job, &mission, output).inspect_err(|_| folder.take_back())?;
     // A program has read it already: it was the last event.
     output.line(format!("{ended}\nrecorded in {}", file.display()));
-    if ended.wanted {
+    if ended.stop.reason.is_wanted() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, ended.reason).hint(format!("onbrick replay {}", file.display())))
+        Err(Failure::new(Exit::Failed, ended.stop.to_string())
+            .hint(format!("onbrick replay {}", file.display())))
     }
 }
 
@@ -228,7 +231,7 @@ fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Fai
     }
     progress.finish();
     run.wait().map_err(|error| match error {
-        RunError::Refused { message, hint } => Failure::of_refused(message, hint.as_deref()),
+        RunError::Refused { stop, hint } => Failure::of_refused(stop.to_string(), hint.as_deref()),
         RunError::Silent { stopped: true, .. } => failed("the run", &error)
             .hint(format!("its motors were stopped; {} says what happened before", job.file.display())),
         RunError::Silent { .. } | RunError::Io(_) => {

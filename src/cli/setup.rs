@@ -6,9 +6,10 @@ use std::sync::Arc;
 use super::terminal::{Terminal, stop_flags};
 use super::{Exit, Failure, Output};
 use crate::clock::MonotonicClock;
+use crate::commissioning::SetupError;
+use crate::document::save::{self, SaveError};
 use crate::ev3dev::{LocalTree, Tree};
-use crate::runtime::save::{self, SaveError};
-use crate::runtime::{HardwareLock, SetupError};
+use crate::runtime::HardwareLock;
 
 /// Write robot.toml from what is plugged in, asking which wheel moved.
 ///
@@ -43,7 +44,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     })?;
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
-    let text = crate::runtime::setup(&tree, &MonotonicClock, &flags, &mut terminal)
+    let text = crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut terminal)
         .map_err(|error| refused(&error))?;
     let kept = if arguments.force {
         save::replace(file, &text).map_err(|error| not_written(&error))?

@@ -14,7 +14,8 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::output::safe;
 use super::{Exit, Failure};
-use crate::runtime::{Dialogue, NoAnswer, StopFlags};
+use crate::commissioning::{Dialogue, NoAnswer};
+use crate::runtime::StopFlags;
 
 /// How long a nap is, milliseconds.
 const NAP_MS: u8 = 100;

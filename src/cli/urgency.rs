@@ -6,21 +6,25 @@
 use nix::sys::mman::{MlockAllFlags, mlockall};
 use nix::sys::resource::{Resource, setrlimit};
 use thread_priority::{
-    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
-    set_thread_priority_and_policy, thread_native_id,
+    NormalThreadSchedulePolicy, RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue,
+    ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
 };
 
 /// Priorities of SCHED_FIFO, 1 to 99: below the kernel's own threads for interrupts, which have 50.
 const GUARD: u8 = 20;
 const CONTROL: u8 = 10;
 
-/// For so long control's thread may compute without once waiting before the kernel kills it, microseconds: a loop that spins at
-/// real-time priority would leave nobody else a turn on a brick with one core.
+/// The priority that the crate turns into a nice value of 0.
+const USUAL: u8 = 49;
+
+/// How long guard and control may compute without waiting before the kernel kills the process,
+/// microseconds: a loop that spins at real-time priority keeps a brick's one core from all others.
 const LONGEST_SPIN_US: nix::libc::rlim_t = 200_000;
 
-/// This thread comes before everything else of ours, and its memory stays where it is.
+/// This thread comes before everything else of ours, may not spin for ever, and its memory stays
+/// where it is.
 pub(super) fn as_guard() {
-    take(GUARD);
+    limited(GUARD);
     if let Err(errno) = mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE) {
         log::info!("the guard's memory is not locked: {errno}");
     }
@@ -28,9 +32,19 @@ pub(super) fn as_guard() {
 
 /// This thread comes before everything but the guard, and may not spin for ever.
 pub(super) fn as_control() {
+    limited(CONTROL);
+}
+
+/// This thread is as urgent as any other again.
+pub(super) fn as_others() {
+    let policy = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);
+    set(policy, USUAL);
+}
+
+fn limited(priority: u8) {
     let (soft, hard) = (LONGEST_SPIN_US, nix::libc::RLIM_INFINITY);
     match setrlimit(Resource::RLIMIT_RTTIME, soft, hard) {
-        Ok(()) => take(CONTROL),
+        Ok(()) => take(priority),
         Err(errno) => log::info!("no real-time priority, because it could not be limited: {errno}"),
     }
 }
@@ -44,12 +58,15 @@ pub(super) fn may_compute() {
 }
 
 fn take(priority: u8) {
-    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    let taken = ThreadPriorityValue::try_from(priority).and_then(|priority| {
+    set(ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo), priority);
+}
+
+fn set(policy: ThreadSchedulePolicy, priority: u8) {
+    let set = ThreadPriorityValue::try_from(priority).and_then(|priority| {
         set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(priority), policy)
             .map_err(|error| error.to_string())
     });
-    if let Err(error) = taken {
-        log::info!("no real-time priority: {error}");
+    if let Err(error) = set {
+        log::info!("the priority stays: {error}");
     }
 }

@@ -61,7 +61,7 @@ pub struct ServerConfig {
     pub keys: PathBuf,
     /// What the brick calls itself.
     pub name: Name,
-    /// The address that it listens at: `*`, or one of the brick's.
+    /// The address that it listens at: `*`, or one of the brick's in numbers.
     pub address: String,
     /// Its port; 0 for any that is free.
     pub port: u16,
@@ -124,12 +124,11 @@ pub(crate) enum ServerError {
     Thread(std::io::Error),
 }
 
-/// libzmq says of an address that is none of this machine's, and of names, that there is no such device.
+/// The second is for an interface behind a `%` that the machine does not have.
 fn in_words(bound: zmq::Error) -> String {
     match bound {
-        zmq::Error::ENODEV => {
-            "this machine has no such address; `address` takes `*`, or one of its addresses in numbers"
-                .to_owned()
+        zmq::Error::EADDRNOTAVAIL | zmq::Error::ENODEV => {
+            "this machine has no such address; `address` takes `*`, or one of its own".to_owned()
         }
         other => other.to_string(),
     }

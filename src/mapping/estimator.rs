@@ -15,7 +15,7 @@ use super::{Estimate, Events, Inputs, Pose, Range};
 use crate::clock::seconds_nearly;
 
 /// Speeds are smoothed over this: a whole degree of a wheel in a tick of 10 ms would else be 5 cm/s.
-const SPEED_MEMORY_S: f64 = 0.1;
+pub(super) const SPEED_MEMORY_S: f64 = 0.1;
 
 /// What the estimator carries from tick to tick: everything that later results depend on, and nothing else. It is of fixed size
 /// and has only finite numbers.
@@ -201,7 +201,7 @@ impl Estimator {
     fn smooth_speeds(&mut self, forward_m: f64, turned_rad: f64, passed_s: f64) {
         let state = &mut self.state;
         if passed_s >= SPEED_MEMORY_S {
-            [state.forward_m_s, state.turn_rad_s] = speeds(forward_m, turned_rad, passed_s);
+            [state.forward_m_s, state.turn_rad_s] = [forward_m / passed_s, turned_rad / passed_s];
         } else if passed_s > 0.0 {
             let keep = 1.0 - passed_s * (1.0 / SPEED_MEMORY_S);
             state.forward_m_s = state.forward_m_s * keep + forward_m * (1.0 / SPEED_MEMORY_S);
@@ -270,12 +270,6 @@ struct Trust {
     by_gyro: bool,
     /// What a slip may have falsified its way by, metres.
     slip_m: f64,
-}
-
-/// Ways by their time. Not inlined: the division would else be done in every tick.
-#[inline(never)]
-fn speeds(forward_m: f64, turned_rad: f64, passed_s: f64) -> [f64; 2] {
-    [forward_m / passed_s, turned_rad / passed_s]
 }
 
 fn unit(direction_rad: f64) -> [f64; 2] {

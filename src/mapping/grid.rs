@@ -273,8 +273,6 @@ struct Line<'a> {
 
 impl Line<'_> {
     /// Adds to the log-odds of those cells of a cone that are in row `y` between two places, in the cone's own x and y.
-    // Most of what a map costs; so it and what it calls are in ARM, also where the rest is in Thumb, and do without what would stay in Thumb.
-    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     fn weigh_cone(&mut self, cone: &Cone, y: i32, [first, last]: [i32; 2], before: [i8; 2], at: [i8; 2]) {
         let mut place = cone.place(first, y);
         let mut met = false;
@@ -303,8 +301,6 @@ impl Line<'_> {
     }
 
     /// Adds to the log-odds of a cell, by its place on the lattice.
-    #[inline]
-    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     fn weigh(&mut self, at: i32, weight: i8) {
         if weight == 0 {
             return;

@@ -290,19 +290,13 @@ impl Standstill {
         let drifted_rad = self.bias_rad_s * stood_s;
         // As little away from what it was as the steps allow: a body that settles by a degree or two after a turn is not drift.
         Some(if drifted_rad < least_rad {
-            rate(least_rad, stood_s)
+            least_rad / stood_s
         } else if drifted_rad > most_rad {
-            rate(most_rad, stood_s)
+            most_rad / stood_s
         } else {
             self.bias_rad_s
         })
     }
-}
-
-/// Not inlined: the division would else be done in every tick of a standstill, and seldom used.
-#[inline(never)]
-fn rate(turned_rad: f64, passed_s: f64) -> f64 {
-    turned_rad / passed_s
 }
 
 /// A change of the sensor's angle without the wrap at the end of its 16 bits.

@@ -75,6 +75,20 @@ pub(super) fn propagated(before: Covariance, step: &Step) -> Covariance {
     if xx <= LIMIT && yy <= LIMIT && hh <= LIMIT { after } else { before }
 }
 
+/// The way of a wheel in the degree that its encoder counts by, metres: LEGO's wheel of 56 mm.
+const WHEEL_STEP_M: f64 = 0.056 * std::f64::consts::PI / 360.0;
+
+/// Variances of the speeds, m²/s² and rad²/s²: what the errors above come to within `memory_s`, over
+/// which speeds are smoothed, and at its two ends the steps in which wheels and gyro count. The heading
+/// is taken for the gyro's; by wheels alone its error is of the same order.
+pub(super) fn of_speeds(forward_m_s: f64, turn_rad_s: f64, memory_s: f64) -> [f64; 2] {
+    let per_s2 = 1.0 / (memory_s * memory_s);
+    // Of two wheels each, whose mean is the way.
+    let way_m2 = WHEEL_M2_M * forward_m_s.abs() * memory_s / 2.0 + WHEEL_STEP_M * WHEEL_STEP_M / 12.0;
+    let turn_rad2 = GYRO_RAD2_RAD * turn_rad_s.abs() * memory_s + GYRO_RAD2_S * memory_s + 2.0 * STEP_RAD2;
+    [way_m2 * per_s2, turn_rad2 * per_s2]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +113,15 @@ mod tests {
         assert!((libm::sqrt(yy) - 0.005).abs() < 0.001, "across: {} m", libm::sqrt(yy));
         assert!(xy.abs() < 1e-12, "{xy} m²");
         assert!(yh > 0.0 && hh > STEP_RAD2, "{yh} {hh}");
+    }
+
+    #[test]
+    fn a_speed_is_uncertain_by_a_millimetre_a_second_standing_and_a_centimetre_driving() {
+        let sd = |forward, turn| of_speeds(forward, turn, 0.1).map(libm::sqrt);
+        let [forward, turn] = sd(0.0, 0.0);
+        assert!((forward - 0.0014).abs() < 1e-4 && (turn - 0.071).abs() < 1e-3, "{forward} {turn}");
+        let [forward, turn] = sd(-0.2, 1.0);
+        assert!((forward - 0.010).abs() < 1e-3 && (turn - 0.152).abs() < 1e-2, "{forward} {turn}");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::asks::{Lane, Look};
 use super::track::Track;
 use super::{Menu, Notice, Page, Showing};
 use crate::clock::SECOND_NS;
+use crate::runtime::StopReason;
 use crate::service::protocol::{
     Answer, Fetch, Fetched, LastStop, LocalOnly, LocalRequest, MAX_FETCH_BYTES, Pairing, Refusal, Request,
     State, Status,
@@ -157,14 +158,14 @@ impl Menu {
             (_, Some(finding)) if is_fault => not_in_order(finding),
             _ => {
                 // A fault that somebody else has acknowledged.
-                if !is_fault && self.ended.as_ref().is_some_and(|ended| !ended.wanted) {
+                if !is_fault && self.ended.as_ref().is_some_and(|ended| !ended.is_wanted()) {
                     self.ended = None;
                     self.changed = true;
                 }
                 return;
             }
         };
-        if self.dismissed.as_ref() != Some(&ended.reason) && self.ended.as_ref() != Some(&ended) {
+        if self.dismissed.as_ref() != Some(&ended.stop) && self.ended.as_ref() != Some(&ended) {
             self.ended = Some(ended);
             self.ended_view = super::View::default();
             self.changed = true;
@@ -229,13 +230,7 @@ impl Menu {
 
 /// A brick that cannot start a run says why in the same form as a run that ended.
 fn not_in_order(finding: &str) -> LastStop {
-    LastStop {
-        run: None,
-        mission: String::new(),
-        word: "not ready".to_owned(),
-        reason: finding.to_owned(),
-        wanted: false,
-    }
+    LastStop::new(None, "", StopReason::Robot.with(finding.to_owned()))
 }
 
 fn read<T: DeserializeOwned>(answer: Answer) -> Option<T> {

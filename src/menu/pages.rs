@@ -296,14 +296,14 @@ fn within_turn(degrees: f64) -> f64 {
 }
 
 fn ended(last: &LastStop) -> Sheet {
-    if last.wanted {
-        let sheet = Sheet::new("Done").big(last.mission.clone()).line(last.reason.clone());
+    if last.is_wanted() {
+        let sheet = Sheet::new("Done").big(last.mission.clone()).line(last.to_string());
         let sheet = if last.run.is_some() { sheet.item("Show the map") } else { sheet };
         return sheet.item("OK");
     }
     let sheet = Sheet::new("Fault");
     let sheet = if last.mission.is_empty() { sheet } else { sheet.big(last.mission.clone()) };
-    sheet.row(Row::Strong(last.reason.clone())).item("Acknowledge")
+    sheet.row(Row::Strong(last.to_string())).item("Acknowledge")
 }
 
 fn time_limit(limit_s: f64) -> Sheet {
@@ -343,9 +343,9 @@ fn pairing(pairing: Option<&Pairing>) -> Sheet {
 /// A run in a list.
 fn run_line(run: &RunInfo) -> String {
     let end = match &run.end {
-        _ if run.going_on => "goes on",
-        Some(end) => end.word.as_str(),
-        None => "was cut",
+        _ if run.going_on => "goes on".to_owned(),
+        Some(end) => end.stop.reason.word(),
+        None => "was cut".to_owned(),
     };
     let points = run.points.map_or_else(String::new, |points| format!(", {points} pts"));
     format!("{} {}: {end}{points}", run.number, run.mission)

@@ -188,13 +188,13 @@ impl Menu {
         if self.moves(button) {
             return;
         }
-        let is_fault = self.ended.as_ref().is_some_and(|ended| !ended.wanted);
+        let is_fault = self.ended.as_ref().is_some_and(|ended| !ended.is_wanted());
         let taken = if button == Button::Enter { self.taken() } else { None };
         if taken.is_none() && (is_fault || button == Button::Enter) {
             return;
         }
         let Some(ended) = self.ended.take() else { return };
-        self.dismissed = Some(ended.reason);
+        self.dismissed = Some(ended.stop);
         if is_fault {
             self.asks.order(LocalRequest::Own(LocalOnly::Acknowledge));
         } else if let (Some(0), Some(run)) = (taken, ended.run) {

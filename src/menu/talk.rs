@@ -12,8 +12,9 @@ use std::time::Duration;
 
 use super::sheet::{Row, Sheet, View};
 use super::{Menu, Showing};
+use crate::commissioning::{Dialogue, NoAnswer};
 use crate::ev3dev::Button;
-use crate::runtime::{Dialogue, NoAnswer, StopFlags};
+use crate::runtime::StopFlags;
 
 /// What is talked about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

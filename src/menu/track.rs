@@ -13,7 +13,7 @@ use super::canvas::{Canvas, HEIGHT, INK, PAPER, WIDTH};
 use super::sheet::{HEAD, head, size};
 use super::text::{Face, write};
 use crate::mapping::Pose;
-use crate::runtime::recording::{Growing, Piece};
+use crate::recording::{Growing, Piece};
 use crate::service::protocol::RunId;
 
 /// Edge of a cell, metres.

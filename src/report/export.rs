@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 use super::Track;
 use crate::printable;
-use crate::runtime::recording::Grid;
+use crate::recording::Grid;
 use crate::units::degrees;
 
 pub use indexed::{ExportError, Part, mcap};

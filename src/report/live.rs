@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use super::{Scene, Track, page};
 use crate::page::{LocalPage, PageError, Shown};
-use crate::runtime::recording::Run;
+use crate::recording::Run;
 
 /// A page that is being served. Dropping it ends that.
 #[derive(Debug)]

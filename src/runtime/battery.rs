@@ -8,6 +8,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::StopReason;
 use crate::behavior::{Demands, Drive, Led};
 use crate::clock::SECOND_NS;
 use crate::robot::BatteryLimits;
@@ -38,7 +39,7 @@ impl fmt::Display for Charge {
             Self::Good => "the battery is good",
             Self::Low => "the battery is low: charge it soon, or have fresh cells ready",
             Self::VeryLow => "the battery is very low: driving at half the speed",
-            Self::Empty => "the battery is empty: charge it, or put in fresh cells",
+            Self::Empty => return StopReason::Battery.fmt(f),
         })
     }
 }

@@ -35,12 +35,13 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde::{Deserialize, Serialize};
 
-use super::execute::with_causes;
 use super::{
-    Brick, Ended, Event, Job, LockError, OrphansError, Owner, PATIENCE_NS, StopFlags, evict, stop_orphans,
+    Brick, Ended, Event, Job, LockError, OrphansError, Owner, PATIENCE_NS, Stop, StopFlags, evict,
+    stop_orphans,
 };
 use crate::clock::{Clock, MonotonicClock};
 use crate::ev3dev::Tree as _;
+use crate::printable::with_causes;
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
 const LONGEST_JOB: u64 = 64 << 20;
@@ -105,11 +106,11 @@ pub enum StartError {
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// The run did not start, and nothing has moved: do what the hint says.
-    #[error("{message}")]
+    #[error("{stop}")]
     Refused {
         /// Why.
-        message: String,
-        /// What to do, where the message does not say it.
+        stop: Stop,
+        /// What to do, where the reason does not say it.
         hint: Option<String>,
     },
     /// The run's first process ended without a last word.
@@ -215,7 +216,7 @@ impl RunProcess {
         let status = self.child.wait()?;
         match self.last_word.take() {
             Some(Event::Ended(ended)) => Ok(ended),
-            Some(Event::Refused { message, hint }) => Err(RunError::Refused { message, hint }),
+            Some(Event::Refused { stop, hint }) => Err(RunError::Refused { stop, hint }),
             _ => Err(RunError::Silent {
                 process: if self.root.is_some() { "the run's guard" } else { "the process that drives" },
                 status,

@@ -21,12 +21,9 @@ use crate::ev3dev::StopAction;
 use crate::robot::{Channel, Robot, Senses};
 
 use super::battery::Charge;
-use super::pilot::{Pilot, Step};
-use super::recording::{Level, MAX_LOG_BYTES, TickRecord, TickSide};
+use super::pilot::{Pilot, PilotState, Step};
 use super::{Heartbeat, Job, Lock, Pulse, StopBy, StopReason, WhenAbandoned};
-
-/// A tick this late ends the run, nanoseconds.
-pub const STALL_NS: i64 = 200_000_000;
+use crate::recording::{Level, MAX_LOG_BYTES, STALL_NS, TickRecord, TickSide};
 
 /// How often the pilot's state goes into the recording, nanoseconds.
 const CHECKPOINT_NS: i64 = 1_000_000_000;
@@ -115,7 +112,7 @@ impl StopFlags {
         self.reason().is_some()
     }
 
-    fn reason(&self) -> Option<StopReason> {
+    pub(super) fn reason(&self) -> Option<StopReason> {
         let raised = [
             (&self.panicked, StopReason::Panicked),
             (&self.fallen, StopReason::Fallen),
@@ -155,7 +152,7 @@ pub struct Control<'r> {
     /// What decides.
     pub pilot: &'r mut Pilot,
     /// Where it is recorded.
-    pub recorder: &'r mut TickSide,
+    pub recorder: &'r mut TickSide<PilotState>,
     /// What time it is.
     pub clock: &'r dyn Clock,
     /// Who asks to stop.

@@ -22,8 +22,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::PortAddress;
 
-use super::recording::Status;
 use super::{Ended, Event, Job, StopReason};
+use crate::recording::Status;
 
 /// How long after its last heartbeat guard or control counts as hung, nanoseconds.
 pub const MISSED_NS: i64 = 200 * MILLISECOND_NS;
@@ -117,11 +117,11 @@ impl Watch {
             self.excused_ns = 0;
         }
         let mut event = serde_json::from_slice::<Event>(line).ok()?;
-        if let Event::Stopped { word, reason, .. } | Event::Ended(Ended { word, reason, .. }) = &mut event
-            && word == StopReason::Late.word()
+        if let Event::Stopped { stop, .. } | Event::Ended(Ended { stop, .. }) = &mut event
+            && stop.reason == StopReason::Late
             && let Some(busy) = self.too_busy(now_ns)
         {
-            *reason = format!("{reason}: {busy}");
+            stop.add(&busy);
         }
         let phase = match &event {
             Event::Driving { motors, .. } => {
@@ -176,17 +176,16 @@ impl Watch {
     pub fn last_word(&self, how: &str, stopped: bool, now_ns: i64) -> Event {
         if self.phase == Phase::Preparing {
             let hint = Some("onbrick doctor, which checks everything and drives nothing".to_owned());
-            return Event::Refused {
-                message: format!("the process that drives {how} before it drove"),
-                hint,
-            };
+            let message = format!("the process that drives {how} before it drove");
+            return Event::Refused { stop: StopReason::Refused.with(message), hint };
         }
         let status = self.status.as_ref();
-        let reason = format!("{}: the process that drives {how}", StopReason::Guard);
+        let mut stop = StopReason::Guard.with(format!("the process that drives {how}"));
+        if let Some(busy) = self.too_busy(now_ns) {
+            stop.add(&busy);
+        }
         Event::Ended(Ended {
-            word: StopReason::Guard.word().to_owned(),
-            reason: self.too_busy(now_ns).map_or_else(|| reason.clone(), |busy| format!("{reason}; {busy}")),
-            wanted: false,
+            stop,
             stopped,
             ticks: status.map_or(0, |status| status.tick + 1),
             time_s: status.map_or(0.0, |status| seconds(status.elapsed_ns)),
@@ -271,6 +270,7 @@ mod tests {
             set: Vec::new(),
             file: "run.mcap".into(),
             sync_ns: SECOND_NS,
+            stamps_ns: 0,
             run: None,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,
@@ -287,7 +287,7 @@ mod tests {
     }
 
     fn stopped() -> Event {
-        Event::Stopped { word: "button".to_owned(), reason: "by a button".to_owned(), stopped: true }
+        Event::Stopped { stop: StopReason::Button.into(), stopped: true }
     }
 
     #[test]
@@ -326,16 +326,16 @@ mod tests {
             panic!("it drove")
         };
         assert!(
-            ended.reason.contains("too busy: the guard did not get a processor for 3.00 s"),
+            ended.stop.to_string().contains("too busy: the guard did not get a processor for 3.00 s"),
             "{}",
-            ended.reason
+            ended.stop
         );
-        let late = Event::Stopped { word: "late".to_owned(), reason: "late".to_owned(), stopped: true };
+        let late = Event::Stopped { stop: StopReason::Late.into(), stopped: true };
         for (now_ns, busy) in [(4 * SECOND_NS, true), (5 * SECOND_NS, false)] {
-            let Some(Event::Stopped { reason, .. }) = watch.hear(&line(&late), now_ns) else {
+            let Some(Event::Stopped { stop, .. }) = watch.hear(&line(&late), now_ns) else {
                 panic!("passed on")
             };
-            assert_eq!(reason.contains("too busy"), busy, "{reason}");
+            assert_eq!(stop.to_string().contains("too busy"), busy, "{stop}");
         }
     }
 
@@ -351,14 +351,14 @@ mod tests {
     #[test]
     fn what_ended_before_it_drove_is_refused_and_afterwards_it_is_the_guards_end() {
         let mut watch = watch();
-        let Event::Refused { message, .. } = watch.last_word("ended (signal: 9)", true, 0) else {
+        let Event::Refused { stop, .. } = watch.last_word("ended (signal: 9)", true, 0) else {
             panic!("nothing moved")
         };
-        assert_eq!(message, "the process that drives ended (signal: 9) before it drove");
+        assert_eq!(stop.to_string(), "the process that drives ended (signal: 9) before it drove");
         watch.hear(&line(&driving()), 10);
         let Event::Ended(ended) = watch.last_word("ended (signal: 9)", false, 20) else { panic!("it drove") };
-        assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("guard", false, false));
-        assert!(ended.reason.contains("signal: 9"), "{}", ended.reason);
+        assert_eq!((ended.stop.reason, ended.stopped), (StopReason::Guard, false));
+        assert!(ended.stop.to_string().contains("signal: 9"), "{}", ended.stop);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //!
 //! # Not here
 //!
-//! No devices (`robot`), no deadlines (`runtime::control`), no files (`runtime::recording`).
+//! No devices (`robot`), no deadlines (`runtime::control`), no files (`recording`).
 
 use serde::{Deserialize, Serialize};
 

@@ -9,7 +9,7 @@ use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
 use crate::robot::{Channel, Robot, Senses};
 
-use super::StopFlags;
+use super::{StopFlags, StopReason};
 use crate::units::degrees;
 
 /// How long everything must have stood still, nanoseconds.
@@ -29,7 +29,7 @@ const PATIENCE_NS: i64 = 10 * SECOND_NS;
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
 /// A gyro at rest may flicker between two neighbouring degrees.
-pub(super) const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
+pub const GYRO_STILL_RAD: f64 = 0.0175 * 1.5;
 
 /// No hand turns a robot more slowly, degrees a second.
 const SLOWEST_HAND_DPS: f64 = 1.0;
@@ -38,7 +38,7 @@ const SLOWEST_HAND_DPS: f64 = 1.0;
 const WHEEL_STILL_RAD: f64 = 0.0175 * 1.5;
 
 /// No cells that fit into a brick give more, volts: above, the reading is wrong.
-pub(super) const MOST_V: f64 = 10.0;
+pub const MOST_V: f64 = 10.0;
 
 /// What a person is told before the gyro itself is blamed.
 const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the robot still";
@@ -72,9 +72,9 @@ pub enum NotReady {
         /// The robot's [`slow_v`](crate::robot::BatteryLimits): a run that began below it would not get far.
         least_v: f64,
     },
-    /// Somebody asked to stop.
-    #[error("stopped before it started")]
-    Stopped,
+    /// It was asked to stop, or a button was pressed.
+    #[error("{0}, before it started")]
+    Stopped(StopReason),
 }
 
 fn because(error: Option<&DeviceError>) -> String {
@@ -149,12 +149,12 @@ fn stand(
     let mut said: Option<String> = None;
     loop {
         let now_ns = clock.now_ns();
-        if flags.is_raised() {
-            return Err(NotReady::Stopped);
+        if let Some(reason) = flags.reason() {
+            return Err(NotReady::Stopped(reason));
         }
         senses.time_ns = now_ns - start_ns;
         if robot.sense(&mut senses) {
-            return Err(NotReady::Stopped);
+            return Err(NotReady::Stopped(StopReason::Button));
         }
         if senses.time_ns < robot.settle_ns() {
             clock.sleep_until_ns(now_ns + LOOK_NS);

@@ -19,11 +19,12 @@ use crate::document::Findings;
 use crate::mapping::{MapPoint, Method, OccupancyGrid, Pose};
 use crate::robot::{Channel, RobotConfig, Senses};
 
-use super::pilot::{Pilot, PilotError, Step};
-use super::recording::{
-    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, TickRecord,
+use super::Source;
+use super::pilot::{Pilot, PilotError, PilotState, Step};
+use crate::recording::{
+    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, StopReason,
+    TickRecord,
 };
-use super::{Source, names};
 
 /// How many differences are told one by one.
 const TOLD: usize = 10;
@@ -150,8 +151,8 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
         if lost {
             replayed.skipped += 1;
             // A checkpoint is what was carried out of its tick.
-            if let Some(state) = recorded.checkpoints.get(&senses.tick) {
-                lost = !cast.pilot.restore(&state.state);
+            if let Some(state) = recorded.checkpoints.get(&senses.tick).and_then(|at| at.state()) {
+                lost = !cast.pilot.restore(&state);
             }
             continue;
         }
@@ -249,12 +250,12 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         seed: cast.info.seed,
         cells: cast.info.cells,
         settings: cast.info.settings.clone(),
-        range: names::range_sensor(&config),
-        machines: names::machines(&cast.mission),
+        range: recording::range_sensor(&config),
+        machines: recording::machines(&cast.mission),
     };
     let sink = recording::create(file).map_err(|source| RecordError { doing: "create the file", source })?;
     let (recorder, mut tick_side) =
-        Recorder::start(Box::new(sink), start, Options::default(), Box::new(|_| {}))?;
+        Recorder::start::<PilotState>(Box::new(sink), start, Options::default(), Box::new(|_| {}))?;
     let mut remade = Remade { ticks: 0, points: 0, travelled_m: 0.0, end: cast.info.start_pose };
     let mut demands = Demands::default();
     let mut time_ns = cast.info.start_ns;
@@ -280,9 +281,9 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
             end: step.estimate.pose,
         };
     }
-    let reason = format!("replayed with {}", config.name);
+    let stop = StopReason::Replayed.with(format!("with {}", config.name));
     let truth = run.ending.as_ref().and_then(|ending| ending.truth);
-    let end = End { reason, time_ns, truth, map: Some(Grid::from(cast.pilot.map().grid())) };
+    let end = End { stop, time_ns, truth, map: Some(Grid::from(cast.pilot.map().grid())) };
     recorder.finish(tick_side, end)?;
     Ok(remade)
 }

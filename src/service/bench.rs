@@ -185,18 +185,15 @@ impl Bench {
 
     #[cfg(feature = "sim")]
     fn simulated(&self, world: &crate::runtime::Source, seed: u64, now_ns: i64) -> Option<Arc<dyn Tree>> {
-        use crate::clock::{Clock, MonotonicClock};
-        use crate::sim::{MOST_BEHIND_NS, Simulation, World, WorldPhysics};
         let mut simulated = lock(&self.simulated);
         if let Some((used_ns, tree)) = simulated.as_mut() {
             *used_ns = now_ns;
             return Some(Arc::clone(tree));
         }
-        let (world, _) = World::parse(&world.name, world.text.as_bytes()).ok()?;
-        let physics = WorldPhysics::new(world, 1, seed).ok()?;
-        let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
-        let simulation = Simulation::new(clock, Box::new(physics), seed);
-        simulation.give_up_behind_ns(MOST_BEHIND_NS);
+        let clock = Arc::new(crate::clock::MonotonicClock);
+        let near = crate::mapping::Pose::default();
+        let (simulation, _) = crate::simulated::simulation(world, seed, near, clock).ok()?;
+        simulation.give_up_behind_ns(crate::sim::MOST_BEHIND_NS);
         let tree: Arc<dyn Tree> = simulation.brick(0);
         *simulated = Some((now_ns, Arc::clone(&tree)));
         Some(tree)
@@ -206,7 +203,7 @@ impl Bench {
 /// Somebody has the hardware.
 pub(super) fn taken(error: LockError) -> Refusal {
     let kind = if matches!(error, LockError::Taken(_)) { Kind::Busy } else { Kind::Failed };
-    Refusal::new(kind, crate::runtime::with_causes(&error)).hint("wait until it is over, or onbrick halt")
+    Refusal::new(kind, crate::printable::with_causes(&error)).hint("wait until it is over, or onbrick halt")
 }
 
 fn release(held: &mut Option<Jog>) {

@@ -4,6 +4,7 @@
 //!
 //! Nothing is opened or made: whether a folder can be written to shows when the service starts.
 
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use super::protocol::{Name, NoName};
@@ -59,7 +60,7 @@ pub struct SocketConfig {
 /// The network's door.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LinkConfig {
-    /// The address that it listens at: `*`, or one of the brick's.
+    /// The address that it listens at: `*`, or one of the brick's in numbers.
     pub address: String,
     /// Its port.
     pub port: u16,
@@ -96,7 +97,7 @@ impl Config {
     }
 }
 
-/// The longest name of a group or of an address, bytes.
+/// The longest name of a group, bytes.
 const LONGEST_NAME: usize = 64;
 
 /// The kernel takes no longer name of a socket (`unix(7)`: 108 with the final 0).
@@ -156,7 +157,7 @@ fn socket(section: &Section<'_>, config: &mut SocketConfig, folder: &Path) {
 
 fn link(section: &Section<'_>, config: &mut LinkConfig) {
     section.allow(&["address", "port", "pairing_port"]);
-    set(&mut config.address, section.get("address").and_then(|item| short(&item)));
+    set(&mut config.address, section.get("address").and_then(|item| address(&item)));
     let port = |key| u16::try_from(section.get(key)?.integer(1..=65_535)?).ok();
     set(&mut config.port, port("port"));
     set(&mut config.pairing_port, port("pairing_port"));
@@ -186,6 +187,19 @@ fn short(item: &Item<'_>) -> Option<String> {
         return Some(text.to_owned());
     }
     item.error(format!("`{}` must have 1 to {LONGEST_NAME} bytes on one line", item.path()));
+    None
+}
+
+/// `*`, or an address in numbers, of IPv6 perhaps with its interface behind a `%`. A host name would
+/// be looked up by glibc, which in a static program loads the brick's modules of another glibc.
+fn address(item: &Item<'_>) -> Option<String> {
+    let text = item.text()?;
+    let number = text.split_once('%').map_or(text, |(number, _)| number);
+    if text == "*" || number.parse::<IpAddr>().is_ok() {
+        return Some(text.to_owned());
+    }
+    item.error(format!("`{}` is `{text}`, and names are not looked up", item.path()))
+        .hint("`*` for all networks, or one address of this brick in numbers");
     None
 }
 
@@ -219,6 +233,22 @@ mod tests {
         assert_eq!(config, Config::below(folder));
         let (config, _) = Config::load("onbrick.toml", b"runs = \"kept\"", folder).unwrap();
         assert_eq!(config.runs, folder.join("kept"));
+    }
+
+    #[test]
+    fn the_link_listens_at_numbers_and_names_are_refused() {
+        let load = |address: &str| {
+            let text = format!("[link]\naddress = \"{address}\"\n");
+            let loaded = Config::load("onbrick.toml", text.as_bytes(), Path::new("/x"));
+            loaded.map(|(config, _)| config.link.address).map_err(|findings| findings.to_string())
+        };
+        for address in ["*", "0.0.0.0", "127.0.0.2", "::1", "fe80::1%wlan0"] {
+            assert_eq!(load(address).as_deref(), Ok(address));
+        }
+        for name in ["localhost", "ev3.local", "wlan0", "", "1.2.3", "[::1]", "127.0.0.1:5670"] {
+            let refused = load(name).unwrap_err();
+            assert!(refused.contains("onbrick.toml:2:11") && refused.contains("not looked up"), "{refused}");
+        }
     }
 
     #[test]

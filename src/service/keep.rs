@@ -12,6 +12,7 @@ use super::protocol::LastStop;
 use super::signs::{self, Shown, Signs};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
+use crate::runtime::StopReason;
 
 /// The pace, nanoseconds: half a pulse of the lights is twice as long.
 const PACE_NS: i64 = 250 * MILLISECOND_NS;
@@ -103,10 +104,10 @@ impl Keeper {
     fn look(&mut self) {
         let inner = Arc::clone(&self.inner);
         let robot = self.robot_trouble();
-        let disk = inner.store.trouble().map(|error| trouble("disk", error.to_string()));
-        let found = disk.or_else(|| robot.clone().map(|why| trouble("robot", why)));
+        let disk = inner.store.trouble().map(|error| trouble(StopReason::Disk, error.to_string()));
+        let found = disk.or_else(|| robot.clone().map(|why| trouble(StopReason::Robot, why)));
         if let Some(found) = found.as_ref().filter(|_| found != self.found) {
-            log::warn!("{}", found.reason);
+            log::warn!("{}", found);
         }
         self.found.clone_from(&found);
         let clock = clock_finding();
@@ -135,8 +136,8 @@ impl Keeper {
     }
 }
 
-fn trouble(word: &str, reason: String) -> LastStop {
-    LastStop { run: None, mission: String::new(), word: word.to_owned(), reason, wanted: false }
+fn trouble(reason: StopReason, detail: String) -> LastStop {
+    LastStop::new(None, "", reason.with(detail))
 }
 
 /// A sign of life for systemd, where it asks for one.

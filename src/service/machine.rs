@@ -15,7 +15,7 @@
 
 use super::protocol::{LastStop, RunId, RunStatus, State};
 use crate::clock::seconds;
-use crate::runtime::recording;
+use crate::recording;
 
 /// What happens to a brick.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,7 +114,7 @@ impl Machine {
             }
             Happening::Ended(last) => {
                 if self.run.take().is_some() {
-                    let state = if last.wanted { State::Stopped } else { State::Fault };
+                    let state = if last.is_wanted() { State::Stopped } else { State::Fault };
                     self.last = Some(last);
                     self.enter(now_ns, state);
                 }
@@ -182,6 +182,7 @@ impl Machine {
 mod tests {
     use super::*;
     use crate::clock::SECOND_NS;
+    use crate::runtime::StopReason;
 
     fn run(name: &str) -> RunStatus {
         RunStatus {
@@ -194,14 +195,8 @@ mod tests {
         }
     }
 
-    fn last(word: &str, wanted: bool) -> LastStop {
-        LastStop {
-            run: None,
-            mission: "map".to_owned(),
-            word: word.to_owned(),
-            reason: word.to_owned(),
-            wanted,
-        }
+    fn last(reason: StopReason) -> LastStop {
+        LastStop::new(None, "map", reason.into())
     }
 
     /// What happens second by second, and the state and the last word that follow.
@@ -214,8 +209,8 @@ mod tests {
                 Some(happening) => machine.happen(now_ns, happening),
                 None => machine.start(now_ns, run("r")).unwrap(),
             }
-            let last = machine.last().map_or("", |last| last.word.as_str());
-            assert_eq!((machine.state(), last), (state, word), "after {told} at {second} s");
+            let last = machine.last().map(|last| last.stop.reason.word()).unwrap_or_default();
+            assert_eq!((machine.state(), last.as_str()), (state, word), "after {told} at {second} s");
         }
         machine
     }
@@ -230,11 +225,11 @@ mod tests {
             (Some(Happening::Driving), Running, ""),
             (Some(Happening::StopAsked), Stopping, ""),
             (Some(Happening::MotorsTold { stopped: true }), Stopping, ""),
-            (Some(Happening::Ended(last("remote", true))), Stopped, "remote"),
+            (Some(Happening::Ended(last(StopReason::Remote))), Stopped, "remote"),
             (None, Preparing, "remote"),
             (Some(Happening::Driving), Running, "remote"),
             (Some(Happening::MotorsTold { stopped: true }), Stopping, "remote"),
-            (Some(Happening::Ended(last("finished", true))), Stopped, "finished"),
+            (Some(Happening::Ended(last(StopReason::Finished))), Stopped, "finished"),
         ]);
     }
 
@@ -243,11 +238,11 @@ mod tests {
         use State::{Fault, Preparing, Ready, Running};
         transcript(vec![
             (None, Preparing, ""),
-            (Some(Happening::Ended(last("refused", false))), Fault, "refused"),
+            (Some(Happening::Ended(last(StopReason::Refused))), Fault, "refused"),
             (Some(Happening::Acknowledged), Ready, "refused"),
             (None, Preparing, "refused"),
             (Some(Happening::Driving), Running, "refused"),
-            (Some(Happening::Ended(last("guard", false))), Fault, "guard"),
+            (Some(Happening::Ended(last(StopReason::Guard))), Fault, "guard"),
             (None, Preparing, "guard"),
         ]);
     }
@@ -258,14 +253,14 @@ mod tests {
         let mut machine = transcript(vec![
             (Some(Happening::Driving), Ready, ""),
             (Some(Happening::MotorsTold { stopped: true }), Ready, ""),
-            (Some(Happening::Ended(last("finished", true))), Ready, ""),
+            (Some(Happening::Ended(last(StopReason::Finished))), Ready, ""),
             (Some(Happening::StopAsked), Ready, ""),
             (Some(Happening::Acknowledged), Ready, ""),
         ]);
         assert_eq!(machine.motors_told(), None);
         machine.start(0, run("a")).unwrap();
         assert_eq!(machine.start(0, run("b")), Err(RunId::new("a").unwrap()));
-        machine.happen(0, Happening::Ended(last("button", true)));
+        machine.happen(0, Happening::Ended(last(StopReason::Button)));
         machine.happen(0, Happening::Driving);
         assert_eq!(machine.state(), Stopped);
     }
@@ -274,10 +269,10 @@ mod tests {
     fn trouble_is_a_fault_while_it_lasts_and_nothing_runs() {
         use State::{Fault, Preparing, Ready, Stopped};
         let mut machine = transcript(vec![
-            (Some(Happening::Trouble(Some(last("disk", false)))), Fault, "disk"),
+            (Some(Happening::Trouble(Some(last(StopReason::Disk)))), Fault, "disk"),
             (Some(Happening::Acknowledged), Fault, "disk"),
             (None, Preparing, ""),
-            (Some(Happening::Ended(last("button", true))), Fault, "disk"),
+            (Some(Happening::Ended(last(StopReason::Button))), Fault, "disk"),
             (Some(Happening::Trouble(None)), Stopped, "button"),
         ]);
         assert!(machine.state_s(6 * SECOND_NS) < 1.5, "the state's time starts when the trouble ends");

@@ -20,10 +20,12 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
 use crate::printable::line;
-use crate::runtime::with_causes;
+use crate::printable::with_causes;
+use crate::recording;
+use crate::runtime::StopReason;
 use crate::runtime::{
     HardwareLock, Job, Lock, LockError, OrphansError, PATIENCE_NS, RunProcess, Source, StopBy, Stopper,
-    evict, recording, stop_orphans,
+    evict, stop_orphans,
 };
 use crate::units::radians;
 
@@ -155,13 +157,8 @@ impl Service {
             },
         );
         if let Err(why) = begun {
-            let last = LastStop {
-                run: Some(start.run.clone()),
-                mission: run.mission,
-                word: "refused".to_owned(),
-                reason: why.clone(),
-                wanted: false,
-            };
+            let refused = StopReason::Refused.with(why.clone());
+            let last = LastStop::new(Some(start.run.clone()), &run.mission, refused);
             inner.now().stop = None;
             inner.happen(Happening::Ended(last));
             inner.store.take_back(&start.run);
@@ -308,6 +305,7 @@ impl Service {
             set: prepared.set,
             file,
             sync_ns: self.inner.config.sync_ns,
+            stamps_ns: 0,
             run: Some(run.to_string()),
             when_abandoned: self.inner.config.when_service_dies,
             lock: Lock::default(),

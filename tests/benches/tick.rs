@@ -1,4 +1,4 @@
-//! What a tick costs: thinking alone, and with real files below it. `cargo bench`.
+//! What a tick costs: thinking alone, and with real files below it.
 
 #![allow(
     missing_docs,
@@ -6,15 +6,16 @@
     reason = "a bench stops by panicking, and its group has no documentation"
 )]
 
-#[path = "../it/support/plain_brick.rs"]
-mod plain_brick;
+#[path = "../it/support/brick.rs"]
+#[allow(dead_code, unreachable_pub, clippy::expect_used, reason = "the tests use the rest of it")]
+mod brick;
 
 use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use onbrick::behavior::{Demands, Mission};
 use onbrick::clock::{Clock, VirtualClock};
-use onbrick::ev3dev::{LocalTree, Tree};
+use onbrick::ev3dev::{Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig, Senses};
 use onbrick::runtime::Pilot;
@@ -70,8 +71,7 @@ fn thinking(criterion: &mut Criterion) {
 fn with_files(criterion: &mut Criterion) {
     let (config, mission) = setting();
     let folder = tempfile::tempdir().unwrap();
-    plain_brick::write("arena", folder.path());
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(folder.path()));
+    let tree = brick::shipped_brick().write(folder.path());
     let mut robot = Robot::bind(&tree, &config, mission.roles()).unwrap();
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
     let (mut senses, mut demands) = (Senses::default(), Demands::default());

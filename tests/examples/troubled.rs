@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use onbrick::runtime::{Event, Heartbeat, StopFlags, execute, obey, read_job};
+use onbrick::runtime::{Brick, Environment, Event, Heartbeat, StopFlags, execute, obey, read_job};
 use signal_hook::consts::{SIGPROF, SIGVTALRM};
 
 #[allow(
@@ -80,7 +80,9 @@ fn control(trouble: &Trouble) -> ExitCode {
         return ExitCode::FAILURE;
     }
     let reporter = trouble.clone();
-    let ended = execute(&job, &flags, &mut trouble.clone(), move |event| {
+    let Brick::Local(tree) = &job.brick else { return ExitCode::FAILURE };
+    let environment = Environment::local(tree);
+    let ended = execute(&job, environment, &flags, &mut trouble.clone(), move |event| {
         // Said by the recorder.
         if matches!(event, Event::Status(_)) {
             reporter.may_befall("recorder");
@@ -89,7 +91,7 @@ fn control(trouble: &Trouble) -> ExitCode {
     });
     match ended {
         Ok(ended) => say(&Event::Ended(ended)),
-        Err(refused) => say(&Event::Refused { message: refused.to_text(), hint: None }),
+        Err(refused) => say(&Event::Refused { stop: refused.stop(), hint: None }),
     }
     ExitCode::SUCCESS
 }

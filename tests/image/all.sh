@@ -8,7 +8,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/../../brick-image/emulator/common.sh"
 # What takes longest comes first, so that no long one is left over at the end.
 parts=(boot power-cut install package inject)
 # In time that counts instructions: whatever else the machine does.
-scenarios=(memory menu bad-input lateness entropy tick start old-kernel reading)
+scenarios=(memory menu bad-input lateness entropy cost start old-kernel reading)
 
 # among NAME NAME…: whether the first is one of the others.
 among() {
@@ -36,7 +36,10 @@ trap 'rm -rf "$said"' EXIT
 run() {
   local name=$1 started=$SECONDS
   local command=("$checkout/tests/image/$name.sh")
-  among "$name" "${parts[@]}" || command=("$checkout/brick-image/emulate.sh" --exact --timeout 3000 "$name")
+  local card=()
+  [ "$name" != start ] || card=(--card)
+  among "$name" "${parts[@]}" ||
+    command=("$checkout/brick-image/emulate.sh" --exact ${card[@]+"${card[@]}"} --timeout 3000 "$name")
   if "${command[@]}" >"$said/$name" 2>&1 </dev/null; then touch "$said/$name.passed"; fi
   {
     flock 9

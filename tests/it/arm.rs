@@ -13,8 +13,8 @@ use std::process::{Command, Stdio};
 
 use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
+use onbrick::recording::Run;
 use onbrick::robot::DEFAULT_ROBOT;
-use onbrick::runtime::recording::Run;
 use onbrick::runtime::{Brick, Ended, Event, Job, replay};
 use onbrick::sim::World;
 
@@ -22,17 +22,11 @@ use crate::foreign::bench::{PROGRAM, Simulator};
 use crate::foreign::median_off_m;
 use crate::missions::job;
 use crate::mount::bench::{no_fuse, real_time};
-use crate::support::pass_over;
 use crate::support::real_time::{Pace, in_real_time};
+use crate::support::{not_asked_for, pass_over};
 
 /// These tests are asked for, because what they run takes minutes to build: `brick-image/build.sh`, then `ONBRICK_ARM=1 cargo test arm::`.
-fn not_asked_for() -> bool {
-    let asked = std::env::var_os("ONBRICK_ARM").is_some_and(|value| value == "1");
-    if !asked {
-        println!("not asked for: the brick's own program (ONBRICK_ARM=1)");
-    }
-    !asked
-}
+const ASKED_FOR: &str = "ONBRICK_ARM";
 
 /// The emulator's command for a program that `brick-image/build.sh` has left in a folder of `target`.
 fn emulated(program: &str) -> Option<[String; 4]> {
@@ -67,7 +61,7 @@ fn drive(pace: &Pace, command: &[String], job: &Job) -> Option<Ended> {
     // Until here the pipe was open: the starter was there.
     drop(orders);
     match event.unwrap_or_else(|error| panic!("{error} in {last}")) {
-        Event::Ended(ended) if ended.wanted => Some(ended),
+        Event::Ended(ended) if ended.stop.reason.is_wanted() => Some(ended),
         // The loop rightly ends a run that was kept from the processor for long.
         other => {
             pace.ensure(false, || format!("{other:?}"));
@@ -78,7 +72,7 @@ fn drive(pace: &Pace, command: &[String], job: &Job) -> Option<Ended> {
 
 #[test]
 fn the_bricks_program_maps_a_mounted_room_as_well_as_this_pcs_does() {
-    if not_asked_for() {
+    if not_asked_for(ASKED_FOR) {
         return;
     }
     if no_fuse() {
@@ -121,7 +115,7 @@ fn map_a_room(pace: &Pace, brick: &[String]) {
 
 #[test]
 fn the_same_mission_is_recorded_on_the_bricks_processor_byte_for_byte() {
-    if not_asked_for() {
+    if not_asked_for(ASKED_FOR) {
         return;
     }
     let Some(brick) = emulated("emulator/onbrick-sim") else { return };

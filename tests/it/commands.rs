@@ -1,5 +1,5 @@
 //! The commands as their users use them: the real binary, its output, its exit codes, its files.
-#![cfg(all(feature = "host", feature = "sim"))]
+#![cfg(feature = "host")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -1,6 +1,5 @@
 //! Typed devices against fakes that are made of their own tables, and the tables against what the kernel's drivers said.
 
-pub mod fake;
 mod find;
 mod motors;
 mod others;

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, VirtualClock};
 use onbrick::ev3dev::{Access, Tree};
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 use onbrick::sim::{Button, Mount, MountOptions, Options, Simulation, World, WorldPhysics};
 use serde_json::{Value, json};
 

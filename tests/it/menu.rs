@@ -1,5 +1,5 @@
 //! The menu: its pages as pictures, its buttons as transcripts, a monkey on the buttons, and the real one against a real service.
-#![cfg(all(feature = "host", feature = "sim"))]
+#![cfg(feature = "host")]
 
 mod calibrates;
 mod live;

@@ -1,6 +1,6 @@
 //! Every message that a person can get, in files to read: `tests/data/*-messages.txt`. A mission's are collected in `behavior`.
 //! `ONBRICK_BLESS=1 cargo test` writes them anew; read what changed.
-#![cfg(all(feature = "host", feature = "sim"))]
+#![cfg(feature = "host")]
 
 use std::fmt::Write as _;
 
@@ -9,9 +9,9 @@ use onbrick::robot::{DEFAULT_ROBOT, RobotConfig};
 use onbrick::runtime::{LockError, NotReady, Owner, StopReason};
 use onbrick::sim::World;
 
-use crate::bad_input::drivers::{BATTERY, MOTORS, SENSORS, brick, causes, ready, shipped};
+use crate::bad_input::drivers::{causes, ready, shipped};
 use crate::commands::run;
-use crate::ev3dev::fake::FakeTree;
+use crate::support::brick::{BATTERY, FakeTree, MOTORS, SENSORS, shipped_brick};
 
 /// Compares with the file that a person read last.
 fn compare(name: &str, now: &str) {
@@ -152,7 +152,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
     ];
     let mut out = String::new();
     for (title, change) in cases {
-        let fake = brick();
+        let fake = shipped_brick();
         change(&fake);
         let message =
             ready(&fake.tree(), &shipped()).err().unwrap_or_else(|| panic!("{title}: ready all the same"));
@@ -160,12 +160,12 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
     }
     let mut anywhere = shipped();
     anywhere.left.port = None;
-    let message = ready(&brick().tree(), &anywhere).unwrap_err();
+    let message = ready(&shipped_brick().tree(), &anywhere).unwrap_err();
     writeln!(out, "## a role without a port, and several that fit\n\n{message}\n").unwrap();
     for (title, why) in [
         ("the robot is moved", NotReady::Moving(onbrick::robot::Channel::Left)),
         ("the gyro drifts", NotReady::GyroDrifts(3.4)),
-        ("somebody changed their mind", NotReady::Stopped),
+        ("it is asked to stop meanwhile", NotReady::Stopped(StopReason::Here)),
     ] {
         writeln!(out, "## {title}\n\n{}\n", causes(&why)).unwrap();
     }
@@ -246,6 +246,8 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
         "plot text.mcap -o map.bmp",
         "export text.mcap --format csv",
         "export text.mcap --format dxf",
+        "repair text.mcap",
+        "repair text.mcap text.mcap",
         "replay text.mcap",
         "replay there",
         "replay text.mcap --robot there.toml",

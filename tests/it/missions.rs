@@ -9,9 +9,10 @@ use std::path::PathBuf;
 use onbrick::behavior::shipped::{TEMPLATE, find};
 use onbrick::clock::SECOND_NS;
 use onbrick::mapping::Pose;
-use onbrick::runtime::recording::Run;
-use onbrick::runtime::{Brick, Ended, Job, Lock, Source, StopFlags, WhenAbandoned, execute_observed};
+use onbrick::recording::Run;
+use onbrick::runtime::{Brick, Ended, Job, Lock, Source, StopFlags, WhenAbandoned};
 use onbrick::sim::{Truth, World};
+use onbrick::simulated::execute_observed;
 
 /// The shipped robot, and the same with every further role that the simulated one has sensors for.
 const ROBOT: &str = include_str!("../../brick-image/robot.toml");
@@ -87,6 +88,7 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
         set: Vec::new(),
         file,
         sync_ns: SECOND_NS,
+        stamps_ns: 0,
         run: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
@@ -99,7 +101,7 @@ pub fn play(job: impl FnOnce(PathBuf) -> Job) -> Played {
     let job = job(folder.path().join("run.mcap"));
     let mut truths = Vec::new();
     let ended = execute_observed(&job, &StopFlags::default(), |truth| truths.push(*truth))
-        .unwrap_or_else(|refused| panic!("{}: {}", job.mission.name, refused.to_text()));
+        .unwrap_or_else(|refused| panic!("{}: {}", job.mission.name, refused.stop()));
     assert!(ended.stopped && ended.recording.is_none(), "{ended}");
     let bytes = std::fs::read(&job.file).expect("a recording");
     let tick_s = ended.time_s / (truths.len() - 1) as f64;

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! With `ONBRICK_LONG=1` besides (and `--release` behind `cargo test`) it takes the long forms.
-#![cfg(all(feature = "host", feature = "sim"))]
+#![cfg(feature = "host")]
 
 mod attributes;
 mod battery;

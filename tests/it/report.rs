@@ -5,9 +5,9 @@ use std::path::Path;
 use std::process::Command;
 
 use onbrick::clock::{Clock, MonotonicClock};
+use onbrick::recording::{Grid, Run};
 use onbrick::report::export::Part;
 use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
-use onbrick::runtime::recording::{Grid, Run};
 
 use crate::recording::decoder::python;
 use crate::recording::sample::{grid, sample, tick, walls};
@@ -239,7 +239,7 @@ fn viewers_get_an_index_and_everything_that_was_recorded() {
     let summary = mcap::Summary::read(&exported).unwrap().unwrap();
     let whole = Run::read(&bytes).unwrap();
     let count = summary.stats.unwrap().message_count;
-    assert_eq!(count, whole.integrity.checked_messages);
+    assert_eq!(count, whole.integrity.messages);
     assert!(!summary.chunk_indexes.is_empty());
     let Some(found) = python(&exported, "indexed") else { return };
     assert_eq!(found["counted"], count);
@@ -248,7 +248,7 @@ fn viewers_get_an_index_and_everything_that_was_recorded() {
     assert_eq!(counted, count, "every message is decoded by its own definition");
     assert_eq!(found["attachments"]["mission.toml"], "name = \"map\"\n# ü\n");
     assert_eq!(found["metadata"]["onbrick"]["brick"], "mapper");
-    assert_eq!(found["metadata"]["onbrick.end"]["reason"], "finished");
+    assert_eq!(found["metadata"]["onbrick.end"]["word"], "finished");
 }
 
 #[test]

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use onbrick::runtime::StopReason;
 use onbrick::service::client::{Client, ClientError};
 use onbrick::service::protocol::{
     Chosen, Fetch, Kind, LocalOnly, Refusal, Request, RunId, RunInfo, Runs, Start, Started, State, Status,
@@ -161,7 +162,11 @@ impl Served {
             if status.state == State::Running {
                 return id(&name);
             }
-            assert_eq!(status.last.as_ref().map(|last| last.word.as_str()), Some("late"), "{status:?}");
+            assert_eq!(
+                status.last.as_ref().map(|last| last.stop.reason),
+                Some(StopReason::Late),
+                "{status:?}"
+            );
         }
         panic!("five runs were late");
     }

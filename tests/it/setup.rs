@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
+use onbrick::commissioning::{Dialogue, NoAnswer};
 use onbrick::ev3dev::Tree;
 use onbrick::robot::{DEFAULT_ROBOT, RobotConfig};
-use onbrick::runtime::{Dialogue, NoAnswer, Source, StopFlags};
+use onbrick::runtime::{Source, StopFlags};
 use onbrick::sim::{RobotModel, Simulation, Truth, World, WorldPhysics};
 
 pub(crate) mod calibrate;

@@ -1,5 +1,5 @@
 //! The live page and the still of a simulation, looked at in a real browser.
-#![cfg(all(feature = "sim", feature = "host"))]
+#![cfg(feature = "host")]
 
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};

@@ -5,17 +5,20 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 pub mod allocations;
+pub mod brick;
 pub mod chance;
 pub mod faulty;
 pub mod memory;
 pub mod memory_group;
 pub mod network;
-pub mod plain_brick;
+pub mod passed_over;
 pub mod promised;
 pub mod real_time;
 pub mod stage;
 pub mod turning_brick;
 pub mod wall_clock;
+
+pub use passed_over::{not_asked_for, pass_over};
 
 /// The folder of recordings beside the repository, or where `ONBRICK_SHARED` says; `None` where there is neither.
 pub fn shared() -> Option<PathBuf> {
@@ -36,13 +39,4 @@ pub fn own_address() -> String {
 /// it has no floats but in software, and each seed takes a hundred times as long.
 pub fn seeds(count: u64) -> RangeInclusive<u64> {
     1..=if cfg!(target_arch = "arm") { 1 } else { count }
-}
-
-/// Says what a test passes over because this machine lacks it; under `ONBRICK_REQUIRE=1` that is a failure.
-pub fn pass_over(what: &str) {
-    assert!(
-        std::env::var_os("ONBRICK_REQUIRE").is_none_or(|value| value != "1"),
-        "required, and lacking: {what}"
-    );
-    println!("passed over: {what}");
 }

@@ -9,12 +9,12 @@ use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, VirtualClock};
 use onbrick::ev3dev::{Technology, Tree};
 use onbrick::mapping::{Method, Pose};
+use onbrick::recording::{MachineNames, Options, Pace, Recorder, Sink, Start};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
-use onbrick::runtime::recording::{MachineNames, Options, Pace, Recorder, Sink, Start};
 use onbrick::runtime::{Control, Heartbeat, Pilot, StopFlags, StopReason, Tally, prepare};
 use onbrick::sim::{Simulation, World, WorldPhysics};
 
-use crate::support::{allocations, pass_over, plain_brick};
+use crate::support::{allocations, brick::shipped_brick, pass_over};
 
 /// Straight on for a second, the head still: after the first tick only leases are written.
 const STRAIGHT_ON: &str = r#"
@@ -81,7 +81,7 @@ fn a_tick_makes_one_system_call_an_attribute_and_writes_only_leases_that_are_due
 
 /// A run on a brick of plain files: its system calls, and what it said.
 fn traced(folder: &Path) -> Option<(String, String)> {
-    plain_brick::write("arena", folder);
+    shipped_brick().write(folder);
     let mission = folder.join("straight.toml");
     std::fs::write(&mission, STRAIGHT_ON).unwrap();
     let trace = folder.join("trace");

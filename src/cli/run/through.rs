@@ -139,7 +139,7 @@ fn finish(
     let Some(info) = runs.runs.into_iter().find(|info| &info.run == run) else {
         // It did not start, so nothing was recorded.
         folder.into_iter().for_each(Folder::take_back);
-        return if last.wanted { Ok(()) } else { Err(Failure::refused(last.reason)) };
+        return if last.is_wanted() { Ok(()) } else { Err(Failure::refused(last.to_string())) };
     };
     let file = match folder {
         Some(folder) => bring(&mut living.client, &info, folder)?,
@@ -149,15 +149,15 @@ fn finish(
     output.value(&Over { event: "ended", last: &last, travelled_m, points, file: Some(&file) });
     output.line(format!(
         "{}: {:.2} m driven, {} points\nrecorded in {}",
-        last.reason,
+        last,
         travelled_m.unwrap_or(0.0),
         points.unwrap_or(0),
         file.display()
     ));
-    if last.wanted {
+    if last.is_wanted() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, last.reason).hint(format!("onbrick replay {}", file.display())))
+        Err(Failure::new(Exit::Failed, last.to_string()).hint(format!("onbrick replay {}", file.display())))
     }
 }
 

@@ -115,7 +115,6 @@ impl Cone {
     }
 
     /// The place of a cell's middle. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths below 2¹¹, tangents below 2⁸.
-    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     pub(super) fn place(&self, x: i32, y: i32) -> Place {
         let dx = (x - self.tip[0]) * PARTS + PARTS / 2 - self.within[0];
         let dy = (y - self.tip[1]) * PARTS + PARTS / 2 - self.within[1];
@@ -124,7 +123,6 @@ impl Cone {
     }
 
     /// Where a cell of [`Cone::bounds`] lies.
-    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     pub(super) fn part_of(&self, place: &Place) -> Part {
         // Half a cell is granted to each side, so that a cone is a cell wide where it is narrowest.
         let across = if place.across < 0 { -place.across } else { place.across };
@@ -152,7 +150,6 @@ pub(super) struct Place {
 
 impl Place {
     /// To the next cell in x.
-    #[cfg_attr(target_arch = "arm", instruction_set(arm::a32))]
     pub(super) fn step(&mut self, [cos, sin]: [i32; 2]) {
         self.dx += PARTS;
         self.along += PARTS * cos;

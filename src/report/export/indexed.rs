@@ -1,4 +1,5 @@
-//! Recordings as one MCAP file in chunks with an index, in order of time, as viewers open fastest.
+//! Recordings as one whole MCAP file, in the order of time: what is whole of a cut one, or several
+//! together.
 //!
 //! One run keeps its topics and frames. Several get a namespace each: topics `/NAME/odom`, frames `NAME/base_link`; the frame
 //! `map` stays common, because all poses are given in it.
@@ -14,10 +15,10 @@ use mcap::{McapError, WriteOptions, Writer};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::runtime::recording::message::{
+use crate::recording::message::{
     Header, LogMessage, OccupancyGridMessage, Odometry, PointCloud2, RangeMessage, TfMessage, decode, encode,
 };
-use crate::runtime::recording::{FRAME_MAP, Found, ReadError, Run, Topic, walk};
+use crate::recording::{FRAME_MAP, Found, ReadError, Run, Topic, sealed, walk};
 
 /// A recording that becomes a part of the file.
 #[derive(Debug, Clone, Copy)]
@@ -57,13 +58,13 @@ pub fn mcap(parts: &[Part<'_>]) -> Result<Vec<u8>, ExportError> {
     let mut messages = Vec::new();
     let mut writer = WriteOptions::new()
         .profile("ros2")
-        .library(concat!("onbrick ", env!("CARGO_PKG_VERSION")))
+        .library(concat!("onbrick ", env!("CARGO_PKG_VERSION"), ", rewritten"))
         .create(Cursor::new(Vec::new()))?;
     for (part, space) in parts.iter().zip(&spaces) {
         Run::read(part.bytes).map_err(|source| ExportError::Read { name: part.name.to_owned(), source })?;
         let place = Place { space, shift_ns: part.shift_ns };
         let mut outcome = Ok(());
-        walk(part.bytes, true, &mut |_, found| {
+        walk(part.bytes, &mut |found| {
             if outcome.is_ok() {
                 outcome = take(found, place, &mut messages, &mut writer);
             }
@@ -140,7 +141,7 @@ fn take<'a>(
             {
                 *offset = offset_ns.saturating_add(shift_ns).to_string();
             }
-            writer.write_metadata(&Metadata { name: named(&metadata.name), metadata: values })
+            writer.write_metadata(&sealed(Metadata { name: named(&metadata.name), metadata: values }))
         }
     }
 }

@@ -1,9 +1,12 @@
 //! What a brick answers: the contents of a reply's `ok`.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::RunId;
-use crate::runtime::recording;
+use crate::recording;
+use crate::runtime::Stop;
 
 /// What a reply's `ok` holds where there is nothing to say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -107,13 +110,42 @@ pub struct LastStop {
     pub run: Option<RunId>,
     /// Its mission's name.
     pub mission: String,
-    /// One word: `finished`, `time limit`, `button`, `remote`, `here`, `menu closed`, `outside`, `guard`, … ([`StopReason::word`](crate::runtime::StopReason::word));
-    /// besides `refused` (it did not start), `died` (its process ended without a word), `cut` (nobody saw its end), and, where no run is meant, `robot` and `disk`.
-    pub word: String,
+    /// Why: `word` (`finished`, `time limit`, `button`, …: [`StopReason`](crate::runtime::StopReason)),
+    /// the `channel` where a device is meant, and a `detail`.
+    #[serde(flatten)]
+    pub stop: Stop,
+    /// Who asked for it: a key's name, `menu`, `here`.
+    pub by: Option<String>,
+    /// What the recording lacks.
+    pub recording: Option<String>,
+}
+
+impl LastStop {
+    /// A run's end, or, without a run, what keeps every run from starting.
+    #[must_use]
+    pub fn new(run: Option<RunId>, mission: &str, stop: Stop) -> Self {
+        Self { run, mission: mission.to_owned(), stop, by: None, recording: None }
+    }
+
+    /// True where the run ended as the mission or a person wanted it.
+    #[must_use]
+    pub fn is_wanted(&self) -> bool {
+        self.stop.reason.is_wanted()
+    }
+}
+
+impl fmt::Display for LastStop {
     /// The reason, for people.
-    pub reason: String,
-    /// It ended as the mission or a person wanted it.
-    pub wanted: bool,
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.stop)?;
+        if let Some(by) = &self.by {
+            write!(f, " ({by})")?;
+        }
+        if let Some(trouble) = &self.recording {
+            write!(f, "; the recording is not complete: {trouble}")?;
+        }
+        Ok(())
+    }
 }
 
 /// The missions of a brick.

@@ -8,7 +8,7 @@ use crate::printable::{line, lines};
 
 /// The fields that may have lines of their own: findings, and refusals with findings in them. Every
 /// other text of a reply stands in a line.
-const OF_SEVERAL_LINES: [&str; 5] = ["message", "hint", "findings", "robot", "reason"];
+const OF_SEVERAL_LINES: [&str; 5] = ["message", "hint", "findings", "robot", "detail"];
 
 /// A reply as it came.
 #[derive(Deserialize)]

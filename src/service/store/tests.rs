@@ -1,6 +1,7 @@
 //! The store over real folders.
 
 use super::*;
+use crate::runtime::StopReason;
 use crate::service::protocol::MAX_FETCH_BYTES;
 
 const MB: u64 = 1 << 20;
@@ -9,21 +10,15 @@ fn id(name: &str) -> RunId {
     RunId::new(name).unwrap()
 }
 
-fn over(word: &str) -> LastStop {
-    LastStop {
-        run: None,
-        mission: "m".to_owned(),
-        word: word.to_owned(),
-        reason: word.to_owned(),
-        wanted: true,
-    }
+fn over(reason: StopReason) -> LastStop {
+    LastStop::new(None, "m", reason.into())
 }
 
 /// A run that was begun, has this many bytes, and is over.
 fn run(store: &Store, name: &str, bytes: usize) {
     let file = store.begin(Record::new(id(name), "m", 60.0, "pc")).unwrap();
     std::fs::write(file, vec![7; bytes]).unwrap();
-    store.end(&id(name), Some(over("finished")), Some(1.5), Some(3));
+    store.end(&id(name), Some(over(StopReason::Finished)), Some(1.5), Some(3));
 }
 
 fn names(store: &Store) -> Vec<String> {
@@ -119,7 +114,7 @@ fn a_run_is_fetched_while_it_grows_and_ends_with_the_hash_of_the_whole() {
     assert_eq!((first.length, first.total, first.complete), (MAX_FETCH_BYTES, 300_000, false));
     std::fs::write(&file, &bytes).unwrap();
     assert!(!store.hash_one(), "what still grows is not hashed");
-    store.end(&id("r"), Some(over("button")), None, None);
+    store.end(&id("r"), Some(over(StopReason::Button)), None, None);
     let early = fetch(&store, "r", 600_000).unwrap().0;
     assert!(early.complete && early.sha256.is_none(), "not computed yet: ask again");
     assert!(store.hash_one() && !store.hash_one(), "once");
@@ -186,9 +181,7 @@ fn what_several_threads_note_of_a_run_is_all_on_the_disk() {
                     note(store, &run);
                 });
             };
-            first_all(|store, run| {
-                store.end(run, Some(over("a longer word than before")), Some(1.5), Some(3))
-            });
+            first_all(|store, run| store.end(run, Some(over(StopReason::Abandoned)), Some(1.5), Some(3)));
             first_all(|store, run| store.change(run, |record| record.sha256 = Some("0".repeat(64))));
             first_all(|store, run| store.note_fetched(run));
         });

@@ -28,6 +28,7 @@ pub(crate) fn job(mission: &str, brick: &str, file: &str) -> Result<(), Box<dyn 
         set: Vec::new(),
         file: Path::new(file).to_owned(),
         sync_ns: SECOND_NS,
+        stamps_ns: 0,
         run: None,
         when_abandoned: WhenAbandoned::GoOn,
         lock: Lock::Take,

@@ -4,11 +4,10 @@
 
 use std::path::Path;
 
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 
 pub(crate) fn run(path: &str) -> Result<(), Box<dyn std::error::Error>> {
     let run = Run::open(Path::new(path))?;
-    let synced = Run::read_checked(&std::fs::read(path)?)?;
     let period_ns = run.info.as_ref().map_or(20_000_000, |info| info.period_ns);
     // A tick's time is counted from the first, and its deadline is a whole number of periods.
     let mut late_ns: Vec<i64> = run.senses.iter().map(|senses| senses.time_ns % period_ns).collect();
@@ -18,13 +17,13 @@ pub(crate) fn run(path: &str) -> Result<(), Box<dyn std::error::Error>> {
     };
     let figures = serde_json::json!({
         "ticks": run.senses.len(),
-        "last_synced_ms": synced.senses.last().map(|senses| senses.time_ns / 1_000_000),
+        "last_synced_ms": run.senses.last().map(|senses| senses.time_ns / 1_000_000),
         "missed": run.statistics.iter().map(|second| u64::from(second.overruns)).sum::<u64>(),
         "late_p50_us": share(50).map(|ns| ns / 1000),
         "late_p99_us": share(99).map(|ns| ns / 1000),
         "late_max_us": run.statistics.iter().map(|second| second.lateness_max_ns).max().map(|ns| ns / 1000),
         "points": run.points.len(),
-        "ended": run.ending.map(|ending| ending.reason),
+        "ended": run.ending.map(|ending| ending.stop.to_string()),
         "integrity": format!("{:?}", run.integrity),
         "damaged": run.integrity.damaged.len(),
         "warnings": run.warnings,

@@ -13,8 +13,8 @@ use onbrick::behavior::{Demands, Mission};
 use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::ev3dev::{LocalTree, StopAction, Technology, Tree};
 use onbrick::mapping::{Method, Pose};
+use onbrick::recording::{Options, Pace, Recorder, Sink, Start, TickRecord};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig, Senses};
-use onbrick::runtime::recording::{Options, Pace, Recorder, Sink, Start, TickRecord};
 use onbrick::runtime::{Pilot, StopFlags, prepare};
 
 const PERIOD_NS: i64 = 10_000_000;
@@ -59,7 +59,7 @@ fn tick_by_tick(
     ticks: u64,
 ) -> Result<[i64; 4], Box<dyn Error>> {
     let (_recorder, mut record) =
-        Recorder::start(Box::new(Nowhere), start(mission), Options::default(), Box::new(|_| {}))?;
+        Recorder::start::<()>(Box::new(Nowhere), start(mission), Options::default(), Box::new(|_| {}))?;
     let (mut senses, mut demands, mut spent_ns) = (Senses::default(), Demands::default(), [0; 4]);
     let start_ns = MonotonicClock.now_ns();
     for tick in 0..ticks {

@@ -11,24 +11,9 @@ use onbrick::ev3dev::{Access, AttributeFile, Battery, StopAction, Tree};
 use onbrick::robot::{Channel, DEFAULT_ROBOT, Robot, RobotConfig, Senses};
 use onbrick::runtime::{NotReady, StopFlags, prepare};
 
-use crate::ev3dev::fake::{FakeTree, plug_large_motor, plug_sensor, rotary_tables, sensor_tables};
-
-pub const MOTORS: [&str; 3] =
-    ["sys/class/tacho-motor/motor0", "sys/class/tacho-motor/motor1", "sys/class/tacho-motor/motor2"];
-pub const SENSORS: [&str; 2] = ["sys/class/lego-sensor/sensor0", "sys/class/lego-sensor/sensor1"];
-pub const BATTERY: &str = "sys/class/power_supply/lego-ev3-battery";
-
-/// The shipped robot, at rest: three motors, an ultrasonic sensor, a gyro, a battery.
-pub fn brick() -> FakeTree {
-    let fake = FakeTree::default();
-    for (folder, port) in MOTORS.iter().zip(["outA", "outB", "outD"]) {
-        plug_large_motor(&fake, folder, &format!("ev3-ports:{port}\n"));
-    }
-    plug_sensor(&fake, SENSORS[0], "ev3-ports:in1\n", "lego-ev3-us\n", "US-DIST-CM US-LISTEN\n");
-    plug_sensor(&fake, SENSORS[1], "ev3-ports:in4\n", "lego-ev3-gyro\n", "GYRO-ANG GYRO-RATE\n");
-    fake.plug(BATTERY, &[Battery::ATTRIBUTES], &[("voltage_now", "7500000\n")]);
-    fake
-}
+use crate::support::brick::{
+    BATTERY, FakeTree, MOTORS, SENSORS, rotary_tables, sensor_tables, shipped_brick,
+};
 
 pub fn shipped() -> RobotConfig {
     RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap().0
@@ -98,7 +83,7 @@ fn assert_told(message: &str, folder: &str, name: &str, case: &str) {
 
 #[test]
 fn the_robot_as_it_should_be_is_ready() {
-    let fake = brick();
+    let fake = shipped_brick();
     ready(&fake.tree(), &shipped()).unwrap();
     assert_nothing_turned(&fake, "at rest");
 }
@@ -120,7 +105,7 @@ fn garbage_in_any_attribute_is_refused_or_does_not_matter() {
     for (folder, name) in attributes() {
         for text in garbage {
             let case = format!("{folder}/{name} = {}", String::from_utf8_lossy(&text[..text.len().min(20)]));
-            let fake = brick();
+            let fake = shipped_brick();
             fake.put(folder, name, text);
             let ready = ready(&fake.tree(), &shipped());
             assert_nothing_turned(&fake, &case);
@@ -146,7 +131,7 @@ fn an_error_from_any_attribute_is_refused_or_does_not_matter() {
         {
             for (read, write) in [(Some(errno), None), (None, Some(errno))] {
                 let case = format!("{folder}/{name}: {errno} (read: {})", read.is_some());
-                let fake = brick();
+                let fake = shipped_brick();
                 fake.fail(folder, name, read, write);
                 if let Err(message) = ready(&fake.tree(), &shipped()) {
                     refused += 1;
@@ -168,7 +153,7 @@ fn an_error_from_any_attribute_is_refused_or_does_not_matter() {
 #[test]
 fn a_missing_attribute_is_refused_or_does_not_matter() {
     for (folder, name) in attributes() {
-        let fake = brick();
+        let fake = shipped_brick();
         fake.remove(folder, name);
         if let Err(message) = ready(&fake.tree(), &shipped()) {
             assert!(!message.is_empty() && message.len() < 500, "{folder}/{name}: {message}");
@@ -189,7 +174,7 @@ fn what_turns_bad_while_driving_is_never_taken_for_a_reading() {
         (SENSORS[1], "value0", Channel::Gyro),
     ] {
         for text in [&b""[..], b"fly\n", b"99999999999\n", b"\xff\n"] {
-            let fake = brick();
+            let fake = shipped_brick();
             // Nobody keeps the state here, and a motor that stands still would contradict each command.
             MOTORS.iter().for_each(|motor| fake.put(motor, "state", b"unknown\n"));
             let mut robot = ready(&fake.tree(), &shipped()).unwrap();
@@ -218,7 +203,7 @@ fn what_turns_bad_while_driving_is_never_taken_for_a_reading() {
 
 #[test]
 fn a_motor_that_refuses_to_stop_is_told_again_and_reported() {
-    let fake = brick();
+    let fake = shipped_brick();
     let mut robot = ready(&fake.tree(), &shipped()).unwrap();
     let drive =
         Demands { drive: Some(Drive::Wheels { left_rad_s: 1.0, right_rad_s: 1.0 }), ..Demands::default() };
@@ -271,7 +256,7 @@ impl AttributeFile for SlowFile {
 #[test]
 fn a_slow_driver_delays_the_start_and_a_silent_one_ends_the_patience() {
     for (silent, expected) in [(false, None), (true, Some("no reading from the range sensor"))] {
-        let fake = brick();
+        let fake = shipped_brick();
         let clock = Arc::new(VirtualClock::default());
         let tree: Arc<dyn Tree> = Arc::new(SlowTree(fake.tree(), Arc::clone(&clock)));
         let mut robot = Robot::bind(&tree, &shipped(), &[Role::Range]).unwrap();
@@ -311,7 +296,7 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
         }
     }
     let outcome = |happens: &(dyn Fn(&FakeTree, i64) + Sync)| {
-        let fake = brick();
+        let fake = shipped_brick();
         let mut robot = Robot::bind(&fake.tree(), &shipped(), &[]).unwrap();
         let clock = Turning(VirtualClock::default(), |now_ms| happens(&fake, now_ms));
         let mut said = Vec::new();

@@ -8,9 +8,11 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
+use onbrick::recording::Run;
 use onbrick::robot::DEFAULT_ROBOT;
-use onbrick::runtime::recording::Run;
-use onbrick::runtime::{Brick, Heartbeat, Job, Lock, Source, StopFlags, StopReason, WhenAbandoned, execute};
+use onbrick::runtime::{
+    Brick, Environment, Heartbeat, Job, Lock, Source, StopFlags, StopReason, WhenAbandoned, execute,
+};
 use onbrick::sim::EventLayout;
 
 use super::{Done, done, keys, names, onbrick, onbrick_in_time, run, text};
@@ -159,7 +161,7 @@ fn every_signal_to_either_process_stops_the_motors_and_ends_the_run_in_order() {
             assert!(said.out.contains("stopped by a signal"), "{case}: {}", said.out);
             assert_eq!(brick.commands(), ["stop"; 3], "{case}");
             let ending = recorded.ending.expect("the recording is complete");
-            assert_eq!(ending.reason, "stopped by a signal", "{case}");
+            assert_eq!(ending.stop.reason, StopReason::Signal, "{case}");
             assert!(!recorded.senses.is_empty(), "{case}");
         };
         std::thread::scope(|scope| {
@@ -193,7 +195,7 @@ fn buttons_and_a_speaker_with_other_names_stop_the_run_and_beep() {
         keyboard.write_all(&events).unwrap();
         let (brick, said, recorded) = running.finish();
         assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
-        assert_eq!(recorded.ending.unwrap().reason, "stopped by a button on the brick");
+        assert_eq!(recorded.ending.unwrap().stop.to_string(), "stopped by a button on the brick");
         assert_eq!(brick.commands(), ["stop"; 3]);
     });
 }
@@ -207,7 +209,7 @@ fn promise_1_the_run_stops_when_its_starter_is_killed() {
         await_that("every motor is still", || running.brick.is_still());
         let (brick, _, recorded) = running.finish();
         assert_eq!(brick.commands(), ["stop"; 3]);
-        assert_eq!(recorded.ending.unwrap().reason, "whoever started the run is gone");
+        assert_eq!(recorded.ending.unwrap().stop.to_string(), StopReason::Abandoned.to_string());
     });
 }
 
@@ -232,7 +234,7 @@ fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_s
                 said.err
             );
             assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
-            for (_, name, _) in MOTORS {
+            for name in MOTORS {
                 let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
                 let settings = ["time_sp", "stop_action", "ramp_up_sp", "ramp_down_sp"].map(read);
                 assert_eq!(settings, ["300", "brake", "0", "0"], "{name}: it was under a lease");
@@ -257,7 +259,11 @@ fn promise_1_when_the_guard_is_killed_control_stops_the_run() {
             assert!(said.err.contains(who) && said.err.contains(&how), "{signal}: {}", said.err);
             assert!(said.err.contains("its motors were stopped"), "{signal}: {}", said.err);
             assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
-            assert_eq!(recorded.ending.unwrap().reason, StopReason::Unguarded.to_string(), "{signal}");
+            assert_eq!(
+                recorded.ending.unwrap().stop.to_string(),
+                StopReason::Unguarded.to_string(),
+                "{signal}"
+            );
         }
     });
 }
@@ -276,7 +282,7 @@ fn promise_1_when_the_guard_hangs_control_stops_the_motors_and_ends_the_run() {
         assert_eq!(said.code, Some(1), "{}", said.err);
         assert!(said.err.contains("the guard gives no sign of life, and is killed"), "{}", said.err);
         assert_eq!(brick.commands(), ["stop"; 3]);
-        assert_eq!(recorded.ending.unwrap().reason, StopReason::Unguarded.to_string());
+        assert_eq!(recorded.ending.unwrap().stop.to_string(), StopReason::Unguarded.to_string());
     });
 }
 
@@ -335,7 +341,7 @@ fn a_pc_that_runs_neither_guard_nor_control_for_a_while_is_said_to_be_too_busy()
         let busy = "this machine was too busy: the guard did not get a processor for 0.";
         assert!(said.err.contains(busy) && said.err.contains("close other programs"), "{}", said.err);
         assert_eq!(brick.commands(), ["stop"; 3]);
-        assert_eq!(recorded.ending.unwrap().reason, StopReason::Late.to_string());
+        assert_eq!(recorded.ending.unwrap().stop.to_string(), StopReason::Late.to_string());
     });
 }
 
@@ -480,7 +486,7 @@ fn promise_1_when_all_are_killed_the_leases_end_by_themselves() {
         running.brick.await_driving();
         kill_all(&running);
         let (brick, _, recorded) = running.finish();
-        for (_, name, _) in MOTORS {
+        for name in MOTORS {
             // What the kernel was told last is a motion that ends, with nothing to roll on with.
             let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
             assert_eq!(
@@ -521,16 +527,28 @@ fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording()
         set: Vec::new(),
         file: folder.path().join("run.mcap"),
         sync_ns: 1_000_000_000,
+        stamps_ns: 0,
         run: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
-    let ended = execute(&job, &StopFlags::default(), &mut Failing(0), |_| {}).unwrap();
-    assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), ("panicked", false, true), "{ended}");
+    let ended = execute(
+        &job,
+        Environment::local(&LocalTree::new(brick.root())),
+        &StopFlags::default(),
+        &mut Failing(0),
+        |_| {},
+    )
+    .unwrap();
+    assert_eq!(
+        (ended.stop.reason.word().as_str(), ended.stop.reason.is_wanted(), ended.stopped),
+        ("panicked", false, true),
+        "{ended}"
+    );
     assert_eq!(brick.commands(), ["stop"; 3]);
     assert_eq!(brick.owner(), None, "the lock is free");
     let recorded = Run::open(&job.file).unwrap();
-    assert!(recorded.ending.unwrap().reason.contains("failed") && recorded.senses.len() >= 4);
+    assert!(recorded.ending.unwrap().stop.to_string().contains("failed") && recorded.senses.len() >= 4);
 }
 
 #[test]
@@ -540,7 +558,7 @@ fn a_signal_before_it_drives_ends_the_run_before_anything_moved() {
         kill(running.control(), Signal::SIGTERM).unwrap();
         let said = done(&running.child.wait_with_output().unwrap());
         assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
-        assert!(said.err.contains("stopped before it started"), "{}", said.err);
+        assert!(said.err.contains("stopped by a signal: before it started"), "{}", said.err);
         assert_eq!(running.brick.commands(), ["reset"; 3]);
         assert_eq!(names(running.folder.path()), ["mission.toml"], "no empty folder stays behind");
     });
@@ -581,7 +599,7 @@ fn a_blocked_wheel_ends_the_run_as_failed() {
         let (brick, said, recorded) = running.finish();
         assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
         assert_eq!(brick.commands(), ["stop"; 3]);
-        let reason = recorded.ending.unwrap().reason;
+        let reason = recorded.ending.unwrap().stop.to_string();
         assert!(said.err.contains(&reason) && reason.contains("blocked"), "{reason}: {}", said.err);
     });
 }
@@ -597,7 +615,7 @@ fn a_device_that_goes_away_ends_the_run_with_its_name() {
         assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
         assert!(said.err.contains("lost: gyro") && said.err.contains("in4"), "{}", said.err);
         assert_eq!(brick.commands(), ["stop"; 3]);
-        assert!(recorded.ending.unwrap().reason.starts_with("lost: gyro"));
+        assert!(recorded.ending.unwrap().stop.to_string().starts_with("lost: gyro"));
     });
 }
 

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
+use onbrick::recording::{self, End, Options, Pace, ReadError, Recorder, Run, Start};
 use onbrick::report::{Track, export};
-use onbrick::runtime::recording::{self, End, Options, Pace, ReadError, Recorder, Run, Start};
-use onbrick::runtime::{ReplayError, replay};
+use onbrick::runtime::{ReplayError, StopReason, replay};
 
 use super::{keys, names, run};
 use crate::recording::sample::{start, tick};
@@ -65,19 +65,44 @@ fn export_writes_every_format() {
         ("csv", &["path.csv", "points.csv"][..]),
         ("ply", &["points.ply"]),
         ("pgm", &["map.pgm", "map.yaml"]),
-        ("mcap", &["export.mcap"]),
     ] {
         let said =
             run(folder.path(), &["export", "left.mcap", "--format", format, "--out", format]).expect(0);
         assert_eq!(names(&folder.path().join(format)), files, "{}", said.out);
         assert_eq!(said.out.lines().count(), files.len());
     }
-    run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "mcap", "--out", "both"]).expect(0);
-    let bytes = std::fs::read(folder.path().join("both/export.mcap")).unwrap();
-    let summary = mcap::Summary::read(&bytes).unwrap().expect("a summary: it is indexed");
-    assert!(!summary.chunk_indexes.is_empty() && summary.channels.len() > 10, "{:?}", summary.stats);
     let said = run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "pgm"]).expect(2);
     assert!(said.err.contains("one run"), "{}", said.err);
+}
+
+#[test]
+fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
+    let folder = folder();
+    let indexed = |name: &str| {
+        let bytes = std::fs::read(folder.path().join(name)).unwrap();
+        let summary = mcap::Summary::read(&bytes).unwrap().expect("a summary: it is indexed");
+        assert!(!summary.chunk_indexes.is_empty() && summary.channels.len() > 8, "{:?}", summary.stats);
+        Run::read(&bytes).unwrap()
+    };
+    run(folder.path(), &["repair", "left.mcap", "right.mcap", "--out", "both.mcap"]).expect(0);
+    indexed("both.mcap");
+    let bytes = std::fs::read(folder.path().join("left.mcap")).unwrap();
+    let cut = &bytes[..bytes.len() / 2];
+    std::fs::write(folder.path().join("cut.mcap"), cut).unwrap();
+    let said = run(folder.path(), &["repair", "cut.mcap"]).expect(0);
+    assert!(
+        said.err.contains("was cut after") && said.out.contains("wrote cut.repaired.mcap"),
+        "{}",
+        said.err
+    );
+    let (cut, repaired) = (Run::read(cut).unwrap(), indexed("cut.repaired.mcap"));
+    assert_eq!(repaired.senses, cut.senses);
+    assert_eq!((repaired.logs, repaired.checkpoints), (cut.logs, cut.checkpoints));
+    assert_eq!(repaired.info, cut.info);
+    assert_eq!(repaired.warnings, ["the run stopped without saying why"]);
+    run(folder.path(), &["replay", "cut.repaired.mcap"]).expect(0);
+    let said = run(folder.path(), &["repair", "left.mcap", "right.mcap"]).expect(2);
+    assert!(said.err.contains("--out both.mcap"), "{}", said.err);
 }
 
 /// A corridor of 20 m: what lies beyond the 5 m that a robot's own grid covers is in the picture,
@@ -230,9 +255,10 @@ fn make_up(file: &Path) {
         ..start(Pace::Virtual)
     };
     let sink = Box::new(recording::create(file).unwrap());
-    let (recorder, mut side) = Recorder::start(sink, start, Options::default(), Box::new(|_| {})).unwrap();
+    let (recorder, mut side) =
+        Recorder::start::<()>(sink, start, Options::default(), Box::new(|_| {})).unwrap();
     (0..100).for_each(|number| side.tick(&tick(number)));
-    let end = End { reason: "made up".to_owned(), time_ns: 2_000_000_000, truth: None, map: None };
+    let end = End { stop: StopReason::Finished.into(), time_ns: 2_000_000_000, truth: None, map: None };
     recorder.finish(side, end).unwrap();
 }
 
@@ -323,9 +349,10 @@ fn the_commands_take_a_cut_file_and_say_so() {
             "{}",
             replay.err
         );
-        for format in ["csv", "ply", "mcap"] {
+        for format in ["csv", "ply"] {
             run(folder.path(), &["export", "cut.mcap", "--format", format, "--out", "x"]).expect(code);
         }
+        run(folder.path(), &["repair", "cut.mcap"]).expect(code);
         if percent >= 20 {
             run(folder.path(), &["export", "cut.mcap", "--format", "pgm", "--out", "x"]).expect(0);
         }

@@ -4,8 +4,8 @@ use std::process::Stdio;
 
 use super::{onbrick, run};
 
-const COMMANDS: [&str; 11] =
-    ["demo", "sim", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "replay"];
+const COMMANDS: [&str; 12] =
+    ["demo", "sim", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "repair", "replay"];
 
 #[test]
 fn every_command_has_help_with_an_example() {
@@ -55,7 +55,7 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["demo", "--seed", "-1"], "'-1'"),
         (&["plot", "a.mcap"], "--output"),
         (&["plot", "a.mcap", "-o", "a.bmp"], ".svg, .png or .html"),
-        (&["export", "a.mcap", "--format", "dxf"], "csv, ply, pgm, mcap"),
+        (&["export", "a.mcap", "--format", "dxf"], "csv, ply, pgm"),
         (&["replay", "a.mcap", "--robot", "b.toml"], "--out"),
         (&["new", "rover"], "mission, robot, world, service"),
         (&["new", "mission", "--from", "mapp"], "did you mean `map`?"),

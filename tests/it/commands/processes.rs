@@ -5,7 +5,8 @@ use std::path::Path;
 use nix::sys::signal::kill;
 use nix::unistd::Pid;
 use onbrick::clock::SECOND_NS;
-use onbrick::runtime::recording::{Run, writer};
+use onbrick::recording::{Run, writer};
+use onbrick::runtime::StopReason;
 use onbrick::runtime::{Event, Job, RunError, RunProcess, StopBy, WhenAbandoned};
 
 use super::PROGRAM;
@@ -42,17 +43,18 @@ fn a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_fini
             let last = std::iter::from_fn(|| run.next_event())
                 .filter(|event| !matches!(event, Event::Status(_)))
                 .collect::<Vec<_>>();
-            let [Event::Stopped { word: stopped_word, stopped, .. }, Event::Ended(_)] = &last[..] else {
-                panic!("{last:?}")
-            };
-            assert_eq!((stopped_word.as_str(), *stopped), (word, true));
+            let [Event::Stopped { stop, stopped }, Event::Ended(_)] = &last[..] else { panic!("{last:?}") };
+            assert_eq!((stop.reason.word().as_str(), *stopped), (word, true));
             let stopper = run.stopper();
             let ended = run.wait().unwrap();
-            assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), (word, true, true));
+            assert_eq!(
+                (ended.stop.reason.word().as_str(), ended.stop.reason.is_wanted(), ended.stopped),
+                (word, true, true)
+            );
             stopper.stop(by).expect("a run that is over needs no asking");
             let recorded = Run::open(&ended.file).unwrap();
             assert_eq!(recorded.info.unwrap().run.as_deref(), Some("7f3a"));
-            assert_eq!(recorded.ending.unwrap().reason, ended.reason);
+            assert_eq!(recorded.ending.unwrap().stop, ended.stop);
         }
     });
 }
@@ -72,8 +74,11 @@ fn a_signal_says_on_whose_behalf_a_run_is_stopped_that_a_service_has_found() {
             let driver = writer(&job.file).unwrap().expect("the process that drives holds its recording");
             kill(Pid::from_raw(driver), by.signal()).unwrap();
             let ended = run.wait().unwrap();
-            assert_eq!((ended.word.as_str(), ended.wanted, ended.stopped), (word, true, true));
-            assert_eq!(Run::open(&job.file).unwrap().ending.unwrap().reason, ended.reason);
+            assert_eq!(
+                (ended.stop.reason.word().as_str(), ended.stop.reason.is_wanted(), ended.stopped),
+                (word, true, true)
+            );
+            assert_eq!(Run::open(&job.file).unwrap().ending.unwrap().stop, ended.stop);
         }
     });
 }
@@ -92,14 +97,14 @@ fn a_run_whose_starter_leaves_it_stops_or_goes_on_as_its_job_says() {
             let mut reason = None;
             await_that("the recording is finished", || {
                 let ending = Run::open(&job.file).ok().and_then(|run| run.ending);
-                reason = ending.map(|ending| (ending.reason, ending.time_ns));
+                reason = ending.map(|ending| (ending.stop.reason, ending.time_ns));
                 reason.is_some()
             });
             reason.unwrap()
         };
-        assert_eq!(how(WhenAbandoned::Stop).0, "whoever started the run is gone");
+        assert_eq!(how(WhenAbandoned::Stop).0, StopReason::Abandoned);
         let (reason, time_ns) = how(WhenAbandoned::GoOn);
-        assert_eq!(reason, "the mission is finished");
+        assert_eq!(reason, StopReason::Finished);
         assert!(time_ns >= 2 * SECOND_NS, "{time_ns} ns");
     });
 }

@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
-use onbrick::runtime::recording::{End, Start};
-use onbrick::runtime::recording::{Options, Pace, Recorder, create};
+use onbrick::recording::{End, Start};
+use onbrick::recording::{Options, Pace, Recorder, create};
+use onbrick::robot::Channel;
+use onbrick::runtime::StopReason;
 
 use super::{Done, run};
 use crate::recording::sample;
@@ -71,7 +73,9 @@ fn a_recordings_texts_are_shown_and_do_nothing_else() {
     let (recorder, mut side) =
         Recorder::start(Box::new(sink), start, Options::default(), Box::new(|_| {})).unwrap();
     (0..100).for_each(|number| sample::put(&mut side, number));
-    recorder.finish(side, End { reason: loud(), ..sample::end(100) }).unwrap();
+    recorder
+        .finish(side, End { stop: StopReason::Lost(Channel::Gyro).with(loud()), ..sample::end(100) })
+        .unwrap();
     for out in ["map.svg", "map.html"] {
         let done = only_shows(folder.path(), &["plot", "run.mcap", "-o", out]);
         assert_eq!(done.code, Some(0), "{}", done.err);

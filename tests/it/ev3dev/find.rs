@@ -8,7 +8,7 @@ use onbrick::ev3dev::{
     TachoMotor, Tree, UltrasonicSensor, devices, find,
 };
 
-use super::fake::{FakeTree, LINEAR, MOTOR, SENSOR, linear_tables, plug_large_motor, plug_sensor};
+use crate::support::brick::{FakeTree, LINEAR, MOTOR, SENSOR, linear_tables, plug_large_motor, plug_sensor};
 
 fn port(text: &str) -> PortAddress {
     text.parse().unwrap()

@@ -10,8 +10,8 @@ use onbrick::ev3dev::{
 };
 use onbrick::units::Duty;
 
-use super::fake::{FakeTree, LINEAR, MOTOR, linear_tables, plain_files, plug_large_motor, rotary_tables};
 use crate::support::allocations::allocations;
+use crate::support::brick::{FakeTree, LINEAR, MOTOR, linear_tables, plug_large_motor};
 
 fn large_motor() -> (FakeTree, TachoMotor) {
     let fake = FakeTree::default();
@@ -72,13 +72,7 @@ fn every_attribute_of_a_tacho_motor_comes_back_as_it_was_written() {
 #[test]
 fn plain_files_serve_as_well_as_the_kernels() {
     let folder = tempfile::tempdir().unwrap();
-    let texts = [
-        ("address", "ev3-ports:outB\n"),
-        ("driver_name", "lego-ev3-l-motor\n"),
-        ("max_speed", "1050\n"),
-        ("count_per_rot", "360\n"),
-    ];
-    let tree = plain_files(folder.path(), MOTOR, &rotary_tables(), &texts);
+    let tree = large_motor().0.write(folder.path());
     let motor = TachoMotor::at(&tree, &"outB".parse().unwrap()).unwrap();
     every_tacho_attribute(&motor);
     motor.command(TachoCommand::RunTimed).unwrap();
@@ -239,13 +233,7 @@ fn a_reading_is_one_call_and_allocates_nothing_after_the_first() {
 #[test]
 fn a_write_is_one_call_and_allocates_nothing_after_the_first() {
     let folder = tempfile::tempdir().unwrap();
-    let texts = [
-        ("address", "outB\n"),
-        ("driver_name", "some\n"),
-        ("max_speed", "1050\n"),
-        ("count_per_rot", "360\n"),
-    ];
-    let tree = plain_files(folder.path(), MOTOR, &rotary_tables(), &texts);
+    let tree = large_motor().0.write(folder.path());
     let motor = TachoMotor::find(&tree, None, None).unwrap();
     let lease = |speed| {
         motor.set_speed_sp(speed).unwrap();

@@ -11,8 +11,8 @@ use onbrick::ev3dev::{
     LocalTree, PortMode, SOUND_PATH, Side, Sound, StatusLights, Technology, Tree,
 };
 
-use super::fake::{FakeTree, plain_files};
 use crate::support::allocations::allocations;
+use crate::support::brick::FakeTree;
 
 const PORT: &str = "sys/class/lego-port/port0";
 const BATTERY: &str = "sys/class/power_supply/lego-ev3-battery";
@@ -102,12 +102,7 @@ fn a_status_light_is_a_mix_of_red_and_green() {
 #[test]
 fn changing_a_light_allocates_nothing_after_the_first() {
     let folder = tempfile::tempdir().unwrap();
-    let mut tree: Option<Arc<dyn Tree>> = None;
-    for led in LEDS {
-        let device = format!("sys/class/leds/{led}");
-        tree = Some(plain_files(folder.path(), &device, &[Led::ATTRIBUTES], &[("max_brightness", "255\n")]));
-    }
-    let lights = StatusLights::open(&tree.unwrap()).unwrap();
+    let lights = StatusLights::open(&lights("255\n").0.write(folder.path())).unwrap();
     lights.set_both(LightColour::Green).unwrap();
     let (allocated, ()) = allocations(|| {
         for colour in LightColour::ALL {

@@ -12,8 +12,8 @@ use onbrick::ev3dev::{
 use onbrick::units::radians;
 use proptest::prelude::*;
 
-use super::fake::{FakeTree, SENSOR, plug_sensor};
 use crate::support::allocations::allocations;
+use crate::support::brick::{FakeTree, SENSOR, plug_sensor};
 
 const COLOUR_MODES: &str = "COL-REFLECT COL-AMBIENT COL-COLOR REF-RAW RGB-RAW COL-CAL\n";
 const ULTRASONIC_MODES: &str = "US-DIST-CM US-DIST-IN US-LISTEN US-SI-CM US-SI-IN US-DC-CM US-DC-IN\n";

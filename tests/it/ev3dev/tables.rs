@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use onbrick::ev3dev::{AttributeSpec, Battery, DcMotor, Direction, Driver, Led, LegoPort, ServoMotor};
 
-use super::fake;
+use crate::support::brick;
 use crate::support::{pass_over, shared};
 
 const TRANSCRIPT: &str = include_str!("../../data/kernel-transcript.txt");
@@ -48,10 +48,10 @@ fn mode(direction: Direction) -> u32 {
 #[test]
 fn the_tables_are_what_the_kernels_drivers_list() {
     let cases: [(&str, Vec<&[AttributeSpec]>); 6] = [
-        ("outA", fake::rotary_tables().into()),
-        ("outB", fake::rotary_tables().into()),
-        ("in1", fake::sensor_tables().into()),
-        ("in2", fake::sensor_tables().into()),
+        ("outA", brick::rotary_tables().into()),
+        ("outB", brick::rotary_tables().into()),
+        ("in1", brick::sensor_tables().into()),
+        ("in2", brick::sensor_tables().into()),
         ("port:outB", vec![LegoPort::ATTRIBUTES]),
         ("port:in1", vec![LegoPort::ATTRIBUTES]),
     ];
@@ -75,7 +75,7 @@ fn every_driver_of_the_transcript_is_known_by_name() {
 #[test]
 fn every_attribute_that_the_transcript_uses_is_in_a_table() {
     let tables =
-        [fake::rotary_tables(), fake::linear_tables(), fake::sensor_tables(), [LegoPort::ATTRIBUTES; 2]];
+        [brick::rotary_tables(), brick::linear_tables(), brick::sensor_tables(), [LegoPort::ATTRIBUTES; 2]];
     let known: Vec<&str> = tables.iter().flatten().copied().flatten().map(|spec| spec.name).collect();
     let mut seen = 0;
     for line in TRANSCRIPT.lines() {
@@ -96,7 +96,7 @@ type Row = (&'static str, u32, &'static str);
 fn the_other_classes_tables_are_what_the_reference_says() {
     #[rustfmt::skip]
     let classes: [(&str, Vec<AttributeSpec>, &[Row]); 5] = [
-        ("linear", fake::linear_tables()[1].to_vec(), &[
+        ("linear", brick::linear_tables()[1].to_vec(), &[
             ("count_per_m", 0o444, "a whole number"),
             ("full_travel_count", 0o444, "a whole number"),
         ]),
@@ -193,7 +193,7 @@ fn the_tables_have_the_rows_of_the_references_sections() {
 
 #[test]
 fn what_is_legal_for_a_motor_is_what_the_driver_took_in_the_transcript() {
-    let rows = fake::rotary_tables().concat();
+    let rows = brick::rotary_tables().concat();
     let section =
         TRANSCRIPT.split("\n# ").find(|part| part.starts_with("what writes are refused, large motor"));
     let mut checked = 0;

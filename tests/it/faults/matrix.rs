@@ -7,11 +7,13 @@ use onbrick::ev3dev::{
     Access, Cause, ColourSensor, DeviceError, GyroSensor, PortAddress, TachoMotor, TouchSensor, Tree,
     UltrasonicSensor,
 };
-use onbrick::sim::{Bridge, DeviceFault, FaultError, Port, Simulation, World, WorldPhysics};
+use onbrick::sim::{Bridge, DeviceFault, FaultError, Port};
 use onbrick::units::degrees;
-use proptest::prelude::*;
 
-use crate::drivers_bench::{InProcess, Rig};
+use crate::drivers_bench::Rig;
+
+mod any_order;
+mod in_a_room;
 
 /// The bench's devices: port, and for sensors two readings and how long a frame takes, ms.
 const SENSORS: [(Port, i32, i32, i64); 4] =
@@ -409,66 +411,6 @@ fn a_foreign_hand_writes_what_a_program_could_write() {
     }
 }
 
-/// A robot in the open, its clock moved by hand.
-fn room() -> InProcess {
-    let world = World::named("open").unwrap().without_errors();
-    InProcess::new(WorldPhysics::new(world, 1, 1).unwrap(), onbrick::sim::Options::default())
-}
-
-fn battery_v(simulation: &Simulation) -> f64 {
-    let tree: Arc<dyn Tree> = simulation.brick(0);
-    onbrick::ev3dev::Battery::open(&tree).unwrap().voltage_v().unwrap()
-}
-
-#[test]
-fn a_blocked_wheel_stands_and_a_battery_sags_to_its_end() {
-    let room = room();
-    let rig = Rig::over(room);
-    rig.drive("speed_sp=300 run-forever");
-    rig.pass_ms(500);
-    inject(&rig, Port::OutB, "block");
-    rig.pass_ms(400);
-    assert_eq!(rig.read("outB", "state"), "running overloaded stalled");
-    let position = raw(&rig, Port::OutB).unwrap();
-    rig.pass_ms(400);
-    assert_eq!(raw(&rig, Port::OutB), Ok(position));
-    clear(&rig, Port::OutB);
-    assert!(raw(&rig, Port::OutB).unwrap() > position, "free again");
-    rig.write("outB", "command", "stop");
-    rig.pass_ms(1000);
-    let simulation = &rig.bench.simulation;
-    let own_v = battery_v(simulation);
-    simulation.control(0, "battery 8 5 60").unwrap();
-    let mut last_v = 8.1;
-    for second in 1..=60_i32 {
-        rig.pass_ms(1000);
-        let volts = battery_v(simulation);
-        let rest_v = 8.0 - 0.05 * f64::from(second);
-        assert!(
-            volts < last_v && (volts - rest_v).abs() < 0.1,
-            "{volts} V at {second} s, at rest {rest_v} V"
-        );
-        last_v = volts;
-    }
-    rig.pass_ms(5000);
-    assert!((battery_v(simulation) - last_v).abs() < 0.02, "it stays");
-    simulation.control(0, "clear").unwrap();
-    rig.pass_ms(20);
-    assert!((battery_v(simulation) - own_v).abs() < 0.02, "{} V", battery_v(simulation));
-}
-
-#[test]
-fn a_timer_that_does_not_fire_leaves_a_lease_without_an_end() {
-    let rig = Rig::over(room());
-    inject(&rig, Port::OutB, "endless");
-    rig.drive("speed_sp=300 time_sp=200 run-timed");
-    rig.pass_ms(1000);
-    assert_eq!(rig.read("outB", "state"), "running");
-    clear(&rig, Port::OutB);
-    rig.pass_ms(2);
-    assert_eq!(rig.read("outB", "state"), "");
-}
-
 #[test]
 fn faults_that_a_port_cannot_have_are_refused_with_the_reason() {
     let rig = rig();
@@ -485,67 +427,4 @@ fn faults_that_a_port_cannot_have_are_refused_with_the_reason() {
     let error = rig.bench.simulation.inject(7, Port::In1, DeviceFault::Stuck).unwrap_err();
     assert_eq!(error.to_string(), "there is no robot 8; there are 1");
     assert!(rig.bench.simulation.faults_done().is_empty(), "what was refused was not done");
-}
-
-/// All that a program can read of the bench's devices, errors included.
-fn everything(rig: &Rig) -> Vec<String> {
-    let mut found = Vec::new();
-    for class in ["tacho-motor", "lego-sensor", "lego-port"] {
-        let class = format!("sys/class/{class}");
-        for name in rig.tree.list(&class).unwrap() {
-            for attribute in rig.tree.list(&format!("{class}/{name}")).unwrap() {
-                let path = format!("{class}/{name}/{attribute}");
-                found.push(format!("{path} {:?}", rig.read_path(&path)));
-            }
-        }
-    }
-    found
-}
-
-fn any_order() -> impl Strategy<Value = (usize, DeviceFault, Option<i64>)> {
-    let fault = prop::sample::select(DeviceFault::examples());
-    (0..8_usize, fault, prop::option::of(0..3_000_000_000_i64))
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
-    #[test]
-    fn any_faults_in_any_order_never_panic_repeat_exactly_and_clear_away(
-        orders in prop::collection::vec((any_order(), 1..400_i64), 1..25)
-    ) {
-        let play = || {
-            let rig = rig();
-            rig.drive("speed_sp=300 run-forever");
-            let mut seen = Vec::new();
-            for ((port, fault, for_ns), wait_ms) in &orders {
-                let port = Port::ALL[*port];
-                // What does not fit is refused, and that is an answer too.
-                let answer = match for_ns {
-                    Some(for_ns) => rig.bench.simulation.inject_for(0, port, fault.clone(), *for_ns),
-                    None => rig.bench.simulation.inject(0, port, fault.clone()),
-                };
-                seen.push(format!("{answer:?}"));
-                rig.pass_ms(*wait_ms);
-                seen.extend(everything(&rig));
-            }
-            rig.bench.simulation.control(0, "clear").unwrap();
-            rig.pass_ms(2500);
-            (rig, seen)
-        };
-        let (rig, seen) = play();
-        prop_assert!(rig.bench.simulation.faults_active(0).is_empty());
-        // Everything is as on a bench that never had a fault, but for numbers and positions.
-        for (port, reading, ..) in SENSORS {
-            prop_assert_eq!(raw(&rig, port), Ok(reading.into()), "{}", port);
-        }
-        for port in MOTORS {
-            let name = port.as_str();
-            rig.write(name, "command", "reset");
-            rig.write(name, "speed_sp", "200");
-            rig.write(name, "command", "run-forever");
-            rig.pass_ms(1500);
-            prop_assert!((rig.number(name, "speed") - 200).abs() < 30, "{} does {}", port, rig.read(name, "speed"));
-        }
-        prop_assert_eq!(play().1, seen);
-    }
 }

@@ -5,9 +5,9 @@
 
 use onbrick::behavior::{Demands, Mission};
 use onbrick::mapping::{Method, stats};
+use onbrick::recording::Run;
 use onbrick::robot::RobotConfig;
 use onbrick::runtime::Pilot;
-use onbrick::runtime::recording::Run;
 use onbrick::sim::World;
 use onbrick::units::{degrees, wrap_rad};
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 use serde_json::Value;
 
 use super::bench::{text, until};
@@ -175,7 +175,7 @@ fn the_readmes_chapter() {
     let home = apart.folder.path().join("pc").join(last["file"].as_str().unwrap());
     let (ours, theirs) = (std::fs::read(&home).unwrap(), std::fs::read(&recording).unwrap());
     assert!(ours == theirs, "{} bytes came of {}", ours.len(), theirs.len());
-    let run = Run::read_checked(&ours).unwrap();
+    let run = Run::read(&ours).unwrap();
     assert!(run.gaps.is_empty() && run.warnings.is_empty(), "{:?} {:?}", run.gaps, run.warnings);
     assert!(run.senses.is_sorted_by(|a, b| a.tick + 1 == b.tick), "a tick is missing");
     assert!(apart.done("runs blue").contains("fetched"));
@@ -249,7 +249,7 @@ fn the_readmes_chapter_on_teams() {
         let ours = std::fs::read(pc.join(came["file"].as_str().unwrap())).unwrap();
         let [theirs] = apart.recordings(name).try_into().unwrap();
         assert!(ours == std::fs::read(theirs).unwrap(), "{name}: {} bytes are not the brick's", ours.len());
-        let run = Run::read_checked(&ours).unwrap();
+        let run = Run::read(&ours).unwrap();
         assert!(run.senses.is_sorted_by(|a, b| a.tick + 1 == b.tick), "{name}: a tick is missing");
     }
     let map = std::fs::read_to_string(pc.join("onbrick-team/map.svg")).unwrap();

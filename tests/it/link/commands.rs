@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use onbrick::link::KeyPair;
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 use serde_json::Value;
 
 use super::bench::{LONG, Service, halves, onbrick, text, until};
@@ -128,7 +128,7 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
         let file = fetched.split(' ').nth(1).unwrap().trim_end_matches(',').to_owned();
         let recording = Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
         assert_eq!(recording.info.as_ref().unwrap().mission, "mine");
-        assert_eq!(recording.ending.unwrap().reason, "the mission is finished");
+        assert_eq!(recording.ending.unwrap().stop.to_string(), "the mission is finished");
         assert!(!service.done(&["missions", "sim"]).contains("mine"), "kept with the run, and nowhere else");
     });
 }

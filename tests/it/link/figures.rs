@@ -17,7 +17,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use onbrick::link::KeyPair;
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 use serde_json::Value;
 
 use super::bench::{LONG, text, until};
@@ -191,7 +191,7 @@ impl Driving {
         assert!(self.follow.wait().unwrap().success(), "{}", self.apart.log());
         let home = std::fs::read_dir(self.apart.folder.path().join("pc")).unwrap().next().unwrap().unwrap();
         let bytes = std::fs::read(file).unwrap();
-        (Run::read_checked(&bytes).unwrap(), std::fs::read(home.path()).unwrap() == bytes)
+        (Run::read(&bytes).unwrap(), std::fs::read(home.path()).unwrap() == bytes)
     }
 }
 
@@ -206,13 +206,12 @@ fn ours(name: &str, (run, is_same): &(Run, bool)) -> String {
     let lost = lost(run);
     let steps = || run.poses.windows(2).map(|two| (&two[0], &two[1]));
     let gap = steps().map(|(a, b)| b.time_ns - a.time_ns).max().unwrap_or(0);
-    let hole =
-        |(a, b): (&onbrick::runtime::recording::RecordedPose, &onbrick::runtime::recording::RecordedPose)| {
-            libm::hypot(b.pose.x_m - a.pose.x_m, b.pose.y_m - a.pose.y_m)
-        };
+    let hole = |(a, b): (&onbrick::recording::RecordedPose, &onbrick::recording::RecordedPose)| {
+        libm::hypot(b.pose.x_m - a.pose.x_m, b.pose.y_m - a.pose.y_m)
+    };
     let largest = steps().map(hole).fold(0.0, f64::max);
     let holes = steps().map(hole).filter(|hole| *hole > HOLE_M).count();
-    let ended = run.ending.as_ref().map_or("cut off", |ending| ending.reason.as_str());
+    let ended = run.ending.as_ref().map_or_else(|| "cut off".to_owned(), |ending| ending.stop.to_string());
     let ms = |ns: i64| onbrick::clock::seconds(ns) * 1000.0;
     let seconds = onbrick::clock::seconds(run.senses.last().map_or(1, |last| last.time_ns));
     let hz = f64::from(u32::try_from(run.senses.len()).unwrap()) / seconds;

@@ -7,14 +7,14 @@ use std::process::{Child, Command, Output, Stdio};
 use onbrick::link::keys::Authorised;
 use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
 use onbrick::mapping::stats::quantile;
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 use onbrick::sim::World;
 use serde_json::Value;
 
 use super::bench::{Service, onbrick, text, until};
 use super::commands::SHORT;
 use crate::recording::decoder::python;
-use crate::support::plain_brick;
+use crate::support::brick::shipped_brick;
 use crate::support::real_time::{Pace, alone, in_real_time};
 
 mod figures;
@@ -263,7 +263,7 @@ fn a_team_of_which_one_is_not_ready_does_not_start_at_all_and_says_why() {
     robot.mission("short", SHORT);
     std::fs::write(robot.path("robot.toml"), "name = 3\n").unwrap();
     let plain = tempfile::tempdir().unwrap();
-    plain_brick::write("arena", plain.path());
+    shipped_brick().write(plain.path());
     let battery = plain.path().join("sys/class/power_supply/lego-ev3-battery/voltage_now");
     std::fs::write(battery, "5100000\n").unwrap();
     team.add("flat", &["--brick", plain.path().to_str().unwrap()]).mission("short", SHORT);

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, channel};
 
+use onbrick::commissioning::{CalibrateOptions, Dialogue, NoAnswer, Straight, calibrate};
 use onbrick::ev3dev::Button;
 use onbrick::menu::{Effect, Replies, ScreenDialogue, TalkKind, Told};
-use onbrick::runtime::{CalibrateOptions, Dialogue, NoAnswer, StopFlags, Straight, calibrate};
+use onbrick::runtime::StopFlags;
 
 use super::Bench;
 use crate::setup::calibrate::{Measurer, assert_near, make_room, wrong};

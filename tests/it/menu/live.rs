@@ -113,7 +113,7 @@ impl Served {
     /// The machine had no time for the control loop, which ends the run as it should; nothing of the menu's can be seen then.
     fn is_too_slow(&self) -> bool {
         let last = self.status().ok().and_then(|status| status.last);
-        last.is_some_and(|last| ["late", "guard"].contains(&last.word.as_str()))
+        last.is_some_and(|last| ["late", "guard"].contains(&last.stop.reason.word().as_str()))
     }
 
     fn stop(&self) {
@@ -218,7 +218,7 @@ fn a_mission_is_chosen_started_watched_and_stopped_from_the_menu() {
         menu.keys("e");
         menu.shows(&served, "> Show the map")?;
         let last = served.until("the run is over", |status| status.state == State::Stopped).last.unwrap();
-        assert_eq!((last.mission.as_str(), last.wanted), ("map", true), "{last:?}");
+        assert_eq!((last.mission.as_str(), last.is_wanted()), ("map", true), "{last:?}");
         menu.keys("e");
         menu.shows(&served, "[Run 1]")?;
         menu.keys("ede");
@@ -369,7 +369,7 @@ fn a_menu_of_brickmans_that_is_killed_takes_its_run_with_it_and_one_of_ours_does
         menu.0.kill().unwrap();
         menu.0.wait().unwrap();
         let status = served.until("the run is over", |status| status.run.is_none());
-        *ends.entry(status.last.unwrap().word).or_default() += 1;
+        *ends.entry(status.last.unwrap().stop.reason.word()).or_default() += 1;
     }
     println!("{kills} menus killed; the runs ended by {ends:?}");
     assert_eq!(ends.get("menu closed"), Some(&kills), "{ends:?}");

@@ -6,6 +6,8 @@
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::Button;
 use onbrick::menu::{StartedBy, Told};
+use onbrick::robot::Channel;
+use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{Kind, Pairing, Refusal, State};
 
 use super::Bench;
@@ -34,7 +36,7 @@ fn happens(bench: &mut Bench, chance: &mut Chance) {
         5 => world.begin("map", "laptop"),
         6 if world.status.run.is_some() => {
             world.status.run = None;
-            world.status.last = Some(last("lost", "lost: the gyro", false));
+            world.status.last = Some(last(StopReason::Lost(Channel::Gyro)));
             world.enter(State::Fault);
         }
         7 => world.pairing = Pairing::Compare { code: "482 915".to_owned(), name: "ÄÖÜ".to_owned() },

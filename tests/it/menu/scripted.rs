@@ -5,7 +5,8 @@ use std::sync::{Mutex, MutexGuard, OnceLock};
 
 use onbrick::clock::{MILLISECOND_NS, SECOND_NS, seconds};
 use onbrick::mapping::{Pose, Range};
-use onbrick::runtime::recording;
+use onbrick::recording;
+use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{
     Answer, Caller, Chosen, Disk, Done, Fetch, Fetched, Kind, LastStop, Live, LiveDevice, LocalOnly,
     MissionInfo, Missions, Operations, Pairing, Refusal, Request, RunId, RunInfo, RunStatus, Runs, Settings,
@@ -70,14 +71,8 @@ pub fn mission(name: &str, findings: Option<&str>) -> MissionInfo {
     }
 }
 
-pub fn last(word: &str, reason: &str, wanted: bool) -> LastStop {
-    LastStop {
-        run: RunId::new("r-12").ok(),
-        mission: "map".to_owned(),
-        word: word.to_owned(),
-        reason: reason.to_owned(),
-        wanted,
-    }
+pub fn last(reason: StopReason) -> LastStop {
+    LastStop::new(RunId::new("r-12").ok(), "map", reason.into())
 }
 
 pub fn run_info(number: u64, mission: &str, end: Option<LastStop>) -> RunInfo {
@@ -125,8 +120,8 @@ impl Default for Scripted {
             },
             runs: Runs {
                 runs: vec![
-                    run_info(12, "map", Some(last("finished", "the mission is finished", true))),
-                    run_info(11, "bump", Some(last("button", "stopped by a button on the brick", true))),
+                    run_info(12, "map", Some(last(StopReason::Finished))),
+                    run_info(11, "bump", Some(last(StopReason::Button))),
                     run_info(9, "map", None),
                 ],
             },
@@ -196,7 +191,7 @@ impl Scripted {
     /// A person presses a button on the brick: the run's own process stops.
     pub fn hand_stop(&self) {
         let mut world = self.world();
-        world.status.last = Some(last("button", "stopped by a button on the brick", true));
+        world.status.last = Some(last(StopReason::Button));
         world.enter(State::Stopping);
     }
 }
@@ -253,10 +248,10 @@ impl World {
         answer(&Started { run: start.run.clone(), repeated: false })
     }
 
-    fn stop(&mut self, word: &str) -> Result<Answer, Refusal> {
-        self.done.push(format!("stop ({word})"));
+    fn stop(&mut self, reason: StopReason) -> Result<Answer, Refusal> {
+        self.done.push(format!("stop ({})", reason.word()));
         if matches!(self.status.state, State::Preparing | State::Running) {
-            self.status.last = Some(last(word, "stopped at the brick", true));
+            self.status.last = Some(last(reason));
             self.enter(State::Stopping);
         }
         answer(&Stopped { run: None, stopped: true })
@@ -301,7 +296,7 @@ impl Operations for Scripted {
             }
             Request::Missions => answer(&world.missions),
             Request::Runs => answer(&world.runs),
-            Request::Stop { .. } => world.stop("remote"),
+            Request::Stop { .. } => world.stop(StopReason::Remote),
             Request::Fetch(fetch) => world.fetch(fetch),
             Request::Start(_) | Request::Identify => panic!("the menu does not ask for this: {request:?}"),
         }

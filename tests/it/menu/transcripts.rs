@@ -5,6 +5,8 @@ use std::fmt::Write as _;
 
 use onbrick::ev3dev::Button;
 use onbrick::menu::StartedBy;
+use onbrick::robot::Channel;
+use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{Kind, Pairing, Refusal, State};
 
 use super::scripted::last;
@@ -119,7 +121,7 @@ fn sessions_at_the_brick_go_as_they_were_written_down() {
     Session::begin(&mut text, "A fault is acknowledged", StartedBy::Boot)
         .happens("a plug is loose", |bench| {
             let mut world = bench.service.world();
-            world.status.last = Some(last("lost", "lost: the range sensor (a plug may be loose)", false));
+            world.status.last = Some(last(StopReason::Lost(Channel::Range)));
             world.enter(State::Fault);
         })
         .keys("r")

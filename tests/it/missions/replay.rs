@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 use onbrick::runtime::{Source, replay, replay_with};
 use onbrick::sim::World;
 
@@ -54,10 +54,10 @@ fn promise_7_a_replay_goes_on_from_the_checkpoint_after_a_gap() {
 }
 
 #[test]
-fn promise_7_a_damaged_stretch_is_a_gap_and_the_rest_replays() {
+fn promise_7_a_damaged_chunk_is_a_gap_and_the_rest_replays() {
     let played = play_in("map", "arena", 2);
     let whole = played.run();
-    // One byte flipped in the middle of the file: its stretch no longer has the sum that its sync says.
+    // One byte flipped in the middle of the file: its chunk no longer has its checksum.
     let mut bytes = played.bytes.clone();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 0x10;
@@ -107,7 +107,7 @@ fn two_processes_make_the_same_bytes() {
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let [first, again] = folders.each_ref().map(|folder| {
         let done = Command::new(env!("CARGO_BIN_EXE_onbrick"))
-            .args(["demo", "--seconds", "30", "--seed", "5", "--out"])
+            .args(["--json", "demo", "--seconds", "30", "--seed", "5", "--out"])
             .arg(folder.path())
             .output()
             .unwrap();

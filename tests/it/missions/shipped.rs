@@ -52,7 +52,11 @@ fn missions_that_drive_about_end_as_intended_in_every_room_and_push_nothing_for_
             let pushing: Vec<f64> = seeds(20)
                 .map(|seed| {
                     let played = play_in(mission, world, seed);
-                    assert!(played.ended.wanted, "{mission} in {world}, seed {seed}: {}", played.ended);
+                    assert!(
+                        played.ended.stop.reason.is_wanted(),
+                        "{mission} in {world}, seed {seed}: {}",
+                        played.ended
+                    );
                     pushing_s(&played)
                 })
                 .collect();
@@ -76,9 +80,9 @@ fn map_drives_for_ten_minutes_and_is_never_stuck() {
             let way_m = played.truths.last().unwrap().travelled_m;
             println!(
                 "map in {world}, seed {seed}: {way_m:.1} m, pushed for {pushing_s:.1} s at most; {}",
-                played.ended.reason
+                played.ended.stop
             );
-            assert!(played.ended.wanted, "{world}, seed {seed}: {}", played.ended);
+            assert!(played.ended.stop.reason.is_wanted(), "{world}, seed {seed}: {}", played.ended);
             assert!(
                 pushing_s < 4.0 && way_m > 12.0,
                 "{world}, seed {seed}: {way_m} m, pushed for {pushing_s} s"
@@ -103,7 +107,7 @@ fn map_looks_round_without_touching_a_wall() {
             run.points.len(),
             near * 100.0
         );
-        assert_eq!(played.ended.word, "finished");
+        assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(run.points.len() > 700, "{} points", run.points.len());
         assert!(near > 0.9, "{near} of the points are near walls");
         assert!(touching_s < 1.0, "touching for {touching_s} s");
@@ -122,7 +126,7 @@ fn bump_backs_off_each_time_and_gets_about() {
         println!(
             "bump {seed}: {bumps} bumps, pushing for {pushing_s:.2} s at most, {way_m:.2} m, {far_m:.2} m away"
         );
-        assert_eq!(played.ended.word, "finished");
+        assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(bumps >= 3, "{bumps} bumps");
         assert!(pushing_s < 1.5, "pushed for {pushing_s} s");
         assert!(way_m > 3.0 && far_m > 0.6, "{way_m} m driven, {far_m} m away at most");
@@ -148,7 +152,7 @@ fn wall_keeps_near_its_wall() {
             near * 100.0,
             found_s
         );
-        assert_eq!(played.ended.word, "finished");
+        assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(near > 0.9, "{near} of the time");
         assert!(way_m > 4.0, "{way_m} m driven");
         // The sensor does not see a wall ahead that the beam meets obliquely; blocked wheels are noticed within a second.
@@ -172,7 +176,7 @@ fn line_stays_on_its_edge_for_a_whole_lap() {
             let last = played.truths.last().unwrap();
             panic!(
                 "line {seed}: no lap, at {last:?} after {:.1} s ({})",
-                played.ended.time_s, played.ended.reason
+                played.ended.time_s, played.ended.stop
             )
         };
         let worst_m = played.truths[settled..lap].iter().map(off_m).fold(0.0, f64::max);
@@ -224,7 +228,7 @@ fn edge_never_falls_off_the_table() {
         println!("edge {seed}: the sensor was over the edge {edges} times");
         assert_eq!(off.map(|tick| tick as f64 * played.tick_s), None, "fell off, at so many seconds");
         assert!(edges >= 3, "{edges} edges");
-        assert_eq!(played.ended.word, "finished");
+        assert_eq!(played.ended.stop.reason.word(), "finished");
     }
 }
 
@@ -238,7 +242,7 @@ fn remote_drives_as_its_buttons_say() {
         .fold(String::new(), |text, line| text + line + "\n");
     for seed in seeds(3) {
         let played = play(|file| job("remote", &robot, ("remote", world), seed, file));
-        assert_eq!(played.ended.word, "finished");
+        assert_eq!(played.ended.stop.reason.word(), "finished");
         // The first press moves the robot; from there on the buttons are at the times that the world's file says.
         let first = played.truths.iter().position(|truth| truth.travelled_m > 0.002).expect("it drives");
         let tick = |pressed_s: f64| first + played.tick_at(pressed_s - 5.0);
@@ -292,7 +296,7 @@ fn square_comes_back_to_its_start() {
             off_m * 100.0,
             played.ended.time_s
         );
-        assert_eq!(played.ended.word, "finished");
+        assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(sides.iter().all(|side_m| (side_m - 1.0).abs() < 0.03), "{sides:?} m");
         // What is left is the gyro's scale: with a deviation of 1 % whole turns come out 4 degrees wrong, and some 8.
         assert!(off_m < 0.15, "ends {off_m} m off");

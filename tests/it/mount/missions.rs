@@ -5,7 +5,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 
 use super::bench::{Mounted, no_fuse, real_time};
 use crate::support::real_time::{Pace, in_real_time};

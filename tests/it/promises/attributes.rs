@@ -52,7 +52,7 @@ fn promise_3_a_call_that_fails_once_or_comes_short_is_got_over() {
         let replayed = replay(&played.run()).unwrap();
         assert!(replayed.is_same(), "call {nth} {trouble:?}: {replayed}");
         tried += 1;
-        assert!(played.tally.travelled_m > 0.1, "call {nth}: {} m", played.tally.travelled_m);
+        assert!(played.ended.travelled_m > 0.1, "call {nth}: {} m", played.ended.travelled_m);
     }
     promised(&format!(
         "{tried} of {calls} attribute calls of a run failed or came short, one a run: every run finished and replays bit for bit"

@@ -4,8 +4,8 @@ use std::process::Command;
 use std::sync::Arc;
 
 use onbrick::clock::MonotonicClock;
+use onbrick::recording::{Level, Run};
 use onbrick::robot::Channel;
-use onbrick::runtime::recording::{Level, Run};
 use onbrick::runtime::{StopReason, replay};
 use onbrick::sim::Pack;
 
@@ -73,9 +73,9 @@ fn promise_6_a_battery_from_8_v_to_5_v_warns_slows_down_and_stops_in_time() {
         let (before, after) = (fastest(&played, 0.0, slow_s - 0.01), fastest(&played, slow_s - 0.01, end_s));
         assert!(after <= before / 2 + 1, "{cells}: {before}, and {after} counts a second when very low");
         // All is on the disk, and the replay thinks the same.
-        assert!(played.recorded.is_ok() && run.integrity.complete && run.ending.is_some());
+        assert!(played.ended.recording.is_none() && run.integrity.complete && run.ending.is_some());
         let replayed = replay(&run).unwrap();
-        assert!(replayed.is_same() && replayed.ticks == played.tally.ticks, "{replayed}");
+        assert!(replayed.is_same() && replayed.ticks == played.ended.ticks, "{replayed}");
         promised(&format!(
             "{cells}: warned at {low_v:.2} V, slowed from {before} to {after} counts/s at {slow_v:.2} V, stopped at {end_v:.2} V, {} ticks replayed bit for bit",
             replayed.ticks

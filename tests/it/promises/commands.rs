@@ -11,7 +11,7 @@ use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::{Access, AttributeFile, StopAction, Tree};
 use onbrick::robot::{LEASE_MS, Robot, RobotConfig};
 
-use crate::ev3dev::fake::{FakeTree, rotary_tables};
+use crate::support::brick::{FakeTree, rotary_tables};
 use crate::support::chance::Chance;
 use crate::support::promised::{long, promised};
 

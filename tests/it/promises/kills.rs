@@ -19,6 +19,7 @@ use self::bench::{
 use crate::foreign::bench::example;
 use crate::mount::bench::{await_or_fail, no_fuse, real_time};
 use crate::support::memory_group::no_memory_groups;
+use crate::support::pass_over;
 use crate::support::promised::{long, promised};
 use crate::support::real_time::come_first;
 
@@ -193,7 +194,12 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
     report("all: last command ended", results.iter().map(|(_, one)| one.commands_ns).collect());
     report("all: at rest", results.iter().map(|(_, one)| one.rest_ns).collect());
     promised(&format!("done again because this machine was starved: {}", starved.into_inner().unwrap()));
-    println!("{} of {kills} judged; the others found this machine too busy each time", results.len());
+    if results.len() < kills {
+        pass_over(&format!(
+            "a processor for {} of {kills} kills: it was starved each time",
+            kills - results.len()
+        ));
+    }
     assert!(!results.is_empty(), "this machine is too busy for a control loop");
     let missed: Vec<_> =
         results.iter().filter(|((trouble, _), measured)| !measured.is_in_time(*trouble)).collect();

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use onbrick::clock::{Clock, MILLISECOND_NS, SECOND_NS, VirtualClock};
+use onbrick::clock::{Clock, MILLISECOND_NS, SECOND_NS, VirtualClock, nanoseconds};
+use onbrick::recording::Run;
 use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
-use onbrick::runtime::recording::Run;
 use onbrick::sim::Truth;
 
 use crate::support::promised::promised;
@@ -145,7 +145,7 @@ fn promise_2_a_loop_that_stalls_stops_and_one_that_is_late_is_counted_and_record
             .play()
             .unwrap();
     assert_eq!(late.reason, StopReason::Finished);
-    assert_eq!((late.tally.overruns, late.tally.latest_ns), (1, 150 * MILLISECOND_NS));
+    assert_eq!((late.ended.overruns, nanoseconds(late.ended.latest_s)), (1, 150 * MILLISECOND_NS));
     let recorded: u32 = late.run().statistics.iter().map(|window| window.overruns).sum();
     assert_eq!(recorded, 1, "it is in the recording");
 
@@ -154,7 +154,7 @@ fn promise_2_a_loop_that_stalls_stops_and_one_that_is_late_is_counted_and_record
             .play()
             .unwrap();
     assert_eq!(stalled.reason, StopReason::Late);
-    assert_eq!(stalled.tally.latest_ns, 201 * MILLISECOND_NS);
+    assert_eq!(nanoseconds(stalled.ended.latest_s), 201 * MILLISECOND_NS);
     assert!(stalled.drove_s < 10.5, "{} s", stalled.drove_s);
     stalled.assert_at_rest("stalled");
 }

@@ -126,11 +126,11 @@ fn judge(seed: u64, stint: &Stint) {
     }
     let run = played.run();
     assert!(run.integrity.damaged.is_empty(), "{what}: {:?}", run.integrity);
-    assert_eq!(run.senses.len() as u64, played.tally.ticks.min(run.senses.len() as u64), "{what}");
+    assert_eq!(run.senses.len() as u64, played.ended.ticks.min(run.senses.len() as u64), "{what}");
     let replayed = replay(&run).unwrap();
     assert!(replayed.is_same(), "{what}: {replayed}");
-    if played.recorded.is_ok() {
-        assert_eq!(replayed.ticks, played.tally.ticks, "{what}: {replayed}");
+    if played.ended.recording.is_none() {
+        assert_eq!(replayed.ticks, played.ended.ticks, "{what}: {replayed}");
     }
 }
 
@@ -153,14 +153,14 @@ fn promise_11_missions_with_random_faults_for_hours_leave_nothing_driving_and_no
     let wanted_s = 3600.0 * hours.unwrap_or(if long() { 24.0 } else { 1.0 / 6.0 });
     let started = std::time::Instant::now();
     let (mut drove_s, mut metres, mut stints, mut faults) = (0.0, 0.0, 0_u64, 0);
-    let mut ends = std::collections::BTreeMap::<&str, u32>::new();
+    let mut ends = std::collections::BTreeMap::<String, u32>::new();
     let mut first = None;
     while drove_s < wanted_s {
         stints += 1;
         let stint = stint(stints);
         judge(stints, &stint);
         drove_s += stint.played.drove_s;
-        metres += stint.played.tally.travelled_m;
+        metres += stint.played.ended.travelled_m;
         faults += stint.played.faults.len();
         *ends.entry(stint.played.reason.word()).or_default() += 1;
         // Whatever is made once is made by then.

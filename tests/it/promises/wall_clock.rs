@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use onbrick::runtime::recording::{Found, Run, walk};
+use onbrick::recording::{Found, Run, walk};
 use onbrick::runtime::replay;
 
 use crate::support::pass_over;
@@ -20,7 +20,7 @@ const ATTEMPTS: u32 = 8;
 /// The log times of all messages, in the order of the file.
 fn stamps(bytes: &[u8]) -> Vec<u64> {
     let mut stamps = Vec::new();
-    walk(bytes, true, &mut |_, found| {
+    walk(bytes, &mut |found| {
         if let Found::Message { header, .. } = found {
             stamps.push(header.log_time);
         }

@@ -9,17 +9,34 @@ use crate::support::pass_over;
 
 /// What the Python decoder makes of a file; `None` where there is no Python with the packages.
 pub(crate) fn python(bytes: &[u8], how: &str) -> Option<serde_json::Value> {
-    let probe = Command::new("python3").args(["-c", "import mcap, mcap_ros2"]).output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        pass_over("python3 with the packages mcap and mcap-ros2-support");
+    read_by(
+        &|| Command::new("python3"),
+        &["-c", "import mcap, mcap_ros2"],
+        "python3 with the packages mcap and mcap-ros2-support",
+        "tests/python/decode.py",
+        bytes,
+        how,
+    )
+}
+
+/// What a script prints of a file; `None` where `probe` says that what it needs is lacking.
+pub(super) fn read_by(
+    command: &dyn Fn() -> Command,
+    probe: &[&str],
+    what: &str,
+    script: &str,
+    bytes: &[u8],
+    how: &str,
+) -> Option<serde_json::Value> {
+    if !command().args(probe).output().is_ok_and(|output| output.status.success()) {
+        pass_over(what);
         return None;
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     std::fs::write(&path, bytes).unwrap();
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/decode.py");
-    let output =
-        Command::new("python3").args([script.as_ref(), path.as_os_str(), how.as_ref()]).output().unwrap();
+    let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(script);
+    let output = command().arg(script).arg(&path).arg(how).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Some(serde_json::from_slice(&output.stdout).unwrap())
 }
@@ -60,8 +77,15 @@ fn an_independent_decoder_reads_every_message_by_its_own_definition() {
     assert_eq!(odometry["header"]["frame_id"], "odom");
     assert_eq!(odometry["child_frame_id"], "base_link");
     assert_eq!(odometry["header"]["stamp"], serde_json::json!({"sec": 1_700_000_000, "nanosec": 1_000}));
-    assert_eq!(odometry["pose"]["covariance"][5], 3e-6);
-    assert_eq!(odometry["pose"]["covariance"][35], 6e-3);
+    // The estimator's own, and what a start 1 cm and 1° off makes of where it is by now.
+    let rad2 = libm::pow(1_f64.to_radians(), 2.0);
+    let covariance = |place: usize| odometry["pose"]["covariance"][place].as_f64().unwrap();
+    assert!((covariance(5) - (3e-6 - 0.2 * rad2)).abs() < 1e-12, "{}", covariance(5));
+    assert!((covariance(35) - (6e-3 + rad2)).abs() < 1e-12, "{}", covariance(35));
+    let [forward, turn] = tick(0).estimate.speed_variances();
+    assert_eq!(odometry["twist"]["covariance"][0], forward);
+    assert_eq!(odometry["twist"]["covariance"][35], turn);
+    assert!(forward > 1e-6 && turn > 1e-3);
     assert_eq!(odometry["twist"]["twist"]["linear"]["x"], 0.05);
     let transforms = &topics["/tf"]["first"]["transforms"];
     assert_eq!(transforms[1]["header"]["frame_id"], "base_link");

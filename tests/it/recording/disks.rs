@@ -5,8 +5,8 @@ use std::io;
 use std::sync::{Arc, Condvar, Mutex};
 
 use onbrick::clock::{Clock, MonotonicClock};
+use onbrick::recording::{Options, Pace, RecordError, Recorder, Run, Sink};
 use onbrick::robot::Senses;
-use onbrick::runtime::recording::{Options, Pace, RecordError, Recorder, Run, Sink};
 
 use super::sample::{Memory, PERIOD_NS, end, options, put, sample, start, tick};
 
@@ -40,9 +40,13 @@ impl Sink for SlowDisk {
 fn promise_7_a_slow_disk_never_holds_up_the_tick_and_its_gap_is_named() {
     let disk = SlowDisk::default();
     disk.set(true);
-    let (recorder, mut side) =
-        Recorder::start(Box::new(disk.clone()), start(Pace::Real), options(PERIOD_NS, 16), Box::new(|_| {}))
-            .unwrap();
+    let (recorder, mut side) = Recorder::start::<()>(
+        Box::new(disk.clone()),
+        start(Pace::Real),
+        options(PERIOD_NS, 16),
+        Box::new(|_| {}),
+    )
+    .unwrap();
     disk.set(false);
     // The disk hangs at the first sync; far more is put than the ring holds. That this returns at all is the point.
     (0..500).for_each(|number| side.tick(&tick(number)));
@@ -65,12 +69,16 @@ fn promise_7_a_slow_disk_never_holds_up_the_tick_and_its_gap_is_named() {
 #[test]
 fn promise_7_what_no_tick_follows_is_synced_all_the_same() {
     let memory = Memory::default();
-    let (recorder, mut side) =
-        Recorder::start(Box::new(memory.clone()), start(Pace::Real), Options::default(), Box::new(|_| {}))
-            .unwrap();
+    let (recorder, mut side) = Recorder::start::<()>(
+        Box::new(memory.clone()),
+        start(Pace::Real),
+        Options::default(),
+        Box::new(|_| {}),
+    )
+    .unwrap();
     (0..5).for_each(|number| side.tick(&tick(number)));
     let deadline_ns = MonotonicClock.now_ns() + 20_000_000_000;
-    let synced = || Run::read_checked(&memory.bytes()).unwrap().senses.len();
+    let synced = || Run::read(&memory.bytes()).unwrap().senses.len();
     while synced() < 5 {
         assert!(MonotonicClock.now_ns() < deadline_ns, "{} of 5 ticks are synced", synced());
         MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20_000_000);
@@ -136,7 +144,7 @@ fn promise_7_a_full_disk_stops_the_recording_with_one_message_and_keeps_what_was
 #[test]
 fn promise_7_a_disk_that_cannot_sync_is_seen_by_the_tick() {
     let disk = FailingDisk { memory: Memory::default(), room: usize::MAX, syncs: 2 };
-    let (recorder, mut side) = Recorder::start(
+    let (recorder, mut side) = Recorder::start::<()>(
         Box::new(disk.clone()),
         start(Pace::Virtual),
         options(100_000_000, 16),
@@ -160,6 +168,7 @@ fn promise_7_a_disk_that_cannot_sync_is_seen_by_the_tick() {
 fn promise_7_a_disk_that_fails_at_once_is_known_before_anything_moves() {
     let disk = FailingDisk { memory: Memory::default(), room: 10, syncs: 9 };
     let error =
-        Recorder::start(Box::new(disk), start(Pace::Real), Options::default(), Box::new(|_| {})).unwrap_err();
+        Recorder::start::<()>(Box::new(disk), start(Pace::Real), Options::default(), Box::new(|_| {}))
+            .unwrap_err();
     assert_eq!(error.source.kind(), io::ErrorKind::StorageFull, "{error:?}");
 }

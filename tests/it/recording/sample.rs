@@ -6,12 +6,12 @@ use std::sync::{Arc, Mutex};
 use onbrick::behavior::{MachineState, Taken};
 use onbrick::ev3dev::Technology;
 use onbrick::mapping::{Estimate, MapPoint, Pose, Range};
-use onbrick::robot::{Channel, Senses};
-use onbrick::runtime::PilotState;
-use onbrick::runtime::recording::{
+use onbrick::recording::{
     End, Grid, Level, MachineNames, Options, Pace, RangeSensor, Recorder, Sink, Start, StateNames,
     TickRecord, TickSide,
 };
+use onbrick::robot::{Channel, Senses};
+use onbrick::runtime::{PilotState, StopReason};
 
 pub(crate) const PERIOD_NS: i64 = 20_000_000;
 
@@ -147,7 +147,7 @@ pub(crate) fn taken(number: u64) -> Taken {
     }
 }
 
-pub(crate) fn put(side: &mut TickSide, number: u64) {
+pub(crate) fn put(side: &mut TickSide<PilotState>, number: u64) {
     let record = tick(number);
     let time_ns = record.senses.time_ns;
     if number.is_multiple_of(25) && number > 0 {
@@ -177,7 +177,7 @@ pub(crate) fn grid() -> Grid {
 
 pub(crate) fn end(ticks: u64) -> End {
     End {
-        reason: "finished".to_owned(),
+        stop: StopReason::Finished.into(),
         time_ns: tick(ticks).senses.time_ns,
         truth: Some(Pose { x_m: 0.5, y_m: 0.25, heading_rad: -0.125 }),
         map: Some(grid()),
@@ -203,17 +203,32 @@ pub(crate) fn sample(ticks: u64, sync_period_ns: i64) -> Vec<u8> {
     memory.bytes()
 }
 
-/// Where each record of a file ends, and whether it is a message or a sync.
-pub(crate) fn records(bytes: &[u8]) -> Vec<(usize, u8)> {
-    let mut at = 8;
-    let mut ends = Vec::new();
-    while let Some(head) = bytes.get(at..at + 9) {
+/// Where the chunks of a file are, and how many messages each has.
+pub(crate) fn chunks(bytes: &[u8]) -> Vec<(std::ops::Range<usize>, u64)> {
+    const MESSAGE: u8 = 0x05;
+    const CHUNK: u8 = 0x06;
+    const HEAD: usize = 9 + 8 + 8 + 8 + 4 + 4 + 8;
+    records(&bytes[8..])
+        .into_iter()
+        .filter(|(_, opcode)| *opcode == CHUNK)
+        .map(|(place, _)| place.start + 8..place.end + 8)
+        .map(|place| {
+            let inside = records(&bytes[place.start + HEAD..place.end]);
+            (place, inside.iter().filter(|(_, opcode)| *opcode == MESSAGE).count() as u64)
+        })
+        .collect()
+}
+
+/// Where records lie, and what they are, up to the data's end.
+fn records(bytes: &[u8]) -> Vec<(std::ops::Range<usize>, u8)> {
+    const DATA_END: u8 = 0x0f;
+    let mut at = 0;
+    let mut records = Vec::new();
+    while let Some(head) = bytes.get(at..at + 9).filter(|head| head[0] != DATA_END) {
         let length = u64::from_le_bytes(head[1..].try_into().unwrap());
-        at += 9 + usize::try_from(length).unwrap();
-        ends.push((at, head[0]));
-        if head[0] == 0x0f {
-            break;
-        }
+        let end = at + 9 + usize::try_from(length).unwrap();
+        records.push((at..end, head[0]));
+        at = end;
     }
-    ends
+    records
 }

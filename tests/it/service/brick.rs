@@ -4,8 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use onbrick::clock::MonotonicClock;
+use onbrick::recording::Run;
 use onbrick::runtime::HardwareLock;
-use onbrick::runtime::recording::Run;
+use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{Kind, Live, LocalOnly, Request, State};
 
 use super::{Served, id, refused_as, short, start};
@@ -86,7 +87,7 @@ fn onbrick_run_goes_through_the_service_and_brings_the_recording() {
     assert_eq!((&last["event"], &last["word"]), (&"ended".into(), &"finished".into()), "{last}");
     let info = served.runs().remove(0);
     let copy = folder.path().join("o/run.mcap");
-    assert_eq!(Run::open(&copy).unwrap().ending.unwrap().reason, "the mission is finished");
+    assert_eq!(Run::open(&copy).unwrap().ending.unwrap().stop.to_string(), "the mission is finished");
     let kept = served.path("runs").join(info.run.as_str()).join("run.mcap");
     assert!(std::fs::read(&copy).unwrap() == std::fs::read(kept).unwrap());
     assert_eq!(info.mission, "short");
@@ -139,8 +140,8 @@ fn on_the_mounted_brick_the_lights_follow_the_state_and_a_button_ends_the_run() 
     mounted.simulation.release(0, enter).unwrap();
     let last = last.unwrap();
     // On a machine under load it may have been late before the button.
-    assert!(["button", "late"].contains(&last.word.as_str()), "{last:?}");
-    if last.word == "button" {
+    assert!([StopReason::Button, StopReason::Late].contains(&last.stop.reason), "{last:?}");
+    if last.stop.reason == StopReason::Button {
         await_or_fail("green for stopped", || led("green") && !led("red"));
     } else {
         await_or_fail("red for a fault", || !led("green") && led("red"));

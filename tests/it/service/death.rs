@@ -2,7 +2,7 @@
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use onbrick::runtime::recording::{Run, Status, writer};
+use onbrick::recording::{Run, Status, writer};
 use onbrick::service::protocol::{State, Stopped};
 
 use super::{Served, id, start};
@@ -15,7 +15,7 @@ fn a_service_that_is_told_to_end_stops_the_run_first() {
     let run = served.drive("straight");
     assert_eq!(served.end(), Some(0));
     let recorded = Run::open(&served.path("runs").join(run.as_str()).join("run.mcap")).unwrap();
-    assert_eq!(recorded.ending.expect("its recording is whole").reason, "stopped by a signal");
+    assert_eq!(recorded.ending.expect("its recording is whole").stop.to_string(), "stopped by a signal");
     assert!(!served.path("socket").exists(), "the door is closed");
 }
 
@@ -27,9 +27,12 @@ fn a_killed_services_run_stops_and_the_next_service_knows_how() {
     // It may have come while the run was still ending.
     await_that("the run is over", || served.status().run.is_none());
     let last = served.status().last.unwrap();
-    assert_eq!((last.word.as_str(), last.wanted, last.run.as_ref()), ("abandoned", false, Some(&run)));
+    assert_eq!(
+        (last.stop.reason.word().as_str(), last.is_wanted(), last.run.as_ref()),
+        ("abandoned", false, Some(&run))
+    );
     let info = served.runs().into_iter().find(|info| info.run == run).unwrap();
-    assert_eq!(info.end.unwrap().word, "abandoned");
+    assert_eq!(info.end.unwrap().stop.reason.word(), "abandoned");
     assert!(served.start(run.as_str(), "straight").repeated, "its identifier is remembered");
 }
 
@@ -66,9 +69,12 @@ fn a_run_that_goes_on() {
     assert_eq!(writer(&file).unwrap(), None);
     await_that("its end is noted", || served.status().run.is_none());
     let last = served.status().last.unwrap();
-    assert_eq!((last.word.as_str(), last.wanted, last.run.as_ref()), ("here", true, Some(&run)));
+    assert_eq!(
+        (last.stop.reason.word().as_str(), last.is_wanted(), last.run.as_ref()),
+        ("here", true, Some(&run))
+    );
     assert!(served.runs()[0].end.is_some());
-    assert_eq!(Run::open(&file).unwrap().ending.unwrap().reason, "stopped on the brick");
+    assert_eq!(Run::open(&file).unwrap().ending.unwrap().stop.to_string(), "stopped on the brick");
 }
 
 #[test]
@@ -81,7 +87,7 @@ fn a_run_that_is_killed_is_a_fault_and_after_a_crash_of_everything_it_is_listed_
     kill(Pid::from_raw(driver), Signal::SIGKILL).unwrap();
     await_that("the fault is seen", || served.status().state == State::Fault);
     let last = served.status().last.unwrap();
-    assert!(!last.wanted && last.run == Some(run.clone()), "{last:?}");
+    assert!(!last.is_wanted() && last.run == Some(run.clone()), "{last:?}");
     served.own::<serde_json::Value>(&onbrick::service::protocol::LocalOnly::Acknowledge);
     assert_eq!(served.status().state, State::Ready);
 

@@ -2,6 +2,7 @@
 
 use std::process::Command;
 
+use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{Kind, LocalOnly, State};
 
 use super::{Served, folder, refused_as, start};
@@ -28,8 +29,8 @@ fn a_disk_that_fills_up_ends_the_run_as_a_fault_that_says_so() {
     served.own::<serde_json::Value>(&LocalOnly::StartHere(start("r", "straight")));
     await_that("the fault is seen", || served.status().state == State::Fault);
     let last = served.status().last.unwrap();
-    assert_eq!((last.word.as_str(), last.wanted), ("recording", false), "{last:?}");
-    assert!(last.reason.contains("File too large"), "{}", last.reason);
+    assert_eq!((last.stop.reason.word().as_str(), last.is_wanted()), ("recording", false), "{last:?}");
+    assert!(last.to_string().contains("File too large"), "{}", last.to_string());
     assert!(served.runs()[0].bytes > 10_000, "what was written before is kept");
 }
 
@@ -62,7 +63,10 @@ fn a_disk_that_is_too_small_or_read_only_is_a_fault_and_every_start_says_why() {
         let status = served.status();
         assert_eq!(status.state, State::Fault, "{options}: {status:?}");
         let last = status.last.unwrap();
-        assert!(last.word == "disk" && last.reason.contains(part), "{options}: {last:?}");
+        assert!(
+            last.stop.reason == StopReason::Disk && last.to_string().contains(part),
+            "{options}: {last:?}"
+        );
         let refusal = served.own_refused(&LocalOnly::StartHere(start("r", "short")));
         refused_as(&refusal, kind, part);
         assert_eq!((served.runs().len(), served.status().run), (0, None), "{options}");

@@ -5,7 +5,7 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixDatagram, UnixStream};
 use std::time::Duration;
 
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 use onbrick::service::client::Client;
 use onbrick::service::protocol::{Kind, MAX_REQUEST_BYTES, Outcome, Reply, Request, State, Status};
 
@@ -70,9 +70,12 @@ fn a_stop_says_whether_it_was_the_menus_or_a_programs() {
             assert_eq!(served.status().run.unwrap().by, if is_menu { "menu" } else { "here" });
             served.stop();
             let last = served.await_state(State::Stopped).last.unwrap();
-            assert_eq!((last.word.as_str(), last.wanted, last.reason.as_str()), ("here", true, who));
+            assert_eq!(
+                (last.stop.reason.word().as_str(), last.is_wanted(), last.to_string().as_str()),
+                ("here", true, who)
+            );
             let recorded = Run::open(&served.path("runs").join(run.as_str()).join("run.mcap")).unwrap();
-            assert_eq!(recorded.ending.unwrap().reason, "stopped on the brick");
+            assert_eq!(recorded.ending.unwrap().stop.to_string(), "stopped on the brick");
         }
     });
 }

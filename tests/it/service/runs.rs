@@ -2,7 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
+use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{
     Chosen, Done, Fetch, Kind, LocalOnly, Missions, Request, Settings, SettingsChange, Start, State, Stopped,
 };
@@ -34,8 +35,8 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     assert!(took < Duration::from_secs(2), "the motors are told at the next tick: {took:?}");
     let status = served.await_state(State::Stopped);
     let last = status.last.unwrap();
-    assert_eq!((last.word.as_str(), last.wanted, last.run), ("here", true, Some(run.clone())));
-    assert!(last.reason.ends_with("(here)"), "it says who: {}", last.reason);
+    assert_eq!((last.stop.reason, last.is_wanted(), last.run.as_ref()), (StopReason::Here, true, Some(&run)));
+    assert!(last.to_string().ends_with("(here)"), "it says who: {last}");
 
     let (bytes, hash) = served.fetch_all(&run);
     let file = served.path("runs").join(run.as_str()).join("run.mcap");
@@ -46,7 +47,7 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
         "the hash is the one that others compute"
     );
     let recorded = Run::open(&file).unwrap();
-    assert_eq!(recorded.ending.unwrap().reason, "stopped on the brick");
+    assert_eq!(recorded.ending.unwrap().stop.to_string(), "stopped on the brick");
     let info = served.runs().into_iter().find(|info| info.run == run).unwrap();
     assert!(info.fetched && !info.going_on && info.bytes == bytes.len() as u64, "{info:?}");
     assert_eq!(served.stop(), Stopped { run: None, stopped: true }, "nothing runs");
@@ -59,7 +60,7 @@ fn a_mission_finishes_by_itself_within_the_time_limit_that_was_set_and_its_ident
     assert_eq!(served.own::<Settings>(&LocalOnly::SetSettings(limit)).time_limit_s, Some(1.0));
     served.drive("straight");
     let last = served.await_state(State::Stopped).last.unwrap();
-    assert_eq!((last.word.as_str(), last.wanted), ("time limit", true));
+    assert_eq!((last.stop.reason.word().as_str(), last.is_wanted()), ("time limit", true));
     let none = SettingsChange { time_limit_s: Some(0.0), ..SettingsChange::default() };
     served.own::<Settings>(&LocalOnly::SetSettings(none));
 
@@ -76,7 +77,7 @@ fn a_mission_finishes_by_itself_within_the_time_limit_that_was_set_and_its_ident
     served.own::<serde_json::Value>(&LocalOnly::StartHere(carried));
     let last = served.await_state(State::Stopped).last.unwrap();
     assert_eq!(
-        (last.word.as_str(), last.mission.as_str(), last.run),
+        (last.stop.reason.word().as_str(), last.mission.as_str(), last.run),
         ("finished", "short", Some(id("carried")))
     );
     let run = served.runs().remove(0);
@@ -128,7 +129,7 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     crate::support::turning_brick::await_that("the fault is seen", || served.status().state == State::Fault);
     let status = served.status();
     assert!(status.robot.unwrap().contains("robot.toml:1"));
-    assert_eq!(status.last.unwrap().word, "robot");
+    assert_eq!(status.last.unwrap().stop.reason.word(), "robot");
     std::fs::remove_file(served.path("robot.toml")).unwrap();
     crate::support::turning_brick::await_that("it is over", || served.status().state == State::Ready);
 }
@@ -143,7 +144,10 @@ fn the_run_ends_with_the_menu_where_the_configuration_says_so() {
         drop(menu);
         if stops {
             let last = served.await_state(State::Stopped).last.unwrap();
-            assert_eq!((last.word.as_str(), last.wanted, last.run), ("menu closed", true, Some(run)));
+            assert_eq!(
+                (last.stop.reason.word().as_str(), last.is_wanted(), last.run),
+                ("menu closed", true, Some(run))
+            );
         } else {
             let before = served.status().run.unwrap().progress.map_or(0, |progress| progress.tick);
             crate::support::turning_brick::await_that("it drives on", || {

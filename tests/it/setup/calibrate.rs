@@ -1,7 +1,9 @@
 //! `calibrate`: from wrong numbers to within 2 % of the true ones.
 
 use super::*;
-use onbrick::runtime::{ApplyError, CalibrateError, CalibrateOptions, Calibration, Straight, calibrate};
+use onbrick::commissioning::{
+    ApplyError, CalibrateError, CalibrateOptions, Calibration, Straight, calibrate,
+};
 use onbrick::sim::{Button, Fault, Port};
 
 use crate::support::seeds;

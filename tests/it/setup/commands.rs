@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use super::*;
-use crate::support::plain_brick;
+use crate::support::brick::shipped_brick;
 
 /// What a person would type for the seed's robot on a brick where nothing moves: name, ready, three motors, measures.
 const ANSWERS: &str = "tester\nyes\n1\nforwards\n\nback\n\n\n12 36\n0,2\n\n0.06\n";
@@ -25,7 +25,7 @@ fn says(output: &Output) -> String {
 #[test]
 fn setup_writes_a_file_from_answers_and_never_over_one_that_is_there() {
     let folder = tempfile::tempdir().unwrap();
-    plain_brick::write("open", &folder.path().join("brick"));
+    shipped_brick().write(&folder.path().join("brick"));
     std::fs::write(folder.path().join("answers"), ANSWERS).unwrap();
     let setup = ["setup", "--brick", "brick", "--answers", "answers"];
 
@@ -52,7 +52,7 @@ fn setup_writes_a_file_from_answers_and_never_over_one_that_is_there() {
 #[test]
 fn an_input_that_ends_refuses_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    plain_brick::write("open", &folder.path().join("brick"));
+    shipped_brick().write(&folder.path().join("brick"));
     let ended = onbrick(folder.path(), &["setup", "--brick", "brick"]);
     assert_eq!(ended.status.code(), Some(3), "{}", says(&ended));
     assert!(says(&ended).contains("the input has ended"), "{}", says(&ended));
@@ -62,7 +62,7 @@ fn an_input_that_ends_refuses_and_writes_nothing() {
 #[test]
 fn calibrate_refuses_a_robot_that_is_not_ready_and_leaves_its_file() {
     let folder = tempfile::tempdir().unwrap();
-    plain_brick::write("open", &folder.path().join("brick"));
+    shipped_brick().write(&folder.path().join("brick"));
     std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT.replace("outD", "outC")).unwrap();
     let refused = onbrick(folder.path(), &["calibrate", "--brick", "brick"]);
     assert_eq!(refused.status.code(), Some(3), "{}", says(&refused));
@@ -75,7 +75,7 @@ fn calibrate_refuses_a_robot_that_is_not_ready_and_leaves_its_file() {
 #[test]
 fn doctor_reports_for_people_and_for_programs_and_its_exit_code_tells() {
     let folder = tempfile::tempdir().unwrap();
-    plain_brick::write("open", &folder.path().join("brick"));
+    shipped_brick().write(&folder.path().join("brick"));
     for motor in 0..3 {
         // Nothing is going to turn here, so the motors can say that they stand still.
         std::fs::write(folder.path().join(format!("brick/sys/class/tacho-motor/motor{motor}/state")), "\n")

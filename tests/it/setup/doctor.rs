@@ -4,7 +4,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 
 use super::*;
-use onbrick::runtime::{Diagnosis, HardwareLock, Patient, Verdict, examine};
+use onbrick::commissioning::{Diagnosis, Patient, Verdict, examine};
+use onbrick::runtime::HardwareLock;
 use onbrick::sim::{Fault, Port};
 
 /// 2026, for a clock that stands right.

@@ -2,9 +2,10 @@
 
 use std::error::Error;
 
+use onbrick::commissioning::{ApplyError, CalibrateError, Doubt, EditError, NoAnswer, SetupError};
+use onbrick::document::save::SaveError;
 use onbrick::robot::Channel;
-use onbrick::runtime::save::SaveError;
-use onbrick::runtime::{ApplyError, CalibrateError, Doubt, EditError, NoAnswer, NotReady, SetupError};
+use onbrick::runtime::NotReady;
 
 #[test]
 fn every_message_says_what_is_wrong_in_one_style() {

@@ -1,7 +1,7 @@
 //! `setup`: a person says what they see, and the file is right.
 
 use super::*;
-use onbrick::runtime::{SetupError, setup};
+use onbrick::commissioning::{SetupError, setup};
 use onbrick::sim::Written;
 
 /// Sees what truly moves, and answers so; everything else is left at its default.

@@ -11,7 +11,7 @@ use std::time::Duration;
 use nix::errno::Errno;
 use onbrick::clock::Clock;
 use onbrick::ev3dev::{Access, AttributeFile, Tree};
-use onbrick::runtime::recording::Sink;
+use onbrick::recording::Sink;
 
 /// How a call goes wrong.
 #[derive(Debug, Clone)]

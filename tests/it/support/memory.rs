@@ -3,7 +3,7 @@
 use std::io;
 use std::sync::{Arc, Mutex};
 
-use onbrick::runtime::recording::Sink;
+use onbrick::recording::Sink;
 
 /// Clones are handles on the same file.
 #[derive(Debug, Clone, Default)]

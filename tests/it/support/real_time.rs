@@ -1,16 +1,20 @@
-//! Scenarios in real time: one test at a time, ahead of others at the processor, and judged only by a machine that kept time.
+//! Scenarios in real time: one test at a time, ahead of others at the processor, and judged only by
+//! a machine that kept time.
 //!
-//! A program that sleeps, polls and drives on the wall's clock is late where the machine gives the processor to others, and a robot goes on rolling
-//! meanwhile. So what depends on time is not asserted but said to a [`Pace`], which takes it as a failure only if neither the scenario nor its
-//! processes had to wait for a processor. Otherwise the scenario is played again.
+//! A program that sleeps, polls and drives on the wall's clock is late where the machine gives the
+//! processor to others, and a robot goes on rolling meanwhile. So what depends on time is not
+//! asserted but said to a [`Pace`], which takes it as a failure only if neither the scenario nor
+//! its processes had to wait for a processor. Otherwise the scenario is played again, and in the
+//! end passed over ([`pass_over`]).
 //!
-//! What does not depend on time is asserted as everywhere, and fails at once. A test whose every assertion depends on processes that keep time is
-//! played [`patiently`].
+//! What does not depend on time is asserted as everywhere, and fails at once. A test whose every
+//! assertion depends on processes that keep time is played [`patiently`].
 //!
 //! # What we count on
 //!
 //! - `/proc/PID/task/TID/schedstat`: the nanoseconds that a thread was ready to run and did not.
-//! - `/proc/stat`: what a hypervisor took. Where either is missing, what this process oversleeps has to do.
+//! - `/proc/stat`: what a hypervisor took. Where either is missing, what this process oversleeps
+//!   has to do.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -30,8 +34,9 @@ use thread_priority::{
 
 use super::pass_over;
 
-/// A machine is starved that kept a thread of the scenario waiting for more than this in a [`WINDOW_NS`]. What a scenario allows in time and way
-/// must be more than what comes of such a wait.
+/// A machine is starved that kept a thread of the scenario waiting for more than this in a
+/// [`WINDOW_NS`]. What a scenario allows in time and way must be more than what comes of such a
+/// wait.
 const MOST_WAIT_NS: i64 = 20 * MILLISECOND_NS;
 const WINDOW_NS: i64 = 100 * MILLISECOND_NS;
 
@@ -44,11 +49,13 @@ const NAP_NS: i64 = 5 * MILLISECOND_NS;
 /// A scenario is played so often before it is left without a judgement.
 const ATTEMPTS: usize = if QEMU { 3 } else { 5 };
 
-/// A program that runs on QEMU's user mode keeps no time: what it does for the first time is translated first, which takes it up to half a second
-/// beside others, and a loop that is so late ends its run, as it should.
+/// A program that runs on QEMU's user mode keeps no time: what it does for the first time is
+/// translated first, which takes it up to half a second beside others, and a loop that is so late
+/// ends its run, as it should.
 const QEMU: bool = cfg!(target_arch = "arm");
 
-/// A tick of the counters in `/proc/stat`: USER_HZ is 100 on every machine that Linux runs on today.
+/// A tick of the counters in `/proc/stat`: USER_HZ is 100 on every machine that Linux runs on
+/// today.
 const STAT_TICK_NS: i64 = 10 * MILLISECOND_NS;
 
 /// Keeps those tests apart that take all the machine has, or that need their share of it in time.
@@ -57,7 +64,8 @@ pub fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Threads that are started from now on by this one come before what else this machine does, where that is permitted.
+/// Threads that are started from now on by this one come before what else this machine does, where
+/// that is permitted.
 pub fn come_first() -> bool {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let priority = ThreadPriority::Crossplatform(ThreadPriorityValue::try_from(5).unwrap());
@@ -81,11 +89,12 @@ pub fn in_real_time(name: &str, scenario: impl Fn(&Pace)) {
             Judgement::Starved => println!("{how}: attempt {attempt} is not judged:\n{all}"),
         }
     }
-    println!("{name}: no judgement; the machine was starved {ATTEMPTS} times");
+    pass_over(&format!("a processor for {name}: it was starved {ATTEMPTS} times"));
 }
 
-/// Plays a test whose processes must keep time, again where it fails on a machine that starved this process or those that it started. The last
-/// attempt counts, whatever the machine did; on QEMU's user mode, which starves them by itself, the test is passed over instead.
+/// Plays a test whose processes must keep time, again where it fails on a machine that starved this
+/// process or those that it started. The last attempt counts, whatever the machine did; on QEMU's
+/// user mode, which starves them by itself, the test is passed over instead.
 ///
 /// # Panics
 ///
@@ -269,7 +278,8 @@ impl Counters {
         Self { threads, stolen_ns: field(Path::new("/proc/stat"), 9).unwrap_or(0) * STAT_TICK_NS }
     }
 
-    /// The longest wait since then. A thread that is new may have waited for all that it has counted.
+    /// The longest wait since then. A thread that is new may have waited for all that it has
+    /// counted.
     fn since(&self, before: &Self) -> i64 {
         let waited = self.threads.iter().map(|(thread, ns)| ns - before.threads.get(thread).unwrap_or(&0));
         waited.max().unwrap_or(0).max(self.stolen_ns - before.stolen_ns)
@@ -311,7 +321,8 @@ fn a_process_that_waits_for_a_processor_is_found_out() {
     let (mut first, mut second) = (pinned(spin), pinned(spin));
     let (complaints, waited_ns) = play(|pace| {
         pace.watch(&second);
-        // The window in which it came to be watched, the next, which counts it from its beginning, and room for a watch that is late itself.
+        // The window in which it came to be watched, the next, which counts it from its beginning,
+        // and room for a watch that is late itself.
         MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 10 * WINDOW_NS);
         pace.ensure(false, || "late".to_owned());
     });

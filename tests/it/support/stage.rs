@@ -1,17 +1,19 @@
 //! A whole run in this process, in virtual time, with every layer open to faults: the brick's devices (scenario), its files and the
 //! recording's (plans).
 
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
-use onbrick::ev3dev::{Access, StopAction, Technology, Tree};
-use onbrick::mapping::{Method, Pose};
-use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
-use onbrick::runtime::recording::{
-    End, MachineNames, Options, Pace, RecordError, Recorder, Run, Start, StateNames,
+use onbrick::ev3dev::{Access, Tree};
+use onbrick::mapping::Pose;
+use onbrick::recording::{Pace, Run};
+use onbrick::robot::DEFAULT_ROBOT;
+use onbrick::runtime::{
+    Brick, Ended, Environment, Event, Heartbeat, Job, Lock, Refused, Source, StopFlags, StopReason,
+    WhenAbandoned, execute,
 };
-use onbrick::runtime::{Control, Heartbeat, Pilot, StopFlags, StopReason, Tally, prepare};
 use onbrick::sim::{Observer, Pack, Scenario, Simulation, Truth, World, WorldPhysics, Written};
 
 use super::faulty::{FaultySink, FaultyTree, Plan};
@@ -75,14 +77,15 @@ impl Play {
     }
 
     /// Plays to the end, and one second more so that leases run out.
-    pub fn play(self) -> Result<Played, RecordError> {
+    pub fn play(self) -> Result<Played, Refused> {
         self.play_on(MemoryDisk::default())
     }
 
-    /// As [`play`](Self::play), on a disk that somebody else sees as well.
-    pub fn play_on(self, disk: MemoryDisk) -> Result<Played, RecordError> {
+    /// As [`play`](Self::play), on a disk that the test sees as well.
+    pub fn play_on(self, disk: MemoryDisk) -> Result<Played, Refused> {
         let clock = (self.seen_clock)(Arc::clone(&self.clock));
-        let physics = WorldPhysics::new(World::named(&self.world).unwrap(), 1, self.seed).unwrap();
+        let world = World::named(&self.world).unwrap();
+        let physics = WorldPhysics::new(world, 1, self.seed).unwrap();
         let observer = physics.observer();
         let simulation = Simulation::with_options(
             self.clock.clone(),
@@ -93,59 +96,41 @@ impl Play {
         self.attributes.rest();
         let tree: Arc<dyn Tree> =
             Arc::new(FaultyTree { tree: simulation.brick(0), plan: self.attributes.clone() });
-        let (config, _) = RobotConfig::load("robot.toml", self.robot_toml.as_bytes()).unwrap();
-        let text = self.mission_toml.as_bytes();
-        let (mut mission, _) = Mission::parse("mission.toml", text, &config.capabilities()).unwrap();
-        for (name, value) in &self.settings {
-            mission.set(name, *value).unwrap();
-        }
-        let mut robot = Robot::bind(&tree, &config, mission.roles()).unwrap();
-        let config = robot.config().clone();
-        let flags = StopFlags::default();
-        prepare(&mut robot, &*clock, &flags, false, |_| {}).unwrap();
         let start = observer.truth(0).unwrap();
-        let start = Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad };
-        let mut pilot = Pilot::new(&config, &mission, Method::Default, start).unwrap();
-        let sink = FaultySink { sink: disk.clone(), plan: self.records.clone() };
-        let options = Options { sync_period_ns: self.sync_ns, ..Options::default() };
-        let known = self.known(&mission, start, config.battery.cells);
-        let (recorder, mut tick_side) = Recorder::start(Box::new(sink), known, options, Box::new(|_| {}))?;
-        simulation.play(&self.scenario);
-        simulation.record_writes(self.journal);
-        self.attributes.wake();
-        let began_ns = clock.now_ns();
-        let truths = Arc::default();
-        let mut control = Control {
-            robot: &mut robot,
-            pilot: &mut pilot,
-            recorder: &mut tick_side,
-            clock: &*clock,
-            flags: &flags,
-            heartbeat: &mut Witness { observer, truths: Arc::clone(&truths) },
-            guard: None,
-            period_ns: SECOND_NS / i64::from(mission.rate_hz()),
-            tally: Tally::default(),
+        let (sink, plan) = (disk.clone(), self.records.clone());
+        let environment = Environment {
+            pace: Pace::Virtual,
+            wall_offset_ns: Some(self.wall_offset_ns),
+            seed: Some(self.seed),
+            create: Box::new(move |_| Ok(Box::new(FaultySink { sink: sink.clone(), plan: plan.clone() }))),
+            ..Environment::new(tree, Arc::clone(&clock))
         };
-        let reason = control.drive();
-        let tally = control.tally;
-        robot.stop(StopAction::Brake);
-        let drove_ns = clock.now_ns() - began_ns;
-        let end = End {
-            reason: reason.to_string(),
-            time_ns: tally.time_ns,
-            truth: None,
-            map: Some(pilot.map().grid().into()),
+        let job = self.job(Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
+        let truths: Arc<Mutex<Vec<Truth>>> = Arc::default();
+        let began_ns = Arc::new(AtomicI64::new(0));
+        let ended = {
+            let (simulation, clock, began_ns) = (simulation.clone(), clock.clone(), Arc::clone(&began_ns));
+            let (scenario, journal, attributes) =
+                (self.scenario.clone(), self.journal, self.attributes.clone());
+            let report = move |event: &Event| {
+                if matches!(event, Event::Driving { .. }) {
+                    simulation.play(&scenario);
+                    simulation.record_writes(journal);
+                    attributes.wake();
+                    began_ns.store(clock.now_ns(), Ordering::Relaxed);
+                }
+            };
+            let mut witness = Witness { observer, truths: Arc::clone(&truths) };
+            execute(&job, environment, &StopFlags::default(), &mut witness, report)?
         };
-        let recorded = recorder.finish(tick_side, end).map(|_| ());
-        drop(robot);
+        let drove_ns = clock.now_ns() - began_ns.load(Ordering::Relaxed);
         clock.sleep_until_ns(clock.now_ns() + SECOND_NS);
         simulation.catch_up();
         let truth = simulation.inspect(|world: &mut WorldPhysics| world.truth(0)).unwrap().unwrap();
         Ok(Played {
-            reason,
-            tally,
+            reason: ended.stop.reason,
+            ended,
             drove_s: onbrick::clock::seconds(drove_ns),
-            recorded,
             truths: std::mem::take(&mut *truths.lock().unwrap()),
             truth,
             states: ["outA", "outB", "outD"].map(|port| state_of(&*simulation.brick(0), port)),
@@ -155,30 +140,21 @@ impl Play {
         })
     }
 
-    fn known(&self, mission: &Mission, start_pose: Pose, cells: Technology) -> Start {
-        let state = |name: &str| StateNames { name: name.to_owned(), conditions: Vec::new() };
-        let machines = mission.machines().iter().map(|machine| MachineNames {
-            name: machine.name().to_owned(),
-            start: machine.start(),
-            states: machine.states().iter().map(|plan| state(plan.name())).collect(),
-        });
-        Start {
+    fn job(&self, start: Pose) -> Job {
+        let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+        Job {
+            mission: source("mission.toml", &self.mission_toml),
+            robot: source("robot.toml", &self.robot_toml),
+            brick: Brick::Simulated { world: source(&self.world, ""), seed: self.seed, realtime: false },
+            start,
+            set: self.settings.clone(),
+            // It goes to the disk in memory.
+            file: PathBuf::new(),
+            sync_ns: self.sync_ns,
+            stamps_ns: 0,
             run: None,
-            brick: "mapper".to_owned(),
-            mission: mission.name().to_owned(),
-            robot_toml: self.robot_toml.clone(),
-            mission_toml: self.mission_toml.clone(),
-            world_toml: None,
-            start_pose,
-            start_ns: 0,
-            wall_offset_ns: self.wall_offset_ns,
-            period_ns: SECOND_NS / i64::from(mission.rate_hz()),
-            pace: Pace::Virtual,
-            seed: Some(self.seed),
-            cells,
-            settings: self.settings.clone(),
-            range: None,
-            machines: machines.collect(),
+            when_abandoned: WhenAbandoned::Stop,
+            lock: Lock::Take,
         }
     }
 }
@@ -187,9 +163,8 @@ impl Play {
 #[derive(Debug)]
 pub struct Played {
     pub reason: StopReason,
-    pub tally: Tally,
+    pub ended: Ended,
     pub drove_s: f64,
-    pub recorded: Result<(), RecordError>,
     /// At each tick.
     pub truths: Vec<Truth>,
     /// A second after the end.

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
-use onbrick::runtime::recording::Run;
+use onbrick::recording::Run;
 
 use super::Bricks;
 use crate::support::real_time::{Pace, alone, in_real_time};

@@ -15,8 +15,8 @@ use nix::unistd::Pid;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use onbrick::ev3dev::LocalTree;
 use onbrick::mapping::Pose;
+use onbrick::recording;
 use onbrick::robot::DEFAULT_ROBOT;
-use onbrick::runtime::recording;
 use onbrick::runtime::{Brick, HardwareLock, Job, Lock, Source, WhenAbandoned};
 use onbrick::service::client::Client;
 use onbrick::service::protocol::{Request, Stopped};
@@ -390,6 +390,7 @@ impl Run {
                 set: Vec::new(),
                 file: out.join("run.mcap"),
                 sync_ns: 1_000_000_000,
+                stamps_ns: 0,
                 run: None,
                 when_abandoned: WhenAbandoned::Stop,
                 lock: Lock::Take,
@@ -413,7 +414,7 @@ impl Run {
     pub(super) fn end_of_served(&self) -> Option<String> {
         let Starter::Service(served) = &self.starter else { return None };
         let recorded = recording::Run::open(&served.path("runs").join("dance/run.mcap")).ok()?;
-        recorded.ending.map(|ending| ending.reason)
+        recorded.ending.map(|ending| ending.stop.to_string())
     }
 
     pub(super) fn starter(&self) -> Pid {

@@ -1,0 +1,91 @@
+//! `onbrick bricks`: who is known, who is there, and who makes itself known.
+
+use super::remote::{Bricks, Unnamed};
+use super::status::word;
+use crate::cli::key;
+use crate::cli::{Exit, Failure, Output};
+use crate::link::KnownBricks;
+use crate::link::client::PORT;
+use crate::link::discover::{Announced, discover};
+
+/// List the bricks that this PC knows, and whether they answer; or those that make themselves known in this network.
+///
+/// Examples:
+///   onbrick bricks
+///   onbrick bricks --timeout 2 --json
+///   onbrick bricks --discover              also those that this PC does not know, where the network carries mDNS
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    #[command(flatten)]
+    bricks: Bricks,
+    /// Listen for bricks that make themselves known (mDNS); many networks do not carry that.
+    #[arg(long, conflicts_with_all = ["hosts", "team"])]
+    discover: bool,
+    /// For so many seconds.
+    #[arg(long, default_value_t = 3.0, value_parser = super::remote::patience, value_name = "SECONDS", requires = "discover")]
+    listen: f64,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    if arguments.discover {
+        return heard(arguments, output);
+    }
+    let asking = arguments.bricks.listing(Unnamed::All)?;
+    // A brick that does not answer is no failure here: that is what is asked for.
+    for (brick, answer) in asking.ask(|client, _| client.status()) {
+        let (how, state) = match answer {
+            Ok(status) => (word(status.state).to_owned(), Some(status.state)),
+            Err(failure) => (failure.message, None),
+        };
+        let fingerprint = brick.key.fingerprint();
+        output.show(
+            format!("{}  {}  {fingerprint}  {how}", brick.name, brick.address),
+            &serde_json::json!({
+                "brick": brick.name,
+                "address": brick.address,
+                "fingerprint": fingerprint,
+                "state": state,
+                "said": how,
+            }),
+        );
+    }
+    Ok(())
+}
+
+/// What is announced, and whether it is known here. An announcement has no key, so it is matched by name and address alone.
+fn heard(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let folder = arguments.bricks.how.folder.path()?;
+    let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+    let interrupted = crate::cli::terminal::stop_flags()?.signal;
+    let heard = discover(arguments.listen, &interrupted)
+        .map_err(|error| Failure::from_error(Exit::Failed, "no discovery", &error))?;
+    if heard.is_empty() {
+        output.line("nobody made itself known; by name or number a brick is found all the same");
+    }
+    for brick in &heard {
+        let numbers = brick.addresses.iter().map(ToString::to_string).collect::<Vec<_>>();
+        let address = address(brick);
+        let of_it = |part: &str| known.find(part).is_some();
+        let is_known = of_it(&brick.name) || of_it(&address) || numbers.iter().any(|number| of_it(number));
+        let way_in = if is_known { "known".to_owned() } else { format!("onbrick pair {address}") };
+        output.show(
+            format!("{}  {address}  {}  {way_in}", brick.name, numbers.join(" ")),
+            &serde_json::json!({
+                "brick": brick.name,
+                "address": address,
+                "numbers": numbers,
+                "known": is_known,
+            }),
+        );
+    }
+    Ok(())
+}
+
+/// As it is typed.
+fn address(brick: &Announced) -> String {
+    match brick.port {
+        PORT => brick.host.clone(),
+        port => format!("{}:{port}", brick.host),
+    }
+}

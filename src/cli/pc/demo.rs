@@ -1,0 +1,158 @@
+//! `onbrick demo`: the main job on the simulated brick.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::cli::common::{
+    LoadedRun, Progress, draw, environment, load_mission, load_robot, load_world, open_run, scene_of,
+    shipped_mission, stamps_ns,
+};
+use crate::cli::{Exit, Failure, Output};
+use crate::clock::SECOND_NS;
+use crate::mapping::stats;
+use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, StopFlags, WhenAbandoned, execute};
+use crate::sim::World;
+use crate::units::{degrees, wrap_rad};
+
+/// Send a simulated robot through a room of cinder blocks and draw the map it makes.
+///
+/// Example: onbrick demo --world rooms --seed 7
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    /// The folder for run.mcap, map.svg, map.png, points.csv and path.csv.
+    #[arg(long, default_value = "onbrick-demo")]
+    out: PathBuf,
+    /// The room: a world's file, or the name of a built-in one.
+    #[arg(long, default_value = "arena")]
+    world: PathBuf,
+    /// How long the robot explores, in seconds of its own time.
+    #[arg(long, default_value_t = 120.0, value_parser = seconds)]
+    seconds: f64,
+    /// What all chance comes from: the same seed gives the same run.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Keep step with the clock on the wall instead of running as fast as the machine allows.
+    #[arg(long)]
+    realtime: bool,
+}
+
+/// How good a map is, against what only a simulation knows.
+#[derive(Debug, Serialize)]
+struct Quality {
+    points: usize,
+    /// Distance from the points to the nearest wall, metres; none without points or without walls.
+    wall_median_m: Option<f64>,
+    wall_p90_m: Option<f64>,
+    /// The last pose against the true one.
+    pose_error_m: f64,
+    heading_error_deg: f64,
+    travelled_m: f64,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let job = job(arguments, output)?;
+    std::fs::create_dir_all(&arguments.out).map_err(|error| {
+        Failure::from_error(Exit::Refused, &format!("cannot make {}", arguments.out.display()), &error)
+            .hint("--out with a folder that can be written to")
+    })?;
+    let robot = load_robot(None, output)?;
+    let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let mut limited = mission.clone();
+    limited
+        .set("time_limit_s", arguments.seconds)
+        .map_err(|error| Failure::from_error(Exit::Usage, "--seconds", &error))?;
+    let flags = StopFlags::on_signals()
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let progress = std::sync::Arc::new(Progress::new(&limited, output));
+    let shown = std::sync::Arc::clone(&progress);
+    let ended = environment(&job).and_then(|environment| {
+        execute(&job, environment, &flags, &mut NoHeartbeat, move |event| shown.show(event))
+    });
+    progress.finish();
+    let ended =
+        ended.map_err(|refused| Failure::of_refused(refused.stop().to_string(), refused.way_out()))?;
+    output.line(ended.to_string());
+    let loaded = open_run(&job.file)?;
+    let Brick::Simulated { world, .. } = &job.brick else {
+        return Err(Failure::new(Exit::Failed, "a demo runs on a simulated brick"));
+    };
+    draw(&arguments.out, &scene_of(std::slice::from_ref(&loaded), None))?;
+    let quality = quality(&loaded, world)?;
+    output.show(
+        format!(
+            "{} points: {}\n\
+             final pose: {:.1} cm and {:.1} degrees from the true one, after {:.2} m\n\
+             wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
+            quality.points,
+            from_walls(&quality),
+            quality.pose_error_m * 100.0,
+            quality.heading_error_deg,
+            quality.travelled_m,
+            arguments.out.display()
+        ),
+        &quality,
+    );
+    if ended.stop.reason.is_wanted() {
+        Ok(())
+    } else {
+        Err(Failure::new(Exit::Failed, ended.stop.to_string()))
+    }
+}
+
+/// How far the points are from the walls, as far as there are both.
+fn from_walls(quality: &Quality) -> String {
+    match (quality.wall_median_m, quality.wall_p90_m) {
+        (Some(median_m), Some(p90_m)) => {
+            let [median_cm, p90_cm] = [median_m, p90_m].map(|metres| metres * 100.0);
+            format!("to the nearest wall {median_cm:.1} cm (median), {p90_cm:.1} cm (90th percentile)")
+        }
+        _ if quality.points == 0 => "the robot heard no echo".to_owned(),
+        _ => "there is no wall in this world to compare them with".to_owned(),
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (1.0..=36_000.0).contains(&seconds) { Ok(seconds) } else { Err("it can be 1 to 36000".to_owned()) }
+}
+
+fn job(arguments: &Arguments, output: &mut Output) -> Result<Job, Failure> {
+    let (world, start) = load_world(&arguments.world)?;
+    let text = shipped_mission("map").unwrap_or_default().to_owned();
+    Ok(Job {
+        mission: Source { name: "map.toml".to_owned(), text },
+        robot: load_robot(None, output)?.source,
+        brick: Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime },
+        start,
+        set: vec![("time_limit_s".to_owned(), arguments.seconds)],
+        file: arguments.out.join("run.mcap"),
+        sync_ns: SECOND_NS,
+        stamps_ns: stamps_ns(output),
+        run: None,
+        when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
+    })
+}
+
+fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
+    let (world, _) = World::parse(&world.name, world.text.as_bytes())
+        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let run = &loaded.run;
+    let mut distances: Vec<f64> =
+        run.points.iter().map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)).collect();
+    // A world without walls has no nearest one.
+    distances.retain(|distance_m| distance_m.is_finite());
+    let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();
+    let truth = run.ending.as_ref().and_then(|ending| ending.truth).unwrap_or(believed);
+    Ok(Quality {
+        points: run.points.len(),
+        wall_median_m: stats::quantile(&mut distances, 0.5),
+        wall_p90_m: stats::quantile(&mut distances, 0.9),
+        pose_error_m: libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m),
+        heading_error_deg: degrees(wrap_rad(believed.heading_rad - truth.heading_rad)).abs(),
+        travelled_m: run.poses.last().map_or(0.0, |pose| pose.travelled_m),
+    })
+}

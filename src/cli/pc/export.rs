@@ -1,0 +1,94 @@
+//! `onbrick export`: runs in other programs' formats.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::common::{LoadedRun, open_run, scene_of, write_file};
+use crate::cli::{Exit, Failure, Output};
+use crate::printable::with_causes;
+use crate::recording::Grid;
+use crate::report::export;
+
+/// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers open.
+///
+/// Examples:
+///   onbrick export onbrick-demo/run.mcap --format pgm --out map
+///   onbrick export left.mcap right.mcap --format csv --out both
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    /// Recordings.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// csv: points.csv and path.csv; ply: points.ply; pgm: map.pgm and map.yaml, the occupancy grid.
+    #[arg(long)]
+    format: Format,
+    /// The folder to write to.
+    #[arg(long, default_value = ".")]
+    out: PathBuf,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Format {
+    Csv,
+    Ply,
+    Pgm,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
+    let tracks = scene_of(&runs, None).tracks;
+    let files: Vec<(&str, Vec<u8>)> = match arguments.format {
+        Format::Csv => vec![
+            ("points.csv", export::points_csv(&tracks).into_bytes()),
+            ("path.csv", export::path_csv(&tracks).into_bytes()),
+        ],
+        Format::Ply => vec![("points.ply", export::ply(&tracks).into_bytes())],
+        Format::Pgm => {
+            let grid = grid(&runs)?;
+            vec![
+                ("map.pgm", export::pgm(&grid)),
+                ("map.yaml", export::nav2_yaml(&grid, "map.pgm").into_bytes()),
+            ]
+        }
+    };
+    write_all(&arguments.out, files, output)
+}
+
+fn write_all(folder: &Path, files: Vec<(&str, Vec<u8>)>, output: &mut Output) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Failure::from_error(Exit::Failed, &format!("cannot make {}", folder.display()), &error)
+    })?;
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        write_file(&path, &bytes)?;
+        output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
+    }
+    Ok(())
+}
+
+/// The occupancy grid of one run: as it was recorded, or where that does not have all, made again
+/// from its senses.
+fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
+    let [loaded] = runs else {
+        return Err(Failure::new(Exit::Usage, "an occupancy grid is made from one run")
+            .hint("once for each run, with --out for each"));
+    };
+    if loaded.run.map.is_none() {
+        log::warn!("{}: the recording has no grid; it is made again from the senses", loaded.name);
+    }
+    match (crate::runtime::whole_map(&loaded.run), &loaded.run.map) {
+        (Ok(grid), _) => Ok(grid),
+        (Err(error), Some(recorded)) => {
+            let lost = loaded.run.points.iter().filter(|point| !recorded.has(point.x_m, point.y_m)).count();
+            let (all, why) = (loaded.run.points.len(), with_causes(&error));
+            log::warn!(
+                "{}: {lost} of {all} points lie beyond the recorded grid and are left out: {why}",
+                loaded.name
+            );
+            Ok(recorded.clone())
+        }
+        (Err(error), None) => {
+            Err(Failure::from_error(Exit::Failed, &format!("cannot replay {}", loaded.name), &error))
+        }
+    }
+}

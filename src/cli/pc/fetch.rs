@@ -1,0 +1,215 @@
+//! `onbrick fetch`: bring maps home, and watch them grow.
+
+use std::path::Path;
+
+use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
+use super::watch::Watch;
+use crate::cli::common::outlines;
+use crate::cli::output::safe;
+use crate::cli::{Exit, Failure, Output};
+use crate::link::client::MOST_BYTES;
+use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
+use crate::report::live::LivePage;
+use crate::service::protocol::RunId;
+
+/// Bring recordings home, byte for byte. What is cut off is gone on from by the next call; a run that is going on is followed to its end.
+///
+/// Examples:
+///   onbrick fetch ev3-blue                 the newest run
+///   onbrick fetch ev3-blue --follow        and watch the map grow in a browser
+///   onbrick fetch ev3-blue --all -o maps   every run that is not in maps yet
+///
+/// A file that is there already is compared with the brick's hash; one that is another recording is
+/// left alone.
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    #[command(flatten)]
+    bricks: Bricks,
+    /// This run; without it the newest.
+    #[arg(long, value_name = "RUN", value_parser = RunId::new, conflicts_with = "all")]
+    run: Option<RunId>,
+    /// Every run on the brick.
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    out: Out,
+    /// Take at most this many megabytes of a brick.
+    #[arg(long, value_name = "MB", default_value_t = MOST_BYTES >> 20)]
+    most_mb: u64,
+    /// Show the map as it grows: a page for a browser on this machine, and a line with how it goes.
+    #[arg(long)]
+    follow: bool,
+    /// The page's port; 0 for any that is free.
+    #[arg(long, value_name = "PORT", default_value_t = 0, requires = "follow")]
+    page: u16,
+}
+
+/// A recording that is here.
+#[derive(Debug)]
+struct Brought {
+    run: RunId,
+    file: String,
+    bytes: u64,
+    was_there: bool,
+}
+
+impl Arguments {
+    fn most_bytes(&self) -> u64 {
+        self.most_mb.saturating_mul(1 << 20)
+    }
+}
+
+impl Brought {
+    /// Bytes that had to come.
+    fn came(&self) -> u64 {
+        if self.was_there { 0 } else { self.bytes }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
+    std::fs::create_dir_all(&arguments.out.out).map_err(|error| {
+        Failure::from_error(Exit::Failed, &format!("cannot make {}", arguments.out.out.display()), &error)
+    })?;
+    if arguments.follow {
+        let [brick] = asking.bricks.as_slice() else {
+            return Err(Failure::new(Exit::Usage, "one brick can be followed at a time"));
+        };
+        return follow(arguments, &asking, brick, output);
+    }
+    let answers = asking.ask(|client, brick| {
+        let mut left = arguments.most_bytes();
+        let mut brought = Vec::new();
+        for run in runs(client, arguments)? {
+            let one = match bring(client, &run, &arguments.out.out, left, &mut |_| {}) {
+                // The other runs come home all the same.
+                Err(error @ (ClientError::OtherRecording { .. } | ClientError::Taken { .. })) => {
+                    Err(failure(brick, &error))
+                }
+                one => Ok(one?),
+            };
+            left = left.saturating_sub(one.as_ref().map_or(0, Brought::came));
+            brought.push(one);
+        }
+        Ok(brought)
+    });
+    let mut refused = None;
+    let concluded = conclude(answers, output, |output, brick, brought| {
+        if brought.is_empty() {
+            output.line(format!("{}: no run is there yet", brick.name));
+        }
+        let is_one_of_several = brought.len() > 1;
+        for one in brought {
+            match one {
+                Ok(one) => show(brick, &one, output),
+                Err(failure) => {
+                    if is_one_of_several {
+                        log::error!("{}", failure.message);
+                    }
+                    refused.get_or_insert(failure);
+                }
+            }
+        }
+    });
+    concluded.and(refused.map_or(Ok(()), Err))
+}
+
+fn runs(client: &mut Client, arguments: &Arguments) -> Result<Vec<RunId>, ClientError> {
+    if let Some(run) = &arguments.run {
+        return Ok(vec![run.clone()]);
+    }
+    let there = client.runs()?.runs.into_iter().map(|info| info.run);
+    Ok(if arguments.all { there.collect() } else { there.take(1).collect() })
+}
+
+fn bring(
+    client: &mut Client,
+    run: &RunId,
+    out: &Path,
+    most_bytes: u64,
+    watch: &mut dyn FnMut(&FetchProgress),
+) -> Result<Brought, ClientError> {
+    let file = out.join(format!("{run}.mcap"));
+    let shown = file.display().to_string();
+    client.take_at_most(most_bytes);
+    let progress = client.fetch(run, &file, watch)?;
+    Ok(Brought { run: run.clone(), file: shown, bytes: progress.bytes, was_there: progress.was_there })
+}
+
+fn show(brick: &KnownBrick, brought: &Brought, output: &mut Output) {
+    let already = if brought.was_there { " (was there already)" } else { "" };
+    output.show(
+        format!("{}: {}, {} bytes{already}", brick.name, brought.file, brought.bytes),
+        &serde_json::json!({
+            "brick": brick.name,
+            "run": brought.run,
+            "file": brought.file,
+            "bytes": brought.bytes,
+            "was_there": brought.was_there,
+        }),
+    );
+}
+
+/// One run with a page and a line.
+fn follow(
+    arguments: &Arguments,
+    asking: &Asking,
+    brick: &KnownBrick,
+    output: &mut Output,
+) -> Result<(), Failure> {
+    let failed = |error: &ClientError| failure(brick, error);
+    let mut client = asking.client(brick).map_err(|error| failed(&error))?;
+    let found = runs(&mut client, arguments).map_err(|error| failed(&error))?;
+    let [run] = found.as_slice() else {
+        return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
+            .hint("onbrick runs, then --run RUN"));
+    };
+    let part = arguments.out.out.join(format!("{run}.mcap.part"));
+    let title = format!("{}: {run}", brick.name);
+    let known = |run: &crate::recording::Run| outlines(run).unwrap_or_default();
+    let page = LivePage::serve(part, title, arguments.page, known)
+        .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
+    output.show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
+    let watch = Watch::of(run);
+    let brought = std::thread::scope(|scope| {
+        scope.spawn(|| watch.look(asking, brick));
+        let mut line = Line::new(output);
+        let brought = bring(&mut client, run, &arguments.out.out, arguments.most_bytes(), &mut |progress| {
+            line.show(progress, &watch.line(), output);
+        });
+        line.finish();
+        watch.end();
+        brought
+    });
+    show(brick, &brought.map_err(|error| failed(&error))?, output);
+    Ok(())
+}
+
+/// The line of progress: a bar for a person who watches, JSON for a program.
+struct Line {
+    bar: Option<indicatif::ProgressBar>,
+}
+
+impl Line {
+    fn new(output: &Output) -> Self {
+        let style = indicatif::ProgressStyle::with_template("{spinner} {msg}").ok();
+        let bar = output.is_watched().then(indicatif::ProgressBar::new_spinner);
+        Self { bar: bar.map(|bar| style.map_or(bar.clone(), |style| bar.with_style(style))) }
+    }
+
+    fn show(&mut self, progress: &FetchProgress, how: &str, output: &mut Output) {
+        let FetchProgress { bytes, total, .. } = progress;
+        if let Some(bar) = &self.bar {
+            bar.set_message(safe(&format!("{how}; {bytes} of {total} bytes")).into_owned());
+            bar.tick();
+        }
+        output.value(&serde_json::json!({ "bytes": bytes, "total": total, "how": how }));
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

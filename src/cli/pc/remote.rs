@@ -1,0 +1,259 @@
+//! What the commands for bricks have in common: which bricks are meant, asking them all at once, and how it ends.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+
+use crate::cli::common::{read_bounded, warn};
+use crate::cli::key::{self, Folder};
+use crate::cli::{Exit, Failure, Output};
+use crate::document::nearest;
+use crate::link::client::PATIENCE_S;
+use crate::link::{Client, ClientError, KeyPair, KnownBrick, KnownBricks, Patience, Team};
+use crate::service::protocol::Kind;
+
+/// Which bricks, and how long they may take.
+#[derive(Debug, Args)]
+pub(super) struct Bricks {
+    /// Bricks, by the name or the address under which known_bricks has them.
+    #[arg(value_name = "HOST")]
+    hosts: Vec<String>,
+    /// The bricks of a team: its file.
+    #[arg(long, value_name = "TEAM", conflicts_with = "hosts")]
+    pub(super) team: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) how: How,
+}
+
+/// How bricks are asked.
+#[derive(Debug, Args)]
+pub(in crate::cli) struct How {
+    /// Seconds to wait for an answer: 10 where it is not said, 2 for a list of bricks or of their
+    /// missions.
+    #[arg(long, value_parser = patience, value_name = "SECONDS")]
+    timeout: Option<f64>,
+    #[command(flatten)]
+    pub(in crate::cli) folder: Folder,
+}
+
+pub(super) fn patience(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it is a number of seconds")?;
+    if (0.1..=86_400.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("it is 0.1 to 86400 seconds".to_owned())
+    }
+}
+
+/// Which bricks are meant where none is named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unnamed {
+    /// Every one that is known.
+    All,
+    /// The one that is known, if there is only one.
+    TheOnly,
+}
+
+/// Bricks that are about to be asked.
+#[derive(Debug, Clone)]
+pub(super) struct Asking {
+    own: KeyPair,
+    timeout_s: f64,
+    /// The same for a brick to which there is no connection.
+    absent_s: f64,
+    interrupted: Arc<AtomicBool>,
+    /// The bricks, in the order in which they were named.
+    pub(super) bricks: Vec<KnownBrick>,
+}
+
+/// One brick's answer.
+pub(super) type Answer<T> = (KnownBrick, Result<T, Failure>);
+
+/// How long an absent brick may hold up a list, seconds.
+const LISTING_S: f64 = 2.0;
+
+impl Bricks {
+    /// Finds out who is meant for a list, which an absent brick holds up little.
+    pub(super) fn listing(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
+        let asking = self.asking(unnamed)?;
+        Ok(Asking { absent_s: self.how.timeout.unwrap_or(LISTING_S), ..asking })
+    }
+
+    /// Finds out who is meant.
+    pub(super) fn asking(&self, unnamed: Unnamed) -> Result<Asking, Failure> {
+        if let Some(team) = &self.team {
+            return Ok(self.how.team(team)?.1);
+        }
+        let folder = self.how.folder.path()?;
+        let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+        self.how.asking(&folder, chosen(&known, &self.hosts, unnamed)?)
+    }
+}
+
+impl How {
+    /// A team and its bricks, in the order of the file; warnings go to the log.
+    pub(super) fn team(&self, path: &Path) -> Result<(Team, Asking), Failure> {
+        let folder = self.folder.path()?;
+        let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+        let bytes = read_bounded(path)?;
+        let parsed = Team::parse(&path.display().to_string(), &bytes, &known);
+        let (team, warnings) = parsed.map_err(|findings| {
+            Failure::refused(findings.to_string())
+                .hint("onbrick new team, which shows a whole file with comments")
+        })?;
+        warn(&warnings);
+        let bricks = team.members.iter().map(|member| member.brick.clone()).collect();
+        let asking = self.asking(&folder, bricks)?;
+        Ok((team, asking))
+    }
+
+    fn asking(&self, folder: &Path, bricks: Vec<KnownBrick>) -> Result<Asking, Failure> {
+        Ok(Asking {
+            own: KeyPair::load(folder).map_err(|error| key::failure(&error))?,
+            timeout_s: self.timeout.unwrap_or(PATIENCE_S),
+            absent_s: self.timeout.unwrap_or(PATIENCE_S),
+            interrupted: crate::cli::terminal::stop_flags()?.signal,
+            bricks,
+        })
+    }
+
+    /// The patience that was asked for.
+    pub(in crate::cli) fn patience(&self, interrupted: &Arc<AtomicBool>) -> Patience {
+        Patience::new(self.timeout.unwrap_or(PATIENCE_S)).unless(Arc::clone(interrupted))
+    }
+}
+
+fn chosen(known: &KnownBricks, hosts: &[String], unnamed: Unnamed) -> Result<Vec<KnownBrick>, Failure> {
+    let all: Vec<KnownBrick> = known.iter().cloned().collect();
+    if all.is_empty() {
+        let message = format!("no brick is known yet in {}", known.path().display());
+        return Err(Failure::refused(message).hint("onbrick pair HOST, with somebody at the brick"));
+    }
+    let names = all.iter().map(|brick| brick.name.as_str()).collect::<Vec<_>>().join(", ");
+    if hosts.is_empty() {
+        return match unnamed {
+            Unnamed::TheOnly if all.len() > 1 => {
+                Err(Failure::new(Exit::Usage, format!("which brick? {names} are known")))
+            }
+            _ => Ok(all),
+        };
+    }
+    let find = |host: &String| {
+        known.find(host).cloned().ok_or_else(|| {
+            let hint = nearest(host, all.iter().map(|brick| brick.name.as_str()));
+            let hint = hint.unwrap_or_else(|| format!("one of {names}, or onbrick pair {host}"));
+            Failure::refused(format!("{host} is no brick that is known")).hint(hint)
+        })
+    };
+    hosts.iter().map(find).collect()
+}
+
+impl Asking {
+    /// True once somebody has pressed Ctrl-C.
+    pub(super) fn interrupted(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.interrupted)
+    }
+
+    /// The same bricks, asked until another flag is raised, and with at least this patience, seconds.
+    pub(super) fn until(&self, interrupted: &Arc<AtomicBool>, least_s: f64) -> Self {
+        let (timeout_s, absent_s) = (self.timeout_s.max(least_s), self.absent_s.max(least_s));
+        Self { timeout_s, absent_s, interrupted: Arc::clone(interrupted), ..self.clone() }
+    }
+
+    /// A client for one of the bricks.
+    pub(super) fn client(&self, brick: &KnownBrick) -> Result<Client, ClientError> {
+        let patience = Patience::new(self.timeout_s).if_absent(self.absent_s);
+        let patience = patience.unless(Arc::clone(&self.interrupted));
+        Ok(Client::new(&brick.address, brick.key, &self.own)?.with_patience(patience))
+    }
+
+    /// Asks all of them at the same time; the answers come in their order.
+    pub(super) fn ask<T: Send>(
+        &self,
+        ask: impl Fn(&mut Client, &KnownBrick) -> Result<T, ClientError> + Sync,
+    ) -> Vec<Answer<T>> {
+        let one = |brick: &KnownBrick| -> Result<T, Failure> {
+            let answered = self.client(brick).and_then(|mut client| ask(&mut client, brick));
+            answered.map_err(|error| failure(brick, &error))
+        };
+        let one = &one;
+        std::thread::scope(|scope| {
+            let asked: Vec<_> =
+                self.bricks.iter().map(|brick| (brick, scope.spawn(move || one(brick)))).collect();
+            let lost = || Err(Failure::new(Exit::Failed, "the thread that asked has died"));
+            asked
+                .into_iter()
+                .map(|(brick, thread)| (brick.clone(), thread.join().unwrap_or_else(|_| lost())))
+                .collect()
+        })
+    }
+}
+
+/// Shows what came of each brick: good answers by `show`, the others as a line and as JSON. With one brick alone its failure is the command's.
+pub(super) fn conclude<T>(
+    answers: Vec<Answer<T>>,
+    output: &mut Output,
+    mut show: impl FnMut(&mut Output, &KnownBrick, T),
+) -> Result<(), Failure> {
+    let asked = answers.len();
+    let mut failures = Vec::new();
+    for (brick, answer) in answers {
+        match answer {
+            Ok(answer) => show(output, &brick, answer),
+            Err(failure) if asked == 1 => return Err(failure),
+            Err(failure) => {
+                let (error, exit) = (&failure.message, failure.exit as u8);
+                output.show(
+                    format!("{}: {error}", brick.name),
+                    &serde_json::json!({ "brick": brick.name, "error": error, "exit": exit }),
+                );
+                failures.push(failure);
+            }
+        }
+    }
+    let Some(first) = failures.first() else { return Ok(()) };
+    let message = format!("{} of {asked} bricks did not do it", failures.len());
+    let all_alike = failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);
+    Err(Failure::new(if all_alike { first.exit } else { Exit::SomeFailed }, message))
+}
+
+/// A brick that did not do what it was asked.
+pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
+    let (name, message) = (&brick.name, crate::printable::with_causes(error));
+    match error {
+        ClientError::NoAnswer { .. } => Failure::new(Exit::NoAnswer, format!("{name}: {message}"))
+            .hint("is it switched on, in this network, and serving? onbrick bricks shows who is there"),
+        ClientError::NotAuthorised { .. } => {
+            Failure::refused(format!("{name}: {message}")).hint(format!("onbrick pair {}", brick.address))
+        }
+        ClientError::AnotherKey { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint(format!("onbrick pair {} once more, if it was set up anew", brick.address)),
+        ClientError::Refused(refusal) => {
+            let failure = Failure::refused(format!("{name}: {message}"));
+            match (&refusal.hint, refusal.kind) {
+                (Some(hint), _) => failure.hint(hint.clone()),
+                (None, Kind::BrokenMission) => {
+                    failure.hint("onbrick check, which says the same of a file here")
+                }
+                (None, _) => failure,
+            }
+        }
+        ClientError::Taken { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint("wait for the other one, or -o with another folder"),
+        ClientError::OtherRecording { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint("-o with another folder, such as one for each brick; both are kept then"),
+        ClientError::TooLong { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint("onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more"),
+        _ => Failure::new(Exit::Failed, format!("{name}: {message}")),
+    }
+}
+
+/// A folder to put recordings into.
+#[derive(Debug, Args)]
+pub(super) struct Out {
+    /// The folder for recordings.
+    #[arg(short, long, value_name = "DIR", default_value = ".")]
+    pub(super) out: PathBuf,
+}

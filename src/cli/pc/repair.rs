@@ -1,0 +1,57 @@
+//! `onbrick repair`: what is whole of recordings, as a file with a summary.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::common::{open_run, write_file};
+use crate::cli::{Exit, Failure, Output};
+use crate::report::export::{self, Part};
+
+/// Make a whole file of a recording that was cut or damaged: all of it that is whole, in the order
+/// of time, with the summary that viewers seek by. A run that ended by itself needs none of this.
+///
+/// Several recordings become one, with a namespace for each brick.
+///
+/// Examples:
+///   onbrick repair run.mcap                         writes run.repaired.mcap
+///   onbrick repair left.mcap right.mcap --out both.mcap
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    /// Recordings.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// The file to write [default: beside a single recording].
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let out = match (&arguments.out, &*arguments.runs) {
+        (Some(out), _) => out.clone(),
+        (None, [single]) => single.with_extension("repaired.mcap"),
+        (None, _) => {
+            return Err(Failure::new(Exit::Usage, "several recordings become one file: which?")
+                .hint("--out both.mcap"));
+        }
+    };
+    let read = |path: &PathBuf| {
+        let loaded = open_run(path)?;
+        let bytes = std::fs::read(path)
+            .map_err(|error| Failure::from_error(Exit::Failed, &cannot_read(path), &error))?;
+        Ok((loaded, bytes))
+    };
+    let runs = arguments.runs.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    let parts: Vec<Part<'_>> =
+        runs.iter().map(|(loaded, bytes)| Part { name: loaded.brick(), bytes, shift_ns: 0 }).collect();
+    let whole =
+        export::mcap(&parts).map_err(|error| Failure::from_error(Exit::Failed, "cannot repair", &error))?;
+    write_file(&out, &whole)?;
+    let messages: u64 = runs.iter().map(|(loaded, _)| loaded.run.integrity.messages).sum();
+    let told = serde_json::json!({ "wrote": out, "messages": messages });
+    output.show(format!("wrote {}: {messages} messages", out.display()), &told);
+    Ok(())
+}
+
+fn cannot_read(path: &Path) -> String {
+    format!("cannot read {}", path.display())
+}

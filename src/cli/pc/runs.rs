@@ -1,0 +1,41 @@
+//! `onbrick runs`: which recordings bricks have.
+
+use super::remote::{Bricks, Unnamed, conclude};
+use crate::cli::{Failure, Output};
+use crate::service::protocol::RunInfo;
+
+/// List the runs on bricks' disks, the newest first.
+///
+/// Examples:
+///   onbrick runs ev3-blue
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    #[command(flatten)]
+    bricks: Bricks,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let asking = arguments.bricks.asking(Unnamed::All)?;
+    let answers = asking.ask(|client, _| client.runs());
+    conclude(answers, output, |output, brick, runs| {
+        for run in &runs.runs {
+            output.line(format!("{}  {}", brick.name, line(run)));
+        }
+        output.value(&serde_json::json!({ "brick": brick.name, "runs": runs.runs }));
+    })
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a size for people")]
+fn line(run: &RunInfo) -> String {
+    let metres = run.travelled_m.map(|metres| format!("  {metres:.1} m")).unwrap_or_default();
+    let points = run.points.map(|points| format!("  {points} points")).unwrap_or_default();
+    let end = match &run.end {
+        Some(end) => end.stop.reason.word(),
+        None if run.going_on => "going on".to_owned(),
+        None => "cut".to_owned(),
+    };
+    let fetched = if run.fetched { "  fetched" } else { "" };
+    let megabytes = run.bytes as f64 / 1e6;
+    format!("{}  {}  {megabytes:.1} MB{metres}{points}  {end}{fetched}", run.run, run.mission)
+}

@@ -1,0 +1,63 @@
+//! `onbrick start`: a mission on bricks.
+
+use std::path::{Path, PathBuf};
+
+use super::remote::{Bricks, Unnamed, conclude};
+use crate::cli::common::{pose, read_bounded, setting};
+use crate::cli::{Failure, Output};
+use crate::service::protocol::{Chosen, MAX_MISSION_BYTES};
+
+/// Start a mission on a brick: one that it has, by name, or a file of yours, which it checks as its own and keeps with the run.
+///
+/// Examples:
+///   onbrick start map ev3-blue
+///   onbrick start ./my-mission.toml ev3-blue --set speed=120
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    /// The name of a mission of the brick's, or a mission file (a path with a / or the ending .toml).
+    mission: PathBuf,
+    #[command(flatten)]
+    bricks: Bricks,
+    /// The robot's pose at the start: metres, metres, degrees.
+    #[arg(long, value_parser = pose, value_name = "X,Y,DEG", allow_hyphen_values = true)]
+    pose: Option<[f64; 3]>,
+    /// Give one of the mission's own numbers another value; can be repeated.
+    #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
+    set: Vec<(String, f64)>,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let mission = chosen(&arguments.mission)?;
+    let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
+    let answers = asking.ask(|client, _| client.start(mission.clone(), arguments.pose, &arguments.set));
+    conclude(answers, output, |output, brick, started| {
+        output.show(
+            format!("{}: started {}", brick.name, started.run),
+            &serde_json::json!({ "brick": brick.name, "run": started.run }),
+        );
+    })
+}
+
+/// Whether it is written as a file's path.
+pub(super) fn names_a_file(mission: &Path) -> bool {
+    mission.to_string_lossy().contains('/') || mission.extension().is_some_and(|ending| ending == "toml")
+}
+
+/// A file that is named as one, or the name of a mission that the brick has.
+pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
+    if !names_a_file(mission) {
+        return Ok(Chosen::Name(mission.to_string_lossy().into_owned()));
+    }
+    let bytes = read_bounded(mission)?;
+    let shown = mission.display();
+    if bytes.len() > MAX_MISSION_BYTES {
+        let message = format!(
+            "{shown} has more than the {MAX_MISSION_BYTES} bytes that a brick takes over the network"
+        );
+        return Err(Failure::refused(message).hint("copy it into the brick's folder of missions"));
+    }
+    let text =
+        String::from_utf8(bytes).map_err(|_| Failure::refused(format!("{shown} is not text (not UTF-8)")))?;
+    Ok(Chosen::Text(text))
+}

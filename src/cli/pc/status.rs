@@ -1,0 +1,93 @@
+//! `onbrick status`: how bricks are.
+
+use super::remote::{Bricks, Unnamed, conclude};
+use crate::cli::{Failure, Output};
+use crate::service::protocol::{RunStatus, State, Status};
+
+/// Show how bricks are: state, battery, what they do or how their last run ended.
+///
+/// Examples:
+///   onbrick status                         all bricks that are known
+///   onbrick status ev3-blue --json
+///   onbrick status --team team.toml        one table: who is ready, or why not
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    #[command(flatten)]
+    bricks: Bricks,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    if let Some(team) = &arguments.bricks.team {
+        return super::team::show(team, &arguments.bricks.how, output);
+    }
+    let asking = arguments.bricks.asking(Unnamed::All)?;
+    let answers = asking.ask(|client, _| client.status());
+    conclude(answers, output, |output, brick, status| {
+        let battery = battery(&status);
+        let word = word(status.state);
+        let text = format!("{}  {word}  {battery}  onbrick {}{}", brick.name, status.version, doing(&status));
+        output.show(text, &serde_json::json!({ "brick": brick.name, "status": status }));
+    })
+}
+
+/// The battery, for people.
+pub(super) fn battery(status: &Status) -> String {
+    match status.battery_v {
+        Some(volts) => format!("{volts:.1} V"),
+        None if status.simulated => "simulated".to_owned(),
+        None => "no battery".to_owned(),
+    }
+}
+
+/// A state, for people.
+pub(super) fn word(state: State) -> &'static str {
+    match state {
+        State::Ready => "ready",
+        State::Preparing => "preparing",
+        State::Running => "running",
+        State::Stopping => "stopping",
+        State::Stopped => "stopped",
+        State::Fault => "fault",
+    }
+}
+
+fn doing(status: &Status) -> String {
+    let mut lines = String::new();
+    if let Some(run) = &status.run {
+        lines.push_str(&format!("\n  {}", going(run)));
+    } else if let Some(last) = &status.last {
+        let run = last.run.as_ref().map(|run| format!(" ({run})")).unwrap_or_default();
+        lines.push_str(&format!("\n  last: {}{run}: {}: {}", last.mission, last.stop.reason.word(), last));
+    }
+    if let Some(finding) = &status.robot {
+        lines.push_str(&format!("\n  robot: {}", finding.trim_end()));
+    }
+    if let Some(finding) = &status.clock {
+        lines.push_str(&format!("\n  clock: {finding}"));
+    }
+    if status.link != "ready" {
+        lines.push_str(&format!("\n  link: {}", status.link));
+    }
+    lines
+}
+
+/// A run that is going on, in one line.
+pub(super) fn going(run: &RunStatus) -> String {
+    let how = match (&run.progress, &run.waits) {
+        (Some(progress), _) => {
+            let states: Vec<&str> = progress.states.iter().map(|(_, state)| state.as_str()).collect();
+            format!(
+                "{:.0} of {:.0} s, {:.1} m, {} points; {}",
+                crate::clock::seconds(progress.elapsed_ns),
+                run.time_limit_s,
+                progress.travelled_m,
+                progress.points,
+                states.join(", ")
+            )
+        }
+        (None, Some(waits)) => format!("waits: {waits}"),
+        (None, None) => "about to start".to_owned(),
+    };
+    format!("{} ({}), started by {}: {how}", run.mission, run.run, run.by)
+}

@@ -1,0 +1,42 @@
+//! `onbrick stop`: whatever bricks do.
+
+use super::remote::{Bricks, Unnamed, conclude};
+use crate::cli::{Exit, Failure, Output};
+use crate::service::protocol::RunId;
+
+/// Stop what bricks do; answered when their motors have been told. Without a HOST, every brick that is known.
+///
+/// Examples:
+///   onbrick stop
+///   onbrick stop ev3-blue
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    #[command(flatten)]
+    bricks: Bricks,
+    /// Only this run.
+    #[arg(long, value_name = "RUN", value_parser = RunId::new)]
+    run: Option<RunId>,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let asking = arguments.bricks.asking(Unnamed::All)?;
+    let answers = asking.ask(|client, _| client.stop(arguments.run.as_ref()));
+    let mut turning = Vec::new();
+    conclude(answers, output, |output, brick, stopped| {
+        let text = match &stopped.run {
+            Some(run) if stopped.stopped => format!("{}: stopped {run}", brick.name),
+            Some(run) => format!("{}: {run} was told to stop, and not every motor took it", brick.name),
+            None => format!("{}: nothing was running", brick.name),
+        };
+        output.show(text, &serde_json::json!({ "brick": brick.name, "stopped": stopped }));
+        if stopped.run.is_some() && !stopped.stopped {
+            turning.push(brick.name.clone());
+        }
+    })?;
+    if turning.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::new(Exit::Failed, format!("not every motor of {} was told to stop", turning.join(", ")))
+        .hint("onbrick stop once more, or Back on the brick"))
+}

@@ -1,0 +1,270 @@
+//! The robot while it is measured: motions that end by themselves, and standing still in between.
+
+use std::sync::Arc;
+
+use crate::behavior::{Demands, Drive};
+use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, nanoseconds};
+use crate::commissioning::Dialogue;
+use crate::ev3dev::{BUTTONS_PATH, Button, Buttons, StopAction, Tree};
+use crate::robot::{Channel, Robot, RobotConfig, Senses};
+use crate::runtime::StopFlags;
+
+use super::CalibrateError;
+
+/// How often the robot is looked at, nanoseconds: leases are renewed in time, and each echo is seen once.
+const LOOK_NS: i64 = 20 * MILLISECOND_NS;
+
+/// For how long everything must have stood still before it is read, nanoseconds: the gyro's filter has settled by then.
+const STILL_NS: i64 = SECOND_NS / 2;
+
+/// How long we wait for that, nanoseconds.
+const PATIENCE_NS: i64 = 5 * SECOND_NS;
+
+/// Wheels that were told to turn and have not for so long are blocked, nanoseconds.
+const BLOCKED_NS: i64 = SECOND_NS;
+
+/// What counts as having turned, radians: three counts of the motor.
+const TURNED_RAD: f64 = 0.05;
+
+/// The robot, ready to be measured. Dropping it stops its motors.
+#[derive(Debug)]
+pub(super) struct Stage<'s> {
+    robot: Robot,
+    /// Ours besides the robot's own, because only here Enter may mean something else than stop.
+    buttons: Option<Buttons>,
+    clock: &'s dyn Clock,
+    flags: &'s StopFlags,
+    start_ns: i64,
+    senses: Senses,
+    marking: bool,
+    entered: bool,
+}
+
+/// The robot at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Standing {
+    /// Angle of the left wheel, radians.
+    pub(super) left_rad: f64,
+    /// Angle of the right wheel, radians.
+    pub(super) right_rad: f64,
+    /// Heading of the gyro, radians; `None` where there is no gyro.
+    pub(super) gyro_rad: Option<f64>,
+}
+
+/// How a motion ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ended {
+    /// What it was to reach is reached.
+    Reached,
+    /// It went as far, or as long, as it may.
+    Limit,
+}
+
+/// How far and how long a motion may go at most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Limit {
+    /// Radians of a wheel, the mean of both.
+    pub(super) wheel_rad: f64,
+    /// Seconds.
+    pub(super) time_s: f64,
+}
+
+impl<'s> Stage<'s> {
+    pub(super) fn new(
+        robot: Robot,
+        tree: &Arc<dyn Tree>,
+        clock: &'s dyn Clock,
+        flags: &'s StopFlags,
+    ) -> Self {
+        let buttons = Buttons::open(tree, BUTTONS_PATH).ok();
+        let (start_ns, senses) = (clock.now_ns(), Senses::default());
+        Self { robot, buttons, clock, flags, start_ns, senses, marking: false, entered: false }
+    }
+
+    pub(super) fn config(&self) -> &RobotConfig {
+        self.robot.config()
+    }
+
+    pub(super) fn has_gyro(&self) -> bool {
+        self.config().gyro.is_some()
+    }
+
+    /// Drives until `done`, or to the limit, and brakes. `done` sees every look at the robot.
+    ///
+    /// # Errors
+    ///
+    /// Stopped by a person, lost a sensor, blocked wheels; the motors have been told to stop by then.
+    pub(super) fn drive(
+        &mut self,
+        drive: Drive,
+        limit: Limit,
+        mut done: impl FnMut(&Senses) -> bool,
+    ) -> Result<Ended, CalibrateError> {
+        self.forget_presses();
+        let ended = self.motion(drive, limit, &mut |stage| done(&stage.senses));
+        self.robot.stop(StopAction::Brake);
+        ended
+    }
+
+    /// As [`Stage::drive`], until the person beside the robot says so: on the terminal, or with Enter on the brick, where only
+    /// Back stops meanwhile.
+    pub(super) fn drive_until_pressed(
+        &mut self,
+        drive: Drive,
+        limit: Limit,
+        dialogue: &mut dyn Dialogue,
+    ) -> Result<Ended, CalibrateError> {
+        self.forget_presses();
+        // What was pressed before the motion began was no answer to it.
+        dialogue.is_pressed();
+        self.marking = true;
+        let ended = self.motion(drive, limit, &mut |stage| dialogue.is_pressed() || stage.entered);
+        self.marking = false;
+        self.robot.stop(StopAction::Brake);
+        ended
+    }
+
+    /// Brakes and waits until nothing has moved for half a second.
+    pub(super) fn rest(&mut self) -> Result<Standing, CalibrateError> {
+        self.robot.stop(StopAction::Brake);
+        let begin_ns = self.clock.now_ns();
+        let mut since_ns = begin_ns;
+        let mut standing = self.look()?;
+        loop {
+            self.wait();
+            let now = self.look()?;
+            let now_ns = self.clock.now_ns();
+            if now == standing {
+                if now_ns - since_ns >= STILL_NS {
+                    return Ok(now);
+                }
+            } else if now_ns - begin_ns > PATIENCE_NS {
+                // A gyro that flickers between two degrees is at rest for all that matters.
+                return Ok(now);
+            } else {
+                standing = now;
+                since_ns = now_ns;
+            }
+        }
+    }
+
+    /// Readings of the range sensor for a second, at rest; one echo is read several times.
+    pub(super) fn ranges(&mut self) -> Result<Vec<f64>, CalibrateError> {
+        let end_ns = self.clock.now_ns() + SECOND_NS;
+        let mut ranges = Vec::new();
+        while self.clock.now_ns() < end_ns {
+            self.look()?;
+            ranges.extend(self.senses.get(Channel::Range).map(|reading| reading.value));
+            self.wait();
+        }
+        Ok(ranges)
+    }
+
+    fn motion(
+        &mut self,
+        drive: Drive,
+        limit: Limit,
+        done: &mut dyn FnMut(&Self) -> bool,
+    ) -> Result<Ended, CalibrateError> {
+        let from = self.look()?;
+        let begin_ns = self.clock.now_ns();
+        let mut progress = [Progress::new(begin_ns); 2];
+        loop {
+            let now = self.look()?;
+            let now_ns = self.clock.now_ns();
+            if done(self) {
+                return Ok(Ended::Reached);
+            }
+            let gone_rad = from.wheels_rad(&now);
+            if gone_rad > limit.wheel_rad || now_ns - begin_ns > nanoseconds(limit.time_s) {
+                return Ok(Ended::Limit);
+            }
+            let wheels_rad = [now.left_rad - from.left_rad, now.right_rad - from.right_rad];
+            for (wheel, turned_rad) in progress.iter_mut().zip(wheels_rad) {
+                wheel.check(turned_rad.abs(), now_ns)?;
+            }
+            // The head stays where a hand has put it.
+            let demands = Demands { drive: Some(drive), ..Demands::default() };
+            self.robot.act(&demands, now_ns);
+            self.wait();
+        }
+    }
+
+    /// Reads everything once.
+    fn look(&mut self) -> Result<Standing, CalibrateError> {
+        self.senses.time_ns = self.clock.now_ns() - self.start_ns;
+        let pressed = self.robot.sense(&mut self.senses);
+        self.presses(pressed)?;
+        if self.flags.is_raised() {
+            return Err(CalibrateError::Stopped);
+        }
+        let gyro_rad = if self.has_gyro() { Some(self.fresh(Channel::Gyro)?) } else { None };
+        Ok(Standing {
+            left_rad: self.fresh(Channel::Left)?,
+            right_rad: self.fresh(Channel::Right)?,
+            gyro_rad,
+        })
+    }
+
+    fn fresh(&self, channel: Channel) -> Result<f64, CalibrateError> {
+        self.senses.fresh(channel, self.config().max_age_ns).ok_or_else(|| CalibrateError::Lost {
+            channel,
+            trouble: self.robot.trouble().unwrap_or_else(|| "no reading".to_owned()),
+        })
+    }
+
+    /// A button stops, except that Enter is an answer while turns are marked.
+    fn presses(&mut self, stop_pressed: bool) -> Result<(), CalibrateError> {
+        // Buttons that cannot be read were said by `doctor`; Ctrl-C is left.
+        let pressed =
+            self.buttons.as_mut().and_then(|buttons| buttons.changes().ok()).unwrap_or_default().pressed;
+        let stops = if self.marking { pressed.contains(Button::Back) } else { stop_pressed };
+        self.entered = self.entered || pressed.contains(Button::Enter);
+        if stops { Err(CalibrateError::Stopped) } else { Ok(()) }
+    }
+
+    /// A button that answered a question must not stop the motion after it.
+    fn forget_presses(&mut self) {
+        self.senses.time_ns = self.clock.now_ns() - self.start_ns;
+        self.robot.sense(&mut self.senses);
+        if let Some(buttons) = &mut self.buttons {
+            // What cannot be read is read again at the next look.
+            let _ = buttons.changes();
+        }
+        self.entered = false;
+    }
+
+    fn wait(&self) {
+        self.clock.sleep_until_ns(self.clock.now_ns() + LOOK_NS);
+    }
+}
+
+/// How far a wheel has come, and when it last did.
+#[derive(Debug, Clone, Copy)]
+struct Progress {
+    turned_rad: f64,
+    at_ns: i64,
+}
+
+impl Progress {
+    fn new(at_ns: i64) -> Self {
+        Self { turned_rad: 0.0, at_ns }
+    }
+
+    /// Every motion here turns both wheels all the time, so one that stands is blocked.
+    fn check(&mut self, turned_rad: f64, now_ns: i64) -> Result<(), CalibrateError> {
+        if turned_rad > self.turned_rad + TURNED_RAD {
+            *self = Self { turned_rad, at_ns: now_ns };
+        } else if now_ns - self.at_ns > BLOCKED_NS {
+            return Err(CalibrateError::Blocked);
+        }
+        Ok(())
+    }
+}
+
+impl Standing {
+    /// How far the wheels have turned since, radians, the mean of both, either way.
+    pub(super) fn wheels_rad(&self, now: &Self) -> f64 {
+        f64::midpoint((now.left_rad - self.left_rad).abs(), (now.right_rad - self.right_rad).abs())
+    }
+}

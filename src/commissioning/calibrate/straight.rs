@@ -1,0 +1,204 @@
+//! The wheels' circumference: at a wall, or over a measured metre.
+
+use std::f64::consts::PI;
+
+use crate::behavior::Drive;
+use crate::commissioning::Dialogue;
+use crate::robot::{Channel, Senses};
+
+use super::fit::{Measured, slope};
+use super::stage::{Ended, Limit, Stage};
+use super::{CalibrateError, NoAnswer};
+
+/// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a loud echo, far enough not to touch.
+const NEAR_M: f64 = 0.2;
+const FAR_M: f64 = 0.7;
+
+/// How far off the wall may be to begin with, metres.
+const START_M: std::ops::RangeInclusive<f64> = 0.1..=1.5;
+
+/// How fast, metres per second: some sixty echoes on the way.
+const SPEED_M_S: f64 = 0.08;
+
+/// The first of each leg is left out, radians of the wheel: gears and caster settle.
+const SETTLE_RAD: f64 = 0.7;
+
+/// So far off the line an echo is as good as any, metres (the sensor's own noise: `lego-sensor-tables`).
+const RANGE_NOISE_M: f64 = 0.01;
+
+/// A leg with fewer echoes says nothing.
+const FEWEST_ECHOES: usize = 20;
+
+/// After so long without an echo the wall is lost, nanoseconds.
+const LOST_NS: i64 = 1_000_000_000;
+
+/// The file's circumference may be off by a third; a motion may go so much farther than it thinks.
+const SLACK: f64 = 1.5;
+
+/// How far the robot drives where a person measures, metres.
+const METRE_M: f64 = 1.0;
+
+/// Drives back and forth before a wall; each leg is a measurement.
+pub(super) fn by_wall(
+    stage: &mut Stage<'_>,
+    dialogue: &mut dyn Dialogue,
+    pairs: Option<u32>,
+) -> Result<Measured, CalibrateError> {
+    let ready = dialogue.confirm(
+        "Put the robot half a metre before a plain wall, square to it, its head straight ahead, with a metre of floor behind it. It will drive back and forth. Is it ready?",
+    )?;
+    if !ready {
+        return Err(NoAnswer::Declined.into());
+    }
+    let before_m = stage.config().wheel_circumference_m;
+    let range_m = wall_ahead(stage)?;
+    if range_m > NEAR_M {
+        leg(stage, 1.0, range_m - NEAR_M)?;
+    }
+    let (mut ahead, mut back) = (Vec::new(), Vec::new());
+    for _ in 0..pairs.unwrap_or(3) {
+        back.extend(leg(stage, -1.0, FAR_M - NEAR_M)?);
+        ahead.extend(leg(stage, 1.0, FAR_M - NEAR_M)?);
+    }
+    Ok(Measured::of(before_m, [&ahead, &back]))
+}
+
+/// How far off the wall is: the middle of a second's echoes.
+fn wall_ahead(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
+    let mut ranges: Vec<f64> = stage.ranges()?;
+    ranges.sort_by(f64::total_cmp);
+    let range_m = ranges.get(ranges.len() / 2).copied().unwrap_or(f64::INFINITY);
+    if START_M.contains(&range_m) {
+        return Ok(range_m);
+    }
+    let seen = if range_m.is_finite() { format!("{range_m:.2} m off") } else { "not to be seen".to_owned() };
+    Err(CalibrateError::NoWall(format!(
+        "the wall is {seen}: put the robot half a metre before it, its head straight ahead"
+    )))
+}
+
+/// One way between the two ranges; the circumference that it says, if it had enough echoes.
+fn leg(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Option<f64>, CalibrateError> {
+    stage.rest()?;
+    let mut echoes = Echoes::new(way);
+    let ended = stage.drive(forward(way), limit(stage, length_m), |senses| echoes.look(senses))?;
+    if echoes.lost {
+        return Err(CalibrateError::NoWall(
+            "the wall is lost from sight: a plain, hard wall, square to the robot's way, and nothing in between"
+                .to_owned(),
+        ));
+    }
+    if ended == Ended::Limit {
+        return Err(CalibrateError::TooFar(format!(
+            "the range did not come to {:.1} m within {SLACK} times the way: does the head look straight ahead, are ports and gears as robot.toml says?",
+            if way > 0.0 { NEAR_M } else { FAR_M }
+        )));
+    }
+    Ok(slope(&echoes.points, RANGE_NOISE_M, FEWEST_ECHOES).map(|metres_per_rad| -2.0 * PI * metres_per_rad))
+}
+
+fn forward(way: f64) -> Drive {
+    Drive::Twist { forward_m_s: way * SPEED_M_S, turn_rad_s: 0.0 }
+}
+
+fn limit(stage: &Stage<'_>, length_m: f64) -> Limit {
+    let metres_per_rad = stage.config().wheel_circumference_m / (2.0 * PI);
+    // A low limit of max_dps makes it slower than asked.
+    let speed_m_s = SPEED_M_S.min(stage.config().max_wheel_rad_s * metres_per_rad);
+    Limit {
+        wheel_rad: (length_m + 0.05) * SLACK / metres_per_rad,
+        time_s: 2.0 + (length_m + 0.05) * 2.0 * SLACK / speed_m_s,
+    }
+}
+
+/// The echoes of one leg, each once.
+struct Echoes {
+    way: f64,
+    from_rad: Option<f64>,
+    points: Vec<[f64; 2]>,
+    /// Echoes in a row beyond the leg's end: a single one may be wrong.
+    beyond: u32,
+    heard_ns: Option<i64>,
+    lost: bool,
+}
+
+impl Echoes {
+    fn new(way: f64) -> Self {
+        Self { way, from_rad: None, points: Vec::new(), beyond: 0, heard_ns: None, lost: false }
+    }
+
+    /// Takes what is new; true at the leg's end.
+    fn look(&mut self, senses: &Senses) -> bool {
+        let value = |channel| senses.get(channel).map(|reading| reading.value);
+        let (Some(left_rad), Some(right_rad)) = (value(Channel::Left), value(Channel::Right)) else {
+            return false;
+        };
+        let wheel_rad = f64::midpoint(left_rad, right_rad);
+        let from_rad = *self.from_rad.get_or_insert(wheel_rad);
+        let heard_ns = *self.heard_ns.get_or_insert(senses.time_ns);
+        // While the robot moves, an echo that is new has a new value: one that stands still is an old one read again.
+        let echo = senses
+            .get(Channel::Range)
+            .filter(|reading| reading.changed_ns == senses.time_ns && reading.value.is_finite());
+        let Some(echo) = echo else {
+            self.lost = senses.time_ns - heard_ns > LOST_NS;
+            return self.lost;
+        };
+        self.heard_ns = Some(senses.time_ns);
+        if (wheel_rad - from_rad).abs() > SETTLE_RAD {
+            self.points.push([wheel_rad, echo.value]);
+        }
+        let is_beyond = if self.way > 0.0 { echo.value <= NEAR_M } else { echo.value >= FAR_M };
+        self.beyond = if is_beyond { self.beyond + 1 } else { 0 };
+        self.beyond >= 2
+    }
+}
+
+/// Drives about a metre, ahead and back; the person measures each time.
+pub(super) fn by_metre(
+    stage: &mut Stage<'_>,
+    dialogue: &mut dyn Dialogue,
+    pairs: Option<u32>,
+) -> Result<Measured, CalibrateError> {
+    let ready = dialogue.confirm(
+        "The robot will drive about a metre, ahead and back, several times; have a measuring tape at hand. Does it have a metre and a half of floor ahead?",
+    )?;
+    if !ready {
+        return Err(NoAnswer::Declined.into());
+    }
+    let before_m = stage.config().wheel_circumference_m;
+    let (mut ahead, mut back) = (Vec::new(), Vec::new());
+    for _ in 0..pairs.unwrap_or(2) {
+        ahead.push(metre(stage, dialogue, 1.0)?);
+        back.push(metre(stage, dialogue, -1.0)?);
+    }
+    Ok(Measured::of(before_m, [&ahead, &back]))
+}
+
+fn metre(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result<f64, CalibrateError> {
+    let direction = if way > 0.0 { "ahead" } else { "back" };
+    let marked = dialogue.confirm(&format!(
+        "Mark on the floor where one of the wheels stands. Drive about a metre {direction} now?"
+    ))?;
+    if !marked {
+        return Err(NoAnswer::Declined.into());
+    }
+    let metres_per_rad = stage.config().wheel_circumference_m / (2.0 * PI);
+    let from = stage.rest()?;
+    let begin = from;
+    let gone = |senses: &Senses| {
+        let angle = |channel| senses.get(channel).map_or(0.0, |reading| reading.value);
+        let left_rad = angle(Channel::Left) - begin.left_rad;
+        let right_rad = angle(Channel::Right) - begin.right_rad;
+        f64::midpoint(left_rad, right_rad).abs() * metres_per_rad
+    };
+    stage.drive(forward(way), limit(stage, METRE_M), |senses| gone(senses) >= METRE_M)?;
+    let to = stage.rest()?;
+    let wheel_rad = f64::midpoint(to.left_rad - from.left_rad, to.right_rad - from.right_rad).abs();
+    let came_m = dialogue.number(
+        "How far did that wheel come from its mark, in metres, to the millimetre (such as 0.987)?",
+        METRE_M,
+        0.05..=5.0,
+    )?;
+    Ok(came_m * 2.0 * PI / wheel_rad)
+}

@@ -1,0 +1,219 @@
+//! The track width: by spinning on the spot.
+
+use std::f64::consts::PI;
+
+use crate::behavior::Drive;
+use crate::commissioning::Dialogue;
+use crate::robot::{Channel, Senses};
+use crate::units::{degrees, radians};
+
+use super::fit::Measured;
+use super::stage::{Ended, Limit, Stage, Standing};
+use super::{CalibrateError, CalibrateOptions, NoAnswer};
+
+/// How fast the robot spins, radians per second: far below the 440 degrees a second at which a gyro loses count.
+const SPIN_RAD_S: f64 = PI / 3.0;
+
+/// How fast it creeps towards the mark: a person who is late by a fifth of a second is then 3 degrees off, which the last step corrects.
+const CREEP_RAD_S: f64 = PI / 15.0;
+
+/// Whole turns of a spin that a person marks: a degree of the eye is then 0.14 %.
+const MARKED_TURNS: f64 = 2.0;
+
+/// After this share of the marked turns, by the file's numbers, the robot creeps: they may be off by a fourth.
+const FAST_SHARE: f64 = 0.75;
+
+/// How much farther a spin may go than the file's numbers say.
+const SLACK: f64 = 1.5;
+
+/// What a gyro may be off by without anything on the robot showing it, as a share: people find 1 to 4 % (`lego-sensor-tables`).
+const GYRO_UNSEEN: f64 = 0.02;
+
+/// A step of the last correction, radians.
+const STEP_RAD: f64 = 2.0 * PI / 360.0;
+
+/// How many such steps at most.
+const STEPS: u32 = 60;
+
+/// Spins in both directions; the track width, and the gyro's scale where turns were marked.
+pub(super) fn track_width(
+    stage: &mut Stage<'_>,
+    dialogue: &mut dyn Dialogue,
+    options: &CalibrateOptions,
+    circumference_m: f64,
+) -> Result<(Measured, Option<f64>), CalibrateError> {
+    let before_m = stage.config().track_width_m;
+    if !stage.has_gyro() {
+        let spins = marked_spins(stage, dialogue, options.pairs.unwrap_or(2))?;
+        let [left, right] = spins.map(|spins| {
+            spins.iter().map(|spin| width_m(spin, circumference_m, marked_rad(spin))).collect::<Vec<_>>()
+        });
+        return Ok((Measured::of(before_m, [&left, &right]), None));
+    }
+    let ready = dialogue.confirm(
+        "The robot will now spin on the spot, to the left and to the right. Does it have a hand's width of space all around?",
+    )?;
+    if !ready {
+        return Err(NoAnswer::Declined.into());
+    }
+    let (mut left, mut right) = (Vec::new(), Vec::new());
+    for _ in 0..options.pairs.unwrap_or(3) {
+        for (way, widths) in [(1.0, &mut left), (-1.0, &mut right)] {
+            let spin = spin_by_gyro(stage, way, options.turns)?;
+            widths.push(width_m(&spin, circumference_m, spin.gyro_rad()));
+        }
+    }
+    let mut measured = Measured::of(before_m, [&left, &right]);
+    if !is_marked(dialogue, options)? {
+        measured.unseen = GYRO_UNSEEN;
+        return Ok((measured, None));
+    }
+    let [left, right] = marked_spins(stage, dialogue, 1)?;
+    let scales: Vec<f64> = left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
+    let [a, b] = [scales.first(), scales.last()].map(|scale| scale.copied().unwrap_or(f64::NAN));
+    let scale = f64::midpoint(a, b);
+    dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn.", 360.0 * scale));
+    // Of two values, half their distance is the mean's standard error.
+    Ok((measured.scaled(scale, ((a - b) / 2.0 / scale).abs()), Some(scale)))
+}
+
+fn is_marked(dialogue: &mut dyn Dialogue, options: &CalibrateOptions) -> Result<bool, NoAnswer> {
+    match options.mark {
+        Some(mark) => Ok(mark),
+        None => dialogue.confirm(
+            "A gyro counts 1 to 4 % too much or too little, and only your eyes can tell. Mark two spins by a line on the floor?",
+        ),
+    }
+}
+
+/// A spin: at rest before and after.
+#[derive(Debug, Clone, Copy)]
+struct Spin {
+    from: Standing,
+    to: Standing,
+    /// 1 anticlockwise, -1 clockwise.
+    way: f64,
+}
+
+impl Spin {
+    /// What the gyro says was turned, radians, anticlockwise; not a number without a gyro.
+    fn gyro_rad(&self) -> f64 {
+        match (self.from.gyro_rad, self.to.gyro_rad) {
+            (Some(from_rad), Some(to_rad)) => to_rad - from_rad,
+            _ => f64::NAN,
+        }
+    }
+}
+
+/// What the person says was turned.
+fn marked_rad(spin: &Spin) -> f64 {
+    spin.way * MARKED_TURNS * 2.0 * PI
+}
+
+/// The track width for which the wheels' angles make this turn, metres: `b = c (φr - φl) / (2π θ)`.
+fn width_m(spin: &Spin, circumference_m: f64, turned_rad: f64) -> f64 {
+    let apart_rad = (spin.to.right_rad - spin.from.right_rad) - (spin.to.left_rad - spin.from.left_rad);
+    circumference_m * apart_rad / (2.0 * PI * turned_rad)
+}
+
+fn spin_by_gyro(stage: &mut Stage<'_>, way: f64, turns: f64) -> Result<Spin, CalibrateError> {
+    let from = stage.rest()?;
+    let wanted_rad = turns * 2.0 * PI;
+    let turned_rad = |senses: &Senses| {
+        let gyro_rad = senses.get(Channel::Gyro).map(|reading| reading.value);
+        gyro_rad.zip(from.gyro_rad).map_or(0.0, |(now_rad, from_rad)| way * (now_rad - from_rad))
+    };
+    let ended = stage.drive(spinning(way * SPIN_RAD_S), limit(stage, wanted_rad, SPIN_RAD_S), |senses| {
+        turned_rad(senses) >= wanted_rad
+    })?;
+    let to = stage.rest()?;
+    let spin = Spin { from, to, way };
+    if ended == Ended::Limit {
+        let config = stage.config();
+        let wheels_rad = width_m(&spin, config.wheel_circumference_m, config.track_width_m);
+        return Err(CalibrateError::TooFar(format!(
+            "the wheels say {:.0} degrees, the gyro {:.0}: are the wheels on the floor, is the gyro fixed to the robot, flat, and its port right in robot.toml?",
+            degrees(wheels_rad),
+            degrees(spin.gyro_rad())
+        )));
+    }
+    Ok(spin)
+}
+
+/// Spins that a person marks, in both directions.
+fn marked_spins(
+    stage: &mut Stage<'_>,
+    dialogue: &mut dyn Dialogue,
+    pairs: u32,
+) -> Result<[Vec<Spin>; 2], CalibrateError> {
+    let (mut left, mut right) = (Vec::new(), Vec::new());
+    for _ in 0..pairs {
+        left.push(marked_spin(stage, dialogue, 1.0)?);
+        right.push(marked_spin(stage, dialogue, -1.0)?);
+    }
+    Ok([left, right])
+}
+
+fn marked_spin(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result<Spin, CalibrateError> {
+    let side = if way > 0.0 { "left" } else { "right" };
+    let ready = dialogue.confirm(&format!(
+        "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
+    ))?;
+    if !ready {
+        return Err(NoAnswer::Declined.into());
+    }
+    let from = stage.rest()?;
+    let marked_rad = MARKED_TURNS * 2.0 * PI;
+    turn(stage, way * SPIN_RAD_S, FAST_SHARE * marked_rad)?;
+    dialogue.say("Now slowly: press Enter when it stands along the line.");
+    // Both parts together are one and a half times the way, and no more.
+    let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad / SLACK, CREEP_RAD_S);
+    if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow, dialogue)? == Ended::Limit {
+        return Err(CalibrateError::TooFar(
+            "nobody pressed Enter in one and a half times the way: start again and watch the line".to_owned(),
+        ));
+    }
+    align(stage, dialogue, way)?;
+    Ok(Spin { from, to: stage.rest()?, way })
+}
+
+/// Step by step to the line: nobody presses a button at the right moment.
+fn align(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result<(), CalibrateError> {
+    for _ in 0..STEPS {
+        let answers = ["yes, exactly", "it must turn a little further", "it must turn back a little"];
+        match dialogue.choose("Does it stand along the line?", &answers, 0)? {
+            0 => return Ok(()),
+            1 => turn(stage, way * CREEP_RAD_S, STEP_RAD)?,
+            _ => turn(stage, -way * CREEP_RAD_S, STEP_RAD)?,
+        }
+    }
+    Err(NoAnswer::Unclear.into())
+}
+
+/// Turns by an angle, by the wheels and the file's numbers.
+fn turn(stage: &mut Stage<'_>, turn_rad_s: f64, angle_rad: f64) -> Result<(), CalibrateError> {
+    let from = stage.rest()?;
+    let (track_m, circumference_m) = (stage.config().track_width_m, stage.config().wheel_circumference_m);
+    let turned_rad = |senses: &Senses| {
+        let angle = |channel| senses.get(channel).map_or(0.0, |reading| reading.value);
+        let apart_rad = (angle(Channel::Right) - from.right_rad) - (angle(Channel::Left) - from.left_rad);
+        (circumference_m * apart_rad / (2.0 * PI * track_m)).abs()
+    };
+    stage.drive(spinning(turn_rad_s), limit(stage, angle_rad, turn_rad_s.abs()), |senses| {
+        turned_rad(senses) >= angle_rad
+    })?;
+    Ok(())
+}
+
+fn spinning(turn_rad_s: f64) -> Drive {
+    Drive::Twist { forward_m_s: 0.0, turn_rad_s }
+}
+
+fn limit(stage: &Stage<'_>, angle_rad: f64, speed_rad_s: f64) -> Limit {
+    let config = stage.config();
+    let wheel_rad_per_rad = PI * config.track_width_m / config.wheel_circumference_m;
+    // A low limit of max_dps makes it slower than asked.
+    let speed_rad_s = speed_rad_s.min(config.max_wheel_rad_s / wheel_rad_per_rad);
+    let angle_rad = angle_rad * SLACK + radians(5.0);
+    Limit { wheel_rad: angle_rad * wheel_rad_per_rad, time_s: 2.0 + 2.0 * angle_rad / speed_rad_s }
+}

@@ -1,0 +1,176 @@
+//! Every check before motion, as a report: what is in order, what is not, and what to do.
+//!
+//! A check is a function in a table; it looks at one thing and adds lines to the report. Checks go on after a failure, so that one look
+//! shows everything. Nothing is moved: no motor gets a command, and a sensor's mode is set only while nobody else has the hardware.
+//!
+//! | what | where |
+//! |---|---|
+//! | `robot.toml`, devices on their ports, readings, gyro at rest | `roles` |
+//! | brick, lock, battery, buttons, lights, speaker | `brick` |
+//! | groups, disk, clock, real-time priority, missions | `machine` |
+//!
+//! # Not here
+//!
+//! No repair, and no motion: whether wheels turn the right way is seen in `setup`.
+
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::clock::Clock;
+use crate::ev3dev::Tree;
+use crate::robot::RobotConfig;
+
+use crate::printable::with_causes;
+use crate::runtime::{HardwareLock, Source, StopFlags};
+
+mod brick;
+mod machine;
+mod roles;
+
+/// What is examined.
+#[derive(Debug)]
+pub struct Patient<'p> {
+    /// The brick's files.
+    pub tree: &'p Arc<dyn Tree>,
+    /// Its time.
+    pub clock: &'p dyn Clock,
+    /// Who asks to stop: the report then ends early and says so.
+    pub flags: &'p StopFlags,
+    /// The robot's file as it was read, or why it could not be.
+    pub robot: Result<&'p Source, &'p str>,
+    /// The brick's root in the file system, which the hardware lock goes by; `None` for a brick inside this process.
+    pub root: Option<&'p Path>,
+    /// Where recordings go; looked at whether it is there or not.
+    pub recordings: &'p Path,
+    /// A folder of missions to check as well.
+    pub missions: Option<&'p Path>,
+    /// What the wall clock says, nanoseconds since 1970.
+    pub wall_ns: i64,
+}
+
+/// How a check ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// In order.
+    Ok,
+    /// A run can go without it.
+    Warning,
+    /// A run will be refused, or will not be what it should.
+    Failed,
+}
+
+impl Verdict {
+    /// What it is called in a report.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Warning => "warning",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// One line of the report.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Checked {
+    /// What was looked at.
+    pub check: String,
+    /// How it is.
+    pub verdict: Verdict,
+    /// What was seen.
+    pub found: String,
+    /// What to do, where something is to be done.
+    pub to_do: Option<String>,
+}
+
+impl fmt::Display for Checked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:<8} {:<14} {}", self.verdict.word(), self.check, self.found)?;
+        match &self.to_do {
+            Some(to_do) => write!(f, " -> {to_do}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// All lines.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct Diagnosis {
+    /// In the order of the table.
+    pub checks: Vec<Checked>,
+}
+
+impl Diagnosis {
+    /// How many ended so.
+    #[must_use]
+    pub fn count(&self, verdict: Verdict) -> usize {
+        self.checks.iter().filter(|checked| checked.verdict == verdict).count()
+    }
+
+    fn add(&mut self, check: &str, verdict: Verdict, found: impl Into<String>, to_do: Option<&str>) {
+        let (check, to_do) = (check.to_owned(), to_do.map(str::to_owned));
+        self.checks.push(Checked { check, verdict, found: found.into(), to_do });
+    }
+
+    fn ok(&mut self, check: &str, found: impl Into<String>) {
+        self.add(check, Verdict::Ok, found, None);
+    }
+
+    fn warn(&mut self, check: &str, found: impl Into<String>, to_do: &str) {
+        self.add(check, Verdict::Warning, found, Some(to_do));
+    }
+
+    fn fail(&mut self, check: &str, found: impl Into<String>, to_do: &str) {
+        self.add(check, Verdict::Failed, found, Some(to_do));
+    }
+}
+
+/// What checks know of each other.
+#[derive(Debug)]
+struct Examination<'p> {
+    patient: &'p Patient<'p>,
+    config: Option<RobotConfig>,
+    /// Nobody else drives: sensors may be put into their modes.
+    is_free: bool,
+    _lock: Option<HardwareLock>,
+}
+
+type Check = fn(&mut Examination<'_>, &mut Diagnosis);
+
+/// The order is that in which a person puts things right: the file, the brick, the devices, then what a run needs besides.
+const CHECKS: &[Check] = &[
+    roles::file,
+    brick::tree,
+    brick::lock,
+    machine::groups,
+    roles::motors,
+    roles::sensors,
+    brick::battery,
+    brick::buttons,
+    brick::lights,
+    brick::speaker,
+    machine::disk,
+    machine::clock,
+    machine::priority,
+    machine::missions,
+];
+
+/// Looks at everything, in about two seconds. Nothing moves.
+#[must_use]
+pub fn examine(patient: &Patient<'_>) -> Diagnosis {
+    let mut examination = Examination { patient, config: None, is_free: false, _lock: None };
+    let mut diagnosis = Diagnosis::default();
+    for check in CHECKS {
+        if patient.flags.is_raised() {
+            diagnosis.fail("doctor", "stopped before the end", "start it again for the rest");
+            break;
+        }
+        check(&mut examination, &mut diagnosis);
+    }
+    diagnosis
+}

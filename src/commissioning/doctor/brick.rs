@@ -1,0 +1,129 @@
+//! The brick itself: its files, its owner, and what people see, hear and press.
+
+use crate::ev3dev::{
+    BUTTONS_PATH, Battery, Button, Buttons, DeviceError, Inventory, SOUND_PATH, Sound, StatusLights,
+};
+use crate::robot::{BatteryConfig, BatteryLimits};
+use crate::runtime::{HardwareLock, LockError, MOST_V};
+
+use super::{Diagnosis, Examination, with_causes};
+
+/// What to do about EACCES on buttons and speaker.
+const INPUT_GROUP: &str = "sudo usermod -aG input USER, then log in anew";
+
+pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    let root = examination.patient.tree.root().display();
+    match Inventory::read(examination.patient.tree) {
+        Err(error) => diagnosis.fail("brick", with_causes(&error), "onbrick devices shows more"),
+        Ok(inventory) if inventory.devices.is_empty() && inventory.battery.is_none() => diagnosis.fail(
+            "brick",
+            format!("there is none below {root}: no device classes of ev3dev"),
+            "run this on the brick, or give --brick the folder where one is mounted",
+        ),
+        Ok(inventory) => {
+            let devices = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
+            diagnosis.ok("brick", format!("{} devices below {root}", devices.count()));
+        }
+    }
+}
+
+/// Takes the hardware for the time of the examination, where it is to be had.
+pub(super) fn lock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    let Some(root) = examination.patient.root else {
+        examination.is_free = true;
+        return diagnosis.ok("lock", "not needed: this brick is inside the program");
+    };
+    match HardwareLock::take(root, "onbrick doctor") {
+        Ok(lock) => {
+            examination.is_free = true;
+            examination._lock = Some(lock);
+            diagnosis.ok("lock", "nobody else drives");
+        }
+        Err(error @ LockError::Taken(_)) => {
+            diagnosis.fail("lock", error.to_string(), "wait until it is done, or onbrick halt");
+        }
+        Err(error) => {
+            diagnosis.fail(
+                "lock",
+                with_causes(&error),
+                "make its folder writable, or remove the file as root",
+            );
+        }
+    }
+}
+
+pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    const CHECK: &str = "battery";
+    let config = examination.config.as_ref().map_or_else(BatteryConfig::default, |config| config.battery);
+    let read = Battery::open(examination.patient.tree).and_then(|battery| {
+        let volts = battery.voltage_v()?;
+        let cells = battery.technology().unwrap_or_default();
+        Ok((volts, BatteryConfig { cells, ..config }.limits()))
+    });
+    match read {
+        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=MOST_V).contains(&volts) => diagnosis.fail(
+            CHECK,
+            format!("{volts:.2} V"),
+            &format!("charge it, or put in fresh cells; a run needs at least {slow_v} V"),
+        ),
+        Ok((volts, BatteryLimits { warn_v, .. })) if volts < warn_v => {
+            diagnosis.warn(
+                CHECK,
+                format!("{volts:.2} V is low"),
+                "charge it soon, or have fresh cells ready",
+            );
+        }
+        Ok((volts, _)) => diagnosis.ok(CHECK, format!("{volts:.2} V")),
+        Err(error) => diagnosis.warn(CHECK, with_causes(&error), "a run goes without, and cannot warn of it"),
+    }
+}
+
+/// A run that a person beside the robot cannot stop may never happen, so this is no warning.
+pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    const CHECK: &str = "buttons";
+    let opened = Buttons::open(examination.patient.tree, BUTTONS_PATH);
+    let looked = opened.and_then(|mut buttons| buttons.changes().map(|_| buttons.held()));
+    match looked {
+        Ok(held) if [Button::Enter, Button::Back].into_iter().any(|stop| held.contains(stop)) => {
+            diagnosis.warn(CHECK, "Enter or Back is held down", "let go of it: it stops a run");
+        }
+        Ok(_) => diagnosis.ok(CHECK, "Enter and Back stop a run"),
+        Err(error) => {
+            diagnosis.fail(
+                CHECK,
+                format!("nobody could stop a run by hand: {}", with_causes(&error)),
+                advice(&error),
+            );
+        }
+    }
+}
+
+pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    match StatusLights::open(examination.patient.tree).and_then(|lights| lights.check_writable()) {
+        Ok(()) => diagnosis.ok("lights", "they can be switched"),
+        Err(error) => diagnosis.warn(
+            "lights",
+            with_causes(&error),
+            "a run goes without light signals; sudo usermod -aG ev3dev USER where access is denied",
+        ),
+    }
+}
+
+pub(super) fn speaker(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    match Sound::open(examination.patient.tree, SOUND_PATH) {
+        Ok(_) => diagnosis.ok("speaker", "it can be heard"),
+        Err(error) => diagnosis.warn(
+            "speaker",
+            format!("a run starts without its beeps: {}", with_causes(&error)),
+            advice(&error),
+        ),
+    }
+}
+
+fn advice(error: &DeviceError) -> &'static str {
+    if error.is_denied() {
+        INPUT_GROUP
+    } else {
+        "is this an EV3 under ev3dev, with its buttons as an input device?"
+    }
+}

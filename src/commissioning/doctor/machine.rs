@@ -1,0 +1,178 @@
+//! What a run needs of the machine: permissions, disk, clock, priority; and whether its missions are in order.
+
+use std::path::{Path, PathBuf};
+
+use nix::sys::resource::{Resource, getrlimit};
+use nix::sys::statvfs::statvfs;
+use nix::unistd::{Gid, geteuid, getgroups};
+
+use crate::behavior::{Capabilities, Mission};
+use crate::clock::{wrong_year, year};
+use crate::document::Document;
+
+use super::{Diagnosis, Examination, Verdict, with_causes};
+use crate::runtime::groups;
+
+/// What gives access to what on ev3dev's images.
+const GROUPS: [(&str, &str, Verdict); 3] = [
+    ("ev3dev", "motors, sensors and lights", Verdict::Failed),
+    ("input", "buttons and speaker", Verdict::Failed),
+    ("video", "the screen", Verdict::Warning),
+];
+
+/// A recording of two minutes takes about 4 MB; with less than this a run would soon end.
+const LEAST_BYTES: u64 = 20 << 20;
+
+/// With less than this it is time to clear up.
+const FEW_BYTES: u64 = 200 << 20;
+
+pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    const CHECK: &str = "groups";
+    let is_this_machine = examination.patient.tree.local_path("").is_some_and(|path| path == Path::new("/"));
+    if !is_this_machine {
+        return diagnosis.ok(CHECK, "not needed: this brick is not the machine itself");
+    }
+    if geteuid().is_root() {
+        return diagnosis.ok(CHECK, "root may do everything");
+    }
+    let mine: Vec<Gid> = getgroups().unwrap_or_default();
+    let mut all = true;
+    for (name, what, verdict) in GROUPS {
+        let group = groups::number_of(name).ok().flatten();
+        if !group.is_some_and(|group| mine.contains(&group)) {
+            all = false;
+            let to_do = format!("sudo usermod -aG {name} USER, then log in anew");
+            diagnosis.add(
+                CHECK,
+                verdict,
+                format!("you are not in the group {name}: no {what}"),
+                Some(&to_do),
+            );
+        }
+    }
+    if all {
+        diagnosis.ok(CHECK, "ev3dev, input and video");
+    }
+}
+
+/// The folder itself, or the nearest of its parents that is there: a run makes the rest.
+#[allow(clippy::useless_conversion, reason = "the kernel's words are narrower on the brick than on a PC")]
+pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    const CHECK: &str = "disk";
+    let wanted = examination.patient.recordings;
+    let here = Path::new(".");
+    let folder = wanted
+        .ancestors()
+        .map(|folder| if folder.as_os_str().is_empty() { here } else { folder })
+        .find(|folder| folder.exists())
+        .unwrap_or(here);
+    if let Err(error) = try_to_write(folder) {
+        return diagnosis.fail(
+            CHECK,
+            format!("recordings cannot be written to {}: {error}", wanted.display()),
+            "another folder, or chown and chmod this one",
+        );
+    }
+    let free = match statvfs(folder) {
+        Ok(space) => u64::from(space.blocks_available()).saturating_mul(u64::from(space.fragment_size())),
+        Err(errno) => return diagnosis.warn(CHECK, errno.to_string(), "look how full it is with df"),
+    };
+    let found = format!("{} MB free for recordings in {}", free >> 20, wanted.display());
+    if free < LEAST_BYTES {
+        diagnosis.fail(CHECK, found, "delete runs that are fetched");
+    } else if free < FEW_BYTES {
+        diagnosis.warn(CHECK, found, "delete runs that are fetched");
+    } else {
+        diagnosis.ok(CHECK, found);
+    }
+}
+
+/// Only writing shows whether one can write: a full disk and one that is mounted read-only have fine permissions.
+fn try_to_write(folder: &Path) -> std::io::Result<()> {
+    let file = folder.join(format!(".onbrick-doctor-{}", nix::unistd::getpid()));
+    let written = std::fs::write(&file, b"is there place?");
+    let removed = std::fs::remove_file(&file);
+    written.and(removed)
+}
+
+pub(super) fn clock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    let wall_ns = examination.patient.wall_ns;
+    match wrong_year(wall_ns) {
+        Some((found, way_out)) => diagnosis.warn("clock", found, way_out),
+        None => diagnosis.ok("clock", format!("it is {}", year(wall_ns))),
+    }
+}
+
+pub(super) fn priority(_examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    const CHECK: &str = "priority";
+    match getrlimit(Resource::RLIMIT_RTPRIO) {
+        _ if geteuid().is_root() => diagnosis.ok(CHECK, "root may have real-time priority"),
+        Ok((soft, _)) if soft > 0 => diagnosis.ok(CHECK, format!("real-time priority up to {soft}")),
+        Ok(_) => diagnosis.warn(
+            CHECK,
+            "no real-time priority: ticks come late while the brick is busy",
+            "a line `USER - rtprio 50` in /etc/security/limits.conf, then log in anew",
+        ),
+        Err(errno) => diagnosis.warn(CHECK, errno.to_string(), "a run goes without real-time priority"),
+    }
+}
+
+pub(super) fn missions(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    const CHECK: &str = "missions";
+    let Some(folder) = examination.patient.missions else { return };
+    let capabilities =
+        examination.config.as_ref().map_or_else(Capabilities::all, crate::robot::RobotConfig::capabilities);
+    let files = match mission_files(folder) {
+        Ok(files) => files,
+        Err(error) => {
+            let found = format!("cannot look into {}: {error}", folder.display());
+            return diagnosis.fail(CHECK, found, "the folder with the mission files");
+        }
+    };
+    if files.is_empty() {
+        diagnosis.warn(CHECK, format!("none in {}", folder.display()), "onbrick new mission FILE");
+    }
+    for file in files {
+        mission(&file, &capabilities, diagnosis);
+    }
+}
+
+fn mission_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut files = std::fs::read_dir(folder)?
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<std::io::Result<Vec<_>>>()?;
+    files.retain(|file| file.extension().is_some_and(|ending| ending == "toml"));
+    files.sort();
+    Ok(files)
+}
+
+fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) {
+    const CHECK: &str = "mission";
+    let name = file
+        .file_name()
+        .map_or_else(|| file.display().to_string(), |name| name.to_string_lossy().into_owned());
+    let bytes = match read_bounded(file) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            return diagnosis.fail(CHECK, format!("{name}: {}", with_causes(&error)), "make it readable");
+        }
+    };
+    match Mission::parse(&name, &bytes, capabilities) {
+        Ok((mission, _)) => diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name())),
+        Err(findings) => {
+            let first = findings.iter().next();
+            let found =
+                first.map_or_else(String::new, |first| format!("line {}: {}", first.line, first.message));
+            let to_do = format!("onbrick check {} shows all {}", file.display(), findings.iter().count());
+            diagnosis.fail(CHECK, format!("{name} {found}"), &to_do);
+        }
+    }
+}
+
+/// One byte more than a document may have is enough for it to say that it is too long.
+fn read_bounded(file: &Path) -> std::io::Result<Vec<u8>> {
+    let most = u64::try_from(Document::MAX_BYTES + 1).unwrap_or(u64::MAX);
+    let mut bytes = Vec::new();
+    std::io::Read::read_to_end(&mut std::io::Read::take(std::fs::File::open(file)?, most), &mut bytes)?;
+    Ok(bytes)
+}

@@ -1,0 +1,271 @@
+//! What is known of a run when it starts and when it ends, and how a recording says it: as records
+//! of names and values.
+
+use std::collections::BTreeMap;
+
+use mcap::records::Metadata;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::grid::Grid;
+use super::stop::Stop;
+use crate::ev3dev::Technology;
+use crate::mapping::Pose;
+use crate::printable;
+
+/// What is known of a run when it starts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// The run's identifier, where whoever started it chose one.
+    pub run: Option<String>,
+    /// The brick's name.
+    pub brick: String,
+    /// The mission's name.
+    pub mission: String,
+    /// `robot.toml` as it was read.
+    pub robot_toml: String,
+    /// `mission.toml` as it was read.
+    pub mission_toml: String,
+    /// `world.toml` as it was read, where the brick is simulated.
+    pub world_toml: Option<String>,
+    /// Where the robot starts.
+    pub start_pose: Pose,
+    /// The run's start, nanoseconds of the run's clock.
+    pub start_ns: i64,
+    /// Wall clock minus run clock at the start, nanoseconds; see [the module](super).
+    pub wall_offset_ns: i64,
+    /// The tick's period, nanoseconds.
+    pub period_ns: i64,
+    /// Whether the run's time is real.
+    pub pace: Pace,
+    /// The seed of the simulation, where there is one.
+    pub seed: Option<u64>,
+    /// What the brick runs on, which decides about the thresholds of its battery.
+    pub cells: Technology,
+    /// Named numbers that were set for this run.
+    pub settings: Vec<(String, f64)>,
+    /// The range sensor, where there is one.
+    pub range: Option<RangeSensor>,
+    /// The mission's machines, in its order.
+    pub machines: Vec<MachineNames>,
+}
+
+/// Whether time is real.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// It is: what does not fit into the ring is dropped, counted and named.
+    Real,
+    /// It is simulated and outruns the disk: a full ring is waited for, so nothing is lost, and
+    /// only the run's clock decides when syncs are made, so the same run gives the same bytes.
+    Virtual,
+}
+
+/// How the range sensor sits and sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RangeSensor {
+    /// From the head's axis to where distances are counted from, metres.
+    pub ahead_m: f64,
+    /// The least distance that it can measure, metres.
+    pub min_m: f64,
+    /// The greatest, metres.
+    pub max_m: f64,
+    /// How wide it sees, radians.
+    pub field_of_view_rad: f64,
+    /// True for infrared, false for ultrasound.
+    pub infrared: bool,
+}
+
+/// What a machine and its states are called.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct MachineNames {
+    /// The machine.
+    pub name: String,
+    /// The place of the state in which it starts.
+    pub start: u16,
+    /// Its states, in the mission's order.
+    pub states: Vec<StateNames>,
+}
+
+/// What a state is called, and the conditions of the transitions that leave it, as they are
+/// written.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct StateNames {
+    /// The state.
+    pub name: String,
+    /// In the mission's order.
+    pub conditions: Vec<String>,
+}
+
+/// What is known of a run when it ends.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct End {
+    /// Why it ended.
+    pub stop: Stop,
+    /// When, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Where the robot really was, where it is simulated.
+    pub truth: Option<Pose>,
+    /// The map, if the run made one.
+    pub map: Option<Grid>,
+}
+
+/// What a run is.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Info {
+    /// The version of onbrick that recorded it.
+    pub version: String,
+    /// The run's identifier, where whoever started it chose one.
+    pub run: Option<String>,
+    /// The brick's name.
+    pub brick: String,
+    /// The mission's name.
+    pub mission: String,
+    /// Where the robot started.
+    pub start_pose: Pose,
+    /// The run's start, nanoseconds of its clock.
+    pub start_ns: i64,
+    /// Wall clock minus run clock at the start, nanoseconds.
+    pub wall_offset_ns: i64,
+    /// The tick's period, nanoseconds.
+    pub period_ns: i64,
+    /// True where time was simulated.
+    pub virtual_time: bool,
+    /// The simulation's seed.
+    pub seed: Option<u64>,
+    /// What the brick ran on.
+    #[serde(serialize_with = "by_word")]
+    pub cells: Technology,
+    /// Named numbers that were set for the run.
+    pub settings: Vec<(String, f64)>,
+}
+
+fn by_word<S: serde::Serializer>(cells: &Technology, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(cells.as_str())
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Ending {
+    /// Why.
+    #[serde(flatten)]
+    pub stop: Stop,
+    /// When, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Where the robot really was, where it was simulated.
+    pub truth: Option<Pose>,
+}
+
+/// The names that a recording's attachments and metadata have.
+pub(super) mod names {
+    pub(crate) const ROBOT: &str = "robot.toml";
+    pub(crate) const MISSION: &str = "mission.toml";
+    pub(crate) const WORLD: &str = "world.toml";
+    pub(crate) const ABOUT: &str = "onbrick";
+    pub(crate) const VERSION: &str = "version";
+    pub(crate) const RUN: &str = "run";
+    pub(crate) const BRICK: &str = "brick";
+    pub(crate) const MISSION_NAME: &str = "mission";
+    pub(crate) const START_X: &str = "start_x_m";
+    pub(crate) const START_Y: &str = "start_y_m";
+    pub(crate) const START_HEADING: &str = "start_heading_rad";
+    pub(crate) const START_NS: &str = "start_ns";
+    pub(crate) const WALL_OFFSET_NS: &str = "wall_offset_ns";
+    pub(crate) const PERIOD_NS: &str = "period_ns";
+    pub(crate) const CLOCK: &str = "clock";
+    pub(crate) const SEED: &str = "seed";
+    pub(crate) const CELLS: &str = "cells";
+    pub(crate) const SETTING: &str = "set.";
+    pub(crate) const ENDING: &str = "onbrick.end";
+    pub(crate) const TIME_NS: &str = "time_ns";
+    pub(crate) const TRUTH_X: &str = "truth_x_m";
+    pub(crate) const TRUTH_Y: &str = "truth_y_m";
+    pub(crate) const TRUTH_HEADING: &str = "truth_heading_rad";
+}
+
+pub(super) fn of_start(start: &Start) -> Metadata {
+    let mut values = BTreeMap::new();
+    let mut put = |key: &str, value: String| values.insert(key.to_owned(), value);
+    put(names::VERSION, env!("CARGO_PKG_VERSION").to_owned());
+    if let Some(run) = &start.run {
+        put(names::RUN, run.clone());
+    }
+    put(names::BRICK, start.brick.clone());
+    put(names::MISSION_NAME, start.mission.clone());
+    put(names::START_X, start.start_pose.x_m.to_string());
+    put(names::START_Y, start.start_pose.y_m.to_string());
+    put(names::START_HEADING, start.start_pose.heading_rad.to_string());
+    put(names::START_NS, start.start_ns.to_string());
+    put(names::WALL_OFFSET_NS, start.wall_offset_ns.to_string());
+    put(names::PERIOD_NS, start.period_ns.to_string());
+    put(names::CLOCK, if start.pace == Pace::Virtual { "virtual" } else { "monotonic" }.to_owned());
+    if let Some(seed) = start.seed {
+        put(names::SEED, seed.to_string());
+    }
+    put(names::CELLS, start.cells.to_string());
+    for (name, value) in &start.settings {
+        put(&format!("{}{name}", names::SETTING), value.to_string());
+    }
+    Metadata { name: names::ABOUT.to_owned(), metadata: values }
+}
+
+pub(super) fn of_end(end: &End) -> Metadata {
+    let mut values = BTreeMap::new();
+    let mut put = |key: &str, value: String| values.insert(key.to_owned(), value);
+    if let Ok(Value::Object(fields)) = serde_json::to_value(&end.stop) {
+        for (key, value) in &fields {
+            put(key, value.as_str().unwrap_or_default().to_owned());
+        }
+    }
+    put(names::TIME_NS, end.time_ns.to_string());
+    if let Some(truth) = end.truth {
+        put(names::TRUTH_X, truth.x_m.to_string());
+        put(names::TRUTH_Y, truth.y_m.to_string());
+        put(names::TRUTH_HEADING, truth.heading_rad.to_string());
+    }
+    Metadata { name: names::ENDING.to_owned(), metadata: values }
+}
+
+/// A recording may come from anywhere: its texts are made fit to be shown as they are read.
+pub(super) fn fit(text: &str) -> String {
+    printable::line(text).into_owned()
+}
+
+pub(super) fn info(metadata: &Metadata) -> Info {
+    let text = |key: &str| metadata.metadata.get(key).map(|text| fit(text)).unwrap_or_default();
+    let whole = |key: &str| text(key).parse().unwrap_or(0);
+    let setting = |(key, value): (&String, &String)| {
+        Some((fit(key.strip_prefix(names::SETTING)?), value.parse().ok()?))
+    };
+    Info {
+        version: text(names::VERSION),
+        run: metadata.metadata.get(names::RUN).map(|run| fit(run)),
+        brick: text(names::BRICK),
+        mission: text(names::MISSION_NAME),
+        start_pose: pose_of(metadata, [names::START_X, names::START_Y, names::START_HEADING])
+            .unwrap_or_default(),
+        start_ns: whole(names::START_NS),
+        wall_offset_ns: whole(names::WALL_OFFSET_NS),
+        period_ns: whole(names::PERIOD_NS),
+        virtual_time: text(names::CLOCK) == "virtual",
+        seed: text(names::SEED).parse().ok(),
+        cells: text(names::CELLS).parse().unwrap_or_default(),
+        settings: metadata.metadata.iter().filter_map(setting).collect(),
+    }
+}
+
+pub(super) fn ending(metadata: &Metadata) -> Ending {
+    let text = |key: &str| metadata.metadata.get(key).map(|text| fit(text)).unwrap_or_default();
+    let fields = metadata.metadata.iter().map(|(key, value)| (fit(key), Value::String(fit(value))));
+    Ending {
+        stop: serde_json::from_value(Value::Object(fields.collect()))
+            .unwrap_or_else(|_| StopReason::Unknown.into()),
+        time_ns: text(names::TIME_NS).parse().unwrap_or(0),
+        truth: pose_of(metadata, [names::TRUTH_X, names::TRUTH_Y, names::TRUTH_HEADING]),
+    }
+}
+
+fn pose_of(metadata: &Metadata, keys: [&str; 3]) -> Option<Pose> {
+    let [x_m, y_m, heading_rad] =
+        keys.map(|key| metadata.metadata.get(key).and_then(|value| value.parse().ok()));
+    Some(Pose { x_m: x_m?, y_m: y_m?, heading_rad: heading_rad? })
+}

@@ -1,0 +1,490 @@
+//! From what the tick puts into the ring to the messages of the recording.
+//!
+//! What the ticks repeat is thinned here (poses for ROS ten times a second), what they count is
+//! summed up (statistics), and what is small is batched (points), all by the run's clock, so that
+//! the same run gives the same bytes.
+
+use serde::Serialize;
+
+use super::about::{Pace, Start};
+use super::file::RecordingFile;
+use super::grid::{self, Grid};
+use super::message::{self, Covariance, Gap, Header, Quaternion, Time, Vector3};
+use super::points;
+use super::sink::RecordError;
+use super::status::Status;
+use super::tick::{Dropped, Entry, Level, TickRecord};
+use super::topic::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Topic};
+use crate::behavior::Taken;
+use crate::clock::{MILLISECOND_NS, SECOND_NS};
+use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Pose, Range};
+use crate::robot::Channel;
+
+/// How often odometry and transforms are written for viewers; `/pose` has every tick.
+const ODOMETRY_PERIOD_NS: i64 = 100 * MILLISECOND_NS;
+
+/// How often the map is written while it grows.
+const MAP_PERIOD_NS: i64 = 5 * SECOND_NS;
+
+/// How exactly a robot is put down by hand at the pose that the run starts from, metres and radians
+/// (1 cm, 1°): standard deviations.
+const PUT_DOWN_M: f64 = 0.01;
+const PUT_DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
+
+/// How often there are statistics.
+const STATISTICS_PERIOD_NS: i64 = SECOND_NS;
+
+/// Variance of what a robot on a floor cannot do (lift off, tip over), m² and rad²: nearly none,
+/// but not zero, which filters take for "unknown".
+const PLANAR_VARIANCE: f64 = 1e-9;
+
+/// Turns entries into messages of one file.
+#[derive(Debug)]
+pub(super) struct Encoder {
+    pub(super) file: RecordingFile,
+    start: Start,
+    sync_period_ns: i64,
+    next_sync_ns: Option<i64>,
+    next_odometry_ns: Option<i64>,
+    next_map_ns: Option<i64>,
+    /// The map as the tick makes it, whose own stays on the tick's thread; with what the ring had
+    /// no room for missing.
+    map: OccupancyGrid,
+    map_grew: bool,
+    points: Vec<MapPoint>,
+    window: Window,
+    ring: RingUse,
+    senses: message::SensesMessage,
+    status: Status,
+}
+
+/// How full the ring was, and its size, in entries.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct RingUse {
+    pub(super) high_water: u32,
+    pub(super) size: u32,
+}
+
+/// The ticks since the last statistics.
+#[derive(Debug, Default)]
+struct Window {
+    first_tick: u64,
+    start_ns: i64,
+    lateness_ns: Vec<i64>,
+    overruns: u32,
+}
+
+impl Encoder {
+    pub(super) fn new(file: RecordingFile, start: Start, sync_period_ns: i64, ring_size: u32) -> Self {
+        let status = Status::at_start(&start);
+        let map = OccupancyGrid::around(&start.start_pose);
+        Self {
+            file,
+            start,
+            sync_period_ns,
+            next_sync_ns: None,
+            next_odometry_ns: None,
+            next_map_ns: None,
+            map,
+            map_grew: false,
+            points: Vec::new(),
+            window: Window::default(),
+            ring: RingUse { high_water: 0, size: ring_size },
+            senses: message::SensesMessage::default(),
+            status,
+        }
+    }
+
+    pub(super) fn status(&self) -> &Status {
+        &self.status
+    }
+
+    /// Notes how full the ring was. Where time is simulated that says something of the machine and
+    /// nothing of the run.
+    pub(super) fn note_ring(&mut self, used: usize) {
+        if self.start.pace == Pace::Real {
+            let used = u32::try_from(used).unwrap_or(u32::MAX);
+            self.ring.high_water = self.ring.high_water.max(used);
+        }
+    }
+
+    pub(super) fn entry<S: Serialize>(&mut self, entry: &Entry<S>) -> Result<(), RecordError> {
+        match entry {
+            Entry::Tick(record) => self.tick(record),
+            Entry::Transition { tick, time_ns, taken } => self.transition(*tick, *time_ns, *taken),
+            Entry::Checkpoint { tick, time_ns, state } => self.checkpoint(*tick, *time_ns, state),
+            Entry::Log { time_ns, level, text } => {
+                if *level >= Level::Warn {
+                    self.status.warning = Some(text.to_string());
+                }
+                self.log(*time_ns, *level as u8, text)
+            }
+            Entry::Gap(dropped) => self.gap(*dropped),
+        }
+    }
+
+    /// Writes what was held back, and the map.
+    pub(super) fn close(&mut self, time_ns: i64, map: Option<&Grid>) -> Result<(), RecordError> {
+        self.flush_points(time_ns)?;
+        self.flush_statistics(time_ns)?;
+        match map {
+            Some(map) => self.put(Topic::Map, time_ns, &grid::message(map, self.header(time_ns, FRAME_MAP))),
+            None => Ok(()),
+        }
+    }
+
+    /// Brings everything so far to the disk.
+    pub(super) fn sync(&mut self, time_ns: i64) -> Result<(), RecordError> {
+        self.flush_points(time_ns)?;
+        self.file.sync()
+    }
+
+    /// Notes a gap.
+    pub(super) fn gap(&mut self, dropped: Dropped) -> Result<(), RecordError> {
+        let gap = Gap {
+            first_tick: dropped.first_tick,
+            last_tick: dropped.last_tick,
+            entries: dropped.entries,
+            reason: "the ring to the recorder was full: the disk was slow".to_owned(),
+        };
+        self.status.dropped = self.status.dropped.saturating_add(dropped.entries);
+        self.put(Topic::Gap, self.status.time_ns, &gap)
+    }
+
+    /// The frames that do not move. Poses are given in the map's frame, so odometry starts from
+    /// there.
+    pub(super) fn static_transforms(&mut self) -> Result<(), RecordError> {
+        let time_ns = self.start.start_ns;
+        let still =
+            self.transform(time_ns, FRAME_MAP, FRAME_ODOM, Vector3::default(), Quaternion::of_yaw(0.0));
+        self.put(Topic::StaticTransforms, time_ns, &message::TfMessage { transforms: vec![still] })
+    }
+
+    fn tick(&mut self, record: &TickRecord) -> Result<(), RecordError> {
+        let time_ns = record.senses.time_ns;
+        self.status.note(record, &self.start);
+        self.senses(record)?;
+        self.pose(record)?;
+        if due(&mut self.next_odometry_ns, time_ns, ODOMETRY_PERIOD_NS) {
+            self.odometry(record)?;
+        }
+        if record.range_is_new {
+            self.range(record)?;
+        }
+        self.points.extend(record.point);
+        self.map(record)?;
+        self.count(record);
+        if time_ns - self.window.start_ns >= STATISTICS_PERIOD_NS {
+            self.flush_statistics(time_ns)?;
+        }
+        if self.next_sync_ns.is_none() {
+            self.next_sync_ns = Some(time_ns + self.sync_period_ns);
+        } else if due(&mut self.next_sync_ns, time_ns, self.sync_period_ns) {
+            self.sync(time_ns)?;
+        }
+        Ok(())
+    }
+
+    fn senses(&mut self, record: &TickRecord) -> Result<(), RecordError> {
+        let mut message = std::mem::take(&mut self.senses);
+        message.tick = record.senses.tick;
+        message.time_ns = record.senses.time_ns;
+        message.channel.clear();
+        message.value.clear();
+        message.read_ns.clear();
+        message.changed_ns.clear();
+        for channel in Channel::ALL {
+            if let Some(reading) = record.senses.get(channel) {
+                message.channel.push(channel as u8);
+                message.value.push(reading.value);
+                message.read_ns.push(reading.read_ns);
+                message.changed_ns.push(reading.changed_ns);
+            }
+        }
+        let written = self.put(Topic::Senses, message.time_ns, &message);
+        self.senses = message;
+        written
+    }
+
+    fn pose(&mut self, record: &TickRecord) -> Result<(), RecordError> {
+        let Estimate { pose, forward_m_s, turn_rad_s, travelled_m, range, .. } = record.estimate;
+        let (range, range_m) = match range {
+            None => (0, f64::NAN),
+            Some(Range::Echo(range_m)) => (1, range_m),
+            Some(Range::NoEcho) => (2, f64::NAN),
+            Some(Range::TooNear) => (3, f64::NAN),
+        };
+        let message = message::PoseMessage {
+            tick: record.senses.tick,
+            time_ns: record.estimate.time_ns,
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            heading_rad: pose.heading_rad,
+            forward_m_s,
+            turn_rad_s,
+            travelled_m,
+            range_m,
+            range,
+        };
+        self.put(Topic::Pose, record.senses.time_ns, &message)
+    }
+
+    fn odometry(&mut self, record: &TickRecord) -> Result<(), RecordError> {
+        let Estimate { time_ns, pose, forward_m_s, turn_rad_s, covariance, .. } = record.estimate;
+        let [forward, turn] = record.estimate.speed_variances();
+        let position = Vector3 { x: pose.x_m, y: pose.y_m, z: 0.0 };
+        let orientation = Quaternion::of_yaw(pose.heading_rad);
+        let message = message::Odometry {
+            header: self.header(time_ns, FRAME_ODOM),
+            child_frame_id: FRAME_BASE.to_owned(),
+            pose: message::Pose3 { position, orientation },
+            pose_covariance: planar(from_put_down(covariance, pose, self.start.start_pose)),
+            twist: message::Twist {
+                linear: Vector3 { x: forward_m_s, ..Vector3::default() },
+                angular: Vector3 { z: turn_rad_s, ..Vector3::default() },
+            },
+            // It does not drive sideways.
+            twist_covariance: planar([forward, 0.0, 0.0, PLANAR_VARIANCE, 0.0, turn]),
+        };
+        self.put(Topic::Odometry, time_ns, &message)?;
+        let mut transforms = vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, position, orientation)];
+        if let Some(range) = self.start.range {
+            let head_rad = record.senses.get(Channel::Head).map_or(0.0, |head| head.value);
+            let (sin, cos) = libm::sincos(head_rad);
+            let place = Vector3 { x: range.ahead_m * cos, y: range.ahead_m * sin, z: 0.0 };
+            let turned = Quaternion::of_yaw(head_rad);
+            transforms.push(self.transform(time_ns, FRAME_BASE, FRAME_RANGE, place, turned));
+        }
+        self.put(Topic::Transforms, time_ns, &message::TfMessage { transforms })
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the definition has single precision; /senses has the value"
+    )]
+    fn range(&mut self, record: &TickRecord) -> Result<(), RecordError> {
+        let (Some(sensor), Some(reading)) = (self.start.range, record.senses.get(Channel::Range)) else {
+            return Ok(());
+        };
+        let range = match record.estimate.range {
+            Some(Range::Echo(range_m)) => range_m as f32,
+            Some(Range::NoEcho) => f32::INFINITY,
+            Some(Range::TooNear) => f32::NEG_INFINITY,
+            None => return Ok(()),
+        };
+        let message = message::RangeMessage {
+            header: self.header(reading.read_ns, FRAME_RANGE),
+            radiation_type: u8::from(sensor.infrared),
+            field_of_view: sensor.field_of_view_rad as f32,
+            min_range: sensor.min_m as f32,
+            max_range: sensor.max_m as f32,
+            range,
+            variance: 0.0,
+        };
+        self.put(Topic::Range, record.senses.time_ns, &message)
+    }
+
+    fn map(&mut self, record: &TickRecord) -> Result<(), RecordError> {
+        let (Some(sensor), time_ns) = (self.start.range, record.senses.time_ns) else { return Ok(()) };
+        if let Some(sounding) = record.estimate.sounding.filter(|sounding| sounding.fresh) {
+            self.map.add(&sounding, sensor.max_m);
+            self.map_grew = true;
+        }
+        if self.next_map_ns.is_none() {
+            self.next_map_ns = Some(time_ns + MAP_PERIOD_NS);
+        } else if due(&mut self.next_map_ns, time_ns, MAP_PERIOD_NS) && self.map_grew {
+            self.map_grew = false;
+            let map = Grid::from(&self.map).trimmed();
+            self.put(Topic::Map, time_ns, &grid::message(&map, self.header(time_ns, FRAME_MAP)))?;
+        }
+        Ok(())
+    }
+
+    fn transition(&mut self, tick: u64, time_ns: i64, taken: Taken) -> Result<(), RecordError> {
+        let machine = self.start.machines.get(usize::from(taken.machine));
+        let state = |index: u16| machine.and_then(|machine| machine.states.get(usize::from(index)));
+        let name = |index| state(index).map_or_else(String::new, |state| state.name.clone());
+        let condition =
+            taken.transition.and_then(|index| state(taken.from)?.conditions.get(usize::from(index)));
+        let message = message::TransitionMessage {
+            tick,
+            time_ns,
+            machine_index: taken.machine,
+            from_index: taken.from,
+            to_index: taken.to,
+            transition_index: taken.transition.map_or(-1, i32::from),
+            machine: machine.map_or_else(String::new, |machine| machine.name.clone()),
+            from_state: name(taken.from),
+            to_state: name(taken.to),
+            condition: condition.cloned().unwrap_or_default(),
+        };
+        self.status.enter(taken.machine, &message.to_state);
+        self.put(Topic::Transitions, time_ns, &message)
+    }
+
+    fn checkpoint<S: Serialize>(&mut self, tick: u64, time_ns: i64, state: &S) -> Result<(), RecordError> {
+        let message = message::CheckpointMessage { tick, time_ns, state: state_bytes(state)? };
+        self.put(Topic::Checkpoint, time_ns, &message)
+    }
+
+    /// Writes a log line.
+    pub(super) fn log(&mut self, time_ns: i64, level: u8, text: &str) -> Result<(), RecordError> {
+        let message = message::LogMessage {
+            stamp: Time::of_ns(self.file.stamp_ns(time_ns)),
+            level,
+            name: self.start.brick.clone(),
+            msg: text.to_owned(),
+            file: String::new(),
+            function: String::new(),
+            line: 0,
+        };
+        self.put(Topic::Log, time_ns, &message)
+    }
+
+    fn count(&mut self, record: &TickRecord) {
+        let window = &mut self.window;
+        if window.lateness_ns.is_empty() {
+            window.first_tick = record.senses.tick;
+            window.start_ns = record.senses.time_ns;
+        }
+        window.lateness_ns.push(record.lateness_ns);
+        window.overruns += u32::from(record.lateness_ns >= self.start.period_ns);
+    }
+
+    fn flush_statistics(&mut self, time_ns: i64) -> Result<(), RecordError> {
+        let mut window = std::mem::take(&mut self.window);
+        window.start_ns = time_ns;
+        window.lateness_ns.sort_unstable();
+        let Some(lateness_max_ns) = window.lateness_ns.last().copied() else { return Ok(()) };
+        let statistics = message::TickStatistics {
+            first_tick: window.first_tick,
+            ticks: u32::try_from(window.lateness_ns.len()).unwrap_or(u32::MAX),
+            overruns: window.overruns,
+            lateness_p50_ns: rank(&window.lateness_ns, 50),
+            lateness_p99_ns: rank(&window.lateness_ns, 99),
+            lateness_max_ns,
+            ring_high_water: std::mem::take(&mut self.ring.high_water),
+            ring_size: self.ring.size,
+        };
+        self.window.start_ns = time_ns;
+        self.put(Topic::Statistics, time_ns, &statistics)
+    }
+
+    fn flush_points(&mut self, time_ns: i64) -> Result<(), RecordError> {
+        if self.points.is_empty() {
+            return Ok(());
+        }
+        let message = points::message(&self.points, self.header(time_ns, FRAME_MAP));
+        self.points.clear();
+        self.put(Topic::Points, time_ns, &message)
+    }
+
+    fn transform(
+        &self,
+        time_ns: i64,
+        parent: &str,
+        child: &str,
+        translation: Vector3,
+        rotation: Quaternion,
+    ) -> message::TransformStamped {
+        message::TransformStamped {
+            header: self.header(time_ns, parent),
+            child_frame_id: child.to_owned(),
+            translation,
+            rotation,
+        }
+    }
+
+    fn header(&self, time_ns: i64, frame: &str) -> Header {
+        Header { stamp: Time::of_ns(self.file.stamp_ns(time_ns)), frame_id: frame.to_owned() }
+    }
+
+    fn put<T: Serialize>(&mut self, topic: Topic, time_ns: i64, message: &T) -> Result<(), RecordError> {
+        self.file.message(topic, time_ns, message)
+    }
+}
+
+/// True where a period is over; the next one begins where this one ended, so nothing drifts, unless
+/// a whole one was missed.
+fn due(next_ns: &mut Option<i64>, time_ns: i64, period_ns: i64) -> bool {
+    let deadline_ns = next_ns.unwrap_or(time_ns);
+    if time_ns < deadline_ns {
+        return false;
+    }
+    let next = deadline_ns.saturating_add(period_ns);
+    *next_ns = Some(if next > time_ns { next } else { time_ns.saturating_add(period_ns) });
+    true
+}
+
+/// The value that `percent` of the sorted values do not exceed (nearest rank).
+fn rank(sorted: &[i64], percent: usize) -> i64 {
+    let place = (sorted.len() * percent).div_ceil(100).saturating_sub(1);
+    sorted.get(place).copied().unwrap_or(0)
+}
+
+/// The estimator's xx, xy, xh, yy, yh, hh in ROS's six by six.
+fn planar([xx, xy, xh, yy, yh, hh]: [f64; 6]) -> Covariance {
+    let still = PLANAR_VARIANCE;
+    [
+        [xx, xy, 0.0, 0.0, 0.0, xh],
+        [xy, yy, 0.0, 0.0, 0.0, yh],
+        [0.0, 0.0, still, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, still, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, still, 0.0],
+        [xh, yh, 0.0, 0.0, 0.0, hh],
+    ]
+}
+
+/// The covariance of a pose together with what the start is uncertain by: an error of the start's
+/// heading turns all that was driven since about the start.
+fn from_put_down([xx, xy, xh, yy, yh, hh]: [f64; 6], pose: Pose, start: Pose) -> [f64; 6] {
+    let (m2, rad2) = (PUT_DOWN_M * PUT_DOWN_M, PUT_DOWN_RAD * PUT_DOWN_RAD);
+    let (x, y) = (pose.x_m - start.x_m, pose.y_m - start.y_m);
+    [
+        xx + m2 + y * y * rad2,
+        xy - x * y * rad2,
+        xh - y * rad2,
+        yy + m2 + x * x * rad2,
+        yh + x * rad2,
+        hh + rad2,
+    ]
+}
+
+fn state_bytes<T: Serialize + ?Sized>(state: &T) -> Result<Vec<u8>, RecordError> {
+    message::encode(&state).map_err(|error| RecordError {
+        doing: "encode a checkpoint",
+        source: std::io::Error::other(error.to_string()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn periods_do_not_drift_and_missed_ones_are_not_made_up_for() {
+        let mut next = None;
+        let fired: Vec<i64> = (0..100).map(|tick| tick * 7).filter(|t| due(&mut next, *t, 20)).collect();
+        assert_eq!(fired[..6], [0, 21, 42, 63, 84, 105], "each first tick at or behind a multiple of 20");
+        assert!(due(&mut next, 10_000, 20));
+        assert!(!due(&mut next, 10_019, 20));
+    }
+
+    #[test]
+    fn a_start_that_is_a_degree_off_puts_what_is_ten_metres_ahead_17_cm_beside() {
+        let ahead = Pose { x_m: 11.0, y_m: 2.0, heading_rad: 0.0 };
+        let start = Pose { x_m: 1.0, y_m: 2.0, heading_rad: 0.0 };
+        let [xx, xy, xh, yy, yh, hh] = from_put_down([0.0; 6], ahead, start);
+        let beside_m2 = yy - PUT_DOWN_M * PUT_DOWN_M;
+        assert!((libm::sqrt(beside_m2) - 0.1745).abs() < 1e-4, "{yy}");
+        assert!((yh / libm::sqrt(beside_m2 * hh) - 1.0).abs() < 1e-12, "all of it by the heading");
+        assert!((libm::sqrt(xx) - PUT_DOWN_M).abs() < 1e-12 && xy.abs() + xh.abs() < 1e-12);
+    }
+
+    #[test]
+    fn percentiles_are_the_nearest_rank() {
+        let values: Vec<i64> = (1..=200).collect();
+        assert_eq!((rank(&values, 50), rank(&values, 99)), (100, 198));
+        assert_eq!((rank(&[7], 50), rank(&[7], 99), rank(&[], 50)), (7, 7, 0));
+    }
+}

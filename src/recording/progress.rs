@@ -1,0 +1,117 @@
+//! How a run is going, read from its recording while another process writes it: for a service that
+//! finds a run and has no pipe to the process that drives.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use super::about::{info, names};
+use super::growing::Growing;
+use super::run::{pose, senses, transition};
+use super::status::Status;
+use super::topic::Topic;
+use super::walk::Found;
+use super::{message, points};
+use crate::behavior::{Capabilities, Mission};
+use crate::robot::Channel;
+
+/// How much is read at a time, bytes: some seconds of a run. A long one is caught up with bit by
+/// bit, which leaves the brick's processor to what drives.
+const AT_A_TIME: u64 = 256 << 10;
+
+/// A recording that is followed. It lags behind the run by a sync, a second as a rule.
+#[derive(Debug)]
+pub struct Progress {
+    file: File,
+    growing: Growing,
+    heard: Heard,
+}
+
+/// What the recording has said so far.
+#[derive(Debug, Default)]
+struct Heard {
+    status: Status,
+    start_ns: i64,
+    drives: bool,
+}
+
+impl Progress {
+    /// Begins at a recording's beginning; nothing is read yet.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be opened.
+    pub fn of(recording: &Path) -> io::Result<Self> {
+        Ok(Self { file: File::open(recording)?, growing: Growing::default(), heard: Heard::default() })
+    }
+
+    /// Reads on; how the run is going, where that is news.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read.
+    pub fn look(&mut self) -> io::Result<Option<Status>> {
+        let wanted = self.growing.wanted();
+        let there = self.file.metadata()?.len().saturating_sub(wanted).min(AT_A_TIME);
+        let mut part = vec![0; usize::try_from(there).unwrap_or(0)];
+        let read = self.file.read_at(&mut part, wanted)?;
+        if read == 0 {
+            return Ok(None);
+        }
+        part.truncate(read);
+        let before = self.heard.status.time_ns;
+        let heard = &mut self.heard;
+        // What is damaged in it is the reader's matter who reads it when it is over.
+        self.growing.take_all(&part, &mut |found| {
+            let _ = heard.take(found);
+        });
+        let is_news = self.heard.drives && self.heard.status.time_ns != before;
+        Ok(is_news.then(|| self.heard.status.clone()))
+    }
+}
+
+impl Heard {
+    /// `None` where that cannot be understood.
+    fn take(&mut self, found: Found<'_>) -> Option<()> {
+        let status = &mut self.status;
+        match found {
+            Found::Attachment { name, data, .. } if name == names::MISSION => {
+                let (mission, _) = Mission::parse(&name, data, &Capabilities::all()).ok()?;
+                status.states = super::names::machines(&mission).iter().map(Status::begins).collect();
+            }
+            Found::Metadata(metadata) if metadata.name == names::ABOUT => {
+                self.start_ns = info(&metadata).start_ns;
+            }
+            Found::Message { topic: Some(topic), data, .. } => match topic {
+                Topic::Pose => {
+                    let pose = pose(message::decode(data)?)?;
+                    (status.tick, status.time_ns, status.pose) = (pose.tick, pose.time_ns, pose.pose);
+                    status.elapsed_ns = pose.time_ns.saturating_sub(self.start_ns);
+                    (status.travelled_m, status.range) = (pose.travelled_m, pose.range);
+                    self.drives = true;
+                }
+                Topic::Points => {
+                    let count = points::points(&message::decode(data)?)?.len();
+                    status.points = status.points.saturating_add(u64::try_from(count).unwrap_or(0));
+                }
+                Topic::Senses => {
+                    let battery = senses(&message::decode(data)?)?.get(Channel::Battery)?.value;
+                    status.battery_v = Some(battery);
+                }
+                Topic::Transitions => {
+                    let taken = transition(message::decode(data)?)?;
+                    status.enter(taken.taken.machine, &taken.to);
+                }
+                Topic::Statistics => {
+                    let statistics: message::TickStatistics = message::decode(data)?;
+                    status.overruns = status.overruns.saturating_add(u64::from(statistics.overruns));
+                    status.latest_ns = status.latest_ns.max(statistics.lateness_max_ns);
+                }
+                _ => {}
+            },
+            _ => {}
+        }
+        Some(())
+    }
+}

@@ -1,0 +1,408 @@
+//! A recorded run, read back.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::about::{Ending, Info, ending, fit, info, names};
+use super::grid::{self, Grid};
+use super::message::{self, Gap, TickStatistics};
+use super::points;
+use super::tick::Level;
+use super::topic::Topic;
+use super::walk::{Found, Integrity, walk};
+use crate::behavior::Taken;
+use crate::mapping::{MapPoint, Pose, Range};
+use crate::robot::{Channel, Reading, Senses};
+
+/// The longest file that is read: about a day of a run.
+const MAX_BYTES: u64 = 2 << 30;
+
+/// What the estimator made of a tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordedPose {
+    /// The tick.
+    pub tick: u64,
+    /// The estimate's time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Where the robot was.
+    pub pose: Pose,
+    /// Forward speed, metres per second.
+    pub forward_m_s: f64,
+    /// Turning speed, radians per second.
+    pub turn_rad_s: f64,
+    /// Metres driven.
+    pub travelled_m: f64,
+    /// What the range reading was taken for.
+    pub range: Option<Range>,
+}
+
+/// A transition that a machine took.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Transition {
+    /// The tick.
+    pub tick: u64,
+    /// Its time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// By place in the mission.
+    pub taken: Taken,
+    /// The machine's name.
+    pub machine: String,
+    /// The state left.
+    pub from: String,
+    /// The state entered.
+    pub to: String,
+    /// The condition as written; empty where the runtime moved the machine.
+    pub condition: String,
+}
+
+/// A log line.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LogLine {
+    /// Nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// How much it matters.
+    pub level: Level,
+    /// What it says.
+    pub text: String,
+}
+
+/// Enough to go on from after a tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    /// The tick.
+    pub tick: u64,
+    /// Its time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// What the pilot carried, as encoded.
+    pub state: Vec<u8>,
+}
+
+impl Checkpoint {
+    /// What the pilot carried; `None` where it is of another version.
+    #[must_use]
+    pub fn state<S: DeserializeOwned>(&self) -> Option<S> {
+        message::decode(&self.state)
+    }
+}
+
+/// A recording that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file cannot be opened or read.
+    #[error("cannot read {}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the file system says.
+        source: io::Error,
+    },
+    /// It is longer than any recording.
+    #[error("the file has {bytes} bytes; at most {MAX_BYTES} are read")]
+    TooLong {
+        /// Its length.
+        bytes: u64,
+    },
+    /// It is something else.
+    #[error("this is not a recording of onbrick: {why}")]
+    NotARecording {
+        /// What is missing.
+        why: &'static str,
+    },
+}
+
+/// Everything that a recording holds, in the order of the file. All of it may be empty: a file may
+/// have been cut anywhere.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Run {
+    /// What the run is; `None` where that part of the file is damaged.
+    pub info: Option<Info>,
+    /// `robot.toml` as it was read.
+    pub robot_toml: Option<String>,
+    /// `mission.toml` as it was read.
+    pub mission_toml: Option<String>,
+    /// `world.toml` as it was read, where the brick was simulated.
+    pub world_toml: Option<String>,
+    /// Each tick's readings.
+    pub senses: Vec<Senses>,
+    /// Each tick's estimate.
+    pub poses: Vec<RecordedPose>,
+    /// The map's points.
+    pub points: Vec<MapPoint>,
+    /// Transitions of all machines.
+    pub transitions: Vec<Transition>,
+    /// Log lines.
+    pub logs: Vec<LogLine>,
+    /// How punctual the ticks were.
+    pub statistics: Vec<TickStatistics>,
+    /// What can be gone on from.
+    pub checkpoints: Vec<Checkpoint>,
+    /// What the recorder could not take.
+    pub gaps: Vec<Gap>,
+    /// The map, where the run recorded one.
+    pub map: Option<Grid>,
+    /// How the run ended; `None` where the file was cut before, or nobody said.
+    pub ending: Option<Ending>,
+    /// How much of the file was whole.
+    pub integrity: Integrity,
+    /// What a person should know about the file; empty for one that is whole.
+    pub warnings: Vec<String>,
+}
+
+impl Run {
+    /// Reads a file: all that is whole.
+    ///
+    /// # Errors
+    ///
+    /// See [`ReadError`]; a cut or damaged file is none.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Self::read(&load(path)?)
+    }
+
+    /// Reads the bytes of a file: all that is whole.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::NotARecording`]; a cut or damaged file is none.
+    pub fn read(bytes: &[u8]) -> Result<Self, ReadError> {
+        let mut collected = Collected::default();
+        let mut undecoded = 0_u64;
+        let integrity = walk(bytes, &mut |found| {
+            if collected.take(found).is_none() {
+                undecoded += 1;
+            }
+        });
+        if integrity.parts == 0 {
+            recognise(bytes)?;
+        }
+        let Collected { mut run, ahead_ns, map } = collected;
+        let offset_ns = run.info.as_ref().map(|info| info.wall_offset_ns).or(ahead_ns).unwrap_or(0);
+        // Those that were written while it grew are not all of it.
+        let ended_ns = run.ending.as_ref().map(|ending| ending.time_ns.saturating_add(offset_ns));
+        run.map = map.filter(|(stamp_ns, _)| Some(*stamp_ns) == ended_ns).map(|(_, map)| map);
+        for line in &mut run.logs {
+            line.time_ns = line.time_ns.saturating_sub(offset_ns);
+        }
+        run.warnings = warnings(&integrity, undecoded, run.ending.is_some());
+        run.integrity = integrity;
+        Ok(run)
+    }
+}
+
+/// A run while its file is read.
+#[derive(Default)]
+struct Collected {
+    /// Its log lines have stamps for times: the metadata with the wall clock may be lost.
+    run: Run,
+    /// Wall clock minus run clock as the messages have it.
+    ahead_ns: Option<i64>,
+    /// The last map, and its stamp.
+    map: Option<(i64, Grid)>,
+}
+
+impl Collected {
+    /// Takes one thing from the file; `None` where it cannot be understood.
+    fn take(&mut self, found: Found<'_>) -> Option<()> {
+        let run = &mut self.run;
+        match found {
+            Found::Attachment { name, data, .. } => {
+                let text = String::from_utf8(data.to_vec()).ok()?;
+                match name.as_str() {
+                    names::ROBOT => run.robot_toml = Some(text),
+                    names::MISSION => run.mission_toml = Some(text),
+                    names::WORLD => run.world_toml = Some(text),
+                    _ => {}
+                }
+            }
+            Found::Metadata(metadata) => match metadata.name.as_str() {
+                names::ABOUT => run.info = Some(info(&metadata)),
+                names::ENDING => run.ending = Some(ending(&metadata)),
+                _ => {}
+            },
+            Found::Message { topic: None, .. } => {}
+            Found::Message { topic: Some(topic), header, data } => {
+                let stamp_ns = i64::try_from(header.log_time).unwrap_or(i64::MAX);
+                self.message(topic, stamp_ns, data)?;
+            }
+        }
+        Some(())
+    }
+
+    fn message(&mut self, topic: Topic, stamp_ns: i64, data: &[u8]) -> Option<()> {
+        let run = &mut self.run;
+        match topic {
+            Topic::Senses => {
+                let senses = senses(&message::decode(data)?)?;
+                self.ahead_ns.get_or_insert(stamp_ns.saturating_sub(senses.time_ns));
+                run.senses.push(senses);
+            }
+            Topic::Pose => run.poses.push(pose(message::decode(data)?)?),
+            Topic::Points => run.points.extend(points::points(&message::decode(data)?)?),
+            Topic::Map => self.map = Some((stamp_ns, grid::grid(message::decode(data)?)?)),
+            Topic::Transitions => run.transitions.push(transition(message::decode(data)?)?),
+            Topic::Log => run.logs.push(log_line(stamp_ns, data)?),
+            Topic::Statistics => run.statistics.push(message::decode(data)?),
+            Topic::Checkpoint => run.checkpoints.push(checkpoint(message::decode(data)?)),
+            Topic::Gap => run.gaps.push(message::decode(data)?),
+            // For viewers: nothing in them that is not in the others.
+            Topic::Odometry | Topic::Transforms | Topic::StaticTransforms | Topic::Range => {}
+        }
+        Some(())
+    }
+}
+
+/// The bytes of a file of at most [`MAX_BYTES`].
+fn load(path: &Path) -> Result<Vec<u8>, ReadError> {
+    let failed = |source| ReadError::Io { path: path.to_owned(), source };
+    let file = File::open(path).map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    if length > MAX_BYTES {
+        return Err(ReadError::TooLong { bytes: length });
+    }
+    let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    // A device or a pipe has no length beforehand.
+    file.take(MAX_BYTES).read_to_end(&mut bytes).map_err(failed)?;
+    Ok(bytes)
+}
+
+/// Tells a recording that was cut before its first sync from something else.
+fn recognise(bytes: &[u8]) -> Result<(), ReadError> {
+    let not = |why| Err(ReadError::NotARecording { why });
+    if bytes.is_empty() {
+        return not("the file is empty");
+    }
+    let Some(records) = bytes.strip_prefix(mcap::MAGIC) else {
+        return match mcap::MAGIC.strip_prefix(bytes) {
+            Some(_) => not("only its first few bytes are there"),
+            None => not("it is no MCAP file"),
+        };
+    };
+    // Opcode and length of the header, the profile with its length, the library with its length.
+    let library = records.get(9 + 4 + "ros2".len() + 4..).unwrap_or_default();
+    let ours = b"onbrick ";
+    if library.starts_with(ours) {
+        Ok(())
+    } else if ours.starts_with(library) {
+        not("it was cut before anything was recorded")
+    } else {
+        not("it is an MCAP file of another program")
+    }
+}
+
+fn warnings(integrity: &Integrity, undecoded: u64, ended: bool) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for range in &integrity.damaged {
+        let (start, length) = (range.start, range.end - range.start);
+        warnings.push(format!("{length} bytes from byte {start} on are damaged and were left out"));
+    }
+    if !integrity.complete {
+        let length = integrity.bytes;
+        warnings.push(format!("the file was cut after {length} bytes: the recorder did not finish it"));
+    }
+    if undecoded > 0 {
+        warnings.push(format!(
+            "{undecoded} records could not be understood; is this version older than the file?"
+        ));
+    }
+    if integrity.complete && !ended {
+        warnings.push("the run stopped without saying why".to_owned());
+    }
+    warnings
+}
+
+/// No run lasts until then, nanoseconds of its clock, and none has had that many ticks: so what
+/// replays it may subtract any two.
+const LAST_NS: i64 = i64::MAX / 4;
+const LAST_TICK: u64 = u64::MAX / 4;
+
+pub(super) fn senses(message: &message::SensesMessage) -> Option<Senses> {
+    let times = message.read_ns.iter().chain(&message.changed_ns).chain([&message.time_ns]);
+    if message.tick > LAST_TICK || times.into_iter().any(|time_ns| !(-LAST_NS..=LAST_NS).contains(time_ns)) {
+        return None;
+    }
+    let mut senses = Senses { tick: message.tick, time_ns: message.time_ns, ..Senses::default() };
+    let count = message.channel.len();
+    if [message.value.len(), message.read_ns.len(), message.changed_ns.len()] != [count; 3] {
+        return None;
+    }
+    let ages = message.read_ns.iter().zip(&message.changed_ns);
+    for ((channel, value), (read_ns, changed_ns)) in message.channel.iter().zip(&message.value).zip(ages) {
+        let channel = *Channel::ALL.get(usize::from(*channel))?;
+        let reading = Reading { value: *value, read_ns: *read_ns, changed_ns: *changed_ns };
+        senses.readings[channel as usize] = Some(reading);
+    }
+    Some(senses)
+}
+
+pub(super) fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
+    let range = match message.range {
+        0 => None,
+        1 => Some(Range::Echo(message.range_m)),
+        2 => Some(Range::NoEcho),
+        3 => Some(Range::TooNear),
+        _ => return None,
+    };
+    Some(RecordedPose {
+        tick: message.tick,
+        time_ns: message.time_ns,
+        pose: Pose { x_m: message.x_m, y_m: message.y_m, heading_rad: message.heading_rad },
+        forward_m_s: message.forward_m_s,
+        turn_rad_s: message.turn_rad_s,
+        travelled_m: message.travelled_m,
+        range,
+    })
+}
+
+pub(super) fn transition(message: message::TransitionMessage) -> Option<Transition> {
+    let transition = match message.transition_index {
+        -1 => None,
+        index => Some(u16::try_from(index).ok()?),
+    };
+    Some(Transition {
+        tick: message.tick,
+        time_ns: message.time_ns,
+        taken: Taken {
+            machine: message.machine_index,
+            from: message.from_index,
+            to: message.to_index,
+            transition,
+        },
+        machine: fit(&message.machine),
+        from: fit(&message.from_state),
+        to: fit(&message.to_state),
+        condition: fit(&message.condition),
+    })
+}
+
+fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
+    let message: message::LogMessage = message::decode(data)?;
+    Some(LogLine { time_ns, level: Level::of_number(message.level), text: fit(&message.msg) })
+}
+
+fn checkpoint(message: message::CheckpointMessage) -> Checkpoint {
+    Checkpoint { tick: message.tick, time_ns: message.time_ns, state: message.state }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_ticks_that_no_run_has_are_not_understood() {
+        let message = |tick, time_ns, read_ns| message::SensesMessage {
+            tick,
+            time_ns,
+            channel: vec![0],
+            value: vec![1.0],
+            read_ns: vec![read_ns],
+            changed_ns: vec![0],
+        };
+        assert!(senses(&message(7, 140_000_000, -20_000_000)).is_some());
+        for (tick, time_ns, read_ns) in [(u64::MAX, 0, 0), (7, i64::MIN, 0), (7, 0, i64::MAX)] {
+            assert_eq!(senses(&message(tick, time_ns, read_ns)), None, "{tick} {time_ns} {read_ns}");
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! Why a run ended, as it travels: in events, in answers over the network, in recordings. The text
+//! is made where it is shown.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::robot::Channel;
+
+/// A tick this late ends the run, nanoseconds.
+pub const STALL_NS: i64 = 200_000_000;
+
+/// Why a run ended, or why none can start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(tag = "word", content = "channel", rename_all = "snake_case")]
+pub enum StopReason {
+    /// The mission came to its end.
+    Finished,
+    /// The mission's time is over.
+    #[serde(rename = "time limit")]
+    TimeLimit,
+    /// Enter or Back was pressed on the brick.
+    Button,
+    /// A PC asked for it over the network.
+    Remote,
+    /// A person in the brick's menu, or a program on the brick, asked for it.
+    Here,
+    /// The menu on the brick is gone, and runs were to end with it.
+    #[serde(rename = "menu closed")]
+    MenuClosed,
+    /// SIGINT, SIGTERM or SIGHUP, at one of the run's processes.
+    Signal,
+    /// The process that started the run is gone.
+    Abandoned,
+    /// Another program has commanded or reset a motor of ours.
+    Outside(Channel),
+    /// A device is gone, or cannot be read any more.
+    Lost(Channel),
+    /// A reading cannot be true: it stands still although what it measures moves (a gyro while the
+    /// wheels turn the robot by 60°, a range while the robot drives 0.2 m along its beam, a head's
+    /// angle for a second while it is told to turn), or leaps about.
+    Implausible(Channel),
+    /// A wheel that was told to turn did not.
+    Stalled,
+    /// The battery is too low to go on.
+    Battery,
+    /// The loop was away for longer than [`STALL_NS`].
+    Late,
+    /// The recording cannot be written.
+    Recording,
+    /// The process that drives was gone or hung, and the guard stopped the motors.
+    Guard,
+    /// The guard was gone or hung, and the process that drives stopped the motors.
+    Unguarded,
+    /// A simulated robot drove over the floor's edge. A real one's program does not learn of it.
+    Fallen,
+    /// The program itself failed.
+    Panicked,
+    /// It is no run on a robot: recorded senses were replayed to their end.
+    Replayed,
+    /// It did not start.
+    Refused,
+    /// Its first process ended without a last word.
+    Died,
+    /// Its recording has no end.
+    #[default]
+    Cut,
+    /// No run can start: the robot's file is not in order.
+    Robot,
+    /// No run can start: the disk does not take recordings.
+    Disk,
+    /// A word of another version of this program.
+    #[serde(other)]
+    Unknown,
+}
+
+impl StopReason {
+    /// A word for lists and programs: the one that it is serialized by.
+    #[must_use]
+    pub fn word(self) -> String {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(mut fields)) => match fields.remove("word") {
+                Some(Value::String(word)) => word,
+                _ => String::new(),
+            },
+            _ => String::new(),
+        }
+    }
+
+    /// True where the run ended as the mission or a person wanted it.
+    #[must_use]
+    pub const fn is_wanted(self) -> bool {
+        matches!(
+            self,
+            Self::Finished
+                | Self::TimeLimit
+                | Self::Button
+                | Self::Remote
+                | Self::Here
+                | Self::MenuClosed
+                | Self::Signal
+        )
+    }
+
+    /// The same, with what else is known of it.
+    #[must_use]
+    pub fn with(self, detail: impl Into<Option<String>>) -> Stop {
+        Stop { reason: self, detail: detail.into() }
+    }
+}
+
+impl fmt::Display for StopReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Finished => f.write_str("the mission is finished"),
+            Self::TimeLimit => f.write_str("the mission's time limit"),
+            Self::Button => f.write_str("stopped by a button on the brick"),
+            Self::Remote => f.write_str("stopped over the network"),
+            Self::Here => f.write_str("stopped on the brick"),
+            Self::MenuClosed => f.write_str("the brick's menu is gone"),
+            Self::Signal => f.write_str("stopped by a signal"),
+            Self::Abandoned => f.write_str("the process that started the run is gone"),
+            Self::Outside(channel) => {
+                write!(f, "stopped from outside: another program commands the {channel}")
+            }
+            Self::Lost(channel) => write!(f, "lost: {channel} (a plug may be loose)"),
+            Self::Implausible(channel) => {
+                write!(f, "implausible: {channel} ({})", how_implausible(*channel))
+            }
+            Self::Stalled => f.write_str("a wheel is blocked"),
+            Self::Battery => f.write_str("the battery is empty: charge it, or put in fresh cells"),
+            Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
+            Self::Recording => f.write_str("the recording cannot be written"),
+            Self::Guard => f.write_str("the guard stopped the motors"),
+            Self::Unguarded => f.write_str("the run's guard is gone, or has given no sign of life for 0.2 s"),
+            Self::Fallen => f.write_str("the simulated robot fell over the edge of the floor"),
+            Self::Panicked => f.write_str("the program failed; please report it"),
+            Self::Replayed => f.write_str("replayed"),
+            Self::Refused => f.write_str("it did not start"),
+            Self::Died => f.write_str("its process ended without a word"),
+            Self::Cut => f.write_str("its recording was cut: the power, the disk or the program failed"),
+            Self::Robot => f.write_str("the robot's file is not in order"),
+            Self::Disk => f.write_str("the disk does not take recordings"),
+            Self::Unknown => f.write_str("it ended for a reason that this version does not know"),
+        }
+    }
+}
+
+/// What a person should look at.
+fn how_implausible(channel: Channel) -> &'static str {
+    match channel {
+        Channel::Gyro => {
+            "it does not turn with the wheels, or leaps about: a plug may be loose, \
+             or the wheels turn in vain"
+        }
+        Channel::Range => {
+            "it says the same while the robot drives: a plug may be loose, \
+             or the wheels turn in vain"
+        }
+        _ => {
+            "it does not turn as it is told, or its angle leaps about: a plug may be loose, \
+             or something blocks it"
+        }
+    }
+}
+
+/// A reason, and what else is known: the device's error, which program, what to do.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Stop {
+    /// Why.
+    #[serde(flatten)]
+    pub reason: StopReason,
+    /// For people. It may have lines of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detail: Option<String>,
+}
+
+impl Stop {
+    /// Adds to what is known.
+    pub fn add(&mut self, detail: &str) {
+        self.detail = Some(match self.detail.take() {
+            Some(known) => format!("{known}; {detail}"),
+            None => detail.to_owned(),
+        });
+    }
+}
+
+impl From<StopReason> for Stop {
+    fn from(reason: StopReason) -> Self {
+        reason.with(None)
+    }
+}
+
+impl fmt::Display for Stop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.reason, &self.detail) {
+            (reason, None) => reason.fmt(f),
+            // The detail is all that a person needs.
+            (StopReason::Refused | StopReason::Died | StopReason::Robot | StopReason::Disk, Some(detail)) => {
+                f.write_str(detail)
+            }
+            (reason, Some(detail)) => write!(f, "{reason}: {detail}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_travels_with_its_channel_and_detail() {
+        let lost = StopReason::Lost(Channel::Gyro).with("ENODEV".to_owned());
+        let text = serde_json::to_string(&lost).unwrap();
+        assert_eq!(text, r#"{"word":"lost","channel":"gyro","detail":"ENODEV"}"#);
+        assert_eq!(serde_json::from_str::<Stop>(&text).unwrap(), lost);
+        assert_eq!(lost.to_string(), "lost: gyro (a plug may be loose): ENODEV");
+        let plain = serde_json::to_string(&Stop::from(StopReason::TimeLimit)).unwrap();
+        assert_eq!(plain, r#"{"word":"time limit"}"#);
+        assert_eq!(StopReason::TimeLimit.word(), "time limit");
+    }
+
+    #[test]
+    fn a_word_of_another_version_is_read_as_unknown() {
+        for text in [r#"{"word":"abducted"}"#, r#"{"word":"abducted","detail":"x"}"#] {
+            let stop = serde_json::from_str::<Stop>(text).unwrap();
+            assert_eq!((stop.reason, stop.reason.is_wanted()), (StopReason::Unknown, false), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_detail_that_says_all_stands_alone() {
+        let mut refused = StopReason::Refused.with("the robot is taken".to_owned());
+        refused.add("onbrick halt");
+        assert_eq!(refused.to_string(), "the robot is taken; onbrick halt");
+    }
+}

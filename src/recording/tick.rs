@@ -1,0 +1,244 @@
+//! The tick's side of the recorder: values into a ring, nothing else.
+//!
+//! The ring is lock-free, its entries have a fixed size, and what does not fit is dropped, counted
+//! and named by tick: the tick never waits for the disk.
+//!
+//! # What we count on
+//!
+//! - One thread puts, one takes.
+//! - Where time is simulated ([`Pace::Virtual`](super::Pace)) the ticks outrun the disk by far, and
+//!   nothing hurries: then, and only then, a full ring is waited for.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::Thread;
+
+use arrayvec::ArrayString;
+use rtrb::Producer;
+use serde::Serialize;
+
+use crate::behavior::Taken;
+use crate::mapping::{Estimate, MapPoint};
+use crate::robot::Senses;
+
+/// The longest log line, in bytes; what is beyond is cut off at a character.
+pub const MAX_LOG_BYTES: usize = 240;
+
+/// Everything about one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TickRecord {
+    /// What was read; its number and time are the tick's.
+    pub senses: Senses,
+    /// What the estimator made of it.
+    pub estimate: Estimate,
+    /// The point that came into the map, if one did.
+    pub point: Option<MapPoint>,
+    /// True where the range reading is a new one and not the last one seen again.
+    pub range_is_new: bool,
+    /// How long after its deadline the tick began, nanoseconds.
+    pub lateness_ns: i64,
+}
+
+/// How much a log line matters; the numbers of `rcl_interfaces/Log`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+#[repr(u8)]
+pub enum Level {
+    /// For whoever works on the program.
+    Debug = 10,
+    /// What happens.
+    Info = 20,
+    /// The run goes on, but look at it.
+    Warn = 30,
+    /// Something failed.
+    Error = 40,
+    /// The run ends of it.
+    Fatal = 50,
+}
+
+impl Level {
+    /// The level of a number; what is between two is the lower.
+    #[must_use]
+    pub fn of_number(number: u8) -> Self {
+        match number {
+            0..20 => Self::Debug,
+            20..30 => Self::Info,
+            30..40 => Self::Warn,
+            40..50 => Self::Error,
+            50.. => Self::Fatal,
+        }
+    }
+}
+
+/// What goes through the ring; as large as its largest variant, so that the ring never allocates.
+#[derive(Debug, Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "entries have a fixed size so that the ring never allocates")]
+pub(super) enum Entry<S> {
+    Tick(TickRecord),
+    Transition { tick: u64, time_ns: i64, taken: Taken },
+    Checkpoint { tick: u64, time_ns: i64, state: S },
+    Log { time_ns: i64, level: Level, text: LogText },
+    Gap(Dropped),
+}
+
+pub(super) type LogText = ArrayString<MAX_LOG_BYTES>;
+
+/// What did not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Dropped {
+    pub(super) first_tick: u64,
+    pub(super) last_tick: u64,
+    pub(super) entries: u32,
+}
+
+/// What both sides see.
+#[derive(Debug, Default)]
+pub(super) struct Flags {
+    pub(super) failed: AtomicBool,
+    pub(super) closing: AtomicBool,
+}
+
+/// The tick thread's handle to the recorder. No call allocates, locks or makes a system call,
+/// unless time is simulated.
+#[derive(Debug)]
+pub struct TickSide<S> {
+    ring: Producer<Entry<S>>,
+    flags: Arc<Flags>,
+    /// The recorder, to be woken when the ring is full; only where time is simulated.
+    recorder: Option<Thread>,
+    tick: u64,
+    pending: Option<Dropped>,
+    dropped: u32,
+}
+
+impl<S: Copy> TickSide<S> {
+    pub(super) fn new(ring: Producer<Entry<S>>, flags: Arc<Flags>, recorder: Option<Thread>) -> Self {
+        Self { ring, flags, recorder, tick: 0, pending: None, dropped: 0 }
+    }
+
+    /// Records a tick.
+    pub fn tick(&mut self, record: &TickRecord) {
+        self.tick = record.senses.tick;
+        self.put(Entry::Tick(*record));
+    }
+
+    /// Records a transition that a machine took.
+    pub fn transition(&mut self, tick: u64, time_ns: i64, taken: Taken) {
+        self.tick = tick;
+        self.put(Entry::Transition { tick, time_ns, taken });
+    }
+
+    /// Records what the pilot carries from a tick to the next.
+    pub fn checkpoint(&mut self, tick: u64, time_ns: i64, state: &S) {
+        self.tick = tick;
+        self.put(Entry::Checkpoint { tick, time_ns, state: *state });
+    }
+
+    /// Records a log line.
+    pub fn log(&mut self, time_ns: i64, level: Level, text: &str) {
+        let mut end = text.len().min(MAX_LOG_BYTES);
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let mut line = LogText::new();
+        line.push_str(&text[..end]);
+        self.put(Entry::Log { time_ns, level, text: line });
+    }
+
+    /// True once the recorder can write no more; what to do about it is the run's to decide.
+    #[must_use]
+    pub fn failed(&self) -> bool {
+        self.flags.failed.load(Ordering::Relaxed)
+    }
+
+    /// How many entries were dropped so far because the ring was full.
+    #[must_use]
+    pub fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    /// What was dropped since the last entry that fitted: its gap could not be put any more.
+    pub(super) fn pending(&self) -> Option<Dropped> {
+        self.pending
+    }
+
+    fn put(&mut self, entry: Entry<S>) {
+        if let Some(dropped) = self.pending
+            && self.push(Entry::Gap(dropped))
+        {
+            self.pending = None;
+        }
+        if self.pending.is_some() || !self.push(entry) {
+            self.drop_one();
+        }
+    }
+
+    /// An entry is large: it is handed on only where there is room, and so never back.
+    fn push(&mut self, entry: Entry<S>) -> bool {
+        self.has_room() && self.ring.push(entry).is_ok()
+    }
+
+    fn has_room(&self) -> bool {
+        while self.ring.is_full() {
+            match &self.recorder {
+                Some(recorder) if !self.ring.is_abandoned() => recorder.unpark(),
+                _ => return false,
+            }
+            std::thread::yield_now();
+        }
+        true
+    }
+
+    fn drop_one(&mut self) {
+        self.dropped = self.dropped.saturating_add(1);
+        let before = self.pending.unwrap_or(Dropped { first_tick: self.tick, last_tick: 0, entries: 0 });
+        let entries = before.entries.saturating_add(1);
+        self.pending = Some(Dropped { last_tick: self.tick, entries, ..before });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rtrb::RingBuffer;
+
+    fn side(entries: usize) -> (TickSide<u8>, rtrb::Consumer<Entry<u8>>) {
+        let (put, take) = RingBuffer::new(entries);
+        (TickSide::new(put, Arc::default(), None), take)
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named_as_soon_as_there_is_room() {
+        let (mut side, mut ring) = side(2);
+        for tick in 0..5 {
+            side.transition(tick, 0, Taken { machine: 0, from: 0, to: 1, transition: None });
+        }
+        assert_eq!(side.dropped(), 3);
+        while ring.pop().is_ok() {}
+        side.log(0, Level::Info, "room again");
+        let Ok(Entry::Gap(gap)) = ring.pop() else { panic!("a gap comes first") };
+        assert_eq!(gap, Dropped { first_tick: 2, last_tick: 4, entries: 3 });
+        assert!(matches!(ring.pop(), Ok(Entry::Log { .. })));
+        assert_eq!(side.pending(), None);
+    }
+
+    #[test]
+    fn a_gap_that_takes_the_last_room_costs_the_next_entry() {
+        let (mut side, mut ring) = side(1);
+        side.log(0, Level::Info, "fits");
+        side.log(0, Level::Info, "does not");
+        assert!(ring.pop().is_ok());
+        side.log(0, Level::Info, "after the gap");
+        assert!(matches!(ring.pop(), Ok(Entry::Gap(Dropped { entries: 1, .. }))));
+        assert_eq!(side.pending().map(|gap| gap.entries), Some(1));
+        assert_eq!(side.dropped(), 2);
+    }
+
+    #[test]
+    fn long_lines_are_cut_at_a_character() {
+        let (mut side, mut ring) = side(4);
+        side.log(0, Level::Info, &"ü".repeat(200));
+        let Ok(Entry::Log { text, .. }) = ring.pop() else { panic!("a line") };
+        assert_eq!(text.as_str(), "ü".repeat(MAX_LOG_BYTES / 2));
+    }
+}

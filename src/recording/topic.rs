@@ -1,0 +1,243 @@
+//! The table of topics: what a recording's channels are called and what flows in them.
+//!
+//! The definitions of the messages stand beside this file (`schema/`), one file a type, in ROS 2's
+//! own language. A channel's schema is its message's definition followed by those of all types
+//! inside it, as the format `ros2msg` of MCAP wants it.
+
+use std::collections::BTreeMap;
+
+/// What the header of a file says that wrote it: one version has one table of topics, so a reader
+/// that finds its own version knows the channels even where their description is lost.
+pub(super) const LIBRARY: &str = concat!("onbrick ", env!("CARGO_PKG_VERSION"));
+
+/// The frame that maps and poses are given in.
+pub const FRAME_MAP: &str = "map";
+/// The frame that odometry starts from.
+pub const FRAME_ODOM: &str = "odom";
+/// The robot: between the wheels, on the floor.
+pub const FRAME_BASE: &str = "base_link";
+/// The range sensor: where distances are counted from, x in the direction of measuring.
+pub const FRAME_RANGE: &str = "range_link";
+
+/// A channel of a recording. Its place in [`Topic::ALL`] is its channel number, so the order never
+/// changes; new topics go to the end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u16)]
+pub enum Topic {
+    /// `/senses`.
+    Senses = 0,
+    /// `/pose`.
+    Pose = 1,
+    /// `/odom`.
+    Odometry = 2,
+    /// `/tf`.
+    Transforms = 3,
+    /// `/tf_static`.
+    StaticTransforms = 4,
+    /// `/range`.
+    Range = 5,
+    /// `/points`.
+    Points = 6,
+    /// `/map`.
+    Map = 7,
+    /// `/transitions`.
+    Transitions = 8,
+    /// `/rosout`.
+    Log = 9,
+    /// `/stats`.
+    Statistics = 10,
+    /// `/checkpoint`.
+    Checkpoint = 11,
+    /// `/gap`.
+    Gap = 12,
+}
+
+impl Topic {
+    /// Every topic, by channel number.
+    pub const ALL: [Self; 13] = [
+        Self::Senses,
+        Self::Pose,
+        Self::Odometry,
+        Self::Transforms,
+        Self::StaticTransforms,
+        Self::Range,
+        Self::Points,
+        Self::Map,
+        Self::Transitions,
+        Self::Log,
+        Self::Statistics,
+        Self::Checkpoint,
+        Self::Gap,
+    ];
+
+    /// The topic's name and its message's type, `package/Name`.
+    const fn row(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Senses => ("/senses", "onbrick_msgs/Senses"),
+            Self::Pose => ("/pose", "onbrick_msgs/Pose"),
+            Self::Odometry => ("/odom", "nav_msgs/Odometry"),
+            Self::Transforms => ("/tf", "tf2_msgs/TFMessage"),
+            Self::StaticTransforms => ("/tf_static", "tf2_msgs/TFMessage"),
+            Self::Range => ("/range", "sensor_msgs/Range"),
+            Self::Points => ("/points", "sensor_msgs/PointCloud2"),
+            Self::Map => ("/map", "nav_msgs/OccupancyGrid"),
+            Self::Transitions => ("/transitions", "onbrick_msgs/Transition"),
+            Self::Log => ("/rosout", "rcl_interfaces/Log"),
+            Self::Statistics => ("/stats", "onbrick_msgs/TickStatistics"),
+            Self::Checkpoint => ("/checkpoint", "onbrick_msgs/Checkpoint"),
+            Self::Gap => ("/gap", "onbrick_msgs/Gap"),
+        }
+    }
+
+    /// The topic's name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        self.row().0
+    }
+
+    /// The full name of the message's type, such as `sensor_msgs/msg/Range`.
+    #[must_use]
+    pub fn schema_name(self) -> String {
+        self.row().1.replacen('/', "/msg/", 1)
+    }
+
+    /// The first topic with the same type of messages.
+    fn first_of_its_schema(self) -> Self {
+        Self::ALL.into_iter().find(|other| other.row().1 == self.row().1).unwrap_or(self)
+    }
+
+    /// True for one topic of each type of messages.
+    pub(super) fn names_its_schema(self) -> bool {
+        self.first_of_its_schema() == self
+    }
+
+    /// The number of its type in a file; MCAP keeps 0 for none.
+    #[must_use]
+    pub fn schema_id(self) -> u16 {
+        self.first_of_its_schema() as u16 + 1
+    }
+
+    /// The definition of the message's type and of all types inside it.
+    #[must_use]
+    pub fn schema(self) -> String {
+        let mut todo = vec![self.row().1];
+        let mut done = Vec::new();
+        let mut text = String::new();
+        while let Some(name) = todo.pop() {
+            if done.contains(&name) {
+                continue;
+            }
+            let Some((_, definition)) = DEFINITIONS.iter().find(|(known, _)| *known == name) else {
+                continue;
+            };
+            if !done.is_empty() {
+                text.push_str(&format!("{}\nMSG: {name}\n", "=".repeat(80)));
+            }
+            text.push_str(definition);
+            done.push(name);
+            todo.extend(types_inside(definition));
+        }
+        text
+    }
+
+    /// What else is said about the channel: `rosbag2` plays `/tf_static` and `/map` to late
+    /// listeners only if asked to.
+    #[must_use]
+    pub fn channel_metadata(self) -> BTreeMap<String, String> {
+        let mut metadata = BTreeMap::new();
+        if matches!(self, Self::StaticTransforms | Self::Map) {
+            metadata.insert("offered_qos_profiles".to_owned(), LATCHED.to_owned());
+        }
+        metadata
+    }
+
+    /// The topic of a channel number of ours.
+    #[must_use]
+    pub fn of_channel(channel: u16) -> Option<Self> {
+        Self::ALL.get(usize::from(channel)).copied()
+    }
+
+    /// The topic of a channel as a file describes it: name and type must both be known.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|topic| topic.name() == name)
+    }
+}
+
+/// The types with a package that a definition's fields have.
+fn types_inside(definition: &'static str) -> impl Iterator<Item = &'static str> {
+    definition.lines().filter_map(|line| {
+        let name = line.split_whitespace().next()?;
+        let name = name.split('[').next()?;
+        (!name.starts_with('#') && name.contains('/')).then_some(name)
+    })
+}
+
+const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n  deadline:\n    sec: 0\n    nsec: 0\n  lifespan:\n    sec: 0\n    nsec: 0\n  liveliness: 0\n  liveliness_lease_duration:\n    sec: 0\n    nsec: 0\n  avoid_ros_namespace_conventions: false\n";
+
+macro_rules! definitions {
+    ($($package:literal / $name:literal),+ $(,)?) => {
+        /// Every message type that a recording speaks, with its definition.
+        const DEFINITIONS: &[(&str, &str)] = &[$((
+            concat!($package, "/", $name),
+            include_str!(concat!("schema/", $package, ".", $name, ".msg")),
+        )),+];
+    };
+}
+
+definitions! {
+    "builtin_interfaces" / "Time",
+    "std_msgs" / "Header",
+    "geometry_msgs" / "Point",
+    "geometry_msgs" / "Vector3",
+    "geometry_msgs" / "Quaternion",
+    "geometry_msgs" / "Pose",
+    "geometry_msgs" / "PoseWithCovariance",
+    "geometry_msgs" / "Twist",
+    "geometry_msgs" / "TwistWithCovariance",
+    "geometry_msgs" / "Transform",
+    "geometry_msgs" / "TransformStamped",
+    "nav_msgs" / "Odometry",
+    "nav_msgs" / "MapMetaData",
+    "nav_msgs" / "OccupancyGrid",
+    "tf2_msgs" / "TFMessage",
+    "sensor_msgs" / "Range",
+    "sensor_msgs" / "PointField",
+    "sensor_msgs" / "PointCloud2",
+    "rcl_interfaces" / "Log",
+    "onbrick_msgs" / "Senses",
+    "onbrick_msgs" / "Pose",
+    "onbrick_msgs" / "Transition",
+    "onbrick_msgs" / "TickStatistics",
+    "onbrick_msgs" / "Checkpoint",
+    "onbrick_msgs" / "Gap",
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_topic_stands_at_its_channel_number_and_is_found_by_name() {
+        for (place, topic) in Topic::ALL.into_iter().enumerate() {
+            assert_eq!(topic as usize, place, "{topic:?}");
+            assert_eq!(Topic::of_name(topic.name()), Some(topic));
+        }
+    }
+
+    #[test]
+    fn a_schema_defines_each_type_inside_once() {
+        for topic in Topic::ALL {
+            let schema = topic.schema();
+            assert!(!schema.is_empty(), "{topic:?}");
+            for (name, _) in DEFINITIONS {
+                let title = format!("MSG: {name}\n");
+                assert!(schema.matches(&title).count() <= 1, "{topic:?} has {name} twice");
+            }
+        }
+        for name in DEFINITIONS.iter().flat_map(|(_, definition)| types_inside(definition)) {
+            assert!(DEFINITIONS.iter().any(|(known, _)| *known == name), "{name} is not defined");
+        }
+        assert!(Topic::Odometry.schema().contains("MSG: geometry_msgs/Quaternion\n"));
+    }
+}
