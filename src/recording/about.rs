@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::grid::Grid;
-use super::stop::Stop;
+use super::stop::{Stop, StopReason};
 use crate::ev3dev::Technology;
 use crate::mapping::Pose;
 use crate::printable;
