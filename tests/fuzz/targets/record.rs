@@ -33,9 +33,8 @@ fn mended(bytes: &[u8]) -> Vec<u8> {
     while let Some(head) = bytes.get(at..at + FRAME) {
         let opcode = head[0];
         let length = u64::from_le_bytes(head[1..].try_into().unwrap_or_default());
-        let Some(end) = usize::try_from(length).ok().and_then(|length| at.checked_add(FRAME + length)) else {
-            break;
-        };
+        let whole = usize::try_from(length).ok().and_then(|length| length.checked_add(at + FRAME));
+        let Some(end) = whole else { break };
         if end > bytes.len() {
             break;
         }
