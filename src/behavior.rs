@@ -30,7 +30,7 @@ pub use engine::{EngineError, Finish, Progress};
 pub use expression::Expression;
 pub use graph::mermaid;
 pub use mission::{MachinePlan, Mission, OnLost, OnStall, Program, SetError, StatePlan};
-pub use signals::{Capabilities, Role, Signal, Signals};
+pub use signals::{Capabilities, Signal, Signals};
 
 /// The most machines a mission may have: what is kept for each of them has a fixed place.
 pub const MAX_MACHINES: usize = 8;

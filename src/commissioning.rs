@@ -19,4 +19,4 @@ pub use calibrate::{
 };
 pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};
-pub use setup::{Draft, DraftHead, DraftMotor, DraftRange, SetupError, setup};
+pub use setup::{Draft, DraftHead, DraftMotor, SetupError, setup};

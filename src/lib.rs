@@ -39,6 +39,7 @@
 //! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |
 //! | [`sim`] | simulated brick: world, body, driver behaviour (feature `sim`) |
 //! | [`page`] | a page for a browser on this machine: the server behind live pages (feature `host`) |
+//! | [`senses`] | what a robot senses: one table from a driver's mode to a name in missions |
 //! | [`ev3dev`] | typed devices over attribute files: motors, sensors, ports, lights, battery, buttons, sound |
 //! | [`document`] | files that people write: places, carets, nearest names |
 //! | [`printable`] | texts of others, made fit to be shown on a terminal, in a log, on a page |
@@ -135,6 +136,7 @@ pub mod recording;
 pub mod report;
 pub mod robot;
 pub mod runtime;
+pub mod senses;
 #[cfg(feature = "cli")]
 pub mod service;
 #[cfg(feature = "sim")]

@@ -20,10 +20,8 @@ use std::io;
 
 use crate::behavior::{Demands, Drive, Led};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::ev3dev::{
-    Battery, Button, Buttons, ColourSensor, DeviceError, GyroSensor, Identity, InfraredSensor, LightColour,
-    Sound, StatusLights, StopAction, TouchSensor, UltrasonicSensor,
-};
+use crate::ev3dev::{Battery, Button, Buttons, DeviceError, LightColour, Sound, StatusLights, StopAction};
+use crate::senses::{Channel, Role, Senses};
 
 mod battery;
 mod bind;
@@ -32,17 +30,17 @@ mod drive;
 mod halt;
 mod lease;
 mod mend;
-mod senses;
+mod sensor;
 
 use bind::Bound;
 use mend::{Mended, Mender};
 
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::BindError;
-pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig, SensorRole};
+pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
-pub use senses::{Channel, Reading, Senses};
+pub use sensor::RoleSensor;
 
 /// How near the head must come to what is asked of it, radians: half a degree, less than the gears' play.
 const HEAD_NEAR_RAD: f64 = 0.0087;
@@ -58,11 +56,9 @@ pub struct Robot {
     right: LeasedMotor,
     head: Option<LeasedMotor>,
     motors: Vec<LeasedMotor>,
-    range: Option<RangeSensor>,
-    gyro: Option<GyroSensor>,
-    touch: Option<TouchSensor>,
-    colour: Option<(ColourSensor, Channel)>,
-    remote: Option<InfraredSensor>,
+    sensors: Vec<RoleSensor>,
+    /// The buttons that the mission asks for.
+    buttons_needed: Vec<Channel>,
     battery: Option<Battery>,
     battery_due_ns: i64,
     buttons: Result<Buttons, DeviceError>,
@@ -83,33 +79,16 @@ pub struct Robot {
     outside: Option<Channel>,
 }
 
-/// What measures the range.
-#[derive(Debug)]
-enum RangeSensor {
-    Ultrasonic(UltrasonicSensor),
-    Infrared { sensor: InfraredSensor, m_per_pct: f64 },
-}
-
-impl RangeSensor {
-    fn identity(&self) -> &Identity {
-        match self {
-            Self::Ultrasonic(sensor) => sensor.identity(),
-            Self::Infrared { sensor, .. } => sensor.identity(),
-        }
-    }
-
-    /// Metres; infinite where nothing is in range.
-    fn range_m(&self) -> Result<f64, DeviceError> {
-        match self {
-            Self::Ultrasonic(sensor) => Ok(sensor.distance_m()?.unwrap_or(f64::INFINITY)),
-            Self::Infrared { sensor, m_per_pct } => {
-                // 100 % is "far away or nothing" (`ev3dev-interfaces`, 6.3).
-                let pct = sensor.proximity_pct()?;
-                Ok(if pct >= 100.0 { f64::INFINITY } else { pct * m_per_pct })
-            }
-        }
-    }
-}
+/// The channels of motors.
+const MOTORS: [Channel; 7] = [
+    Channel::Left,
+    Channel::Right,
+    Channel::Head,
+    Channel::Motor0,
+    Channel::Motor1,
+    Channel::Motor2,
+    Channel::Motor3,
+];
 
 impl Robot {
     /// The robot as its file describes it.
@@ -127,17 +106,12 @@ impl Robot {
     /// The channels that this robot senses.
     pub fn channels(&self) -> impl Iterator<Item = Channel> + '_ {
         let motors = Channel::MOTORS.into_iter().take(self.motors.len());
-        let optional = [
-            (Channel::Head, self.head.is_some()),
-            (Channel::Range, self.range.is_some()),
-            (Channel::Gyro, self.gyro.is_some()),
-            (Channel::Touch, self.touch.is_some()),
-            (Channel::Remote, self.remote.is_some()),
-            (Channel::Battery, self.battery.is_some()),
-        ];
-        let optional = optional.into_iter().filter(|(_, there)| *there).map(|(channel, _)| channel);
-        let colour = self.colour.iter().map(|(_, channel)| *channel);
-        [Channel::Left, Channel::Right].into_iter().chain(optional).chain(colour).chain(motors)
+        let head = self.head.iter().map(|_| Channel::Head);
+        let battery = self.battery.iter().map(|_| Channel::Battery);
+        let sensors = self.sensors.iter().flat_map(RoleSensor::channels);
+        let buttons = self.buttons_needed.iter().copied();
+        let wheels = [Channel::Left, Channel::Right].into_iter();
+        wheels.chain(head).chain(sensors).chain(battery).chain(motors).chain(buttons)
     }
 
     /// The ports of the motors that this robot has taken over, as the kernel names them.
@@ -176,24 +150,21 @@ impl Robot {
             let old = self.put_back(mended, senses);
             self.mender.give_back(old);
         }
-        for channel in Channel::ALL {
-            match self.read(channel, senses) {
-                None => {}
-                Some(Ok(value)) => {
-                    senses.set(channel, value);
-                    self.mender.note(channel, None, senses.time_ns);
-                }
-                Some(Err(error)) => {
-                    self.mender.note(channel, Some(error.is_gone()), senses.time_ns);
-                    self.trouble = Some((channel, error));
-                }
-            }
+        for channel in MOTORS {
+            let Some(motor) = self.motor_mut(channel) else { continue };
+            let read = motor.angle_rad().map(|angle_rad| senses.set(channel, angle_rad));
+            self.note(channel, read, senses.time_ns);
         }
+        for at in 0..self.sensors.len() {
+            let (lead, read) = self.read_sensor(at, senses);
+            self.note(lead, read, senses.time_ns);
+        }
+        self.read_battery(senses);
         if let Some(reading) = senses.get(Channel::Head).filter(|_| self.head.is_some()) {
             self.head_rad = Some(reading.value);
         }
         self.look_for_others(senses.time_ns);
-        self.stop_pressed()
+        self.read_buttons(senses)
     }
 
     /// The motor that another program has commanded or reset, if one has; it is left alone from then on.
@@ -205,7 +176,7 @@ impl Robot {
     /// As [`Robot::outside`], after a close look at everything: for a tick in which something else went wrong with a motor, which may be
     /// another program's doing.
     pub fn look_closely(&mut self, now_ns: i64) -> Option<Channel> {
-        for channel in Channel::ALL {
+        for channel in MOTORS {
             let taken = self.motor_mut(channel).is_some_and(|motor| motor.look_closely(now_ns));
             self.outside = self.outside.or(taken.then_some(channel));
         }
@@ -225,34 +196,37 @@ impl Robot {
         }
     }
 
-    /// What a channel says now; nothing where this robot does not have it, or where it is not due.
-    fn read(&mut self, channel: Channel, senses: &Senses) -> Option<Result<f64, DeviceError>> {
-        Some(match channel {
-            Channel::Range => self.range.as_ref()?.range_m(),
-            Channel::Gyro => {
-                // The sensor counts clockwise; from here on, anticlockwise is positive.
-                let read = self.gyro.as_ref()?.angle_rad().map(|clockwise_rad| -clockwise_rad);
+    /// Notes how reading a device went, by its first channel.
+    fn note(&mut self, channel: Channel, read: Result<(), DeviceError>, now_ns: i64) {
+        self.mender.note(channel, read.as_ref().err().map(DeviceError::is_gone), now_ns);
+        if let Err(error) = read {
+            self.trouble = Some((channel, error));
+        }
+    }
+
+    /// Reads a sensor. What it turned while it was unplugged the gyro does not know: it goes on from its last
+    /// reading.
+    fn read_sensor(&mut self, at: usize, senses: &mut Senses) -> (Channel, Result<(), DeviceError>) {
+        let (sensor, zero_rad) = (&self.sensors[at], &mut self.gyro_zero_rad);
+        let read = sensor.read(|channel, value| {
+            let value = if channel == Channel::Gyro {
                 let last = senses.get(channel).map(|reading| reading.value);
-                read.map(|angle_rad| {
-                    angle_rad
-                        + *self.gyro_zero_rad.get_or_insert_with(|| last.unwrap_or(angle_rad) - angle_rad)
-                })
-            }
-            Channel::Touch => self.touch.as_ref()?.is_pressed().map(|pressed| f64::from(u8::from(pressed))),
-            Channel::Colour | Channel::Reflect => {
-                match self.colour.as_ref().filter(|(_, measured)| *measured == channel)? {
-                    (sensor, Channel::Colour) => sensor.colour().map(|colour| f64::from(colour as u8)),
-                    (sensor, _) => sensor.reflected_pct(),
-                }
-            }
-            Channel::Remote => self.remote.as_ref()?.remote().map(|code| f64::from(code as u8)),
-            Channel::Battery => {
-                let battery = self.battery.as_ref().filter(|_| senses.time_ns >= self.battery_due_ns)?;
-                self.battery_due_ns = senses.time_ns + SECOND_NS;
-                battery.voltage_v()
-            }
-            _ => self.motor_mut(channel)?.angle_rad(),
-        })
+                value + *zero_rad.get_or_insert_with(|| last.unwrap_or(value) - value)
+            } else {
+                value
+            };
+            senses.set(channel, value);
+        });
+        (sensor.lead(), read)
+    }
+
+    fn read_battery(&mut self, senses: &mut Senses) {
+        let Some(battery) = self.battery.as_ref().filter(|_| senses.time_ns >= self.battery_due_ns) else {
+            return;
+        };
+        self.battery_due_ns = senses.time_ns + SECOND_NS;
+        let read = battery.voltage_v().map(|volts| senses.set(Channel::Battery, volts));
+        self.note(Channel::Battery, read, senses.time_ns);
     }
 
     /// A motor of this robot by its channel.
@@ -284,35 +258,16 @@ impl Robot {
                     std::mem::swap(place, new);
                 }
             }
-            Bound::Range(new) => swap(&mut self.range, new),
-            Bound::Gyro(new) => {
-                if mended.replugged {
+            Bound::Sensor(new) => {
+                if mended.replugged && new.role() == Role::Gyro {
                     self.gyro_zero_rad = None;
                 }
-                swap(&mut self.gyro, new);
-            }
-            Bound::Touch(new) => swap(&mut self.touch, new),
-            Bound::Colour(new) => {
-                if let Some((place, _)) = &mut self.colour {
+                if let Some(place) = self.sensors.iter_mut().find(|sensor| sensor.role() == new.role()) {
                     std::mem::swap(place, new);
                 }
             }
-            Bound::Remote(new) => swap(&mut self.remote, new),
         }
         mended
-    }
-
-    /// The kernel's name of the device behind a channel.
-    fn device_name(&mut self, channel: Channel) -> Option<String> {
-        let identity = match channel {
-            Channel::Range => self.range.as_ref()?.identity(),
-            Channel::Gyro => self.gyro.as_ref()?.identity(),
-            Channel::Touch => self.touch.as_ref()?.identity(),
-            Channel::Colour | Channel::Reflect => self.colour.as_ref()?.0.identity(),
-            Channel::Remote => self.remote.as_ref()?.identity(),
-            _ => self.motor_mut(channel)?.motor().identity(),
-        };
-        Some(identity.name.clone())
     }
 
     /// Carries out what is wanted, within the robot's limits. What nobody wants does not turn.
@@ -388,10 +343,17 @@ impl Robot {
         self.battery_due_ns = 0;
     }
 
-    /// Enter or Back went down since the last look, or is held down.
-    fn stop_pressed(&mut self) -> bool {
+    /// Notes the buttons that the mission asks for; true if Enter or Back went down since the last look, or is held
+    /// down.
+    fn read_buttons(&mut self, senses: &mut Senses) -> bool {
         let Ok(buttons) = &mut self.buttons else { return false };
         let Ok(changes) = buttons.changes() else { return false };
+        let held = buttons.held();
+        for channel in &self.buttons_needed {
+            let is_down = button(*channel)
+                .is_some_and(|button| held.contains(button) || changes.pressed.contains(button));
+            senses.set(*channel, f64::from(u8::from(is_down)));
+        }
         [Button::Enter, Button::Back].into_iter().any(|stop| changes.pressed.contains(stop))
     }
 
@@ -452,9 +414,14 @@ fn note_refusal(refused: &mut Option<DeviceError>, done: Result<(), DeviceError>
     }
 }
 
-fn swap<T>(place: &mut Option<T>, new: &mut T) {
-    if let Some(place) = place {
-        std::mem::swap(place, new);
+/// The button behind a channel.
+fn button(channel: Channel) -> Option<Button> {
+    match channel {
+        Channel::ButtonUp => Some(Button::Up),
+        Channel::ButtonDown => Some(Button::Down),
+        Channel::ButtonLeft => Some(Button::Left),
+        Channel::ButtonRight => Some(Button::Right),
+        _ => None,
     }
 }
 

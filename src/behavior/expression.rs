@@ -35,16 +35,17 @@ use std::ops::Range;
 
 use arrayvec::ArrayVec;
 
-use super::signals::{Capabilities, Quantity, Role, Signals};
+use super::signals::{Capabilities, Input, Signal, Signals};
 use super::{MAX_MOTORS, MachineState};
 use crate::document::nearest;
+use crate::senses::Channel;
 
 mod implication;
 mod lexer;
 mod parser;
 
 pub(super) use implication::Claims;
-pub(super) use parser::{is_plain, part};
+pub(super) use parser::is_plain;
 
 /// What an expression gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,7 +80,7 @@ pub struct Expression {
 enum Op {
     Number(f64),
     Truth(bool),
-    Signal(Quantity),
+    Signal(Input),
     Motor { name: u16, place: u8 },
     Named { name: u16, value: f64 },
     Negate,
@@ -171,11 +172,11 @@ impl Expression {
         }
     }
 
-    /// The parts of a robot that its signals take.
-    pub(super) fn roles(&self) -> impl Iterator<Item = Role> {
+    /// What its signals take of what a robot senses.
+    pub(super) fn channels(&self) -> impl Iterator<Item = Channel> {
         self.ops.iter().filter_map(|op| match op {
-            Op::Signal(quantity) => quantity.word().and_then(|word| word.role),
-            Op::Motor { place, .. } => Some(Role::Motor(*place)),
+            Op::Signal(input) => input.word()?.channel,
+            Op::Motor { place, .. } => Channel::MOTORS.get(usize::from(*place)).copied(),
             _ => None,
         })
     }
@@ -191,7 +192,7 @@ impl fmt::Display for Expression {
             let rendered = match op {
                 Op::Number(number) => literal(*number),
                 Op::Truth(truth) => truth.to_string(),
-                Op::Signal(quantity) => quantity.word().map_or("?", |word| word.name).to_owned(),
+                Op::Signal(input) => input.word().map_or("?", |word| word.name).to_owned(),
                 Op::Motor { name: at, .. } => format!("motor.{}", name(*at)),
                 Op::Named { name: at, .. } => name(*at).to_owned(),
                 Op::Negate => format!("(-{})", stack.pop().unwrap_or_default()),
@@ -285,10 +286,15 @@ fn operand(op: &Op, signals: &Signals, since: &MachineState) -> Option<f64> {
     match op {
         Op::Number(number) | Op::Named { value: number, .. } => Some(*number),
         Op::Truth(truth) => Some(f64::from(*truth)),
-        Op::Signal(quantity) => quantity.read(signals, since),
-        Op::Motor { place, .. } => Quantity::Motor(*place).read(signals, since),
+        Op::Signal(input) => input.read(signals, since),
+        Op::Motor { place, .. } => motor(*place)?.read(signals, since),
         Op::Negate | Op::Not | Op::Infix(_) => None,
     }
+}
+
+/// A named motor's angle.
+fn motor(place: u8) -> Option<Input> {
+    Channel::MOTORS.get(usize::from(place)).map(|channel| Input::Signal(Signal::Sensed(*channel)))
 }
 
 fn apply(infix: Infix, left: Option<f64>, right: Option<f64>) -> Option<f64> {

@@ -71,9 +71,10 @@ use super::Taken;
 use super::demands::{Led, SAY_BYTES};
 use super::engine::{EngineError, Finish};
 use super::expression::Expression;
-use super::signals::{Capabilities, Role};
+use super::signals::Capabilities;
 use crate::document::{Document, Findings, nearest};
 use crate::ev3dev::StopAction;
+use crate::senses::{Channel, Role};
 
 mod checks;
 mod load;
@@ -94,7 +95,7 @@ pub struct Mission {
     numbers: BTreeMap<String, f64>,
     machines: Vec<MachinePlan>,
     motors: Vec<String>,
-    roles: Vec<Role>,
+    senses: Vec<Channel>,
 }
 
 /// What happens when a device is gone or a reading is stale.
@@ -358,16 +359,11 @@ impl Mission {
         &self.motors
     }
 
-    /// The parts of the robot that the mission reads or moves, each once.
+    /// What the mission needs of what the robot senses, head and named motors that it moves among them; the
+    /// wheels are always sensed.
     #[must_use]
-    pub fn roles(&self) -> &[Role] {
-        &self.roles
-    }
-
-    /// Whether the mission reads or moves a part of the robot.
-    #[must_use]
-    pub fn uses(&self, role: Role) -> bool {
-        self.roles.contains(&role)
+    pub fn senses(&self) -> &[Channel] {
+        &self.senses
     }
 }
 

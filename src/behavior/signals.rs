@@ -8,58 +8,45 @@
 //!
 //! How a reading becomes a signal: which device, how old it may be. That is for the runtime.
 
-use super::{MAX_MOTORS, MachineState};
+use std::collections::BTreeSet;
+
+use super::MachineState;
 use crate::clock::seconds;
+use crate::senses::{Channel, QUANTITIES, Quantity, Role, Unit};
 use crate::units::{degrees, wrap_rad};
 
 /// A quantity that the runtime provides in each tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
 pub enum Signal {
-    /// Distance to what is ahead of the range sensor, metres; infinite without an echo, 0 where it is too near.
-    Range,
+    /// What is sensed, as it was read, but for the range: that is the estimator's, 0 where it is too near.
+    Sensed(Channel),
     /// 1 where the range sensor has an echo, else 0. Too near counts as an echo.
     Echo,
     /// Heading, radians anticlockwise, not wrapped.
     Heading,
-    /// Angle of the head, radians anticlockwise from straight ahead.
-    Head,
     /// World x of the robot, metres.
     X,
     /// World y of the robot, metres.
     Y,
     /// Metres driven since the start of the run, forwards and backwards both counting.
     Travelled,
-    /// Angle of the left wheel, radians, forwards positive.
-    Left,
-    /// Angle of the right wheel, radians, forwards positive.
-    Right,
-    /// Battery, volts.
-    Battery,
-    /// 1 while the touch sensor is pressed, else 0.
-    Touch,
-    /// Colour number, 0 to 7.
-    Colour,
-    /// Reflected light, percent.
-    Reflect,
-    /// Code of the infrared remote's buttons, 0 to 11.
-    Remote,
-    /// Angle of the first named motor, radians.
-    Motor0,
-    /// Angle of the second named motor, radians.
-    Motor1,
-    /// Angle of the third named motor, radians.
-    Motor2,
-    /// Angle of the fourth named motor, radians.
-    Motor3,
 }
 
 impl Signal {
     /// How many signals there are.
-    pub const COUNT: usize = 18;
+    const COUNT: usize = Channel::COUNT + 5;
 
-    /// The named motors' angles, in the order of the capabilities.
-    pub const MOTORS: [Self; MAX_MOTORS] = [Self::Motor0, Self::Motor1, Self::Motor2, Self::Motor3];
+    /// Its place among the signals.
+    const fn place(self) -> usize {
+        match self {
+            Self::Sensed(channel) => channel as usize,
+            Self::Echo => Channel::COUNT,
+            Self::Heading => Channel::COUNT + 1,
+            Self::X => Channel::COUNT + 2,
+            Self::Y => Channel::COUNT + 3,
+            Self::Travelled => Channel::COUNT + 4,
+        }
+    }
 }
 
 /// One tick's signals.
@@ -96,10 +83,10 @@ impl Signals {
     }
 
     /// Notes a signal's value, in metres, seconds, radians. What is not a number counts as lost, and so does an infinite
-    /// value of anything but the range.
+    /// value of anything but a distance that a sensor says is beyond its reach.
     pub fn set(&mut self, signal: Signal, value: f64) {
-        let known = value.is_finite() || (signal == Signal::Range && value > 0.0);
-        self.values[signal as usize] = known.then_some(value);
+        let known = value.is_finite() || (value > 0.0 && may_be_infinite(signal));
+        self.values[signal.place()] = known.then_some(value);
         match signal {
             Signal::Travelled if known => self.travelled_m = value,
             Signal::Heading if known => self.heading_rad = value,
@@ -109,13 +96,13 @@ impl Signals {
 
     /// Notes that a signal is not known any more.
     pub fn lose(&mut self, signal: Signal) {
-        self.values[signal as usize] = None;
+        self.values[signal.place()] = None;
     }
 
     /// A signal's value, if it is known.
     #[must_use]
     pub fn get(&self, signal: Signal) -> Option<f64> {
-        self.values[signal as usize]
+        self.values[signal.place()]
     }
 
     /// The record of a machine that enters `state` now.
@@ -130,46 +117,19 @@ impl Signals {
     }
 }
 
-/// Parts of a robot beyond the two wheels, which every robot has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Role {
-    /// The two wheels, moved by the mission.
-    Wheels,
-    /// The head's motor.
-    Head,
-    /// The range sensor, ultrasonic or infrared.
-    Range,
-    /// The touch sensor.
-    Touch,
-    /// The colour sensor, naming colours.
-    Colour,
-    /// The colour sensor, measuring reflected light.
-    Reflect,
-    /// The infrared sensor, listening to the remote.
-    Remote,
-    /// A named motor, by its place in the capabilities.
-    Motor(u8),
+/// True for what a sensor can say is too far to be measured.
+fn may_be_infinite(signal: Signal) -> bool {
+    let Signal::Sensed(channel) = signal else { return false };
+    let mut sources = channel.quantity().sources.iter();
+    sources.any(|source| source.nothing.is_some_and(|nothing| nothing.means.is_infinite()))
 }
 
 /// What a robot has, as far as a mission can ask for it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-#[expect(clippy::struct_excessive_bools, reason = "a list of what is there and what is not")]
 pub struct Capabilities {
-    /// A motor turns the head.
-    pub head: bool,
-    /// There is a range sensor.
-    pub range: bool,
-    /// The range sensor is the infrared one, which cannot listen to the remote at the same time.
-    pub range_is_infrared: bool,
-    /// There is a gyro sensor. No signal needs it: without one the heading comes from the wheels.
-    pub gyro: bool,
-    /// There is a touch sensor.
-    pub touch: bool,
-    /// There is a colour sensor.
-    pub colour: bool,
-    /// There is an infrared sensor.
-    pub remote: bool,
-    /// The named motors, at most [`MAX_MOTORS`]; `None` where the robot is not known and any name will do.
+    /// Its head and sensors; what every robot has need not be among them.
+    pub roles: BTreeSet<Role>,
+    /// The named motors, at most [`super::MAX_MOTORS`]; `None` where the robot is not known and any name will do.
     pub motors: Option<Vec<String>>,
 }
 
@@ -177,66 +137,39 @@ impl Capabilities {
     /// Everything: to check a mission without a robot.
     #[must_use]
     pub fn all() -> Self {
-        Self {
-            head: true,
-            range: true,
-            range_is_infrared: false,
-            gyro: true,
-            touch: true,
-            colour: true,
-            remote: true,
-            motors: None,
-        }
+        Self { roles: Role::SENSORS.into_iter().chain([Role::Head]).collect(), motors: None }
     }
 
     /// Whether the robot can fill a role; a named motor is asked for by its name instead.
     #[must_use]
     pub fn has(&self, role: Role) -> bool {
-        match role {
-            Role::Wheels | Role::Motor(_) => true,
-            Role::Head => self.head,
-            Role::Range => self.range,
-            Role::Touch => self.touch,
-            Role::Colour | Role::Reflect => self.colour,
-            Role::Remote => self.remote,
-        }
+        matches!(role, Role::Brick | Role::Wheels | Role::Motor(_)) || self.roles.contains(&role)
     }
 }
 
-/// A quantity as the language of conditions has it: the unit that its name ends in, angles in degrees.
+/// What a name in conditions stands for: angles are in degrees there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Quantity {
-    Range,
-    Echo,
-    Heading,
-    Head,
-    X,
-    Y,
-    Left,
-    Right,
+pub(super) enum Input {
+    /// A signal in the unit of its name.
+    Signal(Signal),
+    /// The run's time, seconds.
     Time,
-    Battery,
+    /// Seconds, metres and degrees since the state was entered.
     StateTime,
     StateDistance,
     StateTurn,
-    Touch,
-    Colour,
-    Reflect,
-    Remote,
-    /// A named motor's angle, by its place.
-    Motor(u8),
 }
 
-/// What is known of a quantity before any mission runs.
-#[derive(Debug)]
+/// What is known of a name before any mission runs.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Word {
     /// Its name in conditions.
     pub(super) name: &'static str,
-    pub(super) quantity: Quantity,
+    pub(super) input: Input,
     /// True for what is true or false, and not a number.
     pub(super) is_truth: bool,
-    /// The part of the robot it takes.
-    pub(super) role: Option<Role>,
+    /// What it takes of what the robot senses.
+    pub(super) channel: Option<Channel>,
     /// The least and the greatest value that it can have.
     pub(super) domain: (f64, f64),
 }
@@ -244,38 +177,51 @@ pub(super) struct Word {
 const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
 
-/// Every quantity with a fixed name.
+/// The names of what is worked out from readings, and of times.
 #[rustfmt::skip]
-pub(super) const WORDS: [Word; 17] = {
-    use Quantity as Q;
-    const fn word(name: &'static str, quantity: Quantity, role: Option<Role>, domain: (f64, f64)) -> Word {
-        Word { name, quantity, is_truth: matches!(quantity, Q::Echo | Q::Touch), role, domain }
+const DERIVED: [Word; 8] = {
+    const fn word(name: &'static str, input: Input, domain: (f64, f64)) -> Word {
+        Word { name, input, is_truth: false, channel: None, domain }
     }
+    use Input as I;
     [
-        word("range_m",        Q::Range,         Some(Role::Range),   POSITIVE),
-        word("echo",           Q::Echo,          Some(Role::Range),   (0.0, 1.0)),
-        word("heading_deg",    Q::Heading,       None,                (-180.0, 180.0)),
-        word("head_deg",       Q::Head,          Some(Role::Head),    ANY),
-        word("x_m",            Q::X,             None,                ANY),
-        word("y_m",            Q::Y,             None,                ANY),
-        word("left_deg",       Q::Left,          None,                ANY),
-        word("right_deg",      Q::Right,         None,                ANY),
-        word("time_s",         Q::Time,          None,                POSITIVE),
-        word("battery_v",      Q::Battery,       None,                POSITIVE),
-        word("state_s",        Q::StateTime,     None,                POSITIVE),
-        word("state_m",        Q::StateDistance, None,                POSITIVE),
-        word("state_turn_deg", Q::StateTurn,     None,                ANY),
-        word("touch",          Q::Touch,         Some(Role::Touch),   (0.0, 1.0)),
-        word("colour",         Q::Colour,        Some(Role::Colour),  (0.0, 7.0)),
-        word("reflect_pct",    Q::Reflect,       Some(Role::Reflect), (0.0, 100.0)),
-        word("remote",         Q::Remote,        Some(Role::Remote),  (0.0, 11.0)),
+        Word { is_truth: true, channel: Some(Channel::Range), ..word("echo", I::Signal(Signal::Echo), (0.0, 1.0)) },
+        word("heading_deg",    I::Signal(Signal::Heading), (-180.0, 180.0)),
+        word("x_m",            I::Signal(Signal::X),       ANY),
+        word("y_m",            I::Signal(Signal::Y),       ANY),
+        word("time_s",         I::Time,                    POSITIVE),
+        word("state_s",        I::StateTime,               POSITIVE),
+        word("state_m",        I::StateDistance,           POSITIVE),
+        word("state_turn_deg", I::StateTurn,               ANY),
     ]
 };
 
-impl Quantity {
+/// Every name that conditions of any mission can have.
+pub(super) fn words() -> impl Iterator<Item = Word> {
+    let sensed = QUANTITIES.iter().filter(|quantity| !quantity.name.is_empty());
+    sensed.map(Word::from).chain(DERIVED)
+}
+
+impl From<&Quantity> for Word {
+    fn from(quantity: &Quantity) -> Self {
+        Self {
+            name: quantity.name,
+            input: Input::Signal(Signal::Sensed(quantity.channel)),
+            is_truth: quantity.unit == Unit::Truth,
+            channel: Some(quantity.channel),
+            domain: quantity.domain,
+        }
+    }
+}
+
+impl Input {
     /// What is known of it; `None` for a named motor's angle, which can be any number.
-    pub(super) fn word(self) -> Option<&'static Word> {
-        WORDS.iter().find(|word| word.quantity == self)
+    pub(super) fn word(self) -> Option<Word> {
+        if let Self::Signal(Signal::Sensed(channel)) = self {
+            let quantity = channel.quantity();
+            return (!quantity.name.is_empty()).then(|| Word::from(quantity));
+        }
+        DERIVED.into_iter().find(|word| word.input == self)
     }
 
     /// True for what cannot be lost.
@@ -285,28 +231,21 @@ impl Quantity {
 
     /// The value in the unit of its name; `since` is when and where the state was entered.
     pub(super) fn read(self, signals: &Signals, since: &MachineState) -> Option<f64> {
-        let angle = |signal| signals.get(signal).map(degrees);
         match self {
-            Self::Range => signals.get(Signal::Range),
-            Self::Echo => signals.get(Signal::Echo),
-            Self::Heading => signals.get(Signal::Heading).map(|heading_rad| degrees(wrap_rad(heading_rad))),
-            Self::Head => angle(Signal::Head),
-            Self::X => signals.get(Signal::X),
-            Self::Y => signals.get(Signal::Y),
-            Self::Left => angle(Signal::Left),
-            Self::Right => angle(Signal::Right),
+            Self::Signal(signal) => {
+                let value = signals.get(signal)?;
+                Some(match signal {
+                    Signal::Sensed(channel) => channel.quantity().unit.in_conditions(value),
+                    Signal::Heading => degrees(wrap_rad(value)),
+                    _ => value,
+                })
+            }
             Self::Time => Some(signals.time_s),
-            Self::Battery => signals.get(Signal::Battery),
             Self::StateTime => Some(seconds(signals.time_ns.saturating_sub(since.entered_ns))),
             Self::StateDistance => signals.get(Signal::Travelled).map(|now_m| now_m - since.entered_m),
             Self::StateTurn => {
                 signals.get(Signal::Heading).map(|now_rad| degrees(now_rad - since.entered_heading_rad))
             }
-            Self::Touch => signals.get(Signal::Touch),
-            Self::Colour => signals.get(Signal::Colour),
-            Self::Reflect => signals.get(Signal::Reflect),
-            Self::Remote => signals.get(Signal::Remote),
-            Self::Motor(place) => Signal::MOTORS.get(usize::from(place)).and_then(|signal| angle(*signal)),
         }
     }
 }
@@ -314,6 +253,7 @@ impl Quantity {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::behavior::shipped;
 
     #[test]
     fn a_heading_wraps_in_conditions_and_a_turn_since_the_state_was_entered_does_not() {
@@ -321,9 +261,9 @@ mod tests {
         signals.set(Signal::Heading, 1.0);
         let since = signals.entering(0);
         signals.set(Signal::Heading, 1.0 + 7.0);
-        let heading = Quantity::Heading.read(&signals, &since).unwrap();
+        let heading = Input::Signal(Signal::Heading).read(&signals, &since).unwrap();
         assert!((heading - degrees(8.0 - std::f64::consts::TAU)).abs() < 1e-9, "{heading}");
-        let turn = Quantity::StateTurn.read(&signals, &since).unwrap();
+        let turn = Input::StateTurn.read(&signals, &since).unwrap();
         assert!((turn - degrees(7.0)).abs() < 1e-9, "{turn}");
     }
 
@@ -333,22 +273,35 @@ mod tests {
         signals.set(Signal::X, 1.0);
         signals.set(Signal::X, f64::NAN);
         signals.set(Signal::Y, f64::INFINITY);
-        signals.set(Signal::Range, f64::INFINITY);
+        signals.set(Signal::Sensed(Channel::Range), f64::INFINITY);
         assert_eq!((signals.get(Signal::X), signals.get(Signal::Y)), (None, None));
-        assert_eq!(signals.get(Signal::Range), Some(f64::INFINITY));
+        assert_eq!(signals.get(Signal::Sensed(Channel::Range)), Some(f64::INFINITY));
+    }
+
+    fn is_of_a_name(c: char) -> bool {
+        c.is_ascii_alphanumeric() || c == '_'
     }
 
     #[test]
-    fn every_signal_has_a_place_of_its_own() {
-        assert_eq!(Signal::Motor3 as usize + 1, Signal::COUNT);
-        let mut signals = Signals::at(0);
-        for (value, signal) in [(1.0, Signal::Motor0), (2.0, Signal::Motor3), (3.0, Signal::Range)] {
-            signals.set(signal, value);
-        }
-        signals.lose(Signal::Motor0);
-        let motors =
-            [0, 1, 2, 3].map(|place| Quantity::Motor(place).read(&signals, &MachineState::default()));
-        assert_eq!(motors, [None, None, None, Some(degrees(2.0))]);
-        assert_eq!(Quantity::Motor(4).read(&signals, &MachineState::default()), None);
+    fn every_signal_has_a_place_and_every_name_one_meaning() {
+        let places: BTreeSet<usize> = Channel::ALL
+            .map(Signal::Sensed)
+            .into_iter()
+            .chain([Signal::Echo, Signal::Heading, Signal::X, Signal::Y, Signal::Travelled])
+            .map(Signal::place)
+            .collect();
+        assert_eq!(places, (0..Signal::COUNT).collect());
+        let names: Vec<&str> = words().map(|word| word.name).collect();
+        assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
+        let listed =
+            |name: &&str| shipped::TEMPLATE.split(|c: char| !is_of_a_name(c)).any(|word| word == *name);
+        let missing: Vec<_> = names.iter().filter(|name| !listed(name)).collect();
+        assert!(missing.is_empty(), "the template of missions does not list {missing:?}");
+    }
+
+    #[test]
+    fn only_what_a_sensor_says_is_out_of_reach_may_be_infinite() {
+        let may = Channel::ALL.into_iter().filter(|channel| may_be_infinite(Signal::Sensed(*channel)));
+        assert_eq!(may.collect::<Vec<_>>(), [Channel::Range, Channel::BeaconDistance]);
     }
 }

@@ -29,7 +29,8 @@ use serde::Serialize;
 use crate::clock::Clock;
 use crate::document::Findings;
 use crate::ev3dev::{Tree, UltrasonicSensor};
-use crate::robot::{BindError, Channel, Robot, RobotConfig};
+use crate::robot::{BindError, Robot, RobotConfig};
+use crate::senses::{Channel, Role};
 
 use super::{Dialogue, NoAnswer};
 use crate::runtime::{NotReady, Source, StopFlags, prepare};
@@ -215,8 +216,10 @@ fn how_straight(
     dialogue: &mut dyn Dialogue,
     how: Straight,
 ) -> Result<Straight, CalibrateError> {
-    let sees_metres =
-        config.range.as_ref().is_some_and(|range| UltrasonicSensor::find(tree, range.port.as_ref()).is_ok());
+    let sees_metres = config
+        .sensors
+        .get(&Role::Range)
+        .is_some_and(|port| UltrasonicSensor::find(tree, port.as_ref()).is_ok());
     match how {
         Straight::Wall if !sees_metres => Err(CalibrateError::NoWall(
             "driving at a wall needs an ultrasonic sensor in the role [range]: measure a metre instead"

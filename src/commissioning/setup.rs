@@ -25,11 +25,12 @@ use crate::robot::{LeasedMotor, RobotConfig};
 use super::dialogue::parsed;
 use super::{Dialogue, NoAnswer};
 use crate::runtime::StopFlags;
+use crate::senses::Role;
 
 mod sensors;
 mod text;
 
-pub use text::{Draft, DraftHead, DraftMotor, DraftRange};
+pub use text::{Draft, DraftHead, DraftMotor};
 
 /// How fast a motor is turned for the person to see, radians per second at its shaft: 120 degrees a second.
 const LOOK_RAD_S: f64 = 2.1;
@@ -183,10 +184,10 @@ fn measures(dialogue: &mut dyn Dialogue, draft: &mut Draft) -> Result<(), NoAnsw
         draft.track_width_m,
         Geometry::TRACK_WIDTH_M,
     )?;
-    if let Some(range) = &mut draft.range {
-        range.ahead_m = dialogue.number(
+    if draft.sensors.contains_key(&Role::Range) {
+        draft.range_ahead_m = dialogue.number(
             "How far ahead of the middle between the wheels is the range sensor, in metres (behind: negative)?",
-            range.ahead_m,
+            draft.range_ahead_m,
             RangeMount::AHEAD_M,
         )?;
     }

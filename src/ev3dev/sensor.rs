@@ -32,15 +32,16 @@ pub use touch::{TouchMode, TouchSensor};
 pub use typed::{SensorMode, TypedSensor};
 pub use ultrasonic::{MIN_PING_INTERVAL_NS, UltrasonicMode, UltrasonicSensor};
 
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::address::PortAddress;
 use super::error::{Cause, DeviceError, FindError};
-use super::find::{Class, Identity, find};
+use super::find::{Class, Identity, find, find_where};
 use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
-use super::value::{Legal, Value, Word, Words};
+use super::value::{Legal, Line, Value, Word, Words};
 use super::words::{BinFormat, Driver};
 use crate::clock::MILLISECOND_NS;
 
@@ -132,6 +133,20 @@ impl Sensor {
         driver: Option<&str>,
     ) -> Result<Self, FindError> {
         Ok(Self::bind(tree, find(tree, Class::LegoSensor, port, driver)?)?)
+    }
+
+    /// The one sensor of a kind that this program knows, at `port`, if given.
+    ///
+    /// # Errors
+    ///
+    /// [`FindError`], which says what there is instead.
+    pub fn find_kind(
+        tree: &Arc<dyn Tree>,
+        port: Option<&PortAddress>,
+        driver: Driver,
+    ) -> Result<Self, FindError> {
+        let fits = |identity: &Identity| identity.known_driver() == Some(driver);
+        Ok(Self::bind(tree, find_where(tree, Class::LegoSensor, port, driver.what(), fits)?)?)
     }
 
     /// The sensor that was found as `identity`, in the mode that it is in.
@@ -249,7 +264,11 @@ impl Sensor {
         let mut bytes = [0; Frame::SIZE];
         let length = self.bin_data.read_bytes(&self.node, &mut bytes)?;
         Frame::new(bytes, length, self.mode.format, self.mode.num_values)
-            .ok_or_else(|| self.node.error("bin_data", None, Cause::Malformed(Legal::Bytes)))
+            .ok_or_else(|| self.malformed_frame())
+    }
+
+    pub(crate) fn malformed_frame(&self) -> DeviceError {
+        self.node.error("bin_data", None, Cause::Malformed(Legal::Bytes))
     }
 
     /// Gives one of the sensor's own commands.
@@ -294,8 +313,22 @@ impl Sensor {
         &self.node
     }
 
-    pub(crate) fn first_value(&self) -> Result<i32, DeviceError> {
-        self.value0()
+    /// The first value, not yet divided by ten to the power of `decimals`, which must be legal.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Malformed`] beyond `first` to `last`; else as [`Sensor::raw_value`].
+    pub fn first_value_within(&self, first: i32, last: i32) -> Result<i32, DeviceError> {
+        let value = self.value0()?;
+        if (first..=last).contains(&value) { Ok(value) } else { Err(self.illegal(value, first, last)) }
+    }
+
+    pub(super) fn illegal(&self, value: i32, first: i32, last: i32) -> DeviceError {
+        let mut text = Line::new();
+        // Eleven digits fit.
+        let _ = fmt::Write::write_fmt(&mut text, format_args!("{value}"));
+        let cause = Cause::Malformed(Legal::Range(first.into(), last.into()));
+        self.node.error("value0", Some(text.as_bytes()), cause)
     }
 
     fn write_and_read_back(&mut self, mode: Word) -> Result<(), DeviceError> {

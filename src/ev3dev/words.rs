@@ -289,3 +289,18 @@ words! {
         OutputPort = "ev3-output-port",
     }
 }
+
+impl Driver {
+    /// What people call the device; for those without a type of their own, the driver's name.
+    #[must_use]
+    pub const fn what(self) -> &'static str {
+        match self {
+            Self::Touch => "touch sensor",
+            Self::Colour => "colour sensor",
+            Self::Ultrasonic => "ultrasonic sensor",
+            Self::Gyro => "gyro sensor",
+            Self::Infrared => "infrared sensor",
+            other => other.as_str(),
+        }
+    }
+}

@@ -12,6 +12,7 @@ use super::stop::{Stop, StopReason};
 use crate::ev3dev::Technology;
 use crate::mapping::Pose;
 use crate::printable;
+use crate::senses::QUANTITIES;
 
 /// What is known of a run when it starts.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,6 +176,7 @@ pub(super) mod names {
     pub(crate) const SEED: &str = "seed";
     pub(crate) const CELLS: &str = "cells";
     pub(crate) const SETTING: &str = "set.";
+    pub(crate) const CHANNEL: &str = "channel.";
     pub(crate) const ENDING: &str = "onbrick.end";
     pub(crate) const TIME_NS: &str = "time_ns";
     pub(crate) const TRUTH_X: &str = "truth_x_m";
@@ -204,6 +206,12 @@ pub(super) fn of_start(start: &Start) -> Metadata {
     put(names::CELLS, start.cells.to_string());
     for (name, value) in &start.settings {
         put(&format!("{}{name}", names::SETTING), value.to_string());
+    }
+    for quantity in &QUANTITIES {
+        let name =
+            serde_json::to_value(quantity.channel).ok().and_then(|name| Some(name.as_str()?.to_owned()));
+        let said = format!("{}, {}", name.unwrap_or_default(), quantity.unit.symbol());
+        put(&format!("{}{}", names::CHANNEL, quantity.channel as u8), said);
     }
     Metadata { name: names::ABOUT.to_owned(), metadata: values }
 }

@@ -18,7 +18,7 @@ use super::topic::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Topic};
 use crate::behavior::Taken;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Pose, Range};
-use crate::robot::Channel;
+use crate::senses::Channel;
 
 /// How often odometry and transforms are written for viewers; `/pose` has every tick.
 const ODOMETRY_PERIOD_NS: i64 = 100 * MILLISECOND_NS;

@@ -14,7 +14,7 @@ use super::topic::Topic;
 use super::walk::Found;
 use super::{message, points};
 use crate::behavior::{Capabilities, Mission};
-use crate::robot::Channel;
+use crate::senses::Channel;
 
 /// How much is read at a time, bytes: some seconds of a run. A long one is caught up with bit by
 /// bit, which leaves the brick's processor to what drives.

@@ -16,7 +16,7 @@ use super::topic::Topic;
 use super::walk::{Found, Integrity, walk};
 use crate::behavior::Taken;
 use crate::mapping::{MapPoint, Pose, Range};
-use crate::robot::{Channel, Reading, Senses};
+use crate::senses::{Channel, Reading, Senses};
 
 /// The longest file that is read: about a day of a run.
 const MAX_BYTES: u64 = 2 << 30;

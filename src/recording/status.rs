@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::about::{MachineNames, Start};
 use super::tick::TickRecord;
 use crate::mapping::{Pose, Range};
-use crate::robot::Channel;
+use crate::senses::Channel;
 
 /// How a run is going, as the recorder saw it last.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

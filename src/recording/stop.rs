@@ -6,7 +6,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::robot::Channel;
+use crate::senses::Channel;
 
 /// A tick this late ends the run, nanoseconds.
 pub const STALL_NS: i64 = 200_000_000;

@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::behavior::Taken;
 use crate::mapping::{Estimate, MapPoint};
-use crate::robot::Senses;
+use crate::senses::Senses;
 
 /// The longest log line, in bytes; what is beyond is cut off at a character.
 pub const MAX_LOG_BYTES: usize = 240;

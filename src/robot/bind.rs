@@ -2,15 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::behavior::Role;
 use crate::ev3dev::{
-    BUTTONS_PATH, Battery, Buttons, ColourMode, ColourSensor, DeviceError, FindError, GyroMode, GyroSensor,
-    InfraredMode, InfraredSensor, PortAddress, SOUND_PATH, SensorMode, Sound, StatusLights, TachoMotor,
-    TouchMode, TouchSensor, Tree, TypedSensor, UltrasonicMode,
+    BUTTONS_PATH, Battery, Buttons, DeviceError, FindError, SOUND_PATH, Sound, StatusLights, TachoMotor, Tree,
 };
+use crate::senses::{Channel, Role};
 
 use super::mend::Mender;
-use super::{Aspect, Channel, LeasedMotor, MotorRole, RangeSensor, Robot, RobotConfig, SensorRole};
+use super::{Aspect, LeasedMotor, MOTORS, MotorRole, Robot, RobotConfig, RoleSensor, button};
 
 /// Why a role could not be bound to a device.
 #[derive(Debug, thiserror::Error)]
@@ -31,44 +29,70 @@ pub enum BindError {
         /// What it answered.
         source: DeviceError,
     },
+    /// Two roles come to the same sensor, which gives one kind of value at a time.
+    #[error("{role} and {other} are both the {driver} on {port}: name another port for one of them")]
+    Shared {
+        /// A role, as `robot.toml` calls it.
+        role: &'static str,
+        /// The other one.
+        other: &'static str,
+        /// The sensor's driver.
+        driver: String,
+        /// Its port.
+        port: String,
+    },
 }
 
 impl Robot {
-    /// Finds a device for each role, puts sensors into the modes that `roles` need, and takes the motors over (`reset`, then the
-    /// settings of a lease). Nothing turns.
+    /// Finds a device for each role, puts sensors into the modes that give what is `needed`, and takes the
+    /// motors over (`reset`, then the settings of a lease). Nothing turns.
     ///
     /// Values may be stale for [`Robot::settle_ns`] from now on. Writing a mode waits for the sensor: up to half a second each.
+    ///
+    /// - `needed`: what the mission needs ([`crate::behavior::Mission::senses`]).
     ///
     /// # Errors
     ///
     /// [`BindError`] with the role; it says what is plugged in instead.
-    pub fn bind(tree: &Arc<dyn Tree>, config: &RobotConfig, roles: &[Role]) -> Result<Self, BindError> {
-        let recipe = Recipe {
-            tree: Arc::clone(tree),
-            config: config.clone(),
-            colour: if roles.contains(&Role::Reflect) { Channel::Reflect } else { Channel::Colour },
-        };
-        let mut settle_ns = 0;
-        let mut settle = |ns: i64| settle_ns = settle_ns.max(ns);
+    pub fn bind(tree: &Arc<dyn Tree>, config: &RobotConfig, needed: &[Channel]) -> Result<Self, BindError> {
+        // The heading takes the gyro's angle, whatever else a mission asks it for.
+        let needed = [needed, &[Channel::Gyro]].concat();
+        let binder = Binder { tree: Arc::clone(tree), config: config.clone(), needed };
         // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
         let battery = Battery::open(tree).ok();
         let mut known = config.clone();
         // Cells that cannot be asked are taken for the usual ones.
         known.battery.cells =
             battery.as_ref().and_then(|battery| battery.technology().ok()).unwrap_or_default();
-        let motors =
-            Channel::MOTORS.into_iter().take(config.motors.len()).map(|channel| recipe.motor(channel));
+        let left = binder.motor(Channel::Left)?;
+        let right = binder.motor(Channel::Right)?;
+        let head = config.head.as_ref().map(|_| binder.motor(Channel::Head)).transpose()?;
+        let named = Channel::MOTORS.into_iter().take(config.motors.len());
+        let motors = named.map(|channel| binder.motor(channel)).collect::<Result<_, _>>()?;
+        let mut settle_ns = 0;
+        let mut sensors: Vec<RoleSensor> = Vec::new();
+        for role in config.sensors.keys() {
+            let (sensor, settles_ns) = binder.sensor(*role)?;
+            let same = |other: &&RoleSensor| other.identity().name == sensor.identity().name;
+            if let Some(other) = sensors.iter().find(same) {
+                return Err(shared(&sensor, other));
+            }
+            settle_ns = settle_ns.max(settles_ns);
+            sensors.push(sensor);
+        }
         let mut robot = Self {
             config: known,
-            left: recipe.motor(Channel::Left)?,
-            right: recipe.motor(Channel::Right)?,
-            head: config.head.as_ref().map(|_| recipe.motor(Channel::Head)).transpose()?,
-            motors: motors.collect::<Result<_, _>>()?,
-            range: config.range.as_ref().map(|_| recipe.range(&mut settle)).transpose()?,
-            gyro: config.gyro.as_ref().map(|_| recipe.gyro(&mut settle)).transpose()?,
-            touch: config.touch.as_ref().map(|_| recipe.touch(&mut settle)).transpose()?,
-            colour: config.colour.as_ref().map(|_| recipe.colour(&mut settle)).transpose()?,
-            remote: config.remote.as_ref().map(|_| recipe.remote(&mut settle)).transpose()?,
+            left,
+            right,
+            head,
+            motors,
+            sensors,
+            buttons_needed: binder
+                .needed
+                .iter()
+                .copied()
+                .filter(|channel| button(*channel).is_some())
+                .collect(),
             battery,
             battery_due_ns: 0,
             buttons: Buttons::open(tree, BUTTONS_PATH),
@@ -80,45 +104,43 @@ impl Robot {
             gyro_zero_rad: Some(0.0),
             trouble: None,
             refused: None,
-            settle_ns: 0,
-            mender: Mender::new(recipe),
+            settle_ns,
+            mender: Mender::new(binder),
             looks: Vec::new(),
             look: 0,
             outside: None,
         };
         for aspect in Aspect::OF_COMMANDS {
-            let motors = Channel::ALL.into_iter().filter(|channel| robot.motor_mut(*channel).is_some());
+            let motors = MOTORS.into_iter().filter(|channel| robot.motor_mut(*channel).is_some());
             let motors: Vec<_> = motors.map(|channel| (channel, aspect)).collect();
             robot.looks.extend(motors);
         }
-        robot.settle_ns = settle_ns;
-        for channel in robot.channels().collect::<Vec<_>>() {
-            if let Some(name) = robot.device_name(channel) {
+        for channel in MOTORS {
+            if let Some(motor) = robot.motor_mut(channel) {
+                let name = motor.motor().identity().name.clone();
                 robot.mender.knows(channel, name);
             }
+        }
+        for sensor in &robot.sensors {
+            robot.mender.knows(sensor.lead(), sensor.identity().name.clone());
         }
         Ok(robot)
     }
 }
 
-/// How the device of each role is bound: at the start, and anew when it was plugged in again.
+/// How the device of each role is bound: at the start, and again when it was plugged in again.
 #[derive(Debug, Clone)]
-pub(super) struct Recipe {
+pub(super) struct Binder {
     tree: Arc<dyn Tree>,
     config: RobotConfig,
-    /// What the colour sensor measures.
-    colour: Channel,
+    needed: Vec<Channel>,
 }
 
 /// A device that was bound.
 #[derive(Debug)]
 pub(super) enum Bound {
     Motor(LeasedMotor),
-    Range(RangeSensor),
-    Gyro(GyroSensor),
-    Touch(TouchSensor),
-    Colour(ColourSensor),
-    Remote(InfraredSensor),
+    Sensor(RoleSensor),
 }
 
 impl Bound {
@@ -126,44 +148,40 @@ impl Bound {
     pub(super) fn name(&self) -> &str {
         let identity = match self {
             Self::Motor(motor) => motor.motor().identity(),
-            Self::Range(sensor) => sensor.identity(),
-            Self::Gyro(sensor) => sensor.identity(),
-            Self::Touch(sensor) => sensor.identity(),
-            Self::Colour(sensor) => sensor.identity(),
-            Self::Remote(sensor) => sensor.identity(),
+            Self::Sensor(sensor) => sensor.identity(),
         };
         &identity.name
     }
 }
 
-impl Recipe {
-    /// Binds the device behind a channel anew, and says for how long its values may be stale, nanoseconds. `None` where there is
-    /// nothing to bind: the robot has no such role, or it is a motor that was never away, which is not to be reset.
+impl Binder {
+    /// Binds the device behind a channel again, and says for how long its values may be stale,
+    /// nanoseconds. `None` where there is nothing to bind: the robot has no such role, or it is a motor
+    /// that was never away, which is not to be reset.
     pub(super) fn again(
         &self,
         channel: Channel,
         known: Option<&str>,
     ) -> Result<Option<(Bound, i64)>, BindError> {
-        let mut settle_ns = 0;
-        let mut settle = |ns: i64| settle_ns = ns;
-        let bound = match channel {
-            Channel::Range if self.config.range.is_some() => Bound::Range(self.range(&mut settle)?),
-            Channel::Gyro if self.config.gyro.is_some() => Bound::Gyro(self.gyro(&mut settle)?),
-            Channel::Touch if self.config.touch.is_some() => Bound::Touch(self.touch(&mut settle)?),
-            Channel::Colour | Channel::Reflect if self.config.colour.is_some() => {
-                Bound::Colour(self.colour(&mut settle)?.0)
-            }
-            Channel::Remote if self.config.remote.is_some() => Bound::Remote(self.remote(&mut settle)?),
-            _ => {
-                let Some(wanted) = self.wanted(channel) else { return Ok(None) };
-                let motor = find_motor(&self.tree, &wanted)?;
-                if known == Some(motor.identity().name.as_str()) {
-                    return Ok(None);
-                }
-                Bound::Motor(take_motor(motor, &wanted)?)
-            }
-        };
-        Ok(Some((bound, settle_ns)))
+        let role = channel.quantity().role;
+        if self.config.sensors.contains_key(&role) {
+            return self.sensor(role).map(|(sensor, settle_ns)| Some((Bound::Sensor(sensor), settle_ns)));
+        }
+        let Some(wanted) = self.wanted(channel) else { return Ok(None) };
+        let motor = find_motor(&self.tree, &wanted)?;
+        if known == Some(motor.identity().name.as_str()) {
+            return Ok(None);
+        }
+        Ok(Some((Bound::Motor(take_motor(motor, &wanted)?), 0)))
+    }
+
+    /// The sensor of a role in its mode, and for how long its values may be stale, nanoseconds.
+    fn sensor(&self, role: Role) -> Result<(RoleSensor, i64), BindError> {
+        let named = || role.section().to_owned();
+        let mut sensor = RoleSensor::find(&self.tree, &self.config, role, &self.needed)
+            .map_err(|source| BindError::Find { role: named(), source })?;
+        let settle_ns = sensor.set_mode().map_err(|source| BindError::Device { role: named(), source })?;
+        Ok((sensor, settle_ns))
     }
 
     fn motor(&self, channel: Channel) -> Result<LeasedMotor, BindError> {
@@ -191,50 +209,6 @@ impl Recipe {
             }
         }
     }
-
-    /// The ultrasonic sensor, or where there is none the infrared one.
-    fn range(&self, settle: &mut impl FnMut(i64)) -> Result<RangeSensor, BindError> {
-        let role = self.config.range.as_ref();
-        let port = role.and_then(|role| role.port.as_ref());
-        let none = match sensor(&self.tree, "range", port, UltrasonicMode::DistCm, settle) {
-            Ok(sensor) => return Ok(RangeSensor::Ultrasonic(sensor)),
-            Err(error) => error,
-        };
-        match (role, sensor(&self.tree, "range", port, InfraredMode::Proximity, settle)) {
-            (Some(role), Ok(sensor)) => {
-                Ok(RangeSensor::Infrared { sensor, m_per_pct: role.infrared_m_per_pct })
-            }
-            // Most people mean the ultrasonic sensor.
-            _ => Err(none),
-        }
-    }
-
-    fn gyro(&self, settle: &mut impl FnMut(i64)) -> Result<GyroSensor, BindError> {
-        self.sensor("gyro", self.config.gyro.as_ref(), GyroMode::Angle, settle)
-    }
-
-    fn touch(&self, settle: &mut impl FnMut(i64)) -> Result<TouchSensor, BindError> {
-        self.sensor("touch", self.config.touch.as_ref(), TouchMode::Touch, settle)
-    }
-
-    fn colour(&self, settle: &mut impl FnMut(i64)) -> Result<(ColourSensor, Channel), BindError> {
-        let mode = if self.colour == Channel::Reflect { ColourMode::Reflect } else { ColourMode::Colour };
-        Ok((self.sensor("colour", self.config.colour.as_ref(), mode, settle)?, self.colour))
-    }
-
-    fn remote(&self, settle: &mut impl FnMut(i64)) -> Result<InfraredSensor, BindError> {
-        self.sensor("remote", self.config.remote.as_ref(), InfraredMode::Remote, settle)
-    }
-
-    fn sensor<M: SensorMode>(
-        &self,
-        name: &str,
-        role: Option<&SensorRole>,
-        mode: M,
-        settle: &mut impl FnMut(i64),
-    ) -> Result<TypedSensor<M>, BindError> {
-        sensor(&self.tree, name, role.and_then(|role| role.port.as_ref()), mode, settle)
-    }
 }
 
 /// A motor as a role wants it.
@@ -246,30 +220,20 @@ struct WantedMotor<'c> {
 
 fn find_motor(tree: &Arc<dyn Tree>, wanted: &WantedMotor<'_>) -> Result<TachoMotor, BindError> {
     TachoMotor::find(tree, wanted.motor.port.as_ref(), None)
-        .map_err(|source| find_error(&wanted.role, source))
+        .map_err(|source| BindError::Find { role: wanted.role.clone(), source })
 }
 
 fn take_motor(motor: TachoMotor, wanted: &WantedMotor<'_>) -> Result<LeasedMotor, BindError> {
     LeasedMotor::take(motor, wanted.motor.ratio, wanted.max_rad_s)
-        .map_err(|source| device_error(&wanted.role, source))
+        .map_err(|source| BindError::Device { role: wanted.role.clone(), source })
 }
 
-fn sensor<M: SensorMode>(
-    tree: &Arc<dyn Tree>,
-    role: &str,
-    port: Option<&PortAddress>,
-    mode: M,
-    settle: &mut impl FnMut(i64),
-) -> Result<TypedSensor<M>, BindError> {
-    let mut sensor = TypedSensor::find(tree, port).map_err(|source| find_error(role, source))?;
-    settle(sensor.set_mode(mode).map_err(|source| device_error(role, source))?);
-    Ok(sensor)
-}
-
-fn find_error(role: &str, source: FindError) -> BindError {
-    BindError::Find { role: role.to_owned(), source }
-}
-
-fn device_error(role: &str, source: DeviceError) -> BindError {
-    BindError::Device { role: role.to_owned(), source }
+fn shared(sensor: &RoleSensor, other: &RoleSensor) -> BindError {
+    let identity = sensor.identity();
+    BindError::Shared {
+        role: sensor.role().section(),
+        other: other.role().section(),
+        driver: identity.driver.to_string(),
+        port: identity.address.short().to_owned(),
+    }
 }

@@ -4,6 +4,7 @@
 //!
 //! Nothing is looked up on a brick: whether something is plugged in where the file says shows when the robot is bound.
 
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use super::battery::{BatteryConfig, battery};
@@ -11,6 +12,7 @@ use crate::document::{Document, Findings, Item, Section};
 use crate::ev3dev::PortAddress;
 use crate::mapping::{Geometry, RangeMount};
 use crate::printable::is_printable;
+use crate::senses::{Channel, Role};
 use crate::units::radians;
 
 /// The shipped `robot.toml`: the seed's robot.
@@ -35,16 +37,10 @@ pub struct RobotConfig {
     pub max_wheel_rad_s: f64,
     /// What turns the range sensor.
     pub head: Option<HeadRole>,
-    /// What measures the range.
+    /// The sensors that it has, each with its port; `None` where only one sensor fits.
+    pub sensors: BTreeMap<Role, Option<PortAddress>>,
+    /// How the range sensor sits and measures, where it has one.
     pub range: Option<RangeRole>,
-    /// The gyro sensor's port.
-    pub gyro: Option<SensorRole>,
-    /// The touch sensor's port.
-    pub touch: Option<SensorRole>,
-    /// The colour sensor's port.
-    pub colour: Option<SensorRole>,
-    /// The port of the infrared sensor that listens to the remote.
-    pub remote: Option<SensorRole>,
     /// How low the battery may get.
     pub battery: BatteryConfig,
     /// Further motors, which missions know by their names; at most [`RobotConfig::MAX_MOTORS`].
@@ -71,24 +67,15 @@ pub struct HeadRole {
     pub limit_rad: f64,
 }
 
-/// The sensor that measures the range.
+/// How the range sensor sits and measures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RangeRole {
-    /// Where it is plugged in; `None` where only one sensor fits.
-    pub port: Option<PortAddress>,
     /// Metres from the middle of the axle to the sensor, ahead.
     pub ahead_m: f64,
     /// Readings from here on make no point of the map, metres.
     pub max_m: f64,
     /// Metres for one percent of the infrared sensor's proximity: LEGO says 100 % is about 0.7 m.
     pub infrared_m_per_pct: f64,
-}
-
-/// A sensor that a role is bound to.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct SensorRole {
-    /// Where it is plugged in; `None` where only one sensor fits.
-    pub port: Option<PortAddress>,
 }
 
 /// A motor with a name of its own.
@@ -103,8 +90,8 @@ pub struct NamedMotor {
 }
 
 impl RobotConfig {
-    /// How many named motors a robot can have: as many as [`crate::robot::Channel::MOTORS`].
-    pub const MAX_MOTORS: usize = crate::robot::Channel::MOTORS.len();
+    /// How many named motors a robot can have: as many as [`Channel::MOTORS`].
+    pub const MAX_MOTORS: usize = Channel::MOTORS.len();
 
     /// Reads a robot's file; `name` is what findings call it.
     ///
@@ -113,6 +100,31 @@ impl RobotConfig {
     /// Everything that is wrong in it, each with its place.
     pub fn load(name: &str, bytes: &[u8]) -> Result<(Self, Findings), Findings> {
         Document::new(name, bytes)?.read(robot)
+    }
+
+    /// Whether it has a part.
+    #[must_use]
+    pub fn has(&self, role: Role) -> bool {
+        match role {
+            Role::Brick | Role::Wheels => true,
+            Role::Head => self.head.is_some(),
+            Role::Motor(place) => usize::from(place) < self.motors.len(),
+            sensor => self.sensors.contains_key(&sensor),
+        }
+    }
+
+    /// Its motors, each with the key of its section.
+    pub fn motor_roles(&self) -> impl Iterator<Item = (String, &MotorRole)> {
+        let drive = [("drive.left", &self.left), ("drive.right", &self.right)].into_iter();
+        let head = self.head.iter().map(|head| ("head", &head.motor));
+        let named = self.motors.iter().map(|named| (format!("motor.{}", named.name), &named.motor));
+        drive.chain(head).map(|(role, motor)| (role.to_owned(), motor)).chain(named)
+    }
+
+    /// Every part that can be plugged in, as the key of its section, with its port if that is named.
+    pub fn ports(&self) -> impl Iterator<Item = (String, Option<&PortAddress>)> {
+        let sensors = self.sensors.iter().map(|(role, port)| (role.section().to_owned(), port.as_ref()));
+        self.motor_roles().map(|(role, motor)| (role, motor.port.as_ref())).chain(sensors)
     }
 }
 
@@ -123,26 +135,16 @@ const LONGEST_NAME: usize = 64;
 const FASTEST_DPS: f64 = 15_600.0;
 
 fn robot(root: &Section<'_>) -> Option<RobotConfig> {
-    root.allow(&[
-        "name",
-        "max_age_s",
-        "drive",
-        "head",
-        "range",
-        "gyro",
-        "touch",
-        "colour",
-        "remote",
-        "battery",
-        "motor",
-    ]);
+    let mut keys = vec!["name", "max_age_s", "drive", "head"];
+    keys.extend(Role::SENSORS.map(Role::section));
+    keys.extend(["battery", "motor"]);
+    root.allow(&keys);
     let name = root.require("name").and_then(|item| name_of(&item));
     let max_age_s = root.get("max_age_s").map_or(Some(0.3), |item| item.number(0.05..=10.0));
     let drive = root.require("drive").and_then(|item| item.section()).and_then(|section| drive(&section));
     let head = optional(root, "head", head);
     let range = optional(root, "range", range);
-    let [gyro, touch, colour, remote] =
-        ["gyro", "touch", "colour", "remote"].map(|role| optional(root, role, sensor));
+    let sensors = sensors(root);
     let battery = optional(root, "battery", battery);
     let motors = named_motors(root);
     let drive = drive?;
@@ -155,11 +157,8 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         track_width_m: drive.track_width_m,
         max_wheel_rad_s: drive.max_wheel_rad_s,
         head: head?,
+        sensors: sensors?,
         range: range?,
-        gyro: gyro?,
-        touch: touch?,
-        colour: colour?,
-        remote: remote?,
         battery: battery?.unwrap_or_default(),
         motors: motors?,
     };
@@ -263,17 +262,27 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
 
 fn range(section: &Section<'_>) -> Option<RangeRole> {
     section.allow(&["port", "ahead_m", "max_m", "infrared_m_per_pct"]);
-    let port = port(section);
     let ahead_m = section.get("ahead_m").map_or(Some(0.0), |item| item.number(RangeMount::AHEAD_M));
     // The sensor's own end.
     let max_m = section.get("max_m").map_or(Some(2.0), |item| item.number(*RangeMount::MAX_M.start()..=2.55));
     let infrared = section.get("infrared_m_per_pct").map_or(Some(0.007), |item| item.number(0.0001..=0.1));
-    Some(RangeRole { port: port?, ahead_m: ahead_m?, max_m: max_m?, infrared_m_per_pct: infrared? })
+    Some(RangeRole { ahead_m: ahead_m?, max_m: max_m?, infrared_m_per_pct: infrared? })
 }
 
-fn sensor(section: &Section<'_>) -> Option<SensorRole> {
-    section.allow(&["port"]);
-    Some(SensorRole { port: port(section)? })
+/// The sensors that the file has; `None` where one of them is wrong.
+fn sensors(root: &Section<'_>) -> Option<BTreeMap<Role, Option<PortAddress>>> {
+    let sensor = |role: Role| {
+        let section = root.get(role.section())?.section();
+        Some(section.and_then(|section| {
+            if role != Role::Range {
+                section.allow(&["port"]);
+            }
+            Some((role, port(&section)?))
+        }))
+    };
+    // Each of them is looked at, also behind one that is wrong.
+    let found: Vec<_> = Role::SENSORS.into_iter().filter_map(sensor).collect();
+    found.into_iter().collect()
 }
 
 fn named_motors(root: &Section<'_>) -> Option<Vec<NamedMotor>> {
@@ -309,23 +318,10 @@ fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
 
 /// Two roles cannot share a port, but range and remote may both be named for the one infrared sensor only to be told why not.
 fn ports_are_taken_once(root: &Section<'_>, config: &RobotConfig) {
-    let sensor = |role: &Option<SensorRole>| role.as_ref().and_then(|role| role.port.clone());
-    let mut taken: Vec<(String, Option<PortAddress>)> = vec![
-        ("drive.left".to_owned(), config.left.port.clone()),
-        ("drive.right".to_owned(), config.right.port.clone()),
-        ("head".to_owned(), config.head.as_ref().and_then(|head| head.motor.port.clone())),
-        ("range".to_owned(), config.range.as_ref().and_then(|range| range.port.clone())),
-        ("gyro".to_owned(), sensor(&config.gyro)),
-        ("touch".to_owned(), sensor(&config.touch)),
-        ("colour".to_owned(), sensor(&config.colour)),
-        ("remote".to_owned(), sensor(&config.remote)),
-    ];
-    taken.extend(
-        config.motors.iter().map(|motor| (format!("motor.{}", motor.name), motor.motor.port.clone())),
-    );
+    let taken: Vec<_> = config.ports().collect();
     for (index, (role, port)) in taken.iter().enumerate() {
         let Some(port) = port else { continue };
-        if let Some((other, _)) = taken[..index].iter().find(|(_, other)| other.as_ref() == Some(port)) {
+        if let Some((other, _)) = taken[..index].iter().find(|(_, other)| *other == Some(port)) {
             root.note(
                 place_of_port(root, role),
                 crate::document::Severity::Error,
@@ -376,7 +372,7 @@ mod tests {
         let text = "name = \"two wheels\"\n[drive]\nleft = { port = \"outB\" }\nright = { port = \"outC\", inverted = true }\n\
                     wheel_circumference_m = 0.2\ntrack_width_m = 0.1\nmax_dps = 300\n";
         let (robot, _) = RobotConfig::load("robot.toml", text.as_bytes()).unwrap();
-        assert!(robot.head.is_none() && robot.range.is_none() && robot.gyro.is_none());
+        assert!(robot.head.is_none() && robot.range.is_none() && robot.sensors.is_empty());
         assert_eq!((robot.left.ratio, robot.right.ratio), (1.0, -1.0));
     }
 

@@ -5,20 +5,16 @@ use std::f64::consts::PI;
 use super::RobotConfig;
 use crate::behavior::{Capabilities, Drive};
 use crate::mapping::{Geometry, GeometryError, RangeMount};
+use crate::senses::Role;
 
 impl RobotConfig {
     /// What a mission can ask of this robot.
     #[must_use]
     pub fn capabilities(&self) -> Capabilities {
+        let head = self.head.iter().map(|_| Role::Head);
         Capabilities {
-            head: self.head.is_some(),
-            range: self.range.is_some(),
-            gyro: self.gyro.is_some(),
-            touch: self.touch.is_some(),
-            colour: self.colour.is_some(),
-            remote: self.remote.is_some(),
+            roles: self.sensors.keys().copied().chain(head).collect(),
             motors: Some(self.motors.iter().map(|motor| motor.name.clone()).collect()),
-            ..Capabilities::default()
         }
     }
 

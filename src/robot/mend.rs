@@ -21,9 +21,9 @@ use std::thread::{Builder, Thread};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::Channel;
-use super::bind::{Bound, Recipe};
+use super::bind::{Binder, Bound};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
+use crate::senses::Channel;
 
 /// A device that answers with errors for so long is looked for, nanoseconds; one that says that it is gone, at once.
 const PATIENCE_NS: i64 = 100 * MILLISECOND_NS;
@@ -35,7 +35,7 @@ const LONGEST_PAUSE_NS: i64 = 500 * MILLISECOND_NS;
 /// How often the helper looks at what it has to do while something is wanted, nanoseconds.
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
-const CHANNELS: usize = Channel::ALL.len();
+const CHANNELS: usize = Channel::COUNT;
 
 /// A device that was bound anew.
 #[derive(Debug)]
@@ -58,31 +58,31 @@ pub(super) struct Mender {
 #[derive(Debug)]
 enum By {
     /// The tick itself.
-    Itself(Box<Workshop>),
+    Itself(Box<Search>),
     Helper(Helper),
 }
 
 impl Mender {
-    pub(super) fn new(recipe: Recipe) -> Self {
-        let workshop = Workshop { recipe, jobs: std::array::from_fn(|_| Work::default()), last_ns: 0 };
-        Self { wanted: 0, failing_since_ns: [None; CHANNELS], by: By::Itself(Box::new(workshop)) }
+    pub(super) fn new(binder: Binder) -> Self {
+        let search = Search { binder, jobs: std::array::from_fn(|_| Work::default()), last_ns: 0 };
+        Self { wanted: 0, failing_since_ns: [None; CHANNELS], by: By::Itself(Box::new(search)) }
     }
 
     /// Tells the kernel's name of the device that is in place.
     pub(super) fn knows(&mut self, channel: Channel, name: String) {
-        if let By::Itself(workshop) = &mut self.by {
-            workshop.jobs[channel as usize].known = Some(name);
+        if let By::Itself(search) = &mut self.by {
+            search.jobs[channel as usize].known = Some(name);
         }
     }
 
     /// From now on a helper thread does it.
     pub(super) fn move_to_helper(&mut self) -> io::Result<()> {
-        let By::Itself(workshop) = &mut self.by else { return Ok(()) };
+        let By::Itself(search) = &mut self.by else { return Ok(()) };
         // Two more than can be under way: one that comes back for each that goes out.
         let (hand_over, mended) = RingBuffer::new(2 * CHANNELS);
         let (give_back, old) = RingBuffer::new(2 * CHANNELS);
         let shared = Arc::new(Shared::default());
-        let moved = workshop.clone_idle();
+        let moved = search.clone_idle();
         let thread = {
             let shared = Arc::clone(&shared);
             Builder::new().name("mender".to_owned()).spawn(move || help(moved, &shared, hand_over, old))?
@@ -116,7 +116,7 @@ impl Mender {
             return None;
         }
         let mended = match &mut self.by {
-            By::Itself(workshop) => workshop.work(self.wanted, now_ns),
+            By::Itself(search) => search.work(self.wanted, now_ns),
             By::Helper(helper) => helper.mended.pop().ok(),
         }?;
         let bit = 1 << (mended.channel as u32);
@@ -161,17 +161,17 @@ struct Work {
 
 /// Looks for devices and binds them.
 #[derive(Debug)]
-struct Workshop {
-    recipe: Recipe,
+struct Search {
+    binder: Binder,
     jobs: [Work; CHANNELS],
     last_ns: i64,
 }
 
-impl Workshop {
+impl Search {
     /// The same, with nothing begun.
     fn clone_idle(&self) -> Self {
         let jobs = self.jobs.each_ref().map(|work| Work { known: work.known.clone(), ..Work::default() });
-        Self { recipe: self.recipe.clone(), jobs, last_ns: 0 }
+        Self { binder: self.binder.clone(), jobs, last_ns: 0 }
     }
 
     /// Does what is due; a device that is ready.
@@ -188,7 +188,7 @@ impl Workshop {
                 continue;
             }
             if work.ready.is_none() && now_ns >= work.due_ns {
-                work.attempt(&self.recipe, channel, now_ns);
+                work.attempt(&self.binder, channel, now_ns);
             }
             if let Some((mended, _)) = work.ready.take_if(|(_, ready_ns)| now_ns >= *ready_ns) {
                 // Should it fail at once, it is looked for anew.
@@ -201,8 +201,8 @@ impl Workshop {
 }
 
 impl Work {
-    fn attempt(&mut self, recipe: &Recipe, channel: Channel, now_ns: i64) {
-        match recipe.again(channel, self.known.as_deref()) {
+    fn attempt(&mut self, binder: &Binder, channel: Channel, now_ns: i64) {
+        match binder.again(channel, self.known.as_deref()) {
             Ok(Some((bound, settle_ns))) => {
                 let replugged = self.known.as_deref() != Some(bound.name());
                 self.known = Some(bound.name().to_owned());
@@ -245,7 +245,7 @@ impl Drop for Helper {
 }
 
 fn help(
-    mut workshop: Workshop,
+    mut search: Search,
     shared: &Shared,
     mut hand_over: Producer<Box<Mended>>,
     mut old: Consumer<Box<Mended>>,
@@ -255,7 +255,7 @@ fn help(
             drop(mended);
         }
         let wanted = shared.wanted.load(Ordering::Acquire);
-        if let Some(mended) = workshop.work(wanted, MonotonicClock.now_ns()) {
+        if let Some(mended) = search.work(wanted, MonotonicClock.now_ns()) {
             // There is room: no channel has two under way.
             let _ = hand_over.push(mended);
         }

@@ -18,7 +18,8 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
 use crate::clock::Clock;
 use crate::ev3dev::StopAction;
-use crate::robot::{Channel, Robot, Senses};
+use crate::robot::Robot;
+use crate::senses::{Channel, Senses};
 
 use super::battery::Charge;
 use super::pilot::{Pilot, PilotState, Step};

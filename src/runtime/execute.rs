@@ -128,7 +128,7 @@ pub fn execute(
     let flags = &StopFlags { fallen: Arc::default(), ..flags.clone() };
     let heartbeat =
         &mut Floor { truth: environment.truth.clone(), fallen: Arc::clone(&flags.fallen), next: heartbeat };
-    let mut robot = Robot::bind(&environment.tree, &config, mission.roles())?;
+    let mut robot = Robot::bind(&environment.tree, &config, mission.senses())?;
     // As it was bound: with the cells that the brick runs on.
     let config = robot.config().clone();
     stoppable(job, &robot)?;

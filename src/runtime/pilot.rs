@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::behavior::{
     Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress,
-    Role, Signal, Signals, Taken,
+    Signal, Signals, Taken,
 };
 use crate::clock::nanoseconds;
 use crate::ev3dev::StopAction;
@@ -20,7 +20,8 @@ use crate::mapping::{
     Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint,
     Method, OccupancyGrid, Pose, Range, RangeReading,
 };
-use crate::robot::{BatteryLimits, Channel, RobotConfig, Senses};
+use crate::robot::{BatteryLimits, RobotConfig};
+use crate::senses::{Channel, Role, Senses};
 
 use super::StopReason;
 use super::battery::{BatteryWatch, Charge};
@@ -47,7 +48,7 @@ pub struct Pilot {
     config: RobotConfig,
     required: Vec<Channel>,
     /// The readings that the mission can ask for, as signals.
-    sensed: Vec<(Signal, Channel)>,
+    sensed: Vec<Channel>,
     on_lost: OnLost,
     time_limit_ns: i64,
     estimator: Estimator,
@@ -115,16 +116,14 @@ impl Pilot {
         start: Pose,
     ) -> Result<Self, PilotError> {
         let estimator = EstimatorConfig { geometry: config.geometry()?, method };
-        let mut required = vec![Channel::Left, Channel::Right];
-        required.extend(config.gyro.as_ref().map(|_| Channel::Gyro));
-        required.extend(mission.roles().iter().filter_map(|&role| channel(role)));
+        let mut required = Channel::WHEELS.to_vec();
+        required.extend(config.has(Role::Gyro).then_some(Channel::Gyro));
+        required.extend(mission.senses().iter().filter(|channel| !Channel::WHEELS.contains(channel)));
         Ok(Self {
             config: config.clone(),
             plausibility: Plausibility::new(config, &required),
-            sensed: SENSED
-                .into_iter()
-                .filter(|(signal, channel)| *signal == Signal::Battery || required.contains(channel))
-                .collect(),
+            // The range is the estimator's.
+            sensed: required.iter().copied().filter(|channel| *channel != Channel::Range).collect(),
             required,
             on_lost: mission.on_lost(),
             time_limit_ns: nanoseconds(mission.time_limit_s()),
@@ -148,8 +147,7 @@ impl Pilot {
         let inputs = self.inputs(senses);
         let estimate = self.estimator.update(&inputs);
         let point = self.map.add(&estimate);
-        let angles_rad =
-            [Channel::Left, Channel::Right].map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
+        let angles_rad = Channel::WHEELS.map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
         let stalled = self.stalls.step(senses.time_ns, self.wheels_rad_s, angles_rad);
         let lost = self.lost(senses);
         let doubted = self.plausibility.step(senses, &estimate, self.head_rad);
@@ -305,7 +303,7 @@ impl Pilot {
         });
         let pose = estimate.pose;
         let estimated = [
-            (Signal::Range, range_m),
+            (Signal::Sensed(Channel::Range), range_m),
             (Signal::Echo, range_m.map(|range_m| f64::from(u8::from(range_m.is_finite())))),
             (Signal::Heading, Some(pose.heading_rad)),
             (Signal::X, Some(pose.x_m)),
@@ -316,9 +314,9 @@ impl Pilot {
         for (signal, value) in estimated {
             note(&mut self.signals, signal, value);
         }
-        for &(signal, channel) in &self.sensed {
+        for &channel in &self.sensed {
             let value = self.fresh(senses, channel);
-            note(&mut self.signals, signal, value);
+            note(&mut self.signals, Signal::Sensed(channel), value);
         }
     }
 }
@@ -327,36 +325,6 @@ fn note(signals: &mut Signals, signal: Signal, value: Option<f64>) {
     match value {
         Some(value) => signals.set(signal, value),
         None => signals.lose(signal),
-    }
-}
-
-/// Signals that are readings as they come.
-const SENSED: [(Signal, Channel); 12] = [
-    (Signal::Head, Channel::Head),
-    (Signal::Left, Channel::Left),
-    (Signal::Right, Channel::Right),
-    (Signal::Battery, Channel::Battery),
-    (Signal::Touch, Channel::Touch),
-    (Signal::Colour, Channel::Colour),
-    (Signal::Reflect, Channel::Reflect),
-    (Signal::Remote, Channel::Remote),
-    (Signal::Motor0, Channel::Motor0),
-    (Signal::Motor1, Channel::Motor1),
-    (Signal::Motor2, Channel::Motor2),
-    (Signal::Motor3, Channel::Motor3),
-];
-
-/// The reading that a role stands for.
-fn channel(role: Role) -> Option<Channel> {
-    match role {
-        Role::Wheels => None,
-        Role::Head => Some(Channel::Head),
-        Role::Range => Some(Channel::Range),
-        Role::Touch => Some(Channel::Touch),
-        Role::Colour => Some(Channel::Colour),
-        Role::Reflect => Some(Channel::Reflect),
-        Role::Remote => Some(Channel::Remote),
-        Role::Motor(place) => Channel::MOTORS.get(usize::from(place)).copied(),
     }
 }
 

@@ -24,7 +24,7 @@
 //!
 //! # What we count on
 //!
-//! - [`Reading::changed_ns`](crate::robot::Reading) is when the reading changed last, by whatever little.
+//! - [`Reading::changed_ns`](crate::senses::Reading) is when the reading changed last, by whatever little.
 //! - Wheels that turn a robot which cannot move, or in the air, are seen here as a gyro that stands still. The run ends rightly then, too: nobody knows
 //!   where the robot is.
 
@@ -34,7 +34,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::clock::SECOND_NS;
 use crate::mapping::{Estimate, Events, Range};
-use crate::robot::{Channel, RobotConfig, Senses};
+use crate::robot::RobotConfig;
+use crate::senses::{Channel, Senses};
 
 /// So far the wheels may turn the robot to one side while the gyro does not move, radians.
 const TURN_RAD: f64 = PI / 3.0;

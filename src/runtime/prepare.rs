@@ -7,7 +7,8 @@
 
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
-use crate::robot::{Channel, Robot, Senses};
+use crate::robot::Robot;
+use crate::senses::{Channel, Senses};
 
 use super::{StopFlags, StopReason};
 use crate::units::degrees;

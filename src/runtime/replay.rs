@@ -17,7 +17,8 @@ use serde::Serialize;
 use crate::behavior::{Demands, Mission, SetError, Taken};
 use crate::document::Findings;
 use crate::mapping::{MapPoint, Method, OccupancyGrid, Pose};
-use crate::robot::{Channel, RobotConfig, Senses};
+use crate::robot::RobotConfig;
+use crate::senses::{Channel, QUANTITIES, Senses};
 
 use super::Source;
 use super::pilot::{Pilot, PilotError, PilotState, Step};
@@ -307,15 +308,8 @@ fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
     for (channel, (from, to)) in Channel::MOTORS.into_iter().zip(from.motors.iter().zip(&to.motors)) {
         scale(channel, from.motor.ratio, to.motor.ratio);
     }
-    let has = [
-        (Channel::Head, to.head.is_some()),
-        (Channel::Range, to.range.is_some()),
-        (Channel::Gyro, to.gyro.is_some()),
-        (Channel::Touch, to.touch.is_some()),
-        (Channel::Remote, to.remote.is_some()),
-    ];
-    for (channel, _) in has.into_iter().filter(|(_, has)| !has) {
-        senses.readings[channel as usize] = None;
+    for quantity in QUANTITIES.iter().filter(|quantity| !to.has(quantity.role)) {
+        senses.readings[quantity.channel as usize] = None;
     }
     senses
 }

@@ -242,21 +242,13 @@ fn short_reading(entry: &Entry) -> String {
 
 /// What a robot's file uses a port for.
 fn role_at(address: &PortAddress, robot: &RobotConfig) -> Option<String> {
-    let sensor = |role: &Option<crate::robot::SensorRole>| role.as_ref().and_then(|role| role.port.clone());
-    let roles = [
-        ("left wheel", robot.left.port.clone()),
-        ("right wheel", robot.right.port.clone()),
-        ("head", robot.head.as_ref().and_then(|head| head.motor.port.clone())),
-        ("range", robot.range.as_ref().and_then(|range| range.port.clone())),
-        ("gyro", sensor(&robot.gyro)),
-        ("touch", sensor(&robot.touch)),
-        ("colour", sensor(&robot.colour)),
-        ("remote", sensor(&robot.remote)),
-    ];
-    let named = robot.motors.iter().map(|named| (named.name.as_str(), named.motor.port.clone()));
-    let mut all = roles.into_iter().chain(named);
-    all.find(|(_, port)| port.as_ref().is_some_and(|port| port.fits(address)))
-        .map(|(role, _)| role.to_owned())
+    let mut ports = robot.ports();
+    let (role, _) = ports.find(|(_, port)| port.is_some_and(|port| port.fits(address)))?;
+    Some(match role.as_str() {
+        "drive.left" => "left wheel".to_owned(),
+        "drive.right" => "right wheel".to_owned(),
+        role => role.trim_start_matches("motor.").to_owned(),
+    })
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -17,7 +17,8 @@ use onbrick::behavior::{Demands, Mission};
 use onbrick::clock::{Clock, VirtualClock};
 use onbrick::ev3dev::{Tree};
 use onbrick::mapping::{Method, Pose};
-use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig, Senses};
+use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
+use onbrick::senses::Senses;
 use onbrick::runtime::Pilot;
 use onbrick::sim::{Simulation, World, WorldPhysics};
 
@@ -37,7 +38,7 @@ fn a_minute() -> Vec<Senses> {
     let physics = WorldPhysics::new(World::named("arena").unwrap(), 1, 1).unwrap();
     let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), 1);
     let tree: Arc<dyn Tree> = simulation.brick(0);
-    let mut robot = Robot::bind(&tree, &config, mission.roles()).unwrap();
+    let mut robot = Robot::bind(&tree, &config, mission.senses()).unwrap();
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
     let (mut senses, mut demands) = (Senses::default(), Demands::default());
     clock.sleep_until_ns(3_000_000_000);
@@ -72,7 +73,7 @@ fn with_files(criterion: &mut Criterion) {
     let (config, mission) = setting();
     let folder = tempfile::tempdir().unwrap();
     let tree = brick::shipped_brick().write(folder.path());
-    let mut robot = Robot::bind(&tree, &config, mission.roles()).unwrap();
+    let mut robot = Robot::bind(&tree, &config, mission.senses()).unwrap();
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
     let (mut senses, mut demands) = (Senses::default(), Demands::default());
     criterion.bench_function("one tick over plain files: sense, estimate, map, decide, act", |bencher| {

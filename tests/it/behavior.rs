@@ -6,11 +6,12 @@ use std::fmt::Write as _;
 use onbrick::behavior::mission::{OnLost, OnStall};
 use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
 use onbrick::behavior::{
-    Capabilities, Demands, Drive, Finish, Led, MachineState, Mission, Program, Progress, Role, Signal,
-    Signals, Taken, graph,
+    Capabilities, Demands, Drive, Finish, Led, MachineState, Mission, Program, Progress, Signal, Signals,
+    Taken, graph,
 };
 use onbrick::document::Document;
 use onbrick::ev3dev::StopAction;
+use onbrick::senses::{Channel, Role};
 use proptest::prelude::*;
 
 mod bad_input;
@@ -53,16 +54,16 @@ fn every_shipped_mission_loads_without_a_finding_and_is_called_as_its_file() {
 
 #[test]
 fn shipped_missions_need_what_their_first_lines_say() {
-    for (name, roles) in [
-        ("map", vec![Role::Wheels, Role::Head, Role::Range]),
-        ("bump", vec![Role::Wheels, Role::Touch]),
-        ("wall", vec![Role::Wheels, Role::Head, Role::Range]),
-        ("line", vec![Role::Wheels, Role::Reflect]),
-        ("edge", vec![Role::Wheels, Role::Reflect]),
-        ("remote", vec![Role::Wheels, Role::Remote]),
-        ("square", vec![Role::Wheels]),
+    for (name, senses) in [
+        ("map", &[Channel::Head, Channel::Range][..]),
+        ("bump", &[Channel::Touch]),
+        ("wall", &[Channel::Head, Channel::Range][..]),
+        ("line", &[Channel::Reflect]),
+        ("edge", &[Channel::Reflect]),
+        ("remote", &[Channel::Remote]),
+        ("square", &[]),
     ] {
-        assert_eq!(shipped(name).roles(), roles, "{name}");
+        assert_eq!(shipped(name).senses(), senses, "{name}");
     }
 }
 
@@ -85,7 +86,13 @@ fn the_mapping_mission_is_the_seeds() {
         (120_002,  0.20,       0.0,     "halt",       "halt"),
     ];
     for (ms, range_m, head_deg, drive, look) in transcript {
-        let signals = signals(ms, &[(Signal::Range, range_m), (Signal::Head, f64::to_radians(head_deg))]);
+        let signals = signals(
+            ms,
+            &[
+                (Signal::Sensed(Channel::Range), range_m),
+                (Signal::Sensed(Channel::Head), f64::to_radians(head_deg)),
+            ],
+        );
         let (demands, progress) = step(&mut program, &signals);
         assert_eq!(program.states().collect::<Vec<_>>(), [drive, look], "at {ms} ms");
         let wheels = |left: f64, right: f64| Drive::Wheels {
@@ -163,7 +170,8 @@ fn a_number_that_is_not_finite_or_not_known_stops_its_actuator_and_no_other() {
         "do = { left_dps = \"1 / zero\", right_dps = 50, head_deg = \"range_m\", motor.arm = \"x_m\", motor.jaw = 9 }",
     );
     for range_m in [f64::INFINITY, f64::NAN] {
-        let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[(Signal::Range, range_m)]));
+        let (demands, _) =
+            step(&mut mission.start().unwrap(), &signals(0, &[(Signal::Sensed(Channel::Range), range_m)]));
         assert_eq!(demands.drive, Some(Drive::Stop(StopAction::Brake)));
         assert_eq!(demands.head_rad, None);
         assert_eq!(demands.motors, [Some(0.0), Some(f64::to_radians(9.0)), None, None]);
@@ -199,7 +207,12 @@ fn the_last_machine_in_the_file_has_the_lights() {
 #[test]
 fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     let mut program = shipped("bump").start().unwrap();
-    let free = |ms| signals(ms, &[(Signal::Touch, 0.0), (Signal::Travelled, 0.0), (Signal::Heading, 0.0)]);
+    let free = |ms| {
+        signals(
+            ms,
+            &[(Signal::Sensed(Channel::Touch), 0.0), (Signal::Travelled, 0.0), (Signal::Heading, 0.0)],
+        )
+    };
     step(&mut program, &free(0));
     assert!(program.stall());
     let mut taken = Vec::new();
@@ -228,7 +241,10 @@ fn a_missions_numbers_can_be_set_within_bounds() {
     mission.set("time_limit_s", 30.0).unwrap();
     assert_eq!((mission.time_limit_s(), mission.numbers()["near_m"]), (30.0, 0.4));
     let mut program = mission.start().unwrap();
-    step(&mut program, &signals(0, &[(Signal::Range, 0.39), (Signal::Head, 0.0)]));
+    step(
+        &mut program,
+        &signals(0, &[(Signal::Sensed(Channel::Range), 0.39), (Signal::Sensed(Channel::Head), 0.0)]),
+    );
     assert_eq!(program.states().next(), Some("turn_right"));
     step(&mut program, &signals(30_001, &[]));
     assert_eq!(program.states().next(), Some("halt"));
@@ -240,18 +256,18 @@ fn eventful(tick: i64) -> Signals {
     let mut signals = signals(
         tick * 20,
         &[
-            (Signal::Range, if tick % 13 == 0 { f64::INFINITY } else { phase }),
+            (Signal::Sensed(Channel::Range), if tick % 13 == 0 { f64::INFINITY } else { phase }),
             (Signal::Echo, f64::from(tick % 13 != 0)),
-            (Signal::Touch, f64::from(tick % 41 == 0)),
-            (Signal::Head, libm::sin(phase * 6.0) * 1.5),
-            (Signal::Reflect, phase * 100.0),
-            (Signal::Remote, (tick / 30 % 9) as f64),
+            (Signal::Sensed(Channel::Touch), f64::from(tick % 41 == 0)),
+            (Signal::Sensed(Channel::Head), libm::sin(phase * 6.0) * 1.5),
+            (Signal::Sensed(Channel::Reflect), phase * 100.0),
+            (Signal::Sensed(Channel::Remote), (tick / 30 % 9) as f64),
             (Signal::Travelled, tick as f64 * 0.002),
             (Signal::Heading, tick as f64 * 0.01),
         ],
     );
     if tick % 29 == 0 {
-        signals.lose(Signal::Range);
+        signals.lose(Signal::Sensed(Channel::Range));
     }
     signals
 }

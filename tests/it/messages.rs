@@ -163,7 +163,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
     let message = ready(&shipped_brick().tree(), &anywhere).unwrap_err();
     writeln!(out, "## a role without a port, and several that fit\n\n{message}\n").unwrap();
     for (title, why) in [
-        ("the robot is moved", NotReady::Moving(onbrick::robot::Channel::Left)),
+        ("the robot is moved", NotReady::Moving(onbrick::senses::Channel::Left)),
         ("the gyro drifts", NotReady::GyroDrifts(3.4)),
         ("it is asked to stop meanwhile", NotReady::Stopped(StopReason::Here)),
     ] {
@@ -181,11 +181,11 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::MenuClosed,
         StopReason::Signal,
         StopReason::Abandoned,
-        StopReason::Outside(onbrick::robot::Channel::Left),
-        StopReason::Lost(onbrick::robot::Channel::Gyro),
-        StopReason::Implausible(onbrick::robot::Channel::Gyro),
-        StopReason::Implausible(onbrick::robot::Channel::Range),
-        StopReason::Implausible(onbrick::robot::Channel::Head),
+        StopReason::Outside(onbrick::senses::Channel::Left),
+        StopReason::Lost(onbrick::senses::Channel::Gyro),
+        StopReason::Implausible(onbrick::senses::Channel::Gyro),
+        StopReason::Implausible(onbrick::senses::Channel::Range),
+        StopReason::Implausible(onbrick::senses::Channel::Head),
         StopReason::Stalled,
         StopReason::Battery,
         StopReason::Late,

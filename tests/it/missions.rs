@@ -3,6 +3,7 @@
 
 mod replay;
 mod shipped;
+mod signals;
 
 use std::path::PathBuf;
 

@@ -10,9 +10,9 @@ use onbrick::mapping::MapPoint;
 use onbrick::recording::{
     Level, Options, Pace, ReadError, Recorder, Run, Status, TickRecord, create, ending_of,
 };
-use onbrick::robot::Senses;
 use onbrick::runtime::PilotState;
 use onbrick::runtime::StopReason;
+use onbrick::senses::Senses;
 use proptest::prelude::*;
 
 pub(crate) mod decoder;

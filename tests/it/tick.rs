@@ -161,7 +161,7 @@ fn a_tick_allocates_nothing_after_the_first() {
     let shipped = onbrick::behavior::shipped::find("map").unwrap().text;
     let (mut mission, _) = Mission::parse("map.toml", shipped.as_bytes(), &config.capabilities()).unwrap();
     mission.set("time_limit_s", 60.0).unwrap();
-    let mut robot = Robot::bind(&tree, &config, mission.roles()).unwrap();
+    let mut robot = Robot::bind(&tree, &config, mission.senses()).unwrap();
     let flags = StopFlags::default();
     prepare(&mut robot, &*clock, &flags, false, |_| {}).unwrap();
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();

@@ -11,9 +11,9 @@
 //! - Where a comparison was turned round by arithmetic (`2 * range_m < 0.5`), its bound is taken with a margin of
 //!   [`MARGIN`], so that rounding makes no claim false.
 
-use super::{Comparison, Expression, Infix, Op, evaluate};
+use super::{Comparison, Expression, Infix, Op, evaluate, motor};
 use crate::behavior::MachineState;
-use crate::behavior::signals::{Quantity, Signals};
+use crate::behavior::signals::{Input, Signals};
 
 /// Relative margin of a bound that was computed.
 const MARGIN: f64 = 1e-9;
@@ -35,7 +35,7 @@ type Case = Vec<(Term, Set)>;
 
 #[derive(Debug, Clone, PartialEq)]
 enum Term {
-    Quantity(Quantity),
+    Input(Input),
     /// A piece of an expression, as it stands.
     Piece(Vec<Op>),
 }
@@ -142,10 +142,10 @@ enum Meaning {
     Truth(Claims),
 }
 
-/// `scale * quantity + offset`
+/// `scale * input + offset`
 #[derive(Clone, Copy)]
 struct Linear {
-    quantity: Quantity,
+    input: Input,
     scale: f64,
     offset: f64,
     /// How many operations made it: without one, rounding has no part in it.
@@ -153,17 +153,17 @@ struct Linear {
 }
 
 fn leaf_part(op: Op, start: usize) -> Part {
-    let leaf = |quantity: Quantity| match quantity.word() {
+    let leaf = |input: Input| match input.word() {
         Some(word) if word.is_truth => {
-            Meaning::Truth(Claims::term(Term::Quantity(quantity), Set::point(1.0), Set::point(0.0)))
+            Meaning::Truth(Claims::term(Term::Input(input), Set::point(1.0), Set::point(0.0)))
         }
-        _ => Meaning::Linear(Linear { quantity, scale: 1.0, offset: 0.0, steps: 0 }),
+        _ => Meaning::Linear(Linear { input, scale: 1.0, offset: 0.0, steps: 0 }),
     };
     let meaning = match op {
         Op::Number(value) | Op::Named { value, .. } => Meaning::Constant(value),
         Op::Truth(truth) => Meaning::Truth(Claims::known(truth)),
-        Op::Signal(quantity) => leaf(quantity),
-        Op::Motor { place, .. } => leaf(Quantity::Motor(place)),
+        Op::Signal(input) => leaf(input),
+        Op::Motor { place, .. } => motor(place).map_or(Meaning::Number, leaf),
         Op::Negate | Op::Not | Op::Infix(_) => Meaning::Number,
     };
     Part { start, meaning }
@@ -254,7 +254,7 @@ fn bounded(comparison: Comparison, number: &Meaning, operand: &[Op], bound: f64,
         let holds = vec![vec![(term, Set::of(comparison, bound, 0.0))]];
         return Claims { holds, ..Claims::piece(whole) };
     };
-    let term = Term::Quantity(linear.quantity);
+    let term = Term::Input(linear.input);
     let turned = if linear.scale < 0.0 { comparison.turned() } else { comparison };
     let at = (bound - linear.offset) / linear.scale;
     let margin = if linear.steps == 0 {
@@ -368,7 +368,7 @@ impl Term {
     /// The values it can have.
     fn domain(&self) -> Set {
         match self {
-            Self::Quantity(quantity) => quantity.word().map_or(Set::ALL, |word| Set {
+            Self::Input(input) => input.word().map_or(Set::ALL, |word| Set {
                 low: word.domain.0,
                 high: word.domain.1,
                 ..Set::ALL
@@ -397,6 +397,6 @@ fn is_impossible(case: &Case) -> bool {
 fn is_within(case: &Case, wider: &Case) -> bool {
     wider.iter().all(|(term, set)| match case.iter().find(|(known, _)| known == term) {
         Some((_, known)) => known.and(&term.domain()).is_within(set),
-        None => matches!(term, Term::Quantity(q) if q.is_always_known()) && term.domain().is_within(set),
+        None => matches!(term, Term::Input(q) if q.is_always_known()) && term.domain().is_within(set),
     })
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::lexer::{Placed, Token, shortened, tokens};
 use super::{Comparison, Expression, Infix, Kind, Misreading, Mistake, Op, Vocabulary};
-use crate::behavior::signals::{Role, WORDS};
+use crate::behavior::signals::words;
 use crate::document::nearest;
 
 /// How strongly `not` and a leading `-` hold their operand; operators are in [`power`].
@@ -162,15 +162,15 @@ impl<'p> Parser<'p, '_> {
 
     /// A signal, a named motor's angle, or one of the mission's numbers.
     fn name(&mut self, name: &'p str, place: Range<usize>) -> Part {
-        if let Some(word) = WORDS.iter().find(|word| word.name == name) {
-            if let Some(role) = word.role.filter(|role| !self.vocabulary.capabilities().has(*role)) {
-                let (part, section) = part(role);
-                let hint = format!("[{section}] in the robot's file would be that part");
-                let mistake = Mistake::NoPart { name: name.to_owned(), part };
+        if let Some(word) = words().find(|word| word.name == name) {
+            let role = word.channel.map(|channel| channel.quantity().role);
+            if let Some(role) = role.filter(|role| !self.vocabulary.capabilities().has(*role)) {
+                let hint = format!("[{}] in the robot's file would be that part", role.section());
+                let mistake = Mistake::NoPart { name: name.to_owned(), part: role.what() };
                 self.note(place.clone(), mistake, Some(hint));
             }
             let kind = if word.is_truth { Kind::Truth } else { Kind::Number };
-            return self.push(Op::Signal(word.quantity), kind, place);
+            return self.push(Op::Signal(word.input), kind, place);
         }
         if let Some(motor) = name.strip_prefix("motor.").filter(|motor| is_plain(motor)) {
             return match self.vocabulary.motor(motor) {
@@ -188,7 +188,7 @@ impl<'p> Parser<'p, '_> {
             let name = self.remember(name);
             return self.push(Op::Named { name, value }, Kind::Number, place);
         }
-        let known = WORDS.iter().map(|word| word.name).chain(["and", "or", "not", "true", "false"]);
+        let known = words().map(|word| word.name).chain(["and", "or", "not", "true", "false"]);
         let hint = nearest(name, known.chain(self.vocabulary.numbers.keys().map(String::as_str)));
         self.unusable(place, Mistake::UnknownName(shortened(name)), hint)
     }
@@ -255,19 +255,6 @@ impl<'p> Parser<'p, '_> {
     fn peek(&self) -> Placed<'p> {
         let last = self.tokens.get(self.at).or(self.tokens.last());
         last.map_or((Token::End, 0..0), |(token, place)| (*token, place.clone()))
-    }
-}
-
-/// How a message names the part of a robot, and its section in the robot's file.
-pub(in crate::behavior) fn part(role: Role) -> (&'static str, &'static str) {
-    match role {
-        Role::Wheels => ("two wheels", "drive"),
-        Role::Head => ("a head", "head"),
-        Role::Range => ("a range sensor", "range"),
-        Role::Touch => ("a touch sensor", "touch"),
-        Role::Colour | Role::Reflect => ("a colour sensor", "colour"),
-        Role::Remote => ("an infrared sensor for the remote", "remote"),
-        Role::Motor(_) => ("a named motor", "motor.NAME"),
     }
 }
 

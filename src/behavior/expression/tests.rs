@@ -2,9 +2,10 @@
 
 use proptest::prelude::*;
 
-use super::super::signals::{Signal, WORDS};
+use super::super::signals::{Signal, words};
 use super::*;
 use crate::clock::SECOND_NS;
+use crate::senses::Channel;
 
 fn vocabulary(capabilities: &Capabilities) -> Vocabulary<'_> {
     let mut vocabulary = Vocabulary::new(capabilities);
@@ -54,7 +55,11 @@ fn operators_bind_as_documented() {
 #[test]
 fn signals_are_read_in_the_units_of_their_names() {
     let since = MachineState { state: 0, entered_ns: SECOND_NS, entered_m: 1.5, entered_heading_rad: 1.0 };
-    let mut signals = signals(&[(Signal::Head, 0.5), (Signal::Travelled, 2.0), (Signal::Motor0, -1.0)]);
+    let mut signals = signals(&[
+        (Signal::Sensed(Channel::Head), 0.5),
+        (Signal::Travelled, 2.0),
+        (Signal::Sensed(Channel::Motor0), -1.0),
+    ]);
     signals.set(Signal::Heading, 1.0 + std::f64::consts::TAU);
     for (text, expected) in [
         ("head_deg", 0.5_f64.to_degrees()),
@@ -94,7 +99,7 @@ fn unknown_never_fires_and_what_does_not_depend_on_it_does() {
 
 #[test]
 fn arithmetic_is_that_of_ieee_754() {
-    let no_echo = [(Signal::Range, f64::INFINITY)];
+    let no_echo = [(Signal::Sensed(Channel::Range), f64::INFINITY)];
     for (text, expected) in [
         ("1 / 0 > 1e300", 1.0),
         ("-1 / 0 < 0", 1.0),
@@ -289,7 +294,8 @@ fn claims_about_bounds_are_true_and_none_is_missed() {
         .iter()
         .map(|(plain, text)| {
             let condition = condition(text);
-            let holds = values.map(|range| condition.holds(&signals(&[(Signal::Range, range)]), &since));
+            let holds = values
+                .map(|range| condition.holds(&signals(&[(Signal::Sensed(Channel::Range), range)]), &since));
             (*plain, text, Claims::of(&condition), holds)
         })
         .collect();
@@ -366,9 +372,9 @@ fn number() -> impl Strategy<Value = Tree> {
     let leaf = prop_oneof![
         (0.0..100.0_f64).prop_map(Tree::Number),
         (0..4_u8).prop_map(|whole| Tree::Number(f64::from(whole))),
-        Just(Tree::Name("range_m", Signal::Range, 1.0)),
+        Just(Tree::Name("range_m", Signal::Sensed(Channel::Range), 1.0)),
         Just(Tree::Name("x_m", Signal::X, 1.0)),
-        Just(Tree::Name("head_deg", Signal::Head, 180.0 / std::f64::consts::PI)),
+        Just(Tree::Name("head_deg", Signal::Sensed(Channel::Head), 180.0 / std::f64::consts::PI)),
     ];
     leaf.prop_recursive(4, 16, 2, |inner| {
         let word = prop::sample::select(vec!["+", "-", "*", "/"]);
@@ -383,7 +389,7 @@ fn truth() -> impl Strategy<Value = Tree> {
     let comparison = prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="]);
     let leaf = prop_oneof![
         any::<bool>().prop_map(Tree::Truth),
-        Just(Tree::Name("touch", Signal::Touch, 1.0)),
+        Just(Tree::Name("touch", Signal::Sensed(Channel::Touch), 1.0)),
         Just(Tree::Name("echo", Signal::Echo, 1.0)),
         (comparison, number(), number()).prop_map(|(word, a, b)| Tree::Infix(word, Box::new(a), Box::new(b))),
     ];
@@ -403,10 +409,10 @@ fn some_signals() -> impl Strategy<Value = Signals> {
     (value(), value(), value(), flag(), flag()).prop_map(|(range, x, head, touch, echo)| {
         let mut signals = Signals::at(0);
         for (signal, value) in [
-            (Signal::Range, range),
+            (Signal::Sensed(Channel::Range), range),
             (Signal::X, x),
-            (Signal::Head, head),
-            (Signal::Touch, touch),
+            (Signal::Sensed(Channel::Head), head),
+            (Signal::Sensed(Channel::Touch), touch),
             (Signal::Echo, echo),
         ] {
             if let Some(value) = value {
@@ -477,7 +483,7 @@ proptest! {
     fn any_words_are_read_or_refused(
         words in prop::collection::vec(
             prop::sample::select(
-                WORDS.iter().map(|word| word.name)
+                words().map(|word| word.name)
                     .chain(["and", "or", "not", "true", "(", ")", "+", "-", "*", "/", "<", "==", "1", "0.5", "motor.arm", "foo"])
                     .collect::<Vec<_>>()
             ),

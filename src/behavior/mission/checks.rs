@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use super::load::{Draft, Reader};
 use super::{OnStall, StatePlan};
-use crate::behavior::expression::{Claims, part};
-use crate::behavior::signals::Role;
+use crate::behavior::expression::Claims;
 use crate::document::{Section, Severity, nearest};
+use crate::senses::{Channel, Role};
 
 /// The key `on_stall`: "stop", or a state of the machine that drives the wheels.
 pub(super) fn on_stall(root: &Section<'_>, drafts: &[Draft]) -> Option<OnStall> {
@@ -63,7 +63,7 @@ fn one_machine_each(reader: &Reader<'_, '_, '_>, drafts: &[Draft]) {
                     let name = reader.vocabulary.motors().get(usize::from(*at)).map_or("?", String::as_str);
                     format!("the motor `{name}` is")
                 }
-                other => format!("{} is", part(*other).0),
+                other => format!("{} is", other.what()),
             };
             let message = format!("{what} moved by machine `{}` and by machine `{owner}`", draft.plan.name);
             reader.root.note(place.clone(), Severity::Error, message).hint("one machine alone can move it");
@@ -73,27 +73,19 @@ fn one_machine_each(reader: &Reader<'_, '_, '_>, drafts: &[Draft]) {
 
 /// A sensor measures in one mode at a time.
 fn one_mode_each(reader: &Reader<'_, '_, '_>) {
-    let first =
-        |role: Role| reader.uses.iter().find(|(used, _)| *used == role).map(|(_, place)| place.clone());
-    let refuse = |one: Option<Range<usize>>, two: Option<Range<usize>>, message: &str, hint: &str| {
-        if let (Some(one), Some(two)) = (one, two) {
-            let later = if one.start > two.start { one } else { two };
-            reader.root.note(later, Severity::Error, message.to_owned()).hint(hint);
+    let mut firsts: Vec<(Channel, &Range<usize>)> = Vec::new();
+    for (channel, place) in &reader.uses {
+        if firsts.iter().any(|(known, _)| known == channel) {
+            continue;
         }
-    };
-    refuse(
-        first(Role::Colour),
-        first(Role::Reflect),
-        "`colour` and `reflect_pct` are both used, and the sensor gives one of them at a time",
-        "use one of the two in the whole mission",
-    );
-    if reader.vocabulary.capabilities().range_is_infrared {
-        refuse(
-            first(Role::Range),
-            first(Role::Remote),
-            "the range and `remote` are both used, and this robot's infrared sensor gives one of them at a time",
-            "a robot with an ultrasonic sensor has both",
-        );
+        if let Some((other, _)) = firsts.iter().find(|(other, _)| !other.goes_with(*channel)) {
+            let (one, two) = (other.quantity().name, channel.quantity().name);
+            let message =
+                format!("`{one}` and `{two}` are both used, and the sensor gives one of them at a time");
+            let hint = "use one of the two in the whole mission";
+            reader.root.note(place.clone(), Severity::Error, message).hint(hint);
+        }
+        firsts.push((*channel, place));
     }
 }
 

@@ -2,16 +2,17 @@
 //!
 //! What concerns the mission as a whole is looked at afterwards, in `checks`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::{MachinePlan, Mission, OnLost, Outputs, StatePlan, TransitionPlan, checks};
 use crate::behavior::MAX_MACHINES;
 use crate::behavior::engine::Finish;
 use crate::behavior::expression::{Expression, Kind, Vocabulary, is_plain};
-use crate::behavior::signals::{Capabilities, Role, WORDS};
+use crate::behavior::signals::{Capabilities, words};
 use crate::document::{Document, Findings, Item, Section, Severity, nearest};
 use crate::printable::is_printable;
+use crate::senses::{Channel, Role};
 
 mod actions;
 
@@ -41,8 +42,8 @@ pub(super) fn load(
 pub(super) struct Reader<'r, 'd, 'c> {
     pub(super) root: &'r Section<'d>,
     pub(super) vocabulary: Vocabulary<'c>,
-    /// Parts of the robot that are read or moved, and where in the file.
-    pub(super) uses: Vec<(Role, Range<usize>)>,
+    /// What of the robot is sensed or moved, and where in the file.
+    pub(super) uses: Vec<(Channel, Range<usize>)>,
     /// How many states there are so far.
     states: usize,
 }
@@ -96,6 +97,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let drafts = self.machines()?;
         let on_stall = checks::on_stall(root, &drafts);
         checks::whole(&self, &drafts, on_stall.as_ref());
+        let used: Vec<Channel> = self.uses.iter().map(|(channel, _)| *channel).collect();
         Some(Mission {
             name: name?,
             rate_hz: rate_hz?,
@@ -106,7 +108,7 @@ impl<'d> Reader<'_, 'd, '_> {
             motors: self.vocabulary.motors().to_vec(),
             numbers: self.vocabulary.numbers,
             machines: drafts.into_iter().map(|draft| draft.plan).collect(),
-            roles: self.uses.iter().map(|(role, _)| *role).collect::<BTreeSet<_>>().into_iter().collect(),
+            senses: Channel::ALL.into_iter().filter(|channel| used.contains(channel)).collect(),
         })
     }
 
@@ -115,7 +117,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let (low, high) = Mission::NUMBERS;
         for item in self.root.section("numbers").iter().flat_map(Section::items) {
             let name = item.key();
-            let taken = WORDS.iter().any(|word| word.name == name)
+            let taken = words().any(|word| word.name == name)
                 || [Mission::TIME_LIMIT, "and", "or", "not", "true", "false", "motor"].contains(&name);
             if taken {
                 item.error_at_key(format!("`{name}` already has a meaning in conditions"))
@@ -238,7 +240,7 @@ impl<'d> Reader<'_, 'd, '_> {
     fn expression(&mut self, item: &Item<'d>, kind: Kind) -> Option<Expression> {
         match Expression::parse(item.text()?, kind, &mut self.vocabulary) {
             Ok(expression) => {
-                self.uses.extend(expression.roles().map(|role| (role, item.place())));
+                self.uses.extend(expression.channels().map(|channel| (channel, item.place())));
                 Some(expression)
             }
             Err(misreadings) => {

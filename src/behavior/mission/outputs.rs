@@ -4,8 +4,9 @@ use super::{DrivePlan, Outputs};
 use crate::behavior::MachineState;
 use crate::behavior::demands::{Demands, Drive};
 use crate::behavior::expression::Expression;
-use crate::behavior::signals::{Role, Signals};
+use crate::behavior::signals::Signals;
 use crate::ev3dev::StopAction;
+use crate::senses::Role;
 use crate::units::radians;
 
 impl Outputs {

@@ -3,8 +3,9 @@
 use super::{MachinePlan, Mission, OnStall, StatePlan};
 use crate::behavior::demands::Demands;
 use crate::behavior::engine::{Engine, EngineError, Machine, Progress, State};
-use crate::behavior::signals::{Role, Signals};
+use crate::behavior::signals::Signals;
 use crate::behavior::{MAX_MACHINES, MachineState, Taken};
+use crate::senses::Role;
 
 /// A mission under way.
 ///

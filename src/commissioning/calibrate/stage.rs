@@ -6,8 +6,9 @@ use crate::behavior::{Demands, Drive};
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, nanoseconds};
 use crate::commissioning::Dialogue;
 use crate::ev3dev::{BUTTONS_PATH, Button, Buttons, StopAction, Tree};
-use crate::robot::{Channel, Robot, RobotConfig, Senses};
+use crate::robot::{Robot, RobotConfig};
 use crate::runtime::StopFlags;
+use crate::senses::{Channel, Role, Senses};
 
 use super::CalibrateError;
 
@@ -86,7 +87,7 @@ impl<'s> Stage<'s> {
     }
 
     pub(super) fn has_gyro(&self) -> bool {
-        self.config().gyro.is_some()
+        self.config().has(Role::Gyro)
     }
 
     /// Drives until `done`, or to the limit, and brakes. `done` sees every look at the robot.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::behavior::Drive;
 use crate::commissioning::Dialogue;
-use crate::robot::{Channel, Senses};
+use crate::senses::{Channel, Senses};
 
 use super::fit::{Measured, slope};
 use super::stage::{Ended, Limit, Stage};

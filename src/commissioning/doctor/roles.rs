@@ -3,12 +3,10 @@
 use std::sync::Arc;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::ev3dev::{
-    ColourMode, DeviceError, GyroMode, InfraredMode, PortAddress, SensorMode, TachoMotor, TouchMode, Tree,
-    TypedSensor, UltrasonicMode,
-};
-use crate::robot::{MotorRole, RobotConfig};
+use crate::ev3dev::{DeviceError, TachoMotor, Tree};
+use crate::robot::{MotorRole, RobotConfig, RoleSensor};
 use crate::runtime::GYRO_STILL_RAD;
+use crate::senses::{Role, Unit};
 use crate::units::degrees;
 
 use super::{Diagnosis, Examination, with_causes};
@@ -55,10 +53,7 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
 /// Nothing is written to a motor: its command is opened for writing and closed again.
 pub(super) fn motors(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     let Some(config) = &examination.config else { return };
-    let mut roles = vec![("drive.left".to_owned(), &config.left), ("drive.right".to_owned(), &config.right)];
-    roles.extend(config.head.as_ref().map(|head| ("head".to_owned(), &head.motor)));
-    roles.extend(config.motors.iter().map(|named| (format!("motor.{}", named.name), &named.motor)));
-    for (role, motor) in roles {
+    for (role, motor) in config.motor_roles() {
         examine_motor(examination.patient.tree, &role, motor, diagnosis);
     }
 }
@@ -99,33 +94,12 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     let Some(config) = &examination.config else { return };
     let tree = examination.patient.tree;
     let may_set = examination.is_free;
-    let mut watched: Vec<Box<dyn Watched>> = Vec::new();
-    let mut add = |role: &'static str, sensor: Result<Box<dyn Watched>, Trouble>| match sensor {
-        Ok(sensor) => watched.push(sensor),
-        Err(Trouble { found, to_do }) => diagnosis.fail(role, found, to_do),
-    };
-    if let Some(role) = &config.range {
-        add("range", range(tree, role.port.as_ref(), may_set));
-    }
-    if let Some(role) = &config.gyro {
-        add(
-            "gyro",
-            watch(tree, "gyro", role.port.as_ref(), GyroMode::Angle, may_set, |gyro| gyro.angle_rad()),
-        );
-    }
-    if let Some(role) = &config.touch {
-        let pressed =
-            |touch: &TypedSensor<TouchMode>| touch.is_pressed().map(|pressed| f64::from(u8::from(pressed)));
-        add("touch", watch(tree, "touch", role.port.as_ref(), TouchMode::Touch, may_set, pressed));
-    }
-    if let Some(role) = &config.colour {
-        let colour =
-            |colour: &TypedSensor<ColourMode>| colour.colour().map(|colour| f64::from(colour.number()));
-        add("colour", watch(tree, "colour", role.port.as_ref(), ColourMode::Colour, may_set, colour));
-    }
-    if let Some(role) = &config.remote {
-        let code = |remote: &TypedSensor<InfraredMode>| remote.remote().map(|code| f64::from(code.number()));
-        add("remote", watch(tree, "remote", role.port.as_ref(), InfraredMode::Remote, may_set, code));
+    let mut watched = Vec::new();
+    for role in config.sensors.keys() {
+        match Watch::begin(tree, config, *role, may_set) {
+            Ok(watch) => watched.push(watch),
+            Err((found, to_do)) => diagnosis.fail(role.section(), found, to_do),
+        }
     }
     let clock = examination.patient.clock;
     clock.sleep_until_ns(clock.now_ns() + SETTLE_NS);
@@ -141,101 +115,78 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     }
 }
 
-/// Why a sensor cannot be watched.
-struct Trouble {
-    found: String,
-    to_do: &'static str,
-}
-
-/// A sensor under watch, whatever its kind.
-trait Watched {
-    fn look(&mut self);
-    fn judge(&self, diagnosis: &mut Diagnosis);
-}
-
 /// A sensor and what it said.
-struct Watch<M: SensorMode, R> {
-    role: &'static str,
-    sensor: TypedSensor<M>,
-    read: R,
+struct Watch {
+    sensor: RoleSensor,
     values: Vec<f64>,
     failed: Option<DeviceError>,
 }
 
-/// The ultrasonic sensor, or where there is none the infrared one.
-fn range(
-    tree: &Arc<dyn Tree>,
-    port: Option<&PortAddress>,
-    may_set: bool,
-) -> Result<Box<dyn Watched>, Trouble> {
-    let metres = |sensor: &TypedSensor<UltrasonicMode>| {
-        sensor.distance_m().map(|range_m| range_m.unwrap_or(f64::INFINITY))
-    };
-    let ultrasonic = watch(tree, "range", port, UltrasonicMode::DistCm, may_set, metres);
-    if ultrasonic.is_err() && TypedSensor::<InfraredMode>::find(tree, port).is_ok() {
-        let percent = |sensor: &TypedSensor<InfraredMode>| sensor.proximity_pct();
-        return watch(tree, "range", port, InfraredMode::Proximity, may_set, percent);
-    }
-    ultrasonic
-}
-
-fn watch<M: SensorMode>(
-    tree: &Arc<dyn Tree>,
-    role: &'static str,
-    port: Option<&PortAddress>,
-    mode: M,
-    may_set: bool,
-    read: impl Fn(&TypedSensor<M>) -> Result<f64, DeviceError> + 'static,
-) -> Result<Box<dyn Watched>, Trouble> {
-    let mut sensor = TypedSensor::<M>::find(tree, port)
-        .map_err(|error| Trouble { found: with_causes(&error), to_do: REPLUG })?;
-    if sensor.mode() != Some(mode) {
-        if !may_set {
-            let found = format!("it is in another mode than {}, and somebody else has it", mode.word());
-            return Err(Trouble { found, to_do: "look again when the other program is done" });
+impl Watch {
+    /// Finds the sensor of a role and puts it into its mode; why it cannot be watched, and what to do.
+    fn begin(
+        tree: &Arc<dyn Tree>,
+        config: &RobotConfig,
+        role: Role,
+        may_set: bool,
+    ) -> Result<Self, (String, &'static str)> {
+        let mut sensor =
+            RoleSensor::find(tree, config, role, &[]).map_err(|error| (with_causes(&error), REPLUG))?;
+        if !sensor.is_in_mode() {
+            if !may_set {
+                let found =
+                    format!("it is in another mode than {}, and another program has it", sensor.mode());
+                return Err((found, "look again when the other program is done"));
+            }
+            sensor.set_mode().map_err(|error| (with_causes(&error), LOOSE))?;
         }
-        sensor.set_mode(mode).map_err(|error| Trouble { found: with_causes(&error), to_do: LOOSE })?;
+        Ok(Self { sensor, values: Vec::new(), failed: None })
     }
-    Ok(Box::new(Watch { role, sensor, read, values: Vec::new(), failed: None }))
-}
 
-impl<M: SensorMode, R: Fn(&TypedSensor<M>) -> Result<f64, DeviceError>> Watched for Watch<M, R> {
     fn look(&mut self) {
-        match (self.read)(&self.sensor) {
-            Ok(value) => self.values.push(value),
-            Err(error) => self.failed = Some(error),
+        let lead = self.sensor.lead();
+        let values = &mut self.values;
+        let note = |channel, value| {
+            if channel == lead {
+                values.push(value);
+            }
+        };
+        if let Err(error) = self.sensor.read(note) {
+            self.failed = Some(error);
         }
     }
 
     fn judge(&self, diagnosis: &mut Diagnosis) {
         let identity = self.sensor.identity();
         let what = format!("{} on {}", identity.driver, identity.address.short());
+        let role = self.sensor.role();
+        let name = role.section();
         if let Some(error) = &self.failed {
-            return diagnosis.fail(self.role, format!("{what}: {}", with_causes(error)), LOOSE);
+            return diagnosis.fail(name, format!("{what}: {}", with_causes(error)), LOOSE);
         }
         let (Some(first), Some(last)) = (self.values.first(), self.values.last()) else {
-            return diagnosis.fail(self.role, format!("{what} was not read"), LOOSE);
+            return diagnosis.fail(name, format!("{what} was not read"), LOOSE);
         };
         let moved = (last - first).abs();
-        match self.role {
-            "gyro" if moved > GYRO_STILL_RAD => diagnosis.fail(
-                self.role,
+        match role {
+            Role::Gyro if moved > GYRO_STILL_RAD => diagnosis.fail(
+                name,
                 format!("{what} drifts, {:.0} degrees in a second", degrees(moved)),
                 "unplug it, hold the robot still, and plug it in again",
             ),
-            "gyro" => diagnosis.ok(self.role, format!("{what}, at rest")),
-            "range" if self.values.iter().all(|value| value.is_infinite()) => diagnosis.warn(
-                self.role,
+            Role::Gyro => diagnosis.ok(name, format!("{what}, at rest")),
+            Role::Range if self.values.iter().all(|value| value.is_infinite()) => diagnosis.warn(
+                name,
                 format!("{what} hears no echo"),
                 "hold a hand 20 cm before it and look again: nearer than 4 cm it hears none either",
             ),
-            "range" if M::DRIVER == UltrasonicMode::DRIVER => {
-                diagnosis.ok(self.role, format!("{what}, {last:.3} m"));
+            Role::Touch if *last > 0.5 => {
+                diagnosis.warn(name, format!("{what} is pressed"), "free the bumper before a run");
             }
-            "touch" if *last > 0.5 => {
-                diagnosis.warn(self.role, format!("{what} is pressed"), "free the bumper before a run");
+            _ if self.sensor.lead().quantity().unit == Unit::Metres => {
+                diagnosis.ok(name, format!("{what}, {last:.3} m"));
             }
-            _ => diagnosis.ok(self.role, format!("{what}, reads {last:.0}")),
+            _ => diagnosis.ok(name, format!("{what}, reads {last:.0}")),
         }
     }
 }

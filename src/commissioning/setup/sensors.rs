@@ -1,9 +1,10 @@
 //! Which sensor has which role: mostly its kind says it.
 
 use crate::commissioning::{Dialogue, NoAnswer};
-use crate::ev3dev::Identity;
+use crate::ev3dev::{Driver, Identity};
+use crate::senses::Role;
 
-use super::{Draft, DraftRange};
+use super::Draft;
 
 /// Gives each sensor the role of its kind; asks only where there is a choice.
 pub(super) fn assign(
@@ -11,13 +12,19 @@ pub(super) fn assign(
     sensors: &[Identity],
     draft: &mut Draft,
 ) -> Result<(), NoAnswer> {
-    let mut port = |driver: &str, role: &str| one_of(dialogue, sensors, driver, role);
-    let ultrasonic = port("lego-ev3-us", "measures the range")?;
-    draft.gyro = port("lego-ev3-gyro", "measures the heading")?;
-    draft.touch = port("lego-ev3-touch", "is the bumper")?;
-    draft.colour = port("lego-ev3-color", "looks at the floor")?;
-    let infrared = port("lego-ev3-ir", "is used")?;
-    draft.range = ultrasonic.map(|port| DraftRange { port, ..DraftRange::default() });
+    let mut port = |driver: Driver, role: &str| one_of(dialogue, sensors, driver, role);
+    let ultrasonic = port(Driver::Ultrasonic, "measures the range")?;
+    for (role, driver, does) in [
+        (Role::Gyro, Driver::Gyro, "measures the heading"),
+        (Role::Touch, Driver::Touch, "is the bumper"),
+        (Role::Colour, Driver::Colour, "looks at the floor"),
+    ] {
+        draft.sensors.extend(port(driver, does)?.map(|port| (role, port)));
+    }
+    let infrared = port(Driver::Infrared, "is used")?;
+    if let Some(port) = ultrasonic {
+        draft.sensors.insert(Role::Range, port);
+    }
     if let Some(port) = infrared {
         infrared_role(dialogue, port, draft)?;
     }
@@ -29,12 +36,12 @@ pub(super) fn assign(
 fn one_of(
     dialogue: &mut dyn Dialogue,
     sensors: &[Identity],
-    driver: &str,
+    driver: Driver,
     role: &str,
 ) -> Result<Option<String>, NoAnswer> {
     let ports: Vec<&str> = sensors
         .iter()
-        .filter(|identity| identity.driver.as_str() == driver)
+        .filter(|identity| identity.known_driver() == Some(driver))
         .map(|identity| identity.address.short())
         .collect();
     let chosen = match ports.len() {
@@ -47,32 +54,28 @@ fn one_of(
 /// The infrared sensor does one thing at a time: it measures the range, or it listens to the remote.
 fn infrared_role(dialogue: &mut dyn Dialogue, port: String, draft: &mut Draft) -> Result<(), NoAnswer> {
     let uses = ["the remote control", "the range (coarser than with the ultrasonic sensor)", "nothing"];
-    let default = usize::from(draft.range.is_none());
+    let default = usize::from(!draft.sensors.contains_key(&Role::Range));
     let question = format!("What is the infrared sensor on {port} for?");
     match dialogue.choose(&question, &uses, default)? {
-        0 => draft.remote = Some(port),
-        1 => draft.range = Some(DraftRange { port, max_m: 0.7, ..DraftRange::default() }),
+        0 => {
+            draft.sensors.insert(Role::Remote, port);
+        }
+        1 => {
+            draft.sensors.insert(Role::Range, port);
+            draft.range_max_m = 0.7;
+        }
         _ => {}
     }
     Ok(())
 }
 
 fn tell(dialogue: &mut dyn Dialogue, sensors: &[Identity], draft: &Draft) {
-    let roles = [
-        ("range", draft.range.as_ref().map(|range| range.port.as_str())),
-        ("gyro", draft.gyro.as_deref()),
-        ("touch", draft.touch.as_deref()),
-        ("colour", draft.colour.as_deref()),
-        ("remote", draft.remote.as_deref()),
-    ];
-    for (role, port) in roles {
-        if let Some(port) = port {
-            dialogue.say(&format!("{role}: the sensor on {port}"));
-        }
+    for (role, port) in &draft.sensors {
+        dialogue.say(&format!("{}: the sensor on {port}", role.section()));
     }
     for identity in sensors {
         let port = identity.address.short();
-        if !roles.iter().any(|(_, used)| *used == Some(port)) {
+        if !draft.sensors.values().any(|used| used == port) {
             dialogue.say(&format!("The {} on {port} has no role; missions cannot see it.", identity.driver));
         }
     }

@@ -1,6 +1,9 @@
 //! The text of a `robot.toml` as `setup` writes it: the comments of the shipped file, the values of the answers.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
+
+use crate::senses::Role;
 
 /// What was found out about a robot; the measures begin as those of the seed's robot.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,16 +20,12 @@ pub struct Draft {
     pub track_width_m: f64,
     /// The motor that turns the range sensor.
     pub head: Option<DraftHead>,
-    /// The range sensor.
-    pub range: Option<DraftRange>,
-    /// The gyro's port.
-    pub gyro: Option<String>,
-    /// The touch sensor's port.
-    pub touch: Option<String>,
-    /// The colour sensor's port.
-    pub colour: Option<String>,
-    /// The port of the infrared sensor that listens to the remote.
-    pub remote: Option<String>,
+    /// The sensors' ports.
+    pub sensors: BTreeMap<Role, String>,
+    /// Metres from the middle between the wheels to the range sensor.
+    pub range_ahead_m: f64,
+    /// Nothing beyond this becomes a point of the map, metres.
+    pub range_max_m: f64,
     /// Further motors: name and port.
     pub motors: Vec<(String, String)>,
 }
@@ -49,23 +48,6 @@ pub struct DraftHead {
     pub gear: [i32; 2],
 }
 
-/// The range sensor.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DraftRange {
-    /// Where it is plugged in.
-    pub port: String,
-    /// Metres from the middle between the wheels to the sensor.
-    pub ahead_m: f64,
-    /// Nothing beyond this becomes a point of the map, metres.
-    pub max_m: f64,
-}
-
-impl Default for DraftRange {
-    fn default() -> Self {
-        Self { port: String::new(), ahead_m: 0.0508, max_m: 2.0 }
-    }
-}
-
 impl Default for Draft {
     fn default() -> Self {
         Self {
@@ -75,11 +57,9 @@ impl Default for Draft {
             wheel_circumference_m: 0.188_976,
             track_width_m: 0.1143,
             head: None,
-            range: None,
-            gyro: None,
-            touch: None,
-            colour: None,
-            remote: None,
+            sensors: BTreeMap::new(),
+            range_ahead_m: 0.0508,
+            range_max_m: 2.0,
             motors: Vec::new(),
         }
     }
@@ -151,37 +131,38 @@ impl Draft {
     }
 
     fn sensors(&self, page: &mut Page) {
-        match &self.range {
+        match self.sensors.get(&Role::Range) {
             None => page.example(&["[range]", "port = \"in1\"", "ahead_m = 0.05", "max_m = 2.0"]),
-            Some(range) => {
+            Some(port) => {
                 page.bare("\n[range]");
                 page.line(
-                    &format!("port = {}", quoted(&range.port)),
+                    &format!("port = {}", quoted(port)),
                     "ultrasonic, or infrared with its own scale (infrared_m_per_pct)",
                 );
                 page.line(
-                    &format!("ahead_m = {}", range.ahead_m),
+                    &format!("ahead_m = {}", self.range_ahead_m),
                     "the sensor, ahead of the middle between the wheels",
                 );
                 page.line(
-                    &format!("max_m = {:?}", range.max_m),
+                    &format!("max_m = {:?}", self.range_max_m),
                     "nothing beyond this becomes a point of the map",
                 );
             }
         }
-        for (role, port, example, note) in [
-            ("gyro", &self.gyro, "in4", ""),
-            ("touch", &self.touch, "in2", ""),
-            ("colour", &self.colour, "in3", ""),
-            ("remote", &self.remote, "in1", "the infrared sensor that hears the remote control"),
+        for (role, example, note) in [
+            (Role::Gyro, "in4", ""),
+            (Role::Touch, "in2", ""),
+            (Role::Colour, "in3", ""),
+            (Role::Remote, "in1", "the infrared sensor that hears the remote control"),
         ] {
-            match port {
+            let section = format!("[{}]", role.section());
+            match self.sensors.get(&role) {
                 Some(port) => {
                     page.bare("");
-                    page.line(&format!("[{role}]"), note);
+                    page.line(&section, note);
                     page.bare(&format!("port = {}", quoted(port)));
                 }
-                None => page.example(&[&format!("[{role}]"), &format!("port = \"{example}\"")]),
+                None => page.example(&[&section, &format!("port = \"{example}\"")]),
             }
         }
     }
@@ -245,13 +226,12 @@ mod tests {
 
     /// The answers that describe the shipped robot.
     fn seeds() -> Draft {
-        let port = |port: &str| Some(port.to_owned());
+        let port = |(role, port): (Role, &str)| (role, port.to_owned());
         Draft {
             left: Some(DraftMotor { port: "outB".to_owned(), inverted: false }),
             right: Some(DraftMotor { port: "outD".to_owned(), inverted: false }),
             head: Some(DraftHead { port: "outA".to_owned(), gear: [-12, 36] }),
-            range: Some(DraftRange { port: "in1".to_owned(), ..DraftRange::default() }),
-            gyro: port("in4"),
+            sensors: [(Role::Range, "in1"), (Role::Gyro, "in4")].map(port).into(),
             ..Draft::default()
         }
     }
@@ -268,7 +248,7 @@ mod tests {
 
     #[test]
     fn what_is_commented_out_loads_when_it_is_taken_up() {
-        let bare = Draft { head: None, range: None, gyro: None, ..seeds() }.to_toml();
+        let bare = Draft { head: None, sensors: BTreeMap::new(), ..seeds() }.to_toml();
         let taken_up: String = bare
             .lines()
             .skip_while(|line| !line.starts_with("[drive]"))
@@ -280,7 +260,7 @@ mod tests {
         let text = format!("name = \"x\"\n{taken_up}\n");
         let (robot, _) = RobotConfig::load("robot.toml", text.as_bytes())
             .unwrap_or_else(|findings| panic!("{findings}\n{text}"));
-        assert!(robot.head.is_some() && robot.range.is_some() && robot.gyro.is_some(), "{text}");
+        assert!(robot.head.is_some() && robot.has(Role::Range) && robot.has(Role::Gyro), "{text}");
         assert_eq!(robot.motors.len(), 1);
     }
 
@@ -306,11 +286,17 @@ mod tests {
                 wheel_circumference_m: circumference_m,
                 track_width_m: track_m,
                 head: there[0].then(|| DraftHead { port: "outA".to_owned(), gear: [sign * gear.0, gear.1] }),
-                range: port(there[1], "in1").map(|port| DraftRange { port, ahead_m, max_m: 0.7 }),
-                gyro: port(there[2], "in2"),
-                touch: port(there[3], "in3"),
-                colour: port(there[0], "in4"),
-                remote: None,
+                sensors: [
+                    (Role::Range, port(there[1], "in1")),
+                    (Role::Gyro, port(there[2], "in2")),
+                    (Role::Touch, port(there[3], "in3")),
+                    (Role::Colour, port(there[0], "in4")),
+                ]
+                .into_iter()
+                .filter_map(|(role, port)| Some((role, port?)))
+                .collect(),
+                range_ahead_m: ahead_m,
+                range_max_m: 0.7,
                 motors: port(there[1], "outD").map(|port| ("arm".to_owned(), port)).into_iter().collect(),
             };
             let text = draft.to_toml();

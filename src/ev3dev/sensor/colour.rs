@@ -23,7 +23,7 @@ words! {
     }
 }
 
-sensor_modes!(ColourMode, Colour, "colour sensor");
+sensor_modes!(ColourMode, Colour);
 
 /// The colour sensor, `lego-ev3-color`.
 pub type ColourSensor = TypedSensor<ColourMode>;
@@ -115,7 +115,7 @@ impl ColourSensor {
         self.mode_among(&[ColourMode::Colour], &["COL-COLOR"])?;
         let number = self.first_value(0, 7)?;
         let colour = usize::try_from(number).ok().and_then(|number| Colour::ALL.get(number).copied());
-        colour.ok_or_else(|| self.illegal(number, 0, 7))
+        colour.ok_or_else(|| self.sensor().illegal(number, 0, 7))
     }
 
     /// The converter's numbers with the light on and off, of one frame. Mode [`ColourMode::RefRaw`].

@@ -32,7 +32,7 @@ words! {
     }
 }
 
-sensor_modes!(GyroMode, Gyro, "gyro sensor");
+sensor_modes!(GyroMode, Gyro);
 
 /// The gyro sensor, `lego-ev3-gyro`.
 pub type GyroSensor = TypedSensor<GyroMode>;

@@ -21,7 +21,7 @@ words! {
     }
 }
 
-sensor_modes!(InfraredMode, Infrared, "infrared sensor");
+sensor_modes!(InfraredMode, Infrared);
 
 /// The infrared sensor, `lego-ev3-ir`.
 pub type InfraredSensor = TypedSensor<InfraredMode>;
@@ -151,7 +151,7 @@ impl InfraredSensor {
     pub fn remote(&self) -> Result<RemoteCode, DeviceError> {
         self.mode_among(&[InfraredMode::Remote], &["IR-REMOTE"])?;
         let number = self.first_value(0, 11)?;
-        code(number.into()).ok_or_else(|| self.illegal(number, 0, 11))
+        code(number.into()).ok_or_else(|| self.sensor().illegal(number, 0, 11))
     }
 
     /// The buttons of channel 1, each by itself. For about a second after the last was let go, and while the beacon

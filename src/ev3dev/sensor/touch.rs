@@ -15,7 +15,7 @@ words! {
     }
 }
 
-sensor_modes!(TouchMode, Touch, "touch sensor");
+sensor_modes!(TouchMode, Touch);
 
 /// The touch sensor, `lego-ev3-touch`.
 pub type TouchSensor = TypedSensor<TouchMode>;

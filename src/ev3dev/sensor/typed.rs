@@ -4,8 +4,8 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 use crate::ev3dev::address::PortAddress;
-use crate::ev3dev::error::{Cause, DeviceError, FindError};
-use crate::ev3dev::find::{Class, Identity, find_where};
+use crate::ev3dev::error::{DeviceError, FindError};
+use crate::ev3dev::find::Identity;
 use crate::ev3dev::tree::Tree;
 use crate::ev3dev::value::Legal;
 use crate::ev3dev::words::Driver;
@@ -16,9 +16,6 @@ use super::{Frame, Sensor};
 pub trait SensorMode: Debug + Copy + Eq + 'static {
     /// The driver.
     const DRIVER: Driver;
-
-    /// What the sensor is called in messages.
-    const WHAT: &'static str;
 
     /// Every usable mode, in the sensor's order.
     const MODES: &'static [Self];
@@ -50,9 +47,7 @@ impl<M: SensorMode> TypedSensor<M> {
     ///
     /// [`FindError`], which says what there is instead.
     pub fn find(tree: &Arc<dyn Tree>, port: Option<&PortAddress>) -> Result<Self, FindError> {
-        let fits = |identity: &Identity| identity.known_driver() == Some(M::DRIVER);
-        let identity = find_where(tree, Class::LegoSensor, port, M::WHAT, fits)?;
-        let sensor = Sensor::bind(tree, identity)?;
+        let sensor = Sensor::find_kind(tree, port, M::DRIVER)?;
         let mode = known(&sensor);
         Ok(Self { sensor, mode })
     }
@@ -116,23 +111,13 @@ impl<M: SensorMode> TypedSensor<M> {
 
     /// The first value, which must be legal.
     pub(super) fn first_value(&self, first: i32, last: i32) -> Result<i32, DeviceError> {
-        let value = self.sensor.first_value()?;
-        if (first..=last).contains(&value) { Ok(value) } else { Err(self.illegal(value, first, last)) }
+        self.sensor.first_value_within(first, last)
     }
 
     /// One frame, of which `meaning` makes a value.
     pub(super) fn frame<T>(&self, meaning: impl FnOnce(&Frame) -> Option<T>) -> Result<T, DeviceError> {
         let frame = self.sensor.frame()?;
-        meaning(&frame)
-            .ok_or_else(|| self.sensor.node().error("bin_data", None, Cause::Malformed(Legal::Bytes)))
-    }
-
-    pub(super) fn illegal(&self, value: i32, first: i32, last: i32) -> DeviceError {
-        let cause = Cause::Malformed(Legal::Range(first.into(), last.into()));
-        let mut text = crate::ev3dev::value::Line::new();
-        // Eleven digits fit.
-        let _ = std::fmt::Write::write_fmt(&mut text, format_args!("{value}"));
-        self.sensor.node().error("value0", Some(text.as_bytes()), cause)
+        meaning(&frame).ok_or_else(|| self.sensor.malformed_frame())
     }
 }
 
@@ -142,10 +127,9 @@ fn known<M: SensorMode>(sensor: &Sensor) -> Option<M> {
 
 /// Ties an enum of modes to its driver.
 macro_rules! sensor_modes {
-    ($modes:ident, $driver:ident, $what:literal) => {
+    ($modes:ident, $driver:ident) => {
         impl $crate::ev3dev::sensor::SensorMode for $modes {
             const DRIVER: $crate::ev3dev::Driver = $crate::ev3dev::Driver::$driver;
-            const WHAT: &'static str = $what;
             const MODES: &'static [Self] = Self::ALL;
 
             fn word(self) -> &'static str {

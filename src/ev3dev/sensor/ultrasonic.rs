@@ -32,7 +32,7 @@ words! {
     }
 }
 
-sensor_modes!(UltrasonicMode, Ultrasonic, "ultrasonic sensor");
+sensor_modes!(UltrasonicMode, Ultrasonic);
 
 /// The ultrasonic sensor, `lego-ev3-us`.
 pub type UltrasonicSensor = TypedSensor<UltrasonicMode>;

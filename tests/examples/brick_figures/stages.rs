@@ -14,8 +14,9 @@ use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::ev3dev::{LocalTree, StopAction, Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::recording::{Options, Pace, Recorder, Sink, Start, TickRecord};
-use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig, Senses};
+use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::{Pilot, StopFlags, prepare};
+use onbrick::senses::Senses;
 
 const PERIOD_NS: i64 = 10_000_000;
 const STAGES: [&str; 4] = ["sense", "estimate, map, decide", "act", "record"];
@@ -39,7 +40,7 @@ pub(crate) fn stages(brick: &str, seconds: &str) -> Result<(), Box<dyn Error>> {
     let text = onbrick::behavior::shipped::find("map").ok_or("no mission map")?.text;
     let (mission, _) = Mission::parse("map.toml", text.as_bytes(), &config.capabilities())?;
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
-    let mut robot = Robot::bind(&tree, &config, mission.roles())?;
+    let mut robot = Robot::bind(&tree, &config, mission.senses())?;
     prepare(&mut robot, &MonotonicClock, &StopFlags::default(), false, |_| {})?;
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default())?;
     let spent_ns = tick_by_tick(&mut robot, &mut pilot, &mission, ticks)?;

@@ -4,17 +4,18 @@
 use libfuzzer_sys::fuzz_target;
 use onbrick::behavior::{Demands, Drive, Mission, Signal, Signals};
 use onbrick::robot::{DEFAULT_ROBOT, RobotConfig};
+use onbrick::senses::Channel;
 
 /// Some of what a mission can look at.
 const SIGNALS: [Signal; 9] = [
-    Signal::Range,
+    Signal::Sensed(Channel::Range),
     Signal::Echo,
     Signal::Heading,
-    Signal::Head,
+    Signal::Sensed(Channel::Head),
     Signal::X,
     Signal::Travelled,
-    Signal::Left,
-    Signal::Battery,
+    Signal::Sensed(Channel::Left),
+    Signal::Sensed(Channel::Battery),
     Signal::Y,
 ];
 

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use nix::errno::Errno;
-use onbrick::behavior::{Demands, Drive, Role};
+use onbrick::behavior::{Demands, Drive};
 use onbrick::clock::{Clock, MILLISECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Access, AttributeFile, Battery, StopAction, Tree};
-use onbrick::robot::{Channel, DEFAULT_ROBOT, Robot, RobotConfig, Senses};
+use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::{NotReady, StopFlags, prepare};
+use onbrick::senses::{Channel, Senses};
 
 use crate::support::brick::{
     BATTERY, FakeTree, MOTORS, SENSORS, rotary_tables, sensor_tables, shipped_brick,
@@ -21,8 +22,8 @@ pub fn shipped() -> RobotConfig {
 
 /// Binds the shipped robot and prepares it, in virtual time; the whole message where it is refused.
 pub fn ready(tree: &Arc<dyn Tree>, config: &RobotConfig) -> Result<Robot, String> {
-    let roles = [Role::Wheels, Role::Head, Role::Range];
-    let mut robot = Robot::bind(tree, config, &roles).map_err(|error| causes(&error))?;
+    let mut robot =
+        Robot::bind(tree, config, &[Channel::Head, Channel::Range]).map_err(|error| causes(&error))?;
     let clock = VirtualClock::default();
     prepare(&mut robot, &clock, &StopFlags::default(), false, |_| {}).map_err(|error| causes(&error))?;
     Ok(robot)
@@ -259,7 +260,7 @@ fn a_slow_driver_delays_the_start_and_a_silent_one_ends_the_patience() {
         let fake = shipped_brick();
         let clock = Arc::new(VirtualClock::default());
         let tree: Arc<dyn Tree> = Arc::new(SlowTree(fake.tree(), Arc::clone(&clock)));
-        let mut robot = Robot::bind(&tree, &shipped(), &[Role::Range]).unwrap();
+        let mut robot = Robot::bind(&tree, &shipped(), &[Channel::Range]).unwrap();
         if silent {
             fake.fail(SENSORS[0], "value0", Some(Errno::ETIMEDOUT), None);
         }

@@ -75,7 +75,10 @@ fn ten_thousand_states_are_read_and_one_more_is_refused() {
     let loaded = started.elapsed();
     let mut program = mission.start().unwrap();
     for tick in 0..20_000 {
-        step(&mut program, &signals(tick, &[(Signal::Range, 0.0), (Signal::Touch, 1.0)]));
+        step(
+            &mut program,
+            &signals(tick, &[(Signal::Sensed(Channel::Range), 0.0), (Signal::Sensed(Channel::Touch), 1.0)]),
+        );
     }
     println!("ten thousand states: {loaded:?} to read, {:?} to read and take 20000 steps", started.elapsed());
     assert_eq!(program.states().collect::<Vec<_>>(), ["s0"], "twice round");

@@ -91,18 +91,12 @@ fn robot_cases() -> Vec<(&'static str, String)> {
     vec![
         ("parts that the robot lacks", next("{ when = \"touch or head_deg > 5 or reflect_pct > 5\", go = \"b\" }").replace("next =", "do = { head_deg = 5 }\nnext =")),
         ("motors that the robot lacks", when("motor.griper > 0").replace("next =", "do = { motor.leg = 5 }\nnext =")),
-        ("range and remote of one infrared sensor", when("range_m < 1 or remote == 5")),
     ]
 }
 
 fn collect() -> String {
-    let bare = Capabilities {
-        range: true,
-        range_is_infrared: true,
-        remote: true,
-        motors: Some(vec!["gripper".to_owned()]),
-        ..Capabilities::default()
-    };
+    let bare =
+        Capabilities { roles: [Role::Range, Role::Remote].into(), motors: Some(vec!["gripper".to_owned()]) };
     let all = Capabilities::all();
     let on_any = cases().into_iter().map(|(title, text)| (title, text, &all));
     let on_bare = robot_cases().into_iter().map(|(title, text)| (title, text, &bare));

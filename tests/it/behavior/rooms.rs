@@ -55,7 +55,7 @@ impl Robot {
                 (Signal::X, self.x_m),
                 (Signal::Y, self.y_m),
                 (Signal::Heading, self.heading_rad),
-                (Signal::Head, self.head_rad),
+                (Signal::Sensed(Channel::Head), self.head_rad),
                 (Signal::Travelled, self.travelled_m),
             ],
         )
@@ -101,7 +101,7 @@ fn the_wall_follower_goes_round_a_room_at_an_even_distance() {
     let half_m = (1.0, 0.8);
     let (mut quarters, mut nearest_m, mut farthest_m) = ([false; 4], f64::MAX, 0.0_f64);
     let sense = |robot: &Robot, signals: &mut Signals| {
-        signals.set(Signal::Range, robot.range_m(half_m));
+        signals.set(Signal::Sensed(Channel::Range), robot.range_m(half_m));
         signals.set(Signal::Echo, 1.0);
     };
     run("wall", &mut Robot::default(), sense, |time_s, robot, _| {
@@ -126,7 +126,9 @@ fn the_bumping_robot_stays_in_its_room_and_gets_about() {
             x_m.abs() > 0.8 || y_m.abs() > 0.8
         })
     };
-    let sense = |robot: &Robot, signals: &mut Signals| signals.set(Signal::Touch, f64::from(touches(robot)));
+    let sense = |robot: &Robot, signals: &mut Signals| {
+        signals.set(Signal::Sensed(Channel::Touch), f64::from(touches(robot)))
+    };
     run("bump", &mut Robot::default(), sense, |time_s, robot, _| {
         assert!(!outside(robot), "at {time_s} s: {robot:?}");
         quarters[quarter(robot)] = true;
@@ -143,7 +145,8 @@ fn the_line_follower_stays_on_a_round_line() {
     };
     let sense = |robot: &Robot, signals: &mut Signals| {
         let from_edge_m = (radius_m(robot) - 0.4).abs() - 0.01;
-        signals.set(Signal::Reflect, 8.0 + 54.0 * (0.5 + from_edge_m / 0.01).clamp(0.0, 1.0));
+        signals
+            .set(Signal::Sensed(Channel::Reflect), 8.0 + 54.0 * (0.5 + from_edge_m / 0.01).clamp(0.0, 1.0));
     };
     // Clockwise, so that the line's left edge is its outer one.
     let mut robot = Robot { y_m: 0.41, x_m: -0.06, ..Robot::default() };
@@ -165,7 +168,8 @@ fn the_line_follower_stays_on_a_round_line() {
 fn the_table_rover_keeps_its_wheels_on_the_table() {
     let on_table = |(x_m, y_m): (f64, f64)| x_m.abs() < 0.4 && y_m.abs() < 0.3;
     let sense = |robot: &Robot, signals: &mut Signals| {
-        signals.set(Signal::Reflect, if on_table(robot.point(0.09, 0.0)) { 45.0 } else { 1.0 });
+        signals
+            .set(Signal::Sensed(Channel::Reflect), if on_table(robot.point(0.09, 0.0)) { 45.0 } else { 1.0 });
     };
     let mut edges = 0;
     run("edge", &mut Robot::default(), sense, |time_s, robot, state| {
@@ -201,7 +205,7 @@ fn the_remote_moves_each_wheel_by_its_own_buttons() {
         let mut last = Progress::Running;
         for tick in 0..50 {
             let mut signals = robot.signals(second * 50 + tick);
-            signals.set(Signal::Remote, code);
+            signals.set(Signal::Sensed(Channel::Remote), code);
             let (demands, progress) = step(&mut program, &signals);
             let (x_m, y_m, heading) = (robot.x_m, robot.y_m, robot.heading_rad);
             robot.follow(&demands);

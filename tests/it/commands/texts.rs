@@ -5,8 +5,8 @@ use std::path::Path;
 use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
 use onbrick::recording::{End, Start};
 use onbrick::recording::{Options, Pace, Recorder, create};
-use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
+use onbrick::senses::Channel;
 
 use super::{Done, run};
 use crate::recording::sample;

@@ -1,7 +1,7 @@
 //! Whole missions on a robot that something goes wrong with.
 
-use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
+use onbrick::senses::Channel;
 
 use crate::support::promised::promised;
 use crate::support::stage::{Play, Played, fault};

@@ -6,8 +6,8 @@
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::Button;
 use onbrick::menu::{StartedBy, Told};
-use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
+use onbrick::senses::Channel;
 use onbrick::service::protocol::{Kind, Pairing, Refusal, State};
 
 use super::Bench;

@@ -7,8 +7,8 @@ use nix::time::{ClockId, clock_gettime};
 use onbrick::ev3dev::Button;
 use onbrick::menu::{Canvas, HEIGHT, Menu, MenuOptions, StartedBy, TalkKind, Told, WIDTH};
 use onbrick::recording;
-use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
+use onbrick::senses::Channel;
 use onbrick::service::protocol::{Kind, Missions, Pairing, Refusal, Runs, State};
 
 use super::scripted::{last, mission, recorded, run_info};

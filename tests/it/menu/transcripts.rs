@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 
 use onbrick::ev3dev::Button;
 use onbrick::menu::StartedBy;
-use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
+use onbrick::senses::Channel;
 use onbrick::service::protocol::{Kind, Pairing, Refusal, State};
 
 use super::scripted::last;

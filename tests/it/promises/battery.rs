@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use onbrick::clock::MonotonicClock;
 use onbrick::recording::{Level, Run};
-use onbrick::robot::Channel;
 use onbrick::runtime::{StopReason, replay};
+use onbrick::senses::Channel;
 use onbrick::sim::Pack;
 
 use crate::mount::bench::{Mounted, await_or_fail, real_time};

@@ -6,10 +6,11 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use nix::errno::Errno;
-use onbrick::behavior::{Demands, Drive, Led, Role};
+use onbrick::behavior::{Demands, Drive, Led};
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::{Access, AttributeFile, StopAction, Tree};
 use onbrick::robot::{LEASE_MS, Robot, RobotConfig};
+use onbrick::senses::Channel;
 
 use crate::support::brick::{FakeTree, rotary_tables};
 use crate::support::chance::Chance;
@@ -182,9 +183,8 @@ fn promise_5_nothing_outside_the_limits_reaches_a_file() {
         let (config, fake) = robot(&mut chance, &mut judge);
         let judge = Arc::new(Mutex::new(judge));
         let tree: Arc<dyn Tree> = Arc::new(Judged { fake, judge: Arc::clone(&judge) });
-        let roles = [Role::Wheels, Role::Head, Role::Motor(0)];
-        let mut robot = Robot::bind(&tree, &config, &roles).unwrap();
-        let mut senses = onbrick::robot::Senses::default();
+        let mut robot = Robot::bind(&tree, &config, &[Channel::Head, Channel::Motor0]).unwrap();
+        let mut senses = onbrick::senses::Senses::default();
         robot.sense(&mut senses);
         let mut now_ns = 0;
         for _ in 0..5_000 {

@@ -9,8 +9,8 @@ use std::sync::{Arc, Condvar, Mutex};
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use onbrick::recording::{Options, Pace, Recorder, Run, Sink};
-use onbrick::robot::Senses;
 use onbrick::runtime::{StopReason, replay};
+use onbrick::senses::Senses;
 
 use crate::recording::sample::{end, start, tick};
 use crate::support::chance::Chance;

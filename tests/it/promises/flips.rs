@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use onbrick::recording::Run;
-use onbrick::robot::Senses;
 use onbrick::runtime::replay;
+use onbrick::senses::Senses;
 
 use crate::recording::sample::{chunks, sample};
 use crate::support::chance::Chance;

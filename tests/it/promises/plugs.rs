@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use onbrick::clock::{Clock, MILLISECOND_NS, SECOND_NS, VirtualClock, nanoseconds};
 use onbrick::recording::Run;
-use onbrick::robot::Channel;
 use onbrick::runtime::StopReason;
+use onbrick::senses::Channel;
 use onbrick::sim::Truth;
 
 use crate::support::promised::promised;

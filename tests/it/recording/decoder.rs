@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use onbrick::robot::Channel;
+use onbrick::senses::Channel;
 
 use super::sample::{sample, tick};
 use crate::support::pass_over;

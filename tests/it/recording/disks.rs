@@ -6,7 +6,7 @@ use std::sync::{Arc, Condvar, Mutex};
 
 use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::recording::{Options, Pace, RecordError, Recorder, Run, Sink};
-use onbrick::robot::Senses;
+use onbrick::senses::Senses;
 
 use super::sample::{Memory, PERIOD_NS, end, options, put, sample, start, tick};
 

@@ -10,8 +10,8 @@ use onbrick::recording::{
     End, Grid, Level, MachineNames, Options, Pace, RangeSensor, Recorder, Sink, Start, StateNames,
     TickRecord, TickSide,
 };
-use onbrick::robot::{Channel, Senses};
 use onbrick::runtime::{PilotState, StopReason};
+use onbrick::senses::{Channel, Senses};
 
 pub(crate) const PERIOD_NS: i64 = 20_000_000;
 

@@ -147,7 +147,7 @@ fn a_taken_lock_says_who_has_it_and_no_mode_is_written_then() {
     let taken = line(&diagnosis, "lock", Verdict::Failed);
     assert!(taken.contains("mission map") && taken.contains("onbrick halt"), "{taken}");
     assert!(
-        line(&diagnosis, "range", Verdict::Failed).contains("somebody else has it"),
+        line(&diagnosis, "range", Verdict::Failed).contains("another program has it"),
         "{}",
         text(&diagnosis)
     );

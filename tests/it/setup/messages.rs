@@ -4,8 +4,8 @@ use std::error::Error;
 
 use onbrick::commissioning::{ApplyError, CalibrateError, Doubt, EditError, NoAnswer, SetupError};
 use onbrick::document::save::SaveError;
-use onbrick::robot::Channel;
 use onbrick::runtime::NotReady;
+use onbrick::senses::Channel;
 
 #[test]
 fn every_message_says_what_is_wrong_in_one_style() {

@@ -2,6 +2,7 @@
 
 use super::*;
 use onbrick::commissioning::{SetupError, setup};
+use onbrick::senses::Role;
 use onbrick::sim::Written;
 
 /// Sees what truly moves, and answers so; everything else is left at its default.
@@ -99,10 +100,10 @@ fn the_seeds_robot_is_set_up_as_the_shipped_file_has_it() {
     let (robot, person) = set_up(&bench);
     let mut shipped = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap().0;
     // The simulated robot also has a bumper and looks at the floor.
-    shipped.touch = robot.touch.clone();
-    shipped.colour = robot.colour.clone();
+    for role in [Role::Touch, Role::Colour] {
+        shipped.sensors.insert(role, robot.sensors[&role].clone());
+    }
     assert_eq!(robot, shipped);
-    assert!(robot.touch.is_some() && robot.colour.is_some());
     assert!(person.asked.len() < 20, "{} questions are too many: {:?}", person.asked.len(), person.asked);
 }
 
@@ -137,9 +138,9 @@ fn ports_and_directions_come_out_right_however_the_robot_is_built() {
         let found = robot.head.unwrap();
         assert_eq!(port(&found.motor.port), Some(head.to_owned()));
         assert!((found.motor.ratio - bench.model.head_ratio).abs() < 1e-9, "{}", found.motor.ratio);
-        assert_eq!(port(&robot.gyro.unwrap().port), Some("in1".to_owned()));
-        assert_eq!(port(&robot.range.unwrap().port), Some("in2".to_owned()));
-        assert_eq!(port(&robot.remote.unwrap().port), Some("in4".to_owned()));
+        assert_eq!(port(&robot.sensors[&Role::Gyro]), Some("in1".to_owned()));
+        assert_eq!(port(&robot.sensors[&Role::Range]), Some("in2".to_owned()));
+        assert_eq!(port(&robot.sensors[&Role::Remote]), Some("in4".to_owned()));
     }
 }
 

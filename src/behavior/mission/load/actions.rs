@@ -7,12 +7,12 @@ use arrayvec::ArrayString;
 
 use super::{Outputs, Reader, nearest, shown};
 use crate::behavior::demands::{Led, SAY_BYTES};
-use crate::behavior::expression::{Expression, Mistake, part};
+use crate::behavior::expression::{Expression, Mistake};
 use crate::behavior::mission::DrivePlan;
-use crate::behavior::signals::Role;
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::printable::is_printable;
+use crate::senses::{QUANTITIES, Role};
 
 /// What can be asked on entry and on exit.
 const SIGNS: [&str; 3] = ["led", "tone_hz", "say"];
@@ -148,11 +148,16 @@ impl<'d> Reader<'_, 'd, '_> {
     /// Notes that a part is moved; a finding where the robot does not have it.
     fn moves(&mut self, role: Role, item: &Item<'d>, moves: &mut Moves) {
         moves.entry(role).or_insert_with(|| item.key_place());
-        self.uses.push((role, item.key_place()));
+        // What moves is sensed as well: the head, a named motor. Wheels always are.
+        let sensed = QUANTITIES.iter().filter(|quantity| quantity.role == role && role != Role::Wheels);
+        self.uses.extend(sensed.map(|quantity| (quantity.channel, item.key_place())));
         if !self.vocabulary.capabilities().has(role) {
-            let (part, section) = part(role);
-            item.error_at_key(format!("`{}` takes {part}, which the robot does not have", item.key()))
-                .hint(format!("[{section}] in the robot's file would be that part"));
+            item.error_at_key(format!(
+                "`{}` takes {}, which the robot does not have",
+                item.key(),
+                role.what()
+            ))
+            .hint(format!("[{}] in the robot's file would be that part", role.section()));
         }
     }
 }

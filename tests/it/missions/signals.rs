@@ -1,0 +1,143 @@
+//! Signals beyond those of the shipped missions: each decides how a mission goes on, on the simulated brick's own drivers.
+
+use onbrick::robot::{BindError, Robot, RobotConfig};
+use onbrick::runtime::StopReason;
+use onbrick::senses::Channel;
+
+use super::{Played, ROBOT, job, play, robot};
+use crate::support::stage::Play;
+
+/// A room without anything, but for what is added.
+fn room(more: &str) -> String {
+    format!(
+        "name = \"room\"\n[[wall]]\npoints = [[-2, -2], [2, -2], [2, 2], [-2, 2]]\nclosed = true\n\
+         [[start]]\nat = [0.0, 0.0]\n{more}"
+    )
+}
+
+fn play_mission(mission: &str, robot: &str, world: &str) -> Played {
+    play(|file| {
+        let mut job = job("square", robot, ("room", world), 3, file);
+        mission.clone_into(&mut job.mission.text);
+        job
+    })
+}
+
+/// A mission of one machine that goes through states on conditions.
+fn steps(steps: &[(&str, &str)]) -> String {
+    let mut text =
+        "name = \"steps\"\ntime_limit_s = 20\n[machine.m]\nstart = \"s0\"\nfinal = \"end\"\n".to_owned();
+    for (at, (doing, when)) in steps.iter().enumerate() {
+        let go = if at + 1 == steps.len() { "end".to_owned() } else { format!("s{}", at + 1) };
+        text.push_str(&format!(
+            "[machine.m.state.s{at}]\ndo = {{ {doing} }}\nnext = [{{ when = \"{when}\", go = \"{go}\" }}]\n"
+        ));
+    }
+    text + "[machine.m.state.end]\n"
+}
+
+const STILL: &str = "stop = \"brake\"";
+
+#[test]
+fn the_gyros_rate_says_how_fast_the_robot_turns_and_leaves_the_heading_as_good() {
+    let mission = steps(&[
+        (STILL, "gyro_dps > -3 and gyro_dps < 3 and state_s > 0.5"),
+        ("turn_dps = 60", "gyro_dps > 50 and gyro_dps < 70 and state_turn_deg > 120"),
+        ("turn_dps = -60", "gyro_dps < -50 and gyro_dps > -70 and state_turn_deg < -120"),
+    ]);
+    let played = play_mission(&mission, ROBOT, &room(""));
+    assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
+    let run = played.run();
+    let pose = run.poses.last().unwrap().pose;
+    let truth = played.truths.last().unwrap();
+    assert!((pose.heading_rad - truth.heading_rad).abs() < 0.06, "{pose:?}, truly {truth:?}");
+    assert!(run.senses.iter().all(|senses| senses.get(Channel::GyroRate).is_some()));
+}
+
+#[test]
+fn red_green_blue_and_the_light_around_tell_floors_apart() {
+    let patch = "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, -0.5], [1, -0.5], [1, 0.5], [0.3, 0.5]]\n\
+                 colour = \"red\"\n";
+    let drive = "forward_mps = 0.1";
+    let mission = steps(&[
+        (drive, "red_pct > 25 and green_pct > 25 and blue_pct > 25"),
+        (drive, "red_pct > 2 * green_pct and red_pct > 2 * blue_pct"),
+    ]);
+    let played = play_mission(&mission, &robot(), &room(patch));
+    assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
+    let at_m = played.truths.last().unwrap().x_m + 0.07;
+    assert!((0.28..0.36).contains(&at_m), "red begins at 0.3 m, and was seen at {at_m}");
+
+    let mission = steps(&[(STILL, "ambient_pct > 2 and ambient_pct < 20 and state_s > 0.2")]);
+    let played = play_mission(&mission, &robot(), &room(patch));
+    assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
+}
+
+#[test]
+fn a_beacon_is_turned_to_and_driven_to_and_none_is_infinitely_far() {
+    let infrared = "[robot]\nhead = \"none\"\n[robot.ports]\nin1 = \"infrared\"\n";
+    let (wheels, _) = ROBOT.split_once("[head]").unwrap();
+    let robot = format!("{wheels}\n[remote]\nport = \"in1\"\n");
+    // To the left is positive, as everywhere.
+    let mission = steps(&[
+        (STILL, "beacon_heading > 5"),
+        ("turn_dps = 30", "beacon_heading < 1 and beacon_heading > -1"),
+        ("forward_mps = 0.1, turn_dps = \"beacon_heading\"", "beacon_pct < 20"),
+    ]);
+    let played =
+        play_mission(&mission, &robot, &room(&format!("[beacon]\nat = [1.2, 0.8]\nchannel = 1\n{infrared}")));
+    assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
+    let end = played.truths.last().unwrap();
+    let left_m = (1.2 - end.x_m).hypot(0.8 - end.y_m);
+    assert!((0.3..0.6).contains(&left_m), "{left_m} m away");
+
+    let mission = steps(&[(STILL, "beacon_pct > 1000 and not (beacon_heading > 0) and state_s > 0.5")]);
+    let played = play_mission(&mission, &robot, &room(infrared));
+    assert_eq!(
+        played.ended.stop.reason,
+        StopReason::TimeLimit,
+        "an unknown heading leaves a condition unknown"
+    );
+    let mission = steps(&[(STILL, "beacon_pct > 1000 and state_s > 0.5")]);
+    let played = play_mission(&mission, &robot, &room(infrared));
+    assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
+}
+
+#[test]
+fn the_bricks_buttons_steer_a_mission() {
+    let mut mission = steps(&[
+        (STILL, "button_up"),
+        ("turn_dps = 30", "button_left and not button_right"),
+        (STILL, "not button_left and button_down"),
+    ]);
+    mission = mission.replace("time_limit_s = 20", "time_limit_s = 12");
+    let press =
+        |at_s: f64, button: &str| format!("[[press]]\nat_s = {at_s}\nbutton = \"{button}\"\nfor_s = 0.3\n");
+    let scenario = [press(2.0, "up"), press(4.0, "left"), press(6.0, "down")].concat();
+    let mut play = Play::of("square", "open", 1).scenario(&scenario);
+    play.mission_toml = mission;
+    let played = play.play().unwrap();
+    assert_eq!(played.reason, StopReason::Finished);
+    assert!((5.9..6.4).contains(&played.drove_s), "{} s", played.drove_s);
+    let turned_rad = played.truth.heading_rad;
+    assert!((0.9..1.2).contains(&turned_rad), "30 degrees a second for 2 s, and turned {turned_rad}");
+}
+
+#[test]
+fn one_sensor_is_not_given_two_roles() {
+    let (wheels, _) = ROBOT.split_once("[head]").unwrap();
+    let robot = format!("{wheels}\n[range]\n[remote]\n");
+    let (config, _) = RobotConfig::load("robot.toml", robot.as_bytes()).unwrap();
+    let world = room("[robot]\nhead = \"none\"\n[robot.ports]\nin1 = \"none\"\nin4 = \"infrared\"\n");
+    let (world, _) = onbrick::sim::World::parse("room", world.as_bytes()).unwrap();
+    let physics = onbrick::sim::WorldPhysics::new(world, 1, 1).unwrap();
+    let clock = std::sync::Arc::new(onbrick::clock::VirtualClock::default());
+    let simulation = onbrick::sim::Simulation::new(clock, Box::new(physics), 1);
+    let tree: std::sync::Arc<dyn onbrick::ev3dev::Tree> = simulation.brick(0);
+    let refused = Robot::bind(&tree, &config, &[]).unwrap_err();
+    assert!(matches!(refused, BindError::Shared { .. }), "{refused}");
+    assert_eq!(
+        refused.to_string(),
+        "remote and range are both the lego-ev3-ir on in4: name another port for one of them"
+    );
+}
