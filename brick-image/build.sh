@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes target/brick: what goes to a brick, the program for this PC, and their checksums; from nothing on a fresh Debian or Ubuntu machine.
+# Makes target/brick: what goes to a brick, the program for this PC, and their checksums; from
+# nothing on a fresh Debian or Ubuntu machine.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=emulator/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/emulator/common.sh"
@@ -27,8 +28,9 @@ brick=$checkout/target/brick
 largest=6000000
 # The emulated processor, under the name of the brick's kernel.
 arm926=(qemu-arm -cpu arm926 -r 4.14.117-ev3dev-2.3.5-ev3)
-# System calls that a 4.14 kernel lacks, those from 398 on. The C library's calls for the time after 2038 (clock_gettime64 and its like) are
-# not among them: it asks for them first, and goes on with the older ones; `emulate.sh old-kernel` refuses them all.
+# System calls that a 4.14 kernel lacks, those from 398 on. The C library's calls for the time after
+# 2038 (clock_gettime64 and its like) are not among them: it asks for them first, and goes on with
+# the older ones; `emulate.sh old-kernel` refuses them all.
 newer='rseq|io_pgetevents|migrate_pages|kexec_file_load|pidfd_[a-z_]*|io_uring_[a-z]*|open_tree|move_mount|fs(open|config|mount|pick)|clone3'
 newer+='|close_range|openat2|faccessat2|process_(madvise|mrelease)|epoll_pwait2|mount_setattr|quotactl_fd|landlock_[a-z_]*|memfd_secret'
 newer+='|futex_waitv|set_mempolicy_home_node|cachestat|fchmodat2'
@@ -45,7 +47,8 @@ install_tools() {
   [ -e /usr/arm-linux-gnueabi/lib/libc.a ] || install_packages libc6-dev-armel-cross
 }
 
-# Rust's standard library for the brick's processor: what is there, else rustup's, else Debian's, whose source is built along.
+# Rust's standard library for the brick's processor: what is there, else rustup's, else Debian's,
+# whose source is built along.
 install_rust() {
   if [ -d "$(rustc --print target-libdir --target "$target" 2>/dev/null)" ]; then
     say "Rust's target $target is there"
@@ -90,8 +93,9 @@ check_file() {
   say "ARM, EABI 5, soft float, v5TE, static, $size bytes"
 }
 
-# drive FILE COMMAND…: the shipped mission that maps, all of its time, in the simulated arena, recorded into FILE by the process that drives. It
-# gets its job directly: an emulated program cannot start another.
+# drive FILE COMMAND…: the shipped mission that maps, all of its time, in the simulated arena,
+# recorded into FILE by the process that drives. It gets its job directly: an emulated program
+# cannot start another.
 drive() {
   local file=$1 last
   shift
@@ -103,8 +107,9 @@ drive() {
   esac
 }
 
-# A whole mission on an emulated ARM926EJ-S, which refuses any instruction that the brick lacks: recorded as on this PC, byte for byte, and
-# without a system call that the brick lacks. The program is the brick's with the simulated brick inside.
+# A whole mission on an emulated ARM926EJ-S, which refuses any instruction that the brick lacks:
+# recorded as on this PC, byte for byte, and without a system call that the brick lacks. The program
+# is the brick's with the simulated brick inside.
 check_mission() {
   local called
   "${arm926[@]}" "$brick/onbrick" --version >/dev/null || unfit "an ARM926EJ-S does not run it"
@@ -113,7 +118,8 @@ check_mission() {
   cmp "$work/pc.mcap" "$work/arm.mcap" || unfit "it does not record what a PC records"
   say "a mission on an ARM926EJ-S recorded the same $(stat -c %s "$work/pc.mcap") bytes as on this PC"
   grep -q 'fdatasync(' "$work/calls" || fail "QEMU did not list the system calls"
-  # One that was answered with ENOSYS (38), after which the mission went on as on the PC, may be refused by the brick as well.
+  # One that was answered with ENOSYS (38), after which the mission went on as on the PC, may be
+  # refused by the brick as well.
   called=$(grep -E "^[0-9]+ ($newer)\(" "$work/calls" | grep -v 'errno=38' || true)
   [ -z "$called" ] || unfit "it calls what Linux 4.14 lacks: $called"
   say "and without a system call that Linux 4.14 lacks"

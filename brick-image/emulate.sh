@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The emulated EV3: the brick's processor and memory in QEMU, with the brick's file and the mounted simulated brick inside.
+# The emulated EV3: the brick's processor and memory in QEMU, with the brick's file and the mounted
+# simulated brick inside.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=emulator/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/emulator/common.sh"
@@ -62,14 +63,16 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 machine=(qemu-system-arm -M versatilepb -cpu arm926 -m 64M -kernel "$kernel/zImage" -dtb "$kernel/versatile-pb.dtb" -no-reboot -monitor none -display none)
-# What the guest has written is in the image, or in this machine's memory on its way there: a power cut is the emulator's death.
+# What the guest has written is in the image, or in this machine's memory on its way there: a power
+# cut is the emulator's death.
 virtio_disk() { machine+=(-drive "file=$1,format=raw,if=none,id=d" -device "virtio-blk-pci,drive=d"); }
 [ -z "$machine_pid" ] || machine+=(-pidfile "$machine_pid")
 [ "$exact" = no ] || machine+=(-icount "shift=2,sleep=off")
 [ -z "$disk" ] || virtio_disk "$disk"
 words="console=ttyAMA0 quiet video=vfb:178x128-32"
 
-# Debian's busybox for the brick's processor, fetched without adding an architecture to this machine.
+# Debian's busybox for the brick's processor, fetched without adding an architecture to this
+# machine.
 busybox() {
   local to=$cache/busybox-armel
   [ -e "$to" ] || locked busybox fetch_busybox "$to"
@@ -140,7 +143,8 @@ scenario_file() {
   fail "there is no scenario $scenario" "one of: $(basename -s .sh "$checkout"/brick-image/scenarios/*.sh | tr "\n" " ")"
 }
 
-# QEMU's own word about a register that Linux writes and it does not model; and serial lines end as on a teletype.
+# QEMU's own word about a register that Linux writes and it does not model; and serial lines end as
+# on a teletype.
 without_noise() { sed -u -e '/^vpb_sic_write: /d' -e '/^reboot: /d' -e 's/\r$//'; }
 
 run_scenario() {
@@ -159,10 +163,12 @@ run_scenario() {
 }
 
 if [ -n "$image" ]; then
-  # A card's size must be a power of two for this machine's card reader, so the image is a disk; the partitions are the same.
+  # A card's size must be a power of two for this machine's card reader, so the image is a disk; the
+  # partitions are the same.
   virtio_disk "$image"
-  # While it works its time counts instructions, so that a busy PC does not let the brick's own programs run into their time limits; while it
-  # waits, for its disk or for a PC, time is everybody's.
+  # While it works its time counts instructions, so that a busy PC does not let the brick's own
+  # programs run into their time limits; while it waits, for its disk or for a PC, time is
+  # everybody's.
   [ "$exact" = yes ] || machine+=(-icount "shift=2")
   [ -z "$forward" ] || machine+=(-netdev "user,id=n,hostfwd=tcp:127.0.0.1:$forward-:5670,hostfwd=tcp:127.0.0.1:$((forward + 1))-:5671" -device "virtio-net-pci,netdev=n,romfile=")
   timeout --foreground "$timeout" "${machine[@]}" -append "$words root=/dev/vda2 rw rootwait ip=10.0.2.15::10.0.2.2:255.255.255.0::eth0:off" -serial mon:stdio 2>"$work/qemu.log"

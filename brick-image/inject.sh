@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Puts onbrick into an ev3dev SD card image, so that the card can be flashed and the brick is ready at its first power-on.
+# Puts onbrick into an ev3dev SD card image, so that the card can be flashed and the brick is ready
+# at its first power-on.
 set -euo pipefail
 
 usage() {
@@ -75,7 +76,8 @@ read_keys() {
   done
 }
 
-# The password comes from the person or from standard input, and is looked at before anything is written.
+# The password comes from the person or from standard input, and is looked at before anything is
+# written.
 read_password() {
   [ -n "$wifi" ] || return 0
   if [ -t 0 ]; then IFS= read -rsp "password of $wifi: " password && echo; else IFS= read -r password || true; fi
@@ -97,7 +99,8 @@ partition() {
   done
 }
 
-# An ev3dev image: a FAT partition with the kernel on it, and an ext4 partition with ev3dev's own file in it.
+# An ev3dev image: a FAT partition with the kernel on it, and an ext4 partition with ev3dev's own
+# file in it.
 check_image() {
   local fat_sector root_sector
   [ -f "$image" ] || fail "there is no file $image" "unpack the image that ev3dev.org offers; it ends in .img"
@@ -122,7 +125,8 @@ check_image() {
   say "$image is $release"
 }
 
-# in_root COMMAND…: one of debugfs's commands on the root partition. It ends with 0 whatever happens, so what it says is looked at.
+# in_root COMMAND…: one of debugfs's commands on the root partition. It ends with 0 whatever
+# happens, so what it says is looked at.
 in_root() {
   local said
   said=$(debugfs -w -R "$*" "$image?offset=$offset" 2>&1 | sed '1{/^debugfs [0-9]/d}')
@@ -171,7 +175,8 @@ put_name() {
   put "$work/hosts" /etc/hosts 644
 }
 
-# in_key_file TEXT: as connman's files have it, which GLib reads: a backslash begins an escape, and spaces at either end would be lost.
+# in_key_file TEXT: as connman's files have it, which GLib reads: a backslash begins an escape, and
+# spaces at either end would be lost.
 in_key_file() { sed -e 's/\\/\\\\/g' -e 's/^ /\\s/' -e 's/ $/\\s/' <<<"$1"; }
 
 # connman reads a network from a file of its own, and its settings say whether the radio is on.

@@ -87,18 +87,21 @@ if ! on_brick sudo -n true </dev/null 2>/dev/null; then
 fi
 # quoted WORD: for a shell on the other side, whichever it is.
 quoted() { printf "'%s'" "${1//\'/\'\\\'\'}"; }
-# as_root COMMAND: one command line for the brick's root shell, which gets its files from somewhere else than standard input.
+# as_root COMMAND: one command line for the brick's root shell, which gets its files from somewhere
+# else than standard input.
 as_root() { printf '%s\n' "$password" | on_brick "sudo -S -p '' sh -c $(quoted "$1")"; }
 
-# The file is whole before anything happens; dpkg then unpacks it beside the old version, and changes over at once.
+# The file is whole before anything happens; dpkg then unpacks it beside the old version, and
+# changes over at once.
 sum=$(sha256sum <"$deb" | cut -d' ' -f1)
 file=onbrick-$sum.deb
 on_brick "if cat >$file.part && echo '$sum  $file.part' | sha256sum --quiet -c -; then mv $file.part $file; else rm -f $file.part; exit 1; fi" <"$deb" ||
   fail "the package did not arrive whole" "is there room on the card? ssh $host df -h"
 say "copied $(basename "$deb")"
 
-# What a power cut left is finished first; a version that cannot be installed is taken back for the one before, or altogether. It writes into a
-# file, and so goes on to its end when the connection is lost.
+# What a power cut left is finished first; a version that cannot be installed is taken back for the
+# one before, or altogether. It writes into a file, and so goes on to its end when the connection is
+# lost.
 install_package() {
   as_root "
     trap '' HUP PIPE
@@ -145,13 +148,15 @@ if [ -n "$name" ]; then
   say "it is called $name now: ssh robot@$name.local"
 fi
 
-# The image's password is in every handbook: with it, everybody on the network is this brick's owner.
+# The image's password is in every handbook: with it, everybody on the network is this brick's
+# owner.
 if as_root "perl -e '\$hash = (getpwnam(q($user_on_brick)))[1]; exit(crypt(q(maker), \$hash) eq \$hash ? 0 : 1)'"; then
   say "warning: the password of $user_on_brick is still the well-known one"
   say "  try: ssh -t $host passwd"
 fi
 
-# This PC's key into the brick, and the brick's into this PC's list; what is shown by both sides over ssh needs no comparing of codes.
+# This PC's key into the brick, and the brick's into this PC's list; what is shown by both sides
+# over ssh needs no comparing of codes.
 key_in() { sed -n 's/.*"key":"\([^"]*\)".*/\1/p' | grep .; }
 introduce() {
   local ours theirs this_pc

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes the Debian package for the brick out of a binary and this folder. Needs dpkg-deb, nothing else of Debian's.
+# Makes the Debian package for the brick out of a binary and this folder. Needs dpkg-deb, nothing
+# else of Debian's.
 set -euo pipefail
 
 usage() {

@@ -1,14 +1,16 @@
-//! State machines: a small engine, conditions as text, missions from TOML, their checks and their graphs.
+//! State machines: a small engine, conditions as text, missions from TOML, their checks and their
+//! graphs.
 //!
-//! [`engine`] runs machines over any input type and knows nothing of robots or files. [`expression`] is the language of
-//! conditions and of the numbers in `do`. [`mission`] reads a mission file into machines, checks them as a whole, and runs
-//! them on that same engine: each tick [`Signals`] go in and [`Demands`] come out. [`graph`] draws a mission, [`shipped`]
-//! carries those that come with the program.
+//! [`engine`] runs machines over any input type and knows nothing of robots or files.
+//! [`expression`] is the language of conditions and of the numbers in `do`. [`mission`] reads a
+//! mission file into machines, checks them as a whole, and runs them on that same engine: each tick
+//! [`Signals`] go in and [`Demands`] come out. [`graph`] draws a mission, [`shipped`] carries those
+//! that come with the program.
 //!
 //! # Not here
 //!
-//! No I/O and no clock: time is an argument, files are read by the caller. No limits of a robot: a demand may be more
-//! than its motors can do, and the `robot` layer refuses or clips it.
+//! No I/O and no clock: time is an argument, files are read by the caller. No limits of a robot: a
+//! demand may be more than its motors can do, and the `robot` layer refuses or clips it.
 //!
 //! # What we count on
 //!
@@ -35,7 +37,8 @@ pub use signals::{Capabilities, Signal, Signals};
 /// The most machines a mission may have: what is kept for each of them has a fixed place.
 pub const MAX_MACHINES: usize = 8;
 
-/// The most named motors a robot may have: with the wheels and the head, more than the brick has outputs.
+/// The most named motors a robot may have: with the wheels and the head, more than the brick has
+/// outputs.
 pub const MAX_MOTORS: usize = 4;
 
 /// Where one machine is, and since when: enough to go on from.
@@ -60,6 +63,7 @@ pub struct Taken {
     pub from: u16,
     /// Index of the state entered.
     pub to: u16,
-    /// Index in the left state's list of transitions; `None` where the runtime moved the machine (`on_stall`).
+    /// Index in the left state's list of transitions; `None` where the runtime moved the machine
+    /// (`on_stall`).
     pub transition: Option<u16>,
 }

@@ -1,9 +1,10 @@
 //! The build script: libzmq with CURVE, for the feature `link`.
 //!
-//! The crate `zmq` brings a libzmq that has no CURVE, and no option of it switches that on. So libzmq is built here, against the libsodium that
-//! `libsodium-sys-stable` has built, and a `links` override in Cargo's configuration (`.cargo/config.toml`, `cross.toml`) keeps
-//! zmq-sys from building its own. Where there is no such override - in a program of somebody else's that uses this crate - both are built, and
-//! `src/link/curve.rs` sees to it that this one is linked.
+//! The crate `zmq` brings a libzmq that has no CURVE, and no option of it switches that on. So
+//! libzmq is built here, against the libsodium that `libsodium-sys-stable` has built, and a `links`
+//! override in Cargo's configuration (`.cargo/config.toml`, `cross.toml`) keeps zmq-sys from
+//! building its own. Where there is no such override - in a program of somebody else's that uses
+//! this crate - both are built, and `src/link/curve.rs` sees to it that this one is linked.
 //!
 //! # Not here
 //!
@@ -22,9 +23,12 @@ fn main() -> Result<(), VarError> {
 fn libzmq() -> Result<(), VarError> {
     let features = std::env::var("CARGO_CFG_TARGET_FEATURE").unwrap_or_default();
     let is_static = features.split(',').any(|feature| feature == "crt-static");
-    // What libsodium-sys-stable says of itself reaches the build scripts of the packages that depend on it.
-    let sodium =
-        zeromq_src::LibLocation::new(std::env::var("DEP_SODIUM_LIB")?, std::env::var("DEP_SODIUM_INCLUDE")?);
+    // What libsodium-sys-stable says of itself reaches the build scripts of the packages that
+    // depend on it.
+    let sodium = zeromq_src::LibLocation::new(
+        std::env::var("DEP_SODIUM_LIB")?,
+        std::env::var("DEP_SODIUM_INCLUDE")?,
+    );
     zeromq_src::Build::new().with_libsodium(Some(sodium)).build();
 
     if is_static {
@@ -41,8 +45,11 @@ fn libzmq() -> Result<(), VarError> {
             "--end-group",
         ];
         for argument in group {
-            let argument =
-                if argument.starts_with("-l") { argument.to_owned() } else { format!("-Wl,{argument}") };
+            let argument = if argument.starts_with("-l") {
+                argument.to_owned()
+            } else {
+                format!("-Wl,{argument}")
+            };
             println!("cargo:rustc-link-arg={argument}");
         }
     }

@@ -1,7 +1,7 @@
 //! The command line: one file a command, and the only place that prints.
 //!
-//! A command takes its arguments and an [`Output`] and says how it ended: `Ok`, or a [`Failure`] with an exit code, a message that
-//! names the place, and a way out.
+//! A command takes its arguments and an [`Output`] and says how it ended: `Ok`, or a [`Failure`]
+//! with an exit code, a message that names the place, and a way out.
 //!
 //! | exit code | means |
 //! |---|---|
@@ -137,7 +137,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let level = [log::LevelFilter::Warn, log::LevelFilter::Info, log::LevelFilter::Debug];
     // What a service does is what its log is read for.
     let more = usize::from(matches!(arguments.command, Command::Serve(_)));
-    let level = level.get(usize::from(arguments.verbose) + more).copied().unwrap_or(log::LevelFilter::Trace);
+    let level = level
+        .get(usize::from(arguments.verbose) + more)
+        .copied()
+        .unwrap_or(log::LevelFilter::Trace);
     env_logger::Builder::new().filter_level(level).format(said).init();
 
     let mut output = Output::new(arguments.json);

@@ -1,10 +1,11 @@
 //! Monotonic time: the one place that reads a clock or sleeps.
 //!
-//! Time is a count of nanoseconds since a start that means nothing by itself, as an `i64`: 292 years fit. The wall clock
-//! is only for names and records, because it jumps: an ev3dev brick without a network wakes up years ago.
+//! Time is a count of nanoseconds since a start that means nothing by itself, as an `i64`: 292
+//! years fit. The wall clock is only for names and records, because it jumps: an ev3dev brick
+//! without a network wakes up years ago.
 //!
-//! A [`Clock`] is an argument wherever time matters, so that the same code runs against real time and, with a
-//! [`VirtualClock`], as fast as the machine allows.
+//! A [`Clock`] is an argument wherever time matters, so that the same code runs against real time
+//! and, with a [`VirtualClock`], as fast as the machine allows.
 //!
 //! # Not here
 //!
@@ -24,20 +25,24 @@ pub const MILLISECOND_NS: i64 = 1_000_000;
 
 /// Nanoseconds as seconds, for people and for formulas.
 #[must_use]
-#[expect(clippy::cast_precision_loss, reason = "exact for 104 days of nanoseconds; one rounding beyond")]
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "exact for 104 days of nanoseconds; one rounding beyond"
+)]
 pub fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-/// As [`seconds`], to within a unit in the last place, for filters: by a multiplication, which costs a processor without floating point a
-/// tenth of the division.
+/// As [`seconds`], to within a unit in the last place, for filters: by a multiplication, which
+/// costs a processor without floating point a tenth of the division.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "as in `seconds`")]
 pub fn seconds_nearly(ns: i64) -> f64 {
     ns as f64 * 1e-9
 }
 
-/// Seconds as nanoseconds, rounded; what is not finite or does not fit ends at the limits, NaN at 0.
+/// Seconds as nanoseconds, rounded; what is not finite or does not fit ends at the limits, NaN at
+/// 0.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]
 pub fn nanoseconds(seconds: f64) -> i64 {
@@ -66,13 +71,18 @@ impl Clock for MonotonicClock {
 
     fn sleep_until_ns(&self, deadline_ns: i64) {
         let deadline = Duration::from_nanos(deadline_ns.max(0).cast_unsigned());
-        // EINTR is an early return, as promised: the caller looks at its signal flags and comes back.
-        let _ =
-            clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &deadline.into());
+        // EINTR is an early return, as promised: the caller looks at its signal flags and comes
+        // back.
+        let _ = clock_nanosleep(
+            ClockId::CLOCK_MONOTONIC,
+            ClockNanosleepFlags::TIMER_ABSTIME,
+            &deadline.into(),
+        );
     }
 }
 
-/// A clock that stands still until somebody sleeps on it: a mission's two minutes pass in two seconds.
+/// A clock that stands still until somebody sleeps on it: a mission's two minutes pass in two
+/// seconds.
 ///
 /// It is for one sleeper; everybody else just sees the time.
 #[derive(Debug, Default)]
@@ -120,12 +130,14 @@ pub fn year(wall_ns: i64) -> i64 {
     1970 + wall_ns / SECOND_NS / SECONDS_A_YEAR
 }
 
-/// What a wall clock says, by its nanoseconds since 1970, that stands wrong, and a way out; `None` from 2024 on. A brick has no battery for its clock:
-/// after power-on it stands where it stood before, or at 1970, until a network tells it the time.
+/// What a wall clock says, by its nanoseconds since 1970, that stands wrong, and a way out; `None`
+/// from 2024 on. A brick has no battery for its clock: after power-on it stands where it stood
+/// before, or at 1970, until a network tells it the time.
 #[must_use]
 pub fn wrong_year(wall_ns: i64) -> Option<(String, &'static str)> {
     (wall_ns / SECOND_NS < SECONDS_TO_2024).then(|| {
-        let way_out = "recordings get wrong dates; connect to a network for a minute, or sudo date -s";
+        let way_out =
+            "recordings get wrong dates; connect to a network for a minute, or sudo date -s";
         (format!("it is {}, says the clock", year(wall_ns)), way_out)
     })
 }
@@ -169,7 +181,10 @@ mod tests {
         assert!((seconds(2_500_000_000) - 2.5).abs() < 1e-12);
         for ns in (-20_000..20_000).map(|step| step * 123_457) {
             let (exact, near) = (seconds(ns), seconds_nearly(ns));
-            assert!((exact - near).abs() <= f64::EPSILON * exact.abs(), "{ns} ns: {exact} s and {near} s");
+            assert!(
+                (exact - near).abs() <= f64::EPSILON * exact.abs(),
+                "{ns} ns: {exact} s and {near} s"
+            );
         }
     }
 }

@@ -1,19 +1,20 @@
 //! Files that a person writes, read so that every mistake has a place and a way out.
 //!
-//! `robot.toml`, `mission.toml`, `world.toml` and their like are TOML. A [`Document`] is parsed once;
-//! a builder then asks its [`Section`]s for the keys it knows and gets typed values or, for each thing
-//! that is wrong, a [`Finding`]: file, line, column, a caret under the place, a nearest name. Reading goes
-//! on after a mistake, so that one look shows them all.
+//! `robot.toml`, `mission.toml`, `world.toml` and their like are TOML. A [`Document`] is parsed
+//! once; a builder then asks its [`Section`]s for the keys it knows and gets typed values or, for
+//! each thing that is wrong, a [`Finding`]: file, line, column, a caret under the place, a nearest
+//! name. Reading goes on after a mistake, so that one look shows them all.
 //!
 //! # Not here
 //!
-//! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O: the caller
-//! has read the bytes.
+//! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O: the
+//! caller has read the bytes.
 //!
 //! # What we count on
 //!
 //! - Keys come back in the order of the file (the parser sorts them; their places put them back).
-//! - A file is at most [`Document::MAX_BYTES`] long, so that a caret's line and column stay small numbers.
+//! - A file is at most [`Document::MAX_BYTES`] long, so that a caret's line and column stay small
+//!   numbers.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -37,10 +38,12 @@ pub struct Document {
 }
 
 impl Document {
-    /// The longest file that is read, in bytes; ten thousand states of a mission fit four times over.
+    /// The longest file that is read, in bytes; ten thousand states of a mission fit four times
+    /// over.
     pub const MAX_BYTES: usize = 4 << 20;
 
-    /// The most findings that are kept: each costs a look through the file, and a person reads the first of them.
+    /// The most findings that are kept: each costs a look through the file, and a person reads the
+    /// first of them.
     const MAX_FINDINGS: usize = 200;
 
     /// Takes the bytes of a file; `name` is what findings call it.
@@ -56,7 +59,8 @@ impl Document {
             Findings::from(vec![finding])
         };
         if bytes.len() > Self::MAX_BYTES {
-            let message = format!("the file is too long: at most {} bytes are read", Self::MAX_BYTES);
+            let message =
+                format!("the file is too long: at most {} bytes are read", Self::MAX_BYTES);
             return Err(refuse(0, message, "is this the file you meant?"));
         }
         match std::str::from_utf8(bytes) {
@@ -81,13 +85,16 @@ impl Document {
 
     /// Parses the file and lets `build` take it apart.
     ///
-    /// `build` returns `None` where something it cannot do without was missing or wrong; it must have said so
-    /// through the section. Warnings come back beside the value.
+    /// `build` returns `None` where something it cannot do without was missing or wrong; it must
+    /// have said so through the section. Warnings come back beside the value.
     ///
     /// # Errors
     ///
     /// All findings, if at least one of them is an error.
-    pub fn read<T>(&self, build: impl FnOnce(&Section<'_>) -> Option<T>) -> Result<(T, Findings), Findings> {
+    pub fn read<T>(
+        &self,
+        build: impl FnOnce(&Section<'_>) -> Option<T>,
+    ) -> Result<(T, Findings), Findings> {
         let (root, errors) = DeTable::parse_recoverable(&self.text);
         if !errors.is_empty() {
             let syntax = errors.iter().take(Self::MAX_FINDINGS).map(|error| {
@@ -155,8 +162,11 @@ impl<'d> Section<'d> {
 
     /// All keys with their values, in the order of the file.
     pub fn items(&self) -> Vec<Item<'d>> {
-        let mut items: Vec<Item<'d>> =
-            self.table.iter().map(|(key, value)| self.item(key.get_ref(), key.span(), value)).collect();
+        let mut items: Vec<Item<'d>> = self
+            .table
+            .iter()
+            .map(|(key, value)| self.item(key.get_ref(), key.span(), value))
+            .collect();
         items.sort_by_key(|item| item.key_place.start);
         items
     }
@@ -205,8 +215,14 @@ impl<'d> Section<'d> {
         if self.path.is_empty() { String::new() } else { format!(" in [{}]", self.path) }
     }
 
-    fn item(&self, key: &'d str, key_place: Range<usize>, value: &'d Spanned<DeValue<'d>>) -> Item<'d> {
-        let path = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
+    fn item(
+        &self,
+        key: &'d str,
+        key_place: Range<usize>,
+        value: &'d Spanned<DeValue<'d>>,
+    ) -> Item<'d> {
+        let path =
+            if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
         Item { source: self.source, key, key_place, value, path }
     }
 }
@@ -248,8 +264,8 @@ impl<'d> Item<'d> {
         self.key_place.clone()
     }
 
-    /// The byte range of a part of a string value, `part` counted in bytes of the string. Where the string has escapes
-    /// the two do not run in step, and the whole value is the place.
+    /// The byte range of a part of a string value, `part` counted in bytes of the string. Where the
+    /// string has escapes the two do not run in step, and the whole value is the place.
     pub fn place_within(&self, part: Range<usize>) -> Range<usize> {
         let whole = self.value.span();
         let Some(content) = self.value.get_ref().as_str() else { return whole };
@@ -289,7 +305,8 @@ impl<'d> Item<'d> {
         let text = self.text()?;
         let found = words.iter().find(|(word, _)| *word == text).map(|(_, meaning)| *meaning);
         if found.is_none() {
-            let list = words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
+            let list =
+                words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
             self.error(format!("`{}` is \"{text}\"; it can be {list}", self.path))
                 .hint(nearest(text, words.iter().map(|(word, _)| *word)).unwrap_or_default());
         }
@@ -305,7 +322,10 @@ impl<'d> Item<'d> {
     pub fn number(&self, range: RangeInclusive<f64>) -> Option<f64> {
         let number = match self.value.get_ref() {
             DeValue::Float(float) => float.as_str().parse().ok(),
-            #[expect(clippy::cast_precision_loss, reason = "a number of a person's, far below 2^53")]
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "a number of a person's, far below 2^53"
+            )]
             DeValue::Integer(_) => self.whole().map(|whole| whole as f64),
             _ => None,
         };
@@ -332,7 +352,12 @@ impl<'d> Item<'d> {
     /// The value as a table.
     pub fn section(&self) -> Option<Section<'d>> {
         let table = self.typed(self.value.get_ref().as_table(), "a table")?;
-        Some(Section { source: self.source, table, place: self.key_place.clone(), path: self.path.clone() })
+        Some(Section {
+            source: self.source,
+            table,
+            place: self.key_place.clone(),
+            path: self.path.clone(),
+        })
     }
 
     /// The value as a list.
@@ -402,7 +427,12 @@ impl Noted<'_> {
     }
 }
 
-fn note<'d>(source: Source<'d>, place: Range<usize>, severity: Severity, message: String) -> Noted<'d> {
+fn note<'d>(
+    source: Source<'d>,
+    place: Range<usize>,
+    severity: Severity,
+    message: String,
+) -> Noted<'d> {
     let mut findings = source.findings.borrow_mut();
     let has_error = || findings.iter().any(|finding| finding.severity == Severity::Error);
     // An error is never left out where it is the only one: it decides whether the file can be used.
@@ -491,9 +521,14 @@ mod tests {
         assert!(read("a = [1,\n", |_| Some(())).unwrap_err().contains("robot.toml:"));
         let error = Document::new("robot.toml", b"a = 1\nb = \xff\xfe").unwrap_err().to_string();
         assert!(error.contains("robot.toml:2:5"), "{error}");
-        let error = Document::new("big", &vec![b'#'; Document::MAX_BYTES + 1]).unwrap_err().to_string();
+        let error =
+            Document::new("big", &vec![b'#'; Document::MAX_BYTES + 1]).unwrap_err().to_string();
         assert!(error.contains("at most"), "{error}");
         assert!(read("a = 1\na = 2\n", |_| Some(())).unwrap_err().contains("robot.toml:2:1"));
-        assert!(read("", |root| root.require("name").map(|_| ())).unwrap_err().contains("`name` is missing"));
+        assert!(
+            read("", |root| root.require("name").map(|_| ()))
+                .unwrap_err()
+                .contains("`name` is missing")
+        );
     }
 }

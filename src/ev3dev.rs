@@ -1,9 +1,10 @@
 //! Typed devices over the attribute files of ev3dev: one file, one value, one Rust type.
 //!
-//! A device is a folder of small text files, and its class says which. Each class is a table: a row names the file,
-//! whether it is readable, writeable or readwriteable, its Rust type and what is legal in it. The macro `attributes!`
-//! makes of the table the accessors and an `ATTRIBUTES` list, and the tests build their fakes of that list and hold
-//! it against a listing that the kernel's own drivers gave.
+//! A device is a folder of small text files, and its class says which. Each class is a table: a row
+//! names the file, whether it is readable, writeable or readwriteable, its Rust type and what is
+//! legal in it. The macro `attributes!` makes of the table the accessors and an `ATTRIBUTES` list,
+//! and the tests build their fakes of that list and hold it against a listing that the kernel's own
+//! drivers gave.
 //!
 //! | class | type |
 //! |---|---|
@@ -38,24 +39,25 @@
 //!
 //! # Costs
 //!
-//! A file is opened on its first use and kept. From then on a reading is one `pread` into 64 bytes of stack, a write
-//! one `pwrite`, and neither allocates; nor does an error. Lists (`modes`, `commands`, `trigger`) are longer, and are
-//! read when a device is bound.
+//! A file is opened on its first use and kept. From then on a reading is one `pread` into 64 bytes
+//! of stack, a write one `pwrite`, and neither allocates; nor does an error. Lists (`modes`,
+//! `commands`, `trigger`) are longer, and are read when a device is bound.
 //!
 //! # Not here
 //!
-//! No retries, no sleeping, no cached readings, no motion policy: those are the layers' above. No images before 2018
-//! (Debian 8): their names differ. No camera, no recorded sound.
+//! No retries, no sleeping, no cached readings, no motion policy: those are the layers' above. No
+//! images before 2018 (Debian 8): their names differ. No camera, no recorded sound.
 //!
 //! # What we count on
 //!
 //! - The text of an attribute is made when it is read at offset 0; a write is one whole store.
 //! - Set points wait for the next `command`; only `duty_cycle_sp` acts at once, in `run-direct`.
-//! - Only the first line of a file matters (`uevent` apart). Plain files therefore stand in for sysfs in tests.
-//! - A pulled cable takes the folder with it, and a new number comes with the next: [`Cause::Gone`], never a zero.
-//!   Find the device again by its port.
-//! - Nobody else changes a sensor's mode: between programs anything may happen, so a mode is read when a sensor is
-//!   bound.
+//! - Only the first line of a file matters (`uevent` apart). Plain files therefore stand in for
+//!   sysfs in tests.
+//! - A pulled cable takes the folder with it, and a new number comes with the next:
+//!   [`Cause::Gone`], never a zero. Find the device again by its port.
+//! - Nobody else changes a sensor's mode: between programs anything may happen, so a mode is read
+//!   when a sensor is bound.
 //!
 //! # Troubleshooting
 //!
@@ -106,7 +108,8 @@ pub use find::{Class, Identity, devices, find};
 pub use inventory::{Entry, Inventory, LiveValue};
 pub use led::{Led, LightColour, Side, StatusLights};
 pub use motor::{
-    DcMotor, Linear, LinearActuator, MotorKind, MotorState, PositionMotor, Rotary, ServoMotor, TachoMotor,
+    DcMotor, Linear, LinearActuator, MotorKind, MotorState, PositionMotor, Rotary, ServoMotor,
+    TachoMotor,
 };
 pub use node::{AttributeSpec, Direction};
 pub use port::LegoPort;
@@ -114,13 +117,13 @@ pub use screen::{Console, SCREEN_PATH, Screen, ScreenError, ScreenLayout};
 pub use sensor::{
     AngleAndRate, Beacon, Colour, ColourMode, ColourSensor, Frame, GyroMode, GyroReset, GyroSensor,
     InfraredMode, InfraredSensor, MIN_PING_INTERVAL_NS, Mode, RawReflection, RawRgb, RemoteButtons,
-    RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor, TypedSensor, UltrasonicMode, UltrasonicSensor,
-    settle_ns,
+    RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor, TypedSensor, UltrasonicMode,
+    UltrasonicSensor, settle_ns,
 };
 pub use sound::{SOUND_PATH, Sound};
 pub use tree::{Access, AttributeFile, LocalTree, Tree};
 pub use value::{Legal, Word, Words};
 pub use words::{
-    BinFormat, DcCommand, Driver, Polarity, PortMode, ServoCommand, StopAction, TachoCommand, Technology,
-    UnknownWord,
+    BinFormat, DcCommand, Driver, Polarity, PortMode, ServoCommand, StopAction, TachoCommand,
+    Technology, UnknownWord,
 };

@@ -1,10 +1,12 @@
 //! onbrick: a runtime that lives on the LEGO EV3 brick under ev3dev.
 //!
-//! One static file is copied to the brick and there senses, decides, drives and maps by itself; a network is never inside the control
-//! loop. The same program on a PC drives a simulated brick and draws what was found. As a library it is typed bindings, a
-//! behaviour engine, a mapper and the tick that joins them, for robots of your own.
+//! One static file is copied to the brick and there senses, decides, drives and maps by itself; a
+//! network is never inside the control loop. The same program on a PC drives a simulated brick and
+//! draws what was found. As a library it is typed bindings, a behaviour engine, a mapper and the
+//! tick that joins them, for robots of your own.
 //!
-//! This page is the map of the code: what the parts are, which way the data flows, and what may be relied on.
+//! This page is the map of the code: what the parts are, which way the data flows, and what may be
+//! relied on.
 //!
 //! # The way the data flows
 //!
@@ -15,9 +17,10 @@
 //!                     └───────────┴──────────┴─────────────┴──▶ recorder ──▶ run.mcap ──▶ plot, export, replay
 //! ```
 //!
-//! One turn of the loop is a *tick*: sense, estimate, map, decide, act, record, in this order, on one thread, from one monotonic
-//! time. A tick allocates nothing, waits for no disk, socket or lock, reads each attribute with one system call, and writes only what
-//! changed and the leases that are due. Tests count all of that (`tests/it/tick.rs`).
+//! One turn of the loop is a *tick*: sense, estimate, map, decide, act, record, in this order, on
+//! one thread, from one monotonic time. A tick allocates nothing, waits for no disk, socket or
+//! lock, reads each attribute with one system call, and writes only what changed and the leases
+//! that are due. Tests count all of that (`tests/it/tick.rs`).
 //!
 //! # The parts
 //!
@@ -46,8 +49,9 @@
 //! | [`clock`] | monotonic time: real, or virtual for simulation and tests |
 //! | [`units`] | quantities with a legal range, and angles |
 //!
-//! Absences are part of the design: only `ev3dev` touches device files; only `clock` reads a clock or sleeps; `behavior` and
-//! `mapping` do no I/O and take time as an argument; what runs on the tick's path knows no network and no pictures.
+//! Absences are part of the design: only `ev3dev` touches device files; only `clock` reads a clock
+//! or sleeps; `behavior` and `mapping` do no I/O and take time as an argument; what runs on the
+//! tick's path knows no network and no pictures.
 //!
 //! # Processes
 //!
@@ -56,65 +60,77 @@
 //!                     ◀── events ──       ◀── heartbeat, events ──
 //! ```
 //!
-//! A run has processes of its own, this same file started again under hidden commands ([`runtime::RunProcess`]). *Control* drives.
-//! The *guard* holds the hardware's lock and passes orders and events on. Each beats, and listens to the other: when control is gone
-//! or hung ([`runtime::Watch`]), the guard kills it, so that one that wakes up cannot renew a lease, brakes the motors at once, and again
-//! when control is gone. When the guard is gone or hung ([`runtime::Pulse`]), control stops the run. When the starter is gone, the guard
-//! has control stop, unless the job says otherwise. A run that does not stop within 0.7 s when it is asked to is ended by force
-//! ([`runtime::evict()`]), by the one that asked: the lock names both processes. When both are killed at once, the starter brakes the motors;
-//! when all three are, the leases end. The guard has a higher real-time priority than control, control may not spin for more than
-//! 0.2 s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives inside control, and has no guard.
+//! A run has processes of its own, this same file started again under hidden commands
+//! ([`runtime::RunProcess`]). *Control* drives. The *guard* holds the hardware's lock and passes
+//! orders and events on. Each beats, and listens to the other: when control is gone or hung
+//! ([`runtime::Watch`]), the guard kills it, so that one that wakes up cannot renew a lease, brakes
+//! the motors at once, and again when control is gone. When the guard is gone or hung
+//! ([`runtime::Pulse`]), control stops the run. When the starter is gone, the guard has control
+//! stop, unless the job says otherwise. A run that does not stop within 0.7 s when it is asked to
+//! is ended by force ([`runtime::evict()`]), by the one that asked: the lock names both processes.
+//! When both are killed at once, the starter brakes the motors; when all three are, the leases end.
+//! The guard has a higher real-time priority than control, control may not spin for more than 0.2
+//! s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
+//! inside control, and has no guard.
 //!
-//! `onbrick serve` starts the same processes for whoever asks at one of its doors ([`service`]); they do not need it, and one that is started
-//! anew finds a run that goes on.
+//! `onbrick serve` starts the same processes for whoever asks at one of its doors ([`service`]);
+//! they do not need it, and one that is started anew finds a run that goes on.
 //!
 //! # Words
 //!
-//! *Brick*: the root under which `sys/class/...` is found: `/` on the brick, a mount point, or the in-process simulation.
-//! *Robot*: roles bound to ports (`robot.toml`). *Senses*: one tick's readings in SI units. *Demands*: what the machines want of the
-//! actuators. *Machine*, *state*, *transition*: one finite-state machine of a mission. *Mission*: machines that run side by side
-//! (`mission.toml`). *Run*: one execution of a mission, recorded in one `run.mcap`. *World*: a simulated room (`world.toml`).
-//! *Team*: several bricks with known start poses (`team.toml`).
+//! *Brick*: the root under which `sys/class/...` is found: `/` on the brick, a mount point, or the
+//! in-process simulation. *Robot*: roles bound to ports (`robot.toml`). *Senses*: one tick's
+//! readings in SI units. *Demands*: what the machines want of the actuators. *Machine*, *state*,
+//! *transition*: one finite-state machine of a mission. *Mission*: machines that run side by side
+//! (`mission.toml`). *Run*: one execution of a mission, recorded in one `run.mcap`. *World*: a
+//! simulated room (`world.toml`). *Team*: several bricks with known start poses (`team.toml`).
 //! *Lease*: a motion that the kernel itself ends unless it is renewed.
 //!
 //! # Conventions
 //!
-//! Everywhere x is ahead, y left, anticlockwise positive; metres, seconds and radians in code and recordings; names carry the unit where
-//! a person writes them (`range_m`, `head_deg`, `left_dps`: degrees a second at the wheel's axle). The gyro's clockwise-positive reading
-//! is turned round in [`robot`], and nowhere else. Time is integer nanoseconds.
+//! Everywhere x is ahead, y left, anticlockwise positive; metres, seconds and radians in code and
+//! recordings; names carry the unit where a person writes them (`range_m`, `head_deg`, `left_dps`:
+//! degrees a second at the wheel's axle). The gyro's clockwise-positive reading is turned round in
+//! [`robot`], and nowhere else. Time is integer nanoseconds.
 //!
-//! What a recording can be replayed through computes the same bits on a PC and on the brick: one float type (`f64`), sines and their
-//! like through `libm` (a clippy list keeps `f64::sin` and the others out), no order from hash maps, ChaCha8 where there is
-//! chance.
+//! What a recording can be replayed through computes the same bits on a PC and on the brick: one
+//! float type (`f64`), sines and their like through `libm` (a clippy list keeps `f64::sin` and the
+//! others out), no order from hash maps, ChaCha8 where there is chance.
 //!
 //! # Motion
 //!
-//! Every motion that a mission makes, the head's too, is a lease ([`robot::LeasedMotor`]): `run-timed` for 300 ms, renewed about every
-//! 100 ms while the loop is healthy, ramps 0, stop action brake. A position is reached by deciding the speed tick by tick. A process that is
-//! killed or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's end, an error, a panic in any of its
-//! threads, SIGINT, SIGTERM, SIGHUP, Enter or Back on the brick - control stops them itself. A battery that gets low
-//! ([`robot::BatteryLimits`]) slows the robot down and then ends the run. A lock that names its owner gives the hardware to one run at a time;
-//! between runs nothing of ours touches a motor.
+//! Every motion that a mission makes, the head's too, is a lease ([`robot::LeasedMotor`]):
+//! `run-timed` for 300 ms, renewed about every 100 ms while the loop is healthy, ramps 0, stop
+//! action brake. A position is reached by deciding the speed tick by tick. A process that is killed
+//! or hangs therefore leaves motors that stop by themselves. On every other way out - the mission's
+//! end, an error, a panic in any of its threads, SIGINT, SIGTERM, SIGHUP, Enter or Back on the
+//! brick - control stops them itself. A battery that gets low ([`robot::BatteryLimits`]) slows the
+//! robot down and then ends the run. A lock that names its owner gives the hardware to one run at a
+//! time; between runs nothing of ours touches a motor.
 //!
-//! Each tick also looks at one aspect of one motor, each in its turn, and before each command everything of that motor is looked at:
-//! one that another program has commanded or reset, or whose settings it has changed, ends the run, and is left alone from then on. A device that was
-//! unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where they were, modes are restored, a motion
-//! never. What the mission does meanwhile is its `on_lost`. A device that says something that cannot be true ends the run
+//! Each tick also looks at one aspect of one motor, each in its turn, and before each command
+//! everything of that motor is looked at: one that another program has commanded or reset, or whose
+//! settings it has changed, ends the run, and is left alone from then on. A device that was
+//! unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where
+//! they were, modes are restored, a motion never. What the mission does meanwhile is its `on_lost`.
+//! A device that says something that cannot be true ends the run
 //! ([`runtime::StopReason::Implausible`]).
 //!
 //! # What may never happen
 //!
 //! - A motor that turns after the process that commanded it is gone, hung, or was told to stop.
-//! - A motor of ours moved by anyone who is not the run's owner; a motor of someone else's moved by us.
+//! - A motor of ours moved by anyone who is not the run's owner; a motor of someone else's moved by
+//!   us.
 //! - A reading that was not read: no default, no zero, no last value without its age.
-//! - A map record lost that was synced, a wrong record taken for a right one, a cut file that cannot be opened.
+//! - A map record lost that was synced, a wrong record taken for a right one, a cut file that
+//!   cannot be opened.
 //! - A wait for network, entropy or disk before or during motion.
 //!
 //! # Features
 //!
-//! With none, the library is bindings, engine, mapping and tick. `sim` adds the simulated brick, `host` pictures and progress bars,
-//! `cli` the commands, `link` (which implies `cli`) the network. `host` implies `link` and `sim`, and
-//! is on by default; the brick's file has `link` alone.
+//! With none, the library is bindings, engine, mapping and tick. `sim` adds the simulated brick,
+//! `host` pictures and progress bars, `cli` the commands, `link` (which implies `cli`) the network.
+//! `host` implies `link` and `sim`, and is on by default; the brick's file has `link` alone.
 
 pub mod behavior;
 #[cfg(feature = "cli")]

@@ -1,16 +1,19 @@
 //! Where the robot is and what is around it: odometry, heading, point cloud, occupancy grid.
 //!
-//! Each tick an [`Estimator`] takes [`Inputs`] and gives an [`Estimate`]: the pose with its covariance, the range reading as it is to be
-//! understood, what was noticed ([`Events`]), and, when a range reading is new, a [`Sounding`]: the reading with the place and the
-//! direction it was taken from. A [`Map`] takes estimates and keeps points, path and grid.
+//! Each tick an [`Estimator`] takes [`Inputs`] and gives an [`Estimate`]: the pose with its
+//! covariance, the range reading as it is to be understood, what was noticed ([`Events`]), and,
+//! when a range reading is new, a [`Sounding`]: the reading with the place and the direction it was
+//! taken from. A [`Map`] takes estimates and keeps points, path and grid.
 //!
-//! Two ways of estimating stand beside each other ([`Method`]): the seed's, exactly, and the default.
+//! Two ways of estimating stand beside each other ([`Method`]): the seed's, exactly, and the
+//! default.
 //!
 //! # Frames
 //!
-//! *World*: x ahead of the origin, y left. *Body*: the pose; its origin is the middle between the wheels, x ahead, y left. *Sensor*:
-//! translated from the body by the range sensor's place, then turned by the head's angle. Anticlockwise is positive; headings do not
-//! wrap. Metres, radians, nanoseconds.
+//! *World*: x ahead of the origin, y left. *Body*: the pose; its origin is the middle between the
+//! wheels, x ahead, y left. *Sensor*: translated from the body by the range sensor's place, then
+//! turned by the head's angle. Anticlockwise is positive; headings do not wrap. Metres, radians,
+//! nanoseconds.
 //!
 //! # Formulas
 //!
@@ -28,18 +31,19 @@
 //!
 //! # Not here
 //!
-//! No I/O and no clock: time is in the inputs. No scan matching: the pose is dead reckoning. No scoring of maps against walls;
-//! what that needs of statistics is in [`stats`].
+//! No I/O and no clock: time is in the inputs. No scan matching: the pose is dead reckoning. No
+//! scoring of maps against walls; what that needs of statistics is in [`stats`].
 //!
 //! # What it costs
 //!
-//! Nothing is allocated after construction. A [`Map`] takes 0.9 MB at most, its points and path thinned when they are full,
-//! for a mission of any length.
+//! Nothing is allocated after construction. A [`Map`] takes 0.9 MB at most, its points and path
+//! thinned when they are full, for a mission of any length.
 //!
-//! Measured as instructions executed on an emulated ARM926 (release, optimised for size, soft float): 15 600 for a tick without a
-//! sounding, while both wheels turn; 30 700 for one with an echo at 0.4 m, 75 600 at 1.9 m, where the grid's cone is longest. An
-//! ultrasonic sensor has ten soundings a second: at 100 ticks a second all is 2.2 million instructions a second at most, about one percent
-//! of a brick. A tick in which the full cloud is thinned moves 0.2 MB once more.
+//! Measured as instructions executed on an emulated ARM926 (release, optimised for size, soft
+//! float): 15 600 for a tick without a sounding, while both wheels turn; 30 700 for one with an
+//! echo at 0.4 m, 75 600 at 1.9 m, where the grid's cone is longest. An ultrasonic sensor has ten
+//! soundings a second: at 100 ticks a second all is 2.2 million instructions a second at most,
+//! about one percent of a brick. A tick in which the full cloud is thinned moves 0.2 MB once more.
 
 mod bearing;
 mod cloud;
@@ -99,7 +103,8 @@ pub struct Estimate {
     pub covariance: [f64; 6],
     /// Metres driven since the start, forwards and backwards both counting.
     pub travelled_m: f64,
-    /// The range reading as it is to be understood; `None` without a range sensor or while it is lost.
+    /// The range reading as it is to be understood; `None` without a range sensor or while it is
+    /// lost.
     pub range: Option<Range>,
     /// The range reading in the world, in updates in which there is one to place.
     pub sounding: Option<Sounding>,

@@ -1,7 +1,9 @@
-//! The menu on the brick: missions chosen, started, watched and stopped with five buttons, on a screen of 178 × 128 pixels.
+//! The menu on the brick: missions chosen, started, watched and stopped with five buttons, on a
+//! screen of 178 × 128 pixels.
 //!
-//! [`Menu`] is the whole of it, and it is pure: button events, the service's answers and the time go in, requests to the service and a picture
-//! come out. It keeps no state of the robot's own: what it shows is what the service said last, so that menu, link and log always tell the same
+//! [`Menu`] is the whole of it, and it is pure: button events, the service's answers and the time
+//! go in, requests to the service and a picture come out. It keeps no state of the robot's own:
+//! what it shows is what the service said last, so that menu, link and log always tell the same
 //! story. [`attend`] joins it to the brick's buttons and screen, or to a terminal.
 //!
 //! ```text
@@ -19,27 +21,32 @@
 //!  after it:                       how it ended; a fault stays until it is acknowledged
 //! ```
 //!
-//! Up and Down choose and scroll, with a repeat of our own while they are held; Enter opens or does; Left or Back goes up again.
+//! Up and Down choose and scroll, with a repeat of our own while they are held; Enter opens or
+//! does; Left or Back goes up again.
 //!
 //! # Started by brickman, or at boot
 //!
-//! Under brickman the button Back kills the menu (and all that it started) at once, and brickrun resets every motor: Back cannot be a button of ours.
-//! So any end of a menu that was started this way ends the run, with the reason "menu closed", and the screen says that Back stops; Left
-//! goes up. A menu that our own unit starts at boot, in brickman's place, survives every run and owns Back. [`StartedBy`] says which it is.
+//! Under brickman the button Back kills the menu (and all that it started) at once, and brickrun
+//! resets every motor: Back cannot be a button of ours. So any end of a menu that was started this
+//! way ends the run, with the reason "menu closed", and the screen says that Back stops; Left goes
+//! up. A menu that our own unit starts at boot, in brickman's place, survives every run and owns
+//! Back. [`StartedBy`] says which it is.
 //!
 //! # Stopping by hand
 //!
-//! The run's own process listens to the brick's buttons, whatever is on the screen; the menu shows that it happened. Only if the run still goes
-//! on a second after the press, or where the keys are no brick's buttons, does the menu ask the service to stop it.
+//! The run's own process listens to the brick's buttons, whatever is on the screen; the menu shows
+//! that it happened. Only if the run still goes on a second after the press, or where the keys are
+//! no brick's buttons, does the menu ask the service to stop it.
 //!
 //! # Not here
 //!
-//! No devices but the screen and the buttons that [`attend`] is given: motors are jogged, and lights and sounds made, by the service.
+//! No devices but the screen and the buttons that [`attend`] is given: motors are jogged, and
+//! lights and sounds made, by the service.
 //!
 //! # Costs
 //!
-//! At most 20 frames a second; nothing is drawn while nothing changes, and nothing is written that is as it was. The memory is a
-//! picture of 22 kB twice, the lists, and a map in cells of 2 cm.
+//! At most 20 frames a second; nothing is drawn while nothing changes, and nothing is written that
+//! is as it was. The memory is a picture of 22 kB twice, the lists, and a map in cells of 2 cm.
 
 mod asks;
 mod canvas;
@@ -56,7 +63,8 @@ use std::collections::VecDeque;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::service::protocol::{
-    LastStop, Live, LocalOnly, LocalRequest, Missions, Pairing, Request, RunId, Runs, Settings, State, Status,
+    LastStop, Live, LocalOnly, LocalRequest, Missions, Pairing, Request, RunId, Runs, Settings,
+    State, Status,
 };
 
 pub use asks::Lane;
@@ -79,7 +87,8 @@ pub enum StartedBy {
     Brickman,
     /// Our own unit, at boot: Back is ours.
     Boot,
-    /// A person at a terminal: the keys are not the brick's buttons, so a stop goes through the service.
+    /// A person at a terminal: the keys are not the brick's buttons, so a stop goes through the
+    /// service.
     Terminal,
 }
 
@@ -90,7 +99,8 @@ pub struct MenuOptions {
     pub started_by: StartedBy,
     /// Why setting up and calibrating cannot be done from here, where they cannot.
     pub no_talks: Option<String>,
-    /// Makes the identifiers of runs unlike those of other menus, such as the wall clock's nanoseconds.
+    /// Makes the identifiers of runs unlike those of other menus, such as the wall clock's
+    /// nanoseconds.
     pub seed: i64,
 }
 
@@ -261,8 +271,9 @@ impl Menu {
         menu
     }
 
-    /// A menu whose end ends the run says that it is there, each time that a connection has to be made anew. It shows nothing before the service
-    /// knows: whatever is seen and started on this screen ends with it.
+    /// A menu whose end ends the run says that it is there, each time that a connection has to be
+    /// made anew. It shows nothing before the service knows: whatever is seen and started on this
+    /// screen ends with it.
     fn announce(&mut self) {
         self.is_known = self.options.started_by != StartedBy::Brickman;
         if !self.is_known {
@@ -270,8 +281,9 @@ impl Menu {
         }
     }
 
-    /// Time passes: buttons that are held repeat, jogs are renewed, what should have happened is seen to. `now_ns` is of a monotonic clock
-    /// and does not go back; it is the time of everything until the next call.
+    /// Time passes: buttons that are held repeat, jogs are renewed, what should have happened is
+    /// seen to. `now_ns` is of a monotonic clock and does not go back; it is the time of everything
+    /// until the next call.
     pub fn tick(&mut self, now_ns: i64) {
         self.now_ns = now_ns;
         self.repeat();
@@ -288,7 +300,8 @@ impl Menu {
         }
     }
 
-    /// The next request to send over a connection; `None` while one is on its way there, or nothing is wanted.
+    /// The next request to send over a connection; `None` while one is on its way there, or nothing
+    /// is wanted.
     pub fn next_request(&mut self, lane: Lane) -> Option<LocalRequest> {
         if lane == Lane::Order {
             return self.asks.next_order();
@@ -353,8 +366,12 @@ impl Menu {
                 // Its number stands in the head.
                 looks.extend(self.run_info(run).is_none().then_some(Look::Runs));
             }
-            (Showing::Page, _, Some(Page::Port(_))) | (Showing::Tab, Tab::Ports, _) => looks.push(Look::Live),
-            (Showing::Page, _, Some(Page::Mission(_))) => looks.extend([Look::Missions, Look::Settings]),
+            (Showing::Page, _, Some(Page::Port(_))) | (Showing::Tab, Tab::Ports, _) => {
+                looks.push(Look::Live)
+            }
+            (Showing::Page, _, Some(Page::Mission(_))) => {
+                looks.extend([Look::Missions, Look::Settings])
+            }
             (Showing::Tab, Tab::Missions, _) => looks.push(Look::Missions),
             (Showing::Page, _, Some(Page::Pairing)) => looks.push(Look::Pairing),
             (Showing::Tab, Tab::Runs, _) => looks.push(Look::Runs),
@@ -379,9 +396,12 @@ impl Menu {
     /// The run whose map is on the screen.
     fn mapped_run(&self) -> Option<RunId> {
         match (self.showing(), &self.page) {
-            (Showing::Running, _) => {
-                self.seen.status.as_ref().and_then(|status| status.run.as_ref()).map(|run| run.run.clone())
-            }
+            (Showing::Running, _) => self
+                .seen
+                .status
+                .as_ref()
+                .and_then(|status| status.run.as_ref())
+                .map(|run| run.run.clone()),
             (_, Some(Page::Map(run))) => Some(run.clone()),
             _ => None,
         }

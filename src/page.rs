@@ -8,9 +8,10 @@
 //!
 //! # What we count on
 //!
-//! Whoever may open a port of this machine may look. Questions by another host name than this machine's are refused, so that a foreign
-//! page in the same browser cannot ask. What is posted must carry a header of ours (`OWN`), which
-//! a foreign page may not send without asking first, and it is refused when it asks.
+//! Whoever may open a port of this machine may look. Questions by another host name than this
+//! machine's are refused, so that a foreign page in the same browser cannot ask. What is posted
+//! must carry a header of ours (`OWN`), which a foreign page may not send without asking first, and
+//! it is refused when it asks.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -104,9 +105,12 @@ impl LocalPage {
         take: impl Fn(&str, &str) -> Shown + Send + 'static,
     ) -> Result<Self, PageError> {
         let failed = |message: String| PageError::Bind { port, message };
-        let server = Server::http((Ipv4Addr::LOCALHOST, port)).map_err(|error| failed(error.to_string()))?;
-        let address =
-            server.server_addr().to_ip().ok_or_else(|| failed("no address was given".to_owned()))?;
+        let server =
+            Server::http((Ipv4Addr::LOCALHOST, port)).map_err(|error| failed(error.to_string()))?;
+        let address = server
+            .server_addr()
+            .to_ip()
+            .ok_or_else(|| failed("no address was given".to_owned()))?;
         let server = Arc::new(Unshown(server));
         let served = Arc::clone(&server);
         let serve = move || {
@@ -134,14 +138,20 @@ impl Drop for LocalPage {
     }
 }
 
-fn answer(mut request: Request, show: &impl Fn(&str, &str) -> Shown, take: &impl Fn(&str, &str) -> Shown) {
+fn answer(
+    mut request: Request,
+    show: &impl Fn(&str, &str) -> Shown,
+    take: &impl Fn(&str, &str) -> Shown,
+) {
     let url = request.url().to_owned();
     let (path, query) = url.split_once('?').unwrap_or((&url, ""));
     let is_own = request.headers().iter().any(|header| header.field.equiv(OWN));
     let shown = match request.method() {
         _ if !is_ours(&request) => None,
         Method::Get => Some(show(path, query)),
-        Method::Post if is_own => Some(posted(&mut request).map_or(Shown::Failed, |text| take(path, &text))),
+        Method::Post if is_own => {
+            Some(posted(&mut request).map_or(Shown::Failed, |text| take(path, &text)))
+        }
         _ => Some(Shown::Fixed),
     };
     let plain = |body: &str, status: u16| text("text/plain", body).with_status_code(status);
@@ -183,8 +193,11 @@ fn is_ours(request: &Request) -> bool {
 }
 
 fn text(kind: &str, body: &str) -> Response<io::Cursor<Vec<u8>>> {
-    let headers =
-        [("Content-Type", kind), ("Cache-Control", "no-store"), ("X-Content-Type-Options", "nosniff")];
+    let headers = [
+        ("Content-Type", kind),
+        ("Cache-Control", "no-store"),
+        ("X-Content-Type-Options", "nosniff"),
+    ];
     let headers = headers.iter().filter_map(|(name, value)| Header::from_bytes(*name, *value).ok());
     headers.fold(Response::from_string(body), Response::with_header)
 }

@@ -43,8 +43,9 @@ pub const LONGEST_LINES: usize = 20_000;
 /// It changes nothing in a text that has passed already, as long as `most` is not smaller.
 #[must_use]
 pub fn shown(text: &str, layout: Layout, most: usize) -> Cow<'_, str> {
-    let stays =
-        |letter: char| is_printable(letter) || layout == Layout::Lines && matches!(letter, '\n' | '\t');
+    let stays = |letter: char| {
+        is_printable(letter) || layout == Layout::Lines && matches!(letter, '\n' | '\t')
+    };
     let is_short = text.len() <= most || text.char_indices().nth(most).is_none();
     if is_short && text.chars().all(stays) {
         return Cow::Borrowed(text);

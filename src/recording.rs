@@ -55,8 +55,8 @@
 //! `file`. So a run that is cut or killed loses at most the second that was open, and a flipped bit
 //! costs one chunk: reading hands on only what a checksum vouches for ([`Integrity`]). MCAP has
 //! none for records of names and values; ours carry one among their values (`crc32`). At the end
-//! follows the summary that other programs seek by. Of a file that was cut, [`walk()`] finds all that
-//! is whole, and `onbrick repair` makes a file with a summary.
+//! follows the summary that other programs seek by. Of a file that was cut, [`walk()`] finds all
+//! that is whole, and `onbrick repair` makes a file with a summary.
 //!
 //! # Costs
 //!

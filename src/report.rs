@@ -1,12 +1,14 @@
 //! Pictures and exports of finished runs.
 //!
-//! A [`Scene`] is what there is to see of one or several runs: each robot's path and points, and the walls where they are
-//! known. [`plot`] draws it as SVG, PNG, or as one HTML page with pan, zoom and a time slider; [`export`] writes it for
-//! spreadsheets, point-cloud tools, Nav2 and ROS viewers.
+//! A [`Scene`] is what there is to see of one or several runs: each robot's path and points, and
+//! the walls where they are known. [`plot`] draws it as SVG, PNG, or as one HTML page with pan,
+//! zoom and a time slider; [`export`] writes it for spreadsheets, point-cloud tools, Nav2 and ROS
+//! viewers.
 //!
 //! # Not here
 //!
-//! No reading of worlds: whoever calls knows how a world becomes outlines. No files: everything is made as text or bytes.
+//! No reading of worlds: whoever calls knows how a world becomes outlines. No files: everything is
+//! made as text or bytes.
 //!
 //! # What we count on
 //!
@@ -28,7 +30,8 @@ pub struct Scene {
     pub title: String,
     /// Each run's path and points.
     pub tracks: Vec<Track>,
-    /// Walls and obstacles as lines through points in metres; one that ends where it began is a closed shape.
+    /// Walls and obstacles as lines through points in metres; one that ends where it began is a
+    /// closed shape.
     pub outlines: Vec<Vec<[f64; 2]>>,
 }
 
@@ -94,7 +97,9 @@ impl Track {
         let name = run.info.as_ref().map(|info| info.brick.clone()).filter(|name| !name.is_empty());
         Self {
             name: name.unwrap_or_else(|| printable::line(fallback).into_owned()),
-            path: path.filter(|p| [p.x_m, p.y_m, p.heading_rad].iter().all(|v| v.is_finite())).collect(),
+            path: path
+                .filter(|p| [p.x_m, p.y_m, p.heading_rad].iter().all(|v| v.is_finite()))
+                .collect(),
             points: points.filter(|p| p.x_m.is_finite() && p.y_m.is_finite()).collect(),
             warnings: run.warnings.clone(),
         }
@@ -112,16 +117,23 @@ impl Scene {
     /// The least rectangle around everything; a metre around the origin where there is nothing.
     fn bounds(&self) -> Bounds {
         let paths = self.tracks.iter().flat_map(|track| track.path.iter().map(|p| [p.x_m, p.y_m]));
-        let points = self.tracks.iter().flat_map(|track| track.points.iter().map(|p| [p.x_m, p.y_m]));
+        let points =
+            self.tracks.iter().flat_map(|track| track.points.iter().map(|p| [p.x_m, p.y_m]));
         let walls = self.outlines.iter().flatten().copied();
         let mut bounds = Bounds { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
-        for place in paths.chain(points).chain(walls).filter(|place| place.iter().all(|v| v.is_finite())) {
+        for place in
+            paths.chain(points).chain(walls).filter(|place| place.iter().all(|v| v.is_finite()))
+        {
             for (axis, value) in place.into_iter().enumerate() {
                 bounds.low[axis] = bounds.low[axis].min(value);
                 bounds.high[axis] = bounds.high[axis].max(value);
             }
         }
-        if bounds.low[0] > bounds.high[0] { Bounds { low: [-0.5; 2], high: [0.5; 2] } } else { bounds }
+        if bounds.low[0] > bounds.high[0] {
+            Bounds { low: [-0.5; 2], high: [0.5; 2] }
+        } else {
+            bounds
+        }
     }
 
     /// Seconds from the start to the last thing that happened.
@@ -172,7 +184,8 @@ fn is_single(scene: &Scene) -> bool {
 fn thinned(path: &[PathPoint], least_m: f64) -> Vec<PathPoint> {
     let mut kept: Vec<PathPoint> = Vec::new();
     for point in path {
-        let far = |last: &PathPoint| libm::hypot(point.x_m - last.x_m, point.y_m - last.y_m) >= least_m;
+        let far =
+            |last: &PathPoint| libm::hypot(point.x_m - last.x_m, point.y_m - last.y_m) >= least_m;
         if kept.last().is_none_or(far) {
             kept.push(*point);
         }

@@ -1,11 +1,14 @@
-//! A robot: which port is the left wheel, the head, the range sensor; what it senses and does, in SI units.
+//! A robot: which port is the left wheel, the head, the range sensor; what it senses and does, in
+//! SI units.
 //!
-//! [`RobotConfig`] is `robot.toml`. [`Robot::bind`] finds a device for each role, puts sensors into the modes that the mission needs
-//! and takes the motors over. Then, tick by tick, [`Robot::sense`] reads each attribute with one system call into [`Senses`], and
-//! [`Robot::act`] turns demands into leases ([`LeasedMotor`]): motions that the kernel itself ends unless they are renewed.
+//! [`RobotConfig`] is `robot.toml`. [`Robot::bind`] finds a device for each role, puts sensors into
+//! the modes that the mission needs and takes the motors over. Then, tick by tick, [`Robot::sense`]
+//! reads each attribute with one system call into [`Senses`], and [`Robot::act`] turns demands into
+//! leases ([`LeasedMotor`]): motions that the kernel itself ends unless they are renewed.
 //!
-//! This is where the robot's own conventions end: gears and inverted motors are undone here, counts become radians at the
-//! axle, and the gyro sensor's clockwise reading is turned round. Above, everything is x ahead, y left, anticlockwise positive.
+//! This is where the robot's own conventions end: gears and inverted motors are undone here, counts
+//! become radians at the axle, and the gyro sensor's clockwise reading is turned round. Above,
+//! everything is x ahead, y left, anticlockwise positive.
 //!
 //! # Not here
 //!
@@ -13,14 +16,17 @@
 //!
 //! # What we count on
 //!
-//! - A reading that fails leaves the last one with its age; [`Robot::trouble`] tells the last error.
+//! - A reading that fails leaves the last one with its age; [`Robot::trouble`] tells the last
+//!   error.
 //! - Dropping a robot stops its motors, on every way out that unwinds.
 
 use std::io;
 
 use crate::behavior::{Demands, Drive, Led};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::ev3dev::{Battery, Button, Buttons, DeviceError, LightColour, Sound, StatusLights, StopAction};
+use crate::ev3dev::{
+    Battery, Button, Buttons, DeviceError, LightColour, Sound, StatusLights, StopAction,
+};
 use crate::senses::{Channel, Role, Senses};
 
 mod battery;
@@ -42,10 +48,12 @@ pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
 pub use sensor::RoleSensor;
 
-/// How near the head must come to what is asked of it, radians: half a degree, less than the gears' play.
+/// How near the head must come to what is asked of it, radians: half a degree, less than the gears'
+/// play.
 const HEAD_NEAR_RAD: f64 = 0.0087;
 
-/// How fast the head turns for each radian that is missing, per second: it slows down on the last stretch instead of swinging over.
+/// How fast the head turns for each radian that is missing, per second: it slows down on the last
+/// stretch instead of swinging over.
 const HEAD_GAIN_PER_S: f64 = 10.0;
 
 /// A robot whose roles are bound to devices.
@@ -67,7 +75,8 @@ pub struct Robot {
     led: Option<Led>,
     tone_hz: Option<i32>,
     head_rad: Option<f64>,
-    /// What the gyro's reading is counted from; not known between plugging it in again and its first reading.
+    /// What the gyro's reading is counted from; not known between plugging it in again and its
+    /// first reading.
     gyro_zero_rad: Option<f64>,
     trouble: Option<(Channel, DeviceError)>,
     refused: Option<DeviceError>,
@@ -130,8 +139,9 @@ impl Robot {
         self.buttons.as_ref().map(|_| ())
     }
 
-    /// From now on devices that were unplugged are looked for by a thread of their own, as a run in real time needs it: what that takes
-    /// is not on the tick's path. Until then [`Robot::sense`] does it.
+    /// From now on devices that were unplugged are looked for by a thread of their own, as a run in
+    /// real time needs it: what that takes is not on the tick's path. Until then [`Robot::sense`]
+    /// does it.
     ///
     /// # Errors
     ///
@@ -140,11 +150,12 @@ impl Robot {
         self.mender.move_to_helper()
     }
 
-    /// Reads everything once, one system call an attribute, and notes it in `senses`, whose tick and time the caller has set. True if
-    /// Enter or Back was pressed.
+    /// Reads everything once, one system call an attribute, and notes it in `senses`, whose tick
+    /// and time the caller has set. True if Enter or Back was pressed.
     ///
-    /// What cannot be read keeps its last reading. The battery is read about once a second. A device that was plugged in again
-    /// goes on from its last reading: its own count has begun anew.
+    /// What cannot be read keeps its last reading. The battery is read about once a second. A
+    /// device that was plugged in again goes on from its last reading: its own count has begun
+    /// anew.
     pub fn sense(&mut self, senses: &mut Senses) -> bool {
         while let Some(mended) = self.mender.next(senses.time_ns) {
             let old = self.put_back(mended, senses);
@@ -167,14 +178,15 @@ impl Robot {
         self.read_buttons(senses)
     }
 
-    /// The motor that another program has commanded or reset, if one has; it is left alone from then on.
+    /// The motor that another program has commanded or reset, if one has; it is left alone from
+    /// then on.
     #[must_use]
     pub fn outside(&self) -> Option<Channel> {
         self.outside
     }
 
-    /// As [`Robot::outside`], after a close look at everything: for a tick in which something else went wrong with a motor, which may be
-    /// another program's doing.
+    /// As [`Robot::outside`], after a close look at everything: for a tick in which something else
+    /// went wrong with a motor, which may be another program's doing.
     pub fn look_closely(&mut self, now_ns: i64) -> Option<Channel> {
         for channel in MOTORS {
             let taken = self.motor_mut(channel).is_some_and(|motor| motor.look_closely(now_ns));
@@ -183,8 +195,9 @@ impl Robot {
         self.outside
     }
 
-    /// Looks at one aspect of one motor a tick, each in its turn, and at the same one again where it raised a doubt. A motor under a lease
-    /// is besides looked at closely when that is renewed, so this is for those that stand.
+    /// Looks at one aspect of one motor a tick, each in its turn, and at the same one again where
+    /// it raised a doubt. A motor under a lease is besides looked at closely when that is renewed,
+    /// so this is for those that stand.
     fn look_for_others(&mut self, now_ns: i64) {
         let Some((channel, aspect)) = self.looks.get(self.look).copied() else { return };
         let Some(motor) = self.motor_mut(channel) else { return };
@@ -204,9 +217,13 @@ impl Robot {
         }
     }
 
-    /// Reads a sensor. What it turned while it was unplugged the gyro does not know: it goes on from its last
-    /// reading.
-    fn read_sensor(&mut self, at: usize, senses: &mut Senses) -> (Channel, Result<(), DeviceError>) {
+    /// Reads a sensor. What it turned while it was unplugged the gyro does not know: it goes on
+    /// from its last reading.
+    fn read_sensor(
+        &mut self,
+        at: usize,
+        senses: &mut Senses,
+    ) -> (Channel, Result<(), DeviceError>) {
         let (sensor, zero_rad) = (&self.sensors[at], &mut self.gyro_zero_rad);
         let read = sensor.read(|channel, value| {
             let value = if channel == Channel::Gyro {
@@ -221,7 +238,8 @@ impl Robot {
     }
 
     fn read_battery(&mut self, senses: &mut Senses) {
-        let Some(battery) = self.battery.as_ref().filter(|_| senses.time_ns >= self.battery_due_ns) else {
+        let Some(battery) = self.battery.as_ref().filter(|_| senses.time_ns >= self.battery_due_ns)
+        else {
             return;
         };
         self.battery_due_ns = senses.time_ns + SECOND_NS;
@@ -262,7 +280,9 @@ impl Robot {
                 if mended.replugged && new.role() == Role::Gyro {
                     self.gyro_zero_rad = None;
                 }
-                if let Some(place) = self.sensors.iter_mut().find(|sensor| sensor.role() == new.role()) {
+                if let Some(place) =
+                    self.sensors.iter_mut().find(|sensor| sensor.role() == new.role())
+                {
                     std::mem::swap(place, new);
                 }
             }
@@ -299,8 +319,10 @@ impl Robot {
     /// Stops every motor now; true if each of them took the command.
     pub fn stop(&mut self, action: StopAction) -> bool {
         let mut stopped = true;
-        for motor in
-            [&mut self.left, &mut self.right].into_iter().chain(&mut self.head).chain(&mut self.motors)
+        for motor in [&mut self.left, &mut self.right]
+            .into_iter()
+            .chain(&mut self.head)
+            .chain(&mut self.motors)
         {
             if let Err(error) = motor.stop(action) {
                 stopped = false;
@@ -343,8 +365,8 @@ impl Robot {
         self.battery_due_ns = 0;
     }
 
-    /// Notes the buttons that the mission asks for; true if Enter or Back went down since the last look, or is held
-    /// down.
+    /// Notes the buttons that the mission asks for; true if Enter or Back went down since the last
+    /// look, or is held down.
     fn read_buttons(&mut self, senses: &mut Senses) -> bool {
         let Ok(buttons) = &mut self.buttons else { return false };
         let Ok(changes) = buttons.changes() else { return false };
@@ -359,7 +381,8 @@ impl Robot {
 
     /// The speed that takes the head to an angle within its limits, radians per second.
     fn head_speed(&self, wanted_rad: Option<f64>) -> f64 {
-        let (Some(role), Some(wanted_rad), Some(head_rad)) = (&self.config.head, wanted_rad, self.head_rad)
+        let (Some(role), Some(wanted_rad), Some(head_rad)) =
+            (&self.config.head, wanted_rad, self.head_rad)
         else {
             return 0.0;
         };

@@ -1,8 +1,10 @@
-//! A run: one execution of a mission, from the checks before anything moves to the recording that is left.
+//! A run: one execution of a mission, from the checks before anything moves to the recording that
+//! is left.
 //!
 //! [`execute()`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
-//! robot stands still and is in order (`prepare`), ticks (`control`), and leaves every motor stopped whichever way the run ends. The
-//! tick's thinking is the [`Pilot`]'s, which [`replay()`] drives with recorded senses.
+//! robot stands still and is in order (`prepare`), ticks (`control`), and leaves every motor
+//! stopped whichever way the run ends. The tick's thinking is the [`Pilot`]'s, which [`replay()`]
+//! drives with recorded senses.
 //!
 //! ```text
 //! prepare ─▶ control: robot ─▶ pilot ─▶ robot        every tick
@@ -12,7 +14,8 @@
 //!
 //! # Not here
 //!
-//! No network: what runs on the tick's path knows no sockets. No pictures: they are made of finished runs (`report`).
+//! No network: what runs on the tick's path knows no sockets. No pictures: they are made of
+//! finished runs (`report`).
 
 use std::path::PathBuf;
 
@@ -77,10 +80,11 @@ pub struct Job {
     pub set: Vec<(String, f64)>,
     /// Where the recording goes.
     pub file: PathBuf,
-    /// How often the recording is brought to the disk, nanoseconds: at most what came since is lost in a power cut.
+    /// How often the recording is brought to the disk, nanoseconds: at most what came since is lost
+    /// in a power cut.
     pub sync_ns: i64,
-    /// What the stamps of a run in simulated time count from, nanoseconds since 1970: 0 where the same
-    /// run has to give the same bytes. In real time it is the wall clock's time at the start.
+    /// What the stamps of a run in simulated time count from, nanoseconds since 1970: 0 where the
+    /// same run has to give the same bytes. In real time it is the wall clock's time at the start.
     #[serde(default)]
     pub stamps_ns: i64,
     /// The run's identifier, where whoever started it chose one; it goes into the recording.

@@ -1,10 +1,11 @@
-//! What a robot senses: one table, from the number that a driver gives to the name that missions use.
+//! What a robot senses: one table, from the number that a driver gives to the name that missions
+//! use.
 //!
 //! A row of [`QUANTITIES`] says everything about one sensed quantity: its [`Channel`], its name in
-//! conditions, its unit and legal domain, the part of the robot that it takes, and from which mode of
-//! which driver it comes. Binding sensors, the vocabulary of conditions, the checks of a mission,
-//! `onbrick setup` and `onbrick doctor`, replay with another robot and the recording's description of its
-//! channels all iterate over this table and over [`Role::SENSORS`].
+//! conditions, its unit and legal domain, the part of the robot that it takes, and from which mode
+//! of which driver it comes. Binding sensors, the vocabulary of conditions, the checks of a
+//! mission, `onbrick setup` and `onbrick doctor`, replay with another robot and the recording's
+//! description of its channels all iterate over this table and over [`Role::SENSORS`].
 //!
 //! # A new quantity of a known sensor
 //!
@@ -119,8 +120,8 @@ pub struct Nothing {
     pub value: usize,
     /// By which number.
     pub number: i32,
-    /// What the quantity is then: infinite for a distance, NaN for what is unknown, so that no condition
-    /// on it holds.
+    /// What the quantity is then: infinite for a distance, NaN for what is unknown, so that no
+    /// condition on it holds.
     pub means: f64,
 }
 
@@ -141,7 +142,9 @@ impl Source {
     #[must_use]
     pub fn value_of(&self, number: i32) -> f64 {
         match self.nothing {
-            Some(nothing) if nothing.value == self.value && nothing.number == number => nothing.means,
+            Some(nothing) if nothing.value == self.value && nothing.number == number => {
+                nothing.means
+            }
             _ => f64::from(number) * self.scale,
         }
     }
@@ -178,7 +181,8 @@ pub enum Role {
 
 impl Role {
     /// The parts that are sensors.
-    pub const SENSORS: [Self; 5] = [Self::Range, Self::Gyro, Self::Touch, Self::Colour, Self::Remote];
+    pub const SENSORS: [Self; 5] =
+        [Self::Range, Self::Gyro, Self::Touch, Self::Colour, Self::Remote];
 
     /// Its section in the robot's file.
     #[must_use]
@@ -231,8 +235,11 @@ impl Role {
     /// The first mode of a driver that gives all of `channels` that are this part's.
     #[must_use]
     pub fn mode(self, driver: Driver, channels: &[Channel]) -> Option<&'static str> {
-        let wanted =
-            || self.quantities().filter(|quantity| channels.contains(&quantity.channel)).map(|q| q.channel);
+        let wanted = || {
+            self.quantities()
+                .filter(|quantity| channels.contains(&quantity.channel))
+                .map(|q| q.channel)
+        };
         let modes = self.quantities().flat_map(|quantity| quantity.sources);
         let mut modes = modes.filter(|source| source.driver == driver).map(|source| source.mode);
         modes.find(|mode| wanted().all(|channel| channel.source(driver, mode).is_some()))
@@ -332,8 +339,8 @@ quantities! {
     Touch: "touch", "touch sensor", Truth, TRUTH, Role::Touch, [
         Source::new(Driver::Touch, TouchMode::Touch.as_str(), (0, 1), 1.0),
     ];
-    /// Number of the colour that the colour sensor sees: 0 none, 1 black, 2 blue, 3 green, 4 yellow,
-    /// 5 red, 6 white, 7 brown.
+    /// Number of the colour that the colour sensor sees: 0 none, 1 black, 2 blue, 3 green, 4
+    /// yellow, 5 red, 6 white, 7 brown.
     Colour: "colour", "colour sensor", Number, (0.0, 7.0), Role::Colour, [colour(ColourMode::Colour, 7, 1.0)];
     /// Reflected red light.
     Reflect: "reflect_pct", "colour sensor", Percent, PERCENT, Role::Colour, [
@@ -419,8 +426,8 @@ impl fmt::Display for Channel {
     }
 }
 
-/// A value that was read, with what is known of its age: a sensor has no sequence number, so a value that did not change may be
-/// new or old.
+/// A value that was read, with what is known of its age: a sensor has no sequence number, so a
+/// value that did not change may be new or old.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// The value, in its channel's unit.
@@ -431,8 +438,8 @@ pub struct Reading {
     pub changed_ns: i64,
 }
 
-/// One tick's readings. A channel that the robot does not have, or that was never read, is `None`; one that cannot be read any
-/// more keeps its last reading, whose `read_ns` then stands still.
+/// One tick's readings. A channel that the robot does not have, or that was never read, is `None`;
+/// one that cannot be read any more keeps its last reading, whose `read_ns` then stands still.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Senses {
     /// The tick's number, from 0.
@@ -481,12 +488,17 @@ mod tests {
             assert!(row.name.is_empty() || namesakes == 1, "{} stands there twice", row.name);
         }
         // The numbers of recordings.
-        assert_eq!([Channel::Left as u8, Channel::Battery as u8, Channel::Motor3 as u8], [0, 9, 13]);
+        assert_eq!(
+            [Channel::Left as u8, Channel::Battery as u8, Channel::Motor3 as u8],
+            [0, 9, 13]
+        );
     }
 
     #[test]
     fn a_sensor_has_its_preferred_mode_first_and_one_that_gives_all_that_is_asked() {
-        use Channel::{Ambient, BeaconDistance, BeaconHeading, Blue, Colour, Gyro, GyroRate, Red, Remote};
+        use Channel::{
+            Ambient, BeaconDistance, BeaconHeading, Blue, Colour, Gyro, GyroRate, Red, Remote,
+        };
         for (role, driver, channels, mode) in [
             (Role::Colour, Driver::Colour, &[][..], Some("COL-COLOR")),
             (Role::Colour, Driver::Colour, &[Gyro, Ambient], Some("COL-AMBIENT")),
@@ -502,9 +514,14 @@ mod tests {
             assert_eq!(role.mode(driver, channels), mode, "{role:?} {channels:?}");
         }
         assert!(
-            Gyro.goes_with(GyroRate) && Colour.goes_with(Remote) && Channel::Left.goes_with(Channel::Right)
+            Gyro.goes_with(GyroRate)
+                && Colour.goes_with(Remote)
+                && Channel::Left.goes_with(Channel::Right)
         );
         assert!(!Colour.goes_with(Red) && !BeaconHeading.goes_with(Remote));
-        assert_eq!(Role::Range.drivers().collect::<Vec<_>>(), [Driver::Ultrasonic, Driver::Infrared]);
+        assert_eq!(
+            Role::Range.drivers().collect::<Vec<_>>(),
+            [Driver::Ultrasonic, Driver::Infrared]
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! What a brick does between and around runs: the state, the runs on disk, the operations that both doors offer.
+//! What a brick does between and around runs: the state, the runs on disk, the operations that both
+//! doors offer.
 //!
 //! ```text
 //!  network ── link ──┐                                   ┌── run.mcap, run.json ── store
@@ -7,11 +8,13 @@
 //!                             └── starts, follows, stops ──▶ the run's own processes (runtime)
 //! ```
 //!
-//! People reach a brick through two doors: the network (`link`) and a Unix socket on the brick itself ([`door`]: the menu, `onbrick run`).
-//! Both carry the same JSON ([`protocol`]) to the same [`Operations`](protocol::Operations), so that menu, link and log always tell the same story.
+//! People reach a brick through two doors: the network (`link`) and a Unix socket on the brick
+//! itself ([`door`]: the menu, `onbrick run`). Both carry the same JSON ([`protocol`]) to the same
+//! [`Operations`](protocol::Operations), so that menu, link and log always tell the same story.
 //!
-//! [`Service`] is that one story: a pure state machine ([`Machine`]), the runs on disk (`store`), and a thread for each run that goes on. A run is
-//! processes of its own; the service dying costs it nothing, and a service that starts anew finds it by the lock on its recording.
+//! [`Service`] is that one story: a pure state machine ([`Machine`]), the runs on disk (`store`),
+//! and a thread for each run that goes on. A run is processes of its own; the service dying costs
+//! it nothing, and a service that starts anew finds it by the lock on its recording.
 //!
 //! # Not here
 //!

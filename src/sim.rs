@@ -1,15 +1,17 @@
 //! The simulated brick: ev3dev's drivers over simulated motors and sensors.
 //!
-//! A [`Simulation`] owns a world ([`Physics`]) and, for each robot in it, the state of its drivers. A [`SimBrick`] is the door into one
-//! robot's files for programs in this process; it is a [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
+//! A [`Simulation`] owns a world ([`Physics`]) and, for each robot in it, the state of its drivers.
+//! A [`SimBrick`] is the door into one robot's files for programs in this process; it is a
+//! [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 //!
-//! `driver` says what a device answers, `brick` which devices there are, `simulation` when time passes, `door` how a program gets in,
-//! `mount` how one gets in that knows nothing of us, `fault` what goes wrong on purpose, `view` what a person sees, `page` in a browser.
+//! `driver` says what a device answers, `brick` which devices there are, `simulation` when time
+//! passes, `door` how a program gets in, `mount` how one gets in that knows nothing of us, `fault`
+//! what goes wrong on purpose, `view` what a person sees, `page` in a browser.
 //!
 //! # Not here
 //!
-//! NXT and I²C sensors, `raw` ports, the screen's grey levels, sampled sound. A sensor's values are integers of whole frames; nothing is known of the
-//! electrical side of a port.
+//! NXT and I²C sensors, `raw` ports, the screen's grey levels, sampled sound. A sensor's values are
+//! integers of whole frames; nothing is known of the electrical side of a port.
 
 mod body;
 mod brick;
@@ -35,7 +37,9 @@ pub use driver::input::{Button, EventLayout};
 pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
-pub use fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario};
+pub use fault::{
+    Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario,
+};
 pub use motor::{Motor, MotorConstants};
 pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
 #[cfg(feature = "host")]

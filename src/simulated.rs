@@ -9,7 +9,9 @@ use std::sync::Arc;
 use crate::clock::{Clock, MonotonicClock, VirtualClock};
 use crate::mapping::Pose;
 use crate::recording::{Pace, STALL_NS};
-use crate::runtime::{Brick, Ended, Environment, Heartbeat, Job, Refused, Source, StopFlags, Truth, execute};
+use crate::runtime::{
+    Brick, Ended, Environment, Heartbeat, Job, Refused, Source, StopFlags, Truth, execute,
+};
 use crate::sim::{Observer, Simulation, World, WorldPhysics};
 
 /// A simulated brick at the beginning of its time, and what sees how things truly are.
@@ -124,7 +126,8 @@ mod tests {
 
     /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
     fn lost_ns(realtime: bool, pause_ns: i64) -> i64 {
-        let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+        let source =
+            |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
         let world = source("arena", World::text("arena").unwrap());
         let job = Job {
             mission: source("mission.toml", ""),

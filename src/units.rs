@@ -1,8 +1,8 @@
 //! Quantities: newtypes for numbers with a legal range, and angles.
 //!
-//! Inside the program a quantity is an `f64` in metres, seconds or radians, and its name says so (`range_m`,
-//! `heading_rad`). A newtype stands where a number has a legal range or where two kinds of number would be
-//! mixed up: at the border to the kernel's files.
+//! Inside the program a quantity is an `f64` in metres, seconds or radians, and its name says so
+//! (`range_m`, `heading_rad`). A newtype stands where a number has a legal range or where two kinds
+//! of number would be mixed up: at the border to the kernel's files.
 
 use std::f64::consts::PI;
 

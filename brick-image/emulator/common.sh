@@ -36,8 +36,8 @@ install_packages() {
   locked packages install_now "$@"
 }
 
-# Another program may hold apt's locks for a while, as unattended upgrades do: it is waited for, ten minutes at most. apt waits by
-# itself for the lock of dpkg alone, not for that of the lists.
+# Another program may hold apt's locks for a while, as unattended upgrades do: it is waited for, ten
+# minutes at most. apt waits by itself for the lock of dpkg alone, not for that of the lists.
 install_now() {
   local said end=$((SECONDS + 600)) apt_get=(env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600)
   until said=$(as_root "${apt_get[@]}" update -qq 2>&1); do
@@ -62,13 +62,15 @@ locked() {
   ) 9>"$cache/$name.lock"
 }
 
-# arm_cargo ARGUMENTS…: cargo for the brick's processor, with whichever compiler is there (build.sh installs one).
+# arm_cargo ARGUMENTS…: cargo for the brick's processor, with whichever compiler is there (build.sh
+# installs one).
 arm_cargo() {
   local target=armv5te-unknown-linux-gnueabi
   if [ -d "$(rustc --print target-libdir --target $target 2>/dev/null)" ]; then
     cargo "$@" --config "$checkout/cross.toml"
   elif [ -d /usr/lib/rustlib/src/rust/library ]; then
-    # Debian's, which builds the standard library as well. The PATH keeps rustup's programs out of the way.
+    # Debian's, which builds the standard library as well. The PATH keeps rustup's programs out of
+    # the way.
     RUSTC_BOOTSTRAP=1 PATH=/usr/bin:/bin cargo "$@" --config "$checkout/cross.toml"
   else
     fail "there is no Rust compiler for the brick's processor" "brick-image/build.sh, which installs one"

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Builds the emulated brick's kernel, once, and prints the folder that holds zImage and versatile-pb.dtb.
+# Builds the emulated brick's kernel, once, and prints the folder that holds zImage and
+# versatile-pb.dtb.
 #
-# It is kept in the user's cache folder under a hash of its configuration and of this script, so that a changed configuration builds anew
-# and an unchanged one never does.
+# It is kept in the user's cache folder under a hash of its configuration and of this script, so
+# that a changed configuration builds anew and an unchanged one never does.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -27,7 +28,8 @@ source_archive() {
   echo "$found"
 }
 
-# Every line of our configuration must have been taken: Kconfig drops in silence what it does not know or cannot have.
+# Every line of our configuration must have been taken: Kconfig drops in silence what it does not
+# know or cannot have.
 check_configuration() {
   local line missing=0
   while read -r line; do

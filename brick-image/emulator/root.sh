@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
-# Makes a Debian armel root like that of an ev3dev image, once, and prints the archive it is kept in (as root; for tests).
+# Makes a Debian armel root like that of an ev3dev image, once, and prints the archive it is kept in
+# (as root; for tests).
 #
-# It is of today's Debian, because that of 2017 is gone from the mirrors; users, groups and files are as on ev3dev's images: the user
-# robot with its well-known password, the group ev3dev, /etc/ev3dev-release, ssh and sudo.
+# It is of today's Debian, because that of 2017 is gone from the mirrors; users, groups and files
+# are as on ev3dev's images: the user robot with its well-known password, the group ev3dev,
+# /etc/ev3dev-release, ssh and sudo.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -17,14 +19,15 @@ contents=systemd-sysv,udev,dbus,iproute2,openssh-server,sudo,procps
 key=$(sha256sum "${BASH_SOURCE[0]}" | cut -c1-16)
 archive=$cache/root-$key.tar.gz
 
-# Programs for the brick's processor run here by QEMU, which the kernel calls for them; a rule of our own, because Debian's does not let
-# programs change their user, and sudo must.
+# Programs for the brick's processor run here by QEMU, which the kernel calls for them; a rule of
+# our own, because Debian's does not let programs change their user, and sudo must.
 enable_emulation() {
   needs debootstrap=debootstrap qemu-arm-static=qemu-user-static
   local rules=/proc/sys/fs/binfmt_misc
   [ -e $rules/register ] || mount -t binfmt_misc binfmt_misc $rules
   [ ! -e $rules/onbrick-arm ] || return 0
-  # A 32-bit little-endian ELF file for ARM: magic, mask, and F (opened now, so that it works in other roots), O and C (as its own user).
+  # A 32-bit little-endian ELF file for ARM: magic, mask, and F (opened now, so that it works in
+  # other roots), O and C (as its own user).
   printf '%s' ':onbrick-arm:M::\x7fELF\x01\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00\x28\x00:\xff\xff\xff\xff\xff\xff\xff\x00\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff:/usr/bin/qemu-arm-static:OCF' >$rules/register
   say "from now on this kernel runs the brick's programs by QEMU, until it is started again; echo -1 >$rules/onbrick-arm ends it"
 }

@@ -1,9 +1,11 @@
 # shellcheck shell=dash
-# What every scenario has at hand: runs inside the emulated brick, under busybox's shell. $1 is the scenario, the rest its arguments.
+# What every scenario has at hand: runs inside the emulated brick, under busybox's shell. $1 is the
+# scenario, the rest its arguments.
 
 failures=0
 
-# figure NAME VALUE UNIT [COMPARISON BOUND]: prints a figure; one outside its bound fails the scenario at its end.
+# figure NAME VALUE UNIT [COMPARISON BOUND]: prints a figure; one outside its bound fails the
+# scenario at its end.
 figure() {
   if [ $# -le 3 ]; then
     echo "figure: $1: $2 $3"
@@ -46,8 +48,9 @@ wait_for() {
   done
 }
 
-# brick_up [WORLD]: the simulated brick below /tmp/brick. The room is a plain one: casting rays at the blocks of the world `arena` takes most
-# of this processor, which nobody who simulates a brick on a brick would be surprised at.
+# brick_up [WORLD]: the simulated brick below /tmp/brick. The room is a plain one: casting rays at
+# the blocks of the world `arena` takes most of this processor, which nobody who simulates a brick
+# on a brick would be surprised at.
 brick_up() {
   mkdir -p /tmp/brick
   # It stands for hardware, which answers at once whatever else the processor is asked to do.
@@ -86,7 +89,8 @@ service_down() {
 # linked: the service's link is open: somebody listens at port 5670.
 linked() { grep -q ':1626 00000000:0000 0A' /proc/net/tcp; }
 
-# drive_through MISSION: a run by the service, in the background; its events are in /tmp/events. Returns when it drives.
+# drive_through MISSION: a run by the service, in the background; its events are in /tmp/events.
+# Returns when it drives.
 drive_through() {
   (onbrick --json run "$1" --brick /tmp/brick --config /tmp/config 2>&1 && echo '{"exit":0}') >/tmp/events &
   driving=$!
@@ -103,7 +107,8 @@ mission() {
   echo "/tmp/$1.toml"
 }
 
-# drive MISSION [ROOT]: a run in the background; its events, each with the time at which it came, are in /tmp/events. Returns when it drives.
+# drive MISSION [ROOT]: a run in the background; its events, each with the time at which it came,
+# are in /tmp/events. Returns when it drives.
 drive() {
   rm -rf /tmp/run /tmp/events
   (onbrick --json run "$1" --brick "${2:-/tmp/brick}" --robot /etc/onbrick/robot.toml --out /tmp/run 2>&1 && echo '{"exit":0}') |
@@ -128,7 +133,8 @@ arrive() {
   fi
 }
 
-# process WORDS: the number of the process whose command line has these words in it. One may be gone before it is looked at.
+# process WORDS: the number of the process whose command line has these words in it. One may be gone
+# before it is looked at.
 process() {
   for folder in /proc/[0-9]*; do
     case $({ tr '\0' ' ' <"$folder/cmdline"; } 2>/dev/null || true) in

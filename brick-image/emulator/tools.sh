@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds what the emulated brick has beside the brick's own file, and prints its folder: onbrick-sim, which is onbrick with the simulated
-# brick, and brick-figures, which measures: one file under two names.
+# Builds what the emulated brick has beside the brick's own file, and prints its folder:
+# onbrick-sim, which is onbrick with the simulated brick, and brick-figures, which measures: one
+# file under two names.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

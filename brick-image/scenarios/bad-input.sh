@@ -1,6 +1,7 @@
 # shellcheck shell=dash
-# What goes wrong on a card: no room, read-only, a configuration of another version, a robot.toml that is none. Each says so and how to mend it,
-# ends with the exit code of a refusal or a failure, and leaves motors that are still. The date is 1970 here throughout.
+# What goes wrong on a card: no room, read-only, a configuration of another version, a robot.toml
+# that is none. Each says so and how to mend it, ends with the exit code of a refusal or a failure,
+# and leaves motors that are still. The date is 1970 here throughout.
 expect "the date is 1970" [ "$(date +%Y)" = 1970 ]
 brick_up
 still() {
@@ -32,8 +33,9 @@ wrong "a card that is read-only" "3" "read-only" $run --out /tmp/locked/run
 echo 'quta_mb = 5' >/tmp/config/onbrick.toml
 wrong "a configuration that this version does not know" "3" "quota_mb" onbrick serve --brick /tmp/brick --config /tmp/config
 
-# in_trouble NAME RUNS WORDS: a service that cannot record into RUNS goes on, so that its status can be asked for, and at rest; it says why on
-# its console, which on a brick is journal and console, and in its status; and it refuses a run with the same words.
+# in_trouble NAME RUNS WORDS: a service that cannot record into RUNS goes on, so that its status can
+# be asked for, and at rest; it says why on its console, which on a brick is journal and console,
+# and in its status; and it refuses a run with the same words.
 in_trouble() {
   service=
   service_up "$2"

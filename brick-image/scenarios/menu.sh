@@ -1,6 +1,7 @@
 # shellcheck shell=dash
-# The menu on a kernel's frame buffer, with keys from a kernel's input device and a console behind it: walked through as a person would, ended in
-# every way, and what it costs. `menu walk ends killed costs pairs` are its parts. What the screen showed is in /tmp/out, as pictures and as text.
+# The menu on a kernel's frame buffer, with keys from a kernel's input device and a console behind
+# it: walked through as a person would, ended in every way, and what it costs. `menu walk ends
+# killed costs pairs` are its parts. What the screen showed is in /tmp/out, as pictures and as text.
 [ $# -gt 0 ] || set -- walk ends killed costs pairs
 
 # The brick is the simulated one, but for buttons and screen, which are this kernel's.
@@ -35,7 +36,8 @@ serve_up() {
   wait_for 60 test -S /tmp/config/socket
 }
 
-# menu_up WORDS…: the menu on the console, in a process group of its own as under brickman; how long its first picture took is in /tmp/first.
+# menu_up WORDS…: the menu on the console, in a process group of its own as under brickman; how long
+# its first picture took is in /tmp/first.
 menu_up() {
   setsid probe frame /dev/fb0 onbrick menu --config /tmp/config --brick /tmp/root "$@" </dev/tty1 >/tmp/first 2>/tmp/menu.log || cat /tmp/menu.log
   menu=$(process "onbrick menu")
@@ -181,7 +183,8 @@ ends() {
   expect "what the buttons typed is in nobody's shell" [ ! -s /tmp/typed ]
 }
 
-# Back, as brickman takes it: SIGKILL for the whole process group, and the console put back by brickman's own server.
+# Back, as brickman takes it: SIGKILL for the whole process group, and the console put back by
+# brickman's own server.
 killed() {
   menu_up
   shows under-brickman "> bump"
@@ -215,9 +218,10 @@ costs() {
   done </tmp/menu-costs
 }
 
-# Ticks' lateness beside the menu that shows the map, and without it, in turns.
-# The robot stands again where it stood at first. How far it has driven until now depends on how long this took; and wheels that are blocked
-# by a wall cost the simulated brick so much that ticks are 12 ms late, with a menu or without.
+# Ticks' lateness beside the menu that shows the map, and without it, in turns. The robot stands
+# again where it stood at first. How far it has driven until now depends on how long this took; and
+# wheels that are blocked by a wall cost the simulated brick so much that ticks are 12 ms late, with
+# a menu or without.
 back_to_the_start() {
   kill -TERM "$serve"
   wait "$serve" || true

@@ -1,6 +1,6 @@
 # shellcheck shell=dash
-# ev3dev's kernel is 4.14: no system call from number 398 on. Missions, service, link and menu run where they do not exist.
-# pidfd_open came with 5.3, fstat64 is as old as ARM.
+# ev3dev's kernel is 4.14: no system call from number 398 on. Missions, service, link and menu run
+# where they do not exist. pidfd_open came with 5.3, fstat64 is as old as ARM.
 expect "this kernel has a call of a later one" probe call 434
 refuse "under the filter it has not" probe enosys 398 probe call 434
 expect "and has the older ones" probe enosys 398 probe call 197

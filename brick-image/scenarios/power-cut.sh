@@ -1,6 +1,7 @@
 # shellcheck shell=dash
-# One link of a chain of power cuts, which tests/image/power-cut.sh makes: looks at what the last cut left on the disk, then drives until the
-# next one. power-cut NUMBER LEAST: the last run must reach LEAST milliseconds; with `end` after it nothing is driven any more.
+# One link of a chain of power cuts, which tests/image/power-cut.sh makes: looks at what the last
+# cut left on the disk, then drives until the next one. power-cut NUMBER LEAST: the last run must
+# reach LEAST milliseconds; with `end` after it nothing is driven any more.
 number=$1
 least_ms=$2
 mount -t ext4 /dev/vda /mnt

@@ -1,6 +1,6 @@
 # shellcheck shell=dash
-# One typed reading from a kept file of the kernel's own sysfs, against a bare C loop of pread and atoi on the same file, and beside
-# it the same by crates.io's ev3dev-lang-rust.
+# One typed reading from a kept file of the kernel's own sysfs, against a bare C loop of pread and
+# atoi on the same file, and beside it the same by crates.io's ev3dev-lang-rust.
 brick_up
 # A motor whose position is a file of sysfs: everything else of it is copied from the simulated one.
 motor=/tmp/plain/sys/class/tacho-motor/motor0

@@ -1,7 +1,8 @@
 //! What a mission's machines want of the actuators in one tick.
 //!
-//! Speeds and angles are in radians and metres. What is `None` nobody wants: a motor without a demand is not to turn, and
-//! its lease is not renewed; a light and a line of text stay as they are; a tone ends.
+//! Speeds and angles are in radians and metres. What is `None` nobody wants: a motor without a
+//! demand is not to turn, and its lease is not renewed; a light and a line of text stay as they
+//! are; a tone ends.
 //!
 //! # Not here
 //!
@@ -12,11 +13,12 @@ use arrayvec::ArrayString;
 use super::MAX_MOTORS;
 use crate::ev3dev::StopAction;
 
-/// The longest line that `say` shows, in bytes: what fits across the brick's screen in its small font, with room
-/// for letters of two bytes.
+/// The longest line that `say` shows, in bytes: what fits across the brick's screen in its small
+/// font, with room for letters of two bytes.
 pub const SAY_BYTES: usize = 40;
 
-/// How long a tone sounds that is demanded in one tick, as on entry to a state; demanded in every tick it goes on.
+/// How long a tone sounds that is demanded in one tick, as on entry to a state; demanded in every
+/// tick it goes on.
 pub const TONE_S: f64 = 0.2;
 
 /// What the machines want in one tick.
@@ -26,7 +28,8 @@ pub struct Demands {
     pub drive: Option<Drive>,
     /// Where the head points, radians anticlockwise from straight ahead.
     pub head_rad: Option<f64>,
-    /// Speeds of the named motors at their axles, radians per second, in the order of the capabilities.
+    /// Speeds of the named motors at their axles, radians per second, in the order of the
+    /// capabilities.
     pub motors: [Option<f64>; MAX_MOTORS],
     /// The colour of the brick's lights.
     pub led: Option<Led>,

@@ -1,13 +1,16 @@
 //! The engine: machines of states over any input type, stepped with the time as an argument.
 //!
-//! A machine is a set of states, one of them active. A state has an action, perhaps an entry and an exit action, and an
-//! ordered list of transitions: a check and a destination. One step of a machine is
+//! A machine is a set of states, one of them active. A state has an action, perhaps an entry and an
+//! exit action, and an ordered list of transitions: a check and a destination. One step of a
+//! machine is
 //!
-//! 1. the first transition whose check holds is taken, at most one: exit action, then the new state's entry action;
+//! 1. the first transition whose check holds is taken, at most one: exit action, then the new
+//!    state's entry action;
 //! 2. the action of the state that is now active runs, with the same inputs.
 //!
-//! The start state is entered at the first step: its entry action runs then, its own action not before the first check.
-//! Machines of one engine run side by side, in the order in which they were added, on the same inputs.
+//! The start state is entered at the first step: its entry action runs then, its own action not
+//! before the first check. Machines of one engine run side by side, in the order in which they were
+//! added, on the same inputs.
 //!
 //! ```
 //! use std::time::Duration;
@@ -34,11 +37,13 @@
 //!
 //! # Not here
 //!
-//! No clock, no threads, no robot. Whatever a check reads or an action changes is in the input value.
+//! No clock, no threads, no robot. Whatever a check reads or an action changes is in the input
+//! value.
 //!
 //! # What we count on
 //!
-//! - A step allocates nothing (unless an action does) and costs one check for each transition of the active states.
+//! - A step allocates nothing (unless an action does) and costs one check for each transition of
+//!   the active states.
 //! - A time that runs backwards makes the time in a state negative, and timeouts wait.
 
 use std::collections::BTreeMap;
@@ -103,7 +108,8 @@ pub enum EngineError {
         /// The name.
         state: String,
     },
-    /// There are more machines, states of one machine or transitions of one state than a `u16` counts.
+    /// There are more machines, states of one machine or transitions of one state than a `u16`
+    /// counts.
     #[error("`{what}` has more parts than 65535")]
     TooMany {
         /// What has too many parts.
@@ -181,8 +187,18 @@ impl<I> Machine<I> {
 
     /// Adds a state; `describe` gives it actions and transitions.
     #[must_use]
-    pub fn state(mut self, name: impl Into<String>, describe: impl FnOnce(State<I>) -> State<I>) -> Self {
-        let empty = State { name: name.into(), entering: None, doing: None, leaving: None, next: Vec::new() };
+    pub fn state(
+        mut self,
+        name: impl Into<String>,
+        describe: impl FnOnce(State<I>) -> State<I>,
+    ) -> Self {
+        let empty = State {
+            name: name.into(),
+            entering: None,
+            doing: None,
+            leaving: None,
+            next: Vec::new(),
+        };
         self.states.push(describe(empty));
         self
     }
@@ -228,7 +244,10 @@ impl<I> Engine<I> {
     /// # Errors
     ///
     /// [`EngineError`] where names do not fit together.
-    pub fn new(finish: Finish, machines: impl IntoIterator<Item = Machine<I>>) -> Result<Self, EngineError> {
+    pub fn new(
+        finish: Finish,
+        machines: impl IntoIterator<Item = Machine<I>>,
+    ) -> Result<Self, EngineError> {
         let machines = machines.into_iter().map(resolve).collect::<Result<Vec<_>, _>>()?;
         index(machines.len(), "the engine")?;
         Ok(Self { finish, machines })
@@ -240,7 +259,12 @@ impl<I> Engine<I> {
     }
 
     /// Takes one step of every machine and tells `on_taken` of each transition.
-    pub fn step_traced(&mut self, now_ns: i64, inputs: &mut I, mut on_taken: impl FnMut(Taken)) -> Progress {
+    pub fn step_traced(
+        &mut self,
+        now_ns: i64,
+        inputs: &mut I,
+        mut on_taken: impl FnMut(Taken),
+    ) -> Progress {
         for (machine, running) in (0_u16..).zip(&mut self.machines) {
             if let Some((from, to, transition)) = running.step(now_ns, inputs) {
                 on_taken(Taken { machine, from, to, transition });
@@ -249,7 +273,8 @@ impl<I> Engine<I> {
         self.progress()
     }
 
-    /// Whether the final states that [`Finish`] asks for are active. An engine without machines is finished.
+    /// Whether the final states that [`Finish`] asks for are active. An engine without machines is
+    /// finished.
     #[must_use]
     pub fn progress(&self) -> Progress {
         let mut ends = self.machines.iter().map(|machine| machine.end == Some(machine.active));
@@ -273,8 +298,8 @@ impl<I> Engine<I> {
         self.machines.get(machine).map(|running| (running.active, running.entered_ns))
     }
 
-    /// Makes a machine's next transition lead to `state`, whatever its checks say; it is taken at the next step.
-    /// Returns false, and does nothing, where there is no such machine or state.
+    /// Makes a machine's next transition lead to `state`, whatever its checks say; it is taken at
+    /// the next step. Returns false, and does nothing, where there is no such machine or state.
     pub fn force(&mut self, machine: usize, state: u16) -> bool {
         match self.machines.get_mut(machine) {
             Some(running) if usize::from(state) < running.states.len() => {
@@ -285,8 +310,8 @@ impl<I> Engine<I> {
         }
     }
 
-    /// Puts a machine into a state it was in, entered at `entered_ns`, without any action: to go on from a record.
-    /// Returns false, and does nothing, where there is no such machine or state.
+    /// Puts a machine into a state it was in, entered at `entered_ns`, without any action: to go on
+    /// from a record. Returns false, and does nothing, where there is no such machine or state.
     pub fn restore(&mut self, machine: usize, state: u16, entered_ns: i64) -> bool {
         match self.machines.get_mut(machine) {
             Some(running) if usize::from(state) < running.states.len() => {
@@ -325,9 +350,9 @@ impl<I> Running<I> {
         }
         let at = self.moment(now_ns);
         let next = &mut self.state()?.next;
-        (0_u16..)
-            .zip(next)
-            .find_map(|(transition, (check, to))| check(inputs, at).then_some((*to, Some(transition))))
+        (0_u16..).zip(next).find_map(|(transition, (check, to))| {
+            check(inputs, at).then_some((*to, Some(transition)))
+        })
     }
 
     fn enter(&mut self, state: u16, now_ns: i64, inputs: &mut I) {
@@ -356,7 +381,10 @@ fn resolve<I>(machine: Machine<I>) -> Result<Running<I>, EngineError> {
     let mut places = BTreeMap::new();
     for (place, state) in (0_u16..).zip(&machine.states) {
         if places.insert(state.name.clone(), place).is_some() {
-            return Err(EngineError::DuplicateState { machine: machine.name, state: state.name.clone() });
+            return Err(EngineError::DuplicateState {
+                machine: machine.name,
+                state: state.name.clone(),
+            });
         }
     }
     let find = |state: &str| {
@@ -379,7 +407,15 @@ fn resolve<I>(machine: Machine<I>) -> Result<Running<I>, EngineError> {
         })
     };
     let states = machine.states.into_iter().map(resolve_state).collect::<Result<_, _>>()?;
-    Ok(Running { name: machine.name, states, end, active, entered_ns: 0, started: false, forced: None })
+    Ok(Running {
+        name: machine.name,
+        states,
+        end,
+        active,
+        entered_ns: 0,
+        started: false,
+        forced: None,
+    })
 }
 
 fn index(count: usize, what: &str) -> Result<u16, EngineError> {
@@ -403,7 +439,8 @@ impl<I> fmt::Debug for Machine<I> {
 
 impl<I> fmt::Debug for Engine<I> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let active = self.machines.iter().enumerate().map(|(at, running)| (&running.name, self.active(at)));
+        let active =
+            self.machines.iter().enumerate().map(|(at, running)| (&running.name, self.active(at)));
         f.debug_struct("Engine")
             .field("finish", &self.finish)
             .field("active", &active.collect::<Vec<_>>())
@@ -464,7 +501,9 @@ mod tests {
                 state
                     .entering(move |diary, _| diary.lines.push(format!("enter {me}")))
                     .doing(move |diary, at| diary.lines.push(format!("do {me} {}", at.state_s())))
-                    .leaving(move |diary, at| diary.lines.push(format!("leave {me} {}", at.state_s())))
+                    .leaving(move |diary, at| {
+                        diary.lines.push(format!("leave {me} {}", at.state_s()))
+                    })
                     .when(move |diary, _| diary.go == other, other)
             }
         };
@@ -480,7 +519,10 @@ mod tests {
         let mut taken = Vec::new();
         engine.step_traced(2_000_000_000, &mut diary, |transition| taken.push(transition));
         engine.step(2_500_000_000, &mut diary);
-        assert_eq!(diary.lines, ["enter a", "do a 0", "leave a 1", "enter b", "do b 0", "do b 0.5"]);
+        assert_eq!(
+            diary.lines,
+            ["enter a", "do a 0", "leave a 1", "enter b", "do b 0", "do b 0.5"]
+        );
         assert_eq!(taken, [Taken { machine: 0, from: 0, to: 1, transition: Some(0) }]);
         assert_eq!(engine.position(0), Some((1, 2_000_000_000)));
     }
@@ -550,7 +592,8 @@ mod tests {
 
     #[test]
     fn names_that_do_not_fit_together_are_refused() {
-        let refuse = |machine: Machine<()>| Engine::new(Finish::All, [machine]).unwrap_err().to_string();
+        let refuse =
+            |machine: Machine<()>| Engine::new(Finish::All, [machine]).unwrap_err().to_string();
         assert_eq!(refuse(Machine::new("m", "a")), "machine `m` has no state `a`");
         let nowhere = Machine::new("m", "a").state("a", |state| state.when(|(), _| true, "b"));
         assert_eq!(refuse(nowhere), "machine `m` has no state `b`");
@@ -558,8 +601,8 @@ mod tests {
         assert_eq!(refuse(twice), "machine `m` has two states `a`");
         let endless = Machine::new("m", "a").state("a", |state| state).ending_in("end");
         assert_eq!(refuse(endless), "machine `m` has no state `end`");
-        let many =
-            (0..70_000).fold(Machine::new("m", "0"), |machine, name| machine.state(name.to_string(), |s| s));
+        let many = (0..70_000)
+            .fold(Machine::new("m", "0"), |machine, name| machine.state(name.to_string(), |s| s));
         assert_eq!(refuse(many), "`m` has more parts than 65535");
     }
 

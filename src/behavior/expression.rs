@@ -12,12 +12,13 @@
 //! | `<` `<=` `>` `>=` `==` `!=`, not in chains | numbers (`==` and `!=` also two truths) | truth |
 //! | `+` `-`, then `*` `/`, then `-` before a number | numbers | number |
 //!
-//! Operands are numbers (`0.25`, `1e-3`), `true`, `false`, the signals, `motor.NAME`, the mission's own numbers, and
-//! expressions in parentheses. Angles are in degrees, as the signals' names say.
+//! Operands are numbers (`0.25`, `1e-3`), `true`, `false`, the signals, `motor.NAME`, the mission's
+//! own numbers, and expressions in parentheses. Angles are in degrees, as the signals' names say.
 //!
-//! Arithmetic is that of IEEE 754: dividing by zero gives an infinity or NaN, and a comparison with NaN is false (`!=` is
-//! true). A lost signal makes what depends on it unknown, by Kleene's logic: `false and unknown` is false, `true or unknown`
-//! is true, everything else with an unknown part is unknown. An unknown condition does not fire.
+//! Arithmetic is that of IEEE 754: dividing by zero gives an infinity or NaN, and a comparison with
+//! NaN is false (`!=` is true). A lost signal makes what depends on it unknown, by Kleene's logic:
+//! `false and unknown` is false, `true or unknown` is true, everything else with an unknown part is
+//! unknown. An unknown condition does not fire.
 //!
 //! # Not here
 //!
@@ -25,9 +26,10 @@
 //!
 //! # What we count on
 //!
-//! - An expression has at most [`Expression::MAX_BYTES`] bytes and [`Expression::MAX_NESTING`] levels, so that reading it
-//!   cannot exhaust the stack.
-//! - It is kept in postfix order; evaluating it is one pass with a stack of fixed size and allocates nothing.
+//! - An expression has at most [`Expression::MAX_BYTES`] bytes and [`Expression::MAX_NESTING`]
+//!   levels, so that reading it cannot exhaust the stack.
+//! - It is kept in postfix order; evaluating it is one pass with a stack of fixed size and
+//!   allocates nothing.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -121,8 +123,13 @@ impl Expression {
     ///
     /// # Errors
     ///
-    /// Everything that is wrong with it, each with its bytes in `text`; after a mistake in grammar nothing more is found.
-    pub fn parse(text: &str, kind: Kind, vocabulary: &mut Vocabulary<'_>) -> Result<Self, Vec<Misreading>> {
+    /// Everything that is wrong with it, each with its bytes in `text`; after a mistake in grammar
+    /// nothing more is found.
+    pub fn parse(
+        text: &str,
+        kind: Kind,
+        vocabulary: &mut Vocabulary<'_>,
+    ) -> Result<Self, Vec<Misreading>> {
         parser::parse(text, kind, vocabulary)
     }
 
@@ -133,7 +140,12 @@ impl Expression {
         if number.is_sign_negative() {
             ops.push(Op::Negate);
         }
-        Self { text: number.to_string().into(), kind: Kind::Number, ops: ops.into(), names: Box::default() }
+        Self {
+            text: number.to_string().into(),
+            kind: Kind::Number,
+            ops: ops.into(),
+            names: Box::default(),
+        }
     }
 
     /// The text as a person wrote it.
@@ -148,8 +160,8 @@ impl Expression {
         self.kind
     }
 
-    /// The value, in the units of the names it is made of, a truth as 1 or 0; `None` where a lost signal leaves it unknown.
-    /// `since` is when and where the active state was entered.
+    /// The value, in the units of the names it is made of, a truth as 1 or 0; `None` where a lost
+    /// signal leaves it unknown. `since` is when and where the active state was entered.
     #[must_use]
     pub fn evaluate(&self, signals: &Signals, since: &MachineState) -> Option<f64> {
         evaluate(&self.ops, signals, since)
@@ -183,8 +195,8 @@ impl Expression {
 }
 
 impl fmt::Display for Expression {
-    /// The expression with all of its parentheses: how it was understood. It reads back as the same expression unless a
-    /// chain of operators was longer than the nesting that is read.
+    /// The expression with all of its parentheses: how it was understood. It reads back as the same
+    /// expression unless a chain of operators was longer than the nesting that is read.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = |at: u16| self.names.get(usize::from(at)).map_or("?", String::as_str);
         let mut stack: Vec<String> = Vec::new();
@@ -210,7 +222,11 @@ impl fmt::Display for Expression {
 
 /// A number as the language writes it; very large and very small ones by powers of ten.
 fn literal(number: f64) -> String {
-    if number == 0.0 || (1e-6..1e15).contains(&number) { number.to_string() } else { format!("{number:e}") }
+    if number == 0.0 || (1e-6..1e15).contains(&number) {
+        number.to_string()
+    } else {
+        format!("{number:e}")
+    }
 }
 
 impl Infix {
@@ -252,7 +268,8 @@ impl Comparison {
     }
 }
 
-/// Operands that wait while the rest is evaluated: at most one for each level of nesting, and the one in hand.
+/// Operands that wait while the rest is evaluated: at most one for each level of nesting, and the
+/// one in hand.
 const STACK: usize = Expression::MAX_NESTING + 2;
 
 fn evaluate(ops: &[Op], signals: &Signals, since: &MachineState) -> Option<f64> {
@@ -344,7 +361,8 @@ impl<'c> Vocabulary<'c> {
         &self.motors
     }
 
-    /// The place of a named motor. Where the robot is not known it has any motor, up to [`MAX_MOTORS`].
+    /// The place of a named motor. Where the robot is not known it has any motor, up to
+    /// [`MAX_MOTORS`].
     ///
     /// # Errors
     ///
@@ -352,7 +370,9 @@ impl<'c> Vocabulary<'c> {
     pub fn motor(&mut self, name: &str) -> Result<u8, Mistake> {
         let place = match self.motors.iter().position(|motor| motor == name) {
             Some(place) => place,
-            None if self.capabilities.motors.is_some() => return Err(Mistake::NoMotor(name.to_owned())),
+            None if self.capabilities.motors.is_some() => {
+                return Err(Mistake::NoMotor(name.to_owned()));
+            }
             None => self.motors.len(),
         };
         if place >= MAX_MOTORS {

@@ -1,7 +1,9 @@
-//! A mission as a picture: the text of a Mermaid `stateDiagram-v2`, which GitHub, GitLab and many editors draw.
+//! A mission as a picture: the text of a Mermaid `stateDiagram-v2`, which GitHub, GitLab and many
+//! editors draw.
 //!
-//! Each machine is a box, each state a node with its name, each transition an arrow with its condition. Names and conditions
-//! go in as text with every character escaped that Mermaid would take for its own, so that any name can be drawn.
+//! Each machine is a box, each state a node with its name, each transition an arrow with its
+//! condition. Names and conditions go in as text with every character escaped that Mermaid would
+//! take for its own, so that any name can be drawn.
 
 use std::fmt::{self, Write};
 

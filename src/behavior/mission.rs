@@ -24,8 +24,8 @@
 //! ]
 //! ```
 //!
-//! A reading that cannot be true - it stands still although what it measures moves, or leaps about - ends the run whatever `on_lost` says: waiting
-//! shows nothing new.
+//! A reading that cannot be true - it stands still although what it measures moves, or leaps about
+//! - ends the run whatever `on_lost` says: waiting shows nothing new.
 //!
 //! | key of `do` | meaning |
 //! |---|---|
@@ -37,21 +37,25 @@
 //! | `led` | `"off"`, `"green"`, `"red"`, `"orange"`, `"yellow"` |
 //! | `tone_hz`, `say` | a tone; a line on the screen |
 //!
-//! Numbers may be expressions in quotes (see [`super::expression`]). `on_entry` and `on_exit` know `led`, `tone_hz` and `say`.
-//! Wheels, head and each named motor belong to one machine; for lights, tone and screen the last machine in the file wins.
-//! A number in `do` that comes to NaN or an infinity, or that depends on a lost signal, stops its actuator for that tick: wheels brake,
-//! head and motor stand still.
+//! Numbers may be expressions in quotes (see [`super::expression`]). `on_entry` and `on_exit` know
+//! `led`, `tone_hz` and `say`. Wheels, head and each named motor belong to one machine; for lights,
+//! tone and screen the last machine in the file wins. A number in `do` that comes to NaN or an
+//! infinity, or that depends on a lost signal, stops its actuator for that tick: wheels brake, head
+//! and motor stand still.
 //!
 //! # What is checked
 //!
-//! A mission is refused for: unknown keys, names, states and motors; signals and actuators that the robot does not have; expressions
-//! that do not parse or mix numbers with truths; values out of range; states that cannot be reached or cannot be left; transitions that
-//! can never fire, by themselves or because an earlier one of the same state holds whenever they do; two machines that move
-//! the same actuator; two modes asked of one sensor; an `on_stall` state that the driving machine lacks. It is warned of, and runs,
-//! with: a condition that always holds (unless it is the word `true`); a state from which the final state cannot be reached.
+//! A mission is refused for: unknown keys, names, states and motors; signals and actuators that the
+//! robot does not have; expressions that do not parse or mix numbers with truths; values out of
+//! range; states that cannot be reached or cannot be left; transitions that can never fire, by
+//! themselves or because an earlier one of the same state holds whenever they do; two machines that
+//! move the same actuator; two modes asked of one sensor; an `on_stall` state that the driving
+//! machine lacks. It is warned of, and runs, with: a condition that always holds (unless it is the
+//! word `true`); a state from which the final state cannot be reached.
 //!
-//! Whether a transition can fire is judged from comparisons of a multiple of one signal with a constant, joined by
-//! `and`, `or` and `not`, with the numbers that the file gives. What is said is certain; not everything is found.
+//! Whether a transition can fire is judged from comparisons of a multiple of one signal with a
+//! constant, joined by `and`, `or` and `not`, with the numbers that the file gives. What is said is
+//! certain; not everything is found.
 //!
 //! # Not here
 //!
@@ -59,8 +63,9 @@
 //!
 //! # What we count on
 //!
-//! - A mission has at most [`super::MAX_MACHINES`] machines and [`Mission::MAX_STATES`] states, a state at most
-//!   [`Mission::MAX_TRANSITIONS`] transitions: a file of ten thousand states is read in well under a second.
+//! - A mission has at most [`super::MAX_MACHINES`] machines and [`Mission::MAX_STATES`] states, a
+//!   state at most [`Mission::MAX_TRANSITIONS`] transitions: a file of ten thousand states is read
+//!   in well under a second.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -215,7 +220,8 @@ impl Mission {
     /// The name of the time limit in conditions.
     pub const TIME_LIMIT: &str = "time_limit_s";
 
-    /// Longest and shortest time that a mission may be given, seconds; ten hours outlast the batteries.
+    /// Longest and shortest time that a mission may be given, seconds; ten hours outlast the
+    /// batteries.
     pub const TIME_LIMITS_S: (f64, f64) = (1.0, 36_000.0);
 
     /// What a mission's own number may be.
@@ -226,7 +232,10 @@ impl Mission {
     /// # Errors
     ///
     /// Everything that is wrong with it; a mission with an error does not run.
-    pub fn load(document: &Document, capabilities: &Capabilities) -> Result<(Self, Findings), Findings> {
+    pub fn load(
+        document: &Document,
+        capabilities: &Capabilities,
+    ) -> Result<(Self, Findings), Findings> {
         load::load(document, capabilities)
     }
 
@@ -235,7 +244,11 @@ impl Mission {
     /// # Errors
     ///
     /// As [`Mission::load`].
-    pub fn parse(file: &str, text: &[u8], capabilities: &Capabilities) -> Result<(Self, Findings), Findings> {
+    pub fn parse(
+        file: &str,
+        text: &[u8],
+        capabilities: &Capabilities,
+    ) -> Result<(Self, Findings), Findings> {
         Self::load(&Document::new(file, text)?, capabilities)
     }
 
@@ -248,14 +261,15 @@ impl Mission {
         Program::new(self)
     }
 
-    /// Gives one of the mission's numbers, or `time_limit_s`, another value. What was found at loading was found with
-    /// the values in the file, and is not looked for again.
+    /// Gives one of the mission's numbers, or `time_limit_s`, another value. What was found at
+    /// loading was found with the values in the file, and is not looked for again.
     ///
     /// # Errors
     ///
     /// [`SetError`]; nothing has changed then.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), SetError> {
-        let (low, high) = if name == Self::TIME_LIMIT { Self::TIME_LIMITS_S } else { Self::NUMBERS };
+        let (low, high) =
+            if name == Self::TIME_LIMIT { Self::TIME_LIMITS_S } else { Self::NUMBERS };
         let Some(number) = self.numbers.get_mut(name) else {
             return Err(SetError::Unknown { name: name.to_owned(), hint: self.number_hint(name) });
         };
@@ -331,7 +345,9 @@ impl Mission {
     pub fn switches_lights(&self) -> bool {
         let mut states = self.machines.iter().flat_map(|machine| &machine.states);
         states.any(|state| {
-            [&state.doing, &state.on_entry, &state.on_exit].iter().any(|outputs| outputs.led.is_some())
+            [&state.doing, &state.on_entry, &state.on_exit]
+                .iter()
+                .any(|outputs| outputs.led.is_some())
         })
     }
 
@@ -359,8 +375,8 @@ impl Mission {
         &self.motors
     }
 
-    /// What the mission needs of what the robot senses, head and named motors that it moves among them; the
-    /// wheels are always sensed.
+    /// What the mission needs of what the robot senses, head and named motors that it moves among
+    /// them; the wheels are always sensed.
     #[must_use]
     pub fn senses(&self) -> &[Channel] {
         &self.senses

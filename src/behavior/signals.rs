@@ -1,8 +1,9 @@
-//! What a mission's machines know of the world in one tick, and what a robot has that a mission may ask for.
+//! What a mission's machines know of the world in one tick, and what a robot has that a mission may
+//! ask for.
 //!
-//! Inside the program a signal is in metres, seconds and radians; the language of conditions gives angles in degrees
-//! (see [`super::expression`]). A signal that the robot does not have, or whose reading is too old, is lost: nothing is put in
-//! its place, and no condition on it fires.
+//! Inside the program a signal is in metres, seconds and radians; the language of conditions gives
+//! angles in degrees (see [`super::expression`]). A signal that the robot does not have, or whose
+//! reading is too old, is lost: nothing is put in its place, and no condition on it fires.
 //!
 //! # Not here
 //!
@@ -18,7 +19,8 @@ use crate::units::{degrees, wrap_rad};
 /// A quantity that the runtime provides in each tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
-    /// What is sensed, as it was read, but for the range: that is the estimator's, 0 where it is too near.
+    /// What is sensed, as it was read, but for the range: that is the estimator's, 0 where it is
+    /// too near.
     Sensed(Channel),
     /// 1 where the range sensor has an echo, else 0. Too near counts as an echo.
     Echo,
@@ -82,8 +84,9 @@ impl Signals {
         self.time_s = seconds(time_ns);
     }
 
-    /// Notes a signal's value, in metres, seconds, radians. What is not a number counts as lost, and so does an infinite
-    /// value of anything but a distance that a sensor says is beyond its reach.
+    /// Notes a signal's value, in metres, seconds, radians. What is not a number counts as lost,
+    /// and so does an infinite value of anything but a distance that a sensor says is beyond its
+    /// reach.
     pub fn set(&mut self, signal: Signal, value: f64) {
         let known = value.is_finite() || (value > 0.0 && may_be_infinite(signal));
         self.values[signal.place()] = known.then_some(value);
@@ -129,7 +132,8 @@ fn may_be_infinite(signal: Signal) -> bool {
 pub struct Capabilities {
     /// Its head and sensors; what every robot has need not be among them.
     pub roles: BTreeSet<Role>,
-    /// The named motors, at most [`super::MAX_MOTORS`]; `None` where the robot is not known and any name will do.
+    /// The named motors, at most [`super::MAX_MOTORS`]; `None` where the robot is not known and any
+    /// name will do.
     pub motors: Option<Vec<String>>,
 }
 
@@ -242,10 +246,12 @@ impl Input {
             }
             Self::Time => Some(signals.time_s),
             Self::StateTime => Some(seconds(signals.time_ns.saturating_sub(since.entered_ns))),
-            Self::StateDistance => signals.get(Signal::Travelled).map(|now_m| now_m - since.entered_m),
-            Self::StateTurn => {
-                signals.get(Signal::Heading).map(|now_rad| degrees(now_rad - since.entered_heading_rad))
+            Self::StateDistance => {
+                signals.get(Signal::Travelled).map(|now_m| now_m - since.entered_m)
             }
+            Self::StateTurn => signals
+                .get(Signal::Heading)
+                .map(|now_rad| degrees(now_rad - since.entered_heading_rad)),
         }
     }
 }
@@ -293,15 +299,17 @@ mod tests {
         assert_eq!(places, (0..Signal::COUNT).collect());
         let names: Vec<&str> = words().map(|word| word.name).collect();
         assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
-        let listed =
-            |name: &&str| shipped::TEMPLATE.split(|c: char| !is_of_a_name(c)).any(|word| word == *name);
+        let listed = |name: &&str| {
+            shipped::TEMPLATE.split(|c: char| !is_of_a_name(c)).any(|word| word == *name)
+        };
         let missing: Vec<_> = names.iter().filter(|name| !listed(name)).collect();
         assert!(missing.is_empty(), "the template of missions does not list {missing:?}");
     }
 
     #[test]
     fn only_what_a_sensor_says_is_out_of_reach_may_be_infinite() {
-        let may = Channel::ALL.into_iter().filter(|channel| may_be_infinite(Signal::Sensed(*channel)));
+        let may =
+            Channel::ALL.into_iter().filter(|channel| may_be_infinite(Signal::Sensed(*channel)));
         assert_eq!(may.collect::<Vec<_>>(), [Channel::Range, Channel::BeaconDistance]);
     }
 }

@@ -34,7 +34,8 @@ pub(super) struct Arguments {
     /// How to measure the circumference, instead of asking.
     #[arg(long)]
     straight: Option<How>,
-    /// Mark two spins by a line on the floor, which removes the gyro's own error, instead of asking.
+    /// Mark two spins by a line on the floor, which removes the gyro's own error, instead of
+    /// asking.
     #[arg(long)]
     mark: bool,
     /// Trust the gyro: mark no spins.
@@ -68,9 +69,10 @@ enum How {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let robot = load_robot(Some(&arguments.robot), output)?;
     let flags = stop_flags()?;
-    let _lock = HardwareLock::take(arguments.brick.root(), "onbrick calibrate").map_err(|error| {
-        Failure::from_error(Exit::Refused, "the robot is taken", &error).hint("onbrick halt")
-    })?;
+    let _lock =
+        HardwareLock::take(arguments.brick.root(), "onbrick calibrate").map_err(|error| {
+            Failure::from_error(Exit::Refused, "the robot is taken", &error).hint("onbrick halt")
+        })?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let calibration = crate::commissioning::calibrate(
@@ -94,7 +96,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Ok(());
     }
     let kept = save::replace(&arguments.robot, &text).map_err(|error| not_written(&error))?;
-    let was = kept.map(|kept| format!(" (what was there is now {})", kept.display())).unwrap_or_default();
+    let was =
+        kept.map(|kept| format!(" (what was there is now {})", kept.display())).unwrap_or_default();
     output.line(format!("wrote {}{was}", arguments.robot.display()));
     Ok(())
 }

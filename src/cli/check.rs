@@ -73,7 +73,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 fn show_unread(path: &Path, unread: &Failure, output: &mut Output) {
     let mission = path.display().to_string();
     let text = format!("{}\n{mission}: broken", unread.to_text());
-    output.show(text, &Checked { mission, ok: false, findings: Vec::new(), error: Some(&unread.message) });
+    output.show(
+        text,
+        &Checked { mission, ok: false, findings: Vec::new(), error: Some(&unread.message) },
+    );
 }
 
 fn summary(mission: &Mission) -> String {

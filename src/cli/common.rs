@@ -48,7 +48,9 @@ impl BrickFiles {
     }
 
     pub(super) fn tree(&self) -> LocalTree {
-        LocalTree::new(&self.brick).with_buttons(self.buttons.clone()).with_speaker(self.speaker.clone())
+        LocalTree::new(&self.brick)
+            .with_buttons(self.buttons.clone())
+            .with_speaker(self.speaker.clone())
     }
 }
 
@@ -74,7 +76,8 @@ pub(super) fn read_source(
         return Ok(Source { name: format!("{name}.toml"), text: text.to_owned() });
     }
     let bytes = read_bounded(path)?;
-    let document = Document::new(&name, &bytes).map_err(|findings| Failure::refused(findings.to_string()))?;
+    let document =
+        Document::new(&name, &bytes).map_err(|findings| Failure::refused(findings.to_string()))?;
     Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
 }
 
@@ -86,7 +89,8 @@ pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
     })
 }
 
-/// The way out where a file that may also be a name is neither; one that is there says itself what is wrong with it.
+/// The way out where a file that may also be a name is neither; one that is there says itself what
+/// is wrong with it.
 fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> Failure {
     if path.is_file() {
         return failure;
@@ -112,7 +116,10 @@ pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
 const SHOW_ROBOT: &str = "onbrick new robot, which shows a whole file with comments";
 
 /// Loads a robot's file, or the shipped one; warnings go to the log.
-pub(super) fn load_robot(path: Option<&Path>, _output: &mut Output) -> Result<LoadedRobot, Failure> {
+pub(super) fn load_robot(
+    path: Option<&Path>,
+    _output: &mut Output,
+) -> Result<LoadedRobot, Failure> {
     let source = match path {
         Some(path) => read_source(path, |_| None).map_err(|failure| failure.hint(SHOW_ROBOT))?,
         None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
@@ -165,12 +172,17 @@ pub(super) fn warn(findings: &Findings) {
 pub(super) fn setting(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or("it is written name=value")?;
     let value: f64 = value.parse().map_err(|_| format!("`{value}` is not a number"))?;
-    if value.is_finite() { Ok((name.to_owned(), value)) } else { Err("the number must be finite".to_owned()) }
+    if value.is_finite() {
+        Ok((name.to_owned(), value))
+    } else {
+        Err("the number must be finite".to_owned())
+    }
 }
 
 /// `x,y,deg` of `--pose`: metres, metres, degrees.
 pub(super) fn pose(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    let numbers: Result<Vec<f64>, _> =
+        text.split(',').map(|part| part.trim().parse::<f64>()).collect();
     let numbers = numbers.map_err(|_| "a pose is x,y,deg: metres, metres, degrees")?;
     let pose: [f64; 3] = numbers.try_into().map_err(|_| "a pose has three numbers: x,y,deg")?;
     /// Poses farther away than this are slips of the pen.
@@ -220,7 +232,8 @@ pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
             ReadError::Io { .. } => with_causes(&error),
             _ => format!("cannot use {name}: {}", with_causes(&error)),
         };
-        Failure::refused(message).hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
+        Failure::refused(message)
+            .hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
     })?;
     for warning in &run.warnings {
         log::warn!("{name}: {warning}");
@@ -237,8 +250,10 @@ pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
 /// All runs in one picture, with the walls of the worlds that they know.
 #[cfg(feature = "host")]
 pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
-    let tracks: Vec<Track> = runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
-    let mission = runs.first().and_then(|loaded| loaded.run.info.as_ref()).map(|info| info.mission.clone());
+    let tracks: Vec<Track> =
+        runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
+    let mission =
+        runs.first().and_then(|loaded| loaded.run.info.as_ref()).map(|info| info.mission.clone());
     let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
     let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
     let mut walls: Vec<Vec<[f64; 2]>> = Vec::new();
@@ -251,10 +266,12 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     Scene { title: title.unwrap_or(names), tracks, outlines: walls }
 }
 
-/// Writes a picture, as map.svg and map.png, and what is drawn in it, as points.csv and path.csv, into a folder.
+/// Writes a picture, as map.svg and map.png, and what is drawn in it, as points.csv and path.csv,
+/// into a folder.
 #[cfg(feature = "host")]
 pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
-    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
+    let failed =
+        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
     let files = [
         ("map.svg", plot::svg(scene).map_err(|error| failed(&error))?.into_bytes()),
         ("map.png", plot::png(scene).map_err(|error| failed(&error))?),
@@ -268,7 +285,8 @@ pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
 #[cfg(feature = "host")]
 pub(super) fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     let text = run.world_toml.as_ref()?;
-    let (world, _) = crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;
+    let (world, _) =
+        crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;
     Some(world.outlines().to_vec())
 }
 
@@ -284,7 +302,8 @@ pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
 /// Writes a file that can be made again, whole or not at all.
 #[cfg(feature = "sim")]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    crate::document::save::write(path, bytes).map_err(|error| Failure::new(Exit::Failed, with_causes(&error)))
+    crate::document::save::write(path, bytes)
+        .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)))
 }
 
 /// Reads a world's file, or takes a built-in one; the pose is the first robot's start.
@@ -294,14 +313,15 @@ pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
         let names = crate::sim::World::names().collect::<Vec<_>>();
         hint_at_names(failure, path, "world", &names)
     })?;
-    let (world, warnings) =
-        crate::sim::World::parse(&source.name, source.text.as_bytes()).map_err(|findings| {
+    let (world, warnings) = crate::sim::World::parse(&source.name, source.text.as_bytes())
+        .map_err(|findings| {
             Failure::refused(findings.to_string())
                 .hint("onbrick new world, which shows a whole file with comments")
         })?;
     warn(&warnings);
     let start = world.starts().first();
-    let start = start.map(|start| Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
+    let start =
+        start.map(|start| Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
     Ok((source, start.unwrap_or_default()))
 }
 
@@ -359,8 +379,11 @@ impl Progress {
     #[cfg(feature = "host")]
     fn status(&self, status: &crate::recording::Status) {
         let Some(bar) = &self.bar else { return };
-        let states = status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
-        bar.set_position(u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0));
+        let states =
+            status.states.iter().map(|(_, state)| state.as_str()).collect::<Vec<_>>().join(", ");
+        bar.set_position(
+            u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0),
+        );
         let message = format!(
             "{:.0} s, {:.1} m, {} points; {states}{}",
             crate::clock::seconds(status.elapsed_ns),

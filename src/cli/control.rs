@@ -1,8 +1,11 @@
-//! `onbrick control`: the process that drives. Hidden: the guard starts it, and a person never does.
+//! `onbrick control`: the process that drives. Hidden: the guard starts it, and a person never
+//! does.
 //!
-//! It is a process of its own so that whatever happens to its starter, this one holds nothing but the robot and the recording, and can
-//! be killed and waited for. What is said over its two pipes is in [`RunProcess`](crate::runtime::RunProcess). Its output never blocks
-//! a tick: what does not fit into the pipe is left out. Only what is said after the motors have stopped is waited with, and not for ever.
+//! It is a process of its own so that whatever happens to its starter, this one holds nothing but
+//! the robot and the recording, and can be killed and waited for. What is said over its two pipes
+//! is in [`RunProcess`](crate::runtime::RunProcess). Its output never blocks a tick: what does not
+//! fit into the pipe is left out. Only what is said after the motors have stopped is waited with,
+//! and not for ever.
 
 use std::io::{self, BufReader};
 use std::os::fd::AsFd;
@@ -17,7 +20,9 @@ use signal_hook::consts::SIGXFSZ;
 use super::common::environment;
 use super::{Exit, Failure, Output, fatal, urgency};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::runtime::{Brick, Event, Heartbeat, Lock, StopFlags, execute, never_wait, obey, read_job};
+use crate::runtime::{
+    Brick, Event, Heartbeat, Lock, StopFlags, execute, never_wait, obey, read_job,
+};
 
 /// Drive: started by the guard of a run, never by hand.
 #[derive(Debug, clap::Args)]
@@ -26,15 +31,20 @@ pub(super) struct Arguments {}
 /// How long a last word waits for a reader that lags, nanoseconds.
 const PATIENCE_NS: i64 = 2 * SECOND_NS;
 
-/// How long the guard has for a beat after the last word, nanoseconds: it beats at least as often as it hears something.
+/// How long the guard has for a beat after the last word, nanoseconds: it beats at least as often
+/// as it hears something.
 const HUNG_NS: i64 = SECOND_NS / 2;
 
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
-    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    let failed = |doing: &str, error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Failed, doing, error)
+    };
     fatal::ends_at_once().map_err(|error| failed("cannot set up signals", &error))?;
-    let flags = StopFlags::on_signals().map_err(|error| failed("cannot listen to signals", &error))?;
+    let flags =
+        StopFlags::on_signals().map_err(|error| failed("cannot listen to signals", &error))?;
     flags.on_panic();
-    // A file that may not grow is then an error of its write (EFBIG) and not the end of the process that drives.
+    // A file that may not grow is then an error of its write (EFBIG) and not the end of the process
+    // that drives.
     signal_hook::flag::register(SIGXFSZ, Arc::default())
         .map_err(|error| failed("cannot listen to signals", &error))?;
     let mut orders = BufReader::new(io::stdin());
@@ -51,7 +61,8 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
             urgency::as_control()
         }
     };
-    obey(orders, &flags, &gone, begin).map_err(|error| failed("cannot listen to orders", &error))?;
+    obey(orders, &flags, &gone, begin)
+        .map_err(|error| failed("cannot listen to orders", &error))?;
     let pipe = Pipe { gone };
     // Should the kernel refuse, writes wait for a reader that hardly ever lags.
     let _ = never_wait(io::stdout().as_fd());
@@ -59,18 +70,21 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     let reporter = pipe.clone();
     let report = move |event: &Event| {
         match event {
-            // Said by the thread that ticks, after all others have been started at their usual priority.
+            // Said by the thread that ticks, after all others have been started at their usual
+            // priority.
             Event::Driving { .. } if is_real => urgency::as_control(),
             Event::Stopped { .. } if is_real => urgency::may_compute(),
             _ => {}
         }
         reporter.send(event);
     };
-    let ended =
-        environment(&job).and_then(|environment| execute(&job, environment, &flags, &mut heartbeat, report));
+    let ended = environment(&job)
+        .and_then(|environment| execute(&job, environment, &flags, &mut heartbeat, report));
     pipe.send(&match ended {
         Ok(ended) => Event::Ended(ended),
-        Err(refused) => Event::Refused { stop: refused.stop(), hint: refused.way_out().map(str::to_owned) },
+        Err(refused) => {
+            Event::Refused { stop: refused.stop(), hint: refused.way_out().map(str::to_owned) }
+        }
     });
     if job.lock == Lock::Inherited {
         end_hung_guard(&flags, guard);
@@ -78,7 +92,8 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     Ok(())
 }
 
-/// A guard that hangs would keep the hardware's lock, and its starter waiting. One that beats has read the last word.
+/// A guard that hangs would keep the hardware's lock, and its starter waiting. One that beats has
+/// read the last word.
 fn end_hung_guard(flags: &StopFlags, guard: Pid) {
     let beats = || flags.guard_beats.load(Ordering::Relaxed);
     let (before, deadline_ns) = (beats(), MonotonicClock.now_ns() + HUNG_NS);
@@ -106,7 +121,8 @@ impl Pipe {
         if matches!(event, Event::Stopped { .. } | Event::Ended(_) | Event::Refused { .. }) {
             self.write_whole(&line);
         } else {
-            // A line shorter than `PIPE_BUF` goes whole, or not at all where the reader lags; the next one is no worse.
+            // A line shorter than `PIPE_BUF` goes whole, or not at all where the reader lags; the
+            // next one is no worse.
             let _ = self.write(&line);
         }
     }

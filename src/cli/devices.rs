@@ -29,8 +29,9 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     loop {
-        let mut inventory = Inventory::read(&tree)
-            .map_err(|error| Failure::from_error(Exit::Failed, "cannot look at the devices", &error))?;
+        let mut inventory = Inventory::read(&tree).map_err(|error| {
+            Failure::from_error(Exit::Failed, "cannot look at the devices", &error)
+        })?;
         if arguments.plugged {
             inventory.devices.retain(|entry| entry.class != "lego-port");
         }
@@ -57,7 +58,8 @@ fn table(inventory: &Inventory) -> String {
         for reading in &entry.readings {
             let _ = write!(readings, "  {} {}{}", reading.name, reading.value, unit(&reading.unit));
         }
-        let problem = entry.problem.as_ref().map(|problem| format!("  ({problem})")).unwrap_or_default();
+        let problem =
+            entry.problem.as_ref().map(|problem| format!("  ({problem})")).unwrap_or_default();
         let _ = writeln!(text, "{port:<6} {name:<18} {:<9}{readings}{problem}", entry.name);
     }
     text.trim_end().to_owned()

@@ -1,21 +1,27 @@
 //! Faults end guard and control at once; `unsafe` is kept in this file.
 //!
-//! Rust's runtime handles SIGSEGV and SIGBUS to say that a stack has overflowed: one that another process sent is swallowed,
-//! and the program goes on. A core dump keeps a dead process for seconds, and with it its pipes, on a slow card.
+//! Rust's runtime handles SIGSEGV and SIGBUS to say that a stack has overflowed: one that another
+//! process sent is swallowed, and the program goes on. A core dump keeps a dead process for
+//! seconds, and with it its pipes, on a slow card.
 
-#![allow(unsafe_code, reason = "nix has no safe call that puts back what the kernel does by itself")]
+#![allow(
+    unsafe_code,
+    reason = "nix has no safe call that puts back what the kernel does by itself"
+)]
 
 use nix::sys::resource::{Resource, setrlimit};
 use nix::sys::signal::{SigHandler, Signal, signal};
 
-/// SIGSEGV, SIGBUS, SIGILL, SIGFPE and SIGABRT kill this process from now on, and no core is dumped.
+/// SIGSEGV, SIGBUS, SIGILL, SIGFPE and SIGABRT kill this process from now on, and no core is
+/// dumped.
 ///
 /// # Errors
 ///
 /// What the kernel answers.
 pub(super) fn ends_at_once() -> nix::Result<()> {
     setrlimit(Resource::RLIMIT_CORE, 0, 0)?;
-    for fault in [Signal::SIGSEGV, Signal::SIGBUS, Signal::SIGILL, Signal::SIGFPE, Signal::SIGABRT] {
+    for fault in [Signal::SIGSEGV, Signal::SIGBUS, Signal::SIGILL, Signal::SIGFPE, Signal::SIGABRT]
+    {
         // SAFETY: no handler is installed: the kernel's own action runs none of our code.
         unsafe { signal(fault, SigHandler::SigDfl) }?;
     }

@@ -1,12 +1,15 @@
-//! `onbrick guard`: starts the process that drives, and stops the motors when it is gone or hung. Hidden: `run` starts it.
+//! `onbrick guard`: starts the process that drives, and stops the motors when it is gone or hung.
+//! Hidden: `run` starts it.
 //!
-//! It passes events and orders on, both ways, and never waits for a reader that lags. It holds the hardware's lock from before control
-//! starts until the motors are still, so that no other run comes between; control shares the lock by inheritance, so that it is not free
-//! either while a guard is gone and control is still stopping.
+//! It passes events and orders on, both ways, and never waits for a reader that lags. It holds the
+//! hardware's lock from before control starts until the motors are still, so that no other run
+//! comes between; control shares the lock by inheritance, so that it is not free either while a
+//! guard is gone and control is still stopping.
 //!
-//! When control is gone or hung: SIGKILL first, then the motors at once; and the motors again once it is gone, because what it was in the
-//! middle of may have been a command. Signals that end a program are orders to stop the run. The guard beats, too: when it is killed or
-//! hangs, control stops the run.
+//! When control is gone or hung: SIGKILL first, then the motors at once; and the motors again once
+//! it is gone, because what it was in the middle of may have been a command. Signals that end a
+//! program are orders to stop the run. The guard beats, too: when it is killed or hangs, control
+//! stops the run.
 
 use std::io::{self, BufReader, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -26,8 +29,8 @@ use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
 use crate::robot::{brake_all, still};
 use crate::runtime::{
-    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned, never_wait,
-    read_job, verbosity,
+    Brick, Event, HardwareLock, Job, Lines, Lock, Order, Refused, StopBy, Watch, WhenAbandoned,
+    never_wait, read_job, verbosity,
 };
 
 /// Guard a run: started by `onbrick run`, never by hand.
@@ -40,7 +43,8 @@ const MOST_KEPT: usize = 64 << 10;
 /// How long the last words wait for a reader that lags, nanoseconds.
 const PATIENCE_NS: i64 = 2 * SECOND_NS;
 
-/// How long a killed process is waited for, nanoseconds: one that sits in a system call is gone when that ends.
+/// How long a killed process is waited for, nanoseconds: one that sits in a system call is gone
+/// when that ends.
 const DYING_NS: i64 = 5 * SECOND_NS;
 
 /// How often its motors are braked meanwhile, nanoseconds.
@@ -53,7 +57,9 @@ const BEAT_NS: i64 = 20 * MILLISECOND_NS;
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
 pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Failure> {
-    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    let failed = |doing: &str, error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Failed, doing, error)
+    };
     fatal::ends_at_once().map_err(|error| failed("cannot set up signals", &error))?;
     let signals = signals().map_err(|error| failed("cannot listen to signals", &error))?;
     let mut input = BufReader::new(io::stdin());
@@ -64,7 +70,8 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
     let Brick::Local(tree) = &job.brick else {
         return Err(Failure::new(Exit::Usage, "a simulated brick needs no guard"));
     };
-    let mut starter = Starter::new(input).map_err(|error| failed("cannot talk to the starter", &error))?;
+    let mut starter =
+        Starter::new(input).map_err(|error| failed("cannot talk to the starter", &error))?;
     let mut lock = match HardwareLock::take(tree.root(), "a run that is being prepared") {
         Ok(lock) => lock,
         Err(error) => {
@@ -73,7 +80,8 @@ pub(super) fn run(_arguments: &Arguments, _output: &mut Output) -> Result<(), Fa
         }
     };
     let guard = lock.share().and_then(|()| Guard::start(&job, starter, signals));
-    let mut guard = guard.map_err(|error| failed("cannot start the process that drives", &error))?;
+    let mut guard =
+        guard.map_err(|error| failed("cannot start the process that drives", &error))?;
     urgency::as_guard();
     let tree: Arc<dyn Tree> = Arc::new(tree.clone());
     let stopped = guard.follow(&tree);
@@ -115,7 +123,8 @@ impl Starter {
         Ok(Self { orders, kept: Vec::new(), gone: false, deaf: false })
     }
 
-    /// Passes an event on: at once, later, or, a status that is followed by others anyway, not at all.
+    /// Passes an event on: at once, later, or, a status that is followed by others anyway, not at
+    /// all.
     fn tell(&mut self, event: &Event) {
         if matches!(event, Event::Status(_)) && self.kept.len() > MOST_KEPT {
             return;
@@ -151,7 +160,9 @@ impl Starter {
         while !self.kept.is_empty() && !self.deaf && MonotonicClock.now_ns() < deadline_ns {
             let stdout = io::stdout();
             let mut waited = [PollFd::new(stdout.as_fd(), PollFlags::POLLOUT)];
-            if poll(&mut waited, timeout(Some(deadline_ns))).is_err_and(|errno| errno != Errno::EINTR) {
+            if poll(&mut waited, timeout(Some(deadline_ns)))
+                .is_err_and(|errno| errno != Errno::EINTR)
+            {
                 return;
             }
             self.write();
@@ -207,14 +218,16 @@ impl Guard {
             lines: Lines::default(),
             watch: Watch::new(job),
             starter,
-            abandoned: (job.when_abandoned == WhenAbandoned::Stop).then_some(Order::Stop(StopBy::Abandoned)),
+            abandoned: (job.when_abandoned == WhenAbandoned::Stop)
+                .then_some(Order::Stop(StopBy::Abandoned)),
             signals,
             beaten_ns: MonotonicClock.now_ns(),
             on_brick: matches!(&job.brick, Brick::Local(tree) if tree.is_machine()),
         })
     }
 
-    /// Follows the run to its end, and leaves no motor of it turning; true if it had to stop them itself, and did.
+    /// Follows the run to its end, and leaves no motor of it turning; true if it had to stop them
+    /// itself, and did.
     fn follow(&mut self, tree: &Arc<dyn Tree>) -> bool {
         self.pass_orders_on();
         let hung = loop {
@@ -247,7 +260,8 @@ impl Guard {
     fn wait(&mut self) {
         let deadline_ns = self.watch.deadline_ns();
         let look_ns = MonotonicClock.now_ns() + LOOK_NS;
-        let wake_ns = if self.on_brick { deadline_ns } else { deadline_ns.map(|ns| ns.min(look_ns)) };
+        let wake_ns =
+            if self.on_brick { deadline_ns } else { deadline_ns.map(|ns| ns.min(look_ns)) };
         self.poll(wake_ns);
         if let Some(wake_ns) = wake_ns.filter(|_| !self.on_brick) {
             let now_ns = MonotonicClock.now_ns();
@@ -316,12 +330,14 @@ impl Guard {
     fn order(&mut self, order: Order) {
         if let Ok(mut line) = serde_json::to_vec(&order) {
             line.push(b'\n');
-            // A process that does not empty this pipe hears no order; one that drives is then hung, and is found to be.
+            // A process that does not empty this pipe hears no order; one that drives is then hung,
+            // and is found to be.
             let _ = self.orders.write_all(&line);
         }
     }
 
-    /// Control is gone or hung: makes sure that it is gone, stops the motors, and says so in its place; true if they are still.
+    /// Control is gone or hung: makes sure that it is gone, stops the motors, and says so in its
+    /// place; true if they are still.
     fn take_over(&mut self, tree: &Arc<dyn Tree>, hung: bool) -> bool {
         let _ = self.control.kill();
         let status = self.await_death(tree);
@@ -397,6 +413,7 @@ fn take_in(pipe: BorrowedFd<'_>, lines: &mut Lines) -> bool {
 fn timeout(deadline_ns: Option<i64>) -> PollTimeout {
     let Some(deadline_ns) = deadline_ns else { return PollTimeout::NONE };
     let wait_ns = (deadline_ns - MonotonicClock.now_ns()).max(0);
-    let wait_ms = i32::try_from((wait_ns + MILLISECOND_NS - 1) / MILLISECOND_NS).unwrap_or(i32::MAX);
+    let wait_ms =
+        i32::try_from((wait_ns + MILLISECOND_NS - 1) / MILLISECOND_NS).unwrap_or(i32::MAX);
     PollTimeout::try_from(wait_ms).unwrap_or(PollTimeout::MAX)
 }

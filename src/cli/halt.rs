@@ -26,8 +26,8 @@ pub(super) struct Arguments {
     /// The folder under which sys/class is found.
     #[arg(long, default_value = "/")]
     brick: PathBuf,
-    /// Only the motors of a run all of whose processes were killed before they had stopped them; a run that lives, and motors of other programs, are
-    /// left alone.
+    /// Only the motors of a run all of whose processes were killed before they had stopped them; a
+    /// run that lives, and motors of other programs, are left alone.
     #[arg(long)]
     orphaned: bool,
 }
@@ -51,7 +51,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     // Whatever comes of it, every motor is told to stop.
     let stopped_run = stop_owner(&arguments.brick, &clock);
-    // A brick without motors is still; a folder that is no brick is a slip, and the robot may be driving elsewhere.
+    // A brick without motors is still; a folder that is no brick is a slip, and the robot may be
+    // driving elsewhere.
     if !arguments.brick.join("sys/class").is_dir() {
         return Err(no_brick(&arguments.brick));
     }
@@ -78,9 +79,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         still: moving.is_empty(),
     });
     if let Some(owner) = stopped_run.as_ref().filter(|_| moving.is_empty() && !ended) {
-        let why =
-            format!("the motors are still, but {} (process {}) cannot be ended", owner.doing, owner.pid);
-        return Err(Failure::new(Exit::Failed, why).hint("run onbrick halt as the same user, or as root"));
+        let why = format!(
+            "the motors are still, but {} (process {}) cannot be ended",
+            owner.doing, owner.pid
+        );
+        return Err(
+            Failure::new(Exit::Failed, why).hint("run onbrick halt as the same user, or as root")
+        );
     }
     if moving.is_empty() {
         return Ok(());
@@ -95,7 +100,11 @@ fn cannot_stop(error: &dyn std::error::Error) -> Failure {
 }
 
 /// Stops the motors of a run that was killed with its guard, and no others.
-fn halt_orphans(arguments: &Arguments, clock: &dyn Clock, output: &mut Output) -> Result<(), Failure> {
+fn halt_orphans(
+    arguments: &Arguments,
+    clock: &dyn Clock,
+    output: &mut Output,
+) -> Result<(), Failure> {
     let owner = match stop_orphans(&arguments.brick, clock) {
         Ok(Some(owner)) => owner,
         Ok(None) => {
@@ -108,7 +117,9 @@ fn halt_orphans(arguments: &Arguments, clock: &dyn Clock, output: &mut Output) -
             return Ok(());
         }
         Err(error @ OrphansError::Halt(_)) => return Err(cannot_stop(&error)),
-        Err(error) => return Err(Failure::from_error(Exit::Failed, "cannot see who drove", &error)),
+        Err(error) => {
+            return Err(Failure::from_error(Exit::Failed, "cannot see who drove", &error));
+        }
     };
     let ports = owner.motors.join(", ");
     let what = format!("stopped what {} (process {}) left behind: {ports}", owner.doing, owner.pid);
@@ -116,10 +127,11 @@ fn halt_orphans(arguments: &Arguments, clock: &dyn Clock, output: &mut Output) -
     Ok(())
 }
 
-/// Asks the run that owns the motors to stop, and ends it by force where it does not listen; the run, and whether it cannot
-/// turn a motor any more.
+/// Asks the run that owns the motors to stop, and ends it by force where it does not listen; the
+/// run, and whether it cannot turn a motor any more.
 fn stop_owner(root: &Path, clock: &dyn Clock) -> Result<(Option<Owner>, bool), Failure> {
-    let failed = |error: &LockError| Failure::from_error(Exit::Failed, "cannot see who drives", error);
+    let failed =
+        |error: &LockError| Failure::from_error(Exit::Failed, "cannot see who drives", error);
     let Some(owner) = HardwareLock::owner(root).map_err(|error| failed(&error))? else {
         return Ok((None, true));
     };

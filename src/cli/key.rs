@@ -30,7 +30,8 @@ pub(super) struct Arguments {
 /// The folder of keys, as several commands take it.
 #[derive(Debug, Args)]
 pub(super) struct Folder {
-    /// The folder of keys: a brick's is /etc/onbrick/keys. Without it, $ONBRICK_KEYS or ~/.config/onbrick.
+    /// The folder of keys: a brick's is /etc/onbrick/keys. Without it, $ONBRICK_KEYS or
+    /// ~/.config/onbrick.
     #[arg(long, value_name = "DIR", global = true)]
     keys: Option<PathBuf>,
 }
@@ -59,7 +60,8 @@ enum What {
     },
     /// List the keys that may ask this machine.
     List,
-    /// On a PC: know a brick by its key from now on, where that came over a way that is trusted, such as ssh.
+    /// On a PC: know a brick by its key from now on, where that came over a way that is trusted,
+    /// such as ssh.
     #[cfg(feature = "host")]
     Know {
         /// What the brick is called.
@@ -79,7 +81,8 @@ impl Folder {
     /// The folder that is meant.
     pub(super) fn path(&self) -> Result<PathBuf, Failure> {
         self.keys.clone().or_else(key_folder).ok_or_else(|| {
-            Failure::new(Exit::Usage, "there is no HOME to keep keys below").hint("--keys with a folder")
+            Failure::new(Exit::Usage, "there is no HOME to keep keys below")
+                .hint("--keys with a folder")
         })
     }
 
@@ -129,9 +132,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         }
         #[cfg(feature = "host")]
         What::Know { brick: name, address, key, replace } => {
-            let brick = KnownBrick { name: name.to_string(), address: address.clone(), key: parsed(key)? };
+            let brick =
+                KnownBrick { name: name.to_string(), address: address.clone(), key: parsed(key)? };
             let mut known = KnownBricks::load(&folder).map_err(|error| failure(&error))?;
-            let replaced = known.another(name, &brick.key).filter(|_| *replace).map(|other| other.key);
+            let replaced =
+                known.another(name, &brick.key).filter(|_| *replace).map(|other| other.key);
             known.put(&brick, replaced).map_err(|error| failure(&error))?;
             let fingerprint = brick.key.fingerprint();
             output.show(
@@ -143,12 +148,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-/// What root puts into another user's folder is root's, and the service whose keys these are could not read it.
+/// What root puts into another user's folder is root's, and the service whose keys these are could
+/// not read it.
 fn refuse_for_another(folder: &Path) -> Result<(), Failure> {
     let is_anothers = std::fs::metadata(folder).is_ok_and(|folder| folder.uid() != 0);
     if geteuid().is_root() && is_anothers {
-        let message =
-            format!("{} belongs to another user, who could not read what root puts there", folder.display());
+        let message = format!(
+            "{} belongs to another user, who could not read what root puts there",
+            folder.display()
+        );
         return Err(Failure::refused(message).hint(AS_THE_SERVICE));
     }
     Ok(())
@@ -167,7 +175,11 @@ fn revoke(authorised: &Authorised, which: &str, output: &mut Output) -> Result<(
         return Err(Failure::refused(format!("no key is called {which}")).hint("onbrick key list"));
     }
     for gone in &removed {
-        output.line(format!("{} is turned away from now on: {}", gone.name, gone.key.fingerprint()));
+        output.line(format!(
+            "{} is turned away from now on: {}",
+            gone.name,
+            gone.key.fingerprint()
+        ));
     }
     let json: Vec<_> = removed.iter().map(described).collect();
     output.value(&serde_json::json!({ "revoked": json }));
@@ -191,7 +203,8 @@ fn show(key: &PublicKey, output: &mut Output) {
 }
 
 /// A brick's keys are its service's alone.
-const AS_THE_SERVICE: &str = "as the user whose folder it is; on a brick: sudo -u onbrick onbrick key …";
+const AS_THE_SERVICE: &str =
+    "as the user whose folder it is; on a brick: sudo -u onbrick onbrick key …";
 
 /// A folder of keys that cannot be used.
 pub(super) fn failure(error: &KeyError) -> Failure {

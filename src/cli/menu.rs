@@ -14,8 +14,8 @@ use crate::commissioning::CalibrateOptions;
 use crate::document::save;
 use crate::ev3dev::{BUTTONS_PATH, Buttons, Console, LocalTree, SCREEN_PATH, Screen, Tree};
 use crate::menu::{
-    Canvas, Display, Door, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue, StartedBy,
-    TalkKind, Talker, Told, Trouble, WIDTH, attend,
+    Canvas, Display, Door, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue,
+    StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
 };
 use crate::robot::RobotConfig;
 use crate::runtime::{HardwareLock, Source, StopFlags};
@@ -33,7 +33,8 @@ use frames::Frames;
 #[cfg(feature = "host")]
 use window::{TerminalKeys, Window};
 
-/// The menu on the brick's screen: missions, runs, ports, setting up, settings; it talks to `onbrick serve`.
+/// The menu on the brick's screen: missions, runs, ports, setting up, settings; it talks to
+/// `onbrick serve`.
 ///
 /// Examples:
 ///   onbrick menu                           on the brick, from brickman's file browser
@@ -45,14 +46,16 @@ pub(super) struct Arguments {
     /// The folder of onbrick.toml, as given to `serve`.
     #[arg(long, value_name = "DIR", default_value = BRICK_FOLDER)]
     config: PathBuf,
-    /// Started by our own unit, in brickman's place: Back is a button like the others, and a run survives the menu.
+    /// Started by our own unit, in brickman's place: Back is a button like the others, and a run
+    /// survives the menu.
     #[arg(long)]
     at_boot: bool,
     /// In this terminal instead: arrows and Enter; Backspace or Escape for Back, q to close.
     #[cfg(feature = "host")]
     #[arg(long, conflicts_with = "at_boot")]
     window: bool,
-    /// Write each new picture into this folder as a PNG file, and read keys from the standard input.
+    /// Write each new picture into this folder as a PNG file, and read keys from the standard
+    /// input.
     #[cfg(feature = "host")]
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["window", "at_boot"])]
     frames: Option<PathBuf>,
@@ -75,7 +78,8 @@ impl Arguments {
         if self.at_boot { StartedBy::Boot } else { StartedBy::Brickman }
     }
 
-    /// A brick that is not below `--brick` cannot be set up from here: the service's own simulated one.
+    /// A brick that is not below `--brick` cannot be set up from here: the service's own simulated
+    /// one.
     fn no_talks(&self) -> Option<String> {
         (self.started_by() == StartedBy::Terminal && self.brick.tree().is_machine()).then(|| {
             "The service's simulated brick is not in this machine's files. With a mounted one (onbrick sim), --brick names it."
@@ -89,16 +93,26 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
     let config = load_config(&arguments.config, true)?;
     let flags = stop_flags()?;
     let started_by = arguments.started_by();
-    let mut menu = Menu::new(MenuOptions { started_by, no_talks: arguments.no_talks(), seed: wall_ns() });
+    let mut menu =
+        Menu::new(MenuOptions { started_by, no_talks: arguments.no_talks(), seed: wall_ns() });
     let socket = &config.socket.path;
     let doors: [Box<dyn Door>; 2] = [
         Box::new(ServiceDoor { client: Client::at(socket), patience: LOOK_PATIENCE }),
-        Box::new(ServiceDoor { client: order_client(socket, started_by), patience: ORDER_PATIENCE }),
+        Box::new(ServiceDoor {
+            client: order_client(socket, started_by),
+            patience: ORDER_PATIENCE,
+        }),
     ];
     let mut talker = RobotTalker { brick: arguments.brick.tree(), robot: config.robot.clone() };
     let show = |keys: &mut dyn Keys, display: &mut dyn Display| {
-        let parts =
-            Parts { clock: &MonotonicClock, keys, display, doors, talker: &mut talker, stop: &flags.signal };
+        let parts = Parts {
+            clock: &MonotonicClock,
+            keys,
+            display,
+            doors,
+            talker: &mut talker,
+            stop: &flags.signal,
+        };
         attend(&mut menu, parts).map_err(|error| failed(&error))
     };
     #[cfg(feature = "host")]
@@ -113,7 +127,8 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
     }
     let mut buttons = open_buttons(arguments)?;
     let path = arguments.screen.clone().unwrap_or_else(|| arguments.brick.root().join(SCREEN_PATH));
-    let mut screen = Screen::open(&path, arguments.brick.root()).map_err(|error| failed(&error.into()))?;
+    let mut screen =
+        Screen::open(&path, arguments.brick.root()).map_err(|error| failed(&error.into()))?;
     // Put back when it is dropped, and this function unwinds on every way out that is not SIGKILL.
     let console = Console::take(arguments.console.as_deref());
     if console.is_none() {
@@ -174,9 +189,10 @@ impl Door for ServiceDoor {
             LocalRequest::Shared(request) => {
                 self.client.ask(request, self.patience).map(|value| Answer { value, bytes: None })
             }
-            LocalRequest::Own(request) => {
-                self.client.ask_own(request, self.patience).map(|value| Answer { value, bytes: None })
-            }
+            LocalRequest::Own(request) => self
+                .client
+                .ask_own(request, self.patience)
+                .map(|value| Answer { value, bytes: None }),
         };
         answered.map_err(|error| match error {
             ClientError::Refused(refusal) => Trouble::Refused(refusal),
@@ -223,12 +239,15 @@ fn talk(
     let tree: Arc<dyn Tree> = Arc::new(brick.clone());
     let flags = dialogue.flags.clone();
     let written = match kind {
-        TalkKind::SetUp => crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
-            .map_err(|error| text(&error))?,
+        TalkKind::SetUp => {
+            crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
+                .map_err(|error| text(&error))?
+        }
         TalkKind::Calibrate => {
             let bytes = super::common::read_bounded(robot).map_err(|failure| failure.message)?;
             let name = robot.display().to_string();
-            let (config, _) = RobotConfig::load(&name, &bytes).map_err(|findings| findings.to_string())?;
+            let (config, _) =
+                RobotConfig::load(&name, &bytes).map_err(|findings| findings.to_string())?;
             let source = Source { name, text: String::from_utf8_lossy(&bytes).into_owned() };
             let options = CalibrateOptions::default();
             let calibration = crate::commissioning::calibrate(
@@ -249,6 +268,7 @@ fn talk(
         save::create(robot, &written).map_err(|error| text(&error))?;
         None
     };
-    let was = kept.map(|kept| format!(" What was there is now {}.", kept.display())).unwrap_or_default();
+    let was =
+        kept.map(|kept| format!(" What was there is now {}.", kept.display())).unwrap_or_default();
     Ok(format!("{} is written.{was}", robot.display()))
 }

@@ -53,7 +53,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             None => shipped::TEMPLATE,
             Some(name) => shipped_mission(name).ok_or_else(|| {
                 let names = shipped::MISSIONS.map(|mission| mission.name);
-                let nearest = nearest(name, names).map(|hint| format!("; {hint}")).unwrap_or_default();
+                let nearest =
+                    nearest(name, names).map(|hint| format!("; {hint}")).unwrap_or_default();
                 Failure::new(Exit::Usage, format!("there is no shipped mission `{name}`"))
                     .hint(format!("one of {}{nearest}", names.join(", ")))
             })?,

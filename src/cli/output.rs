@@ -63,8 +63,11 @@ impl Failure {
     pub fn to_text(&self) -> String {
         let message = self.message.trim_end();
         // Findings say "error:" themselves, once each.
-        let prefix =
-            if message.starts_with("error:") || message.starts_with("warning:") { "" } else { "error: " };
+        let prefix = if message.starts_with("error:") || message.starts_with("warning:") {
+            ""
+        } else {
+            "error: "
+        };
         let hint = self.hint.as_ref().map(|hint| format!("\n  try: {hint}")).unwrap_or_default();
         format!("{prefix}{message}{hint}")
     }
@@ -137,9 +140,10 @@ impl Output {
     /// Prints a value for programs; nothing where a person reads.
     pub fn value(&mut self, value: &impl Serialize) {
         if self.json {
-            // Values of ours are plain structs; what cannot be JSON would be a mistake in the program, and is said as such.
-            let json =
-                serde_json::to_string(value).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"));
+            // Values of ours are plain structs; what cannot be JSON would be a mistake in the
+            // program, and is said as such.
+            let json = serde_json::to_string(value)
+                .unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"));
             self.print(&printable::json(&json));
         }
     }
@@ -150,7 +154,8 @@ impl Output {
         self.value(value);
     }
 
-    /// Prints the same thing to whoever reads it: a file's text as it is, for a program as the value.
+    /// Prints the same thing to whoever reads it: a file's text as it is, for a program as the
+    /// value.
     pub fn text(&mut self, text: &str, value: &impl Serialize) {
         self.show(text.trim_end_matches('\n'), value);
     }

@@ -77,15 +77,18 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     let mut known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
     let flags = stop_flags()?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
-    let name = arguments
-        .name
-        .clone()
-        .unwrap_or_else(|| Name::nearest(&nix::unistd::gethostname().unwrap_or_default().to_string_lossy()));
+    let name = arguments.name.clone().unwrap_or_else(|| {
+        Name::nearest(&nix::unistd::gethostname().unwrap_or_default().to_string_lossy())
+    });
     let patience = arguments.how.patience(&flags.signal);
     // The brick that keeps its name and its key, because the person would rather.
     let mut kept = None;
     let mut is_same = |brick: &Introduced, code: &str| {
-        show_code(&mut terminal, code, &format!("what answers at {host} calls itself {}", brick.name));
+        show_code(
+            &mut terminal,
+            code,
+            &format!("what answers at {host} calls itself {}", brick.name),
+        );
         if !confirmed(&mut terminal, "does the brick show the same code?") {
             return false;
         }
@@ -98,14 +101,17 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
             other.key.fingerprint(),
             brick.key.fingerprint()
         ));
-        let replaces =
-            confirmed(&mut terminal, "forget the one that is known, and know this one in its place?");
+        let replaces = confirmed(
+            &mut terminal,
+            "forget the one that is known, and know this one in its place?",
+        );
         kept = (!replaces).then(|| other.clone());
         replaces
     };
     let introduced = crate::link::pairing::pair(host, &own, &name, patience, &mut is_same)
         .map_err(|error| kept.as_ref().map_or_else(|| not_introduced(host, &error), stays))?;
-    let (bare, _) = host.rsplit_once(':').filter(|(bare, _)| !bare.contains(':')).unwrap_or((host, ""));
+    let (bare, _) =
+        host.rsplit_once(':').filter(|(bare, _)| !bare.contains(':')).unwrap_or((host, ""));
     let address = arguments.port.map_or_else(|| bare.to_owned(), |port| format!("{bare}:{port}"));
     let replaced = known.another(&introduced.name, &introduced.key).map(|other| other.key);
     let brick = KnownBrick { name: introduced.name.to_string(), address, key: introduced.key };
@@ -139,12 +145,14 @@ fn not_introduced(host: &str, error: &ClientError) -> Failure {
 
 /// The brick's side, for a brick whose menu is not at hand.
 fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let config = super::serve::load_config(&arguments.config, arguments.config.as_os_str() != BRICK_FOLDER)?;
+    let config =
+        super::serve::load_config(&arguments.config, arguments.config.as_os_str() != BRICK_FOLDER)?;
     let flags = stop_flags()?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let mut service = Client::at(&config.socket.path);
-    let mut ask =
-        |what: &LocalOnly| service.ask_own::<Pairing>(what, LOCAL).map_err(|error| no_service(&error));
+    let mut ask = |what: &LocalOnly| {
+        service.ask_own::<Pairing>(what, LOCAL).map_err(|error| no_service(&error))
+    };
     let mut shown = ask(&LocalOnly::PairingWindow { seconds: arguments.window })?;
     let mut answered = false;
     terminal.say(&format!(
@@ -154,16 +162,25 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     loop {
         match shown {
             Pairing::Paired { name } => {
-                output.show(format!("{name} may ask from now on"), &serde_json::json!({ "paired": name }));
+                output.show(
+                    format!("{name} may ask from now on"),
+                    &serde_json::json!({ "paired": name }),
+                );
                 return Ok(());
             }
             Pairing::Closed => {
                 return Err(Failure::new(Exit::NoAnswer, "nobody came before the window closed"));
             }
             Pairing::Failed { why } => return Err(Failure::refused(why)),
-            Pairing::NoLink { why } => return Err(Failure::refused(format!("nobody can come: {why}"))),
+            Pairing::NoLink { why } => {
+                return Err(Failure::refused(format!("nobody can come: {why}")));
+            }
             Pairing::Compare { code, name } if !answered => {
-                show_code(&mut terminal, &code, &format!("what asks to be let in calls itself {name}"));
+                show_code(
+                    &mut terminal,
+                    &code,
+                    &format!("what asks to be let in calls itself {name}"),
+                );
                 let same = confirmed(&mut terminal, "does the PC show the same code?");
                 answered = true;
                 shown = ask(&LocalOnly::PairingAnswer { same })?;

@@ -8,7 +8,8 @@ use super::common::{load_robot, must_be_new, open_run};
 use super::{Exit, Failure, Output};
 use crate::runtime::{Replayed, replay, replay_with};
 
-/// Run estimator and machines again on what a run recorded, and compare; or see what another robot.toml makes of it.
+/// Run estimator and machines again on what a run recorded, and compare; or see what another
+/// robot.toml makes of it.
 ///
 /// Examples:
 ///   onbrick replay onbrick-demo/run.mcap
@@ -39,8 +40,10 @@ struct Named<'r> {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     match (arguments.runs.as_slice(), &arguments.robot, &arguments.out) {
         ([run], Some(robot), Some(out)) => remake(run, robot, out, output),
-        (_, Some(_), Some(_)) => Err(Failure::new(Exit::Usage, "--robot and --out are for one recording")
-            .hint("once for each, with --out for each")),
+        (_, Some(_), Some(_)) => {
+            Err(Failure::new(Exit::Usage, "--robot and --out are for one recording")
+                .hint("once for each, with --out for each"))
+        }
         ([run], ..) => again(run, false, output),
         (several, ..) => {
             let failures: Vec<Failure> = several
@@ -67,7 +70,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
     let recorded = open_run(run)?.run;
     let doing = format!("cannot replay {}", run.display());
-    let replayed = replay(&recorded).map_err(|error| Failure::from_error(Exit::Refused, &doing, &error))?;
+    let replayed =
+        replay(&recorded).map_err(|error| Failure::from_error(Exit::Refused, &doing, &error))?;
     if named {
         output.show(format!("{}: {replayed}", run.display()), &Named { run, replayed: &replayed });
     } else {

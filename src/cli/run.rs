@@ -5,19 +5,22 @@ use std::path::{Path, PathBuf};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::common::{
-    BrickFiles, broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting, stamps_ns,
-    warn,
+    BrickFiles, broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting,
+    stamps_ns, warn,
 };
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::mapping::Pose;
-use crate::runtime::{Brick, Ended, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned};
+use crate::runtime::{
+    Brick, Ended, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned,
+};
 use crate::units::radians;
 
 mod through;
 
-/// Run a mission here, in the foreground, and record it; where a service lives on the brick, through it.
+/// Run a mission here, in the foreground, and record it; where a service lives on the brick,
+/// through it.
 ///
 /// Examples:
 ///   onbrick run map                        on the brick, with the robot of robot.toml
@@ -25,7 +28,8 @@ mod through;
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// A mission file, or a name: that of one of the brick's own missions, where a service lives on it, or of a shipped one.
+    /// A mission file, or a name: that of one of the brick's own missions, where a service lives on
+    /// it, or of a shipped one.
     mission: PathBuf,
     /// The robot's file; without it ./robot.toml, and where there is none the shipped one, which
     /// fits the simulated brick.
@@ -55,7 +59,8 @@ pub(super) struct Arguments {
     /// Folder for the recording, run.mcap; without it, the next free one under onbrick-runs.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Run it through the service with this configuration, where one lives; on the brick /etc/onbrick is looked at without asking.
+    /// Run it through the service with this configuration, where one lives; on the brick
+    /// /etc/onbrick is looked at without asking.
     #[cfg_attr(feature = "sim", arg(conflicts_with = "sim"))]
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
@@ -86,12 +91,16 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .map_err(|findings| broken_mission(&source, &findings))?;
     warn(&warnings);
     for (name, value) in &arguments.set {
-        mission
-            .set(name, *value)
-            .map_err(|error| Failure::from_error(Exit::Usage, &format!("--set {name}={value}"), &error))?;
+        mission.set(name, *value).map_err(|error| {
+            Failure::from_error(Exit::Usage, &format!("--set {name}={value}"), &error)
+        })?;
     }
     let (brick, start) = brick(arguments)?;
-    let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose { x_m, y_m, heading_rad: radians(deg) });
+    let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose {
+        x_m,
+        y_m,
+        heading_rad: radians(deg),
+    });
     let folder = Folder::make(arguments.out.as_deref(), mission.name())?;
     let file = folder.path.join("run.mcap");
     let job = Job {
@@ -120,7 +129,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 
 fn sync_period(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (0.1..=60.0).contains(&seconds) { Ok(seconds) } else { Err("it can be 0.1 to 60".to_owned()) }
+    if (0.1..=60.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("it can be 0.1 to 60".to_owned())
+    }
 }
 
 /// Where the robot is, and its pose at the start where the world says it.
@@ -131,7 +144,10 @@ fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
         if let Some(pose) = arguments.pose {
             on_a_start(&world, pose)?;
         }
-        return Ok((Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime }, start));
+        return Ok((
+            Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime },
+            start,
+        ));
     }
     let root = arguments.brick.root();
     if !root.join("sys/class").is_dir() {
@@ -159,11 +175,14 @@ fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Resu
         format!("{},{},{heading_deg}", start.x_m, start.y_m)
     };
     let starts: Vec<String> = parsed.starts().iter().map(shown).collect();
-    Err(Failure::refused(format!("no robot starts at {x_m},{y_m},{deg} in the world `{}`", parsed.name()))
-        .hint(format!(
-            "--pose={}, or a world with another [[start]] (onbrick new world)",
-            starts.join(" or --pose=")
-        )))
+    Err(Failure::refused(format!(
+        "no robot starts at {x_m},{y_m},{deg} in the world `{}`",
+        parsed.name()
+    ))
+    .hint(format!(
+        "--pose={}, or a world with another [[start]] (onbrick new world)",
+        starts.join(" or --pose=")
+    )))
 }
 
 /// A recording's own folder.
@@ -176,7 +195,8 @@ struct Folder {
 impl Folder {
     /// Makes the folder where it is not there; a recording that is there is never written over.
     fn make(out: Option<&Path>, mission: &str) -> Result<Self, Failure> {
-        let folder = out.map_or_else(|| next_free(Path::new("onbrick-runs"), mission), Path::to_owned);
+        let folder =
+            out.map_or_else(|| next_free(Path::new("onbrick-runs"), mission), Path::to_owned);
         let failed = |error: &std::io::Error| {
             Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
                 .hint("--out with a folder that can be written to")
@@ -219,10 +239,13 @@ fn next_free(folder: &Path, mission: &str) -> PathBuf {
 
 /// Starts the run in a process of its own and follows it to its end.
 fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Failure> {
-    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
-    let program = std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
-    let mut run =
-        RunProcess::start(&program, job).map_err(|error| failed("the run did not start", &error))?;
+    let failed = |doing: &str, error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Failed, doing, error)
+    };
+    let program =
+        std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
+    let mut run = RunProcess::start(&program, job)
+        .map_err(|error| failed("the run did not start", &error))?;
     forward_signals(run.stopper())?;
     let progress = super::common::Progress::new(mission, output);
     while let Some(event) = run.next_event() {
@@ -232,15 +255,18 @@ fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Fai
     progress.finish();
     run.wait().map_err(|error| match error {
         RunError::Refused { stop, hint } => Failure::of_refused(stop.to_string(), hint.as_deref()),
-        RunError::Silent { stopped: true, .. } => failed("the run", &error)
-            .hint(format!("its motors were stopped; {} says what happened before", job.file.display())),
+        RunError::Silent { stopped: true, .. } => failed("the run", &error).hint(format!(
+            "its motors were stopped; {} says what happened before",
+            job.file.display()
+        )),
         RunError::Silent { .. } | RunError::Io(_) => {
             failed("the run", &error).hint("onbrick halt, to be sure that the motors are still")
         }
     })
 }
 
-/// Whoever stops us means the run. From a terminal control hears it as well, and hearing it twice does no harm.
+/// Whoever stops us means the run. From a terminal control hears it as well, and hearing it twice
+/// does no harm.
 fn forward_signals(run: Stopper) -> Result<(), Failure> {
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;

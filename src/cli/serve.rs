@@ -43,14 +43,17 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let failed = |doing: &str, error: &dyn std::error::Error| Failure::from_error(Exit::Failed, doing, error);
+    let failed = |doing: &str, error: &dyn std::error::Error| {
+        Failure::from_error(Exit::Failed, doing, error)
+    };
     // Before anything is done: a signal that comes early must find the way out as well.
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
         .map_err(|error| failed("cannot listen to signals", &error))?;
     // Before anything is made: a machine without a brick gets no keys.
     let place = place(arguments)?;
     let config = load_config(&config_folder(arguments)?, arguments.config.is_some())?;
-    let program = std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
+    let program =
+        std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
     let service = Service::open(config, place, program)
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
     let door = Door::open(&service.config().socket, Arc::new(service.clone()))
@@ -73,9 +76,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-const ANOTHER: &str = "stop the other one (systemctl stop onbrick), or --config with another folder";
+const ANOTHER: &str =
+    "stop the other one (systemctl stop onbrick), or --config with another folder";
 
-/// The network's door opens when it can; nothing waits for it. It is closed when what is returned is dropped.
+/// The network's door opens when it can; nothing waits for it. It is closed when what is returned
+/// is dropped.
 #[cfg(feature = "link")]
 fn start_link(service: &Service) -> Option<Arc<Server>> {
     let config = service.config();
@@ -157,7 +162,8 @@ fn is_simulated(_arguments: &Arguments) -> bool {
     false
 }
 
-/// Reads the folder's `onbrick.toml`. A folder without one is set up as the file's absence says; a folder that was named must be there.
+/// Reads the folder's `onbrick.toml`. A folder without one is set up as the file's absence says; a
+/// folder that was named must be there.
 pub(super) fn load_config(folder: &Path, named: bool) -> Result<Config, Failure> {
     let path = folder.join(CONFIG_FILE);
     let refused = |error: &std::io::Error| {
@@ -166,7 +172,9 @@ pub(super) fn load_config(folder: &Path, named: bool) -> Result<Config, Failure>
     };
     let folder = match folder.canonicalize() {
         Ok(folder) => folder,
-        Err(error) if named || error.kind() != std::io::ErrorKind::NotFound => return Err(refused(&error)),
+        Err(error) if named || error.kind() != std::io::ErrorKind::NotFound => {
+            return Err(refused(&error));
+        }
         Err(_) => folder.to_owned(),
     };
     if !path.exists() {
@@ -187,7 +195,10 @@ fn place(arguments: &Arguments) -> Result<Place, Failure> {
     #[cfg(feature = "sim")]
     if let Some(path) = &arguments.sim {
         let (world, start) = super::common::load_world(path)?;
-        return Ok(Place { brick: Brick::Simulated { world, seed: arguments.seed, realtime: true }, start });
+        return Ok(Place {
+            brick: Brick::Simulated { world, seed: arguments.seed, realtime: true },
+            start,
+        });
     }
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let inventory = Inventory::read(&tree)

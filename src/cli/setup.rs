@@ -52,8 +52,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         save::create(file, &text).map_err(|error| not_written(&error))?;
         None
     };
-    let was =
-        kept.as_ref().map(|kept| format!(" (what was there is now {})", kept.display())).unwrap_or_default();
+    let was = kept
+        .as_ref()
+        .map(|kept| format!(" (what was there is now {})", kept.display()))
+        .unwrap_or_default();
     output.show(
         format!("wrote {}{was}; next: onbrick doctor, onbrick calibrate", file.display()),
         &serde_json::json!({ "wrote": file, "kept": kept }),

@@ -15,8 +15,8 @@ use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
 use crate::sim::{
-    Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions, Options, Order,
-    Scenario, Simulation, World, WorldPhysics, still,
+    Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
+    Options, Order, Scenario, Simulation, World, WorldPhysics, still,
 };
 
 /// Mount a simulated brick, for any program that was written for ev3dev, until Ctrl-C.
@@ -29,11 +29,16 @@ use crate::sim::{
 ///   onbrick sim press /tmp/brick enter --for 1s
 ///   onbrick sim exec /tmp/brick -- python3 my_robot.py
 #[derive(Debug, clap::Args)]
-#[command(verbatim_doc_comment, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(
+    verbatim_doc_comment,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true
+)]
 pub(super) struct Arguments {
     #[command(subcommand)]
     command: Option<SimCommand>,
-    /// An empty folder, or one to be made; with several robots their bricks are in 1, 2 and so on below it.
+    /// An empty folder, or one to be made; with several robots their bricks are in 1, 2 and so on
+    /// below it.
     #[arg(required = true)]
     mountpoint: Option<PathBuf>,
     /// The room: a world's file, or the name of a built-in one.
@@ -48,7 +53,8 @@ pub(super) struct Arguments {
     /// The screen's memory, dev/fb0: pixels across, pixels down, bits of a pixel.
     #[arg(long, default_value = "178x128x32", value_name = "WxHxBITS")]
     lcd: LcdGeometry,
-    /// How wide a long is in the programs that read button events: 32 for those of the brick, run in an emulator.
+    /// How wide a long is in the programs that read button events: 32 for those of the brick, run
+    /// in an emulator.
     #[arg(long, default_value = native_bits(), value_parser = ["32", "64"], value_name = "BITS")]
     event_bits: String,
     /// A file that says what goes wrong when: a device pulled, a sensor stuck, a wheel blocked.
@@ -92,7 +98,8 @@ struct Done {
 
 #[derive(Debug, clap::Subcommand)]
 enum SimCommand {
-    /// Make something go wrong on a mounted brick, now: `in1 stuck`, `outB block for 2`, `in4 unplug`, `battery 6.2`, `clear`.
+    /// Make something go wrong on a mounted brick, now: `in1 stuck`, `outB block for 2`, `in4
+    /// unplug`, `battery 6.2`, `clear`.
     Fault {
         /// Where the brick is mounted: with several robots, the folder of one.
         brick: PathBuf,
@@ -152,11 +159,15 @@ fn span(text: &str) -> Result<f64, String> {
 
 /// Writes orders to a mounted brick's `sim/orders`.
 fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> {
-    Order::parse(0, order).map_err(|error| Failure::from_error(Exit::Usage, "no such order", &error))?;
+    Order::parse(0, order)
+        .map_err(|error| Failure::from_error(Exit::Usage, "no such order", &error))?;
     let file = brick.join("sim/orders");
     if !file.exists() {
-        return Err(Failure::refused(format!("there is no simulated brick mounted at {}", brick.display()))
-            .hint("onbrick sim FOLDER, and then the same folder here"));
+        return Err(Failure::refused(format!(
+            "there is no simulated brick mounted at {}",
+            brick.display()
+        ))
+        .hint("onbrick sim FOLDER, and then the same folder here"));
     }
     std::fs::write(&file, order).map_err(|error| {
         Failure::from_error(Exit::Failed, &format!("`{order}` was not done"), &error).hint(
@@ -169,7 +180,9 @@ fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> 
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     match &arguments.command {
-        Some(SimCommand::Fault { brick, order: words }) => return order(brick, &words.join(" "), output),
+        Some(SimCommand::Fault { brick, order: words }) => {
+            return order(brick, &words.join(" "), output);
+        }
         Some(SimCommand::Press { brick, buttons, hold }) => {
             let press = |button: &Button| format!("press {} for {hold}", button.as_str());
             return order(brick, &buttons.iter().map(press).collect::<Vec<_>>().join("\n"), output);
@@ -181,15 +194,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         None => {}
     }
     let Some(mountpoint) = &arguments.mountpoint else {
-        return Err(Failure::new(Exit::Usage, "where is the brick to be mounted?").hint("onbrick sim FOLDER"));
+        return Err(Failure::new(Exit::Usage, "where is the brick to be mounted?")
+            .hint("onbrick sim FOLDER"));
     };
     // Before anything is mounted, so that no signal can leave it behind.
     let flags = StopFlags::on_signals()
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     let simulation = simulation(arguments)?;
-    let events = if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
-    let (mount, found) =
-        Mount::new(&simulation, mountpoint, MountOptions { events }).map_err(|error| refused(&error))?;
+    let events =
+        if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
+    let (mount, found) = Mount::new(&simulation, mountpoint, MountOptions { events })
+        .map_err(|error| refused(&error))?;
     tell(arguments, &mount, found, output);
     #[cfg(feature = "host")]
     let _page = page(arguments, &simulation, output)?;
@@ -225,8 +240,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// What was done to the robots on purpose.
 fn done(simulation: &Simulation) -> Vec<Done> {
     let done = simulation.faults_done().into_iter();
-    done.map(|record| Done { time_s: seconds(record.time_ns), robot: record.robot + 1, what: record.what })
-        .collect()
+    done.map(|record| Done {
+        time_s: seconds(record.time_ns),
+        robot: record.robot + 1,
+        what: record.what,
+    })
+    .collect()
 }
 
 /// Writes the still.
@@ -244,7 +263,8 @@ fn page(
     let Some(port) = arguments.page else { return Ok(None) };
     let page = crate::sim::Page::serve(simulation, port)
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
-    output.show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
+    output
+        .show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     Ok(Some(page))
 }
 
@@ -281,7 +301,8 @@ fn simulation(arguments: &Arguments) -> Result<Simulation, Failure> {
 }
 
 fn refused(error: &MountError) -> Failure {
-    let exit = if matches!(error, MountError::Failed { .. }) { Exit::Failed } else { Exit::Refused };
+    let exit =
+        if matches!(error, MountError::Failed { .. }) { Exit::Failed } else { Exit::Refused };
     Failure::from_error(exit, "no simulated brick", error).hint(error.hint())
 }
 
@@ -308,7 +329,12 @@ fn tell(arguments: &Arguments, mount: &Mount, found: Found, output: &mut Output)
              \x20 onbrick run map --brick {first}\n\
              \x20 cat {first}/sys/class/tacho-motor/motor0/position"
         ),
-        &Mounted { mountpoint: &point, bricks, made_folder: found.made, cleared_stale_mount: found.stale },
+        &Mounted {
+            mountpoint: &point,
+            bricks,
+            made_folder: found.made,
+            cleared_stale_mount: found.stale,
+        },
     );
 }
 

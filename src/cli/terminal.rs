@@ -1,6 +1,7 @@
 //! A person at a terminal, or a script that answers line by line: the [`Dialogue`] of commands.
 //!
-//! Reading waits in short naps, so that Ctrl-C is heard while a question is open. The end of the input is no answer, and what asked is refused.
+//! Reading waits in short naps, so that Ctrl-C is heard while a question is open. The end of the
+//! input is no answer, and what asked is refused.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -26,7 +27,8 @@ const LONGEST_LINE: usize = 4096;
 /// How often a choice is offered again.
 const TRIES: usize = 5;
 
-/// Questions on the error stream, which leaves the output to results; answers from a file or standard input.
+/// Questions on the error stream, which leaves the output to results; answers from a file or
+/// standard input.
 #[derive(Debug)]
 pub(super) struct Terminal {
     input: File,
@@ -43,7 +45,8 @@ impl Terminal {
             Some(path) => File::open(path),
             None => io::stdin().as_fd().try_clone_to_owned().map(File::from),
         };
-        let what = answers.map_or_else(|| "standard input".to_owned(), |path| path.display().to_string());
+        let what =
+            answers.map_or_else(|| "standard input".to_owned(), |path| path.display().to_string());
         let input = opened.map_err(|error| {
             Failure::from_error(Exit::Refused, &format!("cannot read answers from {what}"), &error)
         })?;
@@ -106,7 +109,12 @@ impl Dialogue for Terminal {
         print(&format!("{text}\n"));
     }
 
-    fn choose(&mut self, question: &str, choices: &[&str], default: usize) -> Result<usize, NoAnswer> {
+    fn choose(
+        &mut self,
+        question: &str,
+        choices: &[&str],
+        default: usize,
+    ) -> Result<usize, NoAnswer> {
         let is_short = choices == ["yes", "no"];
         for _ in 0..TRIES {
             print(&format!("{question}\n"));
@@ -159,7 +167,8 @@ fn chosen(answer: &str, choices: &[&str], default: usize) -> Option<usize> {
         return number.checked_sub(1).filter(|&choice| choice < choices.len());
     }
     let answer = answer.to_lowercase();
-    let mut fitting = (0..).zip(choices).filter(|(_, choice)| choice.to_lowercase().starts_with(&answer));
+    let mut fitting =
+        (0..).zip(choices).filter(|(_, choice)| choice.to_lowercase().starts_with(&answer));
     let (choice, _) = fitting.next()?;
     fitting.next().is_none().then_some(choice)
 }
@@ -168,8 +177,9 @@ fn chosen(answer: &str, choices: &[&str], default: usize) -> Option<usize> {
 pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
     let flags = StopFlags::default();
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&flags.signal))
-            .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+        signal_hook::flag::register(signal, Arc::clone(&flags.signal)).map_err(|error| {
+            Failure::from_error(Exit::Failed, "cannot listen to signals", &error)
+        })?;
     }
     Ok(flags)
 }
@@ -226,6 +236,9 @@ mod tests {
     #[test]
     fn a_press_is_a_line_and_is_not_waited_for() {
         let mut person = person("\n\n");
-        assert_eq!([person.is_pressed(), person.is_pressed(), person.is_pressed()], [true, true, false]);
+        assert_eq!(
+            [person.is_pressed(), person.is_pressed(), person.is_pressed()],
+            [true, true, false]
+        );
     }
 }

@@ -1,7 +1,8 @@
-//! How urgent the kernel takes a run's processes: the guard before control, and both before everything else.
+//! How urgent the kernel takes a run's processes: the guard before control, and both before
+//! everything else.
 //!
-//! It needs root or CAP_SYS_NICE, which the service on the brick has. Where it is not permitted, as on most PCs, a run goes on without
-//! and a line in the log says so (`-v`).
+//! It needs root or CAP_SYS_NICE, which the service on the brick has. Where it is not permitted, as
+//! on most PCs, a run goes on without and a line in the log says so (`-v`).
 
 use nix::sys::mman::{MlockAllFlags, mlockall};
 use nix::sys::resource::{Resource, setrlimit};
@@ -63,8 +64,12 @@ fn take(priority: u8) {
 
 fn set(policy: ThreadSchedulePolicy, priority: u8) {
     let set = ThreadPriorityValue::try_from(priority).and_then(|priority| {
-        set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(priority), policy)
-            .map_err(|error| error.to_string())
+        set_thread_priority_and_policy(
+            thread_native_id(),
+            ThreadPriority::Crossplatform(priority),
+            policy,
+        )
+        .map_err(|error| error.to_string())
     });
     if let Err(error) = set {
         log::info!("the priority stays: {error}");

@@ -1,15 +1,19 @@
 //! Measuring a robot by driving it: how far a wheel rolls in a turn, and how wide its track is.
 //!
-//! In the manner of UMBmark (Borenstein and Feng, "Measurement and Correction of Systematic Odometry Errors in Mobile Robots", IEEE
-//! Transactions on Robotics and Automation 12(6), 1996): each motion is driven in both directions and several times, what differs between
-//! the directions is told from what scatters, and the mean is taken of all.
+//! In the manner of UMBmark (Borenstein and Feng, "Measurement and Correction of Systematic
+//! Odometry Errors in Mobile Robots", IEEE Transactions on Robotics and Automation 12(6), 1996):
+//! each motion is driven in both directions and several times, what differs between the directions
+//! is told from what scatters, and the mean is taken of all.
 //!
-//! - **Wheel circumference**: driving at a wall, the range falls by what the wheels roll, `range = a - c φ / 2π`; each way between two ranges gives a
-//!   slope by least squares. Or the robot drives about a metre and a person measures how far it came.
-//! - **Track width**: spinning on the spot, the wheels roll `b θ / 2` each, one ahead and one back, so
-//!   `b = c (φ_right - φ_left) / (2π θ)`, with θ from the gyro, or from a person who says when the robot stands along a line again.
+//! - **Wheel circumference**: driving at a wall, the range falls by what the wheels roll, `range =
+//!   a - c φ / 2π`; each way between two ranges gives a slope by least squares. Or the robot drives
+//!   about a metre and a person measures how far it came.
+//! - **Track width**: spinning on the spot, the wheels roll `b θ / 2` each, one ahead and one back,
+//!   so `b = c (φ_right - φ_left) / (2π θ)`, with θ from the gyro, or from a person who says when
+//!   the robot stands along a line again.
 //!
-//! The track width goes by the circumference: what the heading needs is their ratio, and that is what spinning measures.
+//! The track width goes by the circumference: what the heading needs is their ratio, and that is
+//! what spinning measures.
 //!
 //! # Not here
 //!
@@ -18,9 +22,12 @@
 //!
 //! # What we count on
 //!
-//! - Every motion is a lease, bounded in angle and in time; Ctrl-C and the brick's buttons stop it at once.
-//! - The gyro's scale is off by 1 to 4 % from one sensor to the next, and nothing on the robot can see that: a turn that a person marks can.
-//! - The wall is plain and square to the way; at 5 degrees off, the circumference comes out 0.4 % too small.
+//! - Every motion is a lease, bounded in angle and in time; Ctrl-C and the brick's buttons stop it
+//!   at once.
+//! - The gyro's scale is off by 1 to 4 % from one sensor to the next, and nothing on the robot can
+//!   see that: a turn that a person marks can.
+//! - The wall is plain and square to the way; at 5 degrees off, the circumference comes out 0.4 %
+//!   too small.
 
 use std::sync::Arc;
 
@@ -53,9 +60,11 @@ pub struct CalibrateOptions {
     pub straight: Option<Straight>,
     /// Measure the track width.
     pub track: bool,
-    /// Whether a person marks whole turns although there is a gyro, which removes the gyro's own error; `None` asks.
+    /// Whether a person marks whole turns although there is a gyro, which removes the gyro's own
+    /// error; `None` asks.
     pub mark: Option<bool>,
-    /// How often each motion is driven in each direction; by default three times, and twice where a person measures.
+    /// How often each motion is driven in each direction; by default three times, and twice where a
+    /// person measures.
     pub pairs: Option<u32>,
     /// Whole turns of a spin against the gyro.
     pub turns: f64,
@@ -119,7 +128,8 @@ pub struct Calibration {
     pub wheel_circumference_m: Option<Measured>,
     /// Metres between the wheels.
     pub track_width_m: Option<Measured>,
-    /// What the gyro says for what was truly turned: 1.02 for one that counts 2 % too much. Only where turns were marked.
+    /// What the gyro says for what was truly turned: 1.02 for one that counts 2 % too much. Only
+    /// where turns were marked.
     pub gyro_scale: Option<f64>,
 }
 
@@ -138,12 +148,16 @@ impl Calibration {
     ///
     /// # Errors
     ///
-    /// [`ApplyError::Unsure`] where one of the numbers is in doubt: nothing is written then, not even the other.
+    /// [`ApplyError::Unsure`] where one of the numbers is in doubt: nothing is written then, not
+    /// even the other.
     pub fn apply(&self, robot: &Source) -> Result<String, ApplyError> {
-        if let Some((key, doubt)) = self.measured().find_map(|(key, found)| Some((key, found.doubt?))) {
+        if let Some((key, doubt)) =
+            self.measured().find_map(|(key, found)| Some((key, found.doubt?)))
+        {
             return Err(ApplyError::Unsure { key, doubt });
         }
-        let numbers: Vec<(&str, f64)> = self.measured().map(|(key, found)| (key, found.after)).collect();
+        let numbers: Vec<(&str, f64)> =
+            self.measured().map(|(key, found)| (key, found.after)).collect();
         let text = set_numbers(robot, &numbers)?;
         RobotConfig::load(&robot.name, text.as_bytes()).map_err(ApplyError::Findings)?;
         Ok(text)
@@ -188,11 +202,14 @@ pub fn calibrate(
     let mut stage = Stage::new(robot, tree, clock, flags);
     let mut calibration = Calibration::default();
     let mut circumference_m = config.wheel_circumference_m;
-    let straight = options.straight.map(|how| how_straight(tree, config, dialogue, how)).transpose()?;
+    let straight =
+        options.straight.map(|how| how_straight(tree, config, dialogue, how)).transpose()?;
     if let Some(straight) = straight {
         let measured = match straight {
             Straight::Wall => straight::by_wall(&mut stage, dialogue, options.pairs)?,
-            Straight::Ask | Straight::Metre => straight::by_metre(&mut stage, dialogue, options.pairs)?,
+            Straight::Ask | Straight::Metre => {
+                straight::by_metre(&mut stage, dialogue, options.pairs)?
+            }
         };
         if measured.doubt.is_none() {
             circumference_m = measured.after;
@@ -201,7 +218,8 @@ pub fn calibrate(
         calibration.wheel_circumference_m = Some(measured);
     }
     if options.track {
-        let (measured, gyro_scale) = turns::track_width(&mut stage, dialogue, options, circumference_m)?;
+        let (measured, gyro_scale) =
+            turns::track_width(&mut stage, dialogue, options, circumference_m)?;
         tell(dialogue, "track width", &measured);
         calibration.track_width_m = Some(measured);
         calibration.gyro_scale = gyro_scale;

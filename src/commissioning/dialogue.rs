@@ -1,12 +1,14 @@
-//! Talking with the person beside the robot: the same questions on a terminal, on the brick's screen and in a test.
+//! Talking with the person beside the robot: the same questions on a terminal, on the brick's
+//! screen and in a test.
 //!
-//! Setting up a robot needs somebody who looks: which wheel moved, where the wall is. What asks knows only this trait, so a terminal and
-//! the brick's menu are two ways to answer and not two programs.
+//! Setting up a robot needs somebody who looks: which wheel moved, where the wall is. What asks
+//! knows only this trait, so a terminal and the brick's menu are two ways to answer and not two
+//! programs.
 //!
 //! # Not here
 //!
-//! No printing and no reading: that is done by whoever implements the trait. No motor turns while a question is open; the one exception
-//! is [`Dialogue::is_pressed`], which does not wait.
+//! No printing and no reading: that is done by whoever implements the trait. No motor turns while a
+//! question is open; the one exception is [`Dialogue::is_pressed`], which does not wait.
 
 use std::ops::RangeInclusive;
 
@@ -35,12 +37,18 @@ pub trait Dialogue {
     /// Tells the person something.
     fn say(&mut self, text: &str);
 
-    /// Asks for one of several things and returns its place in `choices`; `default` is what an empty answer means.
+    /// Asks for one of several things and returns its place in `choices`; `default` is what an
+    /// empty answer means.
     ///
     /// # Errors
     ///
     /// [`NoAnswer`].
-    fn choose(&mut self, question: &str, choices: &[&str], default: usize) -> Result<usize, NoAnswer>;
+    fn choose(
+        &mut self,
+        question: &str,
+        choices: &[&str],
+        default: usize,
+    ) -> Result<usize, NoAnswer>;
 
     /// Asks for a line of text; an empty answer means `default`.
     ///
@@ -49,7 +57,8 @@ pub trait Dialogue {
     /// [`NoAnswer`].
     fn text(&mut self, question: &str, default: &str) -> Result<String, NoAnswer>;
 
-    /// True if the person has pressed Enter since the last question or the last call. Does not wait: motors are turning.
+    /// True if the person has pressed Enter since the last question or the last call. Does not
+    /// wait: motors are turning.
     fn is_pressed(&mut self) -> bool;
 
     /// Waits until the person says that it can go on; false where they would rather not.
@@ -66,7 +75,12 @@ pub trait Dialogue {
     /// # Errors
     ///
     /// [`NoAnswer`].
-    fn number(&mut self, question: &str, default: f64, range: RangeInclusive<f64>) -> Result<f64, NoAnswer> {
+    fn number(
+        &mut self,
+        question: &str,
+        default: f64,
+        range: RangeInclusive<f64>,
+    ) -> Result<f64, NoAnswer> {
         for _ in 0..TRIES {
             let text = self.text(question, &default.to_string())?;
             // People on half of the continents write a comma.
@@ -77,7 +91,8 @@ pub trait Dialogue {
                     range.start(),
                     range.end()
                 )),
-                Err(_) => self.say(&format!("`{text}` is not a number; please write one such as {default}")),
+                Err(_) => self
+                    .say(&format!("`{text}` is not a number; please write one such as {default}")),
             }
         }
         Err(NoAnswer::Unclear)

@@ -1,7 +1,8 @@
 //! Every check before motion, as a report: what is in order, what is not, and what to do.
 //!
-//! A check is a function in a table; it looks at one thing and adds lines to the report. Checks go on after a failure, so that one look
-//! shows everything. Nothing is moved: no motor gets a command, and a sensor's mode is set only while nobody else has the hardware.
+//! A check is a function in a table; it looks at one thing and adds lines to the report. Checks go
+//! on after a failure, so that one look shows everything. Nothing is moved: no motor gets a
+//! command, and a sensor's mode is set only while nobody else has the hardware.
 //!
 //! | what | where |
 //! |---|---|
@@ -41,7 +42,8 @@ pub struct Patient<'p> {
     pub flags: &'p StopFlags,
     /// The robot's file as it was read, or why it could not be.
     pub robot: Result<&'p Source, &'p str>,
-    /// The brick's root in the file system, which the hardware lock goes by; `None` for a brick inside this process.
+    /// The brick's root in the file system, which the hardware lock goes by; `None` for a brick
+    /// inside this process.
     pub root: Option<&'p Path>,
     /// Where recordings go; looked at whether it is there or not.
     pub recordings: &'p Path,
@@ -112,7 +114,13 @@ impl Diagnosis {
         self.checks.iter().filter(|checked| checked.verdict == verdict).count()
     }
 
-    fn add(&mut self, check: &str, verdict: Verdict, found: impl Into<String>, to_do: Option<&str>) {
+    fn add(
+        &mut self,
+        check: &str,
+        verdict: Verdict,
+        found: impl Into<String>,
+        to_do: Option<&str>,
+    ) {
         let (check, to_do) = (check.to_owned(), to_do.map(str::to_owned));
         self.checks.push(Checked { check, verdict, found: found.into(), to_do });
     }
@@ -142,7 +150,8 @@ struct Examination<'p> {
 
 type Check = fn(&mut Examination<'_>, &mut Diagnosis);
 
-/// The order is that in which a person puts things right: the file, the brick, the devices, then what a run needs besides.
+/// The order is that in which a person puts things right: the file, the brick, the devices, then
+/// what a run needs besides.
 const CHECKS: &[Check] = &[
     roles::file,
     brick::tree,

@@ -1,8 +1,8 @@
 //! Setting up a robot: from what is plugged in and what a person sees to a `robot.toml`.
 //!
-//! [`setup`] looks at what is plugged in, turns each motor a little and asks what moved, gives each sensor the role that its kind has, asks
-//! for the measures, and returns the text of the file, which the caller writes
-//! ([`crate::document::save`]).
+//! [`setup`] looks at what is plugged in, turns each motor a little and asks what moved, gives each
+//! sensor the role that its kind has, asks for the measures, and returns the text of the file,
+//! which the caller writes ([`crate::document::save`]).
 //!
 //! # Not here
 //!
@@ -10,14 +10,18 @@
 //!
 //! # What we count on
 //!
-//! - A motor turns for half a second at a time, as a lease, only after it was announced, and never while a question is open.
-//! - On every way out the motors are stopped: they stop when they are dropped, and their leases end after 0.3 s.
+//! - A motor turns for half a second at a time, as a lease, only after it was announced, and never
+//!   while a question is open.
+//! - On every way out the motors are stopped: they stop when they are dropped, and their leases end
+//!   after 0.3 s.
 
 use std::sync::Arc;
 
 use crate::clock::{Clock, MILLISECOND_NS};
 use crate::document::Findings;
-use crate::ev3dev::{Class, DeviceError, FindError, Identity, StopAction, TachoMotor, Tree, devices};
+use crate::ev3dev::{
+    Class, DeviceError, FindError, Identity, StopAction, TachoMotor, Tree, devices,
+};
 use crate::mapping::{Geometry, RangeMount};
 use crate::printable::is_printable;
 use crate::robot::{LeasedMotor, RobotConfig};
@@ -32,7 +36,8 @@ mod text;
 
 pub use text::{Draft, DraftHead, DraftMotor};
 
-/// How fast a motor is turned for the person to see, radians per second at its shaft: 120 degrees a second.
+/// How fast a motor is turned for the person to see, radians per second at its shaft: 120 degrees a
+/// second.
 const LOOK_RAD_S: f64 = 2.1;
 
 /// For how long, nanoseconds: a wheel of 6 cm then rolls 3 cm.
@@ -99,7 +104,8 @@ impl Part {
     }
 }
 
-/// Asks until a robot is described, and gives the text of its `robot.toml`, which loads without findings.
+/// Asks until a robot is described, and gives the text of its `robot.toml`, which loads without
+/// findings.
 ///
 /// # Errors
 ///
@@ -266,7 +272,8 @@ impl Look<'_> {
     }
 
     fn part(&mut self, port: &str, guess: Part, draft: &Draft) -> Result<Part, NoAnswer> {
-        let mut parts = vec![Part::Left, Part::Right, Part::Head, Part::Other, Part::Again, Part::Nothing];
+        let mut parts =
+            vec![Part::Left, Part::Right, Part::Head, Part::Other, Part::Again, Part::Nothing];
         parts.retain(|part| match part {
             Part::Left => draft.left.is_none(),
             Part::Right => draft.right.is_none(),
@@ -288,7 +295,8 @@ impl Look<'_> {
         Ok(DraftMotor { port, inverted })
     }
 
-    /// The gear's sign is what was seen, so a person need not think about how many wheels turn it round.
+    /// The gear's sign is what was seen, so a person need not think about how many wheels turn it
+    /// round.
     fn head(&mut self, port: String) -> Result<DraftHead, NoAnswer> {
         let ways = ["to the right (clockwise, seen from above)", "to the left (anticlockwise)"];
         let clockwise = self.dialogue.choose("Which way did the head turn?", &ways, 0)? == 0;
@@ -308,7 +316,9 @@ impl Look<'_> {
                 && name.len() <= 64
                 && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
             if !plain {
-                Err(format!("`{name}` is no name for a motor: a letter, then letters, digits and _"))
+                Err(format!(
+                    "`{name}` is no name for a motor: a letter, then letters, digits and _"
+                ))
             } else if taken.contains(&name) {
                 Err(format!("there is a motor called {name} already: another name"))
             } else {
@@ -326,7 +336,9 @@ fn teeth(text: &str) -> Result<[i32; 2], String> {
         .filter_map(|part| part.parse().ok())
         .collect();
     match numbers.as_slice() {
-        [motor, head] if (1..=1000).contains(motor) && (1..=1000).contains(head) => Ok([*motor, *head]),
+        [motor, head] if (1..=1000).contains(motor) && (1..=1000).contains(head) => {
+            Ok([*motor, *head])
+        }
         _ => Err(format!("`{text}` is not two numbers of teeth, each 1 to 1000, such as 12 36")),
     }
 }

@@ -183,7 +183,8 @@ mod tests {
     fn the_caret_stands_under_the_place_after_letters_of_several_bytes() {
         let text = "tür = 'auf' # x\n";
         let start = text.find("'auf'").unwrap();
-        let finding = Finding::new("f", text, start..start + 5, Severity::Warning, "closed".to_owned());
+        let finding =
+            Finding::new("f", text, start..start + 5, Severity::Warning, "closed".to_owned());
         assert_eq!((finding.line, finding.column), (1, 7));
         assert_eq!(
             finding.to_string(),
@@ -207,7 +208,10 @@ mod tests {
 
     #[test]
     fn only_a_slip_has_a_nearest_name() {
-        assert_eq!(nearest("forwad", ["forward", "halt"]).as_deref(), Some("did you mean `forward`?"));
+        assert_eq!(
+            nearest("forwad", ["forward", "halt"]).as_deref(),
+            Some("did you mean `forward`?")
+        );
         assert_eq!(nearest("zebra", ["forward", "halt"]), None);
         assert_eq!(nearest("x", []), None);
     }

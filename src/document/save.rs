@@ -30,7 +30,10 @@ pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
     write_beside(path, text.as_bytes(), |fresh| match std::fs::hard_link(fresh, path) {
         // A file system without links, as on many memory cards.
         Err(error)
-            if matches!(error.kind(), io::ErrorKind::Unsupported | io::ErrorKind::PermissionDenied) =>
+            if matches!(
+                error.kind(),
+                io::ErrorKind::Unsupported | io::ErrorKind::PermissionDenied
+            ) =>
         {
             if path.symlink_metadata().is_ok() {
                 return Err(io::ErrorKind::AlreadyExists.into());
@@ -55,7 +58,8 @@ pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
     // What is no file, such as a terminal or a pipe, is no name that could change hands.
     if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
-        return std::fs::write(path, bytes).map_err(|source| SaveError::Io { path: path.to_owned(), source });
+        return std::fs::write(path, bytes)
+            .map_err(|source| SaveError::Io { path: path.to_owned(), source });
     }
     // The name of a link stays a link: what it leads to is written.
     let led_to = path.canonicalize().unwrap_or_else(|_| path.to_owned());
@@ -85,7 +89,8 @@ fn write_beside(
     })
 }
 
-/// Replaces a file and keeps what was there beside it, as `robot.toml.1` and so on; returns where. A file that is not there is created.
+/// Replaces a file and keeps what was there beside it, as `robot.toml.1` and so on; returns where.
+/// A file that is not there is created.
 ///
 /// # Errors
 ///
@@ -116,7 +121,9 @@ fn keep(path: &Path, before: &[u8]) -> Result<PathBuf, SaveError> {
                     .map(|()| backup.clone())
                     .map_err(|source| SaveError::Io { path: backup.clone(), source });
             }
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number = number.saturating_add(1),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                number = number.saturating_add(1)
+            }
             Err(source) => return Err(SaveError::Io { path: backup, source }),
         }
     }
@@ -152,7 +159,11 @@ mod tests {
         let two = replace(&path, "third").unwrap().unwrap();
         let texts = [&one, &two, &path].map(|path| std::fs::read_to_string(path).unwrap());
         assert_eq!(texts, ["first", "second", "third"]);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing else is left behind");
+        assert_eq!(
+            std::fs::read_dir(folder.path()).unwrap().count(),
+            3,
+            "nothing else is left behind"
+        );
     }
 
     #[test]
@@ -165,7 +176,11 @@ mod tests {
         assert_eq!(std::fs::read(&file).unwrap(), b"second");
         assert!(link.symlink_metadata().unwrap().is_symlink());
         write(Path::new("/dev/null"), b"third").unwrap();
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing else is left behind");
+        assert_eq!(
+            std::fs::read_dir(folder.path()).unwrap().count(),
+            2,
+            "nothing else is left behind"
+        );
     }
 
     #[test]

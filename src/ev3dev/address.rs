@@ -1,9 +1,9 @@
 //! Port addresses: where a device is plugged in.
 //!
-//! People write `outB`; the kernel writes `ev3-ports:outB`, `ev3-ports:in1:i2c1` for an I²C device, and on other
-//! platforms of ev3dev `spi0.1:MA`. An address is a list of segments between colons, and a wanted address fits where
-//! its segments stand together in the device's, from the first or the second on: so the name of the board may be left
-//! out, and the I²C part too.
+//! People write `outB`; the kernel writes `ev3-ports:outB`, `ev3-ports:in1:i2c1` for an I²C device,
+//! and on other platforms of ev3dev `spi0.1:MA`. An address is a list of segments between colons,
+//! and a wanted address fits where its segments stand together in the device's, from the first or
+//! the second on: so the name of the board may be left out, and the I²C part too.
 
 use std::fmt;
 use std::str::FromStr;
@@ -53,7 +53,8 @@ impl FromStr for PortAddress {
 
     fn from_str(text: &str) -> Result<Self, NotAPort> {
         let is_segment = |segment: &str| {
-            !segment.is_empty() && segment.chars().all(|c| c.is_ascii_graphic() && c != '/' && c != '\\')
+            !segment.is_empty()
+                && segment.chars().all(|c| c.is_ascii_graphic() && c != '/' && c != '\\')
         };
         if text.split(':').all(is_segment) {
             Ok(Self(text.into()))

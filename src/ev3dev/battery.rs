@@ -13,8 +13,8 @@ use super::words::Technology;
 /// The EV3's battery in `sys/class/power_supply`.
 const EV3: &str = "lego-ev3-battery";
 
-/// Above this a design voltage can only be the driver's slip, which gives lithium and alkaline cells ten times theirs
-/// (84 and 90 V).
+/// Above this a design voltage can only be the driver's slip, which gives lithium and alkaline
+/// cells ten times theirs (84 and 90 V).
 const SLIP_UV: i32 = 20_000_000;
 
 /// The brick's battery. Readings are of the moment: they sag while motors work.
@@ -40,18 +40,22 @@ attributes! {
 }
 
 impl Battery {
-    /// The brick's battery: the EV3's, or else the one whose name ends with `-battery`, as on other platforms of
-    /// ev3dev.
+    /// The brick's battery: the EV3's, or else the one whose name ends with `-battery`, as on other
+    /// platforms of ev3dev.
     ///
     /// # Errors
     ///
     /// [`Cause::Gone`] where there is none: this machine is no brick.
     pub fn open(tree: &Arc<dyn Tree>) -> Result<Self, DeviceError> {
         let names = tree.list("sys/class/power_supply").unwrap_or_default();
-        let mut others: Vec<&String> = names.iter().filter(|name| name.ends_with("-battery")).collect();
+        let mut others: Vec<&String> =
+            names.iter().filter(|name| name.ends_with("-battery")).collect();
         others.sort();
-        let name =
-            if names.iter().any(|name| name == EV3) { EV3 } else { others.first().map_or(EV3, |name| name) };
+        let name = if names.iter().any(|name| name == EV3) {
+            EV3
+        } else {
+            others.first().map_or(EV3, |name| name)
+        };
         let node = Node::new(tree, &format!("sys/class/power_supply/{name}"), None);
         match tree.list(node.folder()) {
             Ok(_) => Ok(Self { node, files: BatteryFiles::new() }),

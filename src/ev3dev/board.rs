@@ -25,7 +25,8 @@ pub struct BoardInfo {
 const FOLDER: &str = "sys/class/board-info";
 
 impl BoardInfo {
-    /// The main board's, or `None` where no board says that it is the main one: this machine is no brick.
+    /// The main board's, or `None` where no board says that it is the main one: this machine is no
+    /// brick.
     ///
     /// # Errors
     ///
@@ -35,7 +36,11 @@ impl BoardInfo {
             Ok(boards) => boards,
             Err(Errno::ENOENT) => return Ok(None),
             Err(errno) => {
-                return Err(Node::new(tree, FOLDER, None).error("uevent", None, Cause::Other(errno)));
+                return Err(Node::new(tree, FOLDER, None).error(
+                    "uevent",
+                    None,
+                    Cause::Other(errno),
+                ));
             }
         };
         boards.sort();
@@ -62,12 +67,14 @@ fn description(node: &Node) -> Result<String, DeviceError> {
         .read(&mut buffer)
         .map_err(|errno| node.error("uevent", None, Cause::Other(errno)))?;
     buffer.truncate(length);
-    String::from_utf8(buffer)
-        .map_err(|error| node.error("uevent", Some(error.as_bytes()), Cause::Malformed(Legal::Text)))
+    String::from_utf8(buffer).map_err(|error| {
+        node.error("uevent", Some(error.as_bytes()), Cause::Malformed(Legal::Text))
+    })
 }
 
 fn value(text: &str, key: &str) -> Option<String> {
-    let line =
-        text.lines().find_map(|line| line.strip_prefix("BOARD_INFO_")?.strip_prefix(key)?.strip_prefix('='));
+    let line = text
+        .lines()
+        .find_map(|line| line.strip_prefix("BOARD_INFO_")?.strip_prefix(key)?.strip_prefix('='));
     line.map(str::to_owned)
 }

@@ -1,8 +1,8 @@
 //! The six buttons of the brick, as the kernel's input events.
 //!
-//! A real node is opened through the crate `evdev`, which also tells which buttons are held at the start. A node that
-//! is no input device (the simulated brick's) is a stream of the same events. Reading never blocks and allocates
-//! nothing after the first.
+//! A real node is opened through the crate `evdev`, which also tells which buttons are held at the
+//! start. A node that is no input device (the simulated brick's) is a stream of the same events.
+//! Reading never blocks and allocates nothing after the first.
 //!
 //! # What we count on
 //!
@@ -42,7 +42,8 @@ pub enum Button {
 
 impl Button {
     /// Every button.
-    pub const ALL: [Self; 6] = [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
+    pub const ALL: [Self; 6] =
+        [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
 
     /// The kernel's code for the key (`input-event-codes.h`).
     #[must_use]
@@ -100,7 +101,8 @@ impl FromIterator<Button> for ButtonSet {
     }
 }
 
-/// What happened since the last look. A button that was pressed and let go in between is in both sets.
+/// What happened since the last look. A button that was pressed and let go in between is in both
+/// sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ButtonChanges {
     /// Pressed.
@@ -142,13 +144,17 @@ impl Buttons {
     ///
     /// # Errors
     ///
-    /// [`Cause::Absent`](super::Cause::Absent) where there is no such node; [`Cause::Other`](super::Cause::Other)
-    /// with EACCES for a user who is not in the group `input`.
+    /// [`Cause::Absent`](super::Cause::Absent) where there is no such node;
+    /// [`Cause::Other`](super::Cause::Other) with EACCES for a user who is not in the group
+    /// `input`.
     pub fn open(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
         let node = stream_node(tree, path);
         let source = match Self::open_device(tree, path, &node)? {
             Some(source) => source,
-            None => Source::Stream { stream: Stream::open(tree, path, Access::Read)?, rest: Rest::default() },
+            None => Source::Stream {
+                stream: Stream::open(tree, path, Access::Read)?,
+                rest: Rest::default(),
+            },
         };
         let mut buttons = Self { node, source, held: ButtonSet::default() };
         buttons.learn_held(&mut ButtonChanges::default())?;
@@ -170,7 +176,9 @@ impl Buttons {
         let mut changes = ButtonChanges::default();
         let dropped = match &mut self.source {
             Source::Device { device, .. } => read_device(device, &mut self.held, &mut changes),
-            Source::Stream { stream, rest } => read_stream(stream, rest, &mut self.held, &mut changes),
+            Source::Stream { stream, rest } => {
+                read_stream(stream, rest, &mut self.held, &mut changes)
+            }
         };
         if dropped.map_err(|errno| failure(&self.node, io_cause(errno)))? {
             self.learn_held(&mut changes)?;
@@ -179,15 +187,24 @@ impl Buttons {
     }
 
     /// The node as an input device of the kernel; `None` if it is none.
-    fn open_device(tree: &Arc<dyn Tree>, path: &str, node: &Node) -> Result<Option<Source>, DeviceError> {
+    fn open_device(
+        tree: &Arc<dyn Tree>,
+        path: &str,
+        node: &Node,
+    ) -> Result<Option<Source>, DeviceError> {
         if tree.local_path(path).is_none() {
             return Ok(None);
         }
         let Stream::Local(file) = Stream::open(tree, path, Access::Read)? else { return Ok(None) };
         match RawDevice::from_fd(file.into()) {
-            Ok(device) => Ok(Some(Source::Device { device: Box::new(device), keys: AttributeSet::new() })),
-            Err(error) if errno(&error) == Errno::ENODEV => Err(failure(node, io_cause(Errno::ENODEV))),
-            // A plain file, a pipe, a mounted simulation: they know nothing of an input device's questions.
+            Ok(device) => {
+                Ok(Some(Source::Device { device: Box::new(device), keys: AttributeSet::new() }))
+            }
+            Err(error) if errno(&error) == Errno::ENODEV => {
+                Err(failure(node, io_cause(Errno::ENODEV)))
+            }
+            // A plain file, a pipe, a mounted simulation: they know nothing of an input device's
+            // questions.
             Err(_) => Ok(None),
         }
     }
@@ -195,7 +212,9 @@ impl Buttons {
     /// Asks the kernel which buttons are held: at the start, and when it had to drop events.
     fn learn_held(&mut self, changes: &mut ButtonChanges) -> Result<(), DeviceError> {
         let Source::Device { device, keys } = &mut self.source else { return Ok(()) };
-        device.update_key_state(keys).map_err(|error| failure(&self.node, io_cause(errno(&error))))?;
+        device
+            .update_key_state(keys)
+            .map_err(|error| failure(&self.node, io_cause(errno(&error))))?;
         for button in Button::ALL {
             note(&mut self.held, changes, button, keys.contains(KeyCode::new(button.code())));
         }
@@ -214,8 +233,11 @@ fn read_device(
         Err(error) if matches!(errno(&error), Errno::EAGAIN | Errno::EINTR) => return Ok(false),
         Err(error) => return Err(errno(&error)),
     };
-    let events =
-        events.map(|event| Event { kind: event.event_type().0, code: event.code(), value: event.value() });
+    let events = events.map(|event| Event {
+        kind: event.event_type().0,
+        code: event.code(),
+        value: event.value(),
+    });
     Ok(take(events, held, changes))
 }
 
@@ -238,7 +260,11 @@ fn read_stream(
     Ok(take(events.filter_map(Event::parse), held, changes))
 }
 
-fn take(events: impl Iterator<Item = Event>, held: &mut ButtonSet, changes: &mut ButtonChanges) -> bool {
+fn take(
+    events: impl Iterator<Item = Event>,
+    held: &mut ButtonSet,
+    changes: &mut ButtonChanges,
+) -> bool {
     let mut dropped = false;
     for event in events {
         match (event.kind, Button::from_code(event.code), event.value) {

@@ -1,6 +1,7 @@
 //! What can go wrong with a device, split by what the caller should do next.
 //!
-//! Making a [`DeviceError`] allocates nothing, so a sensor that is gone does not cost the control loop its promise.
+//! Making a [`DeviceError`] allocates nothing, so a sensor that is gone does not cost the control
+//! loop its promise.
 
 use std::fmt;
 use std::sync::Arc;
@@ -25,7 +26,8 @@ pub struct DeviceError {
     pub device: Arc<str>,
     /// The attribute.
     pub attribute: &'static str,
-    /// The value that was to be written, or the text that was read and not understood; cut where it is long.
+    /// The value that was to be written, or the text that was read and not understood; cut where it
+    /// is long.
     pub value: Option<Excerpt>,
     /// Why, sorted by what to do.
     pub cause: Cause,
@@ -34,16 +36,16 @@ pub struct DeviceError {
 /// Why an access failed, split by what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Cause {
-    /// The cable was pulled, the driver was unbound, or a UART sensor has lost its connection and is coming back:
-    /// look the port up again.
+    /// The cable was pulled, the driver was unbound, or a UART sensor has lost its connection and
+    /// is coming back: look the port up again.
     #[error("the device is gone ({0})")]
     Gone(Errno),
-    /// The device is there and has nothing of this name, or no such value in its present mode: the wrong device or
-    /// the wrong mode.
+    /// The device is there and has nothing of this name, or no such value in its present mode: the
+    /// wrong device or the wrong mode.
     #[error("the device has no such attribute ({0})")]
     Absent(Errno),
-    /// The value is not legal, by our own check (no error number) or by the driver's: change the value, do not try
-    /// again.
+    /// The value is not legal, by our own check (no error number) or by the driver's: change the
+    /// value, do not try again.
     #[error("refused{}, legal is {legal}", Number(.errno.as_ref()))]
     Refused {
         /// The driver's answer; none if nothing was written because we knew it to be wrong.
@@ -54,9 +56,9 @@ pub enum Cause {
     /// The text is not what such an attribute reads as: the driver and this program disagree.
     #[error("not understood, expected {0}")]
     Malformed(Legal),
-    /// Permissions (EACCES; wait a second after plugging in, then look at the groups), a mode change that was not
-    /// answered (ETIMEDOUT; try again), a battery that is not measured yet (ENODATA, EAGAIN; try again), and
-    /// everything else.
+    /// Permissions (EACCES; wait a second after plugging in, then look at the groups), a mode
+    /// change that was not answered (ETIMEDOUT; try again), a battery that is not measured yet
+    /// (ENODATA, EAGAIN; try again), and everything else.
     #[error("{}", Hinted(*.0))]
     Other(Errno),
 }
@@ -180,10 +182,12 @@ impl fmt::Display for Hinted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.0)?;
         match self.0 {
-            Errno::EACCES => {
-                f.write_str("; just plugged in, wait a second; else join the groups ev3dev and input")
+            Errno::EACCES => f.write_str(
+                "; just plugged in, wait a second; else join the groups ev3dev and input",
+            ),
+            Errno::ETIMEDOUT => {
+                f.write_str("; the sensor did not answer, try again or plug it in anew")
             }
-            Errno::ETIMEDOUT => f.write_str("; the sensor did not answer, try again or plug it in anew"),
             Errno::ENODATA | Errno::EAGAIN => f.write_str("; not measured yet, try again"),
             _ => Ok(()),
         }
@@ -198,7 +202,9 @@ impl fmt::Display for There<'_> {
             None => f.write_str("nothing of this kind is plugged in"),
             Some((first, others)) => {
                 write!(f, "there is {} on {}", first.driver, first.address)?;
-                others.iter().try_for_each(|other| write!(f, ", {} on {}", other.driver, other.address))
+                others
+                    .iter()
+                    .try_for_each(|other| write!(f, ", {} on {}", other.driver, other.address))
             }
         }
     }

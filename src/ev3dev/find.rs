@@ -1,7 +1,7 @@
 //! Finding devices: by port, by driver, or because there is only one.
 //!
-//! A device's number (`motor0`) only ever grows and says nothing; what identifies it is its address, with its
-//! driver's name.
+//! A device's number (`motor0`) only ever grows and says nothing; what identifies it is its
+//! address, with its driver's name.
 
 use std::sync::Arc;
 
@@ -61,12 +61,13 @@ impl Identity {
     }
 }
 
-/// The devices of a class, in the order in which they were plugged in; none where the class has no folder.
+/// The devices of a class, in the order in which they were plugged in; none where the class has no
+/// folder.
 ///
 /// # Errors
 ///
-/// [`FindError::Unlisted`], and [`FindError::Device`] for one that is there and cannot be read. One that is pulled
-/// while we look is left out.
+/// [`FindError::Unlisted`], and [`FindError::Device`] for one that is there and cannot be read. One
+/// that is pulled while we look is left out.
 pub fn devices(tree: &Arc<dyn Tree>, class: Class) -> Result<Vec<Identity>, FindError> {
     let folder = format!("sys/class/{class}");
     let names = match tree.list(&folder) {
@@ -101,7 +102,8 @@ pub fn find(
     find_where(tree, class, port, driver.unwrap_or(class.as_str()), fits)
 }
 
-/// The one device that is at `port`, if given, and of which `fits` is true; `what` it is called in messages.
+/// The one device that is at `port`, if given, and of which `fits` is true; `what` it is called in
+/// messages.
 pub(crate) fn find_where(
     tree: &Arc<dyn Tree>,
     class: Class,
@@ -111,17 +113,21 @@ pub(crate) fn find_where(
 ) -> Result<Identity, FindError> {
     let there = devices(tree, class)?;
     let at_port = |identity: &&Identity| port.is_none_or(|port| port.fits(&identity.address));
-    let fitting: Vec<&Identity> = there.iter().filter(at_port).filter(|identity| fits(identity)).collect();
+    let fitting: Vec<&Identity> =
+        there.iter().filter(at_port).filter(|identity| fits(identity)).collect();
     let wanted = || port.map_or_else(|| what.to_owned(), |port| format!("{what} on {port}"));
     match fitting.as_slice() {
         [one] => Ok((*one).clone()),
         [] => match port.and_then(|_| there.iter().find(at_port).cloned()) {
-            Some(found) => Err(FindError::Other { wanted: wanted(), found: Box::new(found), there }),
+            Some(found) => {
+                Err(FindError::Other { wanted: wanted(), found: Box::new(found), there })
+            }
             None => Err(FindError::Nothing { wanted: wanted(), there }),
         },
-        several => {
-            Err(FindError::Several { wanted: wanted(), fitting: several.iter().copied().cloned().collect() })
-        }
+        several => Err(FindError::Several {
+            wanted: wanted(),
+            fitting: several.iter().copied().cloned().collect(),
+        }),
     }
 }
 

@@ -1,6 +1,8 @@
-//! Everything that is plugged in, with what it reads now: for a person who wants to know whether the cables are right.
+//! Everything that is plugged in, with what it reads now: for a person who wants to know whether
+//! the cables are right.
 //!
-//! Nothing is changed: no mode is set, no command is given. A device that cannot be read is listed with its problem.
+//! Nothing is changed: no mode is set, no command is given. A device that cannot be read is listed
+//! with its problem.
 
 use std::sync::Arc;
 
@@ -89,8 +91,12 @@ fn entry(tree: &Arc<dyn Tree>, identity: Identity) -> Entry {
         }
         Class::DcMotor => dc_motor(&DcMotor::bind(tree, identity), readings),
         Class::ServoMotor => servo_motor(&ServoMotor::bind(tree, identity), readings),
-        Class::LegoSensor => Sensor::bind(tree, identity).and_then(|sensor| sensor_values(&sensor, readings)),
-        Class::LegoPort => LegoPort::bind(tree, identity).and_then(|port| port_status(&port, readings)),
+        Class::LegoSensor => {
+            Sensor::bind(tree, identity).and_then(|sensor| sensor_values(&sensor, readings))
+        }
+        Class::LegoPort => {
+            LegoPort::bind(tree, identity).and_then(|port| port_status(&port, readings))
+        }
     };
     entry.problem = outcome.err().map(|error| error.to_string());
     entry
@@ -144,7 +150,14 @@ fn battery_entry(battery: Result<Battery, DeviceError>) -> Entry {
     });
     let problem = outcome.err().map(|error| error.to_string());
     let name = "battery".to_owned();
-    Entry { class: "power_supply", name, address: String::new(), driver: String::new(), readings, problem }
+    Entry {
+        class: "power_supply",
+        name,
+        address: String::new(),
+        driver: String::new(),
+        readings,
+        problem,
+    }
 }
 
 fn live(name: &str, value: impl ToString, unit: &str) -> LiveValue {

@@ -32,8 +32,8 @@ attributes! {
 }
 
 impl Led {
-    /// The LED of this name in `sys/class/leds`: `led0:red:brick-status`; `ev3-ports:outA::brick-status` for a lamp
-    /// on a port.
+    /// The LED of this name in `sys/class/leds`: `led0:red:brick-status`;
+    /// `ev3-ports:outA::brick-status` for a lamp on a port.
     ///
     /// # Errors
     ///
@@ -60,8 +60,9 @@ impl Led {
     pub fn trigger(&self) -> Result<String, DeviceError> {
         let triggers = self.triggers()?;
         let active = triggers.iter().find_map(|word| word.strip_prefix('[')?.strip_suffix(']'));
-        let malformed =
-            || self.node.error("trigger", Some(triggers.0.as_bytes()), Cause::Malformed(Legal::Text));
+        let malformed = || {
+            self.node.error("trigger", Some(triggers.0.as_bytes()), Cause::Malformed(Legal::Text))
+        };
         active.map(str::to_owned).ok_or_else(malformed)
     }
 
@@ -154,7 +155,8 @@ impl StatusLights {
         Ok(())
     }
 
-    /// Takes the lights from whatever else switches them: brickman lets them blink while a program runs.
+    /// Takes the lights from whatever else switches them: brickman lets them blink while a program
+    /// runs.
     ///
     /// # Errors
     ///

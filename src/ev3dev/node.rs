@@ -1,7 +1,9 @@
-//! One device's folder, its attributes as kept files, and the macro that makes accessors of a table.
+//! One device's folder, its attributes as kept files, and the macro that makes accessors of a
+//! table.
 //!
-//! An attribute is opened on its first use, once for reading and once for writing, and kept. From then on a reading
-//! is one system call into a stack buffer, a write is one system call out of one, and neither allocates.
+//! An attribute is opened on its first use, once for reading and once for writing, and kept. From
+//! then on a reading is one system call into a stack buffer, a write is one system call out of one,
+//! and neither allocates.
 //!
 //! # Not here
 //!
@@ -78,7 +80,8 @@ impl Node {
         access: Access,
     ) -> Result<Box<dyn AttributeFile>, DeviceError> {
         self.tree.open(&format!("{}/{attribute}", self.folder), access).map_err(|errno| {
-            // A missing file and a missing folder are the same error number, and different remedies.
+            // A missing file and a missing folder are the same error number, and different
+            // remedies.
             let cause = match errno {
                 Errno::ENOENT if self.tree.list(&self.folder).is_ok() => Cause::Absent(errno),
                 Errno::ENOENT | Errno::ENODEV | Errno::ENXIO => Cause::Gone(errno),
@@ -88,7 +91,12 @@ impl Node {
         })
     }
 
-    pub(crate) fn error(&self, attribute: &'static str, value: Option<&[u8]>, cause: Cause) -> DeviceError {
+    pub(crate) fn error(
+        &self,
+        attribute: &'static str,
+        value: Option<&[u8]>,
+        cause: Cause,
+    ) -> DeviceError {
         DeviceError {
             port: self.port.clone(),
             device: Arc::clone(&self.folder),
@@ -99,7 +107,12 @@ impl Node {
     }
 
     /// A refusal of our own: nothing was written.
-    pub(crate) fn refusal(&self, attribute: &'static str, value: &str, legal: Legal) -> DeviceError {
+    pub(crate) fn refusal(
+        &self,
+        attribute: &'static str,
+        value: &str,
+        legal: Legal,
+    ) -> DeviceError {
         self.error(attribute, Some(value.as_bytes()), Cause::Refused { errno: None, legal })
     }
 }
@@ -156,7 +169,8 @@ impl<T> Attribute<T> {
     /// Waits until the driver says that the attribute changed.
     pub(crate) fn wait_changed(&self, node: &Node, timeout: Duration) -> Result<bool, DeviceError> {
         let file = kept(&self.reader, || node.open(self.spec.name, Access::Read))?;
-        file.wait_changed(timeout).map_err(|errno| node.error(self.spec.name, None, self.read_cause(errno)))
+        file.wait_changed(timeout)
+            .map_err(|errno| node.error(self.spec.name, None, self.read_cause(errno)))
     }
 
     /// Opens the file for writing, which shows whether one may, and writes nothing.
@@ -169,7 +183,9 @@ impl<T> Attribute<T> {
     }
 
     fn legal(&self) -> Legal {
-        self.limit.get().map_or_else(|| self.spec.legal.clone(), |(first, last)| Legal::Range(first, last))
+        self.limit
+            .get()
+            .map_or_else(|| self.spec.legal.clone(), |(first, last)| Legal::Range(first, last))
     }
 
     fn read_cause(&self, errno: Errno) -> Cause {
@@ -196,7 +212,11 @@ impl<T> Attribute<T> {
 impl<T: Value> Attribute<T> {
     /// Reads and understands the attribute's first line.
     pub(crate) fn read(&self, node: &Node) -> Result<T, DeviceError> {
-        if T::LONG { self.read_into(node, &mut [0; 4096]) } else { self.read_into(node, &mut [0; SHORT]) }
+        if T::LONG {
+            self.read_into(node, &mut [0; 4096])
+        } else {
+            self.read_into(node, &mut [0; SHORT])
+        }
     }
 
     fn read_into(&self, node: &Node, buffer: &mut [u8]) -> Result<T, DeviceError> {
@@ -205,9 +225,9 @@ impl<T: Value> Attribute<T> {
         let line = first_line(read);
         // A line that fills the buffer may go on: what was not read must not be guessed.
         let whole = line.len() < buffer.len();
-        T::parse(line)
-            .filter(|_| whole)
-            .ok_or_else(|| node.error(self.spec.name, Some(line), Cause::Malformed(self.spec.legal.clone())))
+        T::parse(line).filter(|_| whole).ok_or_else(|| {
+            node.error(self.spec.name, Some(line), Cause::Malformed(self.spec.legal.clone()))
+        })
     }
 
     /// Checks a value and writes it as one store that ends with a newline.
@@ -215,7 +235,8 @@ impl<T: Value> Attribute<T> {
         let mut line = Line::new();
         let fits = value.render(&mut line).is_ok() && !line.contains('\n');
         let legal = self.legal();
-        let allowed = legal.admits(&line) && value.number().is_none_or(|number| legal.allows(number));
+        let allowed =
+            legal.admits(&line) && value.number().is_none_or(|number| legal.allows(number));
         if !(fits && allowed && line.try_push('\n').is_ok()) {
             return Err(node.refusal(self.spec.name, &line, legal));
         }
@@ -234,11 +255,11 @@ fn kept(
     Ok(file.get_or_init(|| opened).as_ref())
 }
 
-/// Makes a table's struct of kept files, its `ATTRIBUTES`, and the accessors of the device that holds them as `files`
-/// beside its `node`.
+/// Makes a table's struct of kept files, its `ATTRIBUTES`, and the accessors of the device that
+/// holds them as `files` beside its `node`.
 ///
-/// A row: visibility, direction, file, name of the reader (or of the only accessor), name of the writer, type, legal
-/// values if the type does not say.
+/// A row: visibility, direction, file, name of the reader (or of the only accessor), name of the
+/// writer, type, legal values if the type does not say.
 macro_rules! attributes {
     ($(#[$doc:meta])* $files:ident of [$($owner:tt)+] {
         $($(#[$row:meta])* $vis:vis $dir:ident $file:literal => $name:ident $(/ $setter:ident)?: $ty:ty $(, $legal:expr)?;)+
@@ -279,8 +300,8 @@ macro_rules! attributes {
         ///
         /// # Errors
         ///
-        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with what is; any other
-        /// but `Malformed`.
+        /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with
+        /// what is; any other but `Malformed`.
         $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> { self.files.$field.write(&self.node, &value) }
     };
 }

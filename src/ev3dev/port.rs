@@ -10,8 +10,9 @@ use super::tree::Tree;
 use super::value::{Legal, Value, Word, Words};
 use super::words::PortMode;
 
-/// A port. Writing its mode, also the mode that it has, makes the kernel find what is plugged in anew: with a new
-/// number, and with every set point lost. That is how a device that hangs is restarted without pulling its cable.
+/// A port. Writing its mode, also the mode that it has, makes the kernel find what is plugged in
+/// anew: with a new number, and with every set point lost. That is how a device that hangs is
+/// restarted without pulling its cable.
 #[derive(Debug)]
 pub struct LegoPort {
     node: Node,
@@ -70,7 +71,8 @@ impl LegoPort {
         &self.modes
     }
 
-    /// The mode in force, as the kernel spells it; other platforms have other words than [`PortMode`].
+    /// The mode in force, as the kernel spells it; other platforms have other words than
+    /// [`PortMode`].
     ///
     /// # Errors
     ///
@@ -91,8 +93,8 @@ impl LegoPort {
         self.write_mode(Word::from(mode.as_str()).unwrap_or_default())
     }
 
-    /// Names the driver for what is plugged in, where the port cannot find out: on input ports in the mode
-    /// `nxt-analog`, on output ports in `tacho-motor`.
+    /// Names the driver for what is plugged in, where the port cannot find out: on input ports in
+    /// the mode `nxt-analog`, on output ports in `tacho-motor`.
     ///
     /// # Errors
     ///

@@ -1,20 +1,24 @@
 //! The brick's screen: 178 × 128 pixels in four greys, as the kernel's frame buffer.
 //!
-//! A picture is one byte a pixel, 0 black to 255 white, row by row; [`Screen::show`] puts all of it on the panel. [`Console`] keeps the
-//! kernel's text off it meanwhile.
+//! A picture is one byte a pixel, 0 black to 255 white, row by row; [`Screen::show`] puts all of it
+//! on the panel. [`Console`] keeps the kernel's text off it meanwhile.
 //!
-//! The driver refreshes the panel some 50 ms after somebody wrote *through a memory map*; what is written to the file stays invisible
-//! until then (ev3dev issue 1357), so a frame buffer is mapped. A file that is no frame buffer (the mounted simulated brick, a test's) cannot be
-//! asked by ioctl and mostly not be mapped either: its layout comes from `sys/class/graphics/fb0`, and frames are written.
+//! The driver refreshes the panel some 50 ms after somebody wrote *through a memory map*; what is
+//! written to the file stays invisible until then (ev3dev issue 1357), so a frame buffer is mapped.
+//! A file that is no frame buffer (the mounted simulated brick, a test's) cannot be asked by ioctl
+//! and mostly not be mapped either: its layout comes from `sys/class/graphics/fb0`, and frames are
+//! written.
 //!
 //! # Not here
 //!
-//! No drawing: that is the menu's. No other layouts than 32 bits a pixel, red, green, blue from the top, or the other way round as a virtual frame buffer
-//! has it: the images of ev3dev before April 2018 had 1 bit, and are refused with a message.
+//! No drawing: that is the menu's. No other layouts than 32 bits a pixel, red, green, blue from the
+//! top, or the other way round as a virtual frame buffer has it: the images of ev3dev before April
+//! 2018 had 1 bit, and are refused with a message.
 //!
 //! # What we count on
 //!
-//! - `FBIOGET_VSCREENINFO` and `FBIOGET_FSCREENINFO` give the layout; the name (`fix.id`) is empty on an EV3 and says nothing.
+//! - `FBIOGET_VSCREENINFO` and `FBIOGET_FSCREENINFO` give the layout; the name (`fix.id`) is empty
+//!   on an EV3 and says nothing.
 //! - The panel shows the luma's top two bits.
 
 use std::fs::{File, OpenOptions};
@@ -96,7 +100,8 @@ enum Memory {
 }
 
 impl Screen {
-    /// Opens the screen at `path`; `root` is the brick's, where the layout is looked up if the file itself cannot be asked.
+    /// Opens the screen at `path`; `root` is the brick's, where the layout is looked up if the file
+    /// itself cannot be asked.
     ///
     /// # Errors
     ///
@@ -104,8 +109,12 @@ impl Screen {
     pub fn open(path: &Path, root: &Path) -> Result<Self, ScreenError> {
         let failed = |source| ScreenError::Io { path: path.to_owned(), source };
         let flags = nix::libc::O_CLOEXEC | nix::libc::O_NOCTTY;
-        let file =
-            OpenOptions::new().read(true).write(true).custom_flags(flags).open(path).map_err(failed)?;
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(flags)
+            .open(path)
+            .map_err(failed)?;
         let (layout, memory) = match kernel::layout(file.as_fd()) {
             Ok(asked) => {
                 let layout = asked.map_err(|found| ScreenError::Layout {
@@ -130,7 +139,8 @@ impl Screen {
         self.layout
     }
 
-    /// Shows a picture of `width` pixels a row, one byte a pixel, in the upper left corner; what does not fit is left out.
+    /// Shows a picture of `width` pixels a row, one byte a pixel, in the upper left corner; what
+    /// does not fit is left out.
     ///
     /// # Errors
     ///
@@ -156,7 +166,8 @@ impl ScreenLayout {
     }
 }
 
-/// Each grey is red, green and blue alike, so their order in a word does not matter, and the fourth byte is unused.
+/// Each grey is red, green and blue alike, so their order in a word does not matter, and the fourth
+/// byte is unused.
 fn paint(memory: &mut [u8], layout: ScreenLayout, picture: &[u8], width: usize) {
     let rows = memory.chunks_exact_mut(layout.line_length.max(1)).take(layout.height);
     for (row, pixels) in rows.zip(picture.chunks_exact(width.max(1))) {
@@ -241,8 +252,12 @@ mod tests {
             ("x", "178,128", "712"),
         ] {
             let root = folder(bits, size, stride);
-            let refused = Screen::open(&root.path().join("fb0"), root.path()).unwrap_err().to_string();
-            assert!(refused.contains("known is 32 bits a pixel"), "{bits} {size} {stride}: {refused}");
+            let refused =
+                Screen::open(&root.path().join("fb0"), root.path()).unwrap_err().to_string();
+            assert!(
+                refused.contains("known is 32 bits a pixel"),
+                "{bits} {size} {stride}: {refused}"
+            );
         }
     }
 

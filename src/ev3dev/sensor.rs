@@ -1,20 +1,21 @@
 //! Sensors: every one of class `lego-sensor`, and typed ones for LEGO's EV3 set.
 //!
-//! A [`Sensor`] is any sensor, with its own modes, units and decimals: NXT, I²C, an unknown UART device. A
-//! [`TypedSensor`] knows what its values mean and gives them in SI units: [`TouchSensor`], [`ColourSensor`],
-//! [`UltrasonicSensor`], [`GyroSensor`], [`InfraredSensor`].
+//! A [`Sensor`] is any sensor, with its own modes, units and decimals: NXT, I²C, an unknown UART
+//! device. A [`TypedSensor`] knows what its values mean and gives them in SI units:
+//! [`TouchSensor`], [`ColourSensor`], [`UltrasonicSensor`], [`GyroSensor`], [`InfraredSensor`].
 //!
-//! A mode is written only when it changes, and read back. The first values after a change may still be
-//! those that the mode had when it was last left, 0 if it was never used, or nonsense;
-//! [`Sensor::set_mode`] says for how long, and the caller waits, because only `clock` sleeps. A mode is
-//! left as it is when a sensor is bound, and a sensor keeps the mode of the program before: always set
-//! the one that is needed.
+//! A mode is written only when it changes, and read back. The first values after a change may still
+//! be those that the mode had when it was last left, 0 if it was never used, or nonsense;
+//! [`Sensor::set_mode`] says for how long, and the caller waits, because only `clock` sleeps. A
+//! mode is left as it is when a sensor is bound, and a sensor keeps the mode of the program before:
+//! always set the one that is needed.
 //!
 //! # Not here
 //!
-//! The modes that nobody may use: COL-CAL and GYRO-CAL are the factory's, IR-CAL is too, and in COL-CAL and IR-S-ALT
-//! the sensor stops answering and starts again (section 6.3 of the interfaces' reference). The colour sensor's
-//! factory string is never written: it would overwrite its calibration for good.
+//! The modes that nobody may use: COL-CAL and GYRO-CAL are the factory's, IR-CAL is too, and in
+//! COL-CAL and IR-S-ALT the sensor stops answering and starts again (section 6.3 of the interfaces'
+//! reference). The colour sensor's factory string is never written: it would overwrite its
+//! calibration for good.
 
 mod colour;
 mod frame;
@@ -159,7 +160,8 @@ impl Sensor {
         let files = SensorFiles::new();
         let modes = files.read_modes.read(&node)?;
         let (bin_data, direct) = (Attribute::new(BIN_DATA), Attribute::new(DIRECT));
-        let mut sensor = Self { node, files, bin_data, direct, identity, modes, mode: Mode::default() };
+        let mut sensor =
+            Self { node, files, bin_data, direct, identity, modes, mode: Mode::default() };
         sensor.refresh_mode()?;
         Ok(sensor)
     }
@@ -182,14 +184,14 @@ impl Sensor {
         &self.mode
     }
 
-    /// Puts the sensor into a mode, if it is not in it, and reads it back. Returns for how many nanoseconds values
-    /// are to be thrown away from now on; 0 if nothing had to be written. A UART sensor blocks the writer until it
-    /// answers, up to half a second.
+    /// Puts the sensor into a mode, if it is not in it, and reads it back. Returns for how many
+    /// nanoseconds values are to be thrown away from now on; 0 if nothing had to be written. A UART
+    /// sensor blocks the writer until it answers, up to half a second.
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`] for a mode that the sensor does not have, and where it reads back another; [`Cause::Other`]
-    /// with ETIMEDOUT where the sensor does not answer; [`Cause::Gone`].
+    /// [`Cause::Refused`] for a mode that the sensor does not have, and where it reads back
+    /// another; [`Cause::Other`] with ETIMEDOUT where the sensor does not answer; [`Cause::Gone`].
     pub fn set_mode(&mut self, mode: &str) -> Result<i64, DeviceError> {
         if self.mode.name.as_str() == mode {
             return Ok(0);
@@ -203,7 +205,8 @@ impl Sensor {
         Ok(settle_ns(self.identity.known_driver(), &before, mode))
     }
 
-    /// Writes the mode in force once more, which makes a single-shot mode measure, and zeroes some sensors.
+    /// Writes the mode in force once more, which makes a single-shot mode measure, and zeroes some
+    /// sensors.
     ///
     /// # Errors
     ///
@@ -228,8 +231,8 @@ impl Sensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Absent`] for a value that the mode in force does not have; [`Cause::Gone`] also while a UART sensor
-    /// is coming back.
+    /// [`Cause::Absent`] for a value that the mode in force does not have; [`Cause::Gone`] also
+    /// while a UART sensor is coming back.
     pub fn raw_value(&self, index: usize) -> Result<i32, DeviceError> {
         match index {
             0 => self.value0(),
@@ -253,9 +256,9 @@ impl Sensor {
         Ok(f64::from(self.raw_value(index)?) / ten_to_the(self.mode.decimals))
     }
 
-    /// All values of one moment, as the sensor sent them: one read, one frame. For the UART sensors of the EV3 they
-    /// are the values; the touch sensor's are millivolts, and an I²C sensor's may still have to be scaled by its
-    /// driver, so read those by [`Sensor::value`].
+    /// All values of one moment, as the sensor sent them: one read, one frame. For the UART sensors
+    /// of the EV3 they are the values; the touch sensor's are millivolts, and an I²C sensor's may
+    /// still have to be scaled by its driver, so read those by [`Sensor::value`].
     ///
     /// # Errors
     ///
@@ -275,7 +278,8 @@ impl Sensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`] for a command that the sensor does not have; LEGO's EV3 sensors have none.
+    /// [`Cause::Refused`] for a command that the sensor does not have; LEGO's EV3 sensors have
+    /// none.
     pub fn command(&self, command: &str) -> Result<(), DeviceError> {
         let commands = self.commands()?;
         match Word::from(command) {
@@ -284,12 +288,13 @@ impl Sensor {
         }
     }
 
-    /// Sends bytes to the sensor itself: 1 to 32 for a UART sensor. Never a colour sensor's factory string.
+    /// Sends bytes to the sensor itself: 1 to 32 for a UART sensor. Never a colour sensor's factory
+    /// string.
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`] for a wrong number of bytes, for anything to a colour sensor, and where the sensor has no
-    /// such way in.
+    /// [`Cause::Refused`] for a wrong number of bytes, for anything to a colour sensor, and where
+    /// the sensor has no such way in.
     pub fn write_direct(&self, bytes: &[u8]) -> Result<(), DeviceError> {
         // All that the colour sensor understands here would overwrite its calibration for good.
         let is_colour = self.identity.known_driver() == Some(Driver::Colour);
@@ -300,7 +305,8 @@ impl Sensor {
         self.direct.write_bytes(&self.node, bytes)
     }
 
-    /// Waits until the first value changes, or until `timeout`; true if it did. Only touch sensors ever say so.
+    /// Waits until the first value changes, or until `timeout`; true if it did. Only touch sensors
+    /// ever say so.
     ///
     /// # Errors
     ///
@@ -320,7 +326,11 @@ impl Sensor {
     /// [`Cause::Malformed`] beyond `first` to `last`; else as [`Sensor::raw_value`].
     pub fn first_value_within(&self, first: i32, last: i32) -> Result<i32, DeviceError> {
         let value = self.value0()?;
-        if (first..=last).contains(&value) { Ok(value) } else { Err(self.illegal(value, first, last)) }
+        if (first..=last).contains(&value) {
+            Ok(value)
+        } else {
+            Err(self.illegal(value, first, last))
+        }
     }
 
     pub(super) fn illegal(&self, value: i32, first: i32, last: i32) -> DeviceError {
@@ -354,7 +364,12 @@ impl Sensor {
     }
 
     /// A small number that the driver cannot mean otherwise.
-    fn within(&self, number: i32, attribute: &'static str, last: usize) -> Result<usize, DeviceError> {
+    fn within(
+        &self,
+        number: i32,
+        attribute: &'static str,
+        last: usize,
+    ) -> Result<usize, DeviceError> {
         let malformed = || {
             let legal = Legal::Range(0, i64::try_from(last).unwrap_or(i64::MAX));
             self.node.error(attribute, None, Cause::Malformed(legal))
@@ -365,11 +380,12 @@ impl Sensor {
 
 /// For how long values are to be thrown away after a change of mode, by driver, ns.
 ///
-/// - Colour: 20 ms, ultrasonic: up to 2 s between very different modes (ev3dev issue 1401); between two measuring
-///   modes two of its frames.
-/// - Infrared: two frames of up to 100 ms. Two polls of an I²C sensor, at the 100 ms they start with.
-/// - Gyro: the older ones calibrate anew and nobody has written down how long that takes; 1 s is ours. Look whether
-///   it drifts besides.
+/// - Colour: 20 ms, ultrasonic: up to 2 s between very different modes (ev3dev issue 1401); between
+///   two measuring modes two of its frames.
+/// - Infrared: two frames of up to 100 ms. Two polls of an I²C sensor, at the 100 ms they start
+///   with.
+/// - Gyro: the older ones calibrate anew and nobody has written down how long that takes; 1 s is
+///   ours. Look whether it drifts besides.
 #[must_use]
 pub fn settle_ns(driver: Option<Driver>, from: &str, to: &str) -> i64 {
     let measures = |mode: &str| mode.starts_with("US-DIST") || mode.starts_with("US-DC");

@@ -1,11 +1,12 @@
 //! Tones from the brick's speaker, through the kernel's input events.
 //!
-//! A tone has no end of its own: it lasts until it is silenced, even after the program has died. [`Sound`] therefore
-//! silences it when it is dropped.
+//! A tone has no end of its own: it lasts until it is silenced, even after the program has died.
+//! [`Sound`] therefore silences it when it is dropped.
 //!
 //! # Not here
 //!
-//! No recorded sound: that is ALSA's, and while it plays the kernel refuses tones without saying so.
+//! No recorded sound: that is ALSA's, and while it plays the kernel refuses tones without saying
+//! so.
 
 use std::sync::Arc;
 
@@ -39,8 +40,8 @@ impl Sound {
     ///
     /// # Errors
     ///
-    /// [`Cause::Absent`] where there is no such node; [`Cause::Other`] with EACCES for a user who is not in the group
-    /// `input`.
+    /// [`Cause::Absent`] where there is no such node; [`Cause::Other`] with EACCES for a user who
+    /// is not in the group `input`.
     pub fn open(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
         let stream = Stream::open(tree, path, Access::Write)?;
         Ok(Self { node: stream_node(tree, path), stream, sounding: false })

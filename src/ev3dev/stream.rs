@@ -1,7 +1,7 @@
 //! Devices that are streams of the kernel's input events: buttons and the speaker.
 //!
-//! An event is the kernel's `struct input_event`, as this machine has it: two C longs of time, type, code, value. On
-//! the brick that is 16 bytes.
+//! An event is the kernel's `struct input_event`, as this machine has it: two C longs of time,
+//! type, code, value. On the brick that is 16 bytes.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -65,7 +65,11 @@ pub(crate) enum Stream {
 }
 
 impl Stream {
-    pub(crate) fn open(tree: &Arc<dyn Tree>, path: &str, access: Access) -> Result<Self, DeviceError> {
+    pub(crate) fn open(
+        tree: &Arc<dyn Tree>,
+        path: &str,
+        access: Access,
+    ) -> Result<Self, DeviceError> {
         let opened = match tree.local_path(path) {
             Some(local) => OpenOptions::new()
                 .read(access != Access::Write)
@@ -77,7 +81,8 @@ impl Stream {
             None => tree.open(path, access).map(Self::Other),
         };
         opened.map_err(|errno| {
-            let cause = if errno == Errno::ENOENT { Cause::Absent(errno) } else { Cause::Other(errno) };
+            let cause =
+                if errno == Errno::ENOENT { Cause::Absent(errno) } else { Cause::Other(errno) };
             failure(&stream_node(tree, path), cause)
         })
     }

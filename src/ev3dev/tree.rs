@@ -1,14 +1,17 @@
 //! Where attribute files are: the machine's own file system below some root, or a simulated brick.
 //!
-//! This is the seed's abstract node. Motors and sensors know only a [`Tree`] and the [`AttributeFile`]s it opens, so
-//! the same bindings drive a real brick, a mounted simulation and the simulation inside this process.
+//! This is the seed's abstract node. Motors and sensors know only a [`Tree`] and the
+//! [`AttributeFile`]s it opens, so the same bindings drive a real brick, a mounted simulation and
+//! the simulation inside this process.
 //!
 //! # What we count on
 //!
-//! - A read at offset 0 makes the driver produce the text anew; a write is one complete store, its offset ignored.
+//! - A read at offset 0 makes the driver produce the text anew; a write is one complete store, its
+//!   offset ignored.
 //! - A kept file of a device that is gone answers ENODEV, and its path ENOENT.
-//! - Plain files are not sysfs: a short value leaves the tail of a longer one. [`LocalTree`] therefore ends what it
-//!   writes with a newline, and readers look at the first line only; one code path serves both.
+//! - Plain files are not sysfs: a short value leaves the tail of a longer one. [`LocalTree`]
+//!   therefore ends what it writes with a newline, and readers look at the first line only; one
+//!   code path serves both.
 
 use std::fmt::Debug;
 use std::fs::{File, OpenOptions};
@@ -35,30 +38,32 @@ pub enum Access {
     ReadWrite,
 }
 
-/// The files below a brick's root. Paths are relative to it: `sys/class/tacho-motor/motor0/position`.
+/// The files below a brick's root. Paths are relative to it:
+/// `sys/class/tacho-motor/motor0/position`.
 pub trait Tree: Debug + Send + Sync {
     /// The names in a folder, in no particular order.
     ///
     /// # Errors
     ///
-    /// ENOENT where there is no such folder: on a brick without a device of that class the class's folder may be
-    /// missing.
+    /// ENOENT where there is no such folder: on a brick without a device of that class the class's
+    /// folder may be missing.
     fn list(&self, folder: &str) -> Result<Vec<String>, Errno>;
 
     /// Opens a file, to be kept.
     ///
     /// # Errors
     ///
-    /// ENOENT, EACCES (wrong direction; also in the first moments after a device was plugged in), and what else the
-    /// kernel says.
+    /// ENOENT, EACCES (wrong direction; also in the first moments after a device was plugged in),
+    /// and what else the kernel says.
     fn open(&self, path: &str, access: Access) -> Result<Box<dyn AttributeFile>, Errno>;
 
     /// Where the tree is, for messages: the root's path, or a name for a simulation.
     fn root(&self) -> &Path;
 
-    /// A file's path on this machine, for devices that are streams of events and no attributes (buttons, speaker):
-    /// those are read and written in sequence. A tree that is not in the file system says `None`, and is then asked
-    /// to [`Tree::open`] them, each `read` taking the events that are pending.
+    /// A file's path on this machine, for devices that are streams of events and no attributes
+    /// (buttons, speaker): those are read and written in sequence. A tree that is not in the file
+    /// system says `None`, and is then asked to [`Tree::open`] them, each `read` taking the events
+    /// that are pending.
     fn local_path(&self, _path: &str) -> Option<PathBuf> {
         None
     }
@@ -80,9 +85,9 @@ pub trait AttributeFile: Debug + Send {
     /// What the driver answers: EINVAL, ERANGE, EOPNOTSUPP, ENODEV and others.
     fn write(&self, value: &[u8]) -> Result<usize, Errno>;
 
-    /// Waits until the driver says that the attribute has changed since the last [`AttributeFile::read`] (POLLPRI),
-    /// or until `timeout` is over; true if it has. Only `state` of tacho motors and `value0` of touch sensors ever
-    /// say so.
+    /// Waits until the driver says that the attribute has changed since the last
+    /// [`AttributeFile::read`] (POLLPRI), or until `timeout` is over; true if it has. Only `state`
+    /// of tacho motors and `value0` of touch sensors ever say so.
     ///
     /// # Errors
     ///
@@ -90,9 +95,11 @@ pub trait AttributeFile: Debug + Send {
     fn wait_changed(&self, timeout: Duration) -> Result<bool, Errno>;
 }
 
-/// The machine's own file system below a root: `/` on the brick, a mount point or a folder of plain files elsewhere.
+/// The machine's own file system below a root: `/` on the brick, a mount point or a folder of plain
+/// files elsewhere.
 ///
-/// Two files may be somewhere else: those that a bench, another keyboard or another board has under another name.
+/// Two files may be somewhere else: those that a bench, another keyboard or another board has under
+/// another name.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LocalTree {
     root: PathBuf,
@@ -108,13 +115,15 @@ impl LocalTree {
         Self { root: root.into(), buttons: None, speaker: None }
     }
 
-    /// With another file in the place of [`BUTTONS_PATH`], if one is given; a relative one is below the working folder.
+    /// With another file in the place of [`BUTTONS_PATH`], if one is given; a relative one is below
+    /// the working folder.
     #[must_use]
     pub fn with_buttons(self, buttons: Option<PathBuf>) -> Self {
         Self { buttons, ..self }
     }
 
-    /// With another file in the place of [`SOUND_PATH`], if one is given; a relative one is below the working folder.
+    /// With another file in the place of [`SOUND_PATH`], if one is given; a relative one is below
+    /// the working folder.
     #[must_use]
     pub fn with_speaker(self, speaker: Option<PathBuf>) -> Self {
         Self { speaker, ..self }
@@ -140,7 +149,9 @@ impl Tree for LocalTree {
     fn list(&self, folder: &str) -> Result<Vec<String>, Errno> {
         let entries = std::fs::read_dir(self.root.join(folder)).map_err(errno)?;
         entries
-            .map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()).map_err(errno))
+            .map(|entry| {
+                entry.map(|entry| entry.file_name().to_string_lossy().into_owned()).map_err(errno)
+            })
             .collect()
     }
 
@@ -148,7 +159,8 @@ impl Tree for LocalTree {
         let file = OpenOptions::new()
             .read(access != Access::Write)
             .write(access != Access::Read)
-            // A program that we start must not inherit a motor; a device node must not block or become our terminal.
+            // A program that we start must not inherit a motor; a device node must not block or
+            // become our terminal.
             .custom_flags(nix::libc::O_CLOEXEC | nix::libc::O_NONBLOCK | nix::libc::O_NOCTTY)
             .open(self.path(path))
             .map_err(errno)?;
@@ -199,14 +211,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("position"), "100\n").unwrap();
         let tree = LocalTree::new(folder.path());
-        let (reader, writer) =
-            (tree.open("position", Access::Read).unwrap(), tree.open("position", Access::Write).unwrap());
+        let (reader, writer) = (
+            tree.open("position", Access::Read).unwrap(),
+            tree.open("position", Access::Write).unwrap(),
+        );
         let mut buffer = [0; 8];
         assert_eq!(reader.read(&mut buffer), Ok(4));
         assert_eq!(writer.write(b"7\n"), Ok(2));
         let length = reader.read(&mut buffer).unwrap();
         assert_eq!(buffer[..length].split(|&byte| byte == b'\n').next(), Some(b"7".as_slice()));
-        assert_eq!(reader.wait_changed(Duration::ZERO), Ok(false), "a plain file never says that it changed");
+        assert_eq!(
+            reader.wait_changed(Duration::ZERO),
+            Ok(false),
+            "a plain file never says that it changed"
+        );
     }
 
     #[test]

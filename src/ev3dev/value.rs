@@ -1,4 +1,5 @@
-//! What an attribute's text can mean: parsing from bytes, writing into a stack buffer, and what is legal.
+//! What an attribute's text can mean: parsing from bytes, writing into a stack buffer, and what is
+//! legal.
 //!
 //! # Not here
 //!
@@ -11,7 +12,8 @@ use arrayvec::ArrayString;
 
 use crate::units::Duty;
 
-/// Room for a value on its way to the kernel. The longest are trigger names, of about 45 characters.
+/// Room for a value on its way to the kernel. The longest are trigger names, of about 45
+/// characters.
 pub(crate) type Line = ArrayString<64>;
 
 /// A single word of the kernel that is no enum: a driver's name, a sensor's mode.
@@ -83,8 +85,8 @@ pub(crate) trait Value: Sized {
     /// What is legal for every attribute of this type; a row of a table may say more.
     const LEGAL: Legal;
 
-    /// Whether the text may be longer than [`SHORT`] bytes; such attributes are read when a device is bound, never in
-    /// a tick.
+    /// Whether the text may be longer than [`SHORT`] bytes; such attributes are read when a device
+    /// is bound, never in a tick.
     const LONG: bool = false;
 
     /// The value of an attribute's first line, without its newline.
@@ -107,7 +109,8 @@ pub(crate) fn first_line(text: &[u8]) -> &[u8] {
     text.split(|&byte| byte == b'\n').next().unwrap_or_default()
 }
 
-/// A number of up to nine digits, which cannot overflow: every reading of a tick, at a third of what any text costs. `None` for all else.
+/// A number of up to nine digits, which cannot overflow: every reading of a tick, at a third of
+/// what any text costs. `None` for all else.
 fn short(text: &[u8]) -> Option<i32> {
     let (minus, digits) = match text {
         [b'-', digits @ ..] => (true, digits),

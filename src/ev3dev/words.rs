@@ -14,8 +14,8 @@ pub struct UnknownWord {
     pub known: String,
 }
 
-/// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its place among
-/// attribute values.
+/// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its
+/// place among attribute values.
 macro_rules! words {
     ($(#[$doc:meta])* $name:ident { $($(#[$word_doc:meta])* $variant:ident = $word:literal,)+ }) => {
         $(#[$doc])*
@@ -82,8 +82,8 @@ words! {
 }
 
 words! {
-    /// Which way counts as positive. The kernel applies it to set points and to readings; nobody else may apply it
-    /// again.
+    /// Which way counts as positive. The kernel applies it to set points and to readings; nobody
+    /// else may apply it again.
     Polarity {
         /// As the motor is built.
         Normal = "normal",
@@ -93,16 +93,18 @@ words! {
 }
 
 words! {
-    /// What a motor with a position is told to do. A command copies all set points; later set points wait for the
-    /// next one.
+    /// What a motor with a position is told to do. A command copies all set points; later set
+    /// points wait for the next one.
     TachoCommand {
         /// Regulated at `speed_sp` until another command. Nothing ends it when our program dies.
         RunForever = "run-forever",
         /// Regulated at |`speed_sp`| to `position_sp`.
         RunToAbsPos = "run-to-abs-pos",
-        /// Regulated at |`speed_sp`| by `position_sp`; after another such move, from that move's target.
+        /// Regulated at |`speed_sp`| by `position_sp`; after another such move, from that move's
+        /// target.
         RunToRelPos = "run-to-rel-pos",
-        /// Regulated at `speed_sp` for `time_sp`, then the stop action: a lease, because the kernel ends it.
+        /// Regulated at `speed_sp` for `time_sp`, then the stop action: a lease, because the kernel
+        /// ends it.
         RunTimed = "run-timed",
         /// Unregulated at `duty_cycle_sp`, which then acts at once.
         RunDirect = "run-direct",
@@ -154,8 +156,8 @@ words! {
 }
 
 words! {
-    /// How a port treats what is plugged in. Input ports know `auto` to `other-uart` and `raw`, output ports `auto`
-    /// and `tacho-motor` to `raw`.
+    /// How a port treats what is plugged in. Input ports know `auto` to `other-uart` and `raw`,
+    /// output ports `auto` and `tacho-motor` to `raw`.
     PortMode {
         /// Find out by itself; every port's default.
         Auto = "auto",
@@ -247,7 +249,8 @@ impl BinFormat {
 }
 
 words! {
-    /// The drivers that this program knows by name. There are many more, and a device with any of them can be used.
+    /// The drivers that this program knows by name. There are many more, and a device with any of
+    /// them can be used.
     Driver {
         /// LEGO's large motor; an NXT motor says the same in the port mode `auto`.
         LargeMotor = "lego-ev3-l-motor",

@@ -16,14 +16,17 @@
 //! # }
 //! ```
 //!
-//! A client keeps one connection and makes it anew whenever it breaks. Each request is repeated until it is answered or the patience is over; that is
-//! harmless, because a start carries its run's identifier, a stop stops what is stopped already, and the rest only reads. What was sent into an
-//! outage cannot come true later: nothing is queued while there is no connection, what was queued is thrown away with its socket, and a start
-//! that lay in some buffer for more than five seconds is refused by the brick.
+//! A client keeps one connection and makes it anew whenever it breaks. Each request is repeated
+//! until it is answered or the patience is over; that is harmless, because a start carries its
+//! run's identifier, a stop stops what is stopped already, and the rest only reads. What was sent
+//! into an outage cannot come true later: nothing is queued while there is no connection, what was
+//! queued is thrown away with its socket, and a start that lay in some buffer for more than five
+//! seconds is refused by the brick.
 //!
 //! # Not here
 //!
-//! No threads: a client waits where it is called. Several bricks at once are several clients on several threads ([`Client`] is [`Send`]).
+//! No threads: a client waits where it is called. Several bricks at once are several clients on
+//! several threads ([`Client`] is [`Send`]).
 
 use std::path::Path;
 use std::sync::Arc;
@@ -36,7 +39,8 @@ use super::curve::NoCurve;
 use super::keys::{KeyPair, PublicKey};
 use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
 use crate::service::protocol::{
-    Chosen, Done, Kind, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started, Status, Stopped,
+    Chosen, Done, Kind, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started, Status,
+    Stopped,
 };
 
 mod address;
@@ -71,13 +75,15 @@ pub enum ClientError {
         /// What was seen meanwhile.
         silence: Silence,
     },
-    /// The brick does not know this PC's key, or no longer: `onbrick pair`, or `onbrick key authorise` on the brick.
+    /// The brick does not know this PC's key, or no longer: `onbrick pair`, or `onbrick key
+    /// authorise` on the brick.
     #[error("{address} does not let this PC's key in: it is not, or no longer, authorised there")]
     NotAuthorised {
         /// Who was asked.
         address: String,
     },
-    /// What answers there has another key than the brick had: a brick that was set up anew (pair again), or somebody else.
+    /// What answers there has another key than the brick had: a brick that was set up anew (pair
+    /// again), or somebody else.
     #[error(
         "what answers at {address} does not have the key that is known for it: the brick was set up anew, another one has its address, or it is none"
     )]
@@ -173,8 +179,8 @@ impl Patience {
         Self { most_ns, absent_ns: most_ns, cancelled: None }
     }
 
-    /// For this long only, seconds, where no connection comes about: an absent brick holds up little, and a slow one has
-    /// its time.
+    /// For this long only, seconds, where no connection comes about: an absent brick holds up
+    /// little, and a slow one has its time.
     #[must_use]
     pub fn if_absent(mut self, seconds: f64) -> Self {
         self.absent_ns = nanoseconds(seconds).clamp(0, self.most_ns);
@@ -197,7 +203,8 @@ pub struct Client {
 }
 
 impl Client {
-    /// A brick at an address (a name or a number, with `:port` where that is not 5670), with this key. Nothing is sent yet.
+    /// A brick at an address (a name or a number, with `:port` where that is not 5670), with this
+    /// key. Nothing is sent yet.
     ///
     /// # Errors
     ///
@@ -246,12 +253,13 @@ impl Client {
         self.ask(&Request::Missions)
     }
 
-    /// Starts a mission, at a pose (metres, metres, degrees) and with numbers of its own set otherwise, as a run with a new identifier.
+    /// Starts a mission, at a pose (metres, metres, degrees) and with numbers of its own set
+    /// otherwise, as a run with a new identifier.
     ///
     /// # Errors
     ///
-    /// [`ClientError`]. After [`ClientError::NoAnswer`] the run may have been started all the same, or may be within the next five seconds:
-    /// a status tells.
+    /// [`ClientError`]. After [`ClientError::NoAnswer`] the run may have been started all the same,
+    /// or may be within the next five seconds: a status tells.
     pub fn start(
         &mut self,
         mission: Chosen,
@@ -262,7 +270,8 @@ impl Client {
             Chosen::Name(name) => name.as_str(),
             Chosen::Text(_) => "mission",
         };
-        let run = new_run_id(name).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
+        let run =
+            new_run_id(name).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
         self.start_as(run, mission, pose, set)
     }
 
@@ -355,7 +364,8 @@ pub(super) struct Envelope<'r, R> {
     pub(super) request: &'r R,
 }
 
-/// An identifier that sorts by time and that nobody else chooses: a name's first letters, the seconds of this PC's calendar, and chance.
+/// An identifier that sorts by time and that nobody else chooses: a name's first letters, the
+/// seconds of this PC's calendar, and chance.
 ///
 /// # Errors
 ///

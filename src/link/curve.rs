@@ -1,12 +1,15 @@
 //! Whether the libzmq that is linked can encrypt, and that it is the one that can.
 //!
-//! In this package only the libzmq of `src/build.rs` is built. In a program of somebody else's, whose Cargo does not know our configuration, the
-//! crate zmq-sys builds one without CURVE as well, and the linker takes whichever comes first among what refers to it. So this file refers to
-//! libzmq itself: where this library is linked, its own libzmq comes along before zmq-sys's is looked at, and leaves it nothing to give.
+//! In this package only the libzmq of `src/build.rs` is built. In a program of somebody else's,
+//! whose Cargo does not know our configuration, the crate zmq-sys builds one without CURVE as well,
+//! and the linker takes whichever comes first among what refers to it. So this file refers to
+//! libzmq itself: where this library is linked, its own libzmq comes along before zmq-sys's is
+//! looked at, and leaves it nothing to give.
 //!
 //! # Not here
 //!
-//! No key: making one may wait for the kernel's random numbers ([`keys`](super::keys)). Nothing here waits.
+//! No key: making one may wait for the kernel's random numbers ([`keys`](super::keys)). Nothing
+//! here waits.
 
 use std::ffi::{c_char, c_int};
 use std::hint::black_box;
@@ -15,14 +18,17 @@ use std::hint::black_box;
 use libsodium_sys as _;
 
 /// A function of each file of libzmq that the crate `zmq` calls: `zmq.cpp` and `zmq_utils.cpp`.
-type Anchors =
-    (unsafe extern "C" fn(*const c_char) -> c_int, unsafe extern "C" fn(*mut c_char, *mut c_char) -> c_int);
+type Anchors = (
+    unsafe extern "C" fn(*const c_char) -> c_int,
+    unsafe extern "C" fn(*mut c_char, *mut c_char) -> c_int,
+);
 
 static ANCHORS: Anchors = (zmq_sys::zmq_has, zmq_sys::zmq_curve_keypair);
 
 /// The libzmq that was linked has no CURVE: nothing is served, and nothing is asked.
 ///
-/// This package's own build has it. A program that was built around this library can mend it as [`link`](super) says.
+/// This package's own build has it. A program that was built around this library can mend it as
+/// [`link`](super) says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the libzmq in this program cannot encrypt (CURVE is not compiled in)")]
 pub struct NoCurve;

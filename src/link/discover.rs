@@ -1,8 +1,9 @@
 //! Bricks that make themselves known in this network, by mDNS and DNS-SD (RFC 6762, RFC 6763).
 //!
-//! On ev3dev avahi does that: the package puts a file beside avahi's own, and nothing of ours runs for it. Many networks carry no multicast,
-//! or not between PC and brick; so this only ever adds to what a person can type, and nothing depends on it. What is announced proves nothing
-//! either: a brick is known by its key.
+//! On ev3dev avahi does that: the package puts a file beside avahi's own, and nothing of ours runs
+//! for it. Many networks carry no multicast, or not between PC and brick; so this only ever adds to
+//! what a person can type, and nothing depends on it. What is announced proves nothing either: a
+//! brick is known by its key.
 //!
 //! # Not here
 //!
@@ -64,7 +65,9 @@ pub fn discover(seconds: f64, interrupted: &AtomicBool) -> Result<Vec<Announced>
                 heard.retain(|known| known.name != found.name);
                 heard.push(found);
             }
-            Ok(ServiceEvent::ServiceRemoved(_, full)) => heard.retain(|known| known.name != name_of(&full)),
+            Ok(ServiceEvent::ServiceRemoved(_, full)) => {
+                heard.retain(|known| known.name != name_of(&full))
+            }
             Ok(_) => {}
             Err(_) if events.is_disconnected() => break,
             Err(_) => {}
@@ -77,7 +80,8 @@ pub fn discover(seconds: f64, interrupted: &AtomicBool) -> Result<Vec<Announced>
 }
 
 fn announced(service: &ResolvedService) -> Announced {
-    let mut addresses: Vec<IpAddr> = service.addresses.iter().map(mdns_sd::ScopedIp::to_ip_addr).collect();
+    let mut addresses: Vec<IpAddr> =
+        service.addresses.iter().map(mdns_sd::ScopedIp::to_ip_addr).collect();
     addresses.sort_by_key(|address| (address.is_ipv6(), *address));
     Announced {
         name: name_of(&service.fullname),

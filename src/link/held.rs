@@ -1,7 +1,8 @@
 //! A connection of libzmq's, held for a moment by a descriptor of our own.
 //!
-//! The monitor tells the numbers of libzmq's descriptors. libzmq may close one at any time, and then the number comes to mean something else. So it is
-//! duplicated before it is looked at: what the duplicate stands for does not change any more.
+//! The monitor tells the numbers of libzmq's descriptors. libzmq may close one at any time, and
+//! then the number comes to mean something else. So it is duplicated before it is looked at: what
+//! the duplicate stands for does not change any more.
 
 #![allow(
     unsafe_code,
@@ -13,7 +14,8 @@ use std::os::fd::{AsRawFd as _, BorrowedFd, OwnedFd, RawFd};
 
 use nix::libc;
 use nix::sys::socket::{
-    Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername, getsockname, shutdown,
+    Shutdown, SockaddrIn, SockaddrIn6, SockaddrLike as _, SockaddrStorage, getpeername,
+    getsockname, shutdown,
 };
 
 /// A connection: to one of our ports, or from here to another machine's.
@@ -35,12 +37,16 @@ impl Held {
         Self::where_it_is(descriptor, |_, peer| peer == (far.ip().to_canonical(), far.port()))
     }
 
-    fn where_it_is(descriptor: RawFd, is_it: impl Fn((IpAddr, u16), (IpAddr, u16)) -> bool) -> Option<Self> {
+    fn where_it_is(
+        descriptor: RawFd,
+        is_it: impl Fn((IpAddr, u16), (IpAddr, u16)) -> bool,
+    ) -> Option<Self> {
         if descriptor < 0 {
             return None;
         }
-        // SAFETY: the number is not -1, and all that is done with it is one fcntl(F_DUPFD_CLOEXEC). Should libzmq have closed it, that fails with
-        // EBADF, or duplicates what the number means now, and the duplicate is closed again without being read, written or shut.
+        // SAFETY: the number is not -1, and all that is done with it is one fcntl(F_DUPFD_CLOEXEC).
+        // Should libzmq have closed it, that fails with EBADF, or duplicates what the number means
+        // now, and the duplicate is closed again without being read, written or shut.
         let own = unsafe { BorrowedFd::borrow_raw(descriptor) }.try_clone_to_owned().ok()?;
         let peer = address(&getpeername(own.as_raw_fd()).ok()?)?;
         let here = address(&getsockname(own.as_raw_fd()).ok()?)?;
@@ -58,11 +64,14 @@ impl Held {
         let _ = shutdown(self.own.as_raw_fd(), Shutdown::Both);
     }
 
-    /// Bytes that have come over it; `None` where the kernel does not count them (before Linux 4.2).
+    /// Bytes that have come over it; `None` where the kernel does not count them (before Linux
+    /// 4.2).
     pub(super) fn received(&self) -> Option<u64> {
-        let (mut info, mut length) = ([0_u64; COUNTED as usize / 8], libc::socklen_t::from(COUNTED));
-        // nix's getsockopt panics where a kernel knows less of it.
-        // SAFETY: the descriptor is open for as long as `self`; the kernel writes at most `length` bytes, into numbers that may have any value.
+        let (mut info, mut length) =
+            ([0_u64; COUNTED as usize / 8], libc::socklen_t::from(COUNTED));
+        // nix's getsockopt panics where a kernel knows less of it. SAFETY: the descriptor is open
+        // for as long as `self`; the kernel writes at most `length` bytes, into numbers that may
+        // have any value.
         let failed = unsafe {
             libc::getsockopt(
                 self.own.as_raw_fd(),
@@ -84,8 +93,9 @@ fn address(address: &SockaddrStorage) -> Option<(IpAddr, u16)> {
     address.as_sockaddr_in().map(v4).or_else(|| address.as_sockaddr_in6().map(v6))
 }
 
-/// Bytes of the beginning of Linux's `struct tcp_info` (include/uapi/linux/tcp.h, which only ever grows at its end) up to and with
-/// `tcpi_bytes_received`: eight bytes, 24 numbers of four, and four of eight.
+/// Bytes of the beginning of Linux's `struct tcp_info` (include/uapi/linux/tcp.h, which only ever
+/// grows at its end) up to and with `tcpi_bytes_received`: eight bytes, 24 numbers of four, and
+/// four of eight.
 const COUNTED: u8 = 8 + 24 * 4 + 4 * 8;
 
 #[cfg(test)]

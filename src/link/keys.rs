@@ -1,7 +1,8 @@
 //! Keys: who a machine is on the network.
 //!
-//! A machine has one pair of CURVE keys. The public half is written in Z85 (ZeroMQ's 40 signs, rfc.zeromq.org/spec/32) and shown to people as a
-//! [`PublicKey::fingerprint`]; the secret half never leaves its file.
+//! A machine has one pair of CURVE keys. The public half is written in Z85 (ZeroMQ's 40 signs,
+//! rfc.zeromq.org/spec/32) and shown to people as a [`PublicKey::fingerprint`]; the secret half
+//! never leaves its file.
 //!
 //! | in the folder of keys | what it is |
 //! |---|---|
@@ -12,12 +13,14 @@
 //!
 //! # Not here
 //!
-//! No waiting that anybody else notices: making a pair ([`KeyPair::generate`]) may wait for the kernel's random numbers - minutes, on a brick that has
-//! just been switched on - so a brick does it on the link's own thread, and nothing that drives calls it.
+//! No waiting that anybody else notices: making a pair ([`KeyPair::generate`]) may wait for the
+//! kernel's random numbers - minutes, on a brick that has just been switched on - so a brick does
+//! it on the link's own thread, and nothing that drives calls it.
 //!
 //! # What we count on
 //!
-//! - Whoever can read `own.key` is this machine. A file that others can read is refused, as ssh does.
+//! - Whoever can read `own.key` is this machine. A file that others can read is refused, as ssh
+//!   does.
 
 use std::fmt::{self, Write as _};
 use std::fs::{self, DirBuilder, File, OpenOptions};
@@ -74,7 +77,8 @@ impl PublicKey {
 
     /// The first 8 bytes of its SHA-256 in hexadecimal, for people to compare: `1f3a-09b2-…`.
     ///
-    /// Another key with the same one is 2⁶⁴ tries away; where that matters, keys themselves are compared.
+    /// Another key with the same one is 2⁶⁴ tries away; where that matters, keys themselves are
+    /// compared.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let hash = Sha256::digest(self.0);
@@ -197,12 +201,15 @@ impl KeyPair {
     ///
     /// # Errors
     ///
-    /// [`KeyError::Missing`] where there is none, [`KeyError::Readable`] where others could read it, [`KeyError::Broken`], [`KeyError::Io`].
+    /// [`KeyError::Missing`] where there is none, [`KeyError::Readable`] where others could read
+    /// it, [`KeyError::Broken`], [`KeyError::Io`].
     pub fn load(folder: &Path) -> Result<Self, KeyError> {
         let path = folder.join(OWN);
         let mut file = match File::open(&path) {
             Ok(file) => file,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(KeyError::Missing(path)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                return Err(KeyError::Missing(path));
+            }
             Err(error) => return Err(KeyError::io(&path)(error)),
         };
         let mode = file.metadata().map_err(KeyError::io(&path))?.permissions().mode();
@@ -211,7 +218,8 @@ impl KeyPair {
         }
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(KeyError::io(&path))?;
-        let document = Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
+        let document =
+            Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
         let halves = document.read(|root| {
             root.allow(&["public", "secret"]);
             let half = |name| {
@@ -279,10 +287,12 @@ fn make_folder(folder: &Path) -> Result<(), KeyError> {
 fn write_private(path: &Path, text: &str, replace: Replace) -> Result<(), KeyError> {
     let fresh = path.with_extension(format!("{}.new", std::process::id()));
     let written =
-        OpenOptions::new().write(true).create_new(true).mode(0o600).open(&fresh).and_then(|mut file| {
-            file.write_all(text.as_bytes())?;
-            file.sync_all()
-        });
+        OpenOptions::new().write(true).create_new(true).mode(0o600).open(&fresh).and_then(
+            |mut file| {
+                file.write_all(text.as_bytes())?;
+                file.sync_all()
+            },
+        );
     let placed = written.and_then(|()| match replace {
         Replace::Yes => fs::rename(&fresh, path),
         // A link takes no name that is taken.
@@ -330,7 +340,10 @@ mod tests {
         assert_eq!(fs::metadata(&keys).unwrap().permissions().mode() & 0o777, 0o700);
         let loaded = KeyPair::load_or_make(&keys).unwrap();
         assert_eq!((loaded.public(), loaded.secret()), (made.public(), made.secret()));
-        assert!(matches!(made.save(&keys), Err(KeyError::Exists(_))), "a pair is never written over");
+        assert!(
+            matches!(made.save(&keys), Err(KeyError::Exists(_))),
+            "a pair is never written over"
+        );
         assert_eq!(fs::read_dir(&keys).unwrap().count(), 1, "nothing is left lying about");
         assert!(!format!("{made:?}").contains(&z85::encode(made.secret())));
 
@@ -368,7 +381,8 @@ mod tests {
         for name in ["ev3", "say \"hi\"", "back\\slash", "tab\t", "ü🧱", "\u{7f}"] {
             let text = format!("name = {}", quoted(name));
             let document = Document::new("t", text.as_bytes()).unwrap();
-            let (read, _) = document.read(|root| root.get("name")?.text().map(str::to_owned)).unwrap();
+            let (read, _) =
+                document.read(|root| root.get("name")?.text().map(str::to_owned)).unwrap();
             assert_eq!(read, name);
         }
     }

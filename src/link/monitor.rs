@@ -2,9 +2,11 @@
 //!
 //! # What we count on
 //!
-//! - libzmq's own threads wait where a monitor's queue is full, so ours has no bound: whoever opens one reads it often.
-//! - They wait as well, and for ever, where nobody is at the other end, and all sockets of a context wait with them. A socket that is dropped goes on
-//!   telling for a while, so whoever has opened a monitor ends it with [`Monitor::stop`] before both are dropped.
+//! - libzmq's own threads wait where a monitor's queue is full, so ours has no bound: whoever opens
+//!   one reads it often.
+//! - They wait as well, and for ever, where nobody is at the other end, and all sockets of a
+//!   context wait with them. A socket that is dropped goes on telling for a while, so whoever has
+//!   opened a monitor ends it with [`Monitor::stop`] before both are dropped.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -72,9 +74,11 @@ impl Monitor {
         Ok(Self { events })
     }
 
-    /// Ends the telling: when this returns, nothing more is said here of the socket, which is the one that is watched.
+    /// Ends the telling: when this returns, nothing more is said here of the socket, which is the
+    /// one that is watched.
     pub(super) fn stop(&self, socket: &zmq::Socket) {
-        // A new monitor takes an old one's place, and one of no events says nothing. Where even that is refused, libzmq is ending.
+        // A new monitor takes an old one's place, and one of no events says nothing. Where even
+        // that is refused, libzmq is ending.
         let _ = socket.monitor(&fresh_endpoint(), 0);
     }
 
@@ -86,13 +90,16 @@ impl Monitor {
     /// The next thing that happened, if there is one.
     pub(super) fn next(&self) -> Option<Happened> {
         loop {
-            // First frame: two bytes of event, four of value, in the machine's own order (zmq_socket_monitor(3)). Second: the endpoint.
+            // First frame: two bytes of event, four of value, in the machine's own order
+            // (zmq_socket_monitor(3)). Second: the endpoint.
             let first = self.events.recv_msg(zmq::DONTWAIT).ok()?;
             while self.events.get_rcvmore().ok()? {
                 let _ = self.events.recv_msg(zmq::DONTWAIT).ok()?;
             }
-            let event = first.get(..2).and_then(|bytes| bytes.try_into().ok()).map(u16::from_ne_bytes);
-            let value = first.get(2..6).and_then(|bytes| bytes.try_into().ok()).map(i32::from_ne_bytes);
+            let event =
+                first.get(..2).and_then(|bytes| bytes.try_into().ok()).map(u16::from_ne_bytes);
+            let value =
+                first.get(2..6).and_then(|bytes| bytes.try_into().ok()).map(i32::from_ne_bytes);
             let known = KNOWN.iter().find(|(known, _)| Some(known.to_raw()) == event);
             if let (Some((_, what)), Some(value)) = (known, value) {
                 return Some(Happened { what: *what, value });

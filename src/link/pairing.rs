@@ -1,8 +1,9 @@
 //! Introducing a PC to a brick, with a person who looks at both.
 //!
-//! Neither side knows the other's key yet, so anybody could stand between them. Both commit to a random number, then show their keys and the
-//! numbers; from all four each computes the same short code and shows it to the person. Somebody in between would have to show two different
-//! keys, and gets one guess at a code of six digits: one exchange for each time that the window is opened.
+//! Neither side knows the other's key yet, so anybody could stand between them. Both commit to a
+//! random number, then show their keys and the numbers; from all four each computes the same short
+//! code and shows it to the person. Somebody in between would have to show two different keys, and
+//! gets one guess at a code of six digits: one exchange for each time that the window is opened.
 //!
 //! ```text
 //!  PC                                                       brick (its window is open)
@@ -148,7 +149,8 @@ fn code(pc: (&PublicKey, &Number), brick: (&PublicKey, &Number)) -> String {
         .chain_update(pc.1)
         .chain_update(brick.1)
         .finalize();
-    let number = hash.iter().take(8).fold(0_u64, |number, byte| number << 8 | u64::from(*byte)) % 1_000_000;
+    let number =
+        hash.iter().take(8).fold(0_u64, |number, byte| number << 8 | u64::from(*byte)) % 1_000_000;
     format!("{:03} {:03}", number / 1000, number % 1000)
 }
 
@@ -182,11 +184,16 @@ impl TryFrom<String> for Hex {
 
     fn try_from(text: String) -> Result<Self, Self::Error> {
         const WRONG: &str = "64 digits of hexadecimal are expected";
-        let pair =
-            |pair: &[u8]| std::str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok());
+        let pair = |pair: &[u8]| {
+            std::str::from_utf8(pair).ok().and_then(|pair| u8::from_str_radix(pair, 16).ok())
+        };
         let bytes: Option<Vec<u8>> = text.as_bytes().chunks(2).map(pair).collect();
         let is_hexadecimal = text.len() == 64 && text.bytes().all(|sign| sign.is_ascii_hexdigit());
-        bytes.filter(|_| is_hexadecimal).and_then(|bytes| bytes.try_into().ok()).map(Self).ok_or(WRONG)
+        bytes
+            .filter(|_| is_hexadecimal)
+            .and_then(|bytes| bytes.try_into().ok())
+            .map(Self)
+            .ok_or(WRONG)
     }
 }
 
@@ -233,7 +240,8 @@ mod tests {
         let hex = Hex(random().unwrap());
         assert_eq!(Hex::try_from(String::from(hex)), Ok(hex));
         assert_ne!(random().unwrap(), random().unwrap());
-        for bad in ["", "00", &"0".repeat(63), &"g".repeat(64), &"+1".repeat(32), &"ü".repeat(32)] {
+        for bad in ["", "00", &"0".repeat(63), &"g".repeat(64), &"+1".repeat(32), &"ü".repeat(32)]
+        {
             assert!(Hex::try_from(bad.to_owned()).is_err(), "{bad}");
         }
     }

@@ -1,4 +1,5 @@
-//! A brick's door to the network: one ROUTER socket with CURVE, and while somebody introduces a PC, a second one.
+//! A brick's door to the network: one ROUTER socket with CURVE, and while somebody introduces a PC,
+//! a second one.
 //!
 //! ```text
 //!  libzmq's thread ── may this key in? ──▶ zap         one file looked at
@@ -9,9 +10,10 @@
 //!        └──────────────── replies ────────────────────┘
 //! ```
 //!
-//! Everything here runs on threads of its own, niced, in the process of `onbrick serve`: it makes the brick's keys where there are none, which
-//! may wait for the kernel's random numbers, and nobody else waits for that. The server ends by itself when it can no longer ask who may
-//! come in; the service shows why ([`Server::state`]).
+//! Everything here runs on threads of its own, niced, in the process of `onbrick serve`: it makes
+//! the brick's keys where there are none, which may wait for the kernel's random numbers, and
+//! nobody else waits for that. The server ends by itself when it can no longer ask who may come in;
+//! the service shows why ([`Server::state`]).
 //!
 //! # Limits
 //!
@@ -27,7 +29,8 @@
 //!
 //! # What we count on
 //!
-//! - Only a key that is authorised gets as far as sending a message, so what libzmq itself keeps for a connection (up to eight requests) is kept for friends.
+//! - Only a key that is authorised gets as far as sending a message, so what libzmq itself keeps
+//!   for a connection (up to eight requests) is kept for friends.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU16, Ordering};
@@ -102,7 +105,8 @@ pub(crate) enum ServerError {
     /// The folder of keys: look at the file that it names.
     #[error(transparent)]
     Keys(#[from] KeyError),
-    /// Another program listens there, or it is no address of this machine: stop it, or choose another port or address.
+    /// Another program listens there, or it is no address of this machine: stop it, or choose
+    /// another port or address.
     #[error("cannot listen at {endpoint}: {}", in_words(*source))]
     Bind {
         /// Where.
@@ -261,7 +265,11 @@ impl Drop for Server {
 }
 
 /// The link's thread, from its first breath to its last.
-fn serve(shared: &Shared, config: &ServerConfig, operations: Arc<dyn Operations>) -> Result<(), ServerError> {
+fn serve(
+    shared: &Shared,
+    config: &ServerConfig,
+    operations: Arc<dyn Operations>,
+) -> Result<(), ServerError> {
     // Threads that are started from here, libzmq's too, are as nice as this one.
     if let Err(error) = rustix::process::nice(NICENESS) {
         log::warn!("the link's threads are not niced: {error}");

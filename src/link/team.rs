@@ -23,11 +23,12 @@ use crate::document::{Document, Findings, Item, Section, Severity, nearest};
 /// The commented file to start from.
 pub const TEMPLATE: &str = include_str!("team.toml");
 
-/// Start poses nearer to each other than this are warned of, metres: the ultrasonic sensor measures up to 2.55 m and takes another one's
-/// chirps for its own echoes.
+/// Start poses nearer to each other than this are warned of, metres: the ultrasonic sensor measures
+/// up to 2.55 m and takes another one's chirps for its own echoes.
 pub const CLOSE_M: f64 = 2.55;
 
-/// Start poses nearer to each other than this are a mistake, metres: a robot is longer, so one would stand in the other.
+/// Start poses nearer to each other than this are a mistake, metres: a robot is longer, so one
+/// would stand in the other.
 const SAME_PLACE_M: f64 = 0.1;
 
 /// Farther away than this is a slip of the pen, metres.
@@ -52,17 +53,23 @@ pub struct Team {
 pub struct Member {
     /// The brick.
     pub brick: KnownBrick,
-    /// Where it starts in the frame that all share: x and y in metres, heading in degrees anticlockwise from x.
+    /// Where it starts in the frame that all share: x and y in metres, heading in degrees
+    /// anticlockwise from x.
     pub pose: [f64; 3],
 }
 
 impl Team {
-    /// Reads a team; `name` is what findings call the file, `known` tells addresses and keys where the file does not.
+    /// Reads a team; `name` is what findings call the file, `known` tells addresses and keys where
+    /// the file does not.
     ///
     /// # Errors
     ///
     /// Everything that is wrong in it, each with its place.
-    pub fn parse(name: &str, bytes: &[u8], known: &KnownBricks) -> Result<(Self, Findings), Findings> {
+    pub fn parse(
+        name: &str,
+        bytes: &[u8],
+        known: &KnownBricks,
+    ) -> Result<(Self, Findings), Findings> {
         Document::new(name, bytes)?.read(|root| team(root, known))
     }
 }
@@ -128,7 +135,8 @@ fn brick(item: &Item<'_>, section: &Section<'_>, known: &KnownBricks) -> Option<
         let names: Vec<&str> = known.iter().map(|brick| brick.name.as_str()).collect();
         let hint = nearest(name, names.iter().copied());
         let pair = || format!("onbrick pair {name}, or its `address` and `key` here");
-        item.error_at_key(format!("no brick `{name}` is known on this PC")).hint(hint.unwrap_or_else(pair));
+        item.error_at_key(format!("no brick `{name}` is known on this PC"))
+            .hint(hint.unwrap_or_else(pair));
         return None;
     }
     let address = address.unwrap_or_else(|| known_as.map(|known| known.address.clone()));
@@ -140,7 +148,9 @@ fn brick(item: &Item<'_>, section: &Section<'_>, known: &KnownBricks) -> Option<
 fn compare(root: &Section<'_>, item: &Item<'_>, member: &Member, other: &Member) {
     let (name, before) = (&member.brick.name, &other.brick.name);
     if member.brick.key == other.brick.key {
-        item.error_at_key(format!("{name} and {before} are the same brick: they have the same key"));
+        item.error_at_key(format!(
+            "{name} and {before} are the same brick: they have the same key"
+        ));
     }
     let apart_m = libm::hypot(member.pose[0] - other.pose[0], member.pose[1] - other.pose[1]);
     if apart_m < SAME_PLACE_M {
@@ -165,7 +175,10 @@ mod tests {
         for (name, byte) in [("ev3-blue", 1), ("ev3-red", 2)] {
             let key = PublicKey::from_bytes([byte; 32]);
             known
-                .put(&KnownBrick { name: name.to_owned(), address: format!("{name}.local"), key }, None)
+                .put(
+                    &KnownBrick { name: name.to_owned(), address: format!("{name}.local"), key },
+                    None,
+                )
                 .unwrap();
         }
         (folder, known)
@@ -174,7 +187,9 @@ mod tests {
     fn parse(text: &str) -> Result<(Team, String), String> {
         let (_folder, known) = known();
         let parsed = Team::parse("team.toml", text.as_bytes(), &known);
-        parsed.map(|(team, notes)| (team, notes.to_string())).map_err(|findings| findings.to_string())
+        parsed
+            .map(|(team, notes)| (team, notes.to_string()))
+            .map_err(|findings| findings.to_string())
     }
 
     #[test]
@@ -224,14 +239,16 @@ mod tests {
 
     #[test]
     fn bricks_that_start_close_to_each_other_are_warned_of_and_those_in_one_place_refused() {
-        let at =
-            |x_m: f64| format!("[brick.ev3-blue]\nx_m = 0\ny_m = 0\n[brick.ev3-red]\nx_m = {x_m}\ny_m = 0\n");
+        let at = |x_m: f64| {
+            format!("[brick.ev3-blue]\nx_m = 0\ny_m = 0\n[brick.ev3-red]\nx_m = {x_m}\ny_m = 0\n")
+        };
         assert_eq!(parse(&at(2.6)).unwrap().1, "");
         let notes = parse(&at(1.5)).unwrap().1;
         assert!(notes.contains("1.50 m apart") && notes.contains("warning:"), "{notes}");
         assert!(notes.contains("team.toml:4:8"), "{notes}");
         assert!(parse(&at(0.05)).unwrap_err().contains("in the same place"));
-        let twice = format!("{}address = \"x\"\nkey = '{}'\n", at(3.0), PublicKey::from_bytes([1; 32]));
+        let twice =
+            format!("{}address = \"x\"\nkey = '{}'\n", at(3.0), PublicKey::from_bytes([1; 32]));
         assert!(parse(&twice).unwrap_err().contains("the same brick"));
     }
 }

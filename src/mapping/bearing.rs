@@ -1,28 +1,33 @@
 //! Where in its cone a sonar's echo comes from.
 //!
-//! The sensor hears the nearest thing in a cone of 14° to each side and does not say where in the cone it is. Seen from the axis, a wall
-//! that is met obliquely therefore curls towards the sensor at its ends: at 45° by a fifth of its distance. A sweep tells more than a
-//! reading: while the head turns past a wall, the nearest place of it is
+//! The sensor hears the nearest thing in a cone of 14° to each side and does not say where in the
+//! cone it is. Seen from the axis, a wall that is met obliquely therefore curls towards the sensor
+//! at its ends: at 45° by a fifth of its distance. A sweep tells more than a reading: while the
+//! head turns past a wall, the nearest place of it is
 //!
 //! - at the foot of the perpendicular, as long as that is in the cone: the range does not change;
-//! - else at the cone's edge on the side on which the range falls, and then the range changes as the tangent of the angle at which
-//!   that edge meets the wall (with bearing b, dr/db = r tan).
+//! - else at the cone's edge on the side on which the range falls, and then the range changes as
+//!   the tangent of the angle at which that edge meets the wall (with bearing b, dr/db = r tan).
 //!
-//! So the echo is taken to be off the axis towards falling ranges, by the whole half cone where the range changes as on a wall met at
-//! [`STEEP`] or more, and in proportion below. What comes into view, out of nothing or before something farther, does so at the
-//! edge that leads the sweep. (Constant and changing range as two kinds of regions of a sweep: Leonard and Durrant-Whyte, *Directed
-//! sonar sensing for mobile robot navigation*, 1992; the nearest echo in a cone fits the scans in `lego-rotating-sonar`.)
+//! So the echo is taken to be off the axis towards falling ranges, by the whole half cone where the
+//! range changes as on a wall met at [`STEEP`] or more, and in proportion below. What comes into
+//! view, out of nothing or before something farther, does so at the edge that leads the sweep.
+//! (Constant and changing range as two kinds of regions of a sweep: Leonard and Durrant-Whyte,
+//! *Directed sonar sensing for mobile robot navigation*, 1992; the nearest echo in a cone fits the
+//! scans in `lego-rotating-sonar`.)
 //!
 //! # Not here
 //!
-//! A post or an edge that echoes to every side gives a constant range too, over the whole width of the cone: its arc stays an arc.
+//! A post or an edge that echoes to every side gives a constant range too, over the whole width of
+//! the cone: its arc stays an arc.
 
 use serde::{Deserialize, Serialize};
 
 use super::Range;
 use super::range::Beam;
 
-/// dr/db / r from which on the echo is at the edge: the tangent of 7°. Ranges are noisy by half a centimetre.
+/// dr/db / r from which on the echo is at the edge: the tangent of 7°. Ranges are noisy by half a
+/// centimetre.
 const STEEP: f64 = 0.12;
 /// No surface that echoes changes the range faster than this over the bearing: the tangent of 40°.
 const STEEPEST: f64 = 0.84;
@@ -56,7 +61,8 @@ struct Heard {
 }
 
 impl Sweep {
-    /// Takes a sounding; returns how far off the beam's axis its echo is, radians anticlockwise, at most the half cone.
+    /// Takes a sounding; returns how far off the beam's axis its echo is, radians anticlockwise, at
+    /// most the half cone.
     ///
     /// `bearing_rad` is the beam's direction in the world, without a wrap.
     pub(super) fn off_axis_rad(
@@ -66,7 +72,8 @@ impl Sweep {
         range: Range,
         half_cone_rad: f64,
     ) -> f64 {
-        let swept_rad = self.bearing_rad.replace(bearing_rad).map_or(0.0, |last_rad| bearing_rad - last_rad);
+        let swept_rad =
+            self.bearing_rad.replace(bearing_rad).map_or(0.0, |last_rad| bearing_rad - last_rad);
         let Range::Echo(range_m) = range else {
             self.missed = self.missed.saturating_add(1);
             return 0.0;
@@ -87,7 +94,8 @@ impl Sweep {
         off_rad
     }
 
-    /// The share of the half cone by which the echo is off the axis, −1 to 1; `None` where nothing new can be said.
+    /// The share of the half cone by which the echo is off the axis, −1 to 1; `None` where nothing
+    /// new can be said.
     fn share(&mut self, now: &Heard, beam: &Beam, swept_rad: f64) -> Option<f64> {
         let leading = if swept_rad.abs() < SPREAD_RAD { 0.0 } else { swept_rad.signum() };
         let Some(last) = self.last else {
@@ -113,13 +121,15 @@ impl Sweep {
         }
         // Over two steps the noise weighs half as much.
         let from = before.unwrap_or(last);
-        let slope = from.grown_m(now, beam) / ((now.bearing_rad - from.bearing_rad) * now.range_m.max(0.05));
+        let slope = from.grown_m(now, beam)
+            / ((now.bearing_rad - from.bearing_rad) * now.range_m.max(0.05));
         Some((-slope / STEEP).clamp(-1.0, 1.0))
     }
 }
 
 impl Heard {
-    /// By how much the range has grown to `now`, what the sensor's own way along the beam explains left out, metres.
+    /// By how much the range has grown to `now`, what the sensor's own way along the beam explains
+    /// left out, metres.
     fn grown_m(&self, now: &Self, beam: &Beam) -> f64 {
         let nearer_m = (now.x_m - self.x_m) * beam.cos + (now.y_m - self.y_m) * beam.sin;
         now.range_m - self.range_m + nearer_m
@@ -133,20 +143,32 @@ mod tests {
 
     const HALF_RAD: f64 = 14.0 * std::f64::consts::PI / 180.0;
 
-    /// What a sensor at the origin hears of a wall one metre ahead, as wide as the incidence of 32° lets it be seen.
+    /// What a sensor at the origin hears of a wall one metre ahead, as wide as the incidence of 32°
+    /// lets it be seen.
     fn wall(bearing_deg: f64) -> Range {
         let nearest_deg = (bearing_deg.abs() - 14.0).max(0.0);
-        if nearest_deg > 32.0 { Range::NoEcho } else { Range::Echo(1.0 / libm::cos(radians(nearest_deg))) }
+        if nearest_deg > 32.0 {
+            Range::NoEcho
+        } else {
+            Range::Echo(1.0 / libm::cos(radians(nearest_deg)))
+        }
     }
 
     /// The x of each point of a sweep, with its bearing.
-    fn sweep(bearings_deg: impl Iterator<Item = f64>, hear: impl Fn(f64) -> Range) -> Vec<(f64, f64, f64)> {
+    fn sweep(
+        bearings_deg: impl Iterator<Item = f64>,
+        hear: impl Fn(f64) -> Range,
+    ) -> Vec<(f64, f64, f64)> {
         let mut sweep = Sweep::default();
         bearings_deg
             .filter_map(|bearing_deg| {
                 let bearing_rad = radians(bearing_deg);
-                let beam =
-                    Beam { x_m: 0.0, y_m: 0.0, cos: libm::cos(bearing_rad), sin: libm::sin(bearing_rad) };
+                let beam = Beam {
+                    x_m: 0.0,
+                    y_m: 0.0,
+                    cos: libm::cos(bearing_rad),
+                    sin: libm::sin(bearing_rad),
+                };
                 let range = hear(bearing_deg);
                 let off_rad = sweep.off_axis_rad(&beam, bearing_rad, range, HALF_RAD);
                 let Range::Echo(range_m) = range else { return None };
@@ -207,7 +229,8 @@ mod tests {
         for step in 0..10 {
             let x_m = 0.02 * f64::from(step);
             let beam = Beam { x_m, y_m: 0.0, cos: 1.0, sin: 0.0 };
-            let off_rad = sweep.off_axis_rad(&beam, 0.03 * f64::from(step), Range::Echo(1.0 - x_m), HALF_RAD);
+            let off_rad =
+                sweep.off_axis_rad(&beam, 0.03 * f64::from(step), Range::Echo(1.0 - x_m), HALF_RAD);
             assert!(step == 0 || off_rad.abs() < 1e-9, "{off_rad} rad at {x_m} m");
         }
     }

@@ -1,7 +1,7 @@
 //! Points and paths in a fixed amount of memory.
 //!
-//! A list that is full drops every second entry and from then on takes every second of what is offered: a mission of hours is kept as
-//! evenly as one of minutes, only more coarsely.
+//! A list that is full drops every second entry and from then on takes every second of what is
+//! offered: a mission of hours is kept as evenly as one of minutes, only more coarsely.
 
 use super::{MapPoint, Pose, room};
 

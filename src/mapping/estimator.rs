@@ -14,13 +14,15 @@ use super::wheels::{WheelStep, WheelsState};
 use super::{Estimate, Events, Inputs, Pose, Range};
 use crate::clock::seconds_nearly;
 
-/// Speeds are smoothed over this: a whole degree of a wheel in a tick of 10 ms would else be 5 cm/s.
+/// Speeds are smoothed over this: a whole degree of a wheel in a tick of 10 ms would else be 5
+/// cm/s.
 pub(super) const SPEED_MEMORY_S: f64 = 0.1;
 
-/// What the estimator carries from tick to tick: everything that later results depend on, and nothing else. It is of fixed size
-/// and has only finite numbers.
+/// What the estimator carries from tick to tick: everything that later results depend on, and
+/// nothing else. It is of fixed size and has only finite numbers.
 ///
-/// Text that is to carry it bit for bit has to keep floats exactly (with `serde_json` that is its feature `float_roundtrip`).
+/// Text that is to carry it bit for bit has to keep floats exactly (with `serde_json` that is its
+/// feature `float_roundtrip`).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct EstimatorState {
     /// The pose.
@@ -42,7 +44,8 @@ pub struct EstimatorState {
     sweep: Sweep,
 }
 
-/// Estimates the pose from wheels and gyro, and places range readings. See [`crate::mapping`] for the formulas.
+/// Estimates the pose from wheels and gyro, and places range readings. See [`crate::mapping`] for
+/// the formulas.
 #[derive(Debug, Clone)]
 pub struct Estimator {
     config: EstimatorConfig,
@@ -79,12 +82,14 @@ impl Estimator {
         self.state
     }
 
-    /// Goes on from a state: the same inputs then give the same bits as if nothing had come between.
+    /// Goes on from a state: the same inputs then give the same bits as if nothing had come
+    /// between.
     pub fn restore(&mut self, state: EstimatorState) {
         self.state = state;
     }
 
-    /// The pose at a time within the last quarter of a second; the newest for later times, the oldest kept for earlier ones.
+    /// The pose at a time within the last quarter of a second; the newest for later times, the
+    /// oldest kept for earlier ones.
     #[must_use]
     pub fn pose_at(&self, time_ns: i64) -> Pose {
         self.state.history.at(time_ns).pose
@@ -96,8 +101,8 @@ impl Estimator {
         self.state.gyro.bias_rad_s()
     }
 
-    /// Takes one tick's readings. Readings that no sensor can have made are left out and noticed; whatever comes in, the pose stays
-    /// finite.
+    /// Takes one tick's readings. Readings that no sensor can have made are left out and noticed;
+    /// whatever comes in, the pose stays finite.
     pub fn update(&mut self, inputs: &Inputs) -> Estimate {
         let (inputs, mut events) = inputs.checked();
         let passed_s = self.passed_s(inputs.time_ns, &mut events);
@@ -114,7 +119,11 @@ impl Estimator {
         self.step(&wheels, passed_s, trust);
         self.smooth_speeds(wheels.forward_m, turned_rad, passed_s);
         let pose = self.state.pose;
-        self.state.history.note(Placement { time_ns: inputs.time_ns, pose, head_rad: inputs.head_rad });
+        self.state.history.note(Placement {
+            time_ns: inputs.time_ns,
+            pose,
+            head_rad: inputs.head_rad,
+        });
         let range = self.understand(&inputs);
         let sounding = range.and_then(|range| self.sound(&inputs, range));
         Estimate {
@@ -137,7 +146,13 @@ impl Estimator {
     }
 
     /// Brings the heading up to now; returns how far the step can be trusted.
-    fn turn(&mut self, inputs: &Inputs, wheels: &WheelStep, passed_s: f64, events: &mut Events) -> Trust {
+    fn turn(
+        &mut self,
+        inputs: &Inputs,
+        wheels: &WheelStep,
+        passed_s: f64,
+        events: &mut Events,
+    ) -> Trust {
         let before_rad = self.state.pose.heading_rad;
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
@@ -159,11 +174,15 @@ impl Estimator {
         let slipping = self.state.slip.update(passed_s, wheels.turn_rad, gyro_rad);
         *events |= Events::SLIP.when(slipping);
         let unexplained_rad = if slipping { wheels.turn_rad - gyro_rad } else { 0.0 };
-        Trust { by_gyro, slip_m: unexplained_rad.abs() * self.config.geometry.track_width_m() / 2.0 }
+        Trust {
+            by_gyro,
+            slip_m: unexplained_rad.abs() * self.config.geometry.track_width_m() / 2.0,
+        }
     }
 
-    /// Moves the pose along the wheels' way: the seed along the heading before, the default along the mean of the headings before
-    /// and after, which is the chord's direction of an arc (Thrun, Burgard and Fox, section 5.4).
+    /// Moves the pose along the wheels' way: the seed along the heading before, the default along
+    /// the mean of the headings before and after, which is the chord's direction of an arc (Thrun,
+    /// Burgard and Fox, section 5.4).
     fn step(&mut self, wheels: &WheelStep, passed_s: f64, trust: Trust) {
         let state = &mut self.state;
         let after_rad = state.pose.heading_rad;
@@ -196,8 +215,9 @@ impl Estimator {
         );
     }
 
-    /// A smoothed speed is the mean of what it was and of way / time, weighted by what the time leaves of the memory (the exponential's first
-    /// order, as in `slip`) and by the time. An update that takes longer than the memory is all there is.
+    /// A smoothed speed is the mean of what it was and of way / time, weighted by what the time
+    /// leaves of the memory (the exponential's first order, as in `slip`) and by the time. An
+    /// update that takes longer than the memory is all there is.
     fn smooth_speeds(&mut self, forward_m: f64, turned_rad: f64, passed_s: f64) {
         let state = &mut self.state;
         if passed_s >= SPEED_MEMORY_S {
@@ -211,7 +231,8 @@ impl Estimator {
 
     fn understand(&mut self, inputs: &Inputs) -> Option<Range> {
         let reading = inputs.range?;
-        let newest = Placement { time_ns: inputs.time_ns, pose: self.state.pose, head_rad: inputs.head_rad };
+        let newest =
+            Placement { time_ns: inputs.time_ns, pose: self.state.pose, head_rad: inputs.head_rad };
         let mut near = self.state.near;
         let range = near.understood(reading.value_m, || {
             // Without the head's angle the beam is taken as straight ahead: where the robot drives.
@@ -243,7 +264,8 @@ impl Estimator {
         Some(sounding.with_echo_off_axis(off_rad))
     }
 
-    /// Pose × translation to the sensor × rotation by the head's angle; `None` where the head's angle is not known.
+    /// Pose × translation to the sensor × rotation by the head's angle; `None` where the head's
+    /// angle is not known.
     fn beam(&self, placement: &Placement) -> Option<Beam> {
         let head_rad = if self.config.geometry.range().on_head { placement.head_rad? } else { 0.0 };
         Some(self.beam_at(placement, head_rad))

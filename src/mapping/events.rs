@@ -5,7 +5,8 @@ use std::ops::{BitOr, BitOrAssign};
 
 use serde::{Deserialize, Serialize};
 
-/// A set of things noticed in one update. The bits never change their meaning: they are in recordings.
+/// A set of things noticed in one update. The bits never change their meaning: they are in
+/// recordings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Events(u16);
@@ -13,11 +14,14 @@ pub struct Events(u16);
 impl Events {
     /// Nothing.
     pub const NONE: Self = Self(0);
-    /// The wheels turn the robot less or more than the gyro says: they slip. Set in every update while it lasts.
+    /// The wheels turn the robot less or more than the gyro says: they slip. Set in every update
+    /// while it lasts.
     pub const SLIP: Self = Self(1);
-    /// The gyro's angle jumped in a way that no motion explains, as after a reset; the heading went on by the encoders.
+    /// The gyro's angle jumped in a way that no motion explains, as after a reset; the heading went
+    /// on by the encoders.
     pub const GYRO_RESET: Self = Self(1 << 1);
-    /// The gyro is beyond what it can measure: ±440 °/s, or the end of its 16 bits. Set while it lasts.
+    /// The gyro is beyond what it can measure: ±440 °/s, or the end of its 16 bits. Set while it
+    /// lasts.
     pub const GYRO_SATURATED: Self = Self(1 << 2);
     /// A wheel was not read in this tick. Its way is made up for when it is read again.
     pub const WHEELS_LOST: Self = Self(1 << 3);

@@ -2,8 +2,8 @@
 //!
 //! # What we count on
 //!
-//! A [`Geometry`] has been checked when it exists: every number in it is finite and in a range that a robot of LEGO bricks can
-//! have, so that nothing after it divides by zero or overflows.
+//! A [`Geometry`] has been checked when it exists: every number in it is finite and in a range that
+//! a robot of LEGO bricks can have, so that nothing after it divides by zero or overflows.
 
 use std::ops::RangeInclusive;
 
@@ -18,10 +18,12 @@ const SEED_RANGE_AHEAD_M: f64 = 0.0508;
 /// The seed keeps readings below this.
 const SEED_RANGE_MAX_M: f64 = 2.0;
 
-/// No wheel turns faster, in rad/s at the axle: a large motor without load at 9 V makes 18.3 (1050 °/s), without a gear.
+/// No wheel turns faster, in rad/s at the axle: a large motor without load at 9 V makes 18.3 (1050
+/// °/s), without a gear.
 const MAX_WHEEL_RAD_S: f64 = 20.0;
 
-/// How old a distance is when it can first be read: the middle of the 20 to 100 ms that a frame of the sensor takes.
+/// How old a distance is when it can first be read: the middle of the 20 to 100 ms that a frame of
+/// the sensor takes.
 const RANGE_LATENCY_NS: i64 = 50 * MILLISECOND_NS;
 
 /// Half of the ultrasonic's cone: 14° fits the scans of `lego-rotating-sonar`.
@@ -33,10 +35,11 @@ const RANGE_LATENCY_MAX_NS: i64 = 200 * MILLISECOND_NS;
 /// How the pose is estimated and which readings become points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// As the seed did it: heading is the gyro's, the step is made along the heading before it, and each tick with a range below
-    /// the maximum is a point, seen from the pose of that tick.
+    /// As the seed did it: heading is the gyro's, the step is made along the heading before it, and
+    /// each tick with a range below the maximum is a point, seen from the pose of that tick.
     Seed,
-    /// Heading from gyro and encoders together, slip noticed, bias removed, and each reading seen from the pose at its instant.
+    /// Heading from gyro and encoders together, slip noticed, bias removed, and each reading seen
+    /// from the pose at its instant.
     #[default]
     Default,
 }
@@ -63,7 +66,8 @@ pub struct RangeMount {
     pub latency_ns: i64,
     /// Half of the cone that it hears in, radians; 0 to 0.5. 0 for a narrow beam.
     pub half_cone_rad: f64,
-    /// Whether it sits on a head that turns. If it does, readings are placed only while the head's angle is known.
+    /// Whether it sits on a head that turns. If it does, readings are placed only while the head's
+    /// angle is known.
     pub on_head: bool,
 }
 
@@ -118,11 +122,13 @@ impl Geometry {
     /// Metres that there can be between the wheels' contact points.
     pub const TRACK_WIDTH_M: RangeInclusive<f64> = 0.01..=1.0;
 
-    /// A robot with two driven wheels; its range sensor is mounted as the seed's until [`Geometry::with_range`] says otherwise.
+    /// A robot with two driven wheels; its range sensor is mounted as the seed's until
+    /// [`Geometry::with_range`] says otherwise.
     ///
     /// # Errors
     ///
-    /// [`GeometryError`] where the one is not in [`Geometry::WHEEL_CIRCUMFERENCE_M`] or the other not in [`Geometry::TRACK_WIDTH_M`].
+    /// [`GeometryError`] where the one is not in [`Geometry::WHEEL_CIRCUMFERENCE_M`] or the other
+    /// not in [`Geometry::TRACK_WIDTH_M`].
     pub fn new(wheel_circumference_m: f64, track_width_m: f64) -> Result<Self, GeometryError> {
         within("wheel_circumference_m", wheel_circumference_m, Self::WHEEL_CIRCUMFERENCE_M)?;
         within("track_width_m", track_width_m, Self::TRACK_WIDTH_M)?;
@@ -162,8 +168,9 @@ impl Geometry {
         Ok(Self { range, ..self })
     }
 
-    /// The same robot with wheels that turn no faster than this at the axle: what is faster is a counter that jumped, not a motion.
-    /// A gear that makes a wheel faster than 20 rad/s has to say so here.
+    /// The same robot with wheels that turn no faster than this at the axle: what is faster is a
+    /// counter that jumped, not a motion. A gear that makes a wheel faster than 20 rad/s has to say
+    /// so here.
     ///
     /// # Errors
     ///
@@ -203,7 +210,11 @@ impl Geometry {
     }
 }
 
-fn within(quantity: &'static str, value: f64, range: RangeInclusive<f64>) -> Result<(), GeometryError> {
+fn within(
+    quantity: &'static str,
+    value: f64,
+    range: RangeInclusive<f64>,
+) -> Result<(), GeometryError> {
     if range.contains(&value) {
         return Ok(());
     }
@@ -217,14 +228,17 @@ mod tests {
 
     #[test]
     fn measures_that_no_robot_has_are_refused_with_their_name_and_range() {
-        for (circumference, track) in [(0.0, 0.1), (f64::NAN, 0.1), (0.2, -0.1), (0.2, f64::INFINITY)] {
+        for (circumference, track) in
+            [(0.0, 0.1), (f64::NAN, 0.1), (0.2, -0.1), (0.2, f64::INFINITY)]
+        {
             let error = Geometry::new(circumference, track).expect_err("a measure out of range");
             assert!(error.to_string().contains("_m is "), "{error}");
         }
         let far = RangeMount { latency_ns: i64::MAX, ..RangeMount::default() };
         let error = Geometry::seed().with_range(far).expect_err("a latency of centuries");
         assert_eq!(error.quantity, "range latency_ns");
-        let error = Geometry::seed().with_max_wheel_rad_s(0.0).expect_err("a wheel that never turns");
+        let error =
+            Geometry::seed().with_max_wheel_rad_s(0.0).expect_err("a wheel that never turns");
         assert_eq!(error.to_string(), "max_wheel_rad_s is 0, but must be from 1 to 1000");
     }
 

@@ -1,19 +1,22 @@
 //! Occupancy grid: what is free and what is not, in log-odds.
 //!
-//! The grid lies on one lattice for every robot: cell (i, j) covers x from i to i + 1 and y from j to j + 1 times the cell's size, world
-//! frame. So grids of several robots are united by adding cells, without turning or shifting.
+//! The grid lies on one lattice for every robot: cell (i, j) covers x from i to i + 1 and y from j
+//! to j + 1 times the cell's size, world frame. So grids of several robots are united by adding
+//! cells, without turning or shifting.
 //!
 //! # The sensor's model
 //!
-//! A sonar hears the nearest thing in a cone and does not say where in the cone it is (Thrun, Burgard and Fox, *Probabilistic Robotics*,
-//! section 9.2; Elfes, *Using occupancy grids for mobile robot perception and navigation*, 1989). An echo makes the cone free up to the
-//! distance and occupied at it, more near the axis than beside it. No echo makes little free, and only near the axis: a wall that is met
-//! at more than 30° from its normal sends none either. Too near makes the place right at the sensor occupied and nothing free.
+//! A sonar hears the nearest thing in a cone and does not say where in the cone it is (Thrun,
+//! Burgard and Fox, *Probabilistic Robotics*, section 9.2; Elfes, *Using occupancy grids for mobile
+//! robot perception and navigation*, 1989). An echo makes the cone free up to the distance and
+//! occupied at it, more near the axis than beside it. No echo makes little free, and only near the
+//! axis: a wall that is met at more than 30° from its normal sends none either. Too near makes the
+//! place right at the sensor occupied and nothing free.
 //!
 //! # What it costs
 //!
-//! 200 × 200 cells of one byte. An update visits the cells between the edges of its cone and three beside them, each once, in 32-bit
-//! integers alone.
+//! 200 × 200 cells of one byte. An update visits the cells between the edges of its cone and three
+//! beside them, each once, in 32-bit integers alone.
 
 mod cone;
 
@@ -24,12 +27,14 @@ use cone::{Cone, Part, integer};
 const CELL_M: f64 = 0.05;
 /// Cells in each direction: 10 m.
 const SIDE: u16 = 200;
-/// What is further than this is left to other soundings, metres: it bounds the cost of an update and keeps products in 32 bits.
+/// What is further than this is left to other soundings, metres: it bounds the cost of an update
+/// and keeps products in 32 bits.
 const REACH_M: f64 = 2.6;
 /// A place just before the sensor, metres: nearer than it can measure.
 const TOO_NEAR_M: f64 = 0.03;
 
-/// Log-odds are in twentieths and kept within ±100, which is odds of 148 to 1: a cell can change its mind.
+/// Log-odds are in twentieths and kept within ±100, which is odds of 148 to 1: a cell can change
+/// its mind.
 const LIMIT: i8 = 100;
 const ODDS_STEP: f64 = 0.05;
 const HIT_AXIS: i8 = 12;
@@ -96,14 +101,18 @@ impl OccupancyGrid {
         Self { first, columns, rows, cells: room::filled(0, columns * rows), outside: 0 }
     }
 
-    /// All of several grids in one that covers them: log-odds are added. `None` where there are none.
+    /// All of several grids in one that covers them: log-odds are added. `None` where there are
+    /// none.
     #[must_use]
     pub fn united(grids: &[&Self]) -> Option<Self> {
-        let least = |axis: usize| grids.iter().filter_map(|grid| grid.first.get(axis).copied()).min();
-        let most = |axis: usize| grids.iter().filter_map(|grid| grid.beyond().get(axis).copied()).max();
+        let least =
+            |axis: usize| grids.iter().filter_map(|grid| grid.first.get(axis).copied()).min();
+        let most =
+            |axis: usize| grids.iter().filter_map(|grid| grid.beyond().get(axis).copied()).max();
         let first = [least(0)?, least(1)?];
         let size = [most(0)? - first[0], most(1)? - first[1]];
-        let mut union = Self::empty(first, usize::try_from(size[0]).ok()?, usize::try_from(size[1]).ok()?);
+        let mut union =
+            Self::empty(first, usize::try_from(size[0]).ok()?, usize::try_from(size[1]).ok()?);
         for grid in grids {
             union.outside = union.outside.saturating_add(grid.outside);
             for (row, y) in (0..grid.rows).zip(grid.first[1]..) {
@@ -137,9 +146,11 @@ impl OccupancyGrid {
         self.weigh(&cone, before, at);
     }
 
-    /// Adds to the log-odds of a cone's cells: before the distance and at it, each near the axis and beside it.
+    /// Adds to the log-odds of a cone's cells: before the distance and at it, each near the axis
+    /// and beside it.
     fn weigh(&mut self, cone: &Cone, before: [i8; 2], at: [i8; 2]) {
-        // Rows run across the axis: its edges then move by no more than a cell or two from a row to the next.
+        // Rows run across the axis: its edges then move by no more than a cell or two from a row to
+        // the next.
         let turned = cone.is_along_x();
         let cone = if turned { cone.transposed() } else { *cone };
         let (low, high) = cone.bounds();
@@ -191,7 +202,8 @@ impl OccupancyGrid {
         self.cells.get(row.checked_mul(self.columns)?.checked_add(column)?).copied()
     }
 
-    /// The probability, 0 to 1, that a cell is occupied; 0.5 where nothing is known; `None` outside.
+    /// The probability, 0 to 1, that a cell is occupied; 0.5 where nothing is known; `None`
+    /// outside.
     #[must_use]
     pub fn probability(&self, column: usize, row: usize) -> Option<f64> {
         let log_odds = f64::from(self.log_odds(column, row)?) * ODDS_STEP;
@@ -227,7 +239,10 @@ impl OccupancyGrid {
 
     fn beyond(&self) -> [i32; 2] {
         let count = |cells: usize| i32::try_from(cells).unwrap_or(i32::MAX);
-        [self.first[0].saturating_add(count(self.columns)), self.first[1].saturating_add(count(self.rows))]
+        [
+            self.first[0].saturating_add(count(self.columns)),
+            self.first[1].saturating_add(count(self.rows)),
+        ]
     }
 
     /// The cells of one y of the lattice, by x.
@@ -245,7 +260,8 @@ impl OccupancyGrid {
 
     /// The cells of one x of the lattice, by y.
     fn column_at(&mut self, x: i32) -> Line<'_> {
-        let column = usize::try_from(x - self.first[0]).ok().filter(|column| *column < self.columns);
+        let column =
+            usize::try_from(x - self.first[0]).ok().filter(|column| *column < self.columns);
         Line {
             first: self.first[1],
             count: column.map_or(0, |_| self.rows),
@@ -272,8 +288,16 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// Adds to the log-odds of those cells of a cone that are in row `y` between two places, in the cone's own x and y.
-    fn weigh_cone(&mut self, cone: &Cone, y: i32, [first, last]: [i32; 2], before: [i8; 2], at: [i8; 2]) {
+    /// Adds to the log-odds of those cells of a cone that are in row `y` between two places, in the
+    /// cone's own x and y.
+    fn weigh_cone(
+        &mut self,
+        cone: &Cone,
+        y: i32,
+        [first, last]: [i32; 2],
+        before: [i8; 2],
+        at: [i8; 2],
+    ) {
         let mut place = cone.place(first, y);
         let mut met = false;
         let mut x = first;
@@ -305,7 +329,10 @@ impl Line<'_> {
         if weight == 0 {
             return;
         }
-        #[expect(clippy::cast_sign_loss, reason = "what is before the first is far behind the last then")]
+        #[expect(
+            clippy::cast_sign_loss,
+            reason = "what is before the first is far behind the last then"
+        )]
         let along = at.wrapping_sub(self.first) as usize;
         let place = self.start.wrapping_add(along.wrapping_mul(self.stride));
         if along >= self.count || place >= self.cells.len() {

@@ -1,27 +1,31 @@
 //! Heading from the gyro and the encoders together.
 //!
-//! The gyro says whole degrees, and 1° is 3.5 cm at 2 m. The encoders say fractions of a degree, and drift as soon as a wheel slips.
-//! So the heading moves with the encoders and is held inside the *window* of half a degree to each side of the gyro's
-//! angle: between two steps of the gyro the encoders interpolate, and whatever they get wrong is gone at the next step.
+//! The gyro says whole degrees, and 1° is 3.5 cm at 2 m. The encoders say fractions of a degree,
+//! and drift as soon as a wheel slips. So the heading moves with the encoders and is held inside
+//! the *window* of half a degree to each side of the gyro's angle: between two steps of the gyro
+//! the encoders interpolate, and whatever they get wrong is gone at the next step.
 //!
-//! The window's centre is the sum of the gyro's changes less its bias. Where the gyro cannot be believed (a jump that no motion
-//! explains, a turn beyond ±440 °/s, the end of its 16 bits, no reading) the heading goes on by the encoders, and the
-//! window is put around it anew.
+//! The window's centre is the sum of the gyro's changes less its bias. Where the gyro cannot be
+//! believed (a jump that no motion explains, a turn beyond ±440 °/s, the end of its 16 bits, no
+//! reading) the heading goes on by the encoders, and the window is put around it anew.
 //!
 //! # Bias
 //!
-//! While both wheels stand still the robot is taken to stand still, and what the gyro's angle does is bias. Whole degrees make the
-//! drift a staircase: counting its steps over T seconds is wrong by up to 1°/T, timing them from the first edge to the last is not.
-//! So the bias is (steps between the first and the last edge) / (time between them), once two steps and one second lie
-//! between; before that it is what it was, kept inside (net steps ± 1) / T. A new value counts for the whole standstill: the heading is
-//! corrected back to its start. A turn of the robot by hand is faster
+//! While both wheels stand still the robot is taken to stand still, and what the gyro's angle does
+//! is bias. Whole degrees make the drift a staircase: counting its steps over T seconds is wrong by
+//! up to 1°/T, timing them from the first edge to the last is not. So the bias is (steps between
+//! the first and the last edge) / (time between them), once two steps and one second lie between;
+//! before that it is what it was, kept inside (net steps ± 1) / T. A new value counts for the whole
+//! standstill: the heading is corrected back to its start. A turn of the robot by hand is faster
 //! than any bias (5 °/s): it ends the standstill, whose bias is then taken back.
 //!
 //! # What we count on
 //!
-//! - `lego-ev3-gyro`: integer degrees, −32768 to 32767, beyond which it wraps or sticks by its make; ±440 °/s, beyond which
-//!   the angle loses accuracy; a resynchronised or reset sensor starts again at 0.
-//! - At a standstill the drift of a badly started sensor is constant, 1 °/s or more; of a well started one, nothing.
+//! - `lego-ev3-gyro`: integer degrees, −32768 to 32767, beyond which it wraps or sticks by its
+//!   make; ±440 °/s, beyond which the angle loses accuracy; a resynchronised or reset sensor starts
+//!   again at 0.
+//! - At a standstill the drift of a badly started sensor is constant, 1 °/s or more; of a well
+//!   started one, nothing.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,13 +42,15 @@ const RANGE_RAD: f64 = 65_536.0 * DEGREE_RAD;
 const RAIL_RAD: f64 = 32_766.5 * DEGREE_RAD;
 /// The fastest turn that the sensor can follow.
 const RATE_LIMIT_RAD_S: f64 = 440.0 * DEGREE_RAD;
-/// From here on it counts as saturated: over 50 ms whole degrees leave the rate uncertain by 20 °/s.
+/// From here on it counts as saturated: over 50 ms whole degrees leave the rate uncertain by 20
+/// °/s.
 const SATURATED_RAD_S: f64 = 425.0 * DEGREE_RAD;
 /// The time over which that rate is taken.
 const RATE_WINDOW_NS: i64 = 50 * MILLISECOND_NS;
 /// A change in one update that is beyond the limit of the rate by this much is a jump.
 const JUMP_SLACK_RAD: f64 = 2.0 * DEGREE_RAD;
-/// However long the gyro was not read, a change beyond this that the encoders do not explain is a jump.
+/// However long the gyro was not read, a change beyond this that the encoders do not explain is a
+/// jump.
 const JUMP_CAP_RAD: f64 = 10.0 * DEGREE_RAD;
 /// From this angle on, a reading that is suddenly 0 is a reset, unless the encoders say otherwise.
 const RESET_FROM_RAD: f64 = 2.5 * DEGREE_RAD;
@@ -189,8 +195,9 @@ impl GyroState {
         HeadingStep { heading_rad, change_rad: None, gyro_rad: None, events }
     }
 
-    /// A saturated gyro says less than the truth: of gyro and encoders, the greater turn in the gyro's direction counts. At the end
-    /// of its 16 bits it may be stuck, and then the encoders alone count.
+    /// A saturated gyro says less than the truth: of gyro and encoders, the greater turn in the
+    /// gyro's direction counts. At the end of its 16 bits it may be stuck, and then the encoders
+    /// alone count.
     fn beyond_limits(&mut self, input: GyroInput, change_rad: f64) -> HeadingStep {
         let same_way = change_rad * input.encoder_rad > 0.0;
         let encoders = !self.saturated || (same_way && input.encoder_rad.abs() > change_rad.abs());
@@ -253,7 +260,8 @@ impl GyroState {
 }
 
 impl Standstill {
-    /// Whether this edge follows the one before, in the same direction, sooner than any bias makes them.
+    /// Whether this edge follows the one before, in the same direction, sooner than any bias makes
+    /// them.
     fn is_turned_by_hand(&self, now_ns: i64, change_rad: f64) -> bool {
         let Some(before) = self.last.or(self.first) else { return false };
         let between_s = seconds(now_ns.saturating_sub(before.time_ns));
@@ -281,14 +289,16 @@ impl Standstill {
             let turned_rad = last.turned_rad - first.turned_rad;
             if between_ns >= BIAS_AFTER_NS && turned_rad.abs() > 1.5 * DEGREE_RAD {
                 // Steps that have stopped coming mean less than those that came.
-                let most = (turned_rad.abs() + DEGREE_RAD) / seconds(now_ns.saturating_sub(first.time_ns));
+                let most =
+                    (turned_rad.abs() + DEGREE_RAD) / seconds(now_ns.saturating_sub(first.time_ns));
                 return Some((turned_rad / seconds(between_ns)).clamp(-most, most));
             }
         }
         let stood_s = seconds_nearly(stood_ns);
         let (least_rad, most_rad) = (self.turned_rad - DEGREE_RAD, self.turned_rad + DEGREE_RAD);
         let drifted_rad = self.bias_rad_s * stood_s;
-        // As little away from what it was as the steps allow: a body that settles by a degree or two after a turn is not drift.
+        // As little away from what it was as the steps allow: a body that settles by a degree or
+        // two after a turn is not drift.
         Some(if drifted_rad < least_rad {
             least_rad / stood_s
         } else if drifted_rad > most_rad {
@@ -310,9 +320,15 @@ fn unwrapped(change_rad: f64) -> f64 {
     }
 }
 
-/// Whether no motion explains this change: it is faster than the sensor can follow, or ends at 0 all at once, and the encoders know
-/// nothing of it.
-fn is_jump(value_rad: f64, last_rad: f64, change_rad: f64, expected_rad: f64, passed_s: f64) -> bool {
+/// Whether no motion explains this change: it is faster than the sensor can follow, or ends at 0
+/// all at once, and the encoders know nothing of it.
+fn is_jump(
+    value_rad: f64,
+    last_rad: f64,
+    change_rad: f64,
+    expected_rad: f64,
+    passed_s: f64,
+) -> bool {
     let unexplained_rad = (change_rad - expected_rad).abs();
     if unexplained_rad <= JUMP_SLACK_RAD + 0.25 * expected_rad.abs() {
         return false;
@@ -356,8 +372,9 @@ mod tests {
 
         /// What a 16-bit sensor says.
         fn reading_deg(&self) -> f64 {
-            let deg =
-                libm::round(self.gyro_zero_deg + self.truth_deg + self.drift_deg_s * seconds(self.now_ns));
+            let deg = libm::round(
+                self.gyro_zero_deg + self.truth_deg + self.drift_deg_s * seconds(self.now_ns),
+            );
             deg - 65_536.0 * libm::floor((deg + 32_768.0) / 65_536.0)
         }
 
@@ -485,7 +502,11 @@ mod tests {
             bench.stand(8);
             let bias = bench.state.bias_rad_s() / DEGREE_RAD;
             assert!((bias - drift_deg_s).abs() < 0.03, "{bias} for a drift of {drift_deg_s} °/s");
-            assert!(bench.error_deg().abs() < 1.0, "{} degrees off after standing", bench.error_deg());
+            assert!(
+                bench.error_deg().abs() < 1.0,
+                "{} degrees off after standing",
+                bench.error_deg()
+            );
             bench.run(30.0, 20.0, 20.0);
             assert!(bench.error_deg().abs() < 2.0, "{} degrees off after 30 s", bench.error_deg());
         }
@@ -520,6 +541,10 @@ mod tests {
             bench.tick(0.45, 0.0, true);
         }
         bench.stand(3);
-        assert!(bench.error_deg().abs() < 3.0, "{} degrees off after a turn of 90", bench.error_deg());
+        assert!(
+            bench.error_deg().abs() < 3.0,
+            "{} degrees off after a turn of 90",
+            bench.error_deg()
+        );
     }
 }

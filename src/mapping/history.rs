@@ -1,7 +1,9 @@
-//! Where the robot was in the last quarter of a second: a reading is older than the tick that gets it.
+//! Where the robot was in the last quarter of a second: a reading is older than the tick that gets
+//! it.
 //!
-//! Sixteen poses at least 15 ms apart: 225 ms or more, whatever the rate of the ticks, and 320 ms at 50 or 100 Hz. Between them everything
-//! is taken as a straight line, which at 60 °/s over 20 ms is right to 0.2 mm at 2 m.
+//! Sixteen poses at least 15 ms apart: 225 ms or more, whatever the rate of the ticks, and 320 ms
+//! at 50 or 100 Hz. Between them everything is taken as a straight line, which at 60 °/s over 20 ms
+//! is right to 0.2 mm at 2 m.
 
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +37,8 @@ pub(super) struct History {
 impl History {
     /// Notes where the robot is now.
     pub(super) fn note(&mut self, now: Placement) {
-        let due = self.back(0).is_none_or(|kept| now.time_ns.saturating_sub(kept.time_ns) >= SPACING_NS);
+        let due =
+            self.back(0).is_none_or(|kept| now.time_ns.saturating_sub(kept.time_ns) >= SPACING_NS);
         self.newest = now;
         if due && let Some(place) = self.ring.get_mut(usize::from(self.next)) {
             *place = now;
@@ -44,8 +47,8 @@ impl History {
         }
     }
 
-    /// Where the robot was: between the two placements around the time, at the newest if it is later, at the oldest if it is
-    /// earlier than all.
+    /// Where the robot was: between the two placements around the time, at the newest if it is
+    /// later, at the oldest if it is earlier than all.
     pub(super) fn at(&self, time_ns: i64) -> Placement {
         let mut later = self.newest;
         if time_ns >= later.time_ns {

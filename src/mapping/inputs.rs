@@ -2,9 +2,10 @@
 //!
 //! # What we count on
 //!
-//! - Wheels, head and gyro are `None` in every tick in which they were not really read. A stale angle handed on as if it were
-//!   new looks like a robot that stands still, and a gyro that stands while the wheels turn looks like slip. Ways in between are
-//!   made up for with the next reading, so nothing is lost.
+//! - Wheels, head and gyro are `None` in every tick in which they were not really read. A stale
+//!   angle handed on as if it were new looks like a robot that stands still, and a gyro that stands
+//!   while the wheels turn looks like slip. Ways in between are made up for with the next reading,
+//!   so nothing is lost.
 //! - The range may be older: up to the age at which the robot counts it as lost.
 //! - The gyro's sign is already turned round: anticlockwise is positive.
 
@@ -16,7 +17,8 @@ const HEAD_LIMIT_RAD: f64 = 100.0;
 /// The gyro's angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GyroReading {
-    /// Radians, anticlockwise, in the sensor's own steps of a whole degree and with its arbitrary zero.
+    /// Radians, anticlockwise, in the sensor's own steps of a whole degree and with its arbitrary
+    /// zero.
     pub value_rad: f64,
     /// When it was first read with this value, nanoseconds of the run's clock.
     pub changed_ns: i64,
@@ -51,8 +53,8 @@ pub struct Inputs {
 impl Inputs {
     /// The same inputs without what no sensor can have measured, and whether anything was left out.
     ///
-    /// Left out are numbers that are not finite (an infinite range is a reading: no echo), a range below zero, a gyro angle beyond
-    /// its 16 bits, and a head angle beyond 100 rad.
+    /// Left out are numbers that are not finite (an infinite range is a reading: no echo), a range
+    /// below zero, a gyro angle beyond its 16 bits, and a head angle beyond 100 rad.
     pub(super) fn checked(&self) -> (Self, Events) {
         let checked = Self {
             time_ns: self.time_ns,

@@ -8,7 +8,8 @@ const POINTS: usize = 20_000;
 /// Places of the path kept: 150 m of way, a centimetre apart, at 24 bytes.
 const PLACES: usize = 15_000;
 
-/// What one robot has found: points, path and occupancy grid, bounded in memory for a mission of any length.
+/// What one robot has found: points, path and occupancy grid, bounded in memory for a mission of
+/// any length.
 #[derive(Debug, Clone)]
 pub struct Map {
     points: Thinned<MapPoint>,
@@ -36,8 +37,8 @@ impl Map {
         self
     }
 
-    /// Takes one update; returns the new point, if there is one. Every point is returned, also one that the thinned cloud does
-    /// not keep.
+    /// Takes one update; returns the new point, if there is one. Every point is returned, also one
+    /// that the thinned cloud does not keep.
     pub fn add(&mut self, estimate: &Estimate) -> Option<MapPoint> {
         self.path.offer(estimate.time_ns, &estimate.pose);
         let sounding = estimate.sounding?;
@@ -60,7 +61,8 @@ impl Map {
         self.points.kept()
     }
 
-    /// Of so many points that were found one is kept: 1 until the cloud was full for the first time.
+    /// Of so many points that were found one is kept: 1 until the cloud was full for the first
+    /// time.
     #[must_use]
     pub fn points_stride(&self) -> u64 {
         self.points.stride()
@@ -81,8 +83,9 @@ impl Map {
 
 /// Several robots' points one after the other in one frame, as the seed's master did it.
 ///
-/// Each robot's points are in a frame of which `Pose` is the place in the common one: where the robot started, if it counted from
-/// its own start, and `Pose::default()`, if it was told its start pose (`--pose`) and its points are in the common frame already.
+/// Each robot's points are in a frame of which `Pose` is the place in the common one: where the
+/// robot started, if it counted from its own start, and `Pose::default()`, if it was told its start
+/// pose (`--pose`) and its points are in the common frame already.
 #[must_use]
 pub fn merge(maps: &[(Pose, &[MapPoint])]) -> Vec<MapPoint> {
     maps.iter()

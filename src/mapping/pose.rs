@@ -35,7 +35,8 @@ impl Pose {
         Self { x_m, y_m, heading_rad: self.heading_rad + step.heading_rad }
     }
 
-    /// The pose at `share` of the way (0 to 1) from this one to `next`, each number on its straight line.
+    /// The pose at `share` of the way (0 to 1) from this one to `next`, each number on its straight
+    /// line.
     #[must_use]
     pub(super) fn toward(&self, next: &Self, share: f64) -> Self {
         Self {

@@ -1,9 +1,10 @@
 //! What the range sensor's number means: an echo, no echo, or something nearer than it can measure.
 //!
-//! The sensor says 255 cm both when nothing is in range and when something is nearer than about 4 cm. So where an echo was near,
-//! its place is remembered, and a missing echo means *too near* while that place is still near and in the beam's way. Driving back
-//! ends it, and so does looking or turning elsewhere; an echo from further off in that direction shows that nothing is
-//! there any more.
+//! The sensor says 255 cm both when nothing is in range and when something is nearer than about 4
+//! cm. So where an echo was near, its place is remembered, and a missing echo means *too near*
+//! while that place is still near and in the beam's way. Driving back ends it, and so does looking
+//! or turning elsewhere; an echo from further off in that direction shows that nothing is there any
+//! more.
 
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -19,11 +20,14 @@ pub enum Range {
     TooNear,
 }
 
-/// An echo from less is near, metres: the 4 cm that the sensor cannot see, and what a robot at 0.3 m/s drives in two of its periods.
+/// An echo from less is near, metres: the 4 cm that the sensor cannot see, and what a robot at 0.3
+/// m/s drives in two of its periods.
 const NEAR_M: f64 = 0.10;
-/// What is further from the sensor than this has been backed off from, metres: near, and 5 cm that odometry may be wrong by.
+/// What is further from the sensor than this has been backed off from, metres: near, and 5 cm that
+/// odometry may be wrong by.
 const BACKED_OFF_M: f64 = 0.15;
-/// The square of the cosine of 45°: what lies further from the beam's axis is not what the beam misses.
+/// The square of the cosine of 45°: what lies further from the beam's axis is not what the beam
+/// misses.
 const BESIDE_COS2: f64 = 0.5;
 
 /// Where the sensor is and looks, world frame.
@@ -55,7 +59,8 @@ struct NearPlace {
 }
 
 impl RangeFilter {
-    /// Understands one reading in metres, infinite without an echo. The beam is worked out only where it matters.
+    /// Understands one reading in metres, infinite without an echo. The beam is worked out only
+    /// where it matters.
     pub(super) fn understood(&mut self, value_m: f64, beam: impl FnOnce() -> Beam) -> Range {
         let echo = value_m.is_finite();
         let near_echo = echo && value_m < NEAR_M;
@@ -85,8 +90,8 @@ impl NearPlace {
         Self { x_m: x_m + cos * range_m, y_m: y_m + sin * range_m, cos, sin }
     }
 
-    /// Whether the sensor is well before the place again, or beside it. Wheels that spin against a wall make odometry believe
-    /// that it was driven through: beyond the place is not backed off.
+    /// Whether the sensor is well before the place again, or beside it. Wheels that spin against a
+    /// wall make odometry believe that it was driven through: beyond the place is not backed off.
     fn is_backed_off_from(&self, beam: &Beam) -> bool {
         let to = Vector2::new(self.x_m - beam.x_m, self.y_m - beam.y_m);
         let before_m = to.x * self.cos + to.y * self.sin;

@@ -1,10 +1,12 @@
-//! Memory that is there from the start: the kernel gives a page when it is written to for the first time, which is not to be in a tick.
+//! Memory that is there from the start: the kernel gives a page when it is written to for the first
+//! time, which is not to be in a tick.
 
 use std::hint::black_box;
 
 /// As `vec![value; length]`, every page of it written to.
 pub(super) fn filled<T: Copy>(value: T, length: usize) -> Vec<T> {
-    // Hidden from the compiler, which else has zeros given by the kernel: these are pages that nobody has written to.
+    // Hidden from the compiler, which else has zeros given by the kernel: these are pages that
+    // nobody has written to.
     let mut room = black_box(Vec::with_capacity(length));
     room.resize(length, value);
     room

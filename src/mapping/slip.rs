@@ -1,8 +1,8 @@
 //! Wheel slip, noticed by the gyro against the encoders.
 //!
-//! Both turns are summed with a memory of half a second. They disagree when their difference is more than whole degrees and an
-//! imperfect track width explain: 4° and a fifth of the turn; slip is
-//! over below 2° and a fifth, so that it does not flicker.
+//! Both turns are summed with a memory of half a second. They disagree when their difference is
+//! more than whole degrees and an imperfect track width explain: 4° and a fifth of the turn; slip
+//! is over below 2° and a fifth, so that it does not flicker.
 //!
 //! # Not here
 //!
@@ -12,10 +12,11 @@ use serde::{Deserialize, Serialize};
 
 use super::gyro::DEGREE_RAD;
 
-/// What a gyro in whole degrees (1°) and the play of two LEGO wheels (10° of a wheel between them are 2.4° of the seed's robot) can
-/// differ by, and a little more.
+/// What a gyro in whole degrees (1°) and the play of two LEGO wheels (10° of a wheel between them
+/// are 2.4° of the seed's robot) can differ by, and a little more.
 const ALLOWED_RAD: f64 = 4.0 * DEGREE_RAD;
-/// What a track width that is not quite right, and the gyro's scale (3° in 90° by LEGO's word), can differ by.
+/// What a track width that is not quite right, and the gyro's scale (3° in 90° by LEGO's word), can
+/// differ by.
 const ALLOWED_SHARE: f64 = 0.2;
 /// How long a turn is remembered.
 const MEMORY_S: f64 = 0.5;
@@ -71,7 +72,8 @@ mod tests {
     fn slip_begins_within_a_fifth_of_a_second_and_ends_once_without_flicker() {
         let mut slip = SlipState::default();
         let turn_rad = 60.0 * DEGREE_RAD / 100.0;
-        let begun = (0..100).position(|_| slip.update(0.01, turn_rad, 0.0)).expect("slip is noticed");
+        let begun =
+            (0..100).position(|_| slip.update(0.01, turn_rad, 0.0)).expect("slip is noticed");
         assert!(begun < 20, "noticed after {begun} ticks of 10 ms");
         let after: Vec<bool> = (0..400).map(|_| slip.update(0.01, turn_rad, turn_rad)).collect();
         let ended = after.iter().position(|slipping| !slipping).expect("slip ends");

@@ -6,8 +6,8 @@ use super::Range;
 use super::range::Beam;
 use crate::clock::MILLISECOND_NS;
 
-/// The sensor's period: a reading that has not changed for this long counts as a new one of the same value. The EV3's
-/// ultrasonic sensor has about ten really new distances a second.
+/// The sensor's period: a reading that has not changed for this long counts as a new one of the
+/// same value. The EV3's ultrasonic sensor has about ten really new distances a second.
 const PERIOD_NS: i64 = 100 * MILLISECOND_NS;
 
 /// A range reading in the world.
@@ -21,11 +21,13 @@ pub struct Sounding {
     pub y_m: f64,
     /// Unit vector of the beam's axis, world frame.
     pub beam: [f64; 2],
-    /// Unit vector of the direction in which the echo is taken to be, within the cone around the axis.
+    /// Unit vector of the direction in which the echo is taken to be, within the cone around the
+    /// axis.
     pub echo: [f64; 2],
     /// What it read.
     pub range: Range,
-    /// Whether it is a reading of its own and not the one before once more (the seed places the same one in each tick).
+    /// Whether it is a reading of its own and not the one before once more (the seed places the
+    /// same one in each tick).
     pub fresh: bool,
 }
 
@@ -61,8 +63,8 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// The instant of the reading, before latency, if there is a new one: when its value changed or, if it did not, now, once in a
-    /// period.
+    /// The instant of the reading, before latency, if there is a new one: when its value changed
+    /// or, if it did not, now, once in a period.
     pub(super) fn due(&mut self, now_ns: i64, changed_ns: i64) -> Option<i64> {
         let instant_ns = match self.taken {
             Some((changed, taken)) if changed == changed_ns => {

@@ -1,7 +1,7 @@
 //! A few statistics of errors: for scoring maps, not for the tick.
 
-/// The value below which a share `q` (0 to 1) of the values lies, linear between neighbours (Hyndman and Fan's type 7, as
-/// in NumPy); sorts them. `None` where there are none.
+/// The value below which a share `q` (0 to 1) of the values lies, linear between neighbours
+/// (Hyndman and Fan's type 7, as in NumPy); sorts them. `None` where there are none.
 #[must_use]
 pub fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
@@ -38,14 +38,16 @@ pub fn mean(values: &[f64]) -> Option<f64> {
 pub fn rms(values: &[f64]) -> Option<f64> {
     #[expect(clippy::cast_precision_loss, reason = "a count of values")]
     let count = values.len() as f64;
-    (!values.is_empty()).then(|| libm::sqrt(values.iter().map(|value| value * value).sum::<f64>() / count))
+    (!values.is_empty())
+        .then(|| libm::sqrt(values.iter().map(|value| value * value).sum::<f64>() / count))
 }
 
 /// The share, 0 to 1, of the values for which `holds`. `None` where there are none.
 #[must_use]
 pub fn share(values: &[f64], holds: impl Fn(f64) -> bool) -> Option<f64> {
     #[expect(clippy::cast_precision_loss, reason = "counts of values")]
-    let (count, held) = (values.len() as f64, values.iter().filter(|&&value| holds(value)).count() as f64);
+    let (count, held) =
+        (values.len() as f64, values.iter().filter(|&&value| holds(value)).count() as f64);
     (!values.is_empty()).then(|| held / count)
 }
 

@@ -1,8 +1,9 @@
 //! The pose's covariance: how errors of wheels and gyro grow into errors of the pose.
 //!
-//! First order, P' = F P Fᵀ + Q, with F the derivative of one step by the pose before it (Thrun, Burgard and Fox, *Probabilistic
-//! Robotics*, section 5.4). Each wheel's error has a variance that grows with its way (Chong and Kleeman, *Accurate odometry and
-//! error modelling*, ICRA 1997); the error that a wrong circumference or track width makes grows with the way itself and is what
+//! First order, P' = F P Fᵀ + Q, with F the derivative of one step by the pose before it (Thrun,
+//! Burgard and Fox, *Probabilistic Robotics*, section 5.4). Each wheel's error has a variance that
+//! grows with its way (Chong and Kleeman, *Accurate odometry and error modelling*, ICRA 1997); the
+//! error that a wrong circumference or track width makes grows with the way itself and is what
 //! `calibrate` is for (Borenstein and Feng's UMBmark).
 
 use serde::{Deserialize, Serialize};
@@ -13,7 +14,8 @@ use super::gyro::DEGREE_RAD;
 const WHEEL_M2_M: f64 = 1e-4;
 /// Variance of the gyro's heading, rad² a radian of turn: LEGO's ±3° in a quarter turn.
 const GYRO_RAD2_RAD: f64 = 9.0 * DEGREE_RAD * DEGREE_RAD / std::f64::consts::FRAC_PI_2;
-/// Variance of the gyro's heading, rad² a second: what the removal of the bias leaves, 1° in a minute.
+/// Variance of the gyro's heading, rad² a second: what the removal of the bias leaves, 1° in a
+/// minute.
 const GYRO_RAD2_S: f64 = DEGREE_RAD * DEGREE_RAD / 60.0;
 /// Variance of a heading in whole degrees: that of an even spread over a step.
 const STEP_RAD2: f64 = DEGREE_RAD * DEGREE_RAD / 12.0;
@@ -59,7 +61,8 @@ pub(super) fn propagated(before: Covariance, step: &Step) -> Covariance {
     } else {
         wheels_m2 * (step.per_track_width_m * step.per_track_width_m)
     };
-    // The covariances with the heading come first: the others are made of both theirs, from before and after.
+    // The covariances with the heading come first: the others are made of both theirs, from before
+    // and after.
     let (xh_after, yh_after) = (xh + along * hh, yh + across * hh);
     let (way_x, way_y) = (cos * way_m2, sin * way_m2);
     let after = [
@@ -78,14 +81,16 @@ pub(super) fn propagated(before: Covariance, step: &Step) -> Covariance {
 /// The way of a wheel in the degree that its encoder counts by, metres: LEGO's wheel of 56 mm.
 const WHEEL_STEP_M: f64 = 0.056 * std::f64::consts::PI / 360.0;
 
-/// Variances of the speeds, m²/s² and rad²/s²: what the errors above come to within `memory_s`, over
-/// which speeds are smoothed, and at its two ends the steps in which wheels and gyro count. The heading
-/// is taken for the gyro's; by wheels alone its error is of the same order.
+/// Variances of the speeds, m²/s² and rad²/s²: what the errors above come to within `memory_s`,
+/// over which speeds are smoothed, and at its two ends the steps in which wheels and gyro count.
+/// The heading is taken for the gyro's; by wheels alone its error is of the same order.
 pub(super) fn of_speeds(forward_m_s: f64, turn_rad_s: f64, memory_s: f64) -> [f64; 2] {
     let per_s2 = 1.0 / (memory_s * memory_s);
     // Of two wheels each, whose mean is the way.
-    let way_m2 = WHEEL_M2_M * forward_m_s.abs() * memory_s / 2.0 + WHEEL_STEP_M * WHEEL_STEP_M / 12.0;
-    let turn_rad2 = GYRO_RAD2_RAD * turn_rad_s.abs() * memory_s + GYRO_RAD2_S * memory_s + 2.0 * STEP_RAD2;
+    let way_m2 =
+        WHEEL_M2_M * forward_m_s.abs() * memory_s / 2.0 + WHEEL_STEP_M * WHEEL_STEP_M / 12.0;
+    let turn_rad2 =
+        GYRO_RAD2_RAD * turn_rad_s.abs() * memory_s + GYRO_RAD2_S * memory_s + 2.0 * STEP_RAD2;
     [way_m2 * per_s2, turn_rad2 * per_s2]
 }
 
@@ -127,7 +132,8 @@ mod tests {
     #[test]
     fn in_a_run_of_any_length_it_stays_finite() {
         let lost = Step { by_gyro: false, slip_m: 1.0, ..metre_ahead() };
-        let covariance = (0..3_000_000).fold(at_start(), |covariance, _| propagated(covariance, &lost));
+        let covariance =
+            (0..3_000_000).fold(at_start(), |covariance, _| propagated(covariance, &lost));
         assert!(covariance.iter().all(|value| value.abs() <= LIMIT), "{covariance:?}");
         assert!(covariance[0] > 0.9 * LIMIT || covariance[3] > 0.9 * LIMIT, "{covariance:?}");
     }

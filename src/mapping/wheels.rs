@@ -1,11 +1,13 @@
 //! From two wheel angles to a step ahead and a turn.
 //!
-//! With d the way of a wheel (its change of angle / 2π × circumference): step = (d_right + d_left) / 2, turn = (d_right − d_left) /
-//! track width (Borenstein, Everett and Feng, *Where am I?*, section 1.1).
+//! With d the way of a wheel (its change of angle / 2π × circumference): step = (d_right + d_left)
+//! / 2, turn = (d_right − d_left) / track width (Borenstein, Everett and Feng, *Where am I?*,
+//! section 1.1).
 //!
 //! # What we count on
 //!
-//! Angles are absolute counts: ticks in which a wheel was not read lose nothing, as the next reading makes up for them.
+//! Angles are absolute counts: ticks in which a wheel was not read lose nothing, as the next
+//! reading makes up for them.
 
 use std::f64::consts::TAU;
 
@@ -14,7 +16,8 @@ use serde::{Deserialize, Serialize};
 use super::{Events, Geometry};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds_nearly};
 
-/// What a change may exceed the fastest motion by, radians: the two wheels are not read at one instant.
+/// What a change may exceed the fastest motion by, radians: the two wheels are not read at one
+/// instant.
 const JUMP_SLACK_RAD: f64 = 0.35;
 /// Ticks without a reading excuse a change only up to this long.
 const UNREAD_MAX_NS: i64 = 10 * SECOND_NS;
@@ -64,9 +67,14 @@ impl WheelsState {
             };
         };
         let still = self.watch_standstill(now_ns, left_rad, right_rad);
-        let standing =
-            WheelStep { read: true, still, events: Events::STILL.when(still), ..WheelStep::default() };
-        let Some((last_ns, last_left_rad, last_right_rad)) = self.last.replace((now_ns, left_rad, right_rad))
+        let standing = WheelStep {
+            read: true,
+            still,
+            events: Events::STILL.when(still),
+            ..WheelStep::default()
+        };
+        let Some((last_ns, last_left_rad, last_right_rad)) =
+            self.last.replace((now_ns, left_rad, right_rad))
         else {
             return standing;
         };
@@ -108,7 +116,11 @@ mod tests {
         let geometry = Geometry::seed();
         let mut wheels = WheelsState::default();
         let first = wheels.update(&geometry, 0, Some(5.0), Some(7.0));
-        assert_eq!((first.forward_m, first.turn_rad), (0.0, 0.0), "the first angles are only the reference");
+        assert_eq!(
+            (first.forward_m, first.turn_rad),
+            (0.0, 0.0),
+            "the first angles are only the reference"
+        );
         let step = wheels.update(&geometry, SECOND_NS, Some(5.0 + TAU), Some(7.0 + TAU));
         assert!((step.forward_m - 0.188_976).abs() < 1e-12, "{step:?}");
         assert!(step.turn_rad.abs() < 1e-12, "{step:?}");
@@ -141,8 +153,9 @@ mod tests {
     fn standing_still_takes_a_while_and_survives_a_rocking_count() {
         let geometry = Geometry::seed();
         let mut wheels = WheelsState::default();
-        let mut at =
-            |ms: i64, left| wheels.update(&geometry, ms * MILLISECOND_NS, Some(left), Some(0.0)).still;
+        let mut at = |ms: i64, left| {
+            wheels.update(&geometry, ms * MILLISECOND_NS, Some(left), Some(0.0)).still
+        };
         assert!(!at(0, 0.0));
         assert!(!at(290, 0.017));
         assert!(at(310, 0.0));

@@ -1,7 +1,8 @@
 //! What is asked of the service, and when: two lanes, one request in flight in each.
 //!
-//! Looking (status, lists, live values, parts of a map) repeats by itself; orders (start, stop, jog, delete, settings) are a person's.
-//! They go over two connections, so that a stop never waits behind a list that comes late.
+//! Looking (status, lists, live values, parts of a map) repeats by itself; orders (start, stop,
+//! jog, delete, settings) are a person's. They go over two connections, so that a stop never waits
+//! behind a list that comes late.
 
 use std::collections::VecDeque;
 
@@ -58,7 +59,8 @@ pub(super) struct Asks {
 }
 
 impl Asks {
-    /// Puts an order behind those that wait. A jog takes the place of one that waits for the same motor: only the newest counts.
+    /// Puts an order behind those that wait. A jog takes the place of one that waits for the same
+    /// motor: only the newest counts.
     pub(super) fn order(&mut self, order: LocalRequest) {
         if let LocalRequest::Own(LocalOnly::Jog { port: new, .. }) = &order {
             self.orders.retain(
@@ -90,8 +92,9 @@ impl Asks {
         if self.flying[Lane::Look as usize].is_some() {
             return None;
         }
-        let due_ns =
-            |look: &Look| self.looked_ns[*look as usize].map_or(i64::MIN, |last| last + look.period_ns());
+        let due_ns = |look: &Look| {
+            self.looked_ns[*look as usize].map_or(i64::MIN, |last| last + look.period_ns())
+        };
         wanted.iter().copied().filter(|look| due_ns(look) <= now_ns).min_by_key(due_ns)
     }
 

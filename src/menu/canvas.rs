@@ -66,7 +66,10 @@ impl DrawTarget for Canvas {
     type Color = Gray2;
     type Error = Infallible;
 
-    fn draw_iter<I: IntoIterator<Item = Pixel<Gray2>>>(&mut self, pixels: I) -> Result<(), Infallible> {
+    fn draw_iter<I: IntoIterator<Item = Pixel<Gray2>>>(
+        &mut self,
+        pixels: I,
+    ) -> Result<(), Infallible> {
         for Pixel(point, colour) in pixels {
             if let (Ok(x), Ok(y)) = (u32::try_from(point.x), u32::try_from(point.y))
                 && x < WIDTH
@@ -100,7 +103,9 @@ mod tests {
     fn pixels_outside_are_left_out_and_greys_are_the_panels() {
         let mut canvas = Canvas::default();
         let pixels = [(0, 0, 0), (177, 127, 1), (178, 0, 0), (-1, 5, 0), (3, 128, 0), (5, 5, 2)];
-        canvas.draw_iter(pixels.map(|(x, y, grey)| Pixel(Point::new(x, y), Gray2::new(grey)))).unwrap();
+        canvas
+            .draw_iter(pixels.map(|(x, y, grey)| Pixel(Point::new(x, y), Gray2::new(grey))))
+            .unwrap();
         assert_eq!([canvas.pixel(0, 0), canvas.pixel(177, 127), canvas.pixel(5, 5)], [0, 85, 170]);
         assert_eq!(canvas.pixels().iter().filter(|grey| **grey != 255).count(), 3);
         canvas.fill_solid(&Rectangle::new(Point::new(-4, 120), Size::new(500, 500)), INK).unwrap();

@@ -8,11 +8,12 @@ use super::{Menu, Notice, Page, Showing};
 use crate::clock::SECOND_NS;
 use crate::runtime::StopReason;
 use crate::service::protocol::{
-    Answer, Fetch, Fetched, LastStop, LocalOnly, LocalRequest, MAX_FETCH_BYTES, Pairing, Refusal, Request,
-    State, Status,
+    Answer, Fetch, Fetched, LastStop, LocalOnly, LocalRequest, MAX_FETCH_BYTES, Pairing, Refusal,
+    Request, State, Status,
 };
 
-/// How much of a recording is fetched at once: two seconds of a run, so that a long one comes in steps that leave the brick's processor to the run.
+/// How much of a recording is fetched at once: two seconds of a run, so that a long one comes in
+/// steps that leave the brick's processor to the run.
 const PART_BYTES: u32 = MAX_FETCH_BYTES;
 
 /// Why a request was not answered as asked.
@@ -43,9 +44,13 @@ impl Menu {
     }
 
     fn gone(&mut self, lane: Lane, request: &LocalRequest, why: String) {
-        // What is looked at comes again by itself; an order does not, and nobody knows whether it was done.
+        // What is looked at comes again by itself; an order does not, and nobody knows whether it
+        // was done.
         if lane == Lane::Order && *request != LocalRequest::Own(LocalOnly::MenuHere) {
-            self.refuse("the service did not answer".to_owned(), Some("look whether it was done".to_owned()));
+            self.refuse(
+                "the service did not answer".to_owned(),
+                Some("look whether it was done".to_owned()),
+            );
         }
         if self.seen.gone.as_ref() != Some(&why) {
             self.seen.gone = Some(why);
@@ -105,19 +110,27 @@ impl Menu {
                 note(&mut self.seen.runs, read(answer)?, &mut self.changed)
             }
             LocalRequest::Shared(Request::Fetch(fetch)) => self.fetched(fetch, answer)?,
-            LocalRequest::Own(LocalOnly::Live) => note(&mut self.seen.live, read(answer)?, &mut self.changed),
+            LocalRequest::Own(LocalOnly::Live) => {
+                note(&mut self.seen.live, read(answer)?, &mut self.changed)
+            }
             LocalRequest::Own(LocalOnly::Settings | LocalOnly::SetSettings(_)) => {
                 note(&mut self.seen.settings, read(answer)?, &mut self.changed);
             }
             LocalRequest::Own(
-                LocalOnly::PairingWindow { .. } | LocalOnly::PairingState | LocalOnly::PairingAnswer { .. },
+                LocalOnly::PairingWindow { .. }
+                | LocalOnly::PairingState
+                | LocalOnly::PairingAnswer { .. },
             ) => note(&mut self.seen.pairing, read::<Pairing>(answer)?, &mut self.changed),
-            LocalRequest::Own(LocalOnly::Delete { .. }) => self.asks.refresh(Look::Runs, self.now_ns),
+            LocalRequest::Own(LocalOnly::Delete { .. }) => {
+                self.asks.refresh(Look::Runs, self.now_ns)
+            }
             LocalRequest::Own(LocalOnly::MenuHere) => {
                 self.is_known = true;
                 self.changed = true;
             }
-            LocalRequest::Own(_) | LocalRequest::Shared(_) => self.asks.refresh(Look::Status, self.now_ns),
+            LocalRequest::Own(_) | LocalRequest::Shared(_) => {
+                self.asks.refresh(Look::Status, self.now_ns)
+            }
         }
         Some(())
     }
@@ -185,8 +198,9 @@ impl Menu {
     /// Whether more of the map on the screen can come.
     pub(super) fn wants_part(&self) -> bool {
         let run = self.mapped_run();
-        let is_done =
-            |track: &Track| Some(&track.run) == run.as_ref() && (track.complete || track.trouble.is_some());
+        let is_done = |track: &Track| {
+            Some(&track.run) == run.as_ref() && (track.complete || track.trouble.is_some())
+        };
         run.is_some() && !self.track.as_ref().is_some_and(is_done)
     }
 
@@ -195,8 +209,10 @@ impl Menu {
         let fetched: Fetched = serde_json::from_value(answer.value).ok()?;
         let shows_it = self.mapped_run().is_some_and(|run| run == asked.run);
         // A map that is no longer on the screen: its part came late.
-        let track =
-            self.track.as_mut().filter(|track| track.run == asked.run && track.wanted() == asked.offset);
+        let track = self
+            .track
+            .as_mut()
+            .filter(|track| track.run == asked.run && track.wanted() == asked.offset);
         let Some(track) = track else { return Some(()) };
         let end = asked.offset + bytes.len() as u64;
         let changed = track.take(&bytes);
@@ -244,7 +260,8 @@ fn note<T: PartialEq>(place: &mut Option<T>, value: T, changed: &mut bool) {
     }
 }
 
-/// Whether two answers look the same on every page: token and age are on none, and the clock of a run counts whole seconds.
+/// Whether two answers look the same on every page: token and age are on none, and the clock of a
+/// run counts whole seconds.
 fn alike(before: &Status, now: &Status) -> bool {
     let mut before = before.clone();
     before.token.clone_from(&now.token);

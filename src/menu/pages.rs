@@ -8,7 +8,8 @@ use super::{Menu, Notice, Page, Showing, StartedBy, Tab};
 use crate::clock::seconds;
 use crate::mapping::Range;
 use crate::service::protocol::{
-    LastStop, LiveDevice, LocalOnly, LocalRequest, MissionInfo, Pairing, RunId, RunInfo, RunStatus, State,
+    LastStop, LiveDevice, LocalOnly, LocalRequest, MissionInfo, Pairing, RunId, RunInfo, RunStatus,
+    State,
 };
 
 impl Menu {
@@ -39,9 +40,9 @@ impl Menu {
 
     fn map_title(&self) -> String {
         match &self.page {
-            Some(Page::Map(run)) if self.showing() == Showing::Page => {
-                self.run_info(run).map_or_else(|| "Map".to_owned(), |known| format!("Run {}", known.number))
-            }
+            Some(Page::Map(run)) if self.showing() == Showing::Page => self
+                .run_info(run)
+                .map_or_else(|| "Map".to_owned(), |known| format!("Run {}", known.number)),
             _ => "Map".to_owned(),
         }
     }
@@ -109,9 +110,9 @@ impl Menu {
         let Some(missions) = &self.seen.missions else { return self.waiting("Missions") };
         let sheet = Sheet::new("Missions");
         if missions.missions.is_empty() {
-            return sheet
-                .strong("There are no missions.")
-                .line("Copy a mission file into the folder missions of the brick's configuration.");
+            return sheet.strong("There are no missions.").line(
+                "Copy a mission file into the folder missions of the brick's configuration.",
+            );
         }
         missions.missions.iter().fold(sheet, |sheet, mission| {
             let broken = if mission.findings.is_some() { " (broken)" } else { "" };
@@ -121,7 +122,9 @@ impl Menu {
 
     fn mission(&self, name: &str) -> Sheet {
         let sheet = Sheet::new("Mission").big(name);
-        let Some(info) = self.mission_info(name) else { return sheet.line("It is not there any more.") };
+        let Some(info) = self.mission_info(name) else {
+            return sheet.line("It is not there any more.");
+        };
         if let Some(findings) = &info.findings {
             return sheet.strong("It cannot be started:").line(findings.clone());
         }
@@ -135,10 +138,13 @@ impl Menu {
             None => sheet,
         };
         let stops = match self.options.started_by {
-            StartedBy::Brickman => "Enter or Back stops it. Back also closes this menu, and the run with it.",
+            StartedBy::Brickman => {
+                "Enter or Back stops it. Back also closes this menu, and the run with it."
+            }
             StartedBy::Boot | StartedBy::Terminal => "Enter or Back stops it.",
         };
-        let is_start = |order: &LocalRequest| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_)));
+        let is_start =
+            |order: &LocalRequest| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_)));
         let start = if self.asks.is_ordering(is_start) { "starting..." } else { "Start" };
         sheet.item(start).line(stops)
     }
@@ -160,7 +166,9 @@ impl Menu {
         let Some(live) = &self.seen.live else { return self.waiting("Ports") };
         let sheet = Sheet::new("Ports");
         if live.devices.is_empty() {
-            return sheet.strong("Nothing is plugged in.").line("A sensor needs up to three seconds.");
+            return sheet
+                .strong("Nothing is plugged in.")
+                .line("A sensor needs up to three seconds.");
         }
         live.devices.iter().fold(sheet, |sheet, device| {
             sheet.item(format!("{} {}: {}", device.port, short(&device.driver), device.reading))
@@ -177,8 +185,13 @@ impl Menu {
             return sheet.line("Nothing is plugged in here any more.");
         };
         let role = device.role.as_ref().map_or_else(String::new, |role| format!(", {role}"));
-        let sheet = sheet.line(format!("{}{role}", short(&device.driver))).big(device.reading.clone());
-        if device.motor { sheet.line("Hold Up or Down: it turns, as long as you hold.") } else { sheet }
+        let sheet =
+            sheet.line(format!("{}{role}", short(&device.driver))).big(device.reading.clone());
+        if device.motor {
+            sheet.line("Hold Up or Down: it turns, as long as you hold.")
+        } else {
+            sheet
+        }
     }
 
     fn set_up(&self) -> Sheet {
@@ -205,7 +218,8 @@ impl Menu {
             .item(format!("Time limit of the next run: {limit}"))
             .item("Pair a PC")
             .strong(settings.brick.clone());
-        let sheet = settings.addresses.iter().fold(sheet, |sheet, address| sheet.line(address.clone()));
+        let sheet =
+            settings.addresses.iter().fold(sheet, |sheet, address| sheet.line(address.clone()));
         let link = self.seen.status.as_ref().map(|status| format!("link: {}", status.link));
         let clock = self.seen.status.as_ref().and_then(|status| status.clock.clone());
         let key = settings.fingerprint.as_ref().map(|key| format!("key: {key}"));
@@ -232,7 +246,8 @@ impl Menu {
             Some(Notice::Refused { message, .. }) => sheet.strong(message.clone()),
             _ => sheet,
         };
-        let sheet = progress(sheet.strong(run.mission.clone()), run).line(format!("link: {}", status.link));
+        let sheet =
+            progress(sheet.strong(run.mission.clone()), run).line(format!("link: {}", status.link));
         let is_stopping = status.state == State::Stopping || self.stop_due_ns.is_some();
         sheet.foot(if is_stopping { "stopping..." } else { "STOP: Enter, Back" })
     }
@@ -244,8 +259,11 @@ impl Menu {
                 hint.iter().fold(sheet, |sheet, hint| sheet.line(hint.clone())).item("OK")
             }
             Notice::Delete(run) => {
-                let known =
-                    self.seen.runs.as_ref().and_then(|runs| runs.runs.iter().find(|known| known.run == *run));
+                let known = self
+                    .seen
+                    .runs
+                    .as_ref()
+                    .and_then(|runs| runs.runs.iter().find(|known| known.run == *run));
                 let name = known.map_or_else(|| run.to_string(), run_line);
                 Sheet::new("Delete")
                     .strong("Delete this run and its map?")
@@ -333,10 +351,13 @@ fn pairing(pairing: Option<&Pairing>) -> Sheet {
             .item("No, it is another")
             .item("Yes, the same"),
         Some(Pairing::Paired { name }) => sheet.big("Paired").line(name.clone()).item("OK"),
-        Some(Pairing::Failed { why }) => sheet.big("Not paired").line(why.clone()).item("Open again"),
-        Some(Pairing::NoLink { why }) => {
-            sheet.strong("There is no link now.").line(why.clone()).line("Everything else works without it.")
+        Some(Pairing::Failed { why }) => {
+            sheet.big("Not paired").line(why.clone()).item("Open again")
         }
+        Some(Pairing::NoLink { why }) => sheet
+            .strong("There is no link now.")
+            .line(why.clone())
+            .line("Everything else works without it."),
     }
 }
 
@@ -369,7 +390,8 @@ fn duration(duration_s: f64) -> String {
 
 #[cfg(any(test, feature = "host"))]
 impl Menu {
-    /// The page on the screen as text, for transcripts and for people who cannot see pictures: what is chosen has a `>`.
+    /// The page on the screen as text, for transcripts and for people who cannot see pictures: what
+    /// is chosen has a `>`.
     #[must_use]
     pub fn text(&self) -> String {
         if self.map_on_screen().is_some() {
@@ -387,8 +409,8 @@ mod tests {
     fn durations_and_headings_are_written_for_people() {
         let written = [0.5, 45.0, 60.0, 125.9, 3600.0].map(duration);
         assert_eq!(written, ["0.5 s", "45 s", "1 min", "2 min 5 s", "60 min"]);
-        let turned =
-            [0.0, 190.0, -190.0, 720.0, -0.2, -90.0].map(|degrees| format!("{:.0}", within_turn(degrees)));
+        let turned = [0.0, 190.0, -190.0, 720.0, -0.2, -90.0]
+            .map(|degrees| format!("{:.0}", within_turn(degrees)));
         assert_eq!(turned, ["0", "-170", "170", "0", "0", "-90"]);
     }
 }

@@ -67,7 +67,8 @@ impl Menu {
     fn jogged_port(&self) -> Option<String> {
         match &self.page {
             Some(Page::Port(port))
-                if self.shows_page(|_| true) && self.device(port).is_some_and(|device| device.motor) =>
+                if self.shows_page(|_| true)
+                    && self.device(port).is_some_and(|device| device.motor) =>
             {
                 Some(port.clone())
             }
@@ -251,9 +252,11 @@ impl Menu {
                 .as_ref()
                 .and_then(|all| all.missions.get(chosen))
                 .map(|one| Page::Mission(one.name.clone())),
-            Tab::Runs => {
-                seen.runs.as_ref().and_then(|all| all.runs.get(chosen)).map(|one| Page::Map(one.run.clone()))
-            }
+            Tab::Runs => seen
+                .runs
+                .as_ref()
+                .and_then(|all| all.runs.get(chosen))
+                .map(|one| Page::Map(one.run.clone())),
             Tab::Ports => seen
                 .live
                 .as_ref()
@@ -319,7 +322,8 @@ impl Menu {
             Button::Up => limit_s + LIMIT_STEP_S,
             Button::Down => limit_s - LIMIT_STEP_S,
             Button::Enter => {
-                let change = SettingsChange { time_limit_s: Some(limit_s), ..SettingsChange::default() };
+                let change =
+                    SettingsChange { time_limit_s: Some(limit_s), ..SettingsChange::default() };
                 self.asks.order(LocalRequest::Own(LocalOnly::SetSettings(change)));
                 self.page = None;
                 return;
@@ -331,13 +335,17 @@ impl Menu {
 
     /// Starts a mission; a second press while the first is on its way does nothing.
     fn start(&mut self, mission: String) {
-        if self.asks.is_ordering(|order| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_)))) {
+        if self
+            .asks
+            .is_ordering(|order| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_))))
+        {
             return;
         }
         self.started += 1;
         let name = format!("menu-{:x}-{}", self.options.seed, self.started);
         let Ok(run) = RunId::new(&name) else { return };
-        let start = Start { run, mission: Chosen::Name(mission), token: None, pose: None, set: Vec::new() };
+        let start =
+            Start { run, mission: Chosen::Name(mission), token: None, pose: None, set: Vec::new() };
         self.asks.order(LocalRequest::Own(LocalOnly::StartHere(start)));
     }
 

@@ -1,7 +1,8 @@
-//! What a page shows, as data: rows of text of which some can be chosen, and how they are laid out, scrolled and drawn.
+//! What a page shows, as data: rows of text of which some can be chosen, and how they are laid out,
+//! scrolled and drawn.
 //!
-//! A page says what it shows; this file says how it looks. Long texts wrap, and what is longer than the screen scrolls, so no text is cut
-//! anywhere; a bar at the right edge says that there is more.
+//! A page says what it shows; this file says how it looks. Long texts wrap, and what is longer than
+//! the screen scrolls, so no text is cut anywhere; a bar at the right edge says that there is more.
 //!
 //! ```text
 //! ┌──────────────────────────┐
@@ -199,7 +200,8 @@ impl Sheet {
     /// One step down: to the next thing, or a few lines on where it is not in view yet.
     pub(super) fn down(&self, view: View) -> View {
         let view = self.fit(view);
-        let next = if self.is_seen(view.chosen, view.offset) { view.chosen + 1 } else { view.chosen };
+        let next =
+            if self.is_seen(view.chosen, view.offset) { view.chosen + 1 } else { view.chosen };
         if self.is_seen(next, view.offset) {
             return View { chosen: next, ..view };
         }
@@ -256,7 +258,8 @@ impl Sheet {
                 }
                 let mut at = top + i32::from(row.is_item());
                 for line in row.lines() {
-                    // A line that is only half in view would be half a line: it comes with the next step.
+                    // A line that is only half in view would be half a line: it comes with the next
+                    // step.
                     if at >= HEAD && at + row.face().line() <= HEAD + self.room() + 2 {
                         write(canvas, &line, Point::new(1, at), row.face(), ink);
                     }
@@ -327,7 +330,8 @@ fn arrow(canvas: &mut Canvas, left: i32, way: i32) {
 
 /// The big button at the bottom.
 pub(super) fn draw_foot(canvas: &mut Canvas, text: &str) {
-    let Ok(()) = canvas.fill_solid(&Rectangle::new(Point::new(0, HIGH - FOOT), size(WIDE, FOOT)), INK);
+    let Ok(()) =
+        canvas.fill_solid(&Rectangle::new(Point::new(0, HIGH - FOOT), size(WIDE, FOOT)), INK);
     let left = (WIDE - width(text, Face::Big)) / 2;
     write(canvas, text, Point::new(left, HIGH - FOOT + 1), Face::Big, PAPER);
 }

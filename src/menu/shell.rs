@@ -1,7 +1,9 @@
-//! The menu at work: a loop of 20 turns a second over keys and screen, and two threads that ask the service.
+//! The menu at work: a loop of 20 turns a second over keys and screen, and two threads that ask the
+//! service.
 //!
-//! The loop never waits for the service: a request goes to its lane's thread, and the answer is taken when it is there. It never waits
-//! for a key either: the kernel keeps what was pressed until the next turn.
+//! The loop never waits for the service: a request goes to its lane's thread, and the answer is
+//! taken when it is there. It never waits for a key either: the kernel keeps what was pressed until
+//! the next turn.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -13,7 +15,8 @@ use crate::service::protocol::{Answer, LocalRequest};
 
 /// Where the buttons are looked at.
 pub trait Keys {
-    /// What happened since the last look, and what is held now; `None` when there will be nothing more, which closes the menu.
+    /// What happened since the last look, and what is held now; `None` when there will be nothing
+    /// more, which closes the menu.
     ///
     /// # Errors
     ///
@@ -124,8 +127,10 @@ pub fn attend(menu: &mut Menu, parts: Parts<'_>) -> Result<(), MenuError> {
 
 /// A button that was both pressed and let go in one turn: what it is now came last.
 fn press(menu: &mut Menu, changes: ButtonChanges, held: ButtonSet) {
-    for button in
-        changes.released.iter().filter(|button| held.contains(*button) || !changes.pressed.contains(*button))
+    for button in changes
+        .released
+        .iter()
+        .filter(|button| held.contains(*button) || !changes.pressed.contains(*button))
     {
         menu.release(button);
     }
@@ -137,7 +142,8 @@ fn press(menu: &mut Menu, changes: ButtonChanges, held: ButtonSet) {
     }
 }
 
-/// A thread that carries requests to the service, one after the other. It ends when its sender is gone.
+/// A thread that carries requests to the service, one after the other. It ends when its sender is
+/// gone.
 struct Courier {
     requests: Sender<LocalRequest>,
     answers: Receiver<Result<Answer, Trouble>>,
@@ -197,7 +203,9 @@ impl Talking {
             // One who no longer listens has said so already.
             Effect::Reply(reply) => drop(replies.sender.send(reply)),
             Effect::Pressed => replies.pressed.store(true, Ordering::Relaxed),
-            Effect::StopTalk | Effect::Talk(_) => replies.flags.signal.store(true, Ordering::Relaxed),
+            Effect::StopTalk | Effect::Talk(_) => {
+                replies.flags.signal.store(true, Ordering::Relaxed)
+            }
         }
     }
 

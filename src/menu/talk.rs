@@ -1,9 +1,12 @@
-//! Setting up and calibrating on the screen: the same code as the commands, asking here instead of on a terminal.
+//! Setting up and calibrating on the screen: the same code as the commands, asking here instead of
+//! on a terminal.
 //!
-//! What asks runs on a thread of its own with a [`ScreenDialogue`]; what it says and asks comes to the menu as [`Told`], and what a person
-//! answers goes back as [`TalkReply`]. No motor turns while a question is open.
+//! What asks runs on a thread of its own with a [`ScreenDialogue`]; what it says and asks comes to
+//! the menu as [`Told`], and what a person answers goes back as [`TalkReply`]. No motor turns while
+//! a question is open.
 //!
-//! Text is written letter by letter: Up and Down change a letter, Left and Right move, Enter takes all.
+//! Text is written letter by letter: Up and Down change a letter, Left and Right move, Enter takes
+//! all.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -112,7 +115,9 @@ impl ScreenDialogue {
                     return Ok(reply);
                 }
                 Err(RecvTimeoutError::Disconnected) => return Err(NoAnswer::Closed),
-                Err(RecvTimeoutError::Timeout) if self.flags.is_raised() => return Err(NoAnswer::Stopped),
+                Err(RecvTimeoutError::Timeout) if self.flags.is_raised() => {
+                    return Err(NoAnswer::Stopped);
+                }
                 Err(RecvTimeoutError::Timeout) => {}
             }
         }
@@ -125,7 +130,12 @@ impl Dialogue for ScreenDialogue {
         let _ = self.told.send(Told::Said(text.to_owned()));
     }
 
-    fn choose(&mut self, question: &str, choices: &[&str], default: usize) -> Result<usize, NoAnswer> {
+    fn choose(
+        &mut self,
+        question: &str,
+        choices: &[&str],
+        default: usize,
+    ) -> Result<usize, NoAnswer> {
         let choices: Vec<String> = choices.iter().map(|choice| (*choice).to_owned()).collect();
         let count = choices.len();
         match self.ask(Told::Choose { question: question.to_owned(), choices, default })? {
@@ -135,7 +145,9 @@ impl Dialogue for ScreenDialogue {
     }
 
     fn text(&mut self, question: &str, default: &str) -> Result<String, NoAnswer> {
-        match self.ask(Told::Write { question: question.to_owned(), default: default.to_owned() })? {
+        match self
+            .ask(Told::Write { question: question.to_owned(), default: default.to_owned() })?
+        {
             TalkReply::Written(text) if text.is_empty() => Ok(default.to_owned()),
             TalkReply::Written(text) => Ok(text),
             TalkReply::Chosen(_) => Err(NoAnswer::Unclear),
@@ -154,7 +166,8 @@ const MOST_LINES: usize = 40;
 const DIGITS: &str = "0123456789.- ";
 
 /// The letters elsewhere: the space that ends a text is next to `a`.
-const LETTERS: &str = " abcdefghijklmnopqrstuvwxyzäöüßéèàçñ0123456789-_.:ABCDEFGHIJKLMNOPQRSTUVWXYZ";
+const LETTERS: &str =
+    " abcdefghijklmnopqrstuvwxyzäöüßéèàçñ0123456789-_.:ABCDEFGHIJKLMNOPQRSTUVWXYZ";
 
 /// The longest text that can be written.
 const LONGEST: usize = 40;
@@ -249,7 +262,9 @@ impl Talk {
         if !self.sheet().sees_chosen(self.view) {
             return false;
         }
-        let Some(Question::Write { letters, place, alphabet, .. }) = &mut self.question else { return false };
+        let Some(Question::Write { letters, place, alphabet, .. }) = &mut self.question else {
+            return false;
+        };
         match button {
             Button::Left => *place = place.saturating_sub(1),
             Button::Right => {
@@ -276,10 +291,13 @@ impl Talk {
             TalkKind::SetUp => "Set up",
             TalkKind::Calibrate => "Calibrate",
         };
-        let mut sheet = self.said.iter().fold(Sheet::new(title), |sheet, text| sheet.line(text.clone()));
+        let mut sheet =
+            self.said.iter().fold(Sheet::new(title), |sheet, text| sheet.line(text.clone()));
         match (&self.over, &self.question) {
             (Some(Ok(done)), _) => sheet.strong(done.clone()).item("OK"),
-            (Some(Err(why)), _) => sheet.strong("Nothing was written.").line(why.clone()).item("OK"),
+            (Some(Err(why)), _) => {
+                sheet.strong("Nothing was written.").line(why.clone()).item("OK")
+            }
             (None, Some(Question::Choose { question, choices })) => {
                 sheet = sheet.strong(question.clone());
                 choices.iter().fold(sheet, |sheet, choice| sheet.item(choice.clone()))
@@ -337,7 +355,10 @@ mod tests {
     #[test]
     fn a_text_is_written_with_five_buttons() {
         let mut talk = Talk::new(TalkKind::SetUp);
-        talk.told(Told::Write { question: "What is it called?".to_owned(), default: "ab".to_owned() });
+        talk.told(Told::Write {
+            question: "What is it called?".to_owned(),
+            default: "ab".to_owned(),
+        });
         for button in [
             Button::Up,
             Button::Right,
@@ -370,10 +391,13 @@ mod tests {
         let (told, screen) = channel();
         let (sender, replies) = channel();
         let flags = StopFlags::default();
-        let mut dialogue = ScreenDialogue { told, replies, pressed: Arc::default(), flags: flags.clone() };
-        for reply in
-            [TalkReply::Chosen(1), TalkReply::Written("0,2".to_owned()), TalkReply::Written(String::new())]
-        {
+        let mut dialogue =
+            ScreenDialogue { told, replies, pressed: Arc::default(), flags: flags.clone() };
+        for reply in [
+            TalkReply::Chosen(1),
+            TalkReply::Written("0,2".to_owned()),
+            TalkReply::Written(String::new()),
+        ] {
             sender.send(reply).unwrap();
         }
         assert_eq!(dialogue.confirm("ready?"), Ok(false));

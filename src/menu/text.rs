@@ -1,9 +1,11 @@
-//! Text on the screen: one font that can be read at arm's length, lines that wrap, letters of western Europe.
+//! Text on the screen: one font that can be read at arm's length, lines that wrap, letters of
+//! western Europe.
 //!
-//! A pixel of the brick's panel is 0.21 mm. The font's capitals are 9 pixels or 1.9 mm high, 25 letters a line; headlines are 9 × 18. Both
-//! are embedded-graphics' ISO 8859-15: Latin letters with their accents, the euro. Signs that it lacks are written otherwise where they
-//! have a plain form, and as `?` else. (`profont` has fewer letters; `u8g2-fonts` has more, and cost 60 kB for the one font that
-//! would help.)
+//! A pixel of the brick's panel is 0.21 mm. The font's capitals are 9 pixels or 1.9 mm high, 25
+//! letters a line; headlines are 9 × 18. Both are embedded-graphics' ISO 8859-15: Latin letters
+//! with their accents, the euro. Signs that it lacks are written otherwise where they have a plain
+//! form, and as `?` else. (`profont` has fewer letters; `u8g2-fonts` has more, and cost 60 kB for
+//! the one font that would help.)
 
 use embedded_graphics::Drawable;
 use embedded_graphics::mono_font::iso_8859_15::{FONT_7X13, FONT_7X13_BOLD, FONT_9X18_BOLD};
@@ -84,7 +86,8 @@ pub(super) fn plain(text: &str) -> String {
     plain
 }
 
-/// A text in lines of at most `columns` letters, at least one line: broken at spaces, and within what is longer than a line.
+/// A text in lines of at most `columns` letters, at least one line: broken at spaces, and within
+/// what is longer than a line.
 pub(super) fn wrap(text: &str, columns: usize) -> Vec<String> {
     let columns = columns.max(1);
     let mut lines = Vec::new();

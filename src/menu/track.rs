@@ -1,6 +1,8 @@
-//! A run's map on the small screen: its path and points as they come, fitted, with a scale bar and the robot as an arrow.
+//! A run's map on the small screen: its path and points as they come, fitted, with a scale bar and
+//! the robot as an arrow.
 //!
-//! Both are kept in cells of 2 cm, finer than a pixel of any room that fits: memory grows with the area and not with the time.
+//! Both are kept in cells of 2 cm, finer than a pixel of any room that fits: memory grows with the
+//! area and not with the time.
 
 use std::collections::BTreeSet;
 
@@ -37,7 +39,10 @@ const PATH: Gray2 = Gray2::new(1);
 type Cell = (i16, i16);
 
 /// The cell that a place is in.
-#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates, 655 m from the start")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cast from float saturates, 655 m from the start"
+)]
 fn cell(x_m: f64, y_m: f64) -> Cell {
     (libm::round(x_m / CELL_M) as i16, libm::round(y_m / CELL_M) as i16)
 }
@@ -103,7 +108,8 @@ impl Track {
             }
             Piece::Points(points) => {
                 let room = MOST_CELLS.saturating_sub(self.points.len());
-                self.points.extend(points.iter().map(|point| cell(point.x_m, point.y_m)).take(room));
+                self.points
+                    .extend(points.iter().map(|point| cell(point.x_m, point.y_m)).take(room));
             }
         }
     }
@@ -113,7 +119,11 @@ impl Track {
         let Ok(()) = canvas.clear(PAPER);
         let pose = pose.or(self.last).filter(Pose::is_finite);
         let fit = Fit::of(
-            self.path.iter().chain(&self.points).copied().chain(pose.map(|pose| cell(pose.x_m, pose.y_m))),
+            self.path
+                .iter()
+                .chain(&self.points)
+                .copied()
+                .chain(pose.map(|pose| cell(pose.x_m, pose.y_m))),
         );
         for pair in self.path.windows(2) {
             if let [from, to] = pair {
@@ -170,14 +180,16 @@ impl Fit {
         if least.0 > most.0 {
             (least, most) = ((0, 0), (0, 0));
         }
-        let extent = |least: i16, most: i16| (f64::from(most) - f64::from(least)).max(LEAST_M / CELL_M);
+        let extent =
+            |least: i16, most: i16| (f64::from(most) - f64::from(least)).max(LEAST_M / CELL_M);
         let room = (f64::from(WIDE - 2 * MARGIN), f64::from(HIGH - HEAD - BELOW - 2 * MARGIN));
         Self {
             middle: (
                 f64::midpoint(f64::from(least.0), f64::from(most.0)),
                 f64::midpoint(f64::from(least.1), f64::from(most.1)),
             ),
-            pixels_per_cell: (room.0 / extent(least.0, most.0)).min(room.1 / extent(least.1, most.1)),
+            pixels_per_cell: (room.0 / extent(least.0, most.0))
+                .min(room.1 / extent(least.1, most.1)),
         }
     }
 
@@ -189,20 +201,26 @@ impl Fit {
     fn place(&self, (x, y): Cell) -> Point {
         let right = (f64::from(x) - self.middle.0) * self.pixels_per_cell;
         let up = (f64::from(y) - self.middle.1) * self.pixels_per_cell;
-        Point::new(WIDE / 2 + libm::round(right) as i32, (HEAD + HIGH - BELOW) / 2 - libm::round(up) as i32)
+        Point::new(
+            WIDE / 2 + libm::round(right) as i32,
+            (HEAD + HIGH - BELOW) / 2 - libm::round(up) as i32,
+        )
     }
 
     /// The longest round length that takes at most half of the width.
     #[expect(clippy::cast_possible_truncation, reason = "at most half of the screen")]
     fn bar(&self, canvas: &mut Canvas) {
         let pixels = |length_m: &f64| libm::round(length_m / CELL_M * self.pixels_per_cell) as i32;
-        let Some(length_m) = BARS_M.iter().rev().find(|length_m| pixels(length_m) <= WIDE / 2) else {
+        let Some(length_m) = BARS_M.iter().rev().find(|length_m| pixels(length_m) <= WIDE / 2)
+        else {
             return;
         };
         let (left, right, y) = (3, 3 + pixels(length_m), HIGH - 5);
-        for (from, to) in
-            [((left, y), (right, y)), ((left, y - 3), (left, y + 3)), ((right, y - 3), (right, y + 3))]
-        {
+        for (from, to) in [
+            ((left, y), (right, y)),
+            ((left, y - 3), (left, y + 3)),
+            ((right, y - 3), (right, y + 3)),
+        ] {
             let line = Line::new(Point::from(from), Point::from(to));
             let Ok(()) = line.into_styled(PrimitiveStyle::with_stroke(INK, 1)).draw(canvas);
         }
@@ -210,7 +228,8 @@ impl Fit {
     }
 }
 
-/// The robot: an arrow that points ahead, black with a white edge, so that it is seen on a path and on points.
+/// The robot: an arrow that points ahead, black with a white edge, so that it is seen on a path and
+/// on points.
 #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
 fn arrow(canvas: &mut Canvas, at: Point, heading_rad: f64) {
     let corner = |length: f64, turn_rad: f64| {

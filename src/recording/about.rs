@@ -208,8 +208,9 @@ pub(super) fn of_start(start: &Start) -> Metadata {
         put(&format!("{}{name}", names::SETTING), value.to_string());
     }
     for quantity in &QUANTITIES {
-        let name =
-            serde_json::to_value(quantity.channel).ok().and_then(|name| Some(name.as_str()?.to_owned()));
+        let name = serde_json::to_value(quantity.channel)
+            .ok()
+            .and_then(|name| Some(name.as_str()?.to_owned()));
         let said = format!("{}, {}", name.unwrap_or_default(), quantity.unit.symbol());
         put(&format!("{}{}", names::CHANNEL, quantity.channel as u8), said);
     }

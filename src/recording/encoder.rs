@@ -75,7 +75,12 @@ struct Window {
 }
 
 impl Encoder {
-    pub(super) fn new(file: RecordingFile, start: Start, sync_period_ns: i64, ring_size: u32) -> Self {
+    pub(super) fn new(
+        file: RecordingFile,
+        start: Start,
+        sync_period_ns: i64,
+        ring_size: u32,
+    ) -> Self {
         let status = Status::at_start(&start);
         let map = OccupancyGrid::around(&start.start_pose);
         Self {
@@ -128,7 +133,9 @@ impl Encoder {
         self.flush_points(time_ns)?;
         self.flush_statistics(time_ns)?;
         match map {
-            Some(map) => self.put(Topic::Map, time_ns, &grid::message(map, self.header(time_ns, FRAME_MAP))),
+            Some(map) => {
+                self.put(Topic::Map, time_ns, &grid::message(map, self.header(time_ns, FRAME_MAP)))
+            }
             None => Ok(()),
         }
     }
@@ -155,8 +162,13 @@ impl Encoder {
     /// there.
     pub(super) fn static_transforms(&mut self) -> Result<(), RecordError> {
         let time_ns = self.start.start_ns;
-        let still =
-            self.transform(time_ns, FRAME_MAP, FRAME_ODOM, Vector3::default(), Quaternion::of_yaw(0.0));
+        let still = self.transform(
+            time_ns,
+            FRAME_MAP,
+            FRAME_ODOM,
+            Vector3::default(),
+            Quaternion::of_yaw(0.0),
+        );
         self.put(Topic::StaticTransforms, time_ns, &message::TfMessage { transforms: vec![still] })
     }
 
@@ -247,7 +259,8 @@ impl Encoder {
             twist_covariance: planar([forward, 0.0, 0.0, PLANAR_VARIANCE, 0.0, turn]),
         };
         self.put(Topic::Odometry, time_ns, &message)?;
-        let mut transforms = vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, position, orientation)];
+        let mut transforms =
+            vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, position, orientation)];
         if let Some(range) = self.start.range {
             let head_rad = record.senses.get(Channel::Head).map_or(0.0, |head| head.value);
             let (sin, cos) = libm::sincos(head_rad);
@@ -263,7 +276,8 @@ impl Encoder {
         reason = "the definition has single precision; /senses has the value"
     )]
     fn range(&mut self, record: &TickRecord) -> Result<(), RecordError> {
-        let (Some(sensor), Some(reading)) = (self.start.range, record.senses.get(Channel::Range)) else {
+        let (Some(sensor), Some(reading)) = (self.start.range, record.senses.get(Channel::Range))
+        else {
             return Ok(());
         };
         let range = match record.estimate.range {
@@ -285,7 +299,9 @@ impl Encoder {
     }
 
     fn map(&mut self, record: &TickRecord) -> Result<(), RecordError> {
-        let (Some(sensor), time_ns) = (self.start.range, record.senses.time_ns) else { return Ok(()) };
+        let (Some(sensor), time_ns) = (self.start.range, record.senses.time_ns) else {
+            return Ok(());
+        };
         if let Some(sounding) = record.estimate.sounding.filter(|sounding| sounding.fresh) {
             self.map.add(&sounding, sensor.max_m);
             self.map_grew = true;
@@ -304,8 +320,9 @@ impl Encoder {
         let machine = self.start.machines.get(usize::from(taken.machine));
         let state = |index: u16| machine.and_then(|machine| machine.states.get(usize::from(index)));
         let name = |index| state(index).map_or_else(String::new, |state| state.name.clone());
-        let condition =
-            taken.transition.and_then(|index| state(taken.from)?.conditions.get(usize::from(index)));
+        let condition = taken
+            .transition
+            .and_then(|index| state(taken.from)?.conditions.get(usize::from(index)));
         let message = message::TransitionMessage {
             tick,
             time_ns,
@@ -322,7 +339,12 @@ impl Encoder {
         self.put(Topic::Transitions, time_ns, &message)
     }
 
-    fn checkpoint<S: Serialize>(&mut self, tick: u64, time_ns: i64, state: &S) -> Result<(), RecordError> {
+    fn checkpoint<S: Serialize>(
+        &mut self,
+        tick: u64,
+        time_ns: i64,
+        state: &S,
+    ) -> Result<(), RecordError> {
         let message = message::CheckpointMessage { tick, time_ns, state: state_bytes(state)? };
         self.put(Topic::Checkpoint, time_ns, &message)
     }
@@ -399,7 +421,12 @@ impl Encoder {
         Header { stamp: Time::of_ns(self.file.stamp_ns(time_ns)), frame_id: frame.to_owned() }
     }
 
-    fn put<T: Serialize>(&mut self, topic: Topic, time_ns: i64, message: &T) -> Result<(), RecordError> {
+    fn put<T: Serialize>(
+        &mut self,
+        topic: Topic,
+        time_ns: i64,
+        message: &T,
+    ) -> Result<(), RecordError> {
         self.file.message(topic, time_ns, message)
     }
 }
@@ -464,8 +491,13 @@ mod tests {
     #[test]
     fn periods_do_not_drift_and_missed_ones_are_not_made_up_for() {
         let mut next = None;
-        let fired: Vec<i64> = (0..100).map(|tick| tick * 7).filter(|t| due(&mut next, *t, 20)).collect();
-        assert_eq!(fired[..6], [0, 21, 42, 63, 84, 105], "each first tick at or behind a multiple of 20");
+        let fired: Vec<i64> =
+            (0..100).map(|tick| tick * 7).filter(|t| due(&mut next, *t, 20)).collect();
+        assert_eq!(
+            fired[..6],
+            [0, 21, 42, 63, 84, 105],
+            "each first tick at or behind a multiple of 20"
+        );
         assert!(due(&mut next, 10_000, 20));
         assert!(!due(&mut next, 10_019, 20));
     }

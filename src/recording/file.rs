@@ -9,8 +9,8 @@
 //! ```
 //!
 //! A chunk is in memory until it is closed and then written in one piece, so what is in the file is
-//! whole up to the last chunk whatever becomes of the process. Chunks are not compressed: an SD card
-//! takes 36 kB a second with ease.
+//! whole up to the last chunk whatever becomes of the process. Chunks are not compressed: an SD
+//! card takes 36 kB a second with ease.
 //!
 //! # Memory
 //!
@@ -92,7 +92,11 @@ impl RecordingFile {
             position: 0,
             wall_offset_ns,
             sequence: [0; Topic::ALL.len()],
-            chunk: Chunk { bytes: vec![0; CHUNK_HEAD], times: None, indexes: Topic::ALL.map(index) },
+            chunk: Chunk {
+                bytes: vec![0; CHUNK_HEAD],
+                times: None,
+                indexes: Topic::ALL.map(index),
+            },
             chunk_indexes: BufWriter::with_capacity(4096, chunk_indexes),
             statistics: records::Statistics::default(),
             attachments: Vec::new(),
@@ -104,7 +108,12 @@ impl RecordingFile {
         Ok(file)
     }
 
-    fn beginning(&mut self, about: Metadata, attached: &[(&str, &str)], stamp: u64) -> io::Result<Vec<u8>> {
+    fn beginning(
+        &mut self,
+        about: Metadata,
+        attached: &[(&str, &str)],
+        stamp: u64,
+    ) -> io::Result<Vec<u8>> {
         let mut bytes = mcap::MAGIC.to_vec();
         let header = records::Header { profile: "ros2".to_owned(), library: LIBRARY.to_owned() };
         put(&mut bytes, op::HEADER, &header)?;
@@ -135,7 +144,8 @@ impl RecordingFile {
             bytes.extend_from_slice(&sequence.to_le_bytes());
             bytes.extend_from_slice(&log_time.to_le_bytes());
             bytes.extend_from_slice(&log_time.to_le_bytes());
-            message::encode_into(message, bytes).map_err(|error| io::Error::other(error.to_string()))
+            message::encode_into(message, bytes)
+                .map_err(|error| io::Error::other(error.to_string()))
         });
         if let Err(source) = put {
             self.chunk.bytes.truncate(start);
@@ -177,7 +187,8 @@ impl RecordingFile {
             let index = put_metadata(&mut bytes, self.position, ending);
             self.metadata.push(index.map_err(failed("finish the file"))?);
         }
-        put(&mut bytes, op::DATA_END, &records::DataEnd::default()).map_err(failed("finish the file"))?;
+        put(&mut bytes, op::DATA_END, &records::DataEnd::default())
+            .map_err(failed("finish the file"))?;
         self.pass_on(&bytes)?;
         SummarySection::of(&mut self).write()?;
         self.sink.sync().map_err(failed("bring the file's end to the disk"))?;
@@ -302,7 +313,8 @@ impl<'f> SummarySection<'f> {
     fn statistics(&self) -> records::Statistics {
         let file = &self.file;
         let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
-        let messages = (0..).zip(file.sequence).map(|(channel, messages)| (channel, u64::from(messages)));
+        let messages =
+            (0..).zip(file.sequence).map(|(channel, messages)| (channel, u64::from(messages)));
         let schemas = Topic::ALL.into_iter().filter(|topic| topic.names_its_schema()).count();
         records::Statistics {
             message_count: messages.clone().map(|(_, messages)| messages).sum(),
@@ -319,7 +331,10 @@ impl<'f> SummarySection<'f> {
     fn chunk_indexes(&mut self) -> Result<(), RecordError> {
         self.pass_on()?;
         let indexes = &mut self.file.chunk_indexes;
-        indexes.flush().and_then(|()| indexes.get_mut().rewind()).map_err(failed("keep an index"))?;
+        indexes
+            .flush()
+            .and_then(|()| indexes.get_mut().rewind())
+            .map_err(failed("keep an index"))?;
         loop {
             let mut piece = self.file.chunk_indexes.get_mut().take(PIECE_BYTES as u64);
             let read = piece.read_to_end(&mut self.bytes).map_err(failed("keep an index"))?;
@@ -361,7 +376,8 @@ impl<'f> SummarySection<'f> {
 
     /// The footer, whose checksum is over the summary and the footer itself up to there.
     fn footer(mut self, summary_offset_start: u64) -> Result<(), RecordError> {
-        let footer = records::Footer { summary_start: self.start, summary_offset_start, summary_crc: 0 };
+        let footer =
+            records::Footer { summary_start: self.start, summary_offset_start, summary_crc: 0 };
         put(&mut self.bytes, op::FOOTER, &footer).map_err(failed("finish the file"))?;
         let counted = self.bytes.len() - size_of_val(&footer.summary_crc);
         self.bytes.truncate(counted);
@@ -393,7 +409,11 @@ fn fields(bytes: &mut Vec<u8>, record: &impl for<'a> BinWrite<Args<'a> = ()>) ->
     record.write_le(&mut cursor).map_err(|error| io::Error::other(error.to_string()))
 }
 
-fn put(bytes: &mut Vec<u8>, opcode: u8, record: &impl for<'a> BinWrite<Args<'a> = ()>) -> io::Result<()> {
+fn put(
+    bytes: &mut Vec<u8>,
+    opcode: u8,
+    record: &impl for<'a> BinWrite<Args<'a> = ()>,
+) -> io::Result<()> {
     framed(bytes, opcode, |bytes| fields(bytes, record))
 }
 
@@ -447,7 +467,8 @@ fn put_attachment(
 ) -> io::Result<records::AttachmentIndex> {
     let start = bytes.len();
     let (name, media_type) = (name.to_owned(), "application/toml".to_owned());
-    let header = records::AttachmentHeader { log_time: stamp, create_time: stamp, name, media_type };
+    let header =
+        records::AttachmentHeader { log_time: stamp, create_time: stamp, name, media_type };
     framed(bytes, op::ATTACHMENT, |bytes| {
         fields(bytes, &header)?;
         bytes.extend_from_slice(&(text.len() as u64).to_le_bytes());

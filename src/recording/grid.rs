@@ -39,7 +39,8 @@ impl Grid {
     /// The least part with all that is known.
     pub(super) fn trimmed(self) -> Self {
         let width = usize::try_from(self.width).unwrap_or(0).max(1);
-        let known = || (0..).zip(&self.cells).filter(|(_, cell)| **cell >= 0).map(|(place, _)| place);
+        let known =
+            || (0..).zip(&self.cells).filter(|(_, cell)| **cell >= 0).map(|(place, _)| place);
         let columns = known().map(|place: usize| place % width);
         let rows = known().map(|place| place / width);
         let (Some(left), Some(right)) = (columns.clone().min(), columns.max()) else { return self };

@@ -19,7 +19,10 @@ pub use cdr_encoding::Error as EncodeError;
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
 /// Puts a message behind bytes, header and all.
-pub(super) fn encode_into<T: Serialize>(message: &T, bytes: &mut Vec<u8>) -> Result<(), EncodeError> {
+pub(super) fn encode_into<T: Serialize>(
+    message: &T,
+    bytes: &mut Vec<u8>,
+) -> Result<(), EncodeError> {
     bytes.extend_from_slice(&ENCAPSULATION);
     cdr_encoding::to_writer::<_, LittleEndian, _>(bytes, message)
 }
@@ -315,8 +318,10 @@ mod tests {
     fn alignment_counts_from_behind_the_header() {
         let gap = Gap { first_tick: 1, last_tick: 2, entries: 3, reason: "a".to_owned() };
         let bytes = encode(&gap).unwrap();
-        let expected =
-            [0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 2, 0, 0, 0, b'a', 0];
+        let expected = [
+            0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 2, 0, 0, 0,
+            b'a', 0,
+        ];
         assert_eq!(bytes, expected, "eight-byte fields begin at body offsets 0 and 8");
         assert_eq!(decode::<Gap>(&bytes), Some(gap));
     }
@@ -336,7 +341,10 @@ mod tests {
     fn stamps_beyond_2038_stay_there() {
         assert_eq!(Time::of_ns(1_500_000_000), Time { sec: 1, nanosec: 500_000_000 });
         assert_eq!(Time::of_ns(u64::MAX).sec, i32::MAX);
-        assert_eq!(Time::of_ns(1_500_000_000).later(-600_000_000), Time { sec: 0, nanosec: 900_000_000 });
+        assert_eq!(
+            Time::of_ns(1_500_000_000).later(-600_000_000),
+            Time { sec: 0, nanosec: 900_000_000 }
+        );
         assert_eq!(Time::of_ns(5).later(-6), Time::default());
         assert_eq!(Time::of_ns(5).later(i64::MAX).sec, i32::MAX);
     }

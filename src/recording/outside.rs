@@ -54,14 +54,19 @@ fn offsets_start(last: &[u8]) -> Option<u64> {
 }
 
 /// What the first of some records says that says it.
-fn record_of<'a, T>(bytes: &'a [u8], opcode: u8, says: impl Fn(&'a [u8]) -> Option<T>) -> Option<T> {
+fn record_of<'a, T>(
+    bytes: &'a [u8],
+    opcode: u8,
+    says: impl Fn(&'a [u8]) -> Option<T>,
+) -> Option<T> {
     frames(bytes).filter(|record| record.opcode == opcode).find_map(|record| says(record.body))
 }
 
 /// A part of a file; nothing where it is longer than any that is looked at.
 fn part(file: &File, place: Range<u64>) -> io::Result<Vec<u8>> {
     let length = place.end.saturating_sub(place.start);
-    let mut bytes = vec![0; if length > LONGEST_PART { 0 } else { usize::try_from(length).unwrap_or(0) }];
+    let mut bytes =
+        vec![0; if length > LONGEST_PART { 0 } else { usize::try_from(length).unwrap_or(0) }];
     file.read_exact_at(&mut bytes, place.start)?;
     Ok(bytes)
 }

@@ -43,7 +43,11 @@ impl Progress {
     ///
     /// The file cannot be opened.
     pub fn of(recording: &Path) -> io::Result<Self> {
-        Ok(Self { file: File::open(recording)?, growing: Growing::default(), heard: Heard::default() })
+        Ok(Self {
+            file: File::open(recording)?,
+            growing: Growing::default(),
+            heard: Heard::default(),
+        })
     }
 
     /// Reads on; how the run is going, where that is news.
@@ -78,7 +82,8 @@ impl Heard {
         match found {
             Found::Attachment { name, data, .. } if name == names::MISSION => {
                 let (mission, _) = Mission::parse(&name, data, &Capabilities::all()).ok()?;
-                status.states = super::names::machines(&mission).iter().map(Status::begins).collect();
+                status.states =
+                    super::names::machines(&mission).iter().map(Status::begins).collect();
             }
             Found::Metadata(metadata) if metadata.name == names::ABOUT => {
                 self.start_ns = info(&metadata).start_ns;
@@ -86,7 +91,8 @@ impl Heard {
             Found::Message { topic: Some(topic), data, .. } => match topic {
                 Topic::Pose => {
                     let pose = pose(message::decode(data)?)?;
-                    (status.tick, status.time_ns, status.pose) = (pose.tick, pose.time_ns, pose.pose);
+                    (status.tick, status.time_ns, status.pose) =
+                        (pose.tick, pose.time_ns, pose.pose);
                     status.elapsed_ns = pose.time_ns.saturating_sub(self.start_ns);
                     (status.travelled_m, status.range) = (pose.travelled_m, pose.range);
                     self.drives = true;
@@ -105,7 +111,8 @@ impl Heard {
                 }
                 Topic::Statistics => {
                     let statistics: message::TickStatistics = message::decode(data)?;
-                    status.overruns = status.overruns.saturating_add(u64::from(statistics.overruns));
+                    status.overruns =
+                        status.overruns.saturating_add(u64::from(statistics.overruns));
                     status.latest_ns = status.latest_ns.max(statistics.lateness_max_ns);
                 }
                 _ => {}

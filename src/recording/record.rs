@@ -124,7 +124,9 @@ pub fn sealed(mut metadata: Metadata) -> Metadata {
 
 fn seal(name: &str, pairs: &BTreeMap<String, String>) -> String {
     let mut crc = crc32fast::Hasher::new();
-    for text in [name].into_iter().chain(pairs.iter().flat_map(|(key, value)| [key.as_str(), value])) {
+    for text in
+        [name].into_iter().chain(pairs.iter().flat_map(|(key, value)| [key.as_str(), value]))
+    {
         crc.update(&(text.len() as u64).to_le_bytes());
         crc.update(text.as_bytes());
     }
@@ -230,8 +232,10 @@ mod tests {
     #[test]
     fn names_and_values_are_read_as_the_mcap_crate_reads_them() {
         let pair = |(name, value): (&str, &str)| (name.to_owned(), value.to_owned());
-        let plain =
-            Metadata { name: "onbrick".to_owned(), metadata: [("a", "1"), ("b", "2")].map(pair).into() };
+        let plain = Metadata {
+            name: "onbrick".to_owned(),
+            metadata: [("a", "1"), ("b", "2")].map(pair).into(),
+        };
         let crc = sealed(plain.clone()).metadata[SEAL].clone();
         let read = |strings: &[&str]| {
             let body = [string("onbrick"), pairs(strings)].concat();

@@ -123,7 +123,11 @@ impl Recorder {
     /// # Errors
     ///
     /// The file could not be written, now or earlier; what was synced before that is safe.
-    pub fn finish<S: Copy>(mut self, tick_side: TickSide<S>, end: End) -> Result<Summary, RecordError> {
+    pub fn finish<S: Copy>(
+        mut self,
+        tick_side: TickSide<S>,
+        end: End,
+    ) -> Result<Summary, RecordError> {
         let dropped = tick_side.dropped();
         {
             let mut closing = self.end.lock().unwrap_or_else(PoisonError::into_inner);
@@ -163,7 +167,8 @@ fn begin(
 ) -> Result<Encoder, RecordError> {
     let mut files = vec![(names::ROBOT, &*start.robot_toml), (names::MISSION, &start.mission_toml)];
     files.extend(start.world_toml.as_deref().map(|world| (names::WORLD, world)));
-    let file = RecordingFile::begin(sink, of_start(&start), &files, start.start_ns, start.wall_offset_ns)?;
+    let file =
+        RecordingFile::begin(sink, of_start(&start), &files, start.start_ns, start.wall_offset_ns)?;
     let mut encoder = Encoder::new(file, start, sync_period_ns, ring_size);
     encoder.static_transforms()?;
     encoder.file.sync()?;

@@ -300,7 +300,8 @@ fn warnings(integrity: &Integrity, undecoded: u64, ended: bool) -> Vec<String> {
     }
     if !integrity.complete {
         let length = integrity.bytes;
-        warnings.push(format!("the file was cut after {length} bytes: the recorder did not finish it"));
+        warnings
+            .push(format!("the file was cut after {length} bytes: the recorder did not finish it"));
     }
     if undecoded > 0 {
         warnings.push(format!(
@@ -320,7 +321,9 @@ const LAST_TICK: u64 = u64::MAX / 4;
 
 pub(super) fn senses(message: &message::SensesMessage) -> Option<Senses> {
     let times = message.read_ns.iter().chain(&message.changed_ns).chain([&message.time_ns]);
-    if message.tick > LAST_TICK || times.into_iter().any(|time_ns| !(-LAST_NS..=LAST_NS).contains(time_ns)) {
+    if message.tick > LAST_TICK
+        || times.into_iter().any(|time_ns| !(-LAST_NS..=LAST_NS).contains(time_ns))
+    {
         return None;
     }
     let mut senses = Senses { tick: message.tick, time_ns: message.time_ns, ..Senses::default() };
@@ -329,7 +332,9 @@ pub(super) fn senses(message: &message::SensesMessage) -> Option<Senses> {
         return None;
     }
     let ages = message.read_ns.iter().zip(&message.changed_ns);
-    for ((channel, value), (read_ns, changed_ns)) in message.channel.iter().zip(&message.value).zip(ages) {
+    for ((channel, value), (read_ns, changed_ns)) in
+        message.channel.iter().zip(&message.value).zip(ages)
+    {
         let channel = *Channel::ALL.get(usize::from(*channel))?;
         let reading = Reading { value: *value, read_ns: *read_ns, changed_ns: *changed_ns };
         senses.readings[channel as usize] = Some(reading);
@@ -402,7 +407,11 @@ mod tests {
         };
         assert!(senses(&message(7, 140_000_000, -20_000_000)).is_some());
         for (tick, time_ns, read_ns) in [(u64::MAX, 0, 0), (7, i64::MIN, 0), (7, 0, i64::MAX)] {
-            assert_eq!(senses(&message(tick, time_ns, read_ns)), None, "{tick} {time_ns} {read_ns}");
+            assert_eq!(
+                senses(&message(tick, time_ns, read_ns)),
+                None,
+                "{tick} {time_ns} {read_ns}"
+            );
         }
     }
 }

@@ -130,6 +130,14 @@ pub fn writer(path: &Path) -> io::Result<Option<i32>> {
 
 /// From the first byte to wherever the end will be.
 fn whole_file(kind: i32) -> io::Result<libc::flock> {
-    let small = |number: i32| i16::try_from(number).map_err(|_| io::Error::from(io::ErrorKind::InvalidInput));
-    Ok(libc::flock { l_type: small(kind)?, l_whence: small(libc::SEEK_SET)?, l_start: 0, l_len: 0, l_pid: 0 })
+    let small = |number: i32| {
+        i16::try_from(number).map_err(|_| io::Error::from(io::ErrorKind::InvalidInput))
+    };
+    Ok(libc::flock {
+        l_type: small(kind)?,
+        l_whence: small(libc::SEEK_SET)?,
+        l_start: 0,
+        l_len: 0,
+        l_pid: 0,
+    })
 }

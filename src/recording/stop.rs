@@ -130,16 +130,22 @@ impl fmt::Display for StopReason {
             }
             Self::Stalled => f.write_str("a wheel is blocked"),
             Self::Battery => f.write_str("the battery is empty: charge it, or put in fresh cells"),
-            Self::Late => write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000),
+            Self::Late => {
+                write!(f, "the loop stood still for more than {} ms", STALL_NS / 1_000_000)
+            }
             Self::Recording => f.write_str("the recording cannot be written"),
             Self::Guard => f.write_str("the guard stopped the motors"),
-            Self::Unguarded => f.write_str("the run's guard is gone, or has given no sign of life for 0.2 s"),
+            Self::Unguarded => {
+                f.write_str("the run's guard is gone, or has given no sign of life for 0.2 s")
+            }
             Self::Fallen => f.write_str("the simulated robot fell over the edge of the floor"),
             Self::Panicked => f.write_str("the program failed; please report it"),
             Self::Replayed => f.write_str("replayed"),
             Self::Refused => f.write_str("it did not start"),
             Self::Died => f.write_str("its process ended without a word"),
-            Self::Cut => f.write_str("its recording was cut: the power, the disk or the program failed"),
+            Self::Cut => {
+                f.write_str("its recording was cut: the power, the disk or the program failed")
+            }
             Self::Robot => f.write_str("the robot's file is not in order"),
             Self::Disk => f.write_str("the disk does not take recordings"),
             Self::Unknown => f.write_str("it ended for a reason that this version does not know"),
@@ -197,9 +203,10 @@ impl fmt::Display for Stop {
         match (self.reason, &self.detail) {
             (reason, None) => reason.fmt(f),
             // The detail is all that a person needs.
-            (StopReason::Refused | StopReason::Died | StopReason::Robot | StopReason::Disk, Some(detail)) => {
-                f.write_str(detail)
-            }
+            (
+                StopReason::Refused | StopReason::Died | StopReason::Robot | StopReason::Disk,
+                Some(detail),
+            ) => f.write_str(detail),
             (reason, Some(detail)) => write!(f, "{reason}: {detail}"),
         }
     }
@@ -225,7 +232,11 @@ mod tests {
     fn a_word_of_another_version_is_read_as_unknown() {
         for text in [r#"{"word":"abducted"}"#, r#"{"word":"abducted","detail":"x"}"#] {
             let stop = serde_json::from_str::<Stop>(text).unwrap();
-            assert_eq!((stop.reason, stop.reason.is_wanted()), (StopReason::Unknown, false), "{text}");
+            assert_eq!(
+                (stop.reason, stop.reason.is_wanted()),
+                (StopReason::Unknown, false),
+                "{text}"
+            );
         }
     }
 

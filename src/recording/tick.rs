@@ -72,7 +72,10 @@ impl Level {
 
 /// What goes through the ring; as large as its largest variant, so that the ring never allocates.
 #[derive(Debug, Clone, Copy)]
-#[expect(clippy::large_enum_variant, reason = "entries have a fixed size so that the ring never allocates")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "entries have a fixed size so that the ring never allocates"
+)]
 pub(super) enum Entry<S> {
     Tick(TickRecord),
     Transition { tick: u64, time_ns: i64, taken: Taken },
@@ -112,7 +115,11 @@ pub struct TickSide<S> {
 }
 
 impl<S: Copy> TickSide<S> {
-    pub(super) fn new(ring: Producer<Entry<S>>, flags: Arc<Flags>, recorder: Option<Thread>) -> Self {
+    pub(super) fn new(
+        ring: Producer<Entry<S>>,
+        flags: Arc<Flags>,
+        recorder: Option<Thread>,
+    ) -> Self {
         Self { ring, flags, recorder, tick: 0, pending: None, dropped: 0 }
     }
 
@@ -191,7 +198,8 @@ impl<S: Copy> TickSide<S> {
 
     fn drop_one(&mut self) {
         self.dropped = self.dropped.saturating_add(1);
-        let before = self.pending.unwrap_or(Dropped { first_tick: self.tick, last_tick: 0, entries: 0 });
+        let before =
+            self.pending.unwrap_or(Dropped { first_tick: self.tick, last_tick: 0, entries: 0 });
         let entries = before.entries.saturating_add(1);
         self.pending = Some(Dropped { last_tick: self.tick, entries, ..before });
     }

@@ -115,7 +115,11 @@ enum Part<'a> {
 impl Walk {
     /// Goes over the records of `bytes`, and returns how many bytes are done with. The next part
     /// begins there; the first begins a file.
-    pub(super) fn over<'a>(&mut self, bytes: &'a [u8], found: &mut dyn FnMut(Found<'a>)) -> (usize, Rest) {
+    pub(super) fn over<'a>(
+        &mut self,
+        bytes: &'a [u8],
+        found: &mut dyn FnMut(Found<'a>),
+    ) -> (usize, Rest) {
         if !self.begun && bytes.len() < mcap::MAGIC.len() {
             return (0, Rest::Short(0));
         }
@@ -130,7 +134,8 @@ impl Walk {
                     (at, sure) = (record.next, record.next);
                 }
                 At::Other(record) => {
-                    if record.opcode == op::HEADER && record::library(record.body) == Some(LIBRARY) {
+                    if record.opcode == op::HEADER && record::library(record.body) == Some(LIBRARY)
+                    {
                         self.channels = Topic::ALL.map(|topic| (topic as u16, topic)).into();
                     }
                     at = record.next;
@@ -170,7 +175,9 @@ impl Walk {
     fn describe(&mut self, body: &[u8]) {
         let Some(channel) = record::channel(body) else { return };
         match Topic::of_name(channel.topic) {
-            Some(topic) if channel.message_encoding == "cdr" => self.channels.insert(channel.id, topic),
+            Some(topic) if channel.message_encoding == "cdr" => {
+                self.channels.insert(channel.id, topic)
+            }
             _ => self.channels.remove(&channel.id),
         };
     }
@@ -194,7 +201,9 @@ fn look(bytes: &[u8], at: usize) -> At<'_> {
 fn checked<'a>(record: &Frame<'a>) -> Option<Part<'a>> {
     match record.opcode {
         op::CHUNK => record::chunk(record.body).map(Part::Records),
-        op::METADATA => record::metadata(record.body).map(|metadata| Part::Found(Found::Metadata(metadata))),
+        op::METADATA => {
+            record::metadata(record.body).map(|metadata| Part::Found(Found::Metadata(metadata)))
+        }
         op::ATTACHMENT => {
             let (name, media_type, data) = record::attachment(record.body)?;
             Some(Part::Found(Found::Attachment { name, media_type, data }))
@@ -207,9 +216,11 @@ fn checked<'a>(record: &Frame<'a>) -> Option<Part<'a>> {
 fn next_checked(bytes: &[u8], from: usize) -> Option<usize> {
     // None has 16 MB or more.
     let may_begin = |head: &[u8]| {
-        matches!(head[0], op::CHUNK | op::ATTACHMENT | op::METADATA) && head[4..] == [0; FRAME_BYTES - 4]
+        matches!(head[0], op::CHUNK | op::ATTACHMENT | op::METADATA)
+            && head[4..] == [0; FRAME_BYTES - 4]
     };
     let heads = bytes.get(from..)?.windows(FRAME_BYTES);
-    let mut places = (from..).zip(heads).filter(|(_, head)| may_begin(head)).map(|(place, _)| place);
+    let mut places =
+        (from..).zip(heads).filter(|(_, head)| may_begin(head)).map(|(place, _)| place);
     places.find(|place| frame(bytes, *place).is_some_and(|record| checked(&record).is_some()))
 }

@@ -25,7 +25,8 @@ pub fn points_csv(tracks: &[Track]) -> String {
     text
 }
 
-/// The paths of all tracks, every tick: `time_s,x_m,y_m,heading_deg,robot`; the heading does not wrap.
+/// The paths of all tracks, every tick: `time_s,x_m,y_m,heading_deg,robot`; the heading does not
+/// wrap.
 #[must_use]
 pub fn path_csv(tracks: &[Track]) -> String {
     let mut text = String::from("time_s,x_m,y_m,heading_deg,robot\n");
@@ -33,13 +34,15 @@ pub fn path_csv(tracks: &[Track]) -> String {
         let name = csv_text(&track.name);
         for p in &track.path {
             let heading_deg = degrees(p.heading_rad);
-            let _ = writeln!(text, "{:.6},{:.6},{:.6},{heading_deg:.4},{name}", p.time_s, p.x_m, p.y_m);
+            let _ =
+                writeln!(text, "{:.6},{:.6},{:.6},{heading_deg:.4},{name}", p.time_s, p.x_m, p.y_m);
         }
     }
     text
 }
 
-/// The points of all tracks as a point cloud in the Stanford polygon format, each with its robot's place in the list.
+/// The points of all tracks as a point cloud in the Stanford polygon format, each with its robot's
+/// place in the list.
 #[must_use]
 pub fn ply(tracks: &[Track]) -> String {
     let count: usize = tracks.iter().map(|track| track.points.len()).sum();
@@ -55,7 +58,8 @@ pub fn ply(tracks: &[Track]) -> String {
     );
     for (place, track) in tracks.iter().enumerate() {
         for point in &track.points {
-            let _ = writeln!(text, "{:.6} {:.6} 0 {:.6} {place}", point.x_m, point.y_m, point.time_s);
+            let _ =
+                writeln!(text, "{:.6} {:.6} 0 {:.6} {place}", point.x_m, point.y_m, point.time_s);
         }
     }
     text
@@ -63,10 +67,12 @@ pub fn ply(tracks: &[Track]) -> String {
 
 /// An occupied cell at least so sure, as Nav2 writes it.
 const OCCUPIED_THRESHOLD: f64 = 0.65;
-/// A free cell at most so sure. Grey 205, by which Nav2's own tools write "unknown", is 0.19607…: it must lie above.
+/// A free cell at most so sure. Grey 205, by which Nav2's own tools write "unknown", is 0.19607…:
+/// it must lie above.
 const FREE_THRESHOLD: f64 = 0.196;
 
-/// The grid as a picture (PGM, binary): black occupied, 254 free, 205 unknown; the highest y first, as Nav2 reads it.
+/// The grid as a picture (PGM, binary): black occupied, 254 free, 205 unknown; the highest y first,
+/// as Nav2 reads it.
 #[must_use]
 pub fn pgm(grid: &Grid) -> Vec<u8> {
     let mut bytes = format!("P5\n{} {}\n255\n", grid.width, grid.height).into_bytes();
@@ -102,10 +108,16 @@ fn grey(cell: i8) -> u8 {
     }
 }
 
-/// Text as a field of CSV (RFC 4180); one that a spreadsheet would take for a formula gets an apostrophe before it.
+/// Text as a field of CSV (RFC 4180); one that a spreadsheet would take for a formula gets an
+/// apostrophe before it.
 fn csv_text(text: &str) -> String {
-    let text = if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text.to_owned() };
-    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+    let text =
+        if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text.to_owned() };
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text
+    }
 }
 
 #[cfg(test)]
@@ -121,7 +133,8 @@ mod tests {
 
     #[test]
     fn nav2_reads_back_what_was_meant() {
-        // Nav2's map_io, trinary: occ = (255 − grey) / 255; above occupied_thresh occupied, below free_thresh free.
+        // Nav2's map_io, trinary: occ = (255 − grey) / 255; above occupied_thresh occupied, below
+        // free_thresh free.
         let read = |cell: i8| {
             let occupancy = (255.0 - f64::from(grey(cell))) / 255.0;
             if occupancy > OCCUPIED_THRESHOLD {

@@ -1,7 +1,8 @@
 //! A run that is going on, in a browser on this machine: the plot's page, which grows.
 //!
-//! The page asks for what there is each second; the recording is read anew for that, as far as it has come. At `#plot`, beside what every
-//! plot page says there, `data-grown` counts how often it has.
+//! The page asks for what there is each second; the recording is read anew for that, as far as it
+//! has come. At `#plot`, beside what every plot page says there, `data-grown` counts how often it
+//! has.
 
 use std::path::PathBuf;
 
@@ -16,7 +17,8 @@ pub struct LivePage {
 }
 
 impl LivePage {
-    /// Serves the page of a recording that is still growing, at a port of 127.0.0.1, 0 for any that is free. `outlines` says what walls are known of it.
+    /// Serves the page of a recording that is still growing, at a port of 127.0.0.1, 0 for any that
+    /// is free. `outlines` says what walls are known of it.
     ///
     /// # Errors
     ///

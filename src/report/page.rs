@@ -1,13 +1,14 @@
 //! A scene as one HTML page: its data as JSON inside, drawn by a script inside.
 //!
-//! The page is `page.html` with the data put in. It draws with SVG elements, so what is on screen can be asked for: the text in
-//! `#reading` and the numbers at `#plot` (`data-time`, `data-points`, `data-x`, `data-y`) say what is drawn. The address may name a
-//! time in seconds: `map.html#t=30`.
+//! The page is `page.html` with the data put in. It draws with SVG elements, so what is on screen
+//! can be asked for: the text in `#reading` and the numbers at `#plot` (`data-time`, `data-points`,
+//! `data-x`, `data-y`) say what is drawn. The address may name a time in seconds: `map.html#t=30`.
 //!
 //! # Not here
 //!
-//! No network: no fonts, scripts or styles from elsewhere, and the page's own policy forbids them. The page of a run that is going on
-//! ([`live`](super::live)) asks the server that it came from, and nobody else.
+//! No network: no fonts, scripts or styles from elsewhere, and the page's own policy forbids them.
+//! The page of a run that is going on ([`live`](super::live)) asks the server that it came from,
+//! and nobody else.
 
 use serde_json::{Value, json};
 
@@ -67,7 +68,8 @@ fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
     finite.map(|place| place.map(|value| round(value, 1e4))).collect()
 }
 
-/// Times in milliseconds' and places in tenths of a millimetre's digits, as flat lists: an hour's run stays a few megabytes.
+/// Times in milliseconds' and places in tenths of a millimetre's digits, as flat lists: an hour's
+/// run stays a few megabytes.
 fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     let colours = colours(place, scene.tracks.len());
     let hex = |[red, green, blue]: [u8; 3]| format!("#{red:02x}{green:02x}{blue:02x}");

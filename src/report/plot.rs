@@ -1,7 +1,8 @@
 //! A scene as a picture: SVG, PNG, HTML.
 //!
-//! Both axes have the same scale. The layout is made once, in units of 1/800 of the picture's width, and drawn larger: SVG ten
-//! times, because `plotters` counts in whole pixels; PNG three times, then made smooth by averaging down to 1200 pixels.
+//! Both axes have the same scale. The layout is made once, in units of 1/800 of the picture's
+//! width, and drawn larger: SVG ten times, because `plotters` counts in whole pixels; PNG three
+//! times, then made smooth by averaging down to 1200 pixels.
 //!
 //! # What we count on
 //!
@@ -15,7 +16,9 @@ use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle, WHITE, register_font};
+use plotters::style::{
+    Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle, WHITE, register_font,
+};
 
 use super::{Colours, Scene, Track, colours, is_single, page, thinned};
 use crate::printable;
@@ -84,7 +87,8 @@ pub fn svg(scene: &Scene) -> Result<String, PlotError> {
 pub fn png(scene: &Scene) -> Result<Vec<u8>, PlotError> {
     let layout = Layout::of(scene);
     let average = u32::try_from(PNG_AVERAGE).unwrap_or(1);
-    let (width, height) = (whole(WIDTH * PNG_SCALE) / average, whole(layout.height * PNG_SCALE) / average);
+    let (width, height) =
+        (whole(WIDTH * PNG_SCALE) / average, whole(layout.height * PNG_SCALE) / average);
     let large = (width * average, height * average);
     let mut pixels = vec![0xff; large.0 as usize * large.1 as usize * 3];
     {
@@ -101,7 +105,8 @@ pub fn png(scene: &Scene) -> Result<Vec<u8>, PlotError> {
     Ok(bytes)
 }
 
-/// The scene as one HTML page that needs nothing else: drag to pan, wheel to zoom, slide through time.
+/// The scene as one HTML page that needs nothing else: drag to pan, wheel to zoom, slide through
+/// time.
 #[must_use]
 pub fn html(scene: &Scene) -> String {
     page::html(scene)
@@ -131,7 +136,11 @@ fn averaged(pixels: &[u8], width: usize, height: usize) -> Vec<u8> {
     smooth
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a cast from float saturates")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a cast from float saturates"
+)]
 fn whole(value: f64) -> u32 {
     libm::round(value) as u32
 }
@@ -158,21 +167,27 @@ impl Layout {
     fn of(scene: &Scene) -> Self {
         const LEAST_SPAN_M: f64 = 0.4;
         let bounds = scene.bounds();
-        let span = [0, 1].map(|axis| 1.08 * (bounds.high[axis] - bounds.low[axis]).max(LEAST_SPAN_M));
+        let span =
+            [0, 1].map(|axis| 1.08 * (bounds.high[axis] - bounds.low[axis]).max(LEAST_SPAN_M));
         let width = WIDTH - LEFT - RIGHT;
         let plot = [width, (width * span[1] / span[0]).clamp(260.0, 860.0)];
         let scale = (plot[0] / span[0]).min(plot[1] / span[1]);
-        let low = [0, 1].map(|axis| (bounds.low[axis] + bounds.high[axis] - plot[axis] / scale) / 2.0);
+        let low =
+            [0, 1].map(|axis| (bounds.low[axis] + bounds.high[axis] - plot[axis] / scale) / 2.0);
         let rows = if is_single(scene) { 1.0 } else { 1.0 + rows_of_names(scene) };
         Self { low, scale, plot, height: TOP + plot[1] + AXIS + rows * ROW + 10.0 }
     }
 
     /// A point of the world in the picture.
     fn place(&self, x_m: f64, y_m: f64) -> [f64; 2] {
-        [LEFT + (x_m - self.low[0]) * self.scale, TOP + self.plot[1] - (y_m - self.low[1]) * self.scale]
+        [
+            LEFT + (x_m - self.low[0]) * self.scale,
+            TOP + self.plot[1] - (y_m - self.low[1]) * self.scale,
+        ]
     }
 
-    /// The values that an axis is marked at: multiples of 1, 2 or 5 times a power of ten, about 80 units apart.
+    /// The values that an axis is marked at: multiples of 1, 2 or 5 times a power of ten, about 80
+    /// units apart.
     fn marks(&self, axis: usize) -> Vec<f64> {
         let step = self.step();
         let first = libm::ceil(self.low[axis] / step);
@@ -197,7 +212,8 @@ impl Layout {
     }
 
     fn label(&self, value: f64) -> String {
-        let decimals = if self.step() >= 1.0 { 0 } else { whole(-libm::floor(libm::log10(self.step()))) };
+        let decimals =
+            if self.step() >= 1.0 { 0 } else { whole(-libm::floor(libm::log10(self.step()))) };
         // Minus zero plus zero is zero, without the sign.
         format!("{:.*}", decimals as usize, value + 0.0)
     }
@@ -217,8 +233,8 @@ struct Picture<'a, DB: DrawingBackend> {
     scene: &'a Scene,
     layout: &'a Layout,
     scale: f64,
-    /// True for the bitmap backend. It draws spikes where a thick line turns back, so lines are drawn piece by piece with round
-    /// joins; and it sets text higher than others do.
+    /// True for the bitmap backend. It draws spikes where a thick line turns back, so lines are
+    /// drawn piece by piece with round joins; and it sets text higher than others do.
     bitmap: bool,
 }
 
@@ -228,7 +244,8 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         self.area.fill(&WHITE).map_err(draw_error)?;
         self.mesh()?;
         for outline in &self.scene.outlines {
-            let line: Vec<[f64; 2]> = outline.iter().map(|[x, y]| self.layout.place(*x, *y)).collect();
+            let line: Vec<[f64; 2]> =
+                outline.iter().map(|[x, y]| self.layout.place(*x, *y)).collect();
             self.line(&line, WALL, 3.0)?;
         }
         let tracks = || self.scene.tracks.iter().enumerate();
@@ -237,7 +254,8 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         }
         for (place, track) in tracks() {
             let path = thinned(&track.path, LEAST_STEP_M);
-            let line: Vec<[f64; 2]> = path.iter().map(|p| self.layout.place(p.x_m, p.y_m)).collect();
+            let line: Vec<[f64; 2]> =
+                path.iter().map(|p| self.layout.place(p.x_m, p.y_m)).collect();
             self.line(&line, rgb(self.colours(place).path), 2.0)?;
         }
         for (_, track) in tracks() {
@@ -256,12 +274,24 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         for x_m in self.layout.marks(0) {
             let [x, _] = self.layout.place(x_m, 0.0);
             self.line(&[[x, TOP], [x, bottom]], MESH, 1.0)?;
-            self.text(&self.layout.label(x_m), [x, bottom + 7.0], 14.0, SOFT, (HPos::Center, VPos::Top))?;
+            self.text(
+                &self.layout.label(x_m),
+                [x, bottom + 7.0],
+                14.0,
+                SOFT,
+                (HPos::Center, VPos::Top),
+            )?;
         }
         for y_m in self.layout.marks(1) {
             let [_, y] = self.layout.place(0.0, y_m);
             self.line(&[[LEFT, y], [right, y]], MESH, 1.0)?;
-            self.text(&self.layout.label(y_m), [LEFT - 8.0, y], 14.0, SOFT, (HPos::Right, VPos::Center))?;
+            self.text(
+                &self.layout.label(y_m),
+                [LEFT - 8.0, y],
+                14.0,
+                SOFT,
+                (HPos::Right, VPos::Center),
+            )?;
         }
         let frame = [[LEFT, TOP], [right, TOP], [right, bottom], [LEFT, bottom], [LEFT, TOP]];
         self.line(&frame, SOFT, 1.0)?;
@@ -408,7 +438,8 @@ impl<DB: DrawingBackend> Picture<'_, DB> {
         colour: RGBColor,
         anchor: (HPos, VPos),
     ) -> Result<(), PlotError> {
-        // The bitmap backend centres a line of text by its box, whose upper part is empty over most letters.
+        // The bitmap backend centres a line of text by its box, whose upper part is empty over most
+        // letters.
         let lower = if self.bitmap && matches!(anchor.1, VPos::Center) { 0.12 * size } else { 0.0 };
         let place = self.at([place[0], place[1] + lower]);
         let style = self.style(size, colour, anchor);
@@ -434,8 +465,9 @@ fn rgb([red, green, blue]: [u8; 3]) -> RGBColor {
 /// Makes the font known to the drawing library, once.
 fn register() -> Result<(), PlotError> {
     static REGISTERED: OnceLock<bool> = OnceLock::new();
-    let known = REGISTERED
-        .get_or_init(|| register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT).is_ok());
+    let known = REGISTERED.get_or_init(|| {
+        register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT).is_ok()
+    });
     if *known { Ok(()) } else { Err(PlotError::Draw("its font is not one".to_owned())) }
 }
 
@@ -471,7 +503,8 @@ mod tests {
     #[test]
     fn marks_are_labelled_with_the_digits_they_need() {
         let layout = Layout::of(&scene(vec![[-1.0, -1.0], [1.0, 1.0]]));
-        let labels: Vec<String> = layout.marks(0).into_iter().map(|mark| layout.label(mark)).collect();
+        let labels: Vec<String> =
+            layout.marks(0).into_iter().map(|mark| layout.label(mark)).collect();
         assert_eq!(labels, ["-1.0", "-0.5", "0.0", "0.5", "1.0"]);
         let layout = Layout::of(&scene(vec![[0.0, 0.0], [30.0, 10.0]]));
         assert_eq!(layout.label(10.0), "10");

@@ -1,9 +1,10 @@
 //! How low the battery may get before a run slows down and ends: `[battery]` of `robot.toml`.
 //!
-//! A brick whose voltage falls too far does not fail cleanly: ev3dev's own watch (`brickd`) shuts the brick down in the middle of a run, and
-//! below about 5 V the converter that reads sensors and tells motors apart no longer works (its maintainer, ev3dev issue 1211). So a run
-//! warns, then drives slower, which takes load off the cells, and ends by itself while there is still power to brake and to bring the
-//! recording to the card.
+//! A brick whose voltage falls too far does not fail cleanly: ev3dev's own watch (`brickd`) shuts
+//! the brick down in the middle of a run, and below about 5 V the converter that reads sensors and
+//! tells motors apart no longer works (its maintainer, ev3dev issue 1211). So a run warns, then
+//! drives slower, which takes load off the cells, and ends by itself while there is still power to
+//! brake and to bring the recording to the card.
 //!
 //! # Where the numbers come from
 //!
@@ -13,9 +14,10 @@
 //! | six AA cells (`Unknown`) | 6.2 V | 5.5 V | 5.2 V | 6.2, 5.5, 4.5 V | 4.5 V | 4.8 V |
 //! | six AA, declared rechargeable (`NiMH`) | 6.6 V | 6.0 V | 5.6 V | does not know them | as AA | 5.4 V |
 //!
-//! LEGO's numbers are `BATT_…` and `ACCU_…` of `lms2012.h`; brickd's stand in its `power_monitor.vala` and count after ten seconds.
-//! `warn` and `slow` are LEGO's two warnings; `stop` is above what shuts the brick down, and above 5 V. For NiMH cells they are 1.1, 1.0
-//! and 0.93 V a cell, above the kernel's 0.9.
+//! LEGO's numbers are `BATT_…` and `ACCU_…` of `lms2012.h`; brickd's stand in its
+//! `power_monitor.vala` and count after ten seconds. `warn` and `slow` are LEGO's two warnings;
+//! `stop` is above what shuts the brick down, and above 5 V. For NiMH cells they are 1.1, 1.0 and
+//! 0.93 V a cell, above the kernel's 0.9.
 //!
 //! # Not here
 //!
@@ -58,10 +60,13 @@ impl BatteryConfig {
         let own = BatteryLimits::of(self.cells);
         // One threshold that the file moves takes the others along, so that their order holds.
         let stop_v = self.stop_v.unwrap_or_else(|| {
-            own.stop_v.min(self.slow_v.unwrap_or(f64::INFINITY)).min(self.warn_v.unwrap_or(f64::INFINITY))
+            own.stop_v
+                .min(self.slow_v.unwrap_or(f64::INFINITY))
+                .min(self.warn_v.unwrap_or(f64::INFINITY))
         });
-        let slow_v =
-            self.slow_v.unwrap_or_else(|| own.slow_v.min(self.warn_v.unwrap_or(f64::INFINITY)).max(stop_v));
+        let slow_v = self
+            .slow_v
+            .unwrap_or_else(|| own.slow_v.min(self.warn_v.unwrap_or(f64::INFINITY)).max(stop_v));
         BatteryLimits { warn_v: self.warn_v.unwrap_or(own.warn_v).max(slow_v), slow_v, stop_v }
     }
 }
@@ -93,7 +98,10 @@ pub(super) fn battery(section: &Section<'_>) -> Option<BatteryConfig> {
             && high < low
         {
             section
-                .error(format!("`{}` is {high}, which is below `{}`, {low}", KEYS[higher], KEYS[lower]))
+                .error(format!(
+                    "`{}` is {high}, which is below `{}`, {low}",
+                    KEYS[higher], KEYS[lower]
+                ))
                 .hint("first it warns, then it slows down, then it stops");
             return None;
         }
@@ -116,7 +124,10 @@ mod tests {
 
     #[test]
     fn the_cells_decide_where_the_file_says_nothing() {
-        assert_eq!(limits("", Technology::LiIon), BatteryLimits { warn_v: 7.1, slow_v: 6.5, stop_v: 6.2 });
+        assert_eq!(
+            limits("", Technology::LiIon),
+            BatteryLimits { warn_v: 7.1, slow_v: 6.5, stop_v: 6.2 }
+        );
         for &cells in Technology::ALL {
             let BatteryLimits { warn_v, slow_v, stop_v } = limits("", cells);
             assert!(warn_v > slow_v && slow_v > stop_v && stop_v > 5.0, "{cells}");
@@ -125,7 +136,8 @@ mod tests {
 
     #[test]
     fn what_the_file_says_holds_and_the_order_stays() {
-        let own = limits("[battery]\nwarn_v = 7.4\nslow_v = 7.0\nstop_v = 6.8\n", Technology::Unknown);
+        let own =
+            limits("[battery]\nwarn_v = 7.4\nslow_v = 7.0\nstop_v = 6.8\n", Technology::Unknown);
         assert_eq!(own, BatteryLimits { warn_v: 7.4, slow_v: 7.0, stop_v: 6.8 });
         for (section, expected) in [
             ("warn_v = 5.3", BatteryLimits { warn_v: 5.3, slow_v: 5.3, stop_v: 5.2 }),

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use crate::ev3dev::{
-    BUTTONS_PATH, Battery, Buttons, DeviceError, FindError, SOUND_PATH, Sound, StatusLights, TachoMotor, Tree,
+    BUTTONS_PATH, Battery, Buttons, DeviceError, FindError, SOUND_PATH, Sound, StatusLights,
+    TachoMotor, Tree,
 };
 use crate::senses::{Channel, Role};
 
@@ -30,7 +31,9 @@ pub enum BindError {
         source: DeviceError,
     },
     /// Two roles come to the same sensor, which gives one kind of value at a time.
-    #[error("{role} and {other} are both the {driver} on {port}: name another port for one of them")]
+    #[error(
+        "{role} and {other} are both the {driver} on {port}: name another port for one of them"
+    )]
     Shared {
         /// A role, as `robot.toml` calls it.
         role: &'static str,
@@ -44,21 +47,27 @@ pub enum BindError {
 }
 
 impl Robot {
-    /// Finds a device for each role, puts sensors into the modes that give what is `needed`, and takes the
-    /// motors over (`reset`, then the settings of a lease). Nothing turns.
+    /// Finds a device for each role, puts sensors into the modes that give what is `needed`, and
+    /// takes the motors over (`reset`, then the settings of a lease). Nothing turns.
     ///
-    /// Values may be stale for [`Robot::settle_ns`] from now on. Writing a mode waits for the sensor: up to half a second each.
+    /// Values may be stale for [`Robot::settle_ns`] from now on. Writing a mode waits for the
+    /// sensor: up to half a second each.
     ///
     /// - `needed`: what the mission needs ([`crate::behavior::Mission::senses`]).
     ///
     /// # Errors
     ///
     /// [`BindError`] with the role; it says what is plugged in instead.
-    pub fn bind(tree: &Arc<dyn Tree>, config: &RobotConfig, needed: &[Channel]) -> Result<Self, BindError> {
+    pub fn bind(
+        tree: &Arc<dyn Tree>,
+        config: &RobotConfig,
+        needed: &[Channel],
+    ) -> Result<Self, BindError> {
         // The heading takes the gyro's angle, whatever else a mission asks it for.
         let needed = [needed, &[Channel::Gyro]].concat();
         let binder = Binder { tree: Arc::clone(tree), config: config.clone(), needed };
-        // What is not a role of the mission may be missing: a test bench has no battery, a simulated brick no loudspeaker.
+        // What is not a role of the mission may be missing: a test bench has no battery, a
+        // simulated brick no loudspeaker.
         let battery = Battery::open(tree).ok();
         let mut known = config.clone();
         // Cells that cannot be asked are taken for the usual ones.
@@ -156,8 +165,8 @@ impl Bound {
 
 impl Binder {
     /// Binds the device behind a channel again, and says for how long its values may be stale,
-    /// nanoseconds. `None` where there is nothing to bind: the robot has no such role, or it is a motor
-    /// that was never away, which is not to be reset.
+    /// nanoseconds. `None` where there is nothing to bind: the robot has no such role, or it is a
+    /// motor that was never away, which is not to be reset.
     pub(super) fn again(
         &self,
         channel: Channel,
@@ -165,7 +174,9 @@ impl Binder {
     ) -> Result<Option<(Bound, i64)>, BindError> {
         let role = channel.quantity().role;
         if self.config.sensors.contains_key(&role) {
-            return self.sensor(role).map(|(sensor, settle_ns)| Some((Bound::Sensor(sensor), settle_ns)));
+            return self
+                .sensor(role)
+                .map(|(sensor, settle_ns)| Some((Bound::Sensor(sensor), settle_ns)));
         }
         let Some(wanted) = self.wanted(channel) else { return Ok(None) };
         let motor = find_motor(&self.tree, &wanted)?;
@@ -180,7 +191,8 @@ impl Binder {
         let named = || role.section().to_owned();
         let mut sensor = RoleSensor::find(&self.tree, &self.config, role, &self.needed)
             .map_err(|source| BindError::Find { role: named(), source })?;
-        let settle_ns = sensor.set_mode().map_err(|source| BindError::Device { role: named(), source })?;
+        let settle_ns =
+            sensor.set_mode().map_err(|source| BindError::Device { role: named(), source })?;
         Ok((sensor, settle_ns))
     }
 
@@ -192,16 +204,23 @@ impl Binder {
 
     fn left(&self) -> WantedMotor<'_> {
         let config = &self.config;
-        WantedMotor { role: "drive.left".to_owned(), motor: &config.left, max_rad_s: config.max_wheel_rad_s }
+        WantedMotor {
+            role: "drive.left".to_owned(),
+            motor: &config.left,
+            max_rad_s: config.max_wheel_rad_s,
+        }
     }
 
     fn wanted(&self, channel: Channel) -> Option<WantedMotor<'_>> {
         let config = &self.config;
-        let wanted = |role: &str, motor, max_rad_s| WantedMotor { role: role.to_owned(), motor, max_rad_s };
+        let wanted =
+            |role: &str, motor, max_rad_s| WantedMotor { role: role.to_owned(), motor, max_rad_s };
         match channel {
             Channel::Left => Some(self.left()),
             Channel::Right => Some(wanted("drive.right", &config.right, config.max_wheel_rad_s)),
-            Channel::Head => config.head.as_ref().map(|head| wanted("head", &head.motor, head.speed_rad_s)),
+            Channel::Head => {
+                config.head.as_ref().map(|head| wanted("head", &head.motor, head.speed_rad_s))
+            }
             _ => {
                 let place = Channel::MOTORS.into_iter().position(|motor| motor == channel)?;
                 let named = config.motors.get(place)?;

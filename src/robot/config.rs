@@ -2,7 +2,8 @@
 //!
 //! # Not here
 //!
-//! Nothing is looked up on a brick: whether something is plugged in where the file says shows when the robot is bound.
+//! Nothing is looked up on a brick: whether something is plugged in where the file says shows when
+//! the robot is bound.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -52,7 +53,8 @@ pub struct RobotConfig {
 pub struct MotorRole {
     /// Where it is plugged in; `None` where only one motor fits.
     pub port: Option<PortAddress>,
-    /// Turns of the axle for one turn of the motor: negative where the gears or `inverted` turn it round.
+    /// Turns of the axle for one turn of the motor: negative where the gears or `inverted` turn it
+    /// round.
     pub ratio: f64,
 }
 
@@ -121,9 +123,11 @@ impl RobotConfig {
         drive.chain(head).map(|(role, motor)| (role.to_owned(), motor)).chain(named)
     }
 
-    /// Every part that can be plugged in, as the key of its section, with its port if that is named.
+    /// Every part that can be plugged in, as the key of its section, with its port if that is
+    /// named.
     pub fn ports(&self) -> impl Iterator<Item = (String, Option<&PortAddress>)> {
-        let sensors = self.sensors.iter().map(|(role, port)| (role.section().to_owned(), port.as_ref()));
+        let sensors =
+            self.sensors.iter().map(|(role, port)| (role.section().to_owned(), port.as_ref()));
         self.motor_roles().map(|(role, motor)| (role, motor.port.as_ref())).chain(sensors)
     }
 }
@@ -131,7 +135,8 @@ impl RobotConfig {
 /// The longest name, in bytes: it is shown in tables and on the brick's screen.
 const LONGEST_NAME: usize = 64;
 
-/// Speeds beyond this are slips of the pen: the fastest motor does 1560 degrees a second, geared up tenfold.
+/// Speeds beyond this are slips of the pen: the fastest motor does 1560 degrees a second, geared up
+/// tenfold.
 const FASTEST_DPS: f64 = 15_600.0;
 
 fn robot(root: &Section<'_>) -> Option<RobotConfig> {
@@ -141,7 +146,8 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     root.allow(&keys);
     let name = root.require("name").and_then(|item| name_of(&item));
     let max_age_s = root.get("max_age_s").map_or(Some(0.3), |item| item.number(0.05..=10.0));
-    let drive = root.require("drive").and_then(|item| item.section()).and_then(|section| drive(&section));
+    let drive =
+        root.require("drive").and_then(|item| item.section()).and_then(|section| drive(&section));
     let head = optional(root, "head", head);
     let range = optional(root, "range", range);
     let sensors = sensors(root);
@@ -182,7 +188,10 @@ fn optional<T>(
 fn name_of(item: &Item<'_>) -> Option<String> {
     let name = item.text()?;
     if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(is_printable) {
-        item.error(format!("`{}` must be 1 to {LONGEST_NAME} bytes of text on one line", item.path()));
+        item.error(format!(
+            "`{}` must be 1 to {LONGEST_NAME} bytes of text on one line",
+            item.path()
+        ));
         return None;
     }
     Some(name.to_owned())
@@ -257,15 +266,22 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
     let motor = motor_role(section);
     let speed_dps = section.require("speed_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
     let limit_deg = section.get("limit_deg").map_or(Some(90.0), |item| item.number(1.0..=360.0));
-    Some(HeadRole { motor: motor?, speed_rad_s: radians(speed_dps?), limit_rad: radians(limit_deg?) })
+    Some(HeadRole {
+        motor: motor?,
+        speed_rad_s: radians(speed_dps?),
+        limit_rad: radians(limit_deg?),
+    })
 }
 
 fn range(section: &Section<'_>) -> Option<RangeRole> {
     section.allow(&["port", "ahead_m", "max_m", "infrared_m_per_pct"]);
     let ahead_m = section.get("ahead_m").map_or(Some(0.0), |item| item.number(RangeMount::AHEAD_M));
     // The sensor's own end.
-    let max_m = section.get("max_m").map_or(Some(2.0), |item| item.number(*RangeMount::MAX_M.start()..=2.55));
-    let infrared = section.get("infrared_m_per_pct").map_or(Some(0.007), |item| item.number(0.0001..=0.1));
+    let max_m = section
+        .get("max_m")
+        .map_or(Some(2.0), |item| item.number(*RangeMount::MAX_M.start()..=2.55));
+    let infrared =
+        section.get("infrared_m_per_pct").map_or(Some(0.007), |item| item.number(0.0001..=0.1));
     Some(RangeRole { ahead_m: ahead_m?, max_m: max_m?, infrared_m_per_pct: infrared? })
 }
 
@@ -312,11 +328,13 @@ fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
     }
     let motor = motor_role(&section);
     let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
-    let named = NamedMotor { name: name.to_owned(), motor: motor?, max_rad_s: max_dps? * (PI / 180.0) };
+    let named =
+        NamedMotor { name: name.to_owned(), motor: motor?, max_rad_s: max_dps? * (PI / 180.0) };
     plain.then_some(named)
 }
 
-/// Two roles cannot share a port, but range and remote may both be named for the one infrared sensor only to be told why not.
+/// Two roles cannot share a port, but range and remote may both be named for the one infrared
+/// sensor only to be told why not.
 fn ports_are_taken_once(root: &Section<'_>, config: &RobotConfig) {
     let taken: Vec<_> = config.ports().collect();
     for (index, (role, port)) in taken.iter().enumerate() {
@@ -346,7 +364,9 @@ mod tests {
     use super::*;
 
     fn findings(text: &str) -> String {
-        RobotConfig::load("robot.toml", text.as_bytes()).expect_err("this robot has a mistake").to_string()
+        RobotConfig::load("robot.toml", text.as_bytes())
+            .expect_err("this robot has a mistake")
+            .to_string()
     }
 
     /// The shipped file with one piece of text replaced.
@@ -363,7 +383,10 @@ mod tests {
         assert!((robot.track_width_m - 4.5 * 0.0254).abs() < 1e-9);
         let head = robot.head.unwrap();
         assert!((head.motor.ratio + 12.0 / 36.0).abs() < 1e-12);
-        assert!((head.speed_rad_s - radians(130.0 / 3.0)).abs() < 1e-3, "130 counts a second through 12:36");
+        assert!(
+            (head.speed_rad_s - radians(130.0 / 3.0)).abs() < 1e-3,
+            "130 counts a second through 12:36"
+        );
         assert!((robot.range.unwrap().ahead_m - 2.0 * 0.0254).abs() < 1e-9);
     }
 
@@ -405,8 +428,9 @@ mod tests {
             ("max_m = 2.0", *RangeMount::MAX_M.start()..=2.55),
         ];
         for (line, range) in ranges {
-            let with =
-                |value: f64| changed(line, &format!("{} = {value:?}", line.split(' ').next().unwrap()));
+            let with = |value: f64| {
+                changed(line, &format!("{} = {value:?}", line.split(' ').next().unwrap()))
+            };
             for end in [*range.start(), *range.end()] {
                 let (robot, _) = RobotConfig::load("robot.toml", with(end).as_bytes()).unwrap();
                 assert!(robot.geometry().is_ok(), "{line}: {end}");
@@ -424,6 +448,9 @@ mod tests {
         assert_eq!(robot.motors[0].name, "arm");
         let bad = format!("{DEFAULT_ROBOT}\n[motor.\"an arm\"]\nport = \"outC\"\n");
         let found = findings(&bad);
-        assert!(found.contains("`an arm` is no name") && found.contains("`max_dps` is missing"), "{found}");
+        assert!(
+            found.contains("`an arm` is no name") && found.contains("`max_dps` is missing"),
+            "{found}"
+        );
     }
 }

@@ -30,13 +30,14 @@ impl RobotConfig {
             on_head: self.head.is_some(),
             ..RangeMount::default()
         });
-        Geometry::new(self.wheel_circumference_m, self.track_width_m)?.with_range(range.unwrap_or_default())
+        Geometry::new(self.wheel_circumference_m, self.track_width_m)?
+            .with_range(range.unwrap_or_default())
     }
 
     /// The speeds of the left and the right wheel for a demand, radians per second at the axle.
     ///
-    /// Where one would be too fast, both are scaled down, so that the robot keeps its curve. No demand, a stop, and a demand that is
-    /// not finite are no speed.
+    /// Where one would be too fast, both are scaled down, so that the robot keeps its curve. No
+    /// demand, a stop, and a demand that is not finite are no speed.
     #[must_use]
     pub fn wheel_speeds(&self, drive: Option<Drive>) -> [f64; 2] {
         let wanted = match drive {
@@ -45,7 +46,10 @@ impl RobotConfig {
             Some(Drive::Twist { forward_m_s, turn_rad_s }) => {
                 let metres_per_rad = self.wheel_circumference_m / (2.0 * PI);
                 let turning_m_s = turn_rad_s * self.track_width_m / 2.0;
-                [(forward_m_s - turning_m_s) / metres_per_rad, (forward_m_s + turning_m_s) / metres_per_rad]
+                [
+                    (forward_m_s - turning_m_s) / metres_per_rad,
+                    (forward_m_s + turning_m_s) / metres_per_rad,
+                ]
             }
         };
         if wanted.iter().all(|speed| speed.abs() <= self.max_wheel_rad_s) {
@@ -79,7 +83,8 @@ mod tests {
 
     #[test]
     fn a_turn_on_the_spot_turns_the_wheels_against_each_other() {
-        let [left, right] = robot().wheel_speeds(Some(Drive::Twist { forward_m_s: 0.0, turn_rad_s: 1.0 }));
+        let [left, right] =
+            robot().wheel_speeds(Some(Drive::Twist { forward_m_s: 0.0, turn_rad_s: 1.0 }));
         assert!(
             (left + right).abs() < 1e-12 && right > 0.0,
             "anticlockwise: the right wheel goes ahead: {left} {right}"
@@ -91,9 +96,11 @@ mod tests {
     #[test]
     fn too_fast_keeps_the_curve() {
         let robot = robot();
-        let [left, right] = robot.wheel_speeds(Some(Drive::Wheels { left_rad_s: 100.0, right_rad_s: -50.0 }));
+        let [left, right] =
+            robot.wheel_speeds(Some(Drive::Wheels { left_rad_s: 100.0, right_rad_s: -50.0 }));
         assert!(
-            (left - robot.max_wheel_rad_s).abs() < 1e-9 && (right + robot.max_wheel_rad_s / 2.0).abs() < 1e-9
+            (left - robot.max_wheel_rad_s).abs() < 1e-9
+                && (right + robot.max_wheel_rad_s / 2.0).abs() < 1e-9
         );
     }
 

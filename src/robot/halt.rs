@@ -1,4 +1,5 @@
-//! Stopping motors whatever they are doing: every one there is (`onbrick halt`), or those of a run that is gone (the guard).
+//! Stopping motors whatever they are doing: every one there is (`onbrick halt`), or those of a run
+//! that is gone (the guard).
 //!
 //! # What we count on
 //!
@@ -14,10 +15,12 @@ use crate::ev3dev::{
     Class, DcMotor, DeviceError, FindError, PortAddress, StopAction, TachoMotor, Tree, devices,
 };
 
-/// How long a braked motor may roll on, nanoseconds: the large motor's mechanical time constant is 105 ms (`ev3dev-interfaces`, 15.2).
+/// How long a braked motor may roll on, nanoseconds: the large motor's mechanical time constant is
+/// 105 ms (`ev3dev-interfaces`, 15.2).
 const ROLL_NS: i64 = 300 * MILLISECOND_NS;
 
-/// How often one looks whether motors are still, nanoseconds; the drivers' speed is a mean over 20 ms.
+/// How often one looks whether motors are still, nanoseconds; the drivers' speed is a mean over 20
+/// ms.
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
 /// How often everything is tried before [`still`] gives up.
@@ -42,8 +45,10 @@ pub fn halt(tree: &Arc<dyn Tree>) -> Result<Vec<Halted>, HaltError> {
     all.extend(devices(tree, Class::DcMotor)?);
     let mut halted = Vec::new();
     each(all, |identity| {
-        let report =
-            Halted { address: identity.address.to_string(), driver_name: identity.driver.to_string() };
+        let report = Halted {
+            address: identity.address.to_string(),
+            driver_name: identity.driver.to_string(),
+        };
         if identity.class == Class::DcMotor {
             let motor = DcMotor::bind(tree, identity);
             motor.set_stop_action(StopAction::Brake)?;
@@ -66,18 +71,24 @@ pub enum HaltError {
     /// A motor did not take the command.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// Motors go on turning although they were reset: something else commands them, or a hand turns them.
+    /// Motors go on turning although they were reset: something else commands them, or a hand turns
+    /// them.
     #[error("still turning: {0}")]
     Turning(String),
 }
 
-/// Stops the tacho motors on these ports and returns when all of them are still: ramps 0, stop action brake, `stop`; `reset` for those
-/// that still turn afterwards. Other motors are not touched.
+/// Stops the tacho motors on these ports and returns when all of them are still: ramps 0, stop
+/// action brake, `stop`; `reset` for those that still turn afterwards. Other motors are not
+/// touched.
 ///
 /// # Errors
 ///
 /// [`HaltError`], after twenty tries; each of them told every motor that could be told.
-pub fn still(tree: &Arc<dyn Tree>, ports: &[PortAddress], clock: &dyn Clock) -> Result<(), HaltError> {
+pub fn still(
+    tree: &Arc<dyn Tree>,
+    ports: &[PortAddress],
+    clock: &dyn Clock,
+) -> Result<(), HaltError> {
     let mut last = Ok(());
     for _ in 0..TRIES {
         let start_ns = clock.now_ns();
@@ -85,7 +96,8 @@ pub fn still(tree: &Arc<dyn Tree>, ports: &[PortAddress], clock: &dyn Clock) -> 
         if last.is_ok() {
             break;
         }
-        // A failure that came at once is not tried again at once: a plug that is just being put in needs its time.
+        // A failure that came at once is not tried again at once: a plug that is just being put in
+        // needs its time.
         clock.sleep_until_ns(start_ns + ROLL_NS);
     }
     last
@@ -116,7 +128,11 @@ fn tell(
     })?)
 }
 
-fn still_once(tree: &Arc<dyn Tree>, ports: &[PortAddress], clock: &dyn Clock) -> Result<(), HaltError> {
+fn still_once(
+    tree: &Arc<dyn Tree>,
+    ports: &[PortAddress],
+    clock: &dyn Clock,
+) -> Result<(), HaltError> {
     let mut motors = Vec::new();
     let told = tell(tree, ports, |motor| motors.push(motor));
     let deadline_ns = clock.now_ns() + ROLL_NS;
@@ -131,12 +147,16 @@ fn still_once(tree: &Arc<dyn Tree>, ports: &[PortAddress], clock: &dyn Clock) ->
     if turning.is_empty() {
         return Ok(());
     }
-    let ports: Vec<String> = turning.iter().map(|motor| motor.identity().address.to_string()).collect();
+    let ports: Vec<String> =
+        turning.iter().map(|motor| motor.identity().address.to_string()).collect();
     Err(HaltError::Turning(ports.join(", ")))
 }
 
 /// Does something to each motor; the first error, after all of them.
-fn each<T>(motors: Vec<T>, mut act: impl FnMut(T) -> Result<(), DeviceError>) -> Result<(), DeviceError> {
+fn each<T>(
+    motors: Vec<T>,
+    mut act: impl FnMut(T) -> Result<(), DeviceError>,
+) -> Result<(), DeviceError> {
     let mut failed = Ok(());
     for motor in motors {
         match act(motor) {
@@ -167,12 +187,17 @@ fn turning(motors: &[TachoMotor]) -> Vec<&TachoMotor> {
     motors.iter().filter(turns).collect()
 }
 
-/// Watches for `watch_ns` and names the motors that turn at the end of it, by port and how far they went, in counts.
+/// Watches for `watch_ns` and names the motors that turn at the end of it, by port and how far they
+/// went, in counts.
 ///
 /// # Errors
 ///
 /// [`HaltError`].
-pub fn watch_still(tree: &Arc<dyn Tree>, clock: &dyn Clock, watch_ns: i64) -> Result<Vec<String>, HaltError> {
+pub fn watch_still(
+    tree: &Arc<dyn Tree>,
+    clock: &dyn Clock,
+    watch_ns: i64,
+) -> Result<Vec<String>, HaltError> {
     /// A braked motor may settle between two counts.
     const STILL_COUNTS: i32 = 1;
     clock.sleep_until_ns(clock.now_ns() + ROLL_NS);

@@ -1,13 +1,16 @@
 //! Motion as a lease: a motor turns for 300 ms at most unless it is told so again.
 //!
-//! Every motion is a `run-timed` of [`LEASE_MS`], renewed about every [`RENEW_NS`] while the loop is healthy; when nobody renews it, the
-//! kernel itself brakes the motor. Renewing leaves the speed steady (kernel transcript, scenario 21). Ramps stay 0, because a
-//! ramp would go on after the lease (`ev3dev-interfaces`, 2.4).
+//! Every motion is a `run-timed` of [`LEASE_MS`], renewed about every [`RENEW_NS`] while the loop
+//! is healthy; when nobody renews it, the kernel itself brakes the motor. Renewing leaves the speed
+//! steady (kernel transcript, scenario 21). Ramps stay 0, because a ramp would go on after the
+//! lease (`ev3dev-interfaces`, 2.4).
 //!
-//! Nothing keeps another program from commanding the same motor. What it does shows in what the driver says of itself: a motor under
-//! a lease of ours runs, one that we stopped does not, and the settings are as we left them. Settings are looked at because each of them
-//! can undo a lease: a `time_sp` makes the next one longer, a ramp goes on after it, a stop action lets the motor roll on, a polarity
-//! turns it round. A motor that two looks in a row find otherwise is another program's, and is left alone from then on.
+//! Nothing keeps another program from commanding the same motor. What it does shows in what the
+//! driver says of itself: a motor under a lease of ours runs, one that we stopped does not, and the
+//! settings are as we left them. Settings are looked at because each of them can undo a lease: a
+//! `time_sp` makes the next one longer, a ramp goes on after it, a stop action lets the motor roll
+//! on, a polarity turns it round. A motor that two looks in a row find otherwise is another
+//! program's, and is left alone from then on.
 
 use std::f64::consts::PI;
 
@@ -16,7 +19,8 @@ use crate::ev3dev::{DeviceError, Polarity, StopAction, TachoCommand, TachoMotor}
 /// How long a motion lasts unless it is renewed, milliseconds.
 pub const LEASE_MS: i32 = 300;
 
-/// How old a lease is when it is renewed, nanoseconds: two renewals may fail before the third comes too late.
+/// How old a lease is when it is renewed, nanoseconds: two renewals may fail before the third comes
+/// too late.
 pub const RENEW_NS: i64 = 100_000_000;
 
 /// For so long after a lease was given its motor certainly runs, nanoseconds: a look may come late.
@@ -44,7 +48,8 @@ pub enum Aspect {
 }
 
 impl Aspect {
-    /// What another program's command changes. Looked at all the time; the settings only before each command of ours.
+    /// What another program's command changes. Looked at all the time; the settings only before
+    /// each command of ours.
     pub const OF_COMMANDS: [Self; 3] = [Self::State, Self::Speed, Self::Duty];
 
     /// All of them.
@@ -122,7 +127,8 @@ struct Lease {
 }
 
 impl LeasedMotor {
-    /// Takes a motor over: `reset`, so that nothing of an earlier program is left, then the settings of a lease.
+    /// Takes a motor over: `reset`, so that nothing of an earlier program is left, then the
+    /// settings of a lease.
     ///
     /// - `ratio`: turns of the axle for one turn of the motor.
     /// - `max_rad_s`: the fastest that the axle may turn.
@@ -149,7 +155,8 @@ impl LeasedMotor {
             speed_sp,
             hand: Hand::Ours,
         };
-        // Each file is read once here, so that the tick need not open it; what it says matters from then on.
+        // Each file is read once here, so that the tick need not open it; what it says matters from
+        // then on.
         let _ = Aspect::ALL.map(|aspect| leased.contradicts(aspect, 0));
         Ok(leased)
     }
@@ -163,14 +170,16 @@ impl LeasedMotor {
         Ok(f64::from(self.motor.position()?) * self.axle_rad_per_count + self.zero_rad)
     }
 
-    /// Calls the place where the motor counts 0 by another angle, radians: a motor that was plugged in again goes on where it was.
+    /// Calls the place where the motor counts 0 by another angle, radians: a motor that was plugged
+    /// in again goes on where it was.
     pub fn set_zero_rad(&mut self, zero_rad: f64) {
         self.zero_rad = zero_rad;
     }
 
-    /// Turns the axle at a speed, radians per second, for one lease: writes the speed where it changes, and the command where the
-    /// speed changes or the lease is due. A speed that is not a number, or rounds to nothing, stops the motor. A motor that may be
-    /// somebody else's is not written to.
+    /// Turns the axle at a speed, radians per second, for one lease: writes the speed where it
+    /// changes, and the command where the speed changes or the lease is due. A speed that is not a
+    /// number, or rounds to nothing, stops the motor. A motor that may be somebody else's is not
+    /// written to.
     ///
     /// # Errors
     ///
@@ -191,7 +200,8 @@ impl LeasedMotor {
         if same.is_some_and(|lease| now_ns - lease.given_ns < RENEW_NS) {
             return Ok(());
         }
-        // What we write next would hide, and undo, what another program has done meanwhile, or be changed by it.
+        // What we write next would hide, and undo, what another program has done meanwhile, or be
+        // changed by it.
         if self.look_closely(now_ns) {
             return Ok(());
         }
@@ -208,11 +218,13 @@ impl LeasedMotor {
         Ok(())
     }
 
-    /// Ends a motion now; writes nothing where the motor was stopped like this before, or is somebody else's.
+    /// Ends a motion now; writes nothing where the motor was stopped like this before, or is
+    /// somebody else's.
     ///
     /// # Errors
     ///
-    /// What the driver answers; the motor then still counts as moving, and the next call tries again.
+    /// What the driver answers; the motor then still counts as moving, and the next call tries
+    /// again.
     pub fn stop(&mut self, action: StopAction) -> Result<(), DeviceError> {
         if matches!(self.hand, Hand::Theirs(_)) || (!self.moving && self.stop_action == action) {
             return Ok(());
@@ -225,8 +237,9 @@ impl LeasedMotor {
         Ok(())
     }
 
-    /// Looks whether the motor is as we left it: true from the second look in a row on that finds it otherwise; it is somebody
-    /// else's from then on, and neither we nor dropping it writes to it again. What cannot be read says nothing.
+    /// Looks whether the motor is as we left it: true from the second look in a row on that finds
+    /// it otherwise; it is somebody else's from then on, and neither we nor dropping it writes to
+    /// it again. What cannot be read says nothing.
     pub fn is_taken(&mut self, aspect: Aspect, now_ns: i64) -> bool {
         let contradicts = self.contradicts(aspect, now_ns);
         match self.hand {
@@ -235,7 +248,8 @@ impl LeasedMotor {
             Hand::Ours => self.hand = Hand::InDoubt,
             Hand::InDoubt => {
                 if aspect.is_setting() && self.lease.is_some() {
-                    // Should it have come between our last look and our last command, that may not end by itself.
+                    // Should it have come between our last look and our last command, that may not
+                    // end by itself.
                     self.end_own_motion();
                 }
                 self.hand = Hand::Theirs(aspect);
@@ -246,7 +260,8 @@ impl LeasedMotor {
         false
     }
 
-    /// Brakes at once, whatever the settings are. What the driver refuses is left: the motor is another program's from now on.
+    /// Brakes at once, whatever the settings are. What the driver refuses is left: the motor is
+    /// another program's from now on.
     fn end_own_motion(&mut self) {
         let _ = self.motor.set_ramp_down_sp(0);
         let _ = self.motor.set_stop_action(StopAction::Brake);
@@ -282,15 +297,19 @@ impl LeasedMotor {
                 Some(lease) => !state.is_running() && now_ns - lease.given_ns < RUNS_NS,
                 None => state.is_running() && !self.moving,
             }),
-            Aspect::Speed => {
-                self.speed_sp.is_some_and(|ours| self.motor.speed_sp().is_ok_and(|speed| speed != ours))
-            }
+            Aspect::Speed => self
+                .speed_sp
+                .is_some_and(|ours| self.motor.speed_sp().is_ok_and(|speed| speed != ours)),
             Aspect::Duty => self.motor.duty_cycle_sp().is_ok_and(|duty| duty.percent() != 0),
             Aspect::Time => self.motor.time_sp().is_ok_and(|time_ms| time_ms != LEASE_MS),
-            Aspect::StopAction => self.motor.stop_action().is_ok_and(|action| action != self.stop_action),
+            Aspect::StopAction => {
+                self.motor.stop_action().is_ok_and(|action| action != self.stop_action)
+            }
             Aspect::RampUp => self.motor.ramp_up_sp().is_ok_and(|ramp_ms| ramp_ms != 0),
             Aspect::RampDown => self.motor.ramp_down_sp().is_ok_and(|ramp_ms| ramp_ms != 0),
-            Aspect::Polarity => self.motor.polarity().is_ok_and(|polarity| polarity != Polarity::Normal),
+            Aspect::Polarity => {
+                self.motor.polarity().is_ok_and(|polarity| polarity != Polarity::Normal)
+            }
         }
     }
 
@@ -309,7 +328,10 @@ impl LeasedMotor {
     }
 
     /// The motor's speed for a speed of the axle, within both limits; 0 for what is not a number.
-    #[expect(clippy::cast_possible_truncation, reason = "limited to the motor's own top speed just before")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "limited to the motor's own top speed just before"
+    )]
     fn counts_s(&self, rad_s: f64) -> i32 {
         if rad_s.is_nan() {
             return 0;

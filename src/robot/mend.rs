@@ -1,13 +1,16 @@
-//! Plugs come loose: a device that cannot be read any more is looked for by its port, and bound anew when it is back.
+//! Plugs come loose: a device that cannot be read any more is looked for by its port, and bound
+//! anew when it is back.
 //!
-//! Binding lists folders, opens files and writes modes, which a sensor takes up to half a second for; none of that belongs on the tick's
-//! path. In a run in real time a helper thread does it, and hands the ready device over through a ring without locks; the device
-//! that it takes the place of goes back to the helper, which closes its files. In virtual time, where nobody waits, the tick
+//! Binding lists folders, opens files and writes modes, which a sensor takes up to half a second
+//! for; none of that belongs on the tick's path. In a run in real time a helper thread does it, and
+//! hands the ready device over through a ring without locks; the device that it takes the place of
+//! goes back to the helper, which closes its files. In virtual time, where nobody waits, the tick
 //! does it itself, so that a simulated run repeats to the bit.
 //!
-//! - It is tried at once, and then after 0.1, 0.2, 0.4 and at last each 0.5 s: after a plug is put in, the files cannot be opened for a
-//!   moment (EACCES), and a serial sensor needs two seconds.
-//! - Modes and the settings of a lease are restored, a motion never: the next one is what the mission asks for then.
+//! - It is tried at once, and then after 0.1, 0.2, 0.4 and at last each 0.5 s: after a plug is put
+//!   in, the files cannot be opened for a moment (EACCES), and a serial sensor needs two seconds.
+//! - Modes and the settings of a lease are restored, a motion never: the next one is what the
+//!   mission asks for then.
 //! - A motor that was never away is left as it is: a `reset` would move its zero.
 //!
 //! # Not here
@@ -25,7 +28,8 @@ use super::bind::{Binder, Bound};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::senses::Channel;
 
-/// A device that answers with errors for so long is looked for, nanoseconds; one that says that it is gone, at once.
+/// A device that answers with errors for so long is looked for, nanoseconds; one that says that it
+/// is gone, at once.
 const PATIENCE_NS: i64 = 100 * MILLISECOND_NS;
 
 /// The first pause between two tries, and the longest, nanoseconds.
@@ -85,7 +89,9 @@ impl Mender {
         let moved = search.clone_idle();
         let thread = {
             let shared = Arc::clone(&shared);
-            Builder::new().name("mender".to_owned()).spawn(move || help(moved, &shared, hand_over, old))?
+            Builder::new()
+                .name("mender".to_owned())
+                .spawn(move || help(moved, &shared, hand_over, old))?
         };
         let thread = thread.thread().clone();
         self.by = By::Helper(Helper { shared, thread, mended, give_back });
@@ -170,7 +176,8 @@ struct Search {
 impl Search {
     /// The same, with nothing begun.
     fn clone_idle(&self) -> Self {
-        let jobs = self.jobs.each_ref().map(|work| Work { known: work.known.clone(), ..Work::default() });
+        let jobs =
+            self.jobs.each_ref().map(|work| Work { known: work.known.clone(), ..Work::default() });
         Self { binder: self.binder.clone(), jobs, last_ns: 0 }
     }
 
@@ -206,7 +213,8 @@ impl Work {
             Ok(Some((bound, settle_ns))) => {
                 let replugged = self.known.as_deref() != Some(bound.name());
                 self.known = Some(bound.name().to_owned());
-                self.ready = Some((Box::new(Mended { channel, bound, replugged }), now_ns + settle_ns));
+                self.ready =
+                    Some((Box::new(Mended { channel, bound, replugged }), now_ns + settle_ns));
             }
             Ok(None) => self.wait(now_ns),
             Err(error) => {

@@ -26,10 +26,11 @@ pub struct RoleSensor {
 }
 
 impl RoleSensor {
-    /// Finds the sensor of a role: of the kind that is preferred among those that are there. Nothing is
-    /// written to it.
+    /// Finds the sensor of a role: of the kind that is preferred among those that are there.
+    /// Nothing is written to it.
     ///
-    /// - `needed`: what it has to give, where there is a choice; other roles' channels are passed over.
+    /// - `needed`: what it has to give, where there is a choice; other roles' channels are passed
+    ///   over.
     ///
     /// # Errors
     ///
@@ -49,15 +50,25 @@ impl RoleSensor {
                 Err(error) => first = first.or(Some(error)),
             }
         }
-        Err(first.unwrap_or_else(|| FindError::Nothing { wanted: role.what().to_owned(), there: Vec::new() }))
+        Err(first.unwrap_or_else(|| FindError::Nothing {
+            wanted: role.what().to_owned(),
+            there: Vec::new(),
+        }))
     }
 
-    fn of(sensor: Sensor, driver: Driver, config: &RobotConfig, role: Role, needed: &[Channel]) -> Self {
+    fn of(
+        sensor: Sensor,
+        driver: Driver,
+        config: &RobotConfig,
+        role: Role,
+        needed: &[Channel],
+    ) -> Self {
         // A mission that asks one sensor for two modes was refused when it was read.
         let mode = role.mode(driver, needed).or_else(|| role.mode(driver, &[])).unwrap_or_default();
         let sources = role.quantities().filter_map(|quantity| {
             let mut source = *quantity.channel.source(driver, mode)?;
-            if let (Channel::Range, Driver::Infrared, Some(range)) = (quantity.channel, driver, &config.range)
+            if let (Channel::Range, Driver::Infrared, Some(range)) =
+                (quantity.channel, driver, &config.range)
             {
                 source.scale = range.infrared_m_per_pct;
             }
@@ -114,8 +125,8 @@ impl RoleSensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) for a number that the sensor cannot mean; what
-    /// reading gives. Nothing is noted then.
+    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) for a number that the sensor cannot
+    /// mean; what reading gives. Nothing is noted then.
     pub fn read(&self, mut note: impl FnMut(Channel, f64)) -> Result<(), DeviceError> {
         if let [(channel, source)] = self.gives.as_slice()
             && source.is_first_value()

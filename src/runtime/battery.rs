@@ -1,8 +1,9 @@
 //! A battery that gets low during a run: warn, slow down, stop.
 //!
-//! A voltage sags for moments while motors start, so a threshold counts when the voltage has been below it for [`HOLD_NS`]. A battery is not
-//! charged while a robot drives, so what was reached stays reached until the run is over: a robot that slows down, whose voltage then
-//! recovers, does not speed up again.
+//! A voltage sags for moments while motors start, so a threshold counts when the voltage has been
+//! below it for [`HOLD_NS`]. A battery is not charged while a robot drives, so what was reached
+//! stays reached until the run is over: a robot that slows down, whose voltage then recovers, does
+//! not speed up again.
 
 use std::fmt;
 
@@ -13,7 +14,8 @@ use crate::behavior::{Demands, Drive, Led};
 use crate::clock::SECOND_NS;
 use crate::robot::BatteryLimits;
 
-/// For how long the voltage must be below a threshold, nanoseconds: it is read once a second, so three readings agree.
+/// For how long the voltage must be below a threshold, nanoseconds: it is read once a second, so
+/// three readings agree.
 pub const HOLD_NS: i64 = 2 * SECOND_NS;
 
 /// What share of the demanded speed a robot drives at when its battery is very low.
@@ -47,7 +49,8 @@ impl fmt::Display for Charge {
 /// Watches the voltage.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct BatteryWatch {
-    /// Since when the voltage has been below each threshold, the highest first; [`ABOVE`] where it is not.
+    /// Since when the voltage has been below each threshold, the highest first; [`ABOVE`] where it
+    /// is not.
     since_ns: [i64; 3],
     /// How many thresholds were reached.
     reached: u8,
@@ -63,11 +66,19 @@ impl Default for BatteryWatch {
 }
 
 impl BatteryWatch {
-    /// One tick, with the last voltage that was read; without one nothing is known, and nothing changes.
-    pub(super) fn step(&mut self, limits: &BatteryLimits, time_ns: i64, volts: Option<f64>) -> Charge {
+    /// One tick, with the last voltage that was read; without one nothing is known, and nothing
+    /// changes.
+    pub(super) fn step(
+        &mut self,
+        limits: &BatteryLimits,
+        time_ns: i64,
+        volts: Option<f64>,
+    ) -> Charge {
         if let Some(volts) = volts {
             let thresholds = [limits.warn_v, limits.slow_v, limits.stop_v];
-            for ((since_ns, threshold_v), count) in self.since_ns.iter_mut().zip(thresholds).zip(1..) {
+            for ((since_ns, threshold_v), count) in
+                self.since_ns.iter_mut().zip(thresholds).zip(1..)
+            {
                 *since_ns = if volts < threshold_v { time_ns.min(*since_ns) } else { ABOVE };
                 if time_ns.saturating_sub(*since_ns) >= HOLD_NS {
                     self.reached = self.reached.max(count);
@@ -88,8 +99,8 @@ impl BatteryWatch {
 }
 
 impl Charge {
-    /// Changes what the machines want to what the battery allows. The head is not slowed down: it takes little, and a mission's view of
-    /// the room depends on it.
+    /// Changes what the machines want to what the battery allows. The head is not slowed down: it
+    /// takes little, and a mission's view of the room depends on it.
     pub(super) fn limit(self, demands: &mut Demands) {
         if self >= Self::Low {
             demands.led = Some(Led::Orange);
@@ -103,12 +114,14 @@ impl Charge {
 
 fn slowed(drive: Drive) -> Drive {
     match drive {
-        Drive::Wheels { left_rad_s, right_rad_s } => {
-            Drive::Wheels { left_rad_s: left_rad_s * SLOW_SHARE, right_rad_s: right_rad_s * SLOW_SHARE }
-        }
-        Drive::Twist { forward_m_s, turn_rad_s } => {
-            Drive::Twist { forward_m_s: forward_m_s * SLOW_SHARE, turn_rad_s: turn_rad_s * SLOW_SHARE }
-        }
+        Drive::Wheels { left_rad_s, right_rad_s } => Drive::Wheels {
+            left_rad_s: left_rad_s * SLOW_SHARE,
+            right_rad_s: right_rad_s * SLOW_SHARE,
+        },
+        Drive::Twist { forward_m_s, turn_rad_s } => Drive::Twist {
+            forward_m_s: forward_m_s * SLOW_SHARE,
+            turn_rad_s: turn_rad_s * SLOW_SHARE,
+        },
         Drive::Stop(action) => Drive::Stop(action),
     }
 }
@@ -124,12 +137,15 @@ mod tests {
         let limits = BatteryLimits::of(Technology::Unknown);
         let mut watch = BatteryWatch::default();
         let seconds = volts.into_iter().zip(0_u32..);
-        seconds.map(|(volts, second)| watch.step(&limits, nanoseconds(f64::from(second)), volts)).collect()
+        seconds
+            .map(|(volts, second)| watch.step(&limits, nanoseconds(f64::from(second)), volts))
+            .collect()
     }
 
     #[test]
     fn a_battery_that_runs_down_is_low_then_very_low_then_empty() {
-        // 8 V to 5 V in a minute: below 6.2 V from 36 s on, below 5.5 V from 50 s, below 5.2 V from 56 s.
+        // 8 V to 5 V in a minute: below 6.2 V from 36 s on, below 5.5 V from 50 s, below 5.2 V from
+        // 56 s.
         let charges = course((0..60).map(|second| Some(7.99 - 0.05 * f64::from(second))));
         let at = |charge| charges.iter().position(|&reached| reached == charge).unwrap();
         assert_eq!([at(Charge::Low), at(Charge::VeryLow), at(Charge::Empty)], [38, 52, 58]);
@@ -148,7 +164,11 @@ mod tests {
     fn a_voltage_that_cannot_be_read_changes_nothing() {
         assert_eq!(course([None; 20]).last(), Some(&Charge::Good));
         let held = course([Some(5.0), None, None, None, Some(5.0)]);
-        assert_eq!(held.last(), Some(&Charge::Empty), "it was below before and is below after: {held:?}");
+        assert_eq!(
+            held.last(),
+            Some(&Charge::Empty),
+            "it was below before and is below after: {held:?}"
+        );
     }
 
     #[test]

@@ -4,19 +4,22 @@
 //! run, or the service ──▶ guard ──▶ control
 //! ```
 //!
-//! Control drives; the guard stops the motors when control is gone or hung ([`Watch`](super::Watch)). A simulated brick lives inside
-//! control, and needs no guard. Each starter and the process that it started talk over two pipes, in lines of JSON:
+//! Control drives; the guard stops the motors when control is gone or hung
+//! ([`Watch`](super::Watch)). A simulated brick lives inside control, and needs no guard. Each
+//! starter and the process that it started talk over two pipes, in lines of JSON:
 //!
-//! - its standard input: the [`Job`], then [`Order`]s as they come; control's also has an empty line each 20 ms or so, the guard's
-//!   heartbeat ([`Pulse`](super::Pulse)). When this pipe closes, the starter is gone, and what happens then is [`Job::when_abandoned`].
-//! - its standard output: an empty line for each tick (the heartbeat) and [`Event`]s, of which the last is [`Event::Ended`] or
-//!   [`Event::Refused`].
+//! - its standard input: the [`Job`], then [`Order`]s as they come; control's also has an empty
+//!   line each 20 ms or so, the guard's heartbeat ([`Pulse`](super::Pulse)). When this pipe closes,
+//!   the starter is gone, and what happens then is [`Job::when_abandoned`].
+//! - its standard output: an empty line for each tick (the heartbeat) and [`Event`]s, of which the
+//!   last is [`Event::Ended`] or [`Event::Refused`].
 //!
-//! The process is this same program under a hidden command, executed rather than forked: threads and locks of the starter do not exist
-//! in it.
+//! The process is this same program under a hidden command, executed rather than forked: threads
+//! and locks of the starter do not exist in it.
 //!
-//! A run that does not stop within [`PATIENCE_NS`] when it is asked to is ended by force: its first process is killed. Whenever that is gone
-//! without a last word, [`RunProcess::wait`] sees to it that control is gone, too, or has stopped its motors ([`evict()`]).
+//! A run that does not stop within [`PATIENCE_NS`] when it is asked to is ended by force: its first
+//! process is killed. Whenever that is gone without a last word, [`RunProcess::wait`] sees to it
+//! that control is gone, too, or has stopped its motors ([`evict()`]).
 //!
 //! # Not here
 //!
@@ -68,9 +71,11 @@ pub enum StopBy {
     Here,
     /// The menu is gone: [`StopReason::MenuClosed`](super::StopReason::MenuClosed).
     MenuClosed,
-    /// Whoever started it was told to stop by a signal: [`StopReason::Signal`](super::StopReason::Signal).
+    /// Whoever started it was told to stop by a signal:
+    /// [`StopReason::Signal`](super::StopReason::Signal).
     Terminal,
-    /// The starter is gone, says the guard: [`StopReason::Abandoned`](super::StopReason::Abandoned).
+    /// The starter is gone, says the guard:
+    /// [`StopReason::Abandoned`](super::StopReason::Abandoned).
     Abandoned,
 }
 
@@ -188,7 +193,8 @@ impl RunProcess {
                 return None;
             }
             if let Ok(event) = serde_json::from_str::<Event>(&line) {
-                if matches!(event, Event::Stopped { .. } | Event::Ended(_) | Event::Refused { .. }) {
+                if matches!(event, Event::Stopped { .. } | Event::Ended(_) | Event::Refused { .. })
+                {
                     self.stopper.obeyed();
                 }
                 if matches!(event, Event::Ended(_) | Event::Refused { .. }) {
@@ -205,8 +211,9 @@ impl RunProcess {
         self.stopper.clone()
     }
 
-    /// Waits until the run's processes are gone; how the run went. Where the first of them is gone without a word, makes sure that
-    /// the other has stopped its motors, or is gone and its motors are still.
+    /// Waits until the run's processes are gone; how the run went. Where the first of them is gone
+    /// without a word, makes sure that the other has stopped its motors, or is gone and its motors
+    /// are still.
     ///
     /// # Errors
     ///
@@ -218,7 +225,11 @@ impl RunProcess {
             Some(Event::Ended(ended)) => Ok(ended),
             Some(Event::Refused { stop, hint }) => Err(RunError::Refused { stop, hint }),
             _ => Err(RunError::Silent {
-                process: if self.root.is_some() { "the run's guard" } else { "the process that drives" },
+                process: if self.root.is_some() {
+                    "the run's guard"
+                } else {
+                    "the process that drives"
+                },
                 status,
                 forced: self.stopper.has_forced(),
                 stopped: self.root.as_ref().is_none_or(|root| see_to_motors(root, self.child.id())),
@@ -233,18 +244,23 @@ impl Drop for RunProcess {
     }
 }
 
-/// The guard is gone: true once control has stopped the motors, or is gone and the motors are still.
+/// The guard is gone: true once control has stopped the motors, or is gone and the motors are
+/// still.
 fn see_to_motors(root: &Path, guard: u32) -> bool {
     let of_run = |owner: &Owner| {
-        [Some(owner.pid), owner.guard].into_iter().flatten().any(|pid| u32::try_from(pid) == Ok(guard))
+        [Some(owner.pid), owner.guard]
+            .into_iter()
+            .flatten()
+            .any(|pid| u32::try_from(pid) == Ok(guard))
     };
-    let seen_to = evict(root, &MonotonicClock, 0, of_run).map_err(OrphansError::from).and_then(|gone| {
-        match stop_orphans(root, &MonotonicClock) {
-            // It is finishing its recording, or another run has begun.
-            Err(OrphansError::Lock(LockError::Taken(_))) => Ok(gone),
-            stopped => stopped.map(|_| gone),
-        }
-    });
+    let seen_to =
+        evict(root, &MonotonicClock, 0, of_run).map_err(OrphansError::from).and_then(|gone| {
+            match stop_orphans(root, &MonotonicClock) {
+                // It is finishing its recording, or another run has begun.
+                Err(OrphansError::Lock(LockError::Taken(_))) => Ok(gone),
+                stopped => stopped.map(|_| gone),
+            }
+        });
     seen_to.unwrap_or_else(|error| {
         log::error!("{}", with_causes(&error));
         false
@@ -277,14 +293,16 @@ impl Stopper {
         if let Err(errno) = never_wait(orders.as_fd()) {
             log::warn!("orders to the run may have to wait: {errno}");
         }
-        let stopping = Stopping { orders: Some(orders), asked: false, obeyed: false, forced: false };
+        let stopping =
+            Stopping { orders: Some(orders), asked: false, obeyed: false, forced: false };
         // The kernel's numbers of processes fit.
         let process = Pid::from_raw(i32::try_from(child.id()).unwrap_or(0));
         Self { inner: Arc::new(Mutex::new(stopping)), process }
     }
 
-    /// Asks the run to stop; it then ends by itself and says how. One that has not told its motors to stop after [`PATIENCE_NS`] is
-    /// killed. A run that is over needs no asking, and that is no error.
+    /// Asks the run to stop; it then ends by itself and says how. One that has not told its motors
+    /// to stop after [`PATIENCE_NS`] is killed. A run that is over needs no asking, and that is no
+    /// error.
     ///
     /// # Errors
     ///
@@ -297,7 +315,9 @@ impl Stopper {
         let asked = pipe.write_all(&line);
         if !std::mem::replace(&mut stopping.asked, true) {
             let stopper = self.clone();
-            std::thread::Builder::new().name("patience".to_owned()).spawn(move || stopper.force_later())?;
+            std::thread::Builder::new()
+                .name("patience".to_owned())
+                .spawn(move || stopper.force_later())?;
         }
         asked
     }
@@ -351,7 +371,8 @@ pub fn read_job(orders: &mut impl BufRead) -> io::Result<Job> {
     Ok(serde_json::from_str(&line)?)
 }
 
-/// The arguments with which a process of a run says as much as this one does: to be added to its command.
+/// The arguments with which a process of a run says as much as this one does: to be added to its
+/// command.
 #[must_use]
 pub fn verbosity() -> Option<&'static str> {
     match log::max_level() {
@@ -362,7 +383,8 @@ pub fn verbosity() -> Option<&'static str> {
     }
 }
 
-/// Does what the starter orders and counts the guard's beats, in a thread of its own that ends with the process.
+/// Does what the starter orders and counts the guard's beats, in a thread of its own that ends with
+/// the process.
 ///
 /// - `orders`: the pipe from the starter, behind the job.
 /// - `gone`: raised when that pipe closes.
@@ -389,7 +411,8 @@ pub fn obey(
     Ok(())
 }
 
-/// Waits for the starter's next order; `None` when the starter is gone. Beats are counted; what else is no order is passed over.
+/// Waits for the starter's next order; `None` when the starter is gone. Beats are counted; what
+/// else is no order is passed over.
 fn next_order(orders: &mut impl BufRead, beats: &AtomicU32) -> Option<Order> {
     let mut line = Vec::new();
     loop {

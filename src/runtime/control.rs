@@ -1,11 +1,12 @@
 //! The tick: sense, estimate, map, decide, act, record, on one thread, from one monotonic time.
 //!
-//! A tick allocates nothing, waits for no disk, socket or lock, reads each attribute with one system call and the clock once, and
-//! writes only what changed and the leases that are due.
+//! A tick allocates nothing, waits for no disk, socket or lock, reads each attribute with one
+//! system call and the clock once, and writes only what changed and the leases that are due.
 //!
-//! Deadlines are a whole number of periods after the start, so they do not drift. A tick that comes late is counted; where whole
-//! periods were missed they are left out, never caught up with. One that comes later than [`STALL_NS`] ends the run: a loop that
-//! was away for that long has not been looking where it drives.
+//! Deadlines are a whole number of periods after the start, so they do not drift. A tick that comes
+//! late is counted; where whole periods were missed they are left out, never caught up with. One
+//! that comes later than [`STALL_NS`] ends the run: a loop that was away for that long has not been
+//! looking where it drives.
 
 use std::fmt;
 use std::io;
@@ -70,19 +71,22 @@ impl StopFlags {
         Ok(flags)
     }
 
-    /// From now on a panic in any thread of this process stops the run: a process that has lost a thread no longer does all that it should,
-    /// and nobody else would notice that it hears no orders any more, or looks for no plug.
+    /// From now on a panic in any thread of this process stops the run: a process that has lost a
+    /// thread no longer does all that it should, and nobody else would notice that it hears no
+    /// orders any more, or looks for no plug.
     pub fn on_panic(&self) {
         let panicked = Arc::clone(&self.panicked);
         std::panic::set_hook(Box::new(move |panic| {
-            // Before anything is said, which may have to wait. A backtrace is not made: that takes longer than motors may go on.
+            // Before anything is said, which may have to wait. A backtrace is not made: that takes
+            // longer than motors may go on.
             panicked.store(true, Ordering::Relaxed);
             let thread = std::thread::current();
             log::error!("the thread {} {panic}", thread.name().unwrap_or("without a name"));
         }));
     }
 
-    /// What is raised when the pipe of orders closes: it is the guard's, or the starter's, whose end may be none of the run's.
+    /// What is raised when the pipe of orders closes: it is the guard's, or the starter's, whose
+    /// end may be none of the run's.
     #[must_use]
     pub fn when_pipe_closes(&self, job: &Job) -> Arc<AtomicBool> {
         match (job.lock, job.when_abandoned) {
@@ -172,11 +176,15 @@ pub struct Control<'r> {
 type TakenInTick = ArrayVec<Taken, { 2 * MAX_MACHINES }>;
 
 impl Control<'_> {
-    /// Ticks until there is a reason to stop, then stops every motor. The run's clock starts at 0 with the first tick.
+    /// Ticks until there is a reason to stop, then stops every motor. The run's clock starts at 0
+    /// with the first tick.
     pub fn drive(&mut self) -> StopReason {
         let reason = self.ticks();
         self.robot.stop(StopAction::Brake);
-        self.log(if reason.is_wanted() { Level::Info } else { Level::Error }, format_args!("{reason}"));
+        self.log(
+            if reason.is_wanted() { Level::Info } else { Level::Error },
+            format_args!("{reason}"),
+        );
         reason
     }
 
@@ -281,7 +289,9 @@ impl Control<'_> {
 
     fn log_pause(&mut self, paused: Option<Channel>) {
         match paused {
-            Some(channel) => self.log(Level::Warn, format_args!("lost: {channel}; waiting until it is back")),
+            Some(channel) => {
+                self.log(Level::Warn, format_args!("lost: {channel}; waiting until it is back"))
+            }
             None => self.log(Level::Info, format_args!("everything is back; going on")),
         }
     }

@@ -1,13 +1,15 @@
-//! Ending a run whose processes do not stop when they are asked to, and stopping the motors that a dead run left.
+//! Ending a run whose processes do not stop when they are asked to, and stopping the motors that a
+//! dead run left.
 //!
-//! The guard is killed first: a control that is in order then stops its motors within a tick and finishes its recording.
-//! Control is killed only where it has not stopped its motors by then. Both are found by the lock, and killed only while
-//! they have its file open: the kernel may have given their numbers to other processes.
+//! The guard is killed first: a control that is in order then stops its motors within a tick and
+//! finishes its recording. Control is killed only where it has not stopped its motors by then. Both
+//! are found by the lock, and killed only while they have its file open: the kernel may have given
+//! their numbers to other processes.
 //!
 //! # Not here
 //!
-//! No asking: a run is asked to stop over its pipe ([`Stopper`](super::Stopper)) or by a signal, and has
-//! [`PATIENCE_NS`] to do so.
+//! No asking: a run is asked to stop over its pipe ([`Stopper`](super::Stopper)) or by a signal,
+//! and has [`PATIENCE_NS`] to do so.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,14 +22,15 @@ use crate::clock::{Clock, MILLISECOND_NS};
 use crate::ev3dev::{LocalTree, PortAddress, Tree};
 use crate::robot::{HaltError, still};
 
-/// How long a run that was asked to stop has to stop its motors before it is ended by force, nanoseconds: it needs a
-/// tick; its motors' leases end after 300 ms.
+/// How long a run that was asked to stop has to stop its motors before it is ended by force,
+/// nanoseconds: it needs a tick; its motors' leases end after 300 ms.
 pub const PATIENCE_NS: i64 = 700 * MILLISECOND_NS;
 
 /// How long a control whose guard was killed has to stop its motors, nanoseconds.
 const YIELDING_NS: i64 = 200 * MILLISECOND_NS;
 
-/// How long a killed process is waited for, nanoseconds: one that sits in a system call is gone when that ends.
+/// How long a killed process is waited for, nanoseconds: one that sits in a system call is gone
+/// when that ends.
 const DYING_NS: i64 = 200 * MILLISECOND_NS;
 
 /// How often the lock is looked at meanwhile, nanoseconds.
@@ -47,12 +50,12 @@ pub enum OrphansError {
     Note(#[from] std::io::Error),
 }
 
-/// Gives the run that has the hardware below `root` time to stop its motors, and ends it by force where it does not; only a
-/// run that `which` means. One that has stopped its motors and is finishing its recording is left to do so. Takes 0.4 s more
-/// than `patience_ns` at the most.
+/// Gives the run that has the hardware below `root` time to stop its motors, and ends it by force
+/// where it does not; only a run that `which` means. One that has stopped its motors and is
+/// finishing its recording is left to do so. Takes 0.4 s more than `patience_ns` at the most.
 ///
-/// Returns true where no process of that run can turn a motor any more; false where one cannot be killed: it is another
-/// user's, or the kernel holds it in a system call.
+/// Returns true where no process of that run can turn a motor any more; false where one cannot be
+/// killed: it is another user's, or the kernel holds it in a system call.
 ///
 /// # Errors
 ///
@@ -92,8 +95,8 @@ pub fn signal(root: &Path, process: i32, signal: Signal) -> nix::Result<()> {
     kill(Pid::from_raw(process), signal)
 }
 
-/// Stops the motors of a run all of whose processes were killed before they had stopped them, and no others; the run, or
-/// `None` where no run has left any.
+/// Stops the motors of a run all of whose processes were killed before they had stopped them, and
+/// no others; the run, or `None` where no run has left any.
 ///
 /// # Errors
 ///
@@ -102,13 +105,15 @@ pub fn stop_orphans(root: &Path, clock: &dyn Clock) -> Result<Option<Owner>, Orp
     let Some((mut lock, owner)) = HardwareLock::take_orphans(root)? else { return Ok(None) };
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
     // An address that is none fits no motor.
-    let ports: Vec<PortAddress> = owner.motors.iter().filter_map(|motor| motor.parse().ok()).collect();
+    let ports: Vec<PortAddress> =
+        owner.motors.iter().filter_map(|motor| motor.parse().ok()).collect();
     still(&tree, &ports, clock)?;
     lock.nothing_turns()?;
     Ok(Some(owner))
 }
 
-/// True where the process that drove has stopped its motors and lives: it is finishing its recording.
+/// True where the process that drove has stopped its motors and lives: it is finishing its
+/// recording.
 fn is_finishing(root: &Path, owner: &Owner) -> bool {
     owner.stopped && HardwareLock::is_held_by(root, owner.pid)
 }

@@ -16,8 +16,8 @@ use super::control::{Control, Tally};
 use super::environment::{Environment, Floor};
 use super::pilot::PilotError;
 use super::{
-    Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot, PilotState,
-    Pulse, Stop, StopFlags, StopReason, open_files, prepare,
+    Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot,
+    PilotState, Pulse, Stop, StopFlags, StopReason, open_files, prepare,
 };
 use crate::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
 
@@ -79,7 +79,9 @@ impl Refused {
     #[must_use]
     pub fn stop(&self) -> Stop {
         match self {
-            Self::NotReady(NotReady::Stopped(reason)) => reason.with("before it started".to_owned()),
+            Self::NotReady(NotReady::Stopped(reason)) => {
+                reason.with("before it started".to_owned())
+            }
             refused => StopReason::Refused.with(with_causes(refused)),
         }
     }
@@ -92,11 +94,13 @@ impl Refused {
             Self::Lock(LockError::Io { .. }) => Some(
                 "look at the permissions of the lock file and its folder; nobody else needs the file, so it can be deleted",
             ),
-            Self::Bind(_) => {
-                Some("onbrick devices shows what is plugged in; plug it in there, or change the robot's file")
-            }
+            Self::Bind(_) => Some(
+                "onbrick devices shows what is plugged in; plug it in there, or change the robot's file",
+            ),
             Self::Buttons(_) => Some("a user of the group input, or root"),
-            Self::Record { .. } => Some("--out with a folder that can be written to, on a disk with room"),
+            Self::Record { .. } => {
+                Some("--out with a folder that can be written to, on a disk with room")
+            }
             Self::NoSimulation => Some("a program that was built with the feature `sim`"),
             _ => None,
         }
@@ -126,8 +130,11 @@ pub fn execute(
     let _lock = hold(job, mission.name())?;
     // Of this run alone; the other flags are shared.
     let flags = &StopFlags { fallen: Arc::default(), ..flags.clone() };
-    let heartbeat =
-        &mut Floor { truth: environment.truth.clone(), fallen: Arc::clone(&flags.fallen), next: heartbeat };
+    let heartbeat = &mut Floor {
+        truth: environment.truth.clone(),
+        fallen: Arc::clone(&flags.fallen),
+        next: heartbeat,
+    };
     let mut robot = Robot::bind(&environment.tree, &config, mission.senses())?;
     // As it was bound: with the cells that the brick runs on.
     let config = robot.config().clone();
@@ -141,7 +148,8 @@ pub fn execute(
     })?;
     log::debug!("the robot stands still, and has announced itself");
     let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
-    let (recorder, mut tick_side) = record(job, &config, &mission, &environment, Arc::clone(&report))?;
+    let (recorder, mut tick_side) =
+        record(job, &config, &mission, &environment, Arc::clone(&report))?;
     let motors = robot.motor_ports();
     write_owner(job, &Owner { motors: motors.clone(), ..owner(job, mission.name()) });
     report(&Event::Driving { file: job.file.clone(), motors });
@@ -164,8 +172,12 @@ pub fn execute(
     let reason = driven.unwrap_or(StopReason::Panicked);
     let detail = match reason {
         StopReason::Lost(_) => robot.trouble().map(|trouble| trouble.to_string()),
-        StopReason::Outside(channel) => robot.motor(channel).map(|motor| hand_on(motor, &environment.tree)),
-        StopReason::Late if matches!(job.brick, Brick::Simulated { .. }) => Some(TOO_BUSY.to_owned()),
+        StopReason::Outside(channel) => {
+            robot.motor(channel).map(|motor| hand_on(motor, &environment.tree))
+        }
+        StopReason::Late if matches!(job.brick, Brick::Simulated { .. }) => {
+            Some(TOO_BUSY.to_owned())
+        }
         _ => None,
     };
     let stop = reason.with(detail);
@@ -198,11 +210,14 @@ fn period_ns(mission: &Mission) -> i64 {
     SECOND_NS / i64::from(mission.rate_hz().max(1))
 }
 
-/// On a brick, Enter and Back must stop a run. A brick below another root is a bench, with somebody at the keyboard.
+/// On a brick, Enter and Back must stop a run. A brick below another root is a bench, with somebody
+/// at the keyboard.
 fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
     match (&job.brick, robot.stop_button()) {
         (_, Ok(())) => Ok(()),
-        (Brick::Local(tree), Err(error)) if tree.is_machine() => Err(Refused::Buttons(error.clone())),
+        (Brick::Local(tree), Err(error)) if tree.is_machine() => {
+            Err(Refused::Buttons(error.clone()))
+        }
         (Brick::Local(tree), Err(error)) => {
             log::warn!("no stop button below {}: {error}", tree.root().display());
             Ok(())
@@ -211,7 +226,8 @@ fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
     }
 }
 
-/// What is known of another program's hand on a motor: what showed it, whether the motor turns, and who has its files open.
+/// What is known of another program's hand on a motor: what showed it, whether the motor turns, and
+/// who has its files open.
 fn hand_on(motor: &LeasedMotor, tree: &Arc<dyn Tree>) -> String {
     let identity = motor.motor().identity();
     let shown = motor.taken_at().map(Aspect::file).unwrap_or_default();
@@ -240,7 +256,8 @@ fn owner(job: &Job, mission: &str) -> Owner {
     Owner { guard, ..Owner::here(&doing(mission)) }
 }
 
-/// Writes into the hardware's lock what others need to know of this run, should its processes be killed or hang.
+/// Writes into the hardware's lock what others need to know of this run, should its processes be
+/// killed or hang.
 fn write_owner(job: &Job, owner: &Owner) {
     if let Brick::Local(tree) = &job.brick
         && let Err(error) = HardwareLock::name_owner(tree.root(), owner)
@@ -252,7 +269,9 @@ fn write_owner(job: &Job, owner: &Owner) {
 /// Takes the hardware, where it is not a simulation's or held by the guard already.
 fn hold(job: &Job, mission: &str) -> Result<Option<HardwareLock>, Refused> {
     match (&job.brick, job.lock) {
-        (Brick::Local(tree), Lock::Take) => Ok(Some(HardwareLock::take(tree.root(), &doing(mission))?)),
+        (Brick::Local(tree), Lock::Take) => {
+            Ok(Some(HardwareLock::take(tree.root(), &doing(mission))?))
+        }
         (Brick::Local(tree), Lock::Inherited) => {
             HardwareLock::name_owner(tree.root(), &owner(job, mission))?;
             Ok(None)
@@ -292,6 +311,7 @@ fn record(
         machines: recording::machines(mission),
     };
     let options = Options { sync_period_ns: job.sync_ns, ..Options::default() };
-    let on_status = Box::new(move |status: &recording::Status| report(&Event::Status(status.clone())));
+    let on_status =
+        Box::new(move |status: &recording::Status| report(&Event::Status(status.clone())));
     Recorder::start(sink, start, options, on_status).map_err(failed)
 }

@@ -1,8 +1,8 @@
 //! The numbers of the machine's groups.
 //!
 //! A static file reads `/etc/group` itself: glibc's function would load the modules that
-//! `/etc/nsswitch.conf` names, which a static file can only do with the glibc that it was built with,
-//! and a brick's is another one.
+//! `/etc/nsswitch.conf` names, which a static file can only do with the glibc that it was built
+//! with, and a brick's is another one.
 
 use std::io;
 
@@ -38,12 +38,18 @@ mod tests {
     #[test]
     fn a_group_is_found_by_its_whole_name() {
         let number = |name| {
-            listed(b"root:x:0:\n\n# ev3dev:x:1:\nev3:x:2:\nev3dev:x:999:robot,\xff\n+:::\nlast:x:7", name)
+            listed(
+                b"root:x:0:\n\n# ev3dev:x:1:\nev3:x:2:\nev3dev:x:999:robot,\xff\n+:::\nlast:x:7",
+                name,
+            )
         };
         assert_eq!(number("root"), Some(Gid::from_raw(0)));
         assert_eq!(number("ev3dev"), Some(Gid::from_raw(999)));
         assert_eq!(number("last"), Some(Gid::from_raw(7)));
-        assert_eq!((number("x"), number("+"), number("video"), number("")), (None, None, None, None));
+        assert_eq!(
+            (number("x"), number("+"), number("video"), number("")),
+            (None, None, None, None)
+        );
     }
 
     #[test]

@@ -1,15 +1,18 @@
-//! What guard and control know of each other: when the other counts as hung, and what is to be said in its place.
+//! What guard and control know of each other: when the other counts as hung, and what is to be said
+//! in its place.
 //!
-//! The leases stop the motors by themselves 0.3 s after the last renewal; the guard does not trust that. It listens to control's
-//! heartbeat, and when a beat is missed while the robot drives, or control's pipe closes, it kills control, so that nobody can renew a
-//! lease behind its back, and stops the run's motors itself ([`still`](crate::robot::still)).
+//! The leases stop the motors by themselves 0.3 s after the last renewal; the guard does not trust
+//! that. It listens to control's heartbeat, and when a beat is missed while the robot drives, or
+//! control's pipe closes, it kills control, so that nobody can renew a lease behind its back, and
+//! stops the run's motors itself ([`still`](crate::robot::still)).
 //!
 //! ```text
 //! preparing ──driving──▶ driving ──stopped──▶ finishing ──last word──▶ over
 //!  no beats               200 ms               a minute                 ten seconds to be gone
 //! ```
 //!
-//! Control counts the guard's beats ([`Pulse`]) and ends the run when none comes: a robot without a guard does not drive.
+//! Control counts the guard's beats ([`Pulse`]) and ends the run when none comes: a robot without a
+//! guard does not drive.
 //!
 //! # Not here
 //!
@@ -28,7 +31,8 @@ use crate::recording::Status;
 /// How long after its last heartbeat guard or control counts as hung, nanoseconds.
 pub const MISSED_NS: i64 = 200 * MILLISECOND_NS;
 
-/// How long the recording may take to finish after the motors were stopped, nanoseconds: a slow card syncs in seconds.
+/// How long the recording may take to finish after the motors were stopped, nanoseconds: a slow
+/// card syncs in seconds.
 const FINISHING_NS: i64 = 60 * SECOND_NS;
 
 /// How long a process that has said its last word may take to be gone, nanoseconds.
@@ -89,8 +93,9 @@ impl Watch {
         }
     }
 
-    /// The guard itself was woken late, by `away_ns`: for so long it could not hear control, nor could control speak, as on a
-    /// PC that is busy. Never called on a brick, where nothing may excuse a silence.
+    /// The guard itself was woken late, by `away_ns`: for so long it could not hear control, nor
+    /// could control speak, as on a PC that is busy. Never called on a brick, where nothing may
+    /// excuse a silence.
     pub fn excuse(&mut self, away_ns: i64, now_ns: i64) {
         if away_ns < AWAY_NS || self.phase != Phase::Driving {
             return;
@@ -110,7 +115,8 @@ impl Watch {
         ))
     }
 
-    /// Takes in a line of control's, without its end; the event that was in it, which is to be passed on. An empty line is a heartbeat.
+    /// Takes in a line of control's, without its end; the event that was in it, which is to be
+    /// passed on. An empty line is a heartbeat.
     pub fn hear(&mut self, line: &[u8], now_ns: i64) -> Option<Event> {
         if self.phase == Phase::Driving {
             self.heard_ns = now_ns;
@@ -175,7 +181,8 @@ impl Watch {
     #[must_use]
     pub fn last_word(&self, how: &str, stopped: bool, now_ns: i64) -> Event {
         if self.phase == Phase::Preparing {
-            let hint = Some("onbrick doctor, which checks everything and drives nothing".to_owned());
+            let hint =
+                Some("onbrick doctor, which checks everything and drives nothing".to_owned());
             let message = format!("the process that drives {how} before it drove");
             return Event::Refused { stop: StopReason::Refused.with(message), hint };
         }
@@ -217,7 +224,8 @@ impl Pulse {
 
     /// Looks once in a tick; true where the guard has been silent for [`MISSED_NS`].
     ///
-    /// A tick counts for two periods at most: where control itself was away, it cannot have heard anybody.
+    /// A tick counts for two periods at most: where control itself was away, it cannot have heard
+    /// anybody.
     pub fn is_silent(&mut self, now_ns: i64, period_ns: i64) -> bool {
         let beats = self.beats.load(Ordering::Relaxed);
         let passed_ns = now_ns - self.looked_ns.replace(now_ns).unwrap_or(now_ns);
@@ -326,7 +334,10 @@ mod tests {
             panic!("it drove")
         };
         assert!(
-            ended.stop.to_string().contains("too busy: the guard did not get a processor for 3.00 s"),
+            ended
+                .stop
+                .to_string()
+                .contains("too busy: the guard did not get a processor for 3.00 s"),
             "{}",
             ended.stop
         );
@@ -356,7 +367,9 @@ mod tests {
         };
         assert_eq!(stop.to_string(), "the process that drives ended (signal: 9) before it drove");
         watch.hear(&line(&driving()), 10);
-        let Event::Ended(ended) = watch.last_word("ended (signal: 9)", false, 20) else { panic!("it drove") };
+        let Event::Ended(ended) = watch.last_word("ended (signal: 9)", false, 20) else {
+            panic!("it drove")
+        };
         assert_eq!((ended.stop.reason, ended.stopped), (StopReason::Guard, false));
         assert!(ended.stop.to_string().contains("signal: 9"), "{}", ended.stop);
     }
@@ -377,7 +390,11 @@ mod tests {
         assert_eq!(silent_after(true, PERIOD_NS, 100), None);
         assert_eq!(silent_after(false, PERIOD_NS, 100), Some(11), "11 x 20 ms");
         assert_eq!(silent_after(true, PERIOD_NS, 1), None, "it is back");
-        assert_eq!(silent_after(false, SECOND_NS, 100), Some(6), "a look counts for 40 ms at the most");
+        assert_eq!(
+            silent_after(false, SECOND_NS, 100),
+            Some(6),
+            "a look counts for 40 ms at the most"
+        );
     }
 
     #[test]
@@ -391,6 +408,9 @@ mod tests {
         assert_eq!(cut, [&b""[..], b"{\"a\":1}", b"", b"", b"b"]);
         (0..3).for_each(|_| lines.push(&vec![b'x'; LONGEST_LINE]));
         lines.push(b"\n");
-        assert!(lines.next_line().unwrap().len() <= 2 * LONGEST_LINE, "what has no end is forgotten");
+        assert!(
+            lines.next_line().unwrap().len() <= 2 * LONGEST_LINE,
+            "what has no end is forgotten"
+        );
     }
 }

@@ -1,11 +1,13 @@
 //! One run owns the hardware at a time: a lock that names its owner.
 //!
-//! The lock is the kernel's advisory lock on a file beside other programs' locks. It ends with the process that holds it, however that
-//! process ends, so a lock left by the dead needs no clearing up. The file's text names the owner, for the message to whoever
-//! comes second. Between runs nothing is held: other people's programs have the motors.
+//! The lock is the kernel's advisory lock on a file beside other programs' locks. It ends with the
+//! process that holds it, however that process ends, so a lock left by the dead needs no clearing
+//! up. The file's text names the owner, for the message to whoever comes second. Between runs
+//! nothing is held: other people's programs have the motors.
 //!
-//! The text also names the motors that a run has taken over, until it has stopped them. Where it still does when nobody holds the lock, all of
-//! the run's processes were killed at once, and these motors, no others, are orphans ([`HardwareLock::take_orphans`]).
+//! The text also names the motors that a run has taken over, until it has stopped them. Where it
+//! still does when nobody holds the lock, all of the run's processes were killed at once, and these
+//! motors, no others, are orphans ([`HardwareLock::take_orphans`]).
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Read, Seek};
@@ -89,16 +91,19 @@ impl HardwareLock {
         Ok(Self { file: held })
     }
 
-    /// Takes the hardware below `root` where a run was killed before it had stopped its motors, which are then for the caller to stop; `None` where
-    /// no run has left any. Whoever has stopped them says so ([`HardwareLock::nothing_turns`]).
+    /// Takes the hardware below `root` where a run was killed before it had stopped its motors,
+    /// which are then for the caller to stop; `None` where no run has left any. Whoever has stopped
+    /// them says so ([`HardwareLock::nothing_turns`]).
     ///
     /// # Errors
     ///
-    /// [`LockError::Taken`] by a run that lives and sees to its motors itself, or [`LockError::Io`].
+    /// [`LockError::Taken`] by a run that lives and sees to its motors itself, or
+    /// [`LockError::Io`].
     pub fn take_orphans(root: &Path) -> Result<Option<(Self, Owner)>, LockError> {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
-        let Some(file) = open_existing(&path, OpenOptions::new().write(true)).map_err(failed)? else {
+        let Some(file) = open_existing(&path, OpenOptions::new().write(true)).map_err(failed)?
+        else {
             return Ok(None);
         };
         match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
@@ -106,7 +111,9 @@ impl HardwareLock {
                 let owner = read_owner(&mut held);
                 Ok(Some((Self { file: held }, owner)).filter(|(_, owner)| !owner.motors.is_empty()))
             }
-            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => Err(LockError::Taken(read_owner(&mut file))),
+            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => {
+                Err(LockError::Taken(read_owner(&mut file)))
+            }
             Err((_, errno)) => Err(failed(errno.into())),
         }
     }
@@ -121,7 +128,8 @@ impl HardwareLock {
         write_owner(&self.file, &Owner { stopped: true, motors: Vec::new(), ..owner })
     }
 
-    /// Lets the processes that are started from now on share the lock: it is free when the last of them is gone.
+    /// Lets the processes that are started from now on share the lock: it is free when the last of
+    /// them is gone.
     ///
     /// # Errors
     ///
@@ -142,8 +150,9 @@ impl HardwareLock {
         write_owner(&open(&path).map_err(failed)?, owner).map_err(failed)
     }
 
-    /// True where this process has the lock file below `root` open: a number that the file names may belong to a
-    /// stranger by now, or be a slip of another program, and a stranger is not killed.
+    /// True where this process has the lock file below `root` open: a number that the file names
+    /// may belong to a stranger by now, or be a slip of another program, and a stranger is not
+    /// killed.
     #[must_use]
     pub fn is_held_by(root: &Path, pid: i32) -> bool {
         open_files::has_open(pid, &lock_path(root))
@@ -168,7 +177,8 @@ impl HardwareLock {
     }
 }
 
-/// Anybody who may drive may lock, so the file is writable for all; the sticky folder keeps others from replacing it.
+/// Anybody who may drive may lock, so the file is writable for all; the sticky folder keeps others
+/// from replacing it.
 fn open(path: &Path) -> io::Result<File> {
     const EVERYBODY: u32 = 0o666;
     let file = OpenOptions::new()
@@ -179,7 +189,8 @@ fn open(path: &Path) -> io::Result<File> {
         .mode(EVERYBODY)
         .custom_flags(nix::libc::O_NOFOLLOW | nix::libc::O_CLOEXEC)
         .open(path)?;
-    // The umask took write permission from the others; only the file's maker can give it, and only needs to once.
+    // The umask took write permission from the others; only the file's maker can give it, and only
+    // needs to once.
     if file.metadata()?.uid() == nix::unistd::geteuid().as_raw() {
         file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(EVERYBODY))?;
     }
@@ -195,7 +206,8 @@ fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>>
     }
 }
 
-/// One write of a line that ends, so that nobody reads half a name; what an earlier owner left behind it is then cut off.
+/// One write of a line that ends, so that nobody reads half a name; what an earlier owner left
+/// behind it is then cut off.
 fn write_owner(file: &File, owner: &Owner) -> io::Result<()> {
     let mut text = serde_json::to_vec(owner)?;
     text.push(b'\n');
@@ -214,20 +226,23 @@ fn read_owner(file: &mut File) -> Owner {
         .unwrap_or_else(|| Owner { pid: 0, ..Owner::here("another run") })
 }
 
-/// One file a brick: the machine's own hardware, or the brick below a mount point. The hardware is in `sys`, and that is
-/// what its device and inode say, whatever path leads to it: a link, a bind mount, a namespace whose own `/sys` it is.
+/// One file a brick: the machine's own hardware, or the brick below a mount point. The hardware is
+/// in `sys`, and that is what its device and inode say, whatever path leads to it: a link, a bind
+/// mount, a namespace whose own `/sys` it is.
 fn lock_path(root: &Path) -> PathBuf {
     let folder = Path::new("/run/lock");
     let folder = if folder.is_dir() { folder.to_owned() } else { std::env::temp_dir() };
     let sys = root.join("sys");
-    let identity = |path: &Path| std::fs::metadata(path).ok().map(|folder| (folder.dev(), folder.ino()));
+    let identity =
+        |path: &Path| std::fs::metadata(path).ok().map(|folder| (folder.dev(), folder.ino()));
     let is_simulated = statfs(&sys).is_ok_and(|sys| sys.filesystem_type() == FUSE_SUPER_MAGIC);
     let is_machine =
         !is_simulated && identity(root).is_some_and(|root| Some(root) == identity(Path::new("/")));
     folder.join(match identity(&sys).or_else(|| identity(root)) {
         _ if is_machine => "onbrick.lock".to_owned(),
         Some((device, inode)) => format!("onbrick-{device:x}-{inode:x}.lock"),
-        // A missing folder has no hardware to take, and no owner: least of all that of the machine's.
+        // A missing folder has no hardware to take, and no owner: least of all that of the
+        // machine's.
         None => "onbrick-none.lock".to_owned(),
     })
 }
@@ -242,7 +257,10 @@ mod tests {
         assert_eq!(HardwareLock::owner(folder.path()).unwrap(), None);
         let first = HardwareLock::take(folder.path(), "mission map").unwrap();
         let refused = HardwareLock::take(folder.path(), "mission bump").unwrap_err();
-        assert!(refused.to_string().starts_with("the motors belong to mission map (process "), "{refused}");
+        assert!(
+            refused.to_string().starts_with("the motors belong to mission map (process "),
+            "{refused}"
+        );
         let owner = HardwareLock::owner(folder.path()).unwrap().unwrap();
         assert_eq!(owner.pid, nix::unistd::getpid().as_raw());
         drop(first);
@@ -280,11 +298,16 @@ mod tests {
         let motors = ["outB".to_owned(), "outD".to_owned()];
         let owner = Owner { motors: motors.to_vec(), ..Owner::here("mission map") };
         HardwareLock::name_owner(folder.path(), &owner).unwrap();
-        assert!(matches!(orphans().unwrap_err(), LockError::Taken(owner) if owner.motors == motors));
+        assert!(
+            matches!(orphans().unwrap_err(), LockError::Taken(owner) if owner.motors == motors)
+        );
         drop(run);
         let (mut held, owner) = orphans().unwrap().unwrap();
         assert_eq!((owner.doing.as_str(), owner.motors), ("mission map", motors.to_vec()));
-        assert!(HardwareLock::take(folder.path(), "mission bump").is_err(), "no run begins meanwhile");
+        assert!(
+            HardwareLock::take(folder.path(), "mission bump").is_err(),
+            "no run begins meanwhile"
+        );
         drop(held);
         (held, _) = orphans().unwrap().expect("nobody has stopped them yet");
         held.nothing_turns().unwrap();

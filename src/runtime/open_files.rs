@@ -13,7 +13,8 @@ pub(super) fn has_open(pid: i32, file: &Path) -> bool {
     links(pid).any(|link| std::fs::metadata(link).is_ok_and(is_wanted))
 }
 
-/// The other processes that have files open in this folder, each as `name (process 123)`; in the order of their numbers.
+/// The other processes that have files open in this folder, each as `name (process 123)`; in the
+/// order of their numbers.
 pub(super) fn users_of(folder: &Path) -> Vec<String> {
     let Ok(folder) = folder.canonicalize() else { return Vec::new() };
     let Ok(processes) = std::fs::read_dir("/proc") else { return Vec::new() };
@@ -23,7 +24,8 @@ pub(super) fn users_of(folder: &Path) -> Vec<String> {
         .filter_map(|process| process.file_name().to_str()?.parse().ok())
         .filter(|pid| *pid != own)
         .filter(|pid| {
-            links(*pid).any(|link| std::fs::read_link(link).is_ok_and(|file| file.starts_with(&folder)))
+            links(*pid)
+                .any(|link| std::fs::read_link(link).is_ok_and(|file| file.starts_with(&folder)))
         })
         .collect();
     pids.sort_unstable();
@@ -32,7 +34,11 @@ pub(super) fn users_of(folder: &Path) -> Vec<String> {
 
 /// The links to a process's open files.
 fn links(pid: i32) -> impl Iterator<Item = PathBuf> {
-    std::fs::read_dir(format!("/proc/{pid}/fd")).into_iter().flatten().flatten().map(|link| link.path())
+    std::fs::read_dir(format!("/proc/{pid}/fd"))
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|link| link.path())
 }
 
 /// The name that the process gave itself may hold anything.
@@ -52,10 +58,15 @@ mod tests {
         std::fs::write(&file, "").unwrap();
         std::fs::write(&other, "").unwrap();
         let stdin = std::fs::File::open(&file).unwrap();
-        let mut sleeper = std::process::Command::new("sleep").arg("60").stdin(stdin).spawn().unwrap();
+        let mut sleeper =
+            std::process::Command::new("sleep").arg("60").stdin(stdin).spawn().unwrap();
         let pid = i32::try_from(sleeper.id()).unwrap();
         let users = users_of(folder.path());
-        let found = (has_open(pid, &file), has_open(pid, &other), has_open(pid, &folder.path().join("none")));
+        let found = (
+            has_open(pid, &file),
+            has_open(pid, &other),
+            has_open(pid, &folder.path().join("none")),
+        );
         sleeper.kill().unwrap();
         sleeper.wait().unwrap();
         assert_eq!(users, [format!("sleep (process {pid})")]);

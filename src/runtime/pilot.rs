@@ -1,8 +1,9 @@
 //! From senses to demands: estimate, map, decide.
 //!
-//! The pilot is the part of the tick that knows nothing of files, clocks or threads. The control loop hands it what the robot sensed and
-//! carries out what it demands; replay hands it what a recording says was sensed and compares. Both therefore run the very same
-//! code, and the same senses give the same bits.
+//! The pilot is the part of the tick that knows nothing of files, clocks or threads. The control
+//! loop hands it what the robot sensed and carries out what it demands; replay hands it what a
+//! recording says was sensed and compares. Both therefore run the very same code, and the same
+//! senses give the same bits.
 //!
 //! # Not here
 //!
@@ -11,14 +12,14 @@
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{
-    Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program, Progress,
-    Signal, Signals, Taken,
+    Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program,
+    Progress, Signal, Signals, Taken,
 };
 use crate::clock::nanoseconds;
 use crate::ev3dev::StopAction;
 use crate::mapping::{
-    Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map, MapPoint,
-    Method, OccupancyGrid, Pose, Range, RangeReading,
+    Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map,
+    MapPoint, Method, OccupancyGrid, Pose, Range, RangeReading,
 };
 use crate::robot::{BatteryLimits, RobotConfig};
 use crate::senses::{Channel, Role, Senses};
@@ -118,7 +119,8 @@ impl Pilot {
         let estimator = EstimatorConfig { geometry: config.geometry()?, method };
         let mut required = Channel::WHEELS.to_vec();
         required.extend(config.has(Role::Gyro).then_some(Channel::Gyro));
-        required.extend(mission.senses().iter().filter(|channel| !Channel::WHEELS.contains(channel)));
+        required
+            .extend(mission.senses().iter().filter(|channel| !Channel::WHEELS.contains(channel)));
         Ok(Self {
             config: config.clone(),
             plausibility: Plausibility::new(config, &required),
@@ -140,10 +142,16 @@ impl Pilot {
         })
     }
 
-    /// One tick: takes in what was sensed, writes what is wanted to `demands`, and calls `taken` for each transition.
+    /// One tick: takes in what was sensed, writes what is wanted to `demands`, and calls `taken`
+    /// for each transition.
     ///
     /// After a step with an `end`, `demands` says stop.
-    pub fn step(&mut self, senses: &Senses, demands: &mut Demands, taken: impl FnMut(Taken)) -> Step {
+    pub fn step(
+        &mut self,
+        senses: &Senses,
+        demands: &mut Demands,
+        taken: impl FnMut(Taken),
+    ) -> Step {
         let inputs = self.inputs(senses);
         let estimate = self.estimator.update(&inputs);
         let point = self.map.add(&estimate);
@@ -211,8 +219,8 @@ impl Pilot {
         state
     }
 
-    /// Goes on from what was carried out of a tick; the map keeps what it has. False, with nothing changed, where it does not fit the
-    /// mission.
+    /// Goes on from what was carried out of a tick; the map keeps what it has. False, with nothing
+    /// changed, where it does not fit the mission.
     pub fn restore(&mut self, state: &PilotState) -> bool {
         let machines = state.machines.get(..usize::from(state.machine_count)).unwrap_or_default();
         let fits = self.program.restore(machines);
@@ -228,11 +236,13 @@ impl Pilot {
         fits
     }
 
-    /// The first channel that the mission needs and that could not be read for too long. When a run begins, at 0, all had just been read
-    /// (`prepare`): a reading that fails in the first tick is no more a loss than one that fails later.
+    /// The first channel that the mission needs and that could not be read for too long. When a run
+    /// begins, at 0, all had just been read (`prepare`): a reading that fails in the first tick is
+    /// no more a loss than one that fails later.
     fn lost(&self, senses: &Senses) -> Option<Channel> {
         let read_ns = |channel| senses.get(channel).map_or(0, |reading| reading.read_ns);
-        let too_old = |&channel: &Channel| senses.time_ns - read_ns(channel) > self.max_age_ns(channel);
+        let too_old =
+            |&channel: &Channel| senses.time_ns - read_ns(channel) > self.max_age_ns(channel);
         self.required.iter().copied().find(too_old)
     }
 
@@ -244,8 +254,9 @@ impl Pilot {
         if channel == Channel::Battery { BATTERY_AGE_NS } else { self.config.max_age_ns }
     }
 
-    /// What the estimator takes: angles that were read in this very tick, because an old one looks like slip; the range, whose
-    /// sensor has a new one ten times a second, for as long as it counts as fresh.
+    /// What the estimator takes: angles that were read in this very tick, because an old one looks
+    /// like slip; the range, whose sensor has a new one ten times a second, for as long as it
+    /// counts as fresh.
     fn inputs(&self, senses: &Senses) -> Inputs {
         let now = |channel| senses.fresh(channel, 0);
         let changed_ns = |channel| senses.get(channel).map(|reading| reading.changed_ns);
@@ -290,7 +301,8 @@ impl Pilot {
         }
     }
 
-    /// The runtime's own limit comes after the machines' step, so that a mission whose conditions look at the time can finish.
+    /// The runtime's own limit comes after the machines' step, so that a mission whose conditions
+    /// look at the time can finish.
     fn time_is_up(&self, senses: &Senses) -> Option<StopReason> {
         (senses.time_ns > self.time_limit_ns).then_some(StopReason::TimeLimit)
     }
@@ -332,5 +344,11 @@ fn note(signals: &mut Signals, signal: Signal, value: Option<f64>) {
 const STANDSTILL: Demands = Demands { drive: Some(Drive::Stop(StopAction::Brake)), ..NOTHING };
 
 /// Nothing is wanted.
-const NOTHING: Demands =
-    Demands { drive: None, head_rad: None, motors: [None; MAX_MOTORS], led: None, tone_hz: None, say: None };
+const NOTHING: Demands = Demands {
+    drive: None,
+    head_rad: None,
+    motors: [None; MAX_MOTORS],
+    led: None,
+    tone_hz: None,
+    say: None,
+};

@@ -1,7 +1,8 @@
 //! Readings that cannot be true: they stand still although they must move, or leap about.
 //!
-//! A device that is gone answers with an error and is *lost*. One that lies does not: a sensor whose line is dead goes on giving its last
-//! value. What shows it is that something else moves what it measures:
+//! A device that is gone answers with an error and is *lost*. One that lies does not: a sensor
+//! whose line is dead goes on giving its last value. What shows it is that something else moves
+//! what it measures:
 //!
 //! | reading | must change | and has not |
 //! |---|---|---|
@@ -9,24 +10,27 @@
 //! | range | while the robot drives towards what it measures, or away from it | by a bit in 0.2 m and 2 s |
 //! | head's angle | while the head is told to turn to a place that is far from it | by a count in 1 s |
 //!
-//! A live sensor never comes near that: a gyro says whole degrees, and of a robot that spun its wheels on a smooth floor it still saw 40 % of the
-//! turn (`tests/it/figures/encoder_gyro.rs`). A range says millimetres or, with infrared, a few of them.
+//! A live sensor never comes near that: a gyro says whole degrees, and of a robot that spun its
+//! wheels on a smooth floor it still saw 40 % of the turn (`tests/it/figures/encoder_gyro.rs`). A
+//! range says millimetres or, with infrared, a few of them.
 //!
-//! A gyro or a head that leaps eight times in two seconds, further than anything turns, is not believed either; a reset sensor leaps once.
+//! A gyro or a head that leaps eight times in two seconds, further than anything turns, is not
+//! believed either; a reset sensor leaps once.
 //!
 //! The wheels' own angles are watched by `stall`: a wheel whose angle stands still is blocked.
 //!
 //! # Not here
 //!
 //! - A sensor that says no echo for ever: in the open a good one does so as well.
-//! - A scale that is off, values that are late by less than a second: slipping wheels, a track width that is not quite right, and a gyro that drifts
-//!   look the same.
+//! - A scale that is off, values that are late by less than a second: slipping wheels, a track
+//!   width that is not quite right, and a gyro that drifts look the same.
 //!
 //! # What we count on
 //!
-//! - [`Reading::changed_ns`](crate::senses::Reading) is when the reading changed last, by whatever little.
-//! - Wheels that turn a robot which cannot move, or in the air, are seen here as a gyro that stands still. The run ends rightly then, too: nobody knows
-//!   where the robot is.
+//! - [`Reading::changed_ns`](crate::senses::Reading) is when the reading changed last, by whatever
+//!   little.
+//! - Wheels that turn a robot which cannot move, or in the air, are seen here as a gyro that stands
+//!   still. The run ends rightly then, too: nobody knows where the robot is.
 
 use std::f64::consts::PI;
 
@@ -40,12 +44,14 @@ use crate::senses::{Channel, Senses};
 /// So far the wheels may turn the robot to one side while the gyro does not move, radians.
 const TURN_RAD: f64 = PI / 3.0;
 
-/// So far the robot may drive along the beam while the range does not move, metres, and so long it must take, nanoseconds: something that moves before
-/// the robot at its own speed keeps its distance for moments.
+/// So far the robot may drive along the beam while the range does not move, metres, and so long it
+/// must take, nanoseconds: something that moves before the robot at its own speed keeps its
+/// distance for moments.
 const WAY_M: f64 = 0.2;
 const WAY_NS: i64 = 2 * SECOND_NS;
 
-/// A way is along the beam up to 30° beside it: the square of that cosine. Beside a wall the distance stays as it is.
+/// A way is along the beam up to 30° beside it: the square of that cosine. Beside a wall the
+/// distance stays as it is.
 const ALONG_SHARE: f64 = 0.75;
 
 /// A head that is told to turn further than this, radians, moves within this time, nanoseconds.
@@ -172,7 +178,8 @@ impl Plausibility {
     /// How far the wheels have turned the robot since the tick before, radians.
     fn turned_rad(&mut self, senses: &Senses) -> f64 {
         let wheel = |channel| senses.fresh(channel, 0);
-        let (Some(left_rad), Some(right_rad)) = (wheel(Channel::Left), wheel(Channel::Right)) else {
+        let (Some(left_rad), Some(right_rad)) = (wheel(Channel::Left), wheel(Channel::Right))
+        else {
             // What they turn meanwhile is made up for, as they are counts.
             return 0.0;
         };
@@ -183,16 +190,20 @@ impl Plausibility {
 
     fn doubts_gyro(&mut self, senses: &Senses, estimate: &Estimate, turned_rad: f64) -> bool {
         // One that could not be read in this tick has not been seen to stand still.
-        let Some(gyro) = senses.get(Channel::Gyro).filter(|gyro| gyro.read_ns == senses.time_ns) else {
+        let Some(gyro) = senses.get(Channel::Gyro).filter(|gyro| gyro.read_ns == senses.time_ns)
+        else {
             return false;
         };
         let turned_rad = if turned_rad.abs() < WHEELS_LEAP_RAD { turned_rad } else { 0.0 };
-        let leaps = estimate.events.contains(Events::GYRO_RESET) && self.state.gyro_leaps.add(senses.time_ns);
+        let leaps = estimate.events.contains(Events::GYRO_RESET)
+            && self.state.gyro_leaps.add(senses.time_ns);
         leaps || self.state.gyro.add(gyro.changed_ns, turned_rad) > TURN_RAD
     }
 
     fn doubts_range(&mut self, senses: &Senses, estimate: &Estimate) -> bool {
-        let Some(sounding) = estimate.sounding.filter(|sounding| sounding.fresh) else { return false };
+        let Some(sounding) = estimate.sounding.filter(|sounding| sounding.fresh) else {
+            return false;
+        };
         let Some(range) = senses.get(Channel::Range) else { return false };
         let here_m = [sounding.x_m, sounding.y_m];
         let before_m = self.state.sensor_m.replace(here_m).unwrap_or(here_m);
@@ -209,7 +220,9 @@ impl Plausibility {
     fn doubts_head(&mut self, senses: &Senses, wanted_rad: Option<f64>) -> bool {
         let Some(head) = senses.get(Channel::Head) else { return false };
         let before_rad = self.state.head_rad.replace(head.value).unwrap_or(head.value);
-        if (head.value - before_rad).abs() > HEAD_LEAP_RAD && self.state.head_leaps.add(senses.time_ns) {
+        if (head.value - before_rad).abs() > HEAD_LEAP_RAD
+            && self.state.head_leaps.add(senses.time_ns)
+        {
             return true;
         }
         let limit_rad = self.head_limit_rad;
@@ -231,7 +244,9 @@ impl Plausibility {
 mod tests {
     use super::*;
     use crate::clock::MILLISECOND_NS;
-    use crate::mapping::{Estimator, EstimatorConfig, GyroReading, Inputs, Method, Pose, RangeReading};
+    use crate::mapping::{
+        Estimator, EstimatorConfig, GyroReading, Inputs, Method, Pose, RangeReading,
+    };
     use crate::robot::DEFAULT_ROBOT;
 
     const TICK_NS: i64 = 20 * MILLISECOND_NS;
@@ -307,8 +322,9 @@ mod tests {
         // A wheel each way at 60 degrees a second: 31.5 degrees a second round.
         let turning = |time_s: f64| wheel(0.0315 * time_s);
         let turn_rad = |time_s: f64| 2.0 * 0.0315 * time_s / 0.1143;
-        let live = Bench::new()
-            .play(|time_s| [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, whole(turn_rad(time_s))]);
+        let live = Bench::new().play(|time_s| {
+            [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, whole(turn_rad(time_s))]
+        });
         assert_eq!(live, None);
         let slipping = Bench::new().play(|time_s| {
             [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, whole(0.1 * turn_rad(time_s))]
@@ -318,15 +334,16 @@ mod tests {
             .play(|time_s| [-turning(time_s), turning(time_s), 0.0, f64::INFINITY, 0.5])
             .expect("it never moves");
         assert!(doubted == Channel::Gyro && (1.8..2.1).contains(&at_s), "{doubted} after {at_s} s");
-        let straight = Bench::new().play(|time_s| [turning(time_s), turning(time_s), 0.0, 2.0 - time_s, 0.5]);
+        let straight =
+            Bench::new().play(|time_s| [turning(time_s), turning(time_s), 0.0, 2.0 - time_s, 0.5]);
         assert_eq!(straight, None, "straight on it may");
     }
 
     #[test]
     fn wheels_that_go_to_and_fro_do_not_add_up() {
         let shaking = |time_s: f64| 0.4 * libm::sin(3.0 * time_s);
-        let doubted =
-            Bench::new().play(|time_s| [-shaking(time_s), shaking(time_s), 0.0, f64::INFINITY, 0.5]);
+        let doubted = Bench::new()
+            .play(|time_s| [-shaking(time_s), shaking(time_s), 0.0, f64::INFINITY, 0.5]);
         assert_eq!(doubted, None);
     }
 
@@ -347,9 +364,15 @@ mod tests {
             Bench::new().play(move |time_s| [on(time_s), on(time_s), head_rad, range(time_s), 0.0])
         };
         let (at_s, doubted) = drive(|_| 0.7, 0.0).unwrap();
-        assert!(doubted == Channel::Range && (4.0..4.5).contains(&at_s), "{doubted} after {at_s} s");
+        assert!(
+            doubted == Channel::Range && (4.0..4.5).contains(&at_s),
+            "{doubted} after {at_s} s"
+        );
         let (at_s, doubted) = drive(|_| 0.7, PI).unwrap();
-        assert!(doubted == Channel::Range && (4.0..4.5).contains(&at_s), "{doubted} after {at_s} s, away");
+        assert!(
+            doubted == Channel::Range && (4.0..4.5).contains(&at_s),
+            "{doubted} after {at_s} s, away"
+        );
         assert_eq!(drive(|_| f64::INFINITY, 0.0), None, "in the open");
         assert_eq!(drive(|_| 0.7, PI / 3.0), None, "along a wall");
         assert_eq!(drive(|time_s| whole(3.0 - 0.05 * time_s), 0.0), None, "in coarse steps");
@@ -366,7 +389,8 @@ mod tests {
     }
 
     #[test]
-    fn a_head_that_does_not_turn_as_it_is_told_is_doubted_and_one_that_stands_where_it_should_is_not() {
+    fn a_head_that_does_not_turn_as_it_is_told_is_doubted_and_one_that_stands_where_it_should_is_not()
+     {
         let mut bench = Bench { head_rad: Some(1.0), ..Bench::new() };
         let (at_s, doubted) = bench.play(|_| [0.0, 0.0, 0.2, f64::INFINITY, 0.0]).unwrap();
         assert!(doubted == Channel::Head && (1.0..1.2).contains(&at_s), "{doubted} after {at_s} s");
@@ -376,7 +400,11 @@ mod tests {
         let slow = |time_s: f64| (0.02 * time_s).min(1.0);
         assert_eq!(bench.play(|time_s| [0.0, 0.0, slow(time_s), f64::INFINITY, 0.0]), None);
         let mut bench = Bench::new();
-        assert_eq!(bench.play(|_| [0.0, 0.0, 0.2, f64::INFINITY, 0.0]), None, "nobody told it anything");
+        assert_eq!(
+            bench.play(|_| [0.0, 0.0, 0.2, f64::INFINITY, 0.0]),
+            None,
+            "nobody told it anything"
+        );
     }
 
     #[test]

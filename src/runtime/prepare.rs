@@ -1,9 +1,11 @@
 //! Before anything moves: is the robot there, does it stand still, is the battery good?
 //!
-//! Roles and sensor modes have been seen to when the robot was bound. What is left is to watch for a moment: every reading has come,
-//! wheels and gyro stand still, and the gyro does not drift. A gyro that was moved while it started drifts for the whole session
-//! (`ev3dev-interfaces`, 6.4), and only unplugging it helps. It says whole degrees, so a drift is seen once it has made one: a faster one
-//! than a degree in [`GYRO_NS`] always is, a slower one not always. On a brick the last three seconds are those in which it beeps.
+//! Roles and sensor modes have been seen to when the robot was bound. What is left is to watch for
+//! a moment: every reading has come, wheels and gyro stand still, and the gyro does not drift. A
+//! gyro that was moved while it started drifts for the whole session (`ev3dev-interfaces`, 6.4),
+//! and only unplugging it helps. It says whole degrees, so a drift is seen once it has made one: a
+//! faster one than a degree in [`GYRO_NS`] always is, a slower one not always. On a brick the last
+//! three seconds are those in which it beeps.
 
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
@@ -16,8 +18,8 @@ use crate::units::degrees;
 /// How long everything must have stood still, nanoseconds.
 const STILL_NS: i64 = SECOND_NS;
 
-/// How long a gyro must have said no new degree, nanoseconds: a drift of 0.2 degrees a second, 24 degrees in two minutes, makes one in
-/// less.
+/// How long a gyro must have said no new degree, nanoseconds: a drift of 0.2 degrees a second, 24
+/// degrees in two minutes, makes one in less.
 const GYRO_NS: i64 = 5_200 * MILLISECOND_NS;
 
 /// How long people near are told that the robot is about to move, nanoseconds.
@@ -70,7 +72,8 @@ pub enum NotReady {
     Battery {
         /// What was read, volts.
         volts: f64,
-        /// The robot's [`slow_v`](crate::robot::BatteryLimits): a run that began below it would not get far.
+        /// The robot's [`slow_v`](crate::robot::BatteryLimits): a run that began below it would not
+        /// get far.
         least_v: f64,
     },
     /// It was asked to stop, or a button was pressed.
@@ -87,7 +90,8 @@ struct Standing {
     since_ns: i64,
     /// What was read then.
     senses: Senses,
-    /// The smallest and the greatest angle of the gyro since, radians, and when it last was another.
+    /// The smallest and the greatest angle of the gyro since, radians, and when it last was
+    /// another.
     gyro_rad: Option<[f64; 2]>,
     gyro_ns: i64,
 }
@@ -114,14 +118,16 @@ impl Standing {
     }
 }
 
-/// Waits until what the sensors say is no longer of their former mode, then watches until the robot has stood still for a second, and its
-/// gyro for longer. `say` is told what is being waited for, once each.
+/// Waits until what the sensors say is no longer of their former mode, then watches until the robot
+/// has stood still for a second, and its gyro for longer. `say` is told what is being waited for,
+/// once each.
 ///
 /// - `announce`: people are near, who are told by light and sound that the robot is about to move.
 ///
 /// # Errors
 ///
-/// The first thing that is not in order, after ten seconds of patience where a person can still do something about it.
+/// The first thing that is not in order, after ten seconds of patience where a person can still do
+/// something about it.
 pub fn prepare(
     robot: &mut Robot,
     clock: &dyn Clock,
@@ -179,7 +185,8 @@ fn stand(
                 robot.tone(None);
                 drifting = if matches!(why, NotReady::GyroDrifts(_)) { drifting + 1 } else { 0 };
                 let is_slow = matches!(why, NotReady::GyroDrifts(dps) if dps < SLOWEST_HAND_DPS);
-                // A hand may have turned the robot once; a gyro that does it three times in a row drifts, and one that creeps.
+                // A hand may have turned the robot once; a gyro that does it three times in a row
+                // drifts, and one that creeps.
                 if !patient || drifting > 2 || is_slow {
                     return Err(why);
                 }
@@ -202,7 +209,8 @@ fn stand(
 fn unready(robot: &Robot, senses: &Senses, standing: Option<&Standing>) -> Option<NotReady> {
     let missing = |channel: &Channel| senses.get(*channel).is_none();
     // Of several that are missing, one whose trouble is known tells more.
-    let troubled = robot.channels().filter(missing).find(|&channel| robot.trouble_with(channel).is_some());
+    let troubled =
+        robot.channels().filter(missing).find(|&channel| robot.trouble_with(channel).is_some());
     if let Some(missing) = troubled.or_else(|| robot.channels().find(missing)) {
         let error = robot.trouble_with(missing).cloned();
         return Some(match missing {
@@ -217,7 +225,8 @@ fn unready(robot: &Robot, senses: &Senses, standing: Option<&Standing>) -> Optio
         return Some(NotReady::Battery { volts: battery.value, least_v });
     }
     let standing = standing?;
-    let moved = |channel| Some((senses.get(channel)?.value - standing.senses.get(channel)?.value).abs());
+    let moved =
+        |channel| Some((senses.get(channel)?.value - standing.senses.get(channel)?.value).abs());
     for wheel in [Channel::Left, Channel::Right] {
         if moved(wheel).is_some_and(|moved_rad| moved_rad > WHEEL_STILL_RAD) {
             return Some(NotReady::Moving(wheel));

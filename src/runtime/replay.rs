@@ -1,8 +1,9 @@
 //! The recorded senses through estimator and machines again.
 //!
-//! The senses alone are enough: they, the robot's and the mission's files and the start pose are all in the recording, and the
-//! [`Pilot`] is the one that drove. So a replay comes to the same poses, points and transitions bit for bit, on any machine; where it
-//! does not, it says at which tick. After a gap in the recording it goes on from the next checkpoint.
+//! The senses alone are enough: they, the robot's and the mission's files and the start pose are
+//! all in the recording, and the [`Pilot`] is the one that drove. So a replay comes to the same
+//! poses, points and transitions bit for bit, on any machine; where it does not, it says at which
+//! tick. After a gap in the recording it goes on from the next checkpoint.
 //!
 //! # Not here
 //!
@@ -23,8 +24,8 @@ use crate::senses::{Channel, QUANTITIES, Senses};
 use super::Source;
 use super::pilot::{Pilot, PilotError, PilotState, Step};
 use crate::recording::{
-    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start, StopReason,
-    TickRecord,
+    self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start,
+    StopReason, TickRecord,
 };
 
 /// How many differences are told one by one.
@@ -54,7 +55,8 @@ pub struct Replayed {
     pub gaps: Vec<(u64, u64)>,
     /// Ticks between a gap and the next checkpoint, which could not be replayed.
     pub skipped: u64,
-    /// Poses, points and transitions that the recording no longer has: what a cut took of its last ticks, or damage anywhere.
+    /// Poses, points and transitions that the recording no longer has: what a cut took of its last
+    /// ticks, or damage anywhere.
     pub unrecorded: u64,
     /// How many differences there are.
     pub differing: u64,
@@ -81,7 +83,10 @@ pub enum ReplayError {
     #[error("robot and mission")]
     Pilot(#[from] PilotError),
     /// No grid is made over so much of the world.
-    #[error("the robot came so far that its map would be more than {} m wide", OccupancyGrid::MOST_M)]
+    #[error(
+        "the robot came so far that its map would be more than {} m wide",
+        OccupancyGrid::MOST_M
+    )]
     TooWide,
 }
 
@@ -105,15 +110,18 @@ pub struct Cast {
 }
 
 impl Cast {
-    /// The pilot that drove a run, or with `other` the one that would have driven it with another robot.
+    /// The pilot that drove a run, or with `other` the one that would have driven it with another
+    /// robot.
     ///
     /// # Errors
     ///
     /// [`ReplayError`].
     pub fn of(run: &Run, other: Option<&RobotConfig>) -> Result<Self, ReplayError> {
         let info = run.info.clone().ok_or(ReplayError::Beheaded("what run it is"))?;
-        let robot = run.robot_toml.as_ref().ok_or(ReplayError::Beheaded("with which robot it was made"))?;
-        let mission = run.mission_toml.as_ref().ok_or(ReplayError::Beheaded("which mission was run"))?;
+        let robot =
+            run.robot_toml.as_ref().ok_or(ReplayError::Beheaded("with which robot it was made"))?;
+        let mission =
+            run.mission_toml.as_ref().ok_or(ReplayError::Beheaded("which mission was run"))?;
         let (mut robot, _) = RobotConfig::load("robot.toml of the recording", robot.as_bytes())?;
         robot.battery.cells = info.cells;
         let mut other = other.cloned();
@@ -121,8 +129,11 @@ impl Cast {
             other.battery.cells = info.cells;
         }
         let pilots = other.as_ref().unwrap_or(&robot);
-        let (mut mission, _) =
-            Mission::parse("mission.toml of the recording", mission.as_bytes(), &pilots.capabilities())?;
+        let (mut mission, _) = Mission::parse(
+            "mission.toml of the recording",
+            mission.as_bytes(),
+            &pilots.capabilities(),
+        )?;
         for (name, value) in &info.settings {
             mission.set(name, *value)?;
         }
@@ -174,7 +185,8 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
 /// [`ReplayError`].
 pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
     let start = run.info.as_ref().map(|info| info.start_pose).unwrap_or_default();
-    let places = || run.poses.iter().map(|pose| pose.pose).chain([start]).map(|pose| [pose.x_m, pose.y_m]);
+    let places =
+        || run.poses.iter().map(|pose| pose.pose).chain([start]).map(|pose| [pose.x_m, pose.y_m]);
     let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for [x_m, y_m] in places() {
         low_m = [low_m[0].min(x_m), low_m[1].min(y_m)];
@@ -254,7 +266,8 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         range: recording::range_sensor(&config),
         machines: recording::machines(&cast.mission),
     };
-    let sink = recording::create(file).map_err(|source| RecordError { doing: "create the file", source })?;
+    let sink = recording::create(file)
+        .map_err(|source| RecordError { doing: "create the file", source })?;
     let (recorder, mut tick_side) =
         Recorder::start::<PilotState>(Box::new(sink), start, Options::default(), Box::new(|_| {}))?;
     let mut remade = Remade { ticks: 0, points: 0, travelled_m: 0.0, end: cast.info.start_pose };
@@ -289,8 +302,8 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
     Ok(remade)
 }
 
-/// The same senses as another robot would have given them: where its gears differ, the angles of its axles do, and what it does
-/// not have says nothing.
+/// The same senses as another robot would have given them: where its gears differ, the angles of
+/// its axles do, and what it does not have says nothing.
 fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
     let mut senses = *senses;
     let mut scale = |channel: Channel, from: f64, to: f64| {
@@ -305,7 +318,8 @@ fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
     if let (Some(from), Some(to)) = (&from.head, &to.head) {
         scale(Channel::Head, from.motor.ratio, to.motor.ratio);
     }
-    for (channel, (from, to)) in Channel::MOTORS.into_iter().zip(from.motors.iter().zip(&to.motors)) {
+    for (channel, (from, to)) in Channel::MOTORS.into_iter().zip(from.motors.iter().zip(&to.motors))
+    {
         scale(channel, from.motor.ratio, to.motor.ratio);
     }
     for quantity in QUANTITIES.iter().filter(|quantity| !to.has(quantity.role)) {
@@ -316,8 +330,9 @@ fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
 
 /// What the recording says, by tick.
 ///
-/// A tick's senses are written before its pose and transitions, and points come in batches, so a file that was cut lacks some
-/// of what belongs to its last ticks. That is no difference; what the file has and says otherwise is one.
+/// A tick's senses are written before its pose and transitions, and points come in batches, so a
+/// file that was cut lacks some of what belongs to its last ticks. That is no difference; what the
+/// file has and says otherwise is one.
 struct Recorded<'r> {
     poses: BTreeMap<u64, Pose>,
     points: BTreeMap<i64, &'r MapPoint>,
@@ -351,7 +366,9 @@ impl<'r> Recorded<'r> {
     }
 
     fn may_lack_point(&self, time_ns: i64) -> bool {
-        self.damaged || self.cut && self.points.last_key_value().is_none_or(|(&last_ns, _)| time_ns > last_ns)
+        self.damaged
+            || self.cut
+                && self.points.last_key_value().is_none_or(|(&last_ns, _)| time_ns > last_ns)
     }
 
     fn may_lack_transitions(&self, tick: u64) -> bool {
@@ -422,7 +439,11 @@ impl fmt::Display for Replayed {
             write!(f, "\nthe recording has no ticks {first} to {last}")?;
         }
         if self.skipped > 0 {
-            write!(f, "\n{} ticks after gaps were passed over, up to the next checkpoint", self.skipped)?;
+            write!(
+                f,
+                "\n{} ticks after gaps were passed over, up to the next checkpoint",
+                self.skipped
+            )?;
         }
         if self.unrecorded > 0 {
             write!(

@@ -1,16 +1,19 @@
 //! Wheels that are told to turn and do not.
 //!
-//! The kernel's own `stalled` flag is advisory and speaks only of a rotor that stands quite still; a wheel that shakes against a wall is
-//! not stalled to it. Here a wheel counts as blocked when over a while it has turned much less than it was told to.
+//! The kernel's own `stalled` flag is advisory and speaks only of a rotor that stands quite still;
+//! a wheel that shakes against a wall is not stalled to it. Here a wheel counts as blocked when
+//! over a while it has turned much less than it was told to.
 //!
-//! One that gives not a count though it is told to turn both ways is [`Stall::Dead`]. So is one that gives little for long, and one that turns to and
-//! fro much faster than it was told to: no mission can back off from that. Its encoder may stand still or lie, and then its regulator gives all it has, and the
-//! robot does not know where it drives.
+//! One that gives not a count though it is told to turn both ways is [`Stall::Dead`]. So is one
+//! that gives little for long, and one that turns to and fro much faster than it was told to: no
+//! mission can back off from that. Its encoder may stand still or lie, and then its regulator gives
+//! all it has, and the robot does not know where it drives.
 
 use serde::{Deserialize, Serialize};
 
-/// How long the watch looks back, nanoseconds. With the drivers' 0.3 s leases and a speed regulator that takes a few tenths of a second
-/// to give all it has, a second tells a slow start from a wall, and leaves a second until the two that a blocked wheel may last.
+/// How long the watch looks back, nanoseconds. With the drivers' 0.3 s leases and a speed regulator
+/// that takes a few tenths of a second to give all it has, a second tells a slow start from a wall,
+/// and leaves a second until the two that a blocked wheel may last.
 const WINDOW_NS: i64 = 1_000_000_000;
 
 /// A wheel that has turned less than this share of what it was told to is blocked.
@@ -19,17 +22,20 @@ const SHARE: f64 = 0.2;
 /// Slower demands than this are not judged, radians per second: friction alone may stop them.
 const SLOWEST_RAD_S: f64 = 0.17;
 
-/// A wheel whose way to and fro is more than this many times what it was told to turn at the most does not obey.
+/// A wheel whose way to and fro is more than this many times what it was told to turn at the most
+/// does not obey.
 const WILD_TIMES: f64 = 3.0;
 
-/// This number of wild windows one after the other is no accident, as a single leap of an encoder is, which may lie in two.
+/// This number of wild windows one after the other is no accident, as a single leap of an encoder
+/// is, which may lie in two.
 const WILD_WINDOWS: u8 = 3;
 
-/// A wheel that is blocked both ways and stays within this meanwhile is dead, radians (two counts): what is jammed gives a little when it is
-/// turned round.
+/// A wheel that is blocked both ways and stays within this meanwhile is dead, radians (two counts):
+/// what is jammed gives a little when it is turned round.
 const STILL_RAD: f64 = 0.035;
 
-/// This number of blocked windows, of both ways, is no jam that a mission backs off from, but a motor without power.
+/// This number of blocked windows, of both ways, is no jam that a mission backs off from, but a
+/// motor without power.
 const DEAD_WINDOWS: u8 = 12;
 
 /// What keeps a wheel from turning.
@@ -56,7 +62,8 @@ struct WheelWatch {
     #[serde(default)]
     way_rad: f64,
     watching: bool,
-    /// Backwards and ahead: the windows in which it was blocked, since it last turned as it was told.
+    /// Backwards and ahead: the windows in which it was blocked, since it last turned as it was
+    /// told.
     #[serde(default)]
     blocked: [u8; 2],
     /// Where it was when that began, and how far it has been from there.
@@ -72,7 +79,8 @@ struct WheelWatch {
 impl WheelWatch {
     /// One tick.
     ///
-    /// - `demanded_rad_s`: what the wheel was told at the tick before, so what it should have been doing until now.
+    /// - `demanded_rad_s`: what the wheel was told at the tick before, so what it should have been
+    ///   doing until now.
     /// - `angle_rad`: where it is; `None` while it is lost.
     fn step(&mut self, time_ns: i64, demanded_rad_s: f64, angle_rad: Option<f64>) -> Option<Stall> {
         let Some(angle_rad) = angle_rad else {
@@ -116,7 +124,8 @@ impl WheelWatch {
         if self.blocked == [0; 2] {
             (self.blocked_at_rad, self.given_rad) = (self.from_rad, 0.0);
         }
-        self.given_rad = self.given_rad.max((self.last_rad - self.blocked_at_rad).abs()).max(self.way_rad);
+        self.given_rad =
+            self.given_rad.max((self.last_rad - self.blocked_at_rad).abs()).max(self.way_rad);
         let [back, ahead] = &mut self.blocked;
         let way = if self.demanded_rad_s < 0.0 { &mut *back } else { &mut *ahead };
         *way = way.saturating_add(1);
@@ -148,8 +157,8 @@ pub(super) struct StallWatch {
 }
 
 impl StallWatch {
-    /// One tick: the worse of what keeps the two wheels from turning. Demands in radians per second, angles in radians, left before
-    /// right.
+    /// One tick: the worse of what keeps the two wheels from turning. Demands in radians per
+    /// second, angles in radians, left before right.
     pub(super) fn step(
         &mut self,
         time_ns: i64,
@@ -167,7 +176,8 @@ mod tests {
     use super::*;
     use crate::clock::MILLISECOND_NS;
 
-    /// When a wheel that is told `demanded` and turns at `turns` (both as functions of time in s) is first called blocked, in s.
+    /// When a wheel that is told `demanded` and turns at `turns` (both as functions of time in s)
+    /// is first called blocked, in s.
     fn blocked_at(demanded: impl Fn(f64) -> f64, turns: impl Fn(f64) -> f64) -> Option<f64> {
         let mut watch = StallWatch::default();
         let mut angle = 0.0;
@@ -193,7 +203,8 @@ mod tests {
         let at = blocked_at(|_| 1.0, |time_s| if time_s < 2.5 { 1.0 } else { 0.0 }).unwrap();
         assert!((2.5..=4.5).contains(&at), "noticed at {at} s");
         let shaking =
-            blocked_at(|_| 1.0, |time_s| if (time_s * 10.0) % 2.0 < 1.0 { 0.3 } else { -0.25 }).unwrap();
+            blocked_at(|_| 1.0, |time_s| if (time_s * 10.0) % 2.0 < 1.0 { 0.3 } else { -0.25 })
+                .unwrap();
         assert!(shaking <= 2.0, "noticed at {shaking} s");
     }
 
@@ -211,7 +222,8 @@ mod tests {
 
     #[test]
     fn a_wheel_that_turns_neither_way_is_dead_and_one_that_backs_off_is_not() {
-        // Ahead for two seconds, back for two, and so on: what it turns, as a share of what it is told, each way.
+        // Ahead for two seconds, back for two, and so on: what it turns, as a share of what it is
+        // told, each way.
         let verdicts = |ahead: f64, back: f64| {
             let mut watch = StallWatch::default();
             let mut angle = 0.0;
@@ -219,7 +231,11 @@ mod tests {
                 .filter_map(|tick| {
                     let demanded = if tick % 200 < 100 { 1.0 } else { -1.0 };
                     angle += demanded * if demanded > 0.0 { ahead } else { back } * 0.02;
-                    watch.step(tick * 20 * MILLISECOND_NS, [0.0, demanded], [Some(0.0), Some(angle)])
+                    watch.step(
+                        tick * 20 * MILLISECOND_NS,
+                        [0.0, demanded],
+                        [Some(0.0), Some(angle)],
+                    )
                 })
                 .collect();
             verdicts.dedup();
@@ -227,8 +243,16 @@ mod tests {
         };
         assert_eq!(verdicts(1.0, 1.0), []);
         assert_eq!(verdicts(0.0, 1.0), [Stall::Blocked], "a wall ahead");
-        assert_eq!(verdicts(0.1, 0.05), [Stall::Blocked, Stall::Dead], "it gives a little, but for long");
-        assert_eq!(verdicts(0.0, 0.0), [Stall::Blocked, Stall::Dead], "an encoder that stands still");
+        assert_eq!(
+            verdicts(0.1, 0.05),
+            [Stall::Blocked, Stall::Dead],
+            "it gives a little, but for long"
+        );
+        assert_eq!(
+            verdicts(0.0, 0.0),
+            [Stall::Blocked, Stall::Dead],
+            "an encoder that stands still"
+        );
         assert_eq!(verdicts(5.0, 5.0), [Stall::Dead], "much more than it is told");
     }
 

@@ -1,10 +1,11 @@
-//! The hardware between runs: what is plugged in, turning a motor while a button is held, beeps and lights.
+//! The hardware between runs: what is plugged in, turning a motor while a button is held, beeps and
+//! lights.
 //!
-//! A motor turns as a lease that the kernel itself ends, and under the hardware's lock, which is let go right after: between runs other
-//! people's programs have the motors.
+//! A motor turns as a lease that the kernel itself ends, and under the hardware's lock, which is
+//! let go right after: between runs other people's programs have the motors.
 //!
-//! A service on a simulated brick has one only during a run; for what is asked in between, a brick in the same world is made when it is
-//! asked for and forgotten when nobody has for a while.
+//! A service on a simulated brick has one only during a run; for what is asked in between, a brick
+//! in the same world is made when it is asked for and forgotten when nobody has for a while.
 //!
 //! # Not here
 //!
@@ -17,15 +18,18 @@ use super::Place;
 use super::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Battery, Entry, Inventory, LocalTree, NotAPort, PortAddress, StopAction, TachoMotor, Technology, Tree,
+    Battery, Entry, Inventory, LocalTree, NotAPort, PortAddress, StopAction, TachoMotor,
+    Technology, Tree,
 };
 use crate::robot::{LeasedMotor, RobotConfig};
 use crate::runtime::{Brick, HardwareLock, LockError};
 
-/// A jog that is not renewed is over after this, nanoseconds: its lease, and a little for a client that lags.
+/// A jog that is not renewed is over after this, nanoseconds: its lease, and a little for a client
+/// that lags.
 const JOG_NS: i64 = 500 * MILLISECOND_NS;
 
-/// A simulated brick that nobody asks for is forgotten after this, nanoseconds; it would have all the time since to catch up with.
+/// A simulated brick that nobody asks for is forgotten after this, nanoseconds; it would have all
+/// the time since to catch up with.
 #[cfg(feature = "sim")]
 const FORGET_NS: i64 = 5 * SECOND_NS;
 
@@ -91,7 +95,8 @@ impl Bench {
 
     /// What is plugged in and what it reads.
     pub(super) fn live(&self, robot: Option<&RobotConfig>, now_ns: i64) -> Result<Live, Refusal> {
-        let failed = |why: String| Refusal::new(Kind::Failed, format!("cannot look at the devices: {why}"));
+        let failed =
+            |why: String| Refusal::new(Kind::Failed, format!("cannot look at the devices: {why}"));
         let tree = self.tree(now_ns).ok_or_else(|| failed("there is no brick".to_owned()))?;
         let inventory = Inventory::read(&tree).map_err(|error| failed(error.to_string()))?;
         let plugged = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
@@ -108,7 +113,8 @@ impl Bench {
         if !(-100..=100).contains(&percent) {
             return Err(wrong(format!("{percent} percent; it can be -100 to 100")));
         }
-        let address: PortAddress = port.parse().map_err(|error: NotAPort| wrong(error.to_string()))?;
+        let address: PortAddress =
+            port.parse().map_err(|error: NotAPort| wrong(error.to_string()))?;
         let mut held = lock(&self.jog);
         if held.as_ref().is_some_and(|jog| jog.port != port) {
             release(&mut held);
@@ -122,7 +128,8 @@ impl Bench {
         }
         let Some(jog) = held.as_mut() else { return Ok(()) };
         let motor = jog.motor.motor();
-        let full_rad_s = f64::from(motor.max_speed()) * 2.0 * PI / f64::from(motor.count_per_rot().max(1));
+        let full_rad_s =
+            f64::from(motor.max_speed()) * 2.0 * PI / f64::from(motor.count_per_rot().max(1));
         jog.renewed_ns = now_ns;
         jog.motor.turn(full_rad_s * f64::from(percent) / 100.0, now_ns).map_err(|error| {
             release(&mut held);
@@ -139,7 +146,10 @@ impl Bench {
         #[cfg(feature = "sim")]
         {
             let mut simulated = lock(&self.simulated);
-            if simulated.as_ref().is_some_and(|(used_ns, _)| now_ns.saturating_sub(*used_ns) > FORGET_NS) {
+            if simulated
+                .as_ref()
+                .is_some_and(|(used_ns, _)| now_ns.saturating_sub(*used_ns) > FORGET_NS)
+            {
                 *simulated = None;
             }
         }
@@ -171,20 +181,28 @@ impl Bench {
 
     fn take(&self, port: &str, address: &PortAddress, now_ns: i64) -> Result<Jog, Refusal> {
         let lock = match self.machine() {
-            Some(tree) => Some(HardwareLock::take(tree.root(), "turning a motor by hand").map_err(taken)?),
+            Some(tree) => {
+                Some(HardwareLock::take(tree.root(), "turning a motor by hand").map_err(taken)?)
+            }
             None => None,
         };
-        let failed = |error: String| Refusal::new(Kind::NotReady, format!("no motor to turn: {error}"));
+        let failed =
+            |error: String| Refusal::new(Kind::NotReady, format!("no motor to turn: {error}"));
         let tree = self.tree(now_ns).ok_or_else(|| failed("there is no brick".to_owned()))?;
-        let motor =
-            TachoMotor::find(&tree, Some(address), None).map_err(|error| failed(error.to_string()))?;
-        let motor =
-            LeasedMotor::take(motor, 1.0, f64::INFINITY).map_err(|error| failed(error.to_string()))?;
+        let motor = TachoMotor::find(&tree, Some(address), None)
+            .map_err(|error| failed(error.to_string()))?;
+        let motor = LeasedMotor::take(motor, 1.0, f64::INFINITY)
+            .map_err(|error| failed(error.to_string()))?;
         Ok(Jog { port: port.to_owned(), motor, renewed_ns: now_ns, _lock: lock })
     }
 
     #[cfg(feature = "sim")]
-    fn simulated(&self, world: &crate::runtime::Source, seed: u64, now_ns: i64) -> Option<Arc<dyn Tree>> {
+    fn simulated(
+        &self,
+        world: &crate::runtime::Source,
+        seed: u64,
+        now_ns: i64,
+    ) -> Option<Arc<dyn Tree>> {
         let mut simulated = lock(&self.simulated);
         if let Some((used_ns, tree)) = simulated.as_mut() {
             *used_ns = now_ns;
@@ -203,7 +221,8 @@ impl Bench {
 /// Somebody has the hardware.
 pub(super) fn taken(error: LockError) -> Refusal {
     let kind = if matches!(error, LockError::Taken(_)) { Kind::Busy } else { Kind::Failed };
-    Refusal::new(kind, crate::printable::with_causes(&error)).hint("wait until it is over, or onbrick halt")
+    Refusal::new(kind, crate::printable::with_causes(&error))
+        .hint("wait until it is over, or onbrick halt")
 }
 
 fn release(held: &mut Option<Jog>) {
@@ -227,7 +246,8 @@ fn live_device(entry: &Entry, robot: Option<&RobotConfig>) -> LiveDevice {
     }
 }
 
-/// What a device reads, as short as the brick's screen wants it: a motor's angle, a sensor's values; and what is amiss.
+/// What a device reads, as short as the brick's screen wants it: a motor's angle, a sensor's
+/// values; and what is amiss.
 fn short_reading(entry: &Entry) -> String {
     let is_motor = entry.class.ends_with("-motor");
     let readings = entry.readings.iter().take(if is_motor { 1 } else { usize::MAX });
@@ -268,7 +288,14 @@ mod tests {
         };
         let readings = readings.iter().map(value).collect();
         let (address, driver) = (String::new(), String::new());
-        short_reading(&Entry { class, name: name.to_owned(), address, driver, readings, problem: None })
+        short_reading(&Entry {
+            class,
+            name: name.to_owned(),
+            address,
+            driver,
+            readings,
+            problem: None,
+        })
     }
 
     #[test]

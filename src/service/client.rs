@@ -1,4 +1,5 @@
-//! A client of the local door, for the menu and for `onbrick run`: it asks, waits no longer than it is told to, and connects anew by itself.
+//! A client of the local door, for the menu and for `onbrick run`: it asks, waits no longer than it
+//! is told to, and connects anew by itself.
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -77,7 +78,8 @@ impl Client {
         Self { path: socket.into(), connection: None, next_id: 1, menu: false }
     }
 
-    /// A client that is the menu: when its connection closes, the service takes it for the menu's end ([`LocalOnly::MenuHere`]).
+    /// A client that is the menu: when its connection closes, the service takes it for the menu's
+    /// end ([`LocalOnly::MenuHere`]).
     #[must_use]
     pub fn of_menu_at(socket: impl Into<PathBuf>) -> Self {
         Self { menu: true, ..Self::at(socket) }
@@ -126,7 +128,11 @@ impl Client {
     /// # Errors
     ///
     /// As [`Client::ask`].
-    pub fn fetch(&mut self, fetch: &Fetch, patience: Duration) -> Result<(Fetched, Vec<u8>), ClientError> {
+    pub fn fetch(
+        &mut self,
+        fetch: &Fetch,
+        patience: Duration,
+    ) -> Result<(Fetched, Vec<u8>), ClientError> {
         let request = Request::Fetch(fetch.clone());
         self.exchange(&request, patience)
     }
@@ -136,14 +142,17 @@ impl Client {
         request: &impl Serialize,
         patience: Duration,
     ) -> Result<(T, Vec<u8>), ClientError> {
-        let deadline_ns =
-            MonotonicClock.now_ns().saturating_add(i64::try_from(patience.as_nanos()).unwrap_or(i64::MAX));
+        let deadline_ns = MonotonicClock
+            .now_ns()
+            .saturating_add(i64::try_from(patience.as_nanos()).unwrap_or(i64::MAX));
         // Only an answer that was read to its end leaves the connection in order.
         let mut connection = self.connected(deadline_ns)?;
         let (reply, bytes) = self.over(&mut connection, request, deadline_ns)?;
         self.connection = Some(connection);
         match reply {
-            Outcome::Ok(value) => Ok((serde_json::from_value(value).map_err(ClientError::Strange)?, bytes)),
+            Outcome::Ok(value) => {
+                Ok((serde_json::from_value(value).map_err(ClientError::Strange)?, bytes))
+            }
             Outcome::Error(refusal) => Err(refusal.into()),
         }
     }
@@ -172,8 +181,8 @@ impl Client {
     ) -> Result<(Outcome, Vec<u8>), ClientError> {
         let id = self.next_id;
         self.next_id = self.next_id.wrapping_add(1);
-        let mut line =
-            serde_json::to_vec(&Envelope { version: VERSION, id, request }).map_err(ClientError::Strange)?;
+        let mut line = serde_json::to_vec(&Envelope { version: VERSION, id, request })
+            .map_err(ClientError::Strange)?;
         line.push(b'\n');
         let stream = connection.get_mut();
         stream.set_write_timeout(Some(left(deadline_ns)?)).map_err(ClientError::Lost)?;
@@ -191,10 +200,16 @@ impl Client {
     }
 }
 
-fn read_reply(connection: &mut BufReader<UnixStream>, deadline_ns: i64) -> Result<Reply, ClientError> {
+fn read_reply(
+    connection: &mut BufReader<UnixStream>,
+    deadline_ns: i64,
+) -> Result<Reply, ClientError> {
     let mut line = Vec::new();
     while line.last() != Some(&b'\n') {
-        connection.get_ref().set_read_timeout(Some(left(deadline_ns)?)).map_err(ClientError::Lost)?;
+        connection
+            .get_ref()
+            .set_read_timeout(Some(left(deadline_ns)?))
+            .map_err(ClientError::Lost)?;
         let arrived = match connection.fill_buf() {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             arrived => arrived.map_err(broken)?,
@@ -218,12 +233,17 @@ fn read_bytes(
     value: &serde_json::Value,
     deadline_ns: i64,
 ) -> Result<Vec<u8>, ClientError> {
-    let Ok(fetched) = serde_json::from_value::<Fetched>(value.clone()) else { return Ok(Vec::new()) };
+    let Ok(fetched) = serde_json::from_value::<Fetched>(value.clone()) else {
+        return Ok(Vec::new());
+    };
     let length = usize::try_from(fetched.length.min(MAX_FETCH_BYTES)).unwrap_or(0);
     let mut bytes = vec![0; length];
     let mut filled = 0;
     while filled < length {
-        connection.get_ref().set_read_timeout(Some(left(deadline_ns)?)).map_err(ClientError::Lost)?;
+        connection
+            .get_ref()
+            .set_read_timeout(Some(left(deadline_ns)?))
+            .map_err(ClientError::Lost)?;
         match connection.read(bytes.get_mut(filled..).unwrap_or_default()) {
             Ok(0) => return Err(ClientError::Lost(io::ErrorKind::UnexpectedEof.into())),
             Ok(more) => filled += more,

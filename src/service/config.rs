@@ -53,7 +53,8 @@ pub struct Config {
 pub struct SocketConfig {
     /// The socket's file.
     pub path: PathBuf,
-    /// Whose members may use it; without one, only the user that the service runs as, and that user's group.
+    /// Whose members may use it; without one, only the user that the service runs as, and that
+    /// user's group.
     pub group: Option<String>,
 }
 
@@ -103,7 +104,8 @@ const LONGEST_NAME: usize = 64;
 /// The kernel takes no longer name of a socket (`unix(7)`: 108 with the final 0).
 const LONGEST_SOCKET: usize = 107;
 
-/// Starts from what holds without the file, and takes over what it says; what is wrong is a finding and ends the reading.
+/// Starts from what holds without the file, and takes over what it says; what is wrong is a finding
+/// and ends the reading.
 fn read(root: &Section<'_>, mut config: Config, folder: &Path) -> Config {
     root.allow(&[
         "name",
@@ -126,8 +128,12 @@ fn read(root: &Section<'_>, mut config: Config, folder: &Path) -> Config {
     set(&mut config.keys, path("keys"));
     let quota_mb = root.get("quota_mb").and_then(|item| item.integer(16..=1 << 20));
     set(&mut config.quota_bytes, quota_mb.and_then(|mb| u64::try_from(mb).ok()).map(|mb| mb << 20));
-    set(&mut config.sync_ns, root.get("sync_s").and_then(|item| item.number(0.1..=60.0)).map(nanoseconds));
-    let fate = |key| root.get(key)?.word(&[("stop", WhenAbandoned::Stop), ("go on", WhenAbandoned::GoOn)]);
+    set(
+        &mut config.sync_ns,
+        root.get("sync_s").and_then(|item| item.number(0.1..=60.0)).map(nanoseconds),
+    );
+    let fate =
+        |key| root.get(key)?.word(&[("stop", WhenAbandoned::Stop), ("go on", WhenAbandoned::GoOn)]);
     set(&mut config.when_service_dies, fate("when_service_dies"));
     set(&mut config.when_menu_closes, fate("when_menu_closes"));
     if let Some(section) = root.section("socket") {
@@ -162,7 +168,9 @@ fn link(section: &Section<'_>, config: &mut LinkConfig) {
     set(&mut config.port, port("port"));
     set(&mut config.pairing_port, port("pairing_port"));
     if config.port == config.pairing_port {
-        section.error("`port` and `pairing_port` are the same".to_owned()).hint("two different ports");
+        section
+            .error("`port` and `pairing_port` are the same".to_owned())
+            .hint("two different ports");
     }
 }
 
@@ -176,7 +184,8 @@ fn name(item: &Item<'_>) -> Option<Name> {
     let text = item.text()?;
     let name = Name::new(text);
     if name.is_err() {
-        item.error(format!("`{}`: {NoName}", item.path())).hint(format!("\"{}\"", Name::nearest(text)));
+        item.error(format!("`{}`: {NoName}", item.path()))
+            .hint(format!("\"{}\"", Name::nearest(text)));
     }
     name.ok()
 }
@@ -190,8 +199,9 @@ fn short(item: &Item<'_>) -> Option<String> {
     None
 }
 
-/// `*`, or an address in numbers, of IPv6 perhaps with its interface behind a `%`. A host name would
-/// be looked up by glibc, which in a static program loads the brick's modules of another glibc.
+/// `*`, or an address in numbers, of IPv6 perhaps with its interface behind a `%`. A host name
+/// would be looked up by glibc, which in a static program loads the brick's modules of another
+/// glibc.
 fn address(item: &Item<'_>) -> Option<String> {
     let text = item.text()?;
     let number = text.split_once('%').map_or(text, |(number, _)| number);
@@ -219,7 +229,8 @@ mod tests {
     #[test]
     fn the_shipped_configuration_is_in_order_and_names_the_bricks_own_folders() {
         let (config, warnings) =
-            Config::load("onbrick.toml", DEFAULT_CONFIG.as_bytes(), Path::new(BRICK_FOLDER)).unwrap();
+            Config::load("onbrick.toml", DEFAULT_CONFIG.as_bytes(), Path::new(BRICK_FOLDER))
+                .unwrap();
         assert!(warnings.iter().next().is_none(), "{warnings}");
         assert_eq!(config.runs, Path::new("/var/lib/onbrick/runs"));
         assert_eq!(config.socket.group.as_deref(), Some("robot"));
@@ -247,7 +258,10 @@ mod tests {
         }
         for name in ["localhost", "ev3.local", "wlan0", "", "1.2.3", "[::1]", "127.0.0.1:5670"] {
             let refused = load(name).unwrap_err();
-            assert!(refused.contains("onbrick.toml:2:11") && refused.contains("not looked up"), "{refused}");
+            assert!(
+                refused.contains("onbrick.toml:2:11") && refused.contains("not looked up"),
+                "{refused}"
+            );
         }
     }
 

@@ -9,8 +9,8 @@ use super::bench::Bench;
 use super::config::Config;
 use super::machine::{Happening, Machine};
 use super::protocol::{
-    Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request, RunInfo,
-    Runs, Settings, SettingsChange, Status, VERSION,
+    Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
+    RunInfo, Runs, Settings, SettingsChange, Status, VERSION,
 };
 use super::settings::{Kept, addresses, host_name};
 use super::start::Stop;
@@ -54,7 +54,8 @@ pub(super) struct Inner {
     pub(super) changed: Condvar,
     /// One start at a time; it is long, because it makes room on the disk.
     pub(super) starting: Mutex<()>,
-    /// One change of the settings at a time: each is made of what is there, and written to the same file.
+    /// One change of the settings at a time: each is made of what is there, and written to the same
+    /// file.
     setting: Mutex<()>,
     link: Mutex<Link>,
 }
@@ -86,7 +87,8 @@ enum Link {
 }
 
 impl Service {
-    /// Takes the folder of runs, finds a run that goes on since an earlier service, and begins to keep state, lights and disk.
+    /// Takes the folder of runs, finds a run that goes on since an earlier service, and begins to
+    /// keep state, lights and disk.
     ///
     /// - `program`: this program's file (`std::env::current_exe`).
     ///
@@ -181,7 +183,9 @@ impl Service {
         };
         let wanted = now.battery;
         drop(now);
-        let Some(charge) = inner.bench.battery(now_ns).filter(|_| sensed_v.is_none()) else { return status };
+        let Some(charge) = inner.bench.battery(now_ns).filter(|_| sensed_v.is_none()) else {
+            return status;
+        };
         let least_v = BatteryConfig { cells: charge.cells, ..wanted }.limits().slow_v;
         let volts = charge.volts;
         let low = (volts < least_v).then(|| NotReady::Battery { volts, least_v }.to_string());
@@ -192,9 +196,13 @@ impl Service {
         let folder = &self.inner.config.missions;
         let robot = missions::robot(&self.inner.config.robot).ok();
         // A robot that is not in order is said elsewhere; missions are then checked for themselves.
-        let capabilities = robot.map_or_else(Capabilities::all, |robot| robot.config.capabilities());
+        let capabilities =
+            robot.map_or_else(Capabilities::all, |robot| robot.config.capabilities());
         let missions = missions::list(folder, &capabilities).map_err(|error| {
-            Refusal::new(Kind::Failed, format!("cannot list the missions in {}: {error}", folder.display()))
+            Refusal::new(
+                Kind::Failed,
+                format!("cannot list the missions in {}: {error}", folder.display()),
+            )
         })?;
         Ok(Missions { missions })
     }
@@ -262,7 +270,9 @@ impl Service {
     /// Nothing of ours or of others may drive while a person looks or turns motors by hand.
     fn between_runs(&self) -> Result<(), Refusal> {
         match self.inner.now().machine.run() {
-            Some(run) => Err(Refusal::new(Kind::Busy, format!("the run `{}` has the hardware", run.run))),
+            Some(run) => {
+                Err(Refusal::new(Kind::Busy, format!("the run `{}` has the hardware", run.run)))
+            }
             None => Ok(()),
         }
     }
@@ -288,8 +298,11 @@ impl Operations for Service {
             }
             Request::Runs => answer(&self.runs()),
             Request::Fetch(fetch) => {
-                let (fetched, bytes) =
-                    self.inner.store.fetch(fetch).map_err(|error: StoreError| Refusal::from(error))?;
+                let (fetched, bytes) = self
+                    .inner
+                    .store
+                    .fetch(fetch)
+                    .map_err(|error: StoreError| Refusal::from(error))?;
                 Ok(Answer { bytes: Some(bytes), ..answer(&fetched)? })
             }
             Request::Identify => answer(&self.identify()),
@@ -301,7 +314,8 @@ impl Operations for Service {
         match request {
             LocalOnly::Live => {
                 self.between_runs()?;
-                let robot = missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
+                let robot =
+                    missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
                 answer(&self.inner.bench.live(robot.as_ref(), now_ns)?)
             }
             LocalOnly::Jog { port, percent } => {
@@ -319,9 +333,13 @@ impl Operations for Service {
                 self.inner.happen(Happening::Acknowledged);
                 answer(&Done {})
             }
-            LocalOnly::PairingWindow { seconds } => answer(&self.pairing(|door| door.open_pairing(*seconds))),
+            LocalOnly::PairingWindow { seconds } => {
+                answer(&self.pairing(|door| door.open_pairing(*seconds)))
+            }
             LocalOnly::PairingState => answer(&self.pairing(|door| door.pairing())),
-            LocalOnly::PairingAnswer { same } => answer(&self.pairing(|door| door.answer_pairing(*same))),
+            LocalOnly::PairingAnswer { same } => {
+                answer(&self.pairing(|door| door.answer_pairing(*same)))
+            }
             LocalOnly::Settings => answer(&self.settings()),
             LocalOnly::SetSettings(change) => answer(&self.set(change)?),
         }
@@ -363,7 +381,8 @@ pub(super) fn named(caller: &Caller) -> String {
 }
 
 fn answer(value: &impl Serialize) -> Result<Answer, Refusal> {
-    let value = serde_json::to_value(value).map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
+    let value = serde_json::to_value(value)
+        .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
     Ok(Answer { value, bytes: None })
 }
 

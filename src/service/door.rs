@@ -1,14 +1,17 @@
-//! The local door: a Unix socket with file permissions, for the menu, `onbrick run` and a person's scripts on the brick itself.
+//! The local door: a Unix socket with file permissions, for the menu, `onbrick run` and a person's
+//! scripts on the brick itself.
 //!
-//! Requests and replies are lines of JSON ([`protocol`](super::protocol)); after the reply to a `fetch` come as many bytes as its `length` says.
-//! Requests of one connection are answered in their order.
+//! Requests and replies are lines of JSON ([`protocol`](super::protocol)); after the reply to a
+//! `fetch` come as many bytes as its `length` says. Requests of one connection are answered in
+//! their order.
 //!
-//! Each client has a thread, so a slow or silent one disturbs nobody. What a client can cost is bounded: so many connections, so long a
-//! line, and one *long* line at a time.
+//! Each client has a thread, so a slow or silent one disturbs nobody. What a client can cost is
+//! bounded: so many connections, so long a line, and one *long* line at a time.
 //!
 //! # Not here
 //!
-//! What an operation does. Whether a user may come in is the kernel's decision, by the socket's mode and group.
+//! What an operation does. Whether a user may come in is the kernel's decision, by the socket's
+//! mode and group.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::fs::{PermissionsExt, chown};
@@ -22,8 +25,8 @@ use nix::sys::socket::{getsockopt, sockopt::PeerCredentials};
 
 use super::config::SocketConfig;
 use super::protocol::{
-    Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome, Refusal,
-    Reply, parse_local,
+    Answer, Asked, Caller, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Operations, Outcome,
+    Refusal, Reply, parse_local,
 };
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::runtime::groups;
@@ -34,7 +37,8 @@ pub const MAX_CLIENTS: usize = 128;
 /// Who may use the socket: its user and its group.
 const MODE: u32 = 0o660;
 
-/// Lines up to here are taken from every client at once; longer ones carry a mission's text, and come one at a time.
+/// Lines up to here are taken from every client at once; longer ones carry a mission's text, and
+/// come one at a time.
 const SHORT_LINE: usize = 16 << 10;
 
 /// How long a reply waits for a client that does not read, and a long line for its end.
@@ -123,7 +127,8 @@ fn clear(path: &Path) -> Result<(), DoorError> {
     match UnixStream::connect(path) {
         Ok(_) => Err(DoorError::Taken(path.to_owned())),
         Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
-            std::fs::remove_file(path).map_err(|source| DoorError::Io { path: path.to_owned(), source })
+            std::fs::remove_file(path)
+                .map_err(|source| DoorError::Io { path: path.to_owned(), source })
         }
         // What is no socket stays; binding will say so.
         Err(_) => Ok(()),
@@ -155,7 +160,8 @@ impl Hall {
     fn show_in(self: &Arc<Self>, stream: UnixStream) {
         let client = Guest { hall: Arc::clone(self) };
         if self.clients.fetch_add(1, Ordering::Relaxed) >= MAX_CLIENTS {
-            let refusal = Refusal::new(Kind::TooMany, format!("{MAX_CLIENTS} clients are connected already"));
+            let refusal =
+                Refusal::new(Kind::TooMany, format!("{MAX_CLIENTS} clients are connected already"));
             // It has just come, so a line fits into its buffer; if not, it is left without a word.
             let _ = stream.set_nonblocking(true);
             let _ = send(&mut &stream, &Reply { id: None, outcome: Outcome::Error(refusal) }, None);
@@ -277,7 +283,11 @@ enum Line {
 }
 
 /// Reads on to the line's end, or until `line` has `most` bytes; how many it has then.
-fn read_up_to(reader: &mut BufReader<&UnixStream>, line: &mut Vec<u8>, most: usize) -> io::Result<usize> {
+fn read_up_to(
+    reader: &mut BufReader<&UnixStream>,
+    line: &mut Vec<u8>,
+    most: usize,
+) -> io::Result<usize> {
     let more = u64::try_from(most.saturating_sub(line.len())).unwrap_or(0);
     reader.by_ref().take(more).read_until(b'\n', line)?;
     Ok(line.len())

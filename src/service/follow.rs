@@ -34,14 +34,18 @@ impl Service {
         Ok(())
     }
 
-    /// Looks at the runs that earlier services left without an end: they go on, have ended meanwhile, or were cut.
+    /// Looks at the runs that earlier services left without an end: they go on, have ended
+    /// meanwhile, or were cut.
     pub(super) fn find_runs(&self) -> io::Result<()> {
         let mut found = None;
         for record in self.inner.store.open_ended() {
             let file = self.inner.store.recording(&record.run);
             match recording::writer(&file) {
                 Ok(Some(pid)) if self.inner.now().machine.run().is_none() => {
-                    log::info!("run {} goes on in process {pid} since an earlier service", record.run);
+                    log::info!(
+                        "run {} goes on in process {pid} since an earlier service",
+                        record.run
+                    );
                     self.take_over(&record, file)?;
                 }
                 _ => found = Some(self.note_found_end(&record, &file)),
@@ -133,7 +137,12 @@ impl Service {
         match &ended {
             Ok(ended) => {
                 inner.happen(Happening::MotorsTold { stopped: ended.stopped });
-                inner.store.end(run, Some(last.clone()), Some(ended.travelled_m), Some(ended.points));
+                inner.store.end(
+                    run,
+                    Some(last.clone()),
+                    Some(ended.travelled_m),
+                    Some(ended.points),
+                );
             }
             // Nothing was recorded.
             Err(RunError::Refused { .. }) => inner.store.take_back(run),
@@ -150,7 +159,8 @@ impl Service {
     /// How a run ended, with who asked for it.
     fn ended(&self, run: &RunId, mission: &str, stop: Stop) -> LastStop {
         let asked = matches!(stop.reason, StopReason::Remote | StopReason::Here);
-        let by = self.inner.now().stopped_by.as_ref().filter(|_| asked).map(|(_, asker)| asker.clone());
+        let by =
+            self.inner.now().stopped_by.as_ref().filter(|_| asked).map(|(_, asker)| asker.clone());
         LastStop { by, ..LastStop::new(Some(run.clone()), mission, stop) }
     }
 }

@@ -1,4 +1,5 @@
-//! What goes on by itself: lights and sounds, room for the run that grows, the look at disk and robot, the hash of each run, the watchdog.
+//! What goes on by itself: lights and sounds, room for the run that grows, the look at disk and
+//! robot, the hash of each run, the watchdog.
 
 use std::io;
 use std::path::Path;
@@ -80,7 +81,8 @@ impl Keeper {
     /// Lights and sounds of the state; on a real brick only.
     fn show(&mut self, now_ns: i64) {
         let shown = {
-            // A service whose state cannot be had any more stops here, and with it the watchdog's signs of life.
+            // A service whose state cannot be had any more stops here, and with it the watchdog's
+            // signs of life.
             let now = self.inner.now();
             Shown {
                 state: now.machine.state(),
@@ -120,7 +122,8 @@ impl Keeper {
         now.machine.happen(MonotonicClock.now_ns(), Happening::Trouble(found));
     }
 
-    /// What is wrong with the robot's file; it is read each time and understood when it has changed.
+    /// What is wrong with the robot's file; it is read each time and understood when it has
+    /// changed.
     fn robot_trouble(&mut self) -> Option<String> {
         let path: &Path = &self.inner.config.robot;
         let bytes = missions::read(path).ok();

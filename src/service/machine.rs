@@ -1,4 +1,5 @@
-//! The one state of a brick, as a pure machine: what happens goes in with its time, the state comes out.
+//! The one state of a brick, as a pure machine: what happens goes in with its time, the state comes
+//! out.
 //!
 //! ```text
 //!  ready ──start──▶ preparing ──driving──▶ running ──told to stop──▶ stopping ──ended──▶ stopped | fault
@@ -6,8 +7,9 @@
 //!    └── acknowledge ── fault                                       start is taken in ready, stopped, fault
 //! ```
 //!
-//! Beside the runs there is *trouble*: something that keeps any run from starting (a robot file that is broken, a disk that cannot be written to).
-//! While it lasts, a brick on which nothing runs is in fault.
+//! Beside the runs there is *trouble*: something that keeps any run from starting (a robot file
+//! that is broken, a disk that cannot be written to). While it lasts, a brick on which nothing runs
+//! is in fault.
 //!
 //! # Not here
 //!
@@ -86,7 +88,8 @@ impl Machine {
         Ok(())
     }
 
-    /// Something happens. What does not fit the state, such as a late word of a run that is over, changes nothing.
+    /// Something happens. What does not fit the state, such as a late word of a run that is over,
+    /// changes nothing.
     pub fn happen(&mut self, now_ns: i64, happening: Happening) {
         match happening {
             Happening::Waits(what) => {
@@ -146,7 +149,8 @@ impl Machine {
         self.run.as_ref()
     }
 
-    /// Whether the motors of the run that is going on, or of the last, were told to stop; and whether each took it.
+    /// Whether the motors of the run that is going on, or of the last, were told to stop; and
+    /// whether each took it.
     #[must_use]
     pub fn motors_told(&self) -> Option<bool> {
         self.motors_told
@@ -210,7 +214,11 @@ mod tests {
                 None => machine.start(now_ns, run("r")).unwrap(),
             }
             let last = machine.last().map(|last| last.stop.reason.word()).unwrap_or_default();
-            assert_eq!((machine.state(), last.as_str()), (state, word), "after {told} at {second} s");
+            assert_eq!(
+                (machine.state(), last.as_str()),
+                (state, word),
+                "after {told} at {second} s"
+            );
         }
         machine
     }
@@ -275,7 +283,10 @@ mod tests {
             (Some(Happening::Ended(last(StopReason::Button))), Fault, "disk"),
             (Some(Happening::Trouble(None)), Stopped, "button"),
         ]);
-        assert!(machine.state_s(6 * SECOND_NS) < 1.5, "the state's time starts when the trouble ends");
+        assert!(
+            machine.state_s(6 * SECOND_NS) < 1.5,
+            "the state's time starts when the trouble ends"
+        );
         machine.happen(0, Happening::Acknowledged);
         assert_ne!(machine.state(), Ready, "only a fault is acknowledged");
     }

@@ -1,6 +1,8 @@
-//! The missions that a brick offers, and its robot: files in folders that a person edits, read anew each time.
+//! The missions that a brick offers, and its robot: files in folders that a person edits, read anew
+//! each time.
 //!
-//! A mission goes by its file's name without the ending. Where there is no folder of missions, the shipped ones are offered.
+//! A mission goes by its file's name without the ending. Where there is no folder of missions, the
+//! shipped ones are offered.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -51,7 +53,9 @@ pub(super) fn robot(path: &Path) -> Result<Robot, String> {
 /// The folder is there and cannot be listed.
 pub(super) fn list(folder: &Path, capabilities: &Capabilities) -> io::Result<Vec<MissionInfo>> {
     let mut missions: Vec<MissionInfo> = match names(folder)? {
-        Some(names) => names.iter().map(|name| info(name, source_in(folder, name), capabilities)).collect(),
+        Some(names) => {
+            names.iter().map(|name| info(name, source_in(folder, name), capabilities)).collect()
+        }
         None => shipped::MISSIONS
             .iter()
             .map(|mission| info(mission.name, Ok(shipped_source(mission)), capabilities))
@@ -69,8 +73,10 @@ pub(super) fn list(folder: &Path, capabilities: &Capabilities) -> io::Result<Vec
 pub(super) fn choose(folder: &Path, chosen: &Chosen) -> Result<Source, Refusal> {
     match chosen {
         Chosen::Text(text) if text.len() > MAX_MISSION_BYTES => {
-            let message =
-                format!("the mission has {} bytes, and {MAX_MISSION_BYTES} are the most", text.len());
+            let message = format!(
+                "the mission has {} bytes, and {MAX_MISSION_BYTES} are the most",
+                text.len()
+            );
             Err(Refusal::new(Kind::BrokenMission, message))
         }
         Chosen::Text(text) => Ok(Source { name: "mission.toml".to_owned(), text: text.clone() }),
@@ -91,7 +97,10 @@ pub(super) fn load(source: &Source, capabilities: &Capabilities) -> Result<Missi
 
 fn by_name(folder: &Path, name: &str) -> Result<Source, Refusal> {
     let failed = |error: io::Error| {
-        Refusal::new(Kind::Failed, format!("cannot read the missions in {}: {error}", folder.display()))
+        Refusal::new(
+            Kind::Failed,
+            format!("cannot read the missions in {}: {error}", folder.display()),
+        )
     };
     let (known, source) = match names(folder).map_err(failed)? {
         // Only names that the folder lists are opened: no path comes from outside.
@@ -109,8 +118,10 @@ fn by_name(folder: &Path, name: &str) -> Result<Source, Refusal> {
         Some(Err(why)) => Err(Refusal::new(Kind::BrokenMission, why)),
         None => {
             let name: String = name.chars().take(64).collect();
-            let refusal =
-                Refusal::new(Kind::UnknownMission, format!("there is no mission `{}` here", line(&name)));
+            let refusal = Refusal::new(
+                Kind::UnknownMission,
+                format!("there is no mission `{}` here", line(&name)),
+            );
             let near = nearest(&name, known.iter().map(String::as_str));
             Err(match near {
                 Some(hint) => refusal.hint(hint),
@@ -145,7 +156,8 @@ fn names(folder: &Path) -> io::Result<Option<Vec<String>>> {
 
 fn source_in(folder: &Path, name: &str) -> Result<Source, String> {
     let file = format!("{name}.toml");
-    let bytes = read(&folder.join(&file)).map_err(|error| format!("cannot read {file}: {error}"))?;
+    let bytes =
+        read(&folder.join(&file)).map_err(|error| format!("cannot read {file}: {error}"))?;
     Ok(Source { text: document_text(&file, &bytes)?, name: file })
 }
 
@@ -173,7 +185,8 @@ fn info(name: &str, source: Result<Source, String>, capabilities: &Capabilities)
     }
 }
 
-/// Reads at most one byte more than a document may have; what is no plain file is not read, because it may never end.
+/// Reads at most one byte more than a document may have; what is no plain file is not read, because
+/// it may never end.
 pub(super) fn read(path: &Path) -> io::Result<Vec<u8>> {
     if !std::fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no file"));
@@ -215,7 +228,11 @@ mod tests {
         let missions = list(folder.path(), &Capabilities::all()).unwrap();
         let names: Vec<&str> = missions.iter().map(|mission| mission.name.as_str()).collect();
         assert_eq!(names, ["broken", "folder", "mine"]);
-        assert!(missions[0].findings.as_ref().unwrap().contains("broken.toml:1"), "{:?}", missions[0]);
+        assert!(
+            missions[0].findings.as_ref().unwrap().contains("broken.toml:1"),
+            "{:?}",
+            missions[0]
+        );
         assert!(missions[1].findings.as_ref().unwrap().contains("no file"), "{:?}", missions[1]);
         assert_eq!(missions[2].findings, None);
     }
@@ -223,7 +240,8 @@ mod tests {
     #[test]
     fn no_path_comes_from_outside() {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("bump.toml"), shipped::find("bump").unwrap().text).unwrap();
+        std::fs::write(folder.path().join("bump.toml"), shipped::find("bump").unwrap().text)
+            .unwrap();
         let inside = folder.path().join("inside");
         std::fs::create_dir(&inside).unwrap();
         for name in ["../bump", "/etc/passwd", "", ".", "../inside/../bump", "bump.toml"] {

@@ -1,8 +1,9 @@
 //! What is asked of a brick and what it answers: one JSON for the network and for the local socket.
 //!
-//! A request is one JSON object. `op` names the operation, `id` (a number or a short text, the client's own) comes back with the reply,
-//! `version` is [`VERSION`]; the operation's fields stand beside them. Fields that are not known are ignored, so that a newer client can talk to
-//! an older brick; operations that are not known are refused with the list of known ones.
+//! A request is one JSON object. `op` names the operation, `id` (a number or a short text, the
+//! client's own) comes back with the reply, `version` is [`VERSION`]; the operation's fields stand
+//! beside them. Fields that are not known are ignored, so that a newer client can talk to an older
+//! brick; operations that are not known are refused with the list of known ones.
 //!
 //! ```json
 //! {"version": 1, "id": 7, "op": "start", "run": "a3f1", "mission": {"name": "map"}, "token": "k2-81734"}
@@ -10,12 +11,14 @@
 //! {"id": 7, "error": {"kind": "stale_token", "message": "the token is 8.2 s old, and 5 s is the most", "hint": "ask for the status again"}}
 //! ```
 //!
-//! The network offers the operations of [`Request`] and no others; the local socket those of [`LocalRequest`] besides. That they are two types is
-//! what keeps a jog or a deletion off the network.
+//! The network offers the operations of [`Request`] and no others; the local socket those of
+//! [`LocalRequest`] besides. That they are two types is what keeps a jog or a deletion off the
+//! network.
 //!
 //! # Not here
 //!
-//! No sockets, no frames: how a request arrives is its door's matter. What an operation does is the service's.
+//! No sockets, no frames: how a request arrives is its door's matter. What an operation does is the
+//! service's.
 //!
 //! # What we count on
 //!
@@ -30,8 +33,8 @@ mod refusal;
 mod told;
 
 pub use answers::{
-    Disk, Done, Fetched, LastStop, Live, LiveDevice, MissionInfo, Missions, Pairing, RunInfo, RunStatus,
-    Runs, Settings, SettingsChange, Started, State, Status, Stopped,
+    Disk, Done, Fetched, LastStop, Live, LiveDevice, MissionInfo, Missions, Pairing, RunInfo,
+    RunStatus, Runs, Settings, SettingsChange, Started, State, Status, Stopped,
 };
 pub use name::{Name, NoName};
 pub use parse::{NotUnderstood, parse, parse_local};
@@ -40,7 +43,8 @@ pub use refusal::{Kind, Refusal};
 /// The protocol's version; a request of another one is refused.
 pub const VERSION: u32 = 1;
 
-/// The longest request, bytes: a mission's text of the largest size that is taken over the network, in JSON's escapes, and room to spare.
+/// The longest request, bytes: a mission's text of the largest size that is taken over the network,
+/// in JSON's escapes, and room to spare.
 pub const MAX_REQUEST_BYTES: usize = 512 << 10;
 
 /// The longest text of a mission that a `start` may carry, bytes.
@@ -50,7 +54,8 @@ pub const MAX_MISSION_BYTES: usize = 64 << 10;
 /// clients.
 pub const MAX_FETCH_BYTES: u32 = 64 << 10;
 
-/// A token is taken for this long after the status that brought it, nanoseconds of the brick's monotonic clock.
+/// A token is taken for this long after the status that brought it, nanoseconds of the brick's
+/// monotonic clock.
 pub const TOKEN_LIFE_NS: i64 = 5_000_000_000;
 
 /// A client's own name for a request; the reply repeats it.
@@ -63,7 +68,8 @@ pub enum Id {
     Text(String),
 }
 
-/// A run's identifier: 1 to 40 letters, digits, `-` and `_`, chosen by the client that starts it. It is a folder's name, so nothing else is taken.
+/// A run's identifier: 1 to 40 letters, digits, `-` and `_`, chosen by the client that starts it.
+/// It is a folder's name, so nothing else is taken.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct RunId(String);
@@ -123,9 +129,11 @@ pub enum Request {
     Status,
     /// Which missions it has; answered with [`Missions`].
     Missions,
-    /// Start a run; answered with [`Started`]. A repeat with the same identifier does nothing and is answered alike.
+    /// Start a run; answered with [`Started`]. A repeat with the same identifier does nothing and
+    /// is answered alike.
     Start(Start),
-    /// Stop the named run, or whatever runs; answered with [`Stopped`] when the motors have been told.
+    /// Stop the named run, or whatever runs; answered with [`Stopped`] when the motors have been
+    /// told.
     Stop {
         /// Which run; without it whatever runs.
         #[serde(default)]
@@ -145,23 +153,28 @@ pub enum Request {
 pub enum LocalOnly {
     /// What is plugged in and what it reads; answered with [`Live`].
     Live,
-    /// Turn a motor while a button is held: a lease of 0.3 s, to be renewed; answered with [`Done`].
+    /// Turn a motor while a button is held: a lease of 0.3 s, to be renewed; answered with
+    /// [`Done`].
     Jog {
         /// The motor's port, such as `outB`.
         port: String,
         /// Percent of the motor's full speed, −100 to 100; 0 stops it.
         percent: i32,
     },
-    /// Delete a run's files; answered with [`Done`]. The identifier is remembered, so that a late `start` does nothing.
+    /// Delete a run's files; answered with [`Done`]. The identifier is remembered, so that a late
+    /// `start` does nothing.
     Delete {
         /// Which.
         run: RunId,
     },
-    /// Hand a job over to be run; the same as `start` for somebody at the brick: no token. Answered with [`Started`].
+    /// Hand a job over to be run; the same as `start` for somebody at the brick: no token. Answered
+    /// with [`Started`].
     StartHere(Start),
-    /// This connection is the menu's: when it closes, however that happens, it is as if `menu_closed` had been asked. Answered with [`Done`].
+    /// This connection is the menu's: when it closes, however that happens, it is as if
+    /// `menu_closed` had been asked. Answered with [`Done`].
     MenuHere,
-    /// Stop because the menu was closed, where the configuration says that a run ends with it; otherwise as `stop`.
+    /// Stop because the menu was closed, where the configuration says that a run ends with it;
+    /// otherwise as `stop`.
     MenuClosed,
     /// The fault was seen; answered with [`Done`].
     Acknowledge,
@@ -306,7 +319,8 @@ pub enum Caller {
 
 /// What both doors ask the service for. It is shared between their threads.
 ///
-/// `stop` waits for the motors to be told, at most about a second; all others answer at once, so one slow client holds up nobody for long.
+/// `stop` waits for the motors to be told, at most about a second; all others answer at once, so
+/// one slow client holds up nobody for long.
 pub trait Operations: Send + Sync {
     /// Does what the network may ask.
     ///

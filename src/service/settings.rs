@@ -62,8 +62,9 @@ impl Kept {
             Some(0.0) => None,
             Some(limit_s) if (low..=high).contains(&limit_s) => Some(limit_s),
             Some(limit_s) => {
-                let message =
-                    format!("a time limit of {limit_s} s; it can be {low} to {high}, and 0 for none");
+                let message = format!(
+                    "a time limit of {limit_s} s; it can be {low} to {high}, and 0 for none"
+                );
                 return Err(Refusal::new(Kind::BadRequest, message));
             }
         };
@@ -81,7 +82,8 @@ pub(super) fn addresses() -> Vec<String> {
     let mut addresses: Vec<String> = interfaces
         .filter_map(|interface| interface.address)
         .filter_map(|address| {
-            let four = address.as_sockaddr_in().map(|address| address.ip()).filter(|ip| !ip.is_loopback());
+            let four =
+                address.as_sockaddr_in().map(|address| address.ip()).filter(|ip| !ip.is_loopback());
             let six = address.as_sockaddr_in6().map(|address| address.ip());
             // A link-local address needs a zone that another machine does not know.
             let six = six.filter(|ip| !ip.is_loopback() && !ip.is_unicast_link_local());
@@ -106,8 +108,11 @@ mod tests {
     fn settings_are_kept_and_a_file_that_is_spoilt_is_as_at_first() {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(Kept::read(folder.path()), Kept::default());
-        let change =
-            SettingsChange { sounds: Some(false), time_limit_s: Some(30.0), ..SettingsChange::default() };
+        let change = SettingsChange {
+            sounds: Some(false),
+            time_limit_s: Some(30.0),
+            ..SettingsChange::default()
+        };
         let kept = Kept::default().changed(&change).unwrap();
         kept.write(folder.path()).unwrap();
         assert_eq!(Kept::read(folder.path()), kept);

@@ -7,12 +7,14 @@
 //! | running | green, pulsing; none of it where the mission switches the lights itself | |
 //! | fault | red | a low tone |
 //!
-//! Lights are written when they change and not otherwise, so that another program that wants them between runs has them. They fail in silence: a
-//! brick without lights, or a user who may not switch them, runs missions all the same.
+//! Lights are written when they change and not otherwise, so that another program that wants them
+//! between runs has them. They fail in silence: a brick without lights, or a user who may not
+//! switch them, runs missions all the same.
 //!
 //! # Not here
 //!
-//! The beeps before a run drives off: they are a warning, made by the run itself, and no setting turns them off.
+//! The beeps before a run drives off: they are a warning, made by the run itself, and no setting
+//! turns them off.
 
 use std::sync::Arc;
 
@@ -56,7 +58,11 @@ pub(super) struct Signs {
 
 impl Signs {
     /// What is to change now: a colour for both lights, and a tone.
-    pub(super) fn follow(&mut self, shown: Shown, now_ns: i64) -> (Option<LightColour>, Option<i32>) {
+    pub(super) fn follow(
+        &mut self,
+        shown: Shown,
+        now_ns: i64,
+    ) -> (Option<LightColour>, Option<i32>) {
         let colour = shown.lights.then(|| colour(shown, now_ns)).flatten();
         let changed = colour.filter(|_| colour != self.colour);
         // Lights that are not ours are set anew when they are.
@@ -108,7 +114,8 @@ pub(super) fn tone(tree: &Arc<dyn Tree>, tone_hz: i32) {
     }
 }
 
-/// Three times two tones, and three blinks where the lights may be used: a person sees and hears which brick this is.
+/// Three times two tones, and three blinks where the lights may be used: a person sees and hears
+/// which brick this is.
 pub(super) fn identify(tree: &Arc<dyn Tree>, lights: bool) {
     let blink = |colour| {
         if lights {
@@ -116,7 +123,8 @@ pub(super) fn identify(tree: &Arc<dyn Tree>, lights: bool) {
         }
     };
     for _ in 0..3 {
-        for (tone_hz, colour) in IDENTIFY_HZ.into_iter().zip([LightColour::Amber, LightColour::Off]) {
+        for (tone_hz, colour) in IDENTIFY_HZ.into_iter().zip([LightColour::Amber, LightColour::Off])
+        {
             blink(colour);
             let end_ns = MonotonicClock.now_ns() + TONE_NS;
             tone(tree, tone_hz);
@@ -157,7 +165,11 @@ mod tests {
             (State::Fault, 2600, None, None),
         ];
         for (state, ms, colour, tone_hz) in transcript {
-            assert_eq!(signs.follow(shown(state), ms * MS), (colour, tone_hz), "{state:?} at {ms} ms");
+            assert_eq!(
+                signs.follow(shown(state), ms * MS),
+                (colour, tone_hz),
+                "{state:?} at {ms} ms"
+            );
         }
     }
 

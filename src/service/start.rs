@@ -24,12 +24,13 @@ use crate::printable::with_causes;
 use crate::recording;
 use crate::runtime::StopReason;
 use crate::runtime::{
-    HardwareLock, Job, Lock, LockError, OrphansError, PATIENCE_NS, RunProcess, Source, StopBy, Stopper,
-    evict, stop_orphans,
+    HardwareLock, Job, Lock, LockError, OrphansError, PATIENCE_NS, RunProcess, Source, StopBy,
+    Stopper, evict, stop_orphans,
 };
 use crate::units::radians;
 
-/// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them within a tick.
+/// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them
+/// within a tick.
 const STOP_PATIENCE_NS: i64 = 2 * SECOND_NS;
 
 /// Poses farther away than this are slips of the pen, metres and degrees.
@@ -80,7 +81,9 @@ fn force_later(root: PathBuf, control: i32) -> io::Result<()> {
         match forced {
             // It yielded, and another run may have begun since.
             Ok(_) | Err(OrphansError::Lock(LockError::Taken(_))) => {}
-            Err(error) => log::error!("the run did not stop when it was asked to: {}", with_causes(&error)),
+            Err(error) => {
+                log::error!("the run did not stop when it was asked to: {}", with_causes(&error))
+            }
         }
     })?;
     Ok(())
@@ -128,7 +131,12 @@ impl Service {
             waits: None,
             progress: None,
         };
-        let file = inner.store.begin(Record::new(start.run.clone(), &run.mission, run.time_limit_s, &by))?;
+        let file = inner.store.begin(Record::new(
+            start.run.clone(),
+            &run.mission,
+            run.time_limit_s,
+            &by,
+        ))?;
         let missions_lights = prepared.mission.switches_lights();
         let job = self.job(&start.run, prepared, file);
         log::info!("run {}: mission {}, started by {by}", run.run, run.mission);
@@ -143,8 +151,9 @@ impl Service {
             now.missions_lights = missions_lights;
         }
         inner.changed.notify_all();
-        let begun = RunProcess::start(&inner.program, &job).map_err(|error| with_causes(&error)).and_then(
-            |process| {
+        let begun = RunProcess::start(&inner.program, &job)
+            .map_err(|error| with_causes(&error))
+            .and_then(|process| {
                 let mut now = inner.now();
                 let stop = Stop::Ours(process.stopper());
                 if let Some((by, _)) = now.stopped_by {
@@ -154,8 +163,7 @@ impl Service {
                 now.stop = Some(stop);
                 drop(now);
                 self.follow(process, &run).map_err(|error| with_causes(&error))
-            },
-        );
+            });
         if let Err(why) = begun {
             let refused = StopReason::Refused.with(why.clone());
             let last = LastStop::new(Some(start.run.clone()), &run.mission, refused);
@@ -168,7 +176,12 @@ impl Service {
     }
 
     /// Stops a run, and waits until the motors have been told.
-    pub(super) fn stop(&self, run: Option<&RunId>, by: StopBy, asker: &str) -> Result<Stopped, Refusal> {
+    pub(super) fn stop(
+        &self,
+        run: Option<&RunId>,
+        by: StopBy,
+        asker: &str,
+    ) -> Result<Stopped, Refusal> {
         let inner = &self.inner;
         let mut now = inner.now();
         let running = now.machine.run().map(|running| running.run.clone());
@@ -201,10 +214,10 @@ impl Service {
             }
             let left_ns = deadline_ns.saturating_sub(MonotonicClock.now_ns());
             let Ok(left_ns @ 1..) = u64::try_from(left_ns) else {
-                let message = "the run was asked to stop and has not said that the motors were told";
-                return Err(
-                    Refusal::new(Kind::Failed, message).hint("onbrick halt, to be sure that they are still")
-                );
+                let message =
+                    "the run was asked to stop and has not said that the motors were told";
+                return Err(Refusal::new(Kind::Failed, message)
+                    .hint("onbrick halt, to be sure that they are still"));
             };
             // It may begin to drive only now and not have had the order when it was asked.
             now = match inner.changed.wait_timeout(now, Duration::from_nanos(left_ns)) {
@@ -214,7 +227,8 @@ impl Service {
         }
     }
 
-    /// Ends the service: nothing starts any more, and a run that is going on is stopped and waited for, as long as its recording takes.
+    /// Ends the service: nothing starts any more, and a run that is going on is stopped and waited
+    /// for, as long as its recording takes.
     pub fn close(&self) {
         let inner = &self.inner;
         inner.now().closing = true;
@@ -257,7 +271,8 @@ impl Service {
         }
     }
 
-    /// Whether anybody else has the hardware. The run itself takes it; asking first makes a better answer.
+    /// Whether anybody else has the hardware. The run itself takes it; asking first makes a better
+    /// answer.
     fn is_free(&self) -> Result<(), Refusal> {
         let Some(tree) = self.inner.bench.machine() else { return Ok(()) };
         match HardwareLock::owner(tree.root()) {
@@ -269,7 +284,8 @@ impl Service {
 
     fn prepared(&self, start: &Start) -> Result<Prepared, Refusal> {
         let inner = &self.inner;
-        let robot = missions::robot(&inner.config.robot).map_err(|why| Refusal::new(Kind::NotReady, why))?;
+        let robot = missions::robot(&inner.config.robot)
+            .map_err(|why| Refusal::new(Kind::NotReady, why))?;
         let source = missions::choose(&inner.config.missions, &start.mission)?;
         let mut mission = missions::load(&source, &robot.config.capabilities())?;
         let mut set = start.set.clone();
@@ -288,7 +304,10 @@ impl Service {
         }
         let start = match start.pose {
             Some(pose) if !pose.iter().all(|number| number.abs() <= FARTHEST) => {
-                return Err(Refusal::new(Kind::BadRequest, "a pose's numbers are small and finite"));
+                return Err(Refusal::new(
+                    Kind::BadRequest,
+                    "a pose's numbers are small and finite",
+                ));
             }
             Some([x_m, y_m, deg]) => Pose { x_m, y_m, heading_rad: radians(deg) },
             None => inner.place.start,

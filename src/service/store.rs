@@ -1,4 +1,5 @@
-//! The runs on a brick's disk: a folder each, a quota over all, and what is remembered of those that are gone.
+//! The runs on a brick's disk: a folder each, a quota over all, and what is remembered of those
+//! that are gone.
 //!
 //! ```text
 //! runs/<identifier>/run.mcap    the recording, written by the run's own process
@@ -7,14 +8,14 @@
 //! runs/service.lock             held by the service that keeps this folder
 //! ```
 //!
-//! Room is made by deleting: runs that somebody has fetched go first, oldest first, then the others, oldest first; the one that is going on
-//! never. A run counts as fetched when a client has named the hash of all of it, as it lies on that
-//! one's disk.
+//! Room is made by deleting: runs that somebody has fetched go first, oldest first, then the
+//! others, oldest first; the one that is going on never. A run counts as fetched when a client has
+//! named the hash of all of it, as it lies on that one's disk.
 //!
 //! # Not here
 //!
-//! No decision when a run starts or is over. No path comes from outside: a folder's name is a [`RunId`], which has no signs that a path could
-//! use.
+//! No decision when a run starts or is over. No path comes from outside: a folder's name is a
+//! [`RunId`], which has no signs that a path could use.
 //!
 //! # What we count on
 //!
@@ -23,8 +24,9 @@
 //!
 //! # Costs
 //!
-//! The index is in memory, about 500 bytes a run; no disk is waited for while it is locked, except to write a `run.json`. A hash is computed
-//! once, piece by piece, by whoever calls [`Store::hash_one`], with nothing locked.
+//! The index is in memory, about 500 bytes a run; no disk is waited for while it is locked, except
+//! to write a `run.json`. A hash is computed once, piece by piece, by whoever calls
+//! [`Store::hash_one`], with nothing locked.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -36,7 +38,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use nix::fcntl::Flock;
 
 use super::digest::sha256_hex_of;
-use super::protocol::{Disk, Fetch, Fetched, Kind, LastStop, MAX_FETCH_BYTES, Refusal, RunId, RunInfo};
+use super::protocol::{
+    Disk, Fetch, Fetched, Kind, LastStop, MAX_FETCH_BYTES, Refusal, RunId, RunInfo,
+};
 
 mod files;
 mod record;
@@ -45,7 +49,8 @@ mod room;
 pub(super) use files::{read_small, replace_file};
 pub(super) use record::Record;
 
-/// A run needs this much room to begin with, bytes: five minutes of the shipped robot. While it grows, room is made for it.
+/// A run needs this much room to begin with, bytes: five minutes of the shipped robot. While it
+/// grows, room is made for it.
 pub(super) const RESERVE_BYTES: u64 = 8 << 20;
 
 /// The recording's name in a run's folder.
@@ -132,7 +137,9 @@ impl From<StoreError> for Refusal {
             StoreError::Kept(_) | StoreError::Disk { .. } => Kind::Failed,
         };
         let hint = match &error {
-            StoreError::NoRoom { .. } => Some("delete something else from the card, or use a larger one"),
+            StoreError::NoRoom { .. } => {
+                Some("delete something else from the card, or use a larger one")
+            }
             StoreError::GoingOn(_) => Some("stop it first"),
             _ => None,
         };
@@ -142,8 +149,8 @@ impl From<StoreError> for Refusal {
 }
 
 impl Store {
-    /// Takes a folder of runs, which is made where there is none. A folder that cannot be written to is taken all the same, for what is in
-    /// it; [`Store::trouble`] says so.
+    /// Takes a folder of runs, which is made where there is none. A folder that cannot be written
+    /// to is taken all the same, for what is in it; [`Store::trouble`] says so.
     ///
     /// # Errors
     ///
@@ -198,8 +205,8 @@ impl Store {
         }
         index.next += 1;
         index.going_on = Some(record.run.clone());
-        // The start does not wait for the disk, but a record that never gets there would be an empty file after a power cut: the keeper writes it
-        // again, and waits.
+        // The start does not wait for the disk, but a record that never gets there would be an
+        // empty file after a power cut: the keeper writes it again, and waits.
         index.runs.insert(record.number, Entry { record, bytes: 0, saved: false });
         Ok(folder.join(RECORDING))
     }
@@ -217,7 +224,8 @@ impl Store {
         self.index().going_on = Some(run.clone());
     }
 
-    /// A run is over: notes how it ended. A disk that does not take it is tried again by [`Store::save`].
+    /// A run is over: notes how it ended. A disk that does not take it is tried again by
+    /// [`Store::save`].
     pub(super) fn end(
         &self,
         run: &RunId,
@@ -254,7 +262,9 @@ impl Store {
                 Ok(()) => {
                     let mut index = self.index();
                     // It may have changed again meanwhile.
-                    if let Some(entry) = index.find_mut(&record.run).filter(|entry| entry.record == record) {
+                    if let Some(entry) =
+                        index.find_mut(&record.run).filter(|entry| entry.record == record)
+                    {
                         entry.saved = true;
                     }
                 }
@@ -269,8 +279,11 @@ impl Store {
         let going_on = |record: &Record| index.going_on.as_ref() == Some(&record.run);
         let info = |entry: &Entry| {
             let is_going_on = going_on(&entry.record);
-            let bytes =
-                if is_going_on { files::length(&self.recording(&entry.record.run)) } else { entry.bytes };
+            let bytes = if is_going_on {
+                files::length(&self.recording(&entry.record.run))
+            } else {
+                entry.bytes
+            };
             entry.record.info(bytes, is_going_on)
         };
         index.runs.values().rev().map(info).collect()
@@ -279,7 +292,8 @@ impl Store {
     /// Runs without an end that nobody has said to be going on: an earlier service died over them.
     pub(super) fn open_ended(&self) -> Vec<Record> {
         let index = self.index();
-        let open = |record: &&Record| record.end.is_none() && index.going_on.as_ref() != Some(&record.run);
+        let open =
+            |record: &&Record| record.end.is_none() && index.going_on.as_ref() != Some(&record.run);
         index.runs.values().map(|entry| &entry.record).filter(open).cloned().collect()
     }
 
@@ -296,7 +310,8 @@ impl Store {
     pub(super) fn fetch(&self, fetch: &Fetch) -> Result<(Fetched, Vec<u8>), StoreError> {
         let (complete, sha256) = {
             let index = self.index();
-            let entry = index.find(&fetch.run).ok_or_else(|| StoreError::Unknown(fetch.run.clone()))?;
+            let entry =
+                index.find(&fetch.run).ok_or_else(|| StoreError::Unknown(fetch.run.clone()))?;
             (index.going_on.as_ref() != Some(&fetch.run), entry.record.sha256.clone())
         };
         let path = self.recording(&fetch.run);
@@ -316,7 +331,17 @@ impl Store {
             self.note_fetched(&fetch.run);
         }
         let sha256 = sha256.filter(|_| at_end);
-        Ok((Fetched { run: fetch.run.clone(), offset: fetch.offset, length, total, complete, sha256 }, bytes))
+        Ok((
+            Fetched {
+                run: fetch.run.clone(),
+                offset: fetch.offset,
+                length,
+                total,
+                complete,
+                sha256,
+            },
+            bytes,
+        ))
     }
 
     /// Deletes a run's files; its identifier is remembered.
@@ -338,14 +363,22 @@ impl Store {
         Ok(())
     }
 
-    /// Computes the hash of one run that is complete and has none, if there is one; true if there was.
+    /// Computes the hash of one run that is complete and has none, if there is one; true if there
+    /// was.
     pub(super) fn hash_one(&self) -> bool {
         let unhashed = {
             let index = self.index();
-            let wanted =
-                |record: &&Record| record.sha256.is_none() && index.going_on.as_ref() != Some(&record.run);
+            let wanted = |record: &&Record| {
+                record.sha256.is_none() && index.going_on.as_ref() != Some(&record.run)
+            };
             // The newest is what somebody waits for.
-            index.runs.values().rev().map(|entry| &entry.record).find(wanted).map(|record| record.run.clone())
+            index
+                .runs
+                .values()
+                .rev()
+                .map(|entry| &entry.record)
+                .find(wanted)
+                .map(|record| record.run.clone())
         };
         let Some(run) = unhashed else { return false };
         let hash = match sha256_hex_of(&self.recording(&run)) {
@@ -399,7 +432,8 @@ impl Store {
 }
 
 impl Index {
-    /// Looks through the folder. What is not ours is passed over; a deletion that was interrupted is finished where `may_write`.
+    /// Looks through the folder. What is not ours is passed over; a deletion that was interrupted
+    /// is finished where `may_write`.
     fn read(folder: &Path, may_write: bool) -> Self {
         let deleted = files::deleted(folder);
         let mut index = Self { next: 1, ..Self::default() };
@@ -442,7 +476,8 @@ impl Index {
 /// A file's length, and the bytes that are asked for as far as they are there.
 fn part(file: &File, fetch: &Fetch) -> io::Result<(u64, Vec<u8>)> {
     let total = file.metadata()?.len();
-    let wanted = u64::from(fetch.length.min(MAX_FETCH_BYTES)).min(total.saturating_sub(fetch.offset));
+    let wanted =
+        u64::from(fetch.length.min(MAX_FETCH_BYTES)).min(total.saturating_sub(fetch.offset));
     let mut bytes = vec![0; usize::try_from(wanted).unwrap_or(0)];
     if !bytes.is_empty() {
         file.read_exact_at(&mut bytes, fetch.offset)?;

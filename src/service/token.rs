@@ -1,8 +1,9 @@
 //! Tokens: a proof that a start was asked for a moment ago, by this service's own clock.
 //!
-//! A command that was stuck in an outage must not drive a robot off later. Each status carries a token, the time it was made; a start
-//! brings it back. What signs it is drawn anew at each start of the service, so a token of yesterday's service is none today, and nobody can put
-//! another time on one.
+//! A command that was stuck in an outage must not drive a robot off later. Each status carries a
+//! token, the time it was made; a start brings it back. What signs it is drawn anew at each start
+//! of the service, so a token of yesterday's service is none today, and nobody can put another time
+//! on one.
 //!
 //! # Not here
 //!
@@ -10,8 +11,9 @@
 //!
 //! # What we count on
 //!
-//! - `RandomState` takes what randomness there is without waiting for more (std: `getrandom` that does not block, `/dev/urandom`); the time of the
-//!   start, to the nanosecond, is mixed in for a machine that has none yet.
+//! - `RandomState` takes what randomness there is without waiting for more (std: `getrandom` that
+//!   does not block, `/dev/urandom`); the time of the start, to the nanosecond, is mixed in for a
+//!   machine that has none yet.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 
@@ -74,7 +76,8 @@ impl Tokens {
     }
 
     fn sign(&self, time_ns: i64) -> u64 {
-        let digest = Sha256::new().chain_update(self.secret).chain_update(time_ns.to_le_bytes()).finalize();
+        let digest =
+            Sha256::new().chain_update(self.secret).chain_update(time_ns.to_le_bytes()).finalize();
         digest.iter().take(8).fold(0, |sign, byte| (sign << 8) | u64::from(*byte))
     }
 }
@@ -97,11 +100,17 @@ mod tests {
     #[test]
     fn a_token_of_another_start_or_with_another_time_is_none() {
         let token = Tokens::new(1, 2).make(SECOND_NS);
-        assert_eq!(Tokens::new(1, 2).check(&token, SECOND_NS), Err(NotFresh::Foreign), "drawn anew");
+        assert_eq!(
+            Tokens::new(1, 2).check(&token, SECOND_NS),
+            Err(NotFresh::Foreign),
+            "drawn anew"
+        );
         let tokens = Tokens::new(1, 2);
         let token = tokens.make(SECOND_NS);
         let later = format!("{:x}-{}", 9 * SECOND_NS, token.split_once('-').unwrap().1);
-        for bad in [later.as_str(), "", "-", "7", "k2-81734", "ffffffffffffffffff-0", &"f".repeat(100)] {
+        for bad in
+            [later.as_str(), "", "-", "7", "k2-81734", "ffffffffffffffffff-0", &"f".repeat(100)]
+        {
             assert_eq!(tokens.check(bad, 9 * SECOND_NS), Err(NotFresh::Foreign), "{bad}");
         }
     }

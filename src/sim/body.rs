@@ -1,9 +1,10 @@
 //! Two-wheeled bodies: wheels that grip and slip, outlines that stop at walls and at each other.
 //!
-//! Each step collects what may touch and then solves for impulses: both wheels' grip, the tyres' hold sideways, each contact's
-//! push and friction, one after the other, round and round, each held to its limit (sequential impulses, E. Catto,
-//! "Iterative Dynamics with Temporal Coherence", 2005). A contact counts before it is reached, and allows just the
-//! speed that closes the gap in one step, so nothing tunnels; what rounding leaves of an overlap is pushed out.
+//! Each step collects what may touch and then solves for impulses: both wheels' grip, the tyres'
+//! hold sideways, each contact's push and friction, one after the other, round and round, each held
+//! to its limit (sequential impulses, E. Catto, "Iterative Dynamics with Temporal Coherence",
+//! 2005). A contact counts before it is reached, and allows just the speed that closes the gap in
+//! one step, so nothing tunnels; what rounding leaves of an overlap is pushed out.
 //!
 //! # Not here
 //!
@@ -22,7 +23,8 @@ use super::world::robot::RobotModel;
 
 /// How near a surface is for a contact to be looked at.
 const MARGIN_M: f64 = 0.01;
-/// Rounds of the solver; with two contacts and two wheels the rest error is far below a micrometre a step.
+/// Rounds of the solver; with two contacts and two wheels the rest error is far below a micrometre
+/// a step.
 const ROUNDS: usize = 12;
 /// Plastic on concrete.
 const WALL_FRICTION: f64 = 0.3;
@@ -68,10 +70,12 @@ impl Outline {
         [(p, q), (q, r), (r, s), (s, p)].map(|(from, to)| Segment { from, to })
     }
 
-    /// Distance from the outline to the nearest surface; negative inside, at most by the corner's radius.
+    /// Distance from the outline to the nearest surface; negative inside, at most by the corner's
+    /// radius.
     pub(in crate::sim) fn clearance(&self, surfaces: &Surfaces) -> f64 {
         let walls = surfaces.segments.iter().map(|segment| self.segment_gap(segment));
-        let posts = surfaces.discs.iter().map(|disc| self.nearest_core(disc.centre).1 - disc.radius_m);
+        let posts =
+            surfaces.discs.iter().map(|disc| self.nearest_core(disc.centre).1 - disc.radius_m);
         walls.chain(posts).fold(f64::INFINITY, f64::min) - self.corner_m
     }
 
@@ -292,7 +296,15 @@ impl Solver {
         let radii = outline.corner_m + radius_m;
         for corner in outline.core {
             let point = segment.closest(corner);
-            self.add(index, body, other, corner, point, (corner - point).norm() - radii, outline.corner_m);
+            self.add(
+                index,
+                body,
+                other,
+                corner,
+                point,
+                (corner - point).norm() - radii,
+                outline.corner_m,
+            );
         }
         for end in [segment.from, segment.to] {
             let (core, distance) = outline.nearest_core(end);
@@ -366,8 +378,9 @@ fn closing(contact: &Contact, bodies: &[Body]) -> f64 {
 }
 
 fn relative(contact: &Contact, bodies: &[Body]) -> Point {
-    let of =
-        |index: usize, lever: Point| bodies.get(index).map_or(Point::zeros(), |body| body.velocity_at(lever));
+    let of = |index: usize, lever: Point| {
+        bodies.get(index).map_or(Point::zeros(), |body| body.velocity_at(lever))
+    };
     of(contact.body, contact.lever)
         - contact.other.map_or(Point::zeros(), |other| of(other, contact.other_lever))
 }
@@ -390,8 +403,11 @@ fn resist(contact: &mut Contact, bodies: &mut [Body], step_s: f64) {
 }
 
 fn answer(contact: &Contact, bodies: &[Body], along: Point) -> f64 {
-    let of = |index: usize, lever: Point| bodies.get(index).map_or(0.0, |body| body.response(lever, along));
-    of(contact.body, contact.lever) + contact.other.map_or(0.0, |other| of(other, contact.other_lever))
+    let of = |index: usize, lever: Point| {
+        bodies.get(index).map_or(0.0, |body| body.response(lever, along))
+    };
+    of(contact.body, contact.lever)
+        + contact.other.map_or(0.0, |other| of(other, contact.other_lever))
 }
 
 fn apply(contact: &Contact, bodies: &mut [Body], impulse: Point) {
@@ -403,7 +419,8 @@ fn apply(contact: &Contact, bodies: &mut [Body], impulse: Point) {
     }
 }
 
-/// Starts from the grip of the step before: a wheel that pushes a wall would else creep by what the rounds leave over.
+/// Starts from the grip of the step before: a wheel that pushes a wall would else creep by what the
+/// rounds leave over.
 fn begin(body: &mut Body, motors: &mut [Option<Motor>; 4], wheels: &[Wheel; 2], grips: &[f64; 3]) {
     let ahead = direction(body.heading_rad);
     let aside = perpendicular(ahead);

@@ -1,6 +1,7 @@
 //! One robot's devices: which are registered under which names, and one step of all of them.
 //!
-//! Numbers only grow: a device that comes back has a new one, and `motorN` and `linearN` share their counter.
+//! Numbers only grow: a device that comes back has a new one, and `motorN` and `linearN` share
+//! their counter.
 
 mod class;
 mod faults;
@@ -98,8 +99,14 @@ pub(crate) struct Brick {
 }
 
 impl Brick {
-    /// A brick that was switched on with these things plugged in: all are registered, in the order of their ports.
-    pub(crate) fn new(robot: usize, physics: &mut dyn Physics, options: Options, seed: u64) -> Self {
+    /// A brick that was switched on with these things plugged in: all are registered, in the order
+    /// of their ports.
+    pub(crate) fn new(
+        robot: usize,
+        physics: &mut dyn Physics,
+        options: Options,
+        seed: u64,
+    ) -> Self {
         let plug = physics.plug(robot);
         let sensors = plug.sensors.map(|sensor| sensor.map(Plugged::Sensor));
         let motors = plug.motors.map(|motor| motor.map(Plugged::Motor));
@@ -130,7 +137,8 @@ impl Brick {
         for index in 0..ADDRESSES.len() {
             self.register(Class::Port, format!("port{index}"), 0, Device::Port(index));
         }
-        for (name, brightness) in [("led0:red", 0), ("led0:green", 255), ("led1:red", 0), ("led1:green", 255)]
+        for (name, brightness) in
+            [("led0:red", 0), ("led0:green", 255), ("led1:red", 0), ("led1:green", 255)]
         {
             let led = Device::Led(Led::new(brightness, 255));
             self.register(Class::Leds, format!("{name}:brick-status"), 0, led);
@@ -139,7 +147,12 @@ impl Brick {
         self.register(Class::Graphics, "fb0".to_owned(), 0, lcd);
         let battery = Device::Battery(Battery::new(self.options.pack));
         self.register(Class::PowerSupply, "lego-ev3-battery".to_owned(), 0, battery);
-        self.register(Class::BoardInfo, "board0".to_owned(), 0, Device::Board(Board::new(self.robot)));
+        self.register(
+            Class::BoardInfo,
+            "board0".to_owned(),
+            0,
+            Device::Board(Board::new(self.robot)),
+        );
     }
 
     /// What happens in one step: plugs, then every device.
@@ -197,23 +210,35 @@ impl Brick {
         }
     }
 
-    fn register_on(&mut self, index: usize, wanted: Wanted, now_ns: i64, physics: &mut dyn Physics) {
+    fn register_on(
+        &mut self,
+        index: usize,
+        wanted: Wanted,
+        now_ns: i64,
+        physics: &mut dyn Physics,
+    ) {
         let address = ADDRESSES.get(index).copied().unwrap_or_default();
         let out = index.saturating_sub(FIRST_OUTPUT);
         let (class, name, device) = match wanted {
             Wanted::Tacho(model) => {
-                let count = (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
+                let count =
+                    (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
                 let motor = TachoMotor::new(model, address, count, now_ns);
                 let number = next(&mut self.counters.tacho);
-                let name =
-                    if motor.is_linear() { format!("linear{number}") } else { format!("motor{number}") };
+                let name = if motor.is_linear() {
+                    format!("linear{number}")
+                } else {
+                    format!("motor{number}")
+                };
                 (Class::TachoMotor, name, Device::Tacho(out, Box::new(motor)))
             }
             Wanted::Dc => {
                 let name = format!("motor{}", next(&mut self.counters.dc));
                 (Class::DcMotor, name, Device::Dc(out, DcMotor::new(address)))
             }
-            Wanted::Led => (Class::Leds, format!("{address}::brick-status"), Device::Led(Led::new(0, 100))),
+            Wanted::Led => {
+                (Class::Leds, format!("{address}::brick-status"), Device::Led(Led::new(0, 100)))
+            }
             Wanted::Sensor(kind) => {
                 let name = format!("sensor{}", next(&mut self.counters.sensor));
                 let sensor = Sensor::new(kind, address, self.options.gyro, now_ns);
@@ -230,7 +255,8 @@ impl Brick {
         };
         let driver_name = self.driver_name(id).unwrap_or_default();
         let bound = Device::Bus(BusDevice::new(bus_driver, driver_name, address));
-        let on_bus = self.register(Class::LegoBus, format!("{address}:{driver_name}"), now_ns, bound);
+        let on_bus =
+            self.register(Class::LegoBus, format!("{address}:{driver_name}"), now_ns, bound);
         if let Some(port) = self.ports.get_mut(index) {
             port.device = Some(id);
             port.on_bus = Some(on_bus);
@@ -265,7 +291,12 @@ impl Brick {
     /// # Errors
     ///
     /// EINVAL for a motor in an input port and the reverse, ENOENT for a port that is not there.
-    pub(crate) fn plug(&mut self, index: usize, plugged: Option<Plugged>, now_ns: i64) -> Result<(), Errno> {
+    pub(crate) fn plug(
+        &mut self,
+        index: usize,
+        plugged: Option<Plugged>,
+        now_ns: i64,
+    ) -> Result<(), Errno> {
         self.ports.get_mut(index).ok_or(Errno::ENOENT)?.plug(plugged, now_ns)
     }
 
@@ -279,22 +310,23 @@ impl Brick {
 
     /// The pulse of a servo, in microseconds; none while it floats, or without such a servo.
     pub(crate) fn servo_pulse_us(&self, name: &str) -> Option<i32> {
-        self.nodes.iter().find(|node| node.class == Class::ServoMotor && node.name == name).and_then(|node| {
-            match &node.device {
+        self.nodes
+            .iter()
+            .find(|node| node.class == Class::ServoMotor && node.name == name)
+            .and_then(|node| match &node.device {
                 Device::Servo(servo) => servo.pulse_us(),
                 _ => None,
-            }
-        })
+            })
     }
 
     /// A light's brightness and trigger.
     pub(crate) fn led(&self, name: &str) -> Option<(u32, &'static str)> {
-        self.nodes.iter().find(|node| node.class == Class::Leds && node.name == name).and_then(|node| {
-            match &node.device {
+        self.nodes.iter().find(|node| node.class == Class::Leds && node.name == name).and_then(
+            |node| match &node.device {
                 Device::Led(led) => Some((led.brightness(), led.trigger())),
                 _ => None,
-            }
-        })
+            },
+        )
     }
 
     /// The picture on the screen.
@@ -354,7 +386,8 @@ impl Brick {
 
     /// The device with a name.
     pub(crate) fn find(&self, class: &str, name: &str) -> Option<u32> {
-        let found = self.nodes.iter().find(|node| node.class.as_str() == class && node.name == name);
+        let found =
+            self.nodes.iter().find(|node| node.class.as_str() == class && node.name == name);
         found.map(|node| node.id)
     }
 
@@ -380,7 +413,8 @@ impl Brick {
     /// True while a device's files cannot be opened for writing.
     pub(crate) fn is_denied(&self, id: u32, now_ns: i64) -> bool {
         let age_ns = now_ns - self.registered_ns(id).unwrap_or_default();
-        age_ns < self.options.access_delay_ns || self.faults_of(id).is_some_and(PortFaults::is_denied)
+        age_ns < self.options.access_delay_ns
+            || self.faults_of(id).is_some_and(PortFaults::is_denied)
     }
 
     /// The row of an attribute; none if the device has none of that name now.
@@ -399,7 +433,13 @@ impl Brick {
     /// # Errors
     ///
     /// ENODEV for a device that is gone; else the driver's.
-    pub(crate) fn read(&self, id: u32, attribute: &str, now_ns: i64, out: &mut Vec<u8>) -> Result<(), Errno> {
+    pub(crate) fn read(
+        &self,
+        id: u32,
+        attribute: &str,
+        now_ns: i64,
+        out: &mut Vec<u8>,
+    ) -> Result<(), Errno> {
         let driver = self.driver(id).ok_or(Errno::ENODEV)?;
         match self.faults_of(id).and_then(|faults| faults.reading(attribute, now_ns)) {
             Some(Reading::Fails(errno)) => return Err(errno),
@@ -431,7 +471,8 @@ impl Brick {
         bytes: &[u8],
         now_ns: i64,
     ) -> Result<Stored, Errno> {
-        let refusal = self.faults_of(id).filter(|_| attribute != UEVENT.name).and_then(PortFaults::refusal);
+        let refusal =
+            self.faults_of(id).filter(|_| attribute != UEVENT.name).and_then(PortFaults::refusal);
         let node = self.nodes.iter_mut().find(|node| node.id == id).ok_or(Errno::ENODEV)?;
         refusal.map_or(Ok(()), Err)?;
         let driver: &mut dyn Driver = match &mut node.device {
@@ -452,7 +493,8 @@ impl Brick {
             return Ok(Stored { taken, wait: None });
         }
         if attribute == UEVENT.name {
-            let actions = ["add", "remove", "change", "move", "online", "offline", "bind", "unbind"];
+            let actions =
+                ["add", "remove", "change", "move", "online", "offline", "bind", "unbind"];
             super::driver::text::word(bytes, actions)?;
             return Ok(Stored { taken, wait: None });
         }
@@ -465,7 +507,8 @@ impl Brick {
         Ok(Stored { taken, wait })
     }
 
-    /// Changes whenever those who poll this attribute are woken; none for attributes that never wake anybody.
+    /// Changes whenever those who poll this attribute are woken; none for attributes that never
+    /// wake anybody.
     pub(crate) fn notices(&self, id: u32, attribute: &str) -> Option<u32> {
         match (&self.node(id)?.device, attribute) {
             (Device::Tacho(_, motor), "state") => Some(motor.notices()),

@@ -2,7 +2,8 @@
 //!
 //! # What we count on
 //!
-//! A stream belongs to one sensor or one motor, so that reading one sensor more often does not change what another reads.
+//! A stream belongs to one sensor or one motor, so that reading one sensor more often does not
+//! change what another reads.
 
 use std::f64::consts::PI;
 
@@ -33,7 +34,8 @@ impl Chance {
         radius * libm::cos(2.0 * PI * self.even())
     }
 
-    /// A whole number from 0 up to, and without, `limit`; 0 for 0. Its unevenness, 1 in 2^32, does not matter here.
+    /// A whole number from 0 up to, and without, `limit`; 0 for 0. Its unevenness, 1 in 2^32, does
+    /// not matter here.
     pub(in crate::sim) fn below(&mut self, limit: u16) -> u16 {
         u16::try_from(self.0.next_u32() % u32::from(limit).max(1)).unwrap_or(0)
     }

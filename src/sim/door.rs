@@ -1,8 +1,10 @@
-//! The door for programs in this process: a brick's files as a [`Tree`]. The mounted file system goes through the same one.
+//! The door for programs in this process: a brick's files as a [`Tree`]. The mounted file system
+//! goes through the same one.
 //!
-//! Beside `sys` there are two streams of input events, the buttons and the speaker, and the screen's memory. A read of a stream takes what came since the
-//! last one; there is no ioctl here, so the keys that are held at the start are not known. In `sim`, where no program looks for anything,
-//! is the truth about the robot.
+//! Beside `sys` there are two streams of input events, the buttons and the speaker, and the
+//! screen's memory. A read of a stream takes what came since the last one; there is no ioctl here,
+//! so the keys that are held at the start are not known. In `sim`, where no program looks for
+//! anything, is the truth about the robot.
 
 mod attribute;
 mod orders;
@@ -94,7 +96,11 @@ impl SimBrick {
     }
 
     /// Opens the truth; none at any other path.
-    pub(crate) fn open_truth(&self, path: &str, access: Access) -> Option<Result<TruthFile, Errno>> {
+    pub(crate) fn open_truth(
+        &self,
+        path: &str,
+        access: Access,
+    ) -> Option<Result<TruthFile, Errno>> {
         (path == TRUTH).then(|| TruthFile::open(&self.shared, self.robot, access))
     }
 

@@ -1,11 +1,13 @@
 //! What the ev3dev drivers do, as state machines without files, threads or clocks.
 //!
-//! A [`Driver`] is one device of one class: it answers a read of an attribute with text or an error number, and a store with the number of
-//! bytes taken or an error number. Time comes as an argument. A door (the in-process [`Tree`](crate::ev3dev::Tree), a
-//! mounted file system) only has to find the driver and pass bytes.
+//! A [`Driver`] is one device of one class: it answers a read of an attribute with text or an error
+//! number, and a store with the number of bytes taken or an error number. Time comes as an
+//! argument. A door (the in-process [`Tree`](crate::ev3dev::Tree), a mounted file system) only has
+//! to find the driver and pass bytes.
 //!
-//! Facts are from the drivers of ev3dev's `lego-linux-drivers` (kernel 4.14, "stretch"), restated, and are held against
-//! what those drivers answered when they were run (`tests/data/kernel-transcript.txt`).
+//! Facts are from the drivers of ev3dev's `lego-linux-drivers` (kernel 4.14, "stretch"), restated,
+//! and are held against what those drivers answered when they were run
+//! (`tests/data/kernel-transcript.txt`).
 //!
 //! # Not here
 //!
@@ -141,7 +143,8 @@ pub(crate) struct Context<'a> {
 
 /// One device.
 pub(crate) trait Driver: Debug + Send {
-    /// Its attributes, without those that every device has (`uevent`, `power`, `subsystem`, `device`).
+    /// Its attributes, without those that every device has (`uevent`, `power`, `subsystem`,
+    /// `device`).
     fn attributes(&self) -> &'static [Spec];
 
     /// Appends the text of an attribute to `out`.
@@ -173,7 +176,8 @@ pub(crate) fn line(out: &mut Vec<u8>, value: impl std::fmt::Display) {
     let _ = writeln!(out, "{value}");
 }
 
-/// Appends words as the kernel lists them: one space between, a newline at the end, also of an empty list.
+/// Appends words as the kernel lists them: one space between, a newline at the end, also of an
+/// empty list.
 pub(crate) fn list<'a>(out: &mut Vec<u8>, words: impl IntoIterator<Item = &'a str>) {
     for (index, word) in words.into_iter().enumerate() {
         if index > 0 {

@@ -1,27 +1,33 @@
 //! What is done to a simulated robot on purpose: loose plugs, broken sensors, flat batteries,
 //! foreign hands, pressed buttons.
 //!
-//! A [`DeviceFault`] is put on a port ([`Simulation::inject`](super::Simulation::inject)) and stays there, whatever is plugged in, until its end or
-//! until it is cleared. It has one text form, which stands in control commands ([`Order::parse`]), in scenario files
-//! ([`Scenario`]) and in the record of what was done ([`FaultRecord`]).
+//! A [`DeviceFault`] is put on a port ([`Simulation::inject`](super::Simulation::inject)) and stays
+//! there, whatever is plugged in, until its end or until it is cleared. It has one text form, which
+//! stands in control commands ([`Order::parse`]), in scenario files ([`Scenario`]) and in the
+//! record of what was done ([`FaultRecord`]).
 //!
 //! Faults lie where they lie on a robot:
 //!
-//! - between a device and its driver (`stuck`, `wrong`, `jump`, `slow`, `delayed`, `off`, `block`): the driver believes what it gets, so the
-//!   speed and the regulation of a motor with a stuck encoder go wrong as they would on the brick;
-//! - between the driver and programs (`enxio`, `eio`, `intermittent`, `garbage` of a motor, `garbage text`, `denied`);
+//! - between a device and its driver (`stuck`, `wrong`, `jump`, `slow`, `delayed`, `off`, `block`):
+//!   the driver believes what it gets, so the speed and the regulation of a motor with a stuck
+//!   encoder go wrong as they would on the brick;
+//! - between the driver and programs (`enxio`, `eio`, `intermittent`, `garbage` of a motor,
+//!   `garbage text`, `denied`);
 //! - at the plug (`unplug`, `plug`, `resync`);
 //! - in another program's hands (`write`, `reset`).
 //!
-//! `kind` says what faults there are, `text` reads them, `scenario` orders them by time, `port` does them, `schedule` keeps time and record.
+//! `kind` says what faults there are, `text` reads them, `scenario` orders them by time, `port`
+//! does them, `schedule` keeps time and record.
 //!
 //! # Not here
 //!
-//! Errors of files on a disk, and processes that die. A world's own imperfections: [`Errors`](super::Errors).
+//! Errors of files on a disk, and processes that die. A world's own imperfections:
+//! [`Errors`](super::Errors).
 //!
 //! # What we count on
 //!
-//! The same seed, scenario and calls give the same bytes: chance is drawn by simulated time, never by how often a file is read.
+//! The same seed, scenario and calls give the same bytes: chance is drawn by simulated time, never
+//! by how often a file is read.
 
 mod kind;
 mod port;

@@ -1,8 +1,8 @@
 //! Motors with their gears: voltage to torque, friction, brake and coast.
 //!
-//! A linear motor with everything referred to the output shaft: `i = (V − Ke·ω)/R`, torque `Kt·i` less friction,
-//! `J·dω/dt` = torque. The off-phase of the bridge shorts the windings, so the mean voltage of a duty counts, and brake is 0 V.
-//! Coast opens the circuit: only friction is left.
+//! A linear motor with everything referred to the output shaft: `i = (V − Ke·ω)/R`, torque `Kt·i`
+//! less friction, `J·dω/dt` = torque. The off-phase of the bridge shorts the windings, so the mean
+//! voltage of a duty counts, and brake is 0 V. Coast opens the circuit: only friction is left.
 //!
 //! # Not here
 //!
@@ -10,8 +10,8 @@
 //!
 //! # What we count on
 //!
-//! A step of 2 ms against mechanical time constants of 80 ms and more; the electrical damping is stepped implicitly, so
-//! that a step never overshoots.
+//! A step of 2 ms against mechanical time constants of 80 ms and more; the electrical damping is
+//! stepped implicitly, so that a step never overshoots.
 
 use super::physics::{Bridge, MotorKind};
 
@@ -37,22 +37,32 @@ impl MotorConstants {
     ///
     /// # Source
     ///
-    /// Large and medium: Pybricks' fit as recomputed in the interfaces' section 15.2, but for the large motor's
-    /// friction and inertia, which are fitted to the `ev3-motor-steps` recordings (`tests/it/figures/motor_steps.rs`): those
-    /// fix both as shares of the battery's voltage, and with Ke as given the fit finds 5.5 V at the motor.
-    /// Stiction: 1.2 times friction, which leaves the first 5 % (large) to 17 % (medium) of duty dead. The linear
-    /// actuators are the medium motor behind a screw, which adds friction; the RCX motor is a faster, weaker medium motor.
+    /// Large and medium: Pybricks' fit as recomputed in the interfaces' section 15.2, but for the
+    /// large motor's friction and inertia, which are fitted to the `ev3-motor-steps` recordings
+    /// (`tests/it/figures/motor_steps.rs`): those fix both as shares of the battery's voltage, and
+    /// with Ke as given the fit finds 5.5 V at the motor. Stiction: 1.2 times friction, which
+    /// leaves the first 5 % (large) to 17 % (medium) of duty dead. The linear actuators are the
+    /// medium motor behind a screw, which adds friction; the RCX motor is a faster, weaker medium
+    /// motor.
     #[must_use]
     pub const fn of(kind: MotorKind) -> Self {
         match kind {
             MotorKind::Large => Self::with(0.2746, 0.4731, 5.50, 0.002_62, 0.0149),
             MotorKind::Medium => Self::with(0.246, 0.291, 10.7, 0.000_52, 0.0246),
-            MotorKind::Linear50 | MotorKind::Linear100 => Self::with(0.246, 0.291, 10.7, 0.000_52, 0.05),
+            MotorKind::Linear50 | MotorKind::Linear100 => {
+                Self::with(0.246, 0.291, 10.7, 0.000_52, 0.05)
+            }
             MotorKind::Rcx => Self::with(0.20, 0.235, 14.0, 0.0004, 0.02),
         }
     }
 
-    const fn with(kt_nm_per_a: f64, ke_v_s: f64, r_ohm: f64, j_kg_m2: f64, friction_nm: f64) -> Self {
+    const fn with(
+        kt_nm_per_a: f64,
+        ke_v_s: f64,
+        r_ohm: f64,
+        j_kg_m2: f64,
+        friction_nm: f64,
+    ) -> Self {
         Self { kt_nm_per_a, ke_v_s, r_ohm, j_kg_m2, friction_nm, stiction_nm: 1.2 * friction_nm }
     }
 }
@@ -79,10 +89,18 @@ impl Motor {
         constants.friction_nm += load_friction_nm;
         constants.stiction_nm += load_friction_nm;
         let inertia_kg_m2 = constants.j_kg_m2 + load_kg_m2;
-        Self { constants, load_kg_m2, inertia_kg_m2, angle_rad: 0.0, speed_rad_s: 0.0, current_a: 0.0 }
+        Self {
+            constants,
+            load_kg_m2,
+            inertia_kg_m2,
+            angle_rad: 0.0,
+            speed_rad_s: 0.0,
+            current_a: 0.0,
+        }
     }
 
-    /// Changes the speed by what bridge and friction do in `step_s`; the angle is moved by [`Motor::turn`], after loads have acted.
+    /// Changes the speed by what bridge and friction do in `step_s`; the angle is moved by
+    /// [`Motor::turn`], after loads have acted.
     pub fn drive(&mut self, bridge: Bridge, battery_v: f64, step_s: f64) {
         let c = self.constants;
         let share = match bridge {
@@ -96,7 +114,8 @@ impl Motor {
             let gain = step_s / self.inertia_kg_m2 * c.kt_nm_per_a / c.r_ohm;
             let volts = share * battery_v;
             self.speed_rad_s = (self.speed_rad_s + gain * volts) / (1.0 + gain * c.ke_v_s);
-            // The bridge's on-time carries the winding's current from the battery; the rest of it runs round inside.
+            // The bridge's on-time carries the winding's current from the battery; the rest of it
+            // runs round inside.
             self.current_a = ((volts - c.ke_v_s * self.speed_rad_s) / c.r_ohm * share).max(0.0);
         }
         let friction_nm = if at_rest { c.stiction_nm } else { c.friction_nm };

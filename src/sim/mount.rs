@@ -1,24 +1,29 @@
-//! The simulated brick as a mounted file system (FUSE), for programs in any language that were written for ev3dev.
+//! The simulated brick as a mounted file system (FUSE), for programs in any language that were
+//! written for ev3dev.
 //!
-//! A mounted [`Simulation`] has the files of one brick, or, with several robots, of each in a folder: `1`, `2` and so on. All answers come through the
-//! same door as those of [`SimBrick`], so that nothing of a driver is written twice. Each read of an attribute at its beginning
-//! asks the driver anew, each `write` is one store, a poll for POLLPRI is woken within 10 ms.
+//! A mounted [`Simulation`] has the files of one brick, or, with several robots, of each in a
+//! folder: `1`, `2` and so on. All answers come through the same door as those of [`SimBrick`], so
+//! that nothing of a driver is written twice. Each read of an attribute at its beginning asks the
+//! driver anew, each `write` is one store, a poll for POLLPRI is woken within 10 ms.
 //!
-//! `point` looks after the mount point, `filesystem` answers the kernel with what `files` finds, `open` keeps what is open, `ticker` lets time pass and wakes who
-//! waits, `events` answers an input device's ioctls.
+//! `point` looks after the mount point, `filesystem` answers the kernel with what `files` finds,
+//! `open` keeps what is open, `ticker` lets time pass and wakes who waits, `events` answers an
+//! input device's ioctls.
 //!
 //! # Not here
 //!
 //! - Ioctls of the frame buffer and inotify: they do not cross FUSE.
-//! - Owners as udev sets them: everything belongs to the user who mounted it; what root mounted is everybody's, and else nobody gets in. Rights are as [`Options::udev`](super::Options) says.
+//! - Owners as udev sets them: everything belongs to the user who mounted it; what root mounted is
+//!   everybody's, and else nobody gets in. Rights are as [`Options::udev`](super::Options) says.
 //! - Private memory maps of attributes: sysfs refuses every map with ENODEV, FUSE only shared ones.
-//! - A screen that follows a map of `dev/fb0` at once: what is stored there arrives with `msync` or `munmap`, or when the kernel gets round to it.
-//!   What is written arrives at once.
+//! - A screen that follows a map of `dev/fb0` at once: what is stored there arrives with `msync` or
+//!   `munmap`, or when the kernel gets round to it. What is written arrives at once.
 //!
 //! # What we count on
 //!
 //! - `/dev/fuse`, and either root's rights or `fusermount3` (package `fuse3`).
-//! - A writer that a driver keeps waiting (`mode` of a serial sensor) waits on a thread of its own; all else is done in microseconds by one thread.
+//! - A writer that a driver keeps waiting (`mode` of a serial sensor) waits on a thread of its own;
+//!   all else is done in microseconds by one thread.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -100,17 +105,22 @@ impl Mount {
         let open = Arc::new(Open::default());
         let files = Files::new(bricks, Arc::clone(&open), options.events);
         let mut config = Config::default();
-        config.mount_options = vec![MountOption::FSName(point::SOURCE.to_owned()), MountOption::NoAtime];
+        config.mount_options =
+            vec![MountOption::FSName(point::SOURCE.to_owned()), MountOption::NoAtime];
         // As a brick's devices are everybody's; the kernel lets only root share a mount.
         if geteuid().is_root() {
             config.acl = SessionACL::All;
         }
         let failed = |source| MountError::Failed { point: point.clone(), source };
-        let session = Session::new(files, &point, &config).and_then(Session::spawn).map_err(failed)?;
+        let session =
+            Session::new(files, &point, &config).and_then(Session::spawn).map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let ticker = ticker::spawn(simulation.clone(), open, Arc::clone(&stop)).map_err(failed)?;
         let identity = point::identity(&point);
-        Ok((Self { point, identity, robots, session: Some(session), ticker: Some(ticker), stop }, found))
+        Ok((
+            Self { point, identity, robots, session: Some(session), ticker: Some(ticker), stop },
+            found,
+        ))
     }
 
     /// The folder, as the kernel calls it.
@@ -157,9 +167,13 @@ impl Mount {
             MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
         }
         if !session.guard.is_finished() {
-            log::info!("{}: files are still open; they answer until this program ends", self.point.display());
+            log::info!(
+                "{}: files are still open; they answer until this program ends",
+                self.point.display()
+            );
         }
-        // Dropped, it would unmount by path once more, and hit whatever is mounted there by then. What is left is a descriptor.
+        // Dropped, it would unmount by path once more, and hit whatever is mounted there by then.
+        // What is left is a descriptor.
         std::mem::forget(session);
         Ok(())
     }

@@ -1,10 +1,12 @@
 //! The live page: a simulation in a browser on this machine.
 //!
-//! The page is `page.html` with the room inside; it asks for [`View`](super::View)s as JSON at `/state?since=N` seven times a second. Each question
-//! lets the time pass that has gone by on the simulation's clock, so that a simulation in real time goes on although nobody reads a file.
+//! The page is `page.html` with the room inside; it asks for [`View`](super::View)s as JSON at
+//! `/state?since=N` seven times a second. Each question lets the time pass that has gone by on the
+//! simulation's clock, so that a simulation in real time goes on although nobody reads a file.
 //!
-//! The page draws on a canvas and says at it what it draws: `data-time`, `data-x`, `data-y`, `data-heading` of the first
-//! robot, `data-moved` since the page was opened, `data-walls`, `data-robots`, `data-echoes`, `data-faults`.
+//! The page draws on a canvas and says at it what it draws: `data-time`, `data-x`, `data-y`,
+//! `data-heading` of the first robot, `data-moved` since the page was opened, `data-walls`,
+//! `data-robots`, `data-echoes`, `data-faults`.
 //!
 //! What a person does to the robots there is posted to `/order` as the text of orders
 //! ([`Order`](super::Order)): the brick's buttons.
@@ -27,7 +29,8 @@ pub struct Page {
 }
 
 impl Page {
-    /// Serves a simulation's page at a port of 127.0.0.1, 0 for any that is free, and begins to watch it.
+    /// Serves a simulation's page at a port of 127.0.0.1, 0 for any that is free, and begins to
+    /// watch it.
     ///
     /// # Errors
     ///
@@ -44,9 +47,9 @@ impl Page {
             _ => Shown::Nothing,
         };
         let take = move |path: &str, text: &str| match path {
-            "/order" => {
-                changed.control(0, text).map_or_else(|why| Shown::Refused(why.to_string()), |()| Shown::Done)
-            }
+            "/order" => changed
+                .control(0, text)
+                .map_or_else(|why| Shown::Refused(why.to_string()), |()| Shown::Done),
             _ => Shown::Fixed,
         };
         let page = LocalPage::serve_and_take(port, show, take)?;

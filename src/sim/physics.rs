@@ -1,7 +1,8 @@
 //! What the simulated drivers ask of the world around them.
 //!
-//! The drivers (`sim::driver`) know files, commands and regulators; the world (`sim::world`) knows walls, bodies and motors. This
-//! trait is all that they share, so that a driver test can put a motor model of its own under the drivers.
+//! The drivers (`sim::driver`) know files, commands and regulators; the world (`sim::world`) knows
+//! walls, bodies and motors. This trait is all that they share, so that a driver test can put a
+//! motor model of its own under the drivers.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -81,26 +82,30 @@ pub trait Physics: Any + Debug + Send {
     /// Lets [`STEP_NS`] pass; `bridges` has one row a robot, one entry an output port.
     fn step(&mut self, bridges: &[[Bridge; 4]]);
 
-    /// The co-processor's count of quadrature edges on an output port: 720 a turn of a rotary motor, positive is the motor's own
-    /// positive direction.
+    /// The co-processor's count of quadrature edges on an output port: 720 a turn of a rotary
+    /// motor, positive is the motor's own positive direction.
     fn edges(&self, robot: usize, out: usize) -> i64;
 
-    /// Where the motor is between two edges: [`Physics::edges`] is this, rounded down. The drivers take the time of each edge
-    /// from it; without it, edges are spread evenly over a step, and slow speeds read a few percent off.
+    /// Where the motor is between two edges: [`Physics::edges`] is this, rounded down. The drivers
+    /// take the time of each edge from it; without it, edges are spread evenly over a step, and
+    /// slow speeds read a few percent off.
     #[expect(clippy::cast_precision_loss, reason = "counts stay far below 2^53")]
     fn edge_position(&self, robot: usize, out: usize) -> f64 {
         self.edges(robot, out) as f64
     }
 
-    /// What the sensor on an input port measures now in a mode, as the integers of its data frame (`value0`, `value1`, …).
+    /// What the sensor on an input port measures now in a mode, as the integers of its data frame
+    /// (`value0`, `value1`, …).
     ///
-    /// `mode` is one of the sensor's modes as the kernel spells it. A touch sensor gives 0 or 1. A gyro's angle counts from when it was
-    /// switched on: zeroing it is the driver's part.
+    /// `mode` is one of the sensor's modes as the kernel spells it. A touch sensor gives 0 or 1. A
+    /// gyro's angle counts from when it was switched on: zeroing it is the driver's part.
     ///
-    /// Called once for each frame the sensor sends, which is how often there is a new value; noise is drawn here.
+    /// Called once for each frame the sensor sends, which is how often there is a new value; noise
+    /// is drawn here.
     fn measure(&mut self, robot: usize, input: usize, mode: &str) -> [i32; 8];
 
-    /// Makes something go wrong with a robot from the next step on. A world without such faults takes no notice.
+    /// Makes something go wrong with a robot from the next step on. A world without such faults
+    /// takes no notice.
     fn fail(&mut self, _robot: usize, _fault: Fault) {}
 
     /// Puts a robot elsewhere as a hand would, standing still: x and y in metres and the heading in

@@ -29,8 +29,16 @@ pub enum Port {
 
 impl Port {
     /// Every port, in the order of the brick's own list.
-    pub const ALL: [Self; 8] =
-        [Self::In1, Self::In2, Self::In3, Self::In4, Self::OutA, Self::OutB, Self::OutC, Self::OutD];
+    pub const ALL: [Self; 8] = [
+        Self::In1,
+        Self::In2,
+        Self::In3,
+        Self::In4,
+        Self::OutA,
+        Self::OutB,
+        Self::OutC,
+        Self::OutD,
+    ];
 
     /// The port's short name.
     #[must_use]

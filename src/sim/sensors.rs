@@ -2,15 +2,17 @@
 //!
 //! # Not here
 //!
-//! No frames, modes' names on files or resets: the driver asks for a mode's values when the sensor would send a frame, and
-//! keeps the gyro's zero.
+//! No frames, modes' names on files or resets: the driver asks for a mode's values when the sensor
+//! would send a frame, and keeps the gyro's zero.
 //!
 //! # What we count on
 //!
-//! - The ultrasonic is a fan of [`FAN`] rays over its cone; a surface echoes where a ray meets it less obliquely than the limit,
-//!   and the nearest echo counts. This is the model that the README of `lego-rotating-sonar` fits to 70 scans
-//!   (81 % of echoes within 5 cm of it). Concave corners and edges do not echo by themselves.
-//! - The infrared sensor sees oblique surfaces too; its scale is not linear and ends at 70 cm (interfaces 9 and 15.3).
+//! - The ultrasonic is a fan of [`FAN`] rays over its cone; a surface echoes where a ray meets it
+//!   less obliquely than the limit, and the nearest echo counts. This is the model that the README
+//!   of `lego-rotating-sonar` fits to 70 scans (81 % of echoes within 5 cm of it). Concave corners
+//!   and edges do not echo by themselves.
+//! - The infrared sensor sees oblique surfaces too; its scale is not linear and ends at 70 cm
+//!   (interfaces 9 and 15.3).
 
 use super::body::Body;
 use super::chance::Chance;
@@ -64,7 +66,11 @@ impl Scene<'_> {
         }
         let seen = !dropped && range_m >= errors.too_near_m && range_m < FAR_M;
         let range_m = if seen { range_m } else { FAR_M };
-        one(if mode.ends_with("IN") { whole(range_m / 0.0254 * 10.0) } else { whole(range_m * 1000.0) })
+        one(if mode.ends_with("IN") {
+            whole(range_m / 0.0254 * 10.0)
+        } else {
+            whole(range_m * 1000.0)
+        })
     }
 
     /// The nearest echo in the cone, metres from the sensor, before any error.
@@ -111,7 +117,10 @@ impl Scene<'_> {
     fn hit(&self, origin: Point, toward: Point) -> Option<Hit> {
         let others = self.bodies.iter().enumerate().filter(|(index, _)| *index != self.robot);
         others.fold(self.world.surfaces.hit(origin, toward), |best, (_, body)| {
-            body.outline_now().hull().iter().fold(best, |best, side| nearer(best, side.hit(origin, toward)))
+            body.outline_now()
+                .hull()
+                .iter()
+                .fold(best, |best, side| nearer(best, side.hit(origin, toward)))
         })
     }
 
@@ -129,13 +138,16 @@ impl Scene<'_> {
     /// True where another robot stands in the half plane ahead with nothing between, within reach.
     fn hears_another(&self) -> bool {
         let Some((origin, axis_rad)) = self.range_sensor() else { return false };
-        self.bodies.iter().enumerate().filter(|(index, _)| *index != self.robot).any(|(_, other)| {
-            let way = other.place - origin;
-            let range_m = way.norm();
-            let facing = way.dot(&direction(axis_rad)) > 0.0 && range_m < FAR_M && range_m > 1e-6;
-            let wall = self.world.surfaces.hit(origin, way / range_m.max(1e-6));
-            facing && wall.is_none_or(|hit| hit.range_m > range_m)
-        })
+        self.bodies.iter().enumerate().filter(|(index, _)| *index != self.robot).any(
+            |(_, other)| {
+                let way = other.place - origin;
+                let range_m = way.norm();
+                let facing =
+                    way.dot(&direction(axis_rad)) > 0.0 && range_m < FAR_M && range_m > 1e-6;
+                let wall = self.world.surfaces.hit(origin, way / range_m.max(1e-6));
+                facing && wall.is_none_or(|hit| hit.range_m > range_m)
+            },
+        )
     }
 
     fn proximity(&self, chance: &mut Chance) -> i32 {
@@ -159,12 +171,14 @@ impl Scene<'_> {
         let way = beacon.place - origin;
         let range_m = way.norm();
         let bearing_rad = wrap_rad(libm::atan2(way.y, way.x) - axis_rad);
-        let hidden = self.hit(origin, way / range_m.max(1e-6)).is_some_and(|hit| hit.range_m < range_m);
+        let hidden =
+            self.hit(origin, way / range_m.max(1e-6)).is_some_and(|hit| hit.range_m < range_m);
         if hidden || range_m > BEACON_FAR_M || bearing_rad.abs() > BEACON_HALF_RAD {
             return values;
         }
         // Left is negative on the sensor.
-        let found = [whole(-25.0 * bearing_rad / BEACON_HALF_RAD), whole(100.0 * range_m / BEACON_FAR_M)];
+        let found =
+            [whole(-25.0 * bearing_rad / BEACON_HALF_RAD), whole(100.0 * range_m / BEACON_FAR_M)];
         if let Some(pair) = values.get_mut(2 * beacon.channel..2 * beacon.channel + 2) {
             pair.copy_from_slice(&found);
         }
@@ -186,8 +200,9 @@ impl Scene<'_> {
     fn spot(&self) -> (Colour, [f64; 3]) {
         let Some(body) = self.body() else { return (Colour::None, [0.0; 3]) };
         let ahead = direction(body.heading_rad);
-        let centre =
-            body.place + ahead * self.model.colour_ahead_m + perpendicular(ahead) * self.model.colour_left_m;
+        let centre = body.place
+            + ahead * self.model.colour_ahead_m
+            + perpendicular(ahead) * self.model.colour_left_m;
         let middle = self.world.floor.at(centre);
         if self.world.floor.marks.is_empty() && self.world.floor.table.is_empty() {
             return (middle.colour, middle.reflects_pct);
@@ -197,7 +212,8 @@ impl Scene<'_> {
         let mut sum = middle.reflects_pct;
         for ring in [0.5, 0.9] {
             for sixth in 0..6 {
-                let place = centre + direction(radians(f64::from(sixth) * 60.0)) * (ring * radius_m);
+                let place =
+                    centre + direction(radians(f64::from(sixth) * 60.0)) * (ring * radius_m);
                 let light = self.world.floor.at(place).reflects_pct;
                 sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
             }
@@ -249,7 +265,10 @@ fn one(value: i32) -> [i32; 8] {
     [value, 0, 0, 0, 0, 0, 0, 0]
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates, and NaN becomes 0")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cast from float saturates, and NaN becomes 0"
+)]
 fn whole(value: f64) -> i32 {
     libm::round(value) as i32
 }
@@ -260,7 +279,8 @@ fn fan(half_rad: f64, rays: i32) -> impl Iterator<Item = f64> {
     (-(rays / 2)..=rays / 2).map(move |ray| half_rad * f64::from(ray) / steps)
 }
 
-/// `IR-REM-A` for a button code of channel 1: bits 4 to 7 red up, red down, blue up, blue down (interfaces section 9).
+/// `IR-REM-A` for a button code of channel 1: bits 4 to 7 red up, red down, blue up, blue down
+/// (interfaces section 9).
 fn remote_bits(code: i32) -> i32 {
     const RED_UP: i32 = 0x10;
     const RED_DOWN: i32 = 0x20;

@@ -1,7 +1,8 @@
 //! A world with its robots, and the time in it.
 //!
-//! The simulation has no thread of its own: whoever touches a file first lets the time pass that has gone by on the clock, in steps of
-//! [`STEP_NS`]. With a [`VirtualClock`](crate::clock::VirtualClock) a mission runs as fast as the machine allows.
+//! The simulation has no thread of its own: whoever touches a file first lets the time pass that
+//! has gone by on the clock, in steps of [`STEP_NS`]. With a
+//! [`VirtualClock`](crate::clock::VirtualClock) a mission runs as fast as the machine allows.
 
 use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -16,7 +17,9 @@ use super::driver::board::Pack;
 use super::driver::input::Button;
 use super::driver::lcd::LcdGeometry;
 use super::driver::sensor::{GyroMake, SerialLine};
-use super::fault::{Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario};
+use super::fault::{
+    Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario,
+};
 use super::physics::{Bridge, Physics, STEP_NS};
 use super::ports::Port;
 use super::view::Trail;
@@ -30,18 +33,19 @@ pub struct Options {
     pub gyro: GyroMake,
     /// What feeds the brick.
     pub pack: Pack,
-    /// For so long after a device appeared its files cannot be opened for writing (EACCES), until udev has got round to it.
-    /// Nanoseconds; 0 for never.
+    /// For so long after a device appeared its files cannot be opened for writing (EACCES), until
+    /// udev has got round to it. Nanoseconds; 0 for never.
     pub access_delay_ns: i64,
-    /// Files have the rights that udev's rules of ev3dev give them, instead of those they are born with. Programs look at them: some write
-    /// only to what the group may write to.
+    /// Files have the rights that udev's rules of ev3dev give them, instead of those they are born
+    /// with. Programs look at them: some write only to what the group may write to.
     pub udev: bool,
     /// The screen.
     pub lcd: LcdGeometry,
 }
 
-/// What a simulation in real time is further behind is better lost than waited for, nanoseconds: simulating so much takes some 20 ms for ten
-/// robots on a PC. For [`Simulation::give_up_behind_ns`].
+/// What a simulation in real time is further behind is better lost than waited for, nanoseconds:
+/// simulating so much takes some 20 ms for ten robots on a PC. For
+/// [`Simulation::give_up_behind_ns`].
 pub const MOST_BEHIND_NS: i64 = 500 * MILLISECOND_NS;
 
 /// A write that reached a brick.
@@ -91,7 +95,8 @@ pub(crate) struct State {
 }
 
 impl Simulation {
-    /// A simulation that begins now. `seed` is for the chance in the drivers; the world has its own.
+    /// A simulation that begins now. `seed` is for the chance in the drivers; the world has its
+    /// own.
     #[must_use]
     pub fn new(clock: Arc<dyn Clock>, physics: Box<dyn Physics>, seed: u64) -> Self {
         Self::with_options(clock, physics, seed, Options::default())
@@ -154,23 +159,30 @@ impl Simulation {
         self.shared.now().now_ns
     }
 
-    /// Never lets more than this pass at once. A simulation that is further behind its clock gives the rest up for lost, so that no
-    /// access waits long on a machine that is too slow, or that was asleep. Without it, a machine on which a second takes longer than a second
-    /// to simulate falls further behind with each access, and soon is done with none.
+    /// Never lets more than this pass at once. A simulation that is further behind its clock gives
+    /// the rest up for lost, so that no access waits long on a machine that is too slow, or that
+    /// was asleep. Without it, a machine on which a second takes longer than a second to simulate
+    /// falls further behind with each access, and soon is done with none.
     pub fn give_up_behind_ns(&self, most_ns: i64) {
         self.shared.now().most_behind_ns = Some(most_ns.max(STEP_NS));
     }
 
-    /// The time that was given up for lost, nanoseconds: by so much the simulation is behind its clock for good.
+    /// The time that was given up for lost, nanoseconds: by so much the simulation is behind its
+    /// clock for good.
     #[must_use]
     pub fn lost_ns(&self) -> i64 {
         self.shared.now().lost_ns
     }
 
-    /// The picture on a robot's screen, in the layout of its [`LcdGeometry`]; empty without such a robot.
+    /// The picture on a robot's screen, in the layout of its [`LcdGeometry`]; empty without such a
+    /// robot.
     #[must_use]
     pub fn lcd(&self, robot: usize) -> Vec<u8> {
-        self.shared.now().bricks.get(robot).map_or_else(Vec::new, |brick| brick.lcd_bytes().to_vec())
+        self.shared
+            .now()
+            .bricks
+            .get(robot)
+            .map_or_else(Vec::new, |brick| brick.lcd_bytes().to_vec())
     }
 
     /// Looks into the world, or changes it, at the present time. `None` if the world is not a `W`.
@@ -180,13 +192,15 @@ impl Simulation {
         world.downcast_mut().map(look)
     }
 
-    /// Puts a device into a port. It appears after the time that detection takes: 0.4 s, a UART sensor 1.9 s.
+    /// Puts a device into a port. It appears after the time that detection takes: 0.4 s, a UART
+    /// sensor 1.9 s.
     ///
     /// # Errors
     ///
     /// EINVAL for a motor in an input port and the reverse, ENOENT without such a robot.
     pub fn plug(&self, robot: usize, port: Port, device: Plugged) -> Result<(), Errno> {
-        self.shared.with_brick(robot, |brick, now_ns| brick.plug(port.index(), Some(device), now_ns))
+        self.shared
+            .with_brick(robot, |brick, now_ns| brick.plug(port.index(), Some(device), now_ns))
     }
 
     /// Pulls what is in a port. The device disappears 0.1 s later.
@@ -198,7 +212,8 @@ impl Simulation {
         self.shared.with_brick(robot, |brick, now_ns| brick.plug(port.index(), None, now_ns))
     }
 
-    /// Puts a frame of raw bytes into the sensor on a port, as if it went on sending it; with `None` it measures again.
+    /// Puts a frame of raw bytes into the sensor on a port, as if it went on sending it; with
+    /// `None` it measures again.
     ///
     /// # Errors
     ///
@@ -207,7 +222,8 @@ impl Simulation {
         self.shared.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
     }
 
-    /// Breaks the serial line of the sensor on a port, or mends it. An analog sensor has none, and nothing happens.
+    /// Breaks the serial line of the sensor on a port, or mends it. An analog sensor has none, and
+    /// nothing happens.
     ///
     /// # Errors
     ///
@@ -259,20 +275,20 @@ impl Simulation {
         state.faults.perform(order, state.now_ns, &mut state.bricks, state.physics.as_mut())
     }
 
-    /// Follows the orders in a text, one a line: `in1 stuck`, `outB block for 2`, `battery 6.2`, `clear`, …; `robot` is meant where a
-    /// line names none.
+    /// Follows the orders in a text, one a line: `in1 stuck`, `outB block for 2`, `battery 6.2`,
+    /// `clear`, …; `robot` is meant where a line names none.
     ///
     /// # Errors
     ///
-    /// [`ControlError::Order`] where the text is not understood, and nothing was done; [`ControlError::Fault`] for the first order
-    /// that could not be followed.
+    /// [`ControlError::Order`] where the text is not understood, and nothing was done;
+    /// [`ControlError::Fault`] for the first order that could not be followed.
     pub fn control(&self, robot: usize, text: &str) -> Result<(), ControlError> {
         let orders = Order::parse(robot, text)?;
         orders.iter().try_for_each(|order| self.follow(order)).map_err(ControlError::Fault)
     }
 
-    /// Begins a scenario now, in place of what was left of one before. Its orders are followed to the step, also when a virtual clock
-    /// leaps over them.
+    /// Begins a scenario now, in place of what was left of one before. Its orders are followed to
+    /// the step, also when a virtual clock leaps over them.
     pub fn play(&self, scenario: &Scenario) {
         let state = &mut *self.shared.now();
         state.faults.plan(scenario, state.now_ns);
@@ -299,7 +315,8 @@ impl Simulation {
     ///
     /// ENOENT without such a robot.
     pub fn add_servo(&self, robot: usize, address: &str, has_rate: bool) -> Result<String, Errno> {
-        self.shared.with_brick(robot, |brick, now_ns| Ok(brick.add_servo(address, has_rate, now_ns)))
+        self.shared
+            .with_brick(robot, |brick, now_ns| Ok(brick.add_servo(address, has_rate, now_ns)))
     }
 
     /// The pulse that a servo gets, in microseconds; `None` while it floats.
@@ -341,7 +358,11 @@ impl Simulation {
     /// The buttons that are down.
     #[must_use]
     pub fn pressed(&self, robot: usize) -> Vec<Button> {
-        self.shared.now().bricks.get(robot).map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
+        self.shared
+            .now()
+            .bricks
+            .get(robot)
+            .map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
     }
 
     /// The tone that sounds now, in hertz.
@@ -367,7 +388,8 @@ impl Simulation {
         self.shared.now().journal = on.then(Vec::new);
     }
 
-    /// The writes since [`Simulation::record_writes`], or since this was last called; in their order.
+    /// The writes since [`Simulation::record_writes`], or since this was last called; in their
+    /// order.
     #[must_use]
     pub fn take_writes(&self) -> Vec<Written> {
         self.shared.now().journal.as_mut().map(std::mem::take).unwrap_or_default()
@@ -377,7 +399,8 @@ impl Simulation {
 impl Shared {
     /// The state as of now.
     pub(crate) fn now(&self) -> MutexGuard<'_, State> {
-        // A panic under the lock cannot leave a step half done in a way that matters to a simulation.
+        // A panic under the lock cannot leave a step half done in a way that matters to a
+        // simulation.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let most_ns = state.most_behind_ns.unwrap_or(i64::MAX);
         let behind_ns = self.time_ns() - state.now_ns;
@@ -386,8 +409,8 @@ impl Shared {
             state.step();
         }
         if behind_ns > most_ns {
-            // With what it took to get here, or whoever reads next would wait for that. Whole steps, so that moments stay where they were
-            // within a step.
+            // With what it took to get here, or whoever reads next would wait for that. Whole
+            // steps, so that moments stay where they were within a step.
             let lost_ns = (self.time_ns() - state.now_ns).div_euclid(STEP_NS) * STEP_NS;
             state.lost_ns += lost_ns;
             *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
@@ -471,10 +494,22 @@ impl State {
     }
 
     /// Notes a write, if there is a journal.
-    pub(crate) fn note(&mut self, robot: usize, path: &str, value: &[u8], answer: Result<usize, Errno>) {
+    pub(crate) fn note(
+        &mut self,
+        robot: usize,
+        path: &str,
+        value: &[u8],
+        answer: Result<usize, Errno>,
+    ) {
         let time_ns = self.now_ns;
         if let Some(journal) = &mut self.journal {
-            journal.push(Written { time_ns, robot, path: path.to_owned(), value: value.to_vec(), answer });
+            journal.push(Written {
+                time_ns,
+                robot,
+                path: path.to_owned(),
+                value: value.to_vec(),
+                answer,
+            });
         }
     }
 }

@@ -1,7 +1,9 @@
-//! What a person sees of a simulation: the room, the robots in it, what their sensors see, what is wrong with them.
+//! What a person sees of a simulation: the room, the robots in it, what their sensors see, what is
+//! wrong with them.
 //!
-//! A [`View`] is a picture of one moment, as numbers; `still` draws it as SVG, the page (`sim::page`) sends it to a browser. What robots have
-//! driven and seen gathers while the simulation is watched ([`Simulation::watch`]): each echo at the place where it truly was
+//! A [`View`] is a picture of one moment, as numbers; `still` draws it as SVG, the page
+//! (`sim::page`) sends it to a browser. What robots have driven and seen gathers while the
+//! simulation is watched ([`Simulation::watch`]): each echo at the place where it truly was
 //! measured, so that a lying sensor shows.
 //!
 //! # Not here
@@ -136,11 +138,17 @@ impl Room {
     /// The room of a world.
     #[must_use]
     pub fn of(world: &World) -> Self {
-        let plain = |points: &[super::world::geometry::Point]| points.iter().map(|p| [p.x, p.y]).collect();
+        let plain =
+            |points: &[super::world::geometry::Point]| points.iter().map(|p| [p.x, p.y]).collect();
         let mut floor = Vec::new();
         if !world.floor.table.is_empty() {
             let colour = web_colour(world.floor.ground.reflects_pct);
-            floor.push(Paint { points: plain(&world.floor.table), width_m: None, closed: true, colour });
+            floor.push(Paint {
+                points: plain(&world.floor.table),
+                width_m: None,
+                closed: true,
+                colour,
+            });
         }
         floor.extend(world.floor.marks.iter().map(|mark| Paint {
             points: plain(&mark.points),
@@ -148,7 +156,8 @@ impl Room {
             closed: mark.closed,
             colour: web_colour(mark.ground.reflects_pct),
         }));
-        let places = world.outlines().iter().flatten().chain(floor.iter().flat_map(|paint| &paint.points));
+        let places =
+            world.outlines().iter().flatten().chain(floor.iter().flat_map(|paint| &paint.points));
         let (low, high) = bounds(places.copied(), MARGIN_M);
         let starts = world.starts().iter().map(|start| [start.x_m, start.y_m]);
         let reach = if low[0] > high[0] { EMPTY_M } else { 0.2 };
@@ -173,8 +182,14 @@ fn joined((low, high): Bounds, (other_low, other_high): Bounds) -> Bounds {
 
 /// Reflected light as a colour on a screen, by the screen's own curve.
 fn web_colour(reflects_pct: [f64; 3]) -> String {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
-    let byte = |pct: f64| (255.0 * libm::pow((pct / 85.0).clamp(0.0, 1.0), 0.4545)).clamp(0.0, 255.0) as u8;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to a byte"
+    )]
+    let byte = |pct: f64| {
+        (255.0 * libm::pow((pct / 85.0).clamp(0.0, 1.0), 0.4545)).clamp(0.0, 255.0) as u8
+    };
     let [red, green, blue] = reflects_pct.map(byte);
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
@@ -194,7 +209,8 @@ impl Simulation {
         self.inspect(|world: &mut WorldPhysics| Room::of(world.world()))
     }
 
-    /// How things are now, with the marks from a number on; none where the physics is not a [`WorldPhysics`].
+    /// How things are now, with the marks from a number on; none where the physics is not a
+    /// [`WorldPhysics`].
     #[must_use]
     pub fn view(&self, since: u64) -> Option<View> {
         let state = &*self.state();
@@ -223,7 +239,10 @@ impl Simulation {
                 battery_v: super::physics::Physics::battery(world, robot).0,
                 devices,
                 pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
-                faults: brick.faults_active().map(|(port, fault)| format!("{port} {fault}")).collect(),
+                faults: brick
+                    .faults_active()
+                    .map(|(port, fault)| format!("{port} {fault}"))
+                    .collect(),
             })
         });
         let done = state.faults.done();
@@ -233,7 +252,8 @@ impl Simulation {
             let who = if several { format!("robot {} ", record.robot + 1) } else { String::new() };
             format!("{:.1} s: {who}{}", seconds(record.time_ns), record.what)
         });
-        let (marks, next) = state.trail.as_ref().map_or((Vec::new(), 0), |trail| trail.since(since));
+        let (marks, next) =
+            state.trail.as_ref().map_or((Vec::new(), 0), |trail| trail.since(since));
         Some(View {
             time_s: seconds(state.now_ns),
             robots: robots.collect(),

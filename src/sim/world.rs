@@ -1,7 +1,8 @@
 //! Simulated rooms: what stands in them, what is drawn on the floor, where the robots start.
 //!
-//! A world is a TOML file ([`World::parse`], commented template: [`World::TEMPLATE`]) or one of the built-in ones
-//! ([`World::named`]). Frame: metres, x and y as the file has them, headings anticlockwise from x.
+//! A world is a TOML file ([`World::parse`], commented template: [`World::TEMPLATE`]) or one of the
+//! built-in ones ([`World::named`]). Frame: metres, x and y as the file has them, headings
+//! anticlockwise from x.
 //!
 //! | name | for |
 //! |---|---|
@@ -19,7 +20,8 @@
 //!
 //! # What we count on
 //!
-//! A world does not change while robots drive in it, and has at most [`World::MAX_THINGS`] things in each list.
+//! A world does not change while robots drive in it, and has at most [`World::MAX_THINGS`] things
+//! in each list.
 
 use super::body::Outline;
 use crate::document::{Document, Findings};
@@ -110,12 +112,13 @@ impl World {
         Self::parse(name, Self::text(name)?.as_bytes()).ok().map(|(world, _)| world)
     }
 
-    /// Reads a world from the bytes of a file; `file` is what findings call it. Warnings come back beside the world.
+    /// Reads a world from the bytes of a file; `file` is what findings call it. Warnings come back
+    /// beside the world.
     ///
     /// # Errors
     ///
-    /// All mistakes with their places: what is not TOML, unknown keys, numbers out of range, too many things, shapes with
-    /// too few points, a robot that starts in a wall or in another robot.
+    /// All mistakes with their places: what is not TOML, unknown keys, numbers out of range, too
+    /// many things, shapes with too few points, a robot that starts in a wall or in another robot.
     pub fn parse(file: &str, bytes: &[u8]) -> Result<(Self, Findings), Findings> {
         Document::new(file, bytes)?.read(parse::world)
     }
@@ -126,14 +129,15 @@ impl World {
         &self.name
     }
 
-    /// Everything that stands in the world as polylines in metres, for drawing; closed ones repeat their first point.
+    /// Everything that stands in the world as polylines in metres, for drawing; closed ones repeat
+    /// their first point.
     #[must_use]
     pub fn outlines(&self) -> &[Vec<[f64; 2]>] {
         &self.outlines
     }
 
-    /// Distance from a place to the nearest surface, in metres: how far off a map's point is. Infinite in a world
-    /// without surfaces.
+    /// Distance from a place to the nearest surface, in metres: how far off a map's point is.
+    /// Infinite in a world without surfaces.
     #[must_use]
     pub fn distance_to_nearest_surface(&self, x_m: f64, y_m: f64) -> f64 {
         self.surfaces.distance(Point::new(x_m, y_m))
@@ -144,10 +148,12 @@ impl World {
         let place = Point::new(pose.x_m, pose.y_m);
         let outline = Outline::new(&self.robot).at(place, pose.heading_rad);
         let in_solid = |corners: &[Point; 4]| {
-            geometry::contains(corners, place) || corners.iter().any(|corner| outline.covers(*corner))
+            geometry::contains(corners, place)
+                || corners.iter().any(|corner| outline.covers(*corner))
         };
-        let in_disc =
-            |disc: &Disc| (disc.centre - place).norm() <= disc.radius_m || outline.covers(disc.centre);
+        let in_disc = |disc: &Disc| {
+            (disc.centre - place).norm() <= disc.radius_m || outline.covers(disc.centre)
+        };
         !self.solids.iter().any(in_solid)
             && !self.surfaces.discs.iter().any(in_disc)
             && outline.clearance(&self.surfaces) > 0.0
@@ -195,8 +201,8 @@ impl World {
 
     fn add_disc(&mut self, disc: Disc) {
         let corner = |n: i32| {
-            let point =
-                disc.centre + geometry::direction(crate::units::radians(f64::from(n) * 10.0)) * disc.radius_m;
+            let point = disc.centre
+                + geometry::direction(crate::units::radians(f64::from(n) * 10.0)) * disc.radius_m;
             [point.x, point.y]
         };
         self.outlines.push((0..=36).map(corner).collect());
@@ -228,7 +234,8 @@ mod tests {
             assert!(!world.starts().is_empty(), "{name}");
         }
         assert!(
-            World::parse("template", World::TEMPLATE.as_bytes()).is_ok_and(|(_, notes)| notes.is_empty())
+            World::parse("template", World::TEMPLATE.as_bytes())
+                .is_ok_and(|(_, notes)| notes.is_empty())
         );
     }
 
@@ -239,8 +246,8 @@ mod tests {
             .map(|line| line.strip_prefix("#: ").unwrap_or(line))
             .flat_map(|line| [line, "\n"])
             .collect();
-        let (world, _) =
-            World::parse("template", uncommented.as_bytes()).unwrap_or_else(|findings| panic!("{findings}"));
+        let (world, _) = World::parse("template", uncommented.as_bytes())
+            .unwrap_or_else(|findings| panic!("{findings}"));
         assert_eq!(world.robot(), &RobotModel::default(), "the template shows the defaults");
         assert_eq!(world.remote.len(), 1);
     }

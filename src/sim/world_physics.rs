@@ -1,7 +1,8 @@
 //! Robots in a world: motors, bodies and sensors under the drivers.
 //!
-//! [`WorldPhysics`] is the [`Physics`] of a [`World`]. Once it is inside the simulation nobody can ask it for more than the
-//! trait allows; an [`Observer`], taken before, still sees where the robots truly are, for scores and pictures.
+//! [`WorldPhysics`] is the [`Physics`] of a [`World`]. Once it is inside the simulation nobody can
+//! ask it for more than the trait allows; an [`Observer`], taken before, still sees where the
+//! robots truly are, for scores and pictures.
 //!
 //! # Not here
 //!
@@ -9,7 +10,8 @@
 //!
 //! # What we count on
 //!
-//! - One step is [`STEP_NS`]; it allocates nothing once the lists of contacts have grown, and takes a few microseconds a robot.
+//! - One step is [`STEP_NS`]; it allocates nothing once the lists of contacts have grown, and takes
+//!   a few microseconds a robot.
 //! - The same world, seed, bridges and calls of `measure` give the same bytes on every machine.
 
 use std::f64::consts::PI;
@@ -52,7 +54,8 @@ pub struct Truth {
     pub travelled_m: f64,
     /// True while the outline pushes against something.
     pub touching: bool,
-    /// True once the middle of the axle has been beyond the edge of the floor: the robot would have fallen.
+    /// True once the middle of the axle has been beyond the edge of the floor: the robot would have
+    /// fallen.
     pub fallen: bool,
 }
 
@@ -108,7 +111,8 @@ struct Rig {
 }
 
 impl WorldPhysics {
-    /// The first `robots` start poses of a world, each with a robot on it; `seed` draws their imperfections and all noise.
+    /// The first `robots` start poses of a world, each with a robot on it; `seed` draws their
+    /// imperfections and all noise.
     ///
     /// # Errors
     ///
@@ -116,12 +120,19 @@ impl WorldPhysics {
     pub fn new(world: World, robots: usize, seed: u64) -> Result<Self, NoStartPose> {
         let starts = world.starts();
         if robots > starts.len() {
-            return Err(NoStartPose { world: world.name().to_owned(), starts: starts.len(), robots });
+            return Err(NoStartPose {
+                world: world.name().to_owned(),
+                starts: starts.len(),
+                robots,
+            });
         }
         let model = world.robot();
-        let body = |start: &StartPose| Body::new(model, Point::new(start.x_m, start.y_m), start.heading_rad);
+        let body = |start: &StartPose| {
+            Body::new(model, Point::new(start.x_m, start.y_m), start.heading_rad)
+        };
         let bodies: Vec<Body> = starts.iter().take(robots).map(body).collect();
-        let rigs: Vec<Rig> = (0_u64..).take(robots).map(|robot| Rig::new(model, seed, robot)).collect();
+        let rigs: Vec<Rig> =
+            (0_u64..).take(robots).map(|robot| Rig::new(model, seed, robot)).collect();
         let wheels = rigs.iter().map(|rig| rig.wheels(model)).collect();
         let motors = vec![motors(model); robots];
         let solver = Solver::new(robots);
@@ -151,7 +162,9 @@ impl WorldPhysics {
 
     /// Makes something go wrong with a robot from the next step on.
     pub fn fail(&mut self, robot: usize, fault: Fault) {
-        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else { return };
+        let Some((rig, motors)) = self.rigs.get_mut(robot).zip(self.motors.get_mut(robot)) else {
+            return;
+        };
         let mut block = |out: usize, blocked| {
             if let Some(motor) = motors.get_mut(out).and_then(Option::as_mut) {
                 motor.block(blocked);
@@ -191,10 +204,13 @@ impl WorldPhysics {
             let near = Surfaces { segments: other.hull().to_vec(), ..Surfaces::default() };
             other.covers(place) || outline.clearance(&near) <= 0.0
         };
-        self.world.floor.has(place) && self.world.is_clear(pose) && !others.any(|other| meets(&other))
+        self.world.floor.has(place)
+            && self.world.is_clear(pose)
+            && !others.any(|other| meets(&other))
     }
 
-    /// How far a robot's outline is from the nearest surface, metres; negative where it has gone in.
+    /// How far a robot's outline is from the nearest surface, metres; negative where it has gone
+    /// in.
     #[must_use]
     pub fn clearance(&self, robot: usize) -> Option<f64> {
         self.bodies.get(robot).map(|body| body.outline_now().clearance(&self.world.surfaces))
@@ -212,7 +228,8 @@ impl WorldPhysics {
         Some(hull.map(|side| [side.from.x, side.from.y]))
     }
 
-    /// Where a robot's range sensor is, where it looks, and half of its cone: world frame, metres and radians.
+    /// Where a robot's range sensor is, where it looks, and half of its cone: world frame, metres
+    /// and radians.
     pub(in crate::sim) fn sight(&self, robot: usize) -> Option<([f64; 2], f64, f64)> {
         let (from, axis_rad) = self.scene(robot)?.range_sensor()?;
         Some(([from.x, from.y], axis_rad, radians(self.world.robot().errors.cone_deg)))
@@ -235,13 +252,16 @@ impl WorldPhysics {
         truths.extend(self.bodies.iter().zip(&self.motors).zip(&mut self.rigs).map(
             |((body, motors), rig)| {
                 rig.fallen |= !self.world.floor.has(body.place);
-                let shaft =
-                    |out: usize| motors.get(out).and_then(Option::as_ref).map_or(0.0, |m| m.angle_rad);
+                let shaft = |out: usize| {
+                    motors.get(out).and_then(Option::as_ref).map_or(0.0, |m| m.angle_rad)
+                };
                 Truth {
                     x_m: body.place.x,
                     y_m: body.place.y,
                     heading_rad: body.heading_rad,
-                    speed_mps: body.velocity.dot(&super::world::geometry::direction(body.heading_rad)),
+                    speed_mps: body
+                        .velocity
+                        .dot(&super::world::geometry::direction(body.heading_rad)),
                     wheels_rad: model.drive.map(shaft),
                     head_rad: rig.head_rad,
                     travelled_m: body.travelled_m,
@@ -272,7 +292,13 @@ impl Physics for WorldPhysics {
             rig.drive(motors, bridges, model, time_s, step_s);
             rig.creep(wheels, model, step_s);
         }
-        self.solver.step(&mut self.bodies, &mut self.motors, &self.wheels, &self.world.surfaces, step_s);
+        self.solver.step(
+            &mut self.bodies,
+            &mut self.motors,
+            &self.wheels,
+            &self.world.surfaces,
+            step_s,
+        );
         for ((rig, motors), body) in self.rigs.iter_mut().zip(&mut self.motors).zip(&self.bodies) {
             rig.settle(motors, model, step_s);
             rig.gyro.follow(body.turning_rad_s, step_s);
@@ -300,12 +326,20 @@ impl Physics for WorldPhysics {
             Some(SensorKind::Infrared) => scene.infrared(mode, &mut chance),
             Some(SensorKind::Colour) => scene.colour(mode, &mut chance),
             Some(SensorKind::Gyro) => gyro.values(mode),
-            Some(SensorKind::Touch) => {
-                [i32::from(self.bodies.get(robot).is_some_and(|body| body.bumped)), 0, 0, 0, 0, 0, 0, 0]
-            }
+            Some(SensorKind::Touch) => [
+                i32::from(self.bodies.get(robot).is_some_and(|body| body.bumped)),
+                0,
+                0,
+                0,
+                0,
+                0,
+                0,
+                0,
+            ],
             None => [0; 8],
         };
-        if let Some(own) = self.rigs.get_mut(robot).and_then(|rig| rig.sensor_chance.get_mut(input)) {
+        if let Some(own) = self.rigs.get_mut(robot).and_then(|rig| rig.sensor_chance.get_mut(input))
+        {
             *own = chance;
         }
         values
@@ -317,7 +351,8 @@ impl Physics for WorldPhysics {
 
     fn place(&mut self, robot: usize, pose: Option<[f64; 3]>) -> bool {
         let start = self.world.starts().get(robot).copied();
-        let pose = pose.map(|[x_m, y_m, heading_rad]| StartPose { x_m, y_m, heading_rad }).or(start);
+        let pose =
+            pose.map(|[x_m, y_m, heading_rad]| StartPose { x_m, y_m, heading_rad }).or(start);
         let Some(pose) = pose.filter(|pose| self.has_room(robot, *pose)) else { return false };
         self.carry(robot, pose);
         true
@@ -337,8 +372,10 @@ impl Rig {
         let errors = &model.errors;
         let stream = |number: u64| Chance::new(seed, robot * 16 + number);
         let mut build = stream(0);
-        let gyro =
-            Gyro::new(errors.gyro_scale + errors.gyro_scale_sd * build.normal(), errors.gyro_drift_dps);
+        let gyro = Gyro::new(
+            errors.gyro_scale + errors.gyro_scale_sd * build.normal(),
+            errors.gyro_drift_dps,
+        );
         let nominal = metres_per_radian(model.wheel_circumference_m);
         let wheel = |error: f64, inverted: bool, chance: &mut Chance| {
             let size = nominal * (1.0 + error + errors.wheel_sd * chance.normal()).max(0.1);
@@ -400,7 +437,9 @@ impl Rig {
             return;
         }
         let kick = sd * libm::sqrt(2.0 * step_s / SLIP_S);
-        for ((wheel, slip), size) in wheels.iter_mut().zip(&mut self.slip).zip(self.ground_m_per_rad) {
+        for ((wheel, slip), size) in
+            wheels.iter_mut().zip(&mut self.slip).zip(self.ground_m_per_rad)
+        {
             *slip += kick * self.slip_chance.normal() - *slip * step_s / SLIP_S;
             wheel.ground_m_per_rad = size * (1.0 - slip.clamp(-0.5, 0.5));
         }
@@ -432,8 +471,9 @@ fn motors(model: &RobotModel) -> [Option<Motor>; 4] {
     motors
 }
 
-/// Edges for a radian of the shaft. Linear actuators do 24 counts (48 edges) a second where the medium motor that
-/// stands for them turns 1560 degrees (interfaces 2: `max_speed`); the RCX motor has no encoder.
+/// Edges for a radian of the shaft. Linear actuators do 24 counts (48 edges) a second where the
+/// medium motor that stands for them turns 1560 degrees (interfaces 2: `max_speed`); the RCX motor
+/// has no encoder.
 fn edges_per_rad(kind: MotorKind) -> f64 {
     match kind {
         MotorKind::Large | MotorKind::Medium => 720.0 / (2.0 * PI),
@@ -442,7 +482,8 @@ fn edges_per_rad(kind: MotorKind) -> f64 {
     }
 }
 
-/// A linear actuator ends where its screw does: 100 or 200 counts of two edges (interfaces 2: `full_travel_count`).
+/// A linear actuator ends where its screw does: 100 or 200 counts of two edges (interfaces 2:
+/// `full_travel_count`).
 fn stop_at_ends(motor: &mut Motor, kind: Option<MotorKind>) {
     let (kind, edges) = match kind {
         Some(kind @ MotorKind::Linear50) => (kind, 200.0),
@@ -456,7 +497,10 @@ fn stop_at_ends(motor: &mut Motor, kind: Option<MotorKind>) {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates, and NaN becomes 0")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cast from float saturates, and NaN becomes 0"
+)]
 fn whole(value: f64) -> i64 {
     libm::floor(value + 0.5) as i64
 }

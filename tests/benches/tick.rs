@@ -15,11 +15,11 @@ use std::sync::Arc;
 use criterion::{Criterion, criterion_group, criterion_main};
 use onbrick::behavior::{Demands, Mission};
 use onbrick::clock::{Clock, VirtualClock};
-use onbrick::ev3dev::{Tree};
+use onbrick::ev3dev::Tree;
 use onbrick::mapping::{Method, Pose};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
-use onbrick::senses::Senses;
 use onbrick::runtime::Pilot;
+use onbrick::senses::Senses;
 use onbrick::sim::{Simulation, World, WorldPhysics};
 
 const PERIOD_NS: i64 = 20_000_000;
@@ -59,7 +59,8 @@ fn thinking(criterion: &mut Criterion) {
     let minute = a_minute();
     criterion.bench_function("3000 ticks without files: estimate, map, decide", |bencher| {
         bencher.iter(|| {
-            let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
+            let mut pilot =
+                Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
             let mut demands = Demands::default();
             for senses in &minute {
                 pilot.step(senses, &mut demands, |_| {});
@@ -76,15 +77,18 @@ fn with_files(criterion: &mut Criterion) {
     let mut robot = Robot::bind(&tree, &config, mission.senses()).unwrap();
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
     let (mut senses, mut demands) = (Senses::default(), Demands::default());
-    criterion.bench_function("one tick over plain files: sense, estimate, map, decide, act", |bencher| {
-        bencher.iter(|| {
-            senses.tick += 1;
-            senses.time_ns += PERIOD_NS;
-            robot.sense(&mut senses);
-            pilot.step(&senses, &mut demands, |_| {});
-            robot.act(&demands, senses.time_ns);
-        });
-    });
+    criterion.bench_function(
+        "one tick over plain files: sense, estimate, map, decide, act",
+        |bencher| {
+            bencher.iter(|| {
+                senses.tick += 1;
+                senses.time_ns += PERIOD_NS;
+                robot.sense(&mut senses);
+                pilot.step(&senses, &mut demands, |_| {});
+                robot.act(&demands, senses.time_ns);
+            });
+        },
+    );
 }
 
 criterion_group!(benches, thinking, with_files);

@@ -1,9 +1,12 @@
-//! A program on crates.io's `ev3dev-lang-rust`, in the style of its own examples: drives a square's corner, reads every sensor, sets the lights.
+//! A program on crates.io's `ev3dev-lang-rust`, in the style of its own examples: drives a square's
+//! corner, reads every sensor, sets the lights.
 //!
-//! It knows nothing of onbrick, and looks for its devices in `/sys/class`. The test `foreign` runs it where a simulated brick is mounted there,
-//! and compares what it prints with where the robot truly is. On a real brick it does the same.
+//! It knows nothing of onbrick, and looks for its devices in `/sys/class`. The test `foreign` runs
+//! it where a simulated brick is mounted there, and compares what it prints with where the robot
+//! truly is. On a real brick it does the same.
 //!
-//! No buttons: the library's `Button::process` panics on 64-bit machines, where it does not get the number of its ioctl into an unsigned long.
+//! No buttons: the library's `Button::process` panics on 64-bit machines, where it does not get the
+//! number of its ioctl into an unsigned long.
 
 #![allow(clippy::print_stdout, reason = "what it prints is its result")]
 

@@ -1,11 +1,13 @@
 //! onbrick itself, but with trouble on demand, for the tests of what stops the motors then:
 //!
 //! - SIGVTALRM makes its main thread spin for ever: in the process that drives, the one that ticks.
-//! - SIGPROF makes a thread of the process that drives panic, the one that `TROUBLED_THREAD` names: `tick`, `recorder`, `mender` or `orders`; with
-//!   `memory` it makes the process want more memory than there is.
+//! - SIGPROF makes a thread of the process that drives panic, the one that `TROUBLED_THREAD` names:
+//!   `tick`, `recorder`, `mender` or `orders`; with `memory` it makes the process want more memory
+//!   than there is.
 //!
-//! For the latter the process that drives is put together here as the command `control` does it, of the library's parts, each of which is called from the
-//! thread that is to panic. It has no real-time priority.
+//! For the latter the process that drives is put together here as the command `control` does it, of
+//! the library's parts, each of which is called from the thread that is to panic. It has no
+//! real-time priority.
 
 use std::io::{self, BufRead, BufReader, Read, Stdin, Write};
 use std::os::fd::AsFd;

@@ -1,8 +1,10 @@
-//! Thirty lines of robot on the library alone (`--no-default-features`): a machine, an estimator, and leases.
+//! Thirty lines of robot on the library alone (`--no-default-features`): a machine, an estimator,
+//! and leases.
 //!
-//! The robot drives straight, turns for a second whenever its left wheel has gone another half metre, and stops after ten
-//! seconds. Large motors on outB and outD; run it on the brick, or give the folder of a simulated brick as argument.
-//! Should the program die, the motors stop by themselves 0.3 s later: every motion is a lease.
+//! The robot drives straight, turns for a second whenever its left wheel has gone another half
+//! metre, and stops after ten seconds. Large motors on outB and outD; run it on the brick, or give
+//! the folder of a simulated brick as argument. Should the program die, the motors stop by
+//! themselves 0.3 s later: every motion is a lease.
 
 #![allow(clippy::print_stdout, reason = "an example shows what it did")]
 
@@ -23,12 +25,14 @@ struct Robot {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(std::env::args().nth(1).unwrap_or("/".into())));
+    let tree: Arc<dyn Tree> =
+        Arc::new(LocalTree::new(std::env::args().nth(1).unwrap_or("/".into())));
     let motor = |port: &str| -> Result<LeasedMotor, Box<dyn std::error::Error>> {
         Ok(LeasedMotor::take(TachoMotor::at(&tree, &port.parse()?)?, 1.0, 6.0)?)
     };
     let (mut left, mut right) = (motor("outB")?, motor("outD")?);
-    let config = EstimatorConfig { geometry: Geometry::new(0.189, 0.114)?, method: Method::Default };
+    let config =
+        EstimatorConfig { geometry: Geometry::new(0.189, 0.114)?, method: Method::Default };
     let mut estimator = Estimator::new(config, Pose::default());
     let drive = Machine::<Robot>::new("drive", "straight")
         .state("straight", |state| {
@@ -38,7 +42,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 .when(|robot, _| robot.since_turn_m > 0.5, "turn")
         })
         .state("turn", |state| {
-            state.doing(|robot, _| robot.speeds_rad_s = [1.5, -1.5]).after(Duration::from_secs(1), "straight")
+            state
+                .doing(|robot, _| robot.speeds_rad_s = [1.5, -1.5])
+                .after(Duration::from_secs(1), "straight")
         });
     let mut engine = Engine::new(Finish::All, [drive])?;
     let (mut robot, clock) = (Robot::default(), MonotonicClock);

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Everything that is tested on an emulated brick and in a Debian armel root, as many at a time as there are processors, each with the seconds
-# that it took; what one says is shown at its end. After `brick-image/build.sh`, and as root. all.sh [NAME…]: only these.
+# Everything that is tested on an emulated brick and in a Debian armel root, as many at a time as
+# there are processors, each with the seconds that it took; what one says is shown at its end. After
+# `brick-image/build.sh`, and as root. all.sh [NAME…]: only these.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=../../brick-image/emulator/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/../../brick-image/emulator/common.sh"

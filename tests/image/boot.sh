@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# A card made by inject.sh in the emulated brick, with its own systemd: at the first start the package installs itself and the service comes
-# up; a PC outside, whose key came with the card, sees it, starts a mission and fetches the run; another one pairs; after a power cut it all
-# comes up by itself; with a configuration that is not this version's, and with a program that was half copied, the journal says so and the
-# service stays down.
+# A card made by inject.sh in the emulated brick, with its own systemd: at the first start the
+# package installs itself and the service comes up; a PC outside, whose key came with the card, sees
+# it, starts a mission and fetches the run; another one pairs; after a power cut it all comes up by
+# itself; with a configuration that is not this version's, and with a program that was half copied,
+# the journal says so and the service stays down.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -20,14 +21,16 @@ add() {
   debugfs -w -R "set_inode_field $2 mode 0100$3" "$image?$linux" 2>/dev/null >&2
 }
 
-# Since version 233 systemd reloads nothing without 16 MB of room in /run, and it gives that a fifth of the memory; ev3dev's, 232, does not ask.
+# Since version 233 systemd reloads nothing without 16 MB of room in /run, and it gives that a fifth
+# of the memory; ev3dev's, 232, does not ask.
 add_room() {
   echo 'tmpfs /run tmpfs nosuid,nodev,size=24M,mode=755 0 0' >"$work/fstab"
   debugfs -w -R 'rm /etc/fstab' "$image?$linux" 2>/dev/null >&2
   add "$work/fstab" /etc/fstab 644
 }
 
-# It stands for hardware, which answers at once whatever else the processor is asked to do, and which the service may write to.
+# It stands for hardware, which answers at once whatever else the processor is asked to do, and
+# which the service may write to.
 add_hardware() {
   printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nCPUSchedulingPolicy=fifo\nCPUSchedulingPriority=60\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
   printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nReadWritePaths=/run/brick\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\nExecStopPost=\nExecStopPost=/usr/bin/onbrick halt --orphaned --brick /run/brick\n' >"$work/drop-in"
@@ -59,7 +62,8 @@ key=$(key_of <"$work/said")
 "$tests/inject.sh" --keep "$image" --key "$key" >"$work/injected" || { cat "$work/injected" && exit 1; }
 add_room
 add_hardware
-# What the brick says of itself, on its console; its public key as well, which a person would compare when pairing.
+# What the brick says of itself, on its console; its public key as well, which a person would
+# compare when pairing.
 cat >"$work/report.sh" <<'END'
 #!/bin/sh
 motors() { awk '{ n++; if ($0 != "") run++ } END { print n + 0 " motors, " run + 0 " of them run" }' /run/brick/sys/class/tacho-motor/*/state; }
@@ -87,7 +91,8 @@ add "$work/report.sh" /usr/local/bin/report 755
 add "$work/report" /etc/systemd/system/report.service 644
 debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/report.service /etc/systemd/system/report.service' "$image?$linux" 2>/dev/null
 
-# A person at the brick, who opens the pairing window, looks at the code, and says yes; over and over.
+# A person at the brick, who opens the pairing window, looks at the code, and says yes; over and
+# over.
 echo yes >"$work/yes"
 printf '[Service]\nExecStart=/usr/bin/onbrick pair --answers /usr/local/lib/yes\nStandardOutput=journal+console\nRestart=always\nRestartSec=3\n[Unit]\nStartLimitIntervalSec=0\n[Install]\nWantedBy=multi-user.target\n' >"$work/person"
 add "$work/yes" /usr/local/lib/yes 644
@@ -144,7 +149,8 @@ check "and says so" says "$work/said" "last: map"
 check "and nothing is installed a second time" not says "$work/second" "onbrick: installed"
 cut_power
 
-# stays_down SAID NAME WORDS: the brick is switched on; the service says why it cannot come up, and does not try for ever.
+# stays_down SAID NAME WORDS: the brick is switched on; the service says why it cannot come up, and
+# does not try for ever.
 stays_down() {
   start "$1"
   check "$2: the service stays down" wait_until 600 grep -q 'report: down after ' "$1"
@@ -158,8 +164,9 @@ stays_down() {
 }
 stays_as_it_is() { tr -d '\r' <"$1" | grep 'report: down after ' | uniq -c | awk '$1 >= 3 { found = 1 } END { exit !found }'; }
 
-# What was not yet in its place when the power was cut would else be put there over what is changed now. e2fsck does not get to the end of that
-# in a part of a file: it forgets the offset, and so begins again. (1: something was mended.)
+# What was not yet in its place when the power was cut would else be put there over what is changed
+# now. e2fsck does not get to the end of that in a part of a file: it forgets the offset, and so
+# begins again. (1: something was mended.)
 settle() {
   local status=0
   dd if="$image" of="$work/linux" bs=512 skip="$linux_sector" status=none

@@ -1,5 +1,6 @@
 # shellcheck shell=bash
-# What the tests on a Debian armel root share: sourced, never run. They need root, and QEMU for programs of the brick's processor.
+# What the tests on a Debian armel root share: sourced, never run. They need root, and QEMU for
+# programs of the brick's processor.
 tests=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 # shellcheck source-path=SCRIPTDIR source=../../brick-image/emulator/common.sh
 source "$tests/../../brick-image/emulator/common.sh"
@@ -9,7 +10,8 @@ failures=0
 # shellcheck disable=SC2034  # for the tests that source this
 deb=${ONBRICK_DEB:-$(find "$checkout/target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)}
 
-# The card that inject.sh makes has ev3dev's layout: 48 MB of FAT, then Linux, from these sectors on; the second as mke2fs and debugfs want it.
+# The card that inject.sh makes has ev3dev's layout: 48 MB of FAT, then Linux, from these sectors
+# on; the second as mke2fs and debugfs want it.
 # shellcheck disable=SC2034
 {
   fat_sector=8192

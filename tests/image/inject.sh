@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# inject.sh on an image with the layout of ev3dev's: a FAT partition with a kernel and an ext4 partition with a Debian armel root.
-# With --keep FILE the image that came out is left there, for the emulated brick to boot; with --key KEY after it, that key is in it.
+# inject.sh on an image with the layout of ev3dev's: a FAT partition with a kernel and an ext4
+# partition with a Debian armel root. With --keep FILE the image that came out is left there, for
+# the emulated brick to boot; with --key KEY after it, that key is in it.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -25,7 +26,8 @@ make_image() {
 }
 
 in_image() { debugfs -R "$1" "$2?$linux" 2>/dev/null; }
-# Everything in an image's root, with its mode, owner and target, and the content of plain files; not what inject.sh is there to change.
+# Everything in an image's root, with its mode, owner and target, and the content of plain files;
+# not what inject.sh is there to change.
 contents() {
   local folder ours=(! -path './var/cache/onbrick*' ! -path ./etc/hostname ! -path ./etc/hosts ! -path './var/lib/connman*' ! -name onbrick-install.service)
   folder=$(mktemp -d "$work/contents.XXXX")
@@ -52,7 +54,8 @@ check "so is a password that is too short" not inject "$image" --out "$work/new.
 check "and no image is left of that" [ ! -e "$work/new.img" ]
 check "nothing was changed by any of that" [ "$(sha256sum <"$image")" = "$before" ]
 
-# Where the checkout lies is the person's own affair; the password has no end of line, as from a password manager.
+# Where the checkout lies is the person's own affair; the password has no end of line, as from a
+# password manager.
 mkdir "$work/a folder"
 cp "$deb" "$work/a folder/onbrick.deb"
 deb="$work/a folder/onbrick.deb"

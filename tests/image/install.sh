@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# install.sh and `onbrick push` against a real sshd in a Debian armel root, all of it the brick's own programs.
+# install.sh and `onbrick push` against a real sshd in a Debian armel root, all of it the brick's
+# own programs.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The package in a Debian armel root: installed, upgraded over edited files, held up by a run, found half copied, removed, purged.
+# The package in a Debian armel root: installed, upgraded over edited files, held up by a run, found
+# half copied, removed, purged.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

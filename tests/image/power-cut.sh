@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Power cuts at random moments of a mission: the emulator is killed while the brick records to its disk; the next start must find whole records
-# up to the last sync, and motors that are still. power-cut.sh [CUTS] (default 3).
+# Power cuts at random moments of a mission: the emulator is killed while the brick records to its
+# disk; the next start must find whole records up to the last sync, and motors that are still.
+# power-cut.sh [CUTS] (default 3).
 set -euo pipefail
 
 cuts=${1:-3}

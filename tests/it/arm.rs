@@ -1,11 +1,13 @@
-//! The brick's own program, for its own processor, under `qemu-arm -cpu arm926`: on a mounted brick, and beside this PC's program on a simulated one.
+//! The brick's own program, for its own processor, under `qemu-arm -cpu arm926`: on a mounted
+//! brick, and beside this PC's program on a simulated one.
 //!
-//! `brick-image/build.sh` makes the programs. What it finds out about them by itself (format, size, instructions, system calls) is not done again
-//! here.
+//! `brick-image/build.sh` makes the programs. What it finds out about them by itself (format, size,
+//! instructions, system calls) is not done again here.
 //!
 //! # Not here
 //!
-//! `onbrick run`: a program that is emulated so cannot start another one. The process that drives is given its job directly, as `run` does.
+//! `onbrick run`: a program that is emulated so cannot start another one. The process that drives
+//! is given its job directly, as `run` does.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -25,10 +27,12 @@ use crate::mount::bench::{no_fuse, real_time};
 use crate::support::real_time::{Pace, in_real_time};
 use crate::support::{not_asked_for, pass_over};
 
-/// These tests are asked for, because what they run takes minutes to build: `brick-image/build.sh`, then `ONBRICK_ARM=1 cargo test arm::`.
+/// These tests are asked for, because what they run takes minutes to build: `brick-image/build.sh`,
+/// then `ONBRICK_ARM=1 cargo test arm::`.
 const ASKED_FOR: &str = "ONBRICK_ARM";
 
-/// The emulator's command for a program that `brick-image/build.sh` has left in a folder of `target`.
+/// The emulator's command for a program that `brick-image/build.sh` has left in a folder of
+/// `target`.
 fn emulated(program: &str) -> Option<[String; 4]> {
     let folder = Path::new(PROGRAM).parent()?.parent()?;
     let file = folder.join(program);
@@ -87,7 +91,8 @@ fn map_a_room(pace: &Pace, brick: &[String]) {
     // Longs of the brick's programs have 32 bits.
     let simulator = Simulator::start_with(pace, "arena", &["--event-bits", "32"]);
     let start = simulator.truth();
-    let start = Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_deg.to_radians() };
+    let start =
+        Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_deg.to_radians() };
     let folder = tempfile::tempdir().unwrap();
     let job = Job {
         brick: Brick::Local(LocalTree::new(simulator.root())),
@@ -103,11 +108,18 @@ fn map_a_room(pace: &Pace, brick: &[String]) {
     pace.ensure(truth.travelled_m > 0.15, || format!("it drove {} m", truth.travelled_m));
     pace.near("metres off", off_m, 0.0, 0.03);
     let from_walls_m = median_off_m(&run);
-    pace.near("metres from a wall, half of the points", from_walls_m.unwrap_or(f64::INFINITY), 0.0, 0.05);
+    pace.near(
+        "metres from a wall, half of the points",
+        from_walls_m.unwrap_or(f64::INFINITY),
+        0.0,
+        0.05,
+    );
     let in_process = short_job(folder.path(), "pc");
     if drive(pace, &[PROGRAM.to_owned()], &in_process).is_some() {
         let most_m = median_off_m(&Run::open(&in_process.file).unwrap()).map(|m| 1.5 * m + 0.005);
-        pace.ensure(from_walls_m <= most_m, || format!("ARM, mounted: {from_walls_m:?} m, not {most_m:?} m"));
+        pace.ensure(from_walls_m <= most_m, || {
+            format!("ARM, mounted: {from_walls_m:?} m, not {most_m:?} m")
+        });
     }
     let replayed = replay(&run).unwrap();
     assert!(replayed.is_same(), "on this PC it replays otherwise: {replayed}");
@@ -128,7 +140,12 @@ fn the_same_mission_is_recorded_on_the_bricks_processor_byte_for_byte() {
         let pc = recorded(&[PROGRAM.to_owned()], "pc").unwrap();
         let arm = recorded(&brick, "arm").unwrap();
         let same = pc.iter().zip(&arm).take_while(|(pc, arm)| pc == arm).count();
-        assert!(pc == arm, "{} and {} bytes, of which the first {same} are the same", pc.len(), arm.len());
+        assert!(
+            pc == arm,
+            "{} and {} bytes, of which the first {same} are the same",
+            pc.len(),
+            arm.len()
+        );
         println!("{} bytes are the same", pc.len());
     });
 }

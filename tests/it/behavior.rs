@@ -1,13 +1,13 @@
-//! Missions from their files: what a person can get wrong, what those that come with the program do, and that the same
-//! signals always give the same demands.
+//! Missions from their files: what a person can get wrong, what those that come with the program
+//! do, and that the same signals always give the same demands.
 
 use std::fmt::Write as _;
 
 use onbrick::behavior::mission::{OnLost, OnStall};
 use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
 use onbrick::behavior::{
-    Capabilities, Demands, Drive, Finish, Led, MachineState, Mission, Program, Progress, Signal, Signals,
-    Taken, graph,
+    Capabilities, Demands, Drive, Finish, Led, MachineState, Mission, Program, Progress, Signal,
+    Signals, Taken, graph,
 };
 use onbrick::document::Document;
 use onbrick::ev3dev::StopAction;
@@ -70,8 +70,14 @@ fn shipped_missions_need_what_their_first_lines_say() {
 #[test]
 fn the_mapping_mission_is_the_seeds() {
     let mission = shipped("map");
-    assert_eq!((mission.rate_hz(), mission.time_limit_s(), mission.finish()), (50, 120.0, Finish::All));
-    assert_eq!((mission.on_lost(), mission.on_stall()), (OnLost::Stop, &OnStall::Enter("back".to_owned())));
+    assert_eq!(
+        (mission.rate_hz(), mission.time_limit_s(), mission.finish()),
+        (50, 120.0, Finish::All)
+    );
+    assert_eq!(
+        (mission.on_lost(), mission.on_stall()),
+        (OnLost::Stop, &OnStall::Enter("back".to_owned()))
+    );
     let mut program = mission.start().unwrap();
     #[rustfmt::skip]
     let transcript = [
@@ -122,9 +128,11 @@ fn a_square_has_four_sides_and_four_corners() {
     // A robot that does what it is told, in ticks of 20 ms.
     let (mut travelled_m, mut heading_rad, mut tick, mut path) = (0.0, 0.0, 0, Vec::new());
     loop {
-        let signals = signals(tick * 20, &[(Signal::Travelled, travelled_m), (Signal::Heading, heading_rad)]);
+        let signals =
+            signals(tick * 20, &[(Signal::Travelled, travelled_m), (Signal::Heading, heading_rad)]);
         let mut demands = Demands::default();
-        let progress = program.step(&signals, &mut demands, |taken| path.push((taken.from, taken.to)));
+        let progress =
+            program.step(&signals, &mut demands, |taken| path.push((taken.from, taken.to)));
         if let Some(Drive::Twist { forward_m_s, turn_rad_s }) = demands.drive {
             travelled_m += 0.02 * forward_m_s;
             heading_rad += 0.02 * turn_rad_s;
@@ -156,7 +164,10 @@ fn demands_are_in_si_units() {
     );
     assert_eq!(mission.motors(), ["arm", "jaw"]);
     let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[]));
-    assert_eq!(demands.drive, Some(Drive::Twist { forward_m_s: 0.2, turn_rad_s: f64::to_radians(180.0) }));
+    assert_eq!(
+        demands.drive,
+        Some(Drive::Twist { forward_m_s: 0.2, turn_rad_s: f64::to_radians(180.0) })
+    );
     assert_eq!(demands.head_rad, Some(f64::to_radians(45.0)));
     assert_eq!(demands.motors, [Some(f64::to_radians(-90.0)), Some(0.0), None, None]);
     assert_eq!((demands.led, demands.tone_hz), (Some(Led::Yellow), Some(440.0)));
@@ -170,8 +181,10 @@ fn a_number_that_is_not_finite_or_not_known_stops_its_actuator_and_no_other() {
         "do = { left_dps = \"1 / zero\", right_dps = 50, head_deg = \"range_m\", motor.arm = \"x_m\", motor.jaw = 9 }",
     );
     for range_m in [f64::INFINITY, f64::NAN] {
-        let (demands, _) =
-            step(&mut mission.start().unwrap(), &signals(0, &[(Signal::Sensed(Channel::Range), range_m)]));
+        let (demands, _) = step(
+            &mut mission.start().unwrap(),
+            &signals(0, &[(Signal::Sensed(Channel::Range), range_m)]),
+        );
         assert_eq!(demands.drive, Some(Drive::Stop(StopAction::Brake)));
         assert_eq!(demands.head_rad, None);
         assert_eq!(demands.motors, [Some(0.0), Some(f64::to_radians(9.0)), None, None]);
@@ -191,7 +204,10 @@ fn what_is_done_on_entry_and_on_exit_is_done_once() {
         .into();
     let nothing = (None, None, None);
     let entry = (Some(Led::Green), Some("in".to_owned()), None);
-    assert_eq!(said, [entry, nothing.clone(), (None, Some("out".to_owned()), Some(500.0)), nothing]);
+    assert_eq!(
+        said,
+        [entry, nothing.clone(), (None, Some("out".to_owned()), Some(500.0)), nothing]
+    );
 }
 
 #[test]
@@ -199,7 +215,10 @@ fn the_last_machine_in_the_file_has_the_lights() {
     let text = "name = \"m\"\n[machine.z]\nstart = \"a\"\nfinal = \"a\"\n[machine.z.state.a]\ndo = { led = \"red\", tone_hz = 100 }\n\
         [machine.a]\nstart = \"a\"\nfinal = \"a\"\n[machine.a.state.a]\ndo = { led = \"green\" }\n";
     let mission = load(text);
-    assert_eq!(mission.machines().iter().map(|machine| machine.name()).collect::<Vec<_>>(), ["z", "a"]);
+    assert_eq!(
+        mission.machines().iter().map(|machine| machine.name()).collect::<Vec<_>>(),
+        ["z", "a"]
+    );
     let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[]));
     assert_eq!((demands.led, demands.tone_hz), (Some(Led::Green), Some(100.0)));
 }
@@ -210,7 +229,11 @@ fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     let free = |ms| {
         signals(
             ms,
-            &[(Signal::Sensed(Channel::Touch), 0.0), (Signal::Travelled, 0.0), (Signal::Heading, 0.0)],
+            &[
+                (Signal::Sensed(Channel::Touch), 0.0),
+                (Signal::Travelled, 0.0),
+                (Signal::Heading, 0.0),
+            ],
         )
     };
     step(&mut program, &free(0));
@@ -220,7 +243,10 @@ fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     assert_eq!(taken, [Taken { machine: 0, from: 0, to: 1, transition: None }]);
     assert_eq!(program.states().collect::<Vec<_>>(), ["back"]);
     let mission = shipped("bump");
-    assert_eq!(mission.named(taken[0]).unwrap().to_string(), "drive: forward → back (wheels blocked)");
+    assert_eq!(
+        mission.named(taken[0]).unwrap().to_string(),
+        "drive: forward → back (wheels blocked)"
+    );
     let pressed = Taken { transition: Some(0), ..taken[0] };
     assert_eq!(mission.named(pressed).unwrap().to_string(), "drive: forward → back (touch)");
     assert_eq!(mission.named(Taken { machine: 7, ..pressed }), None);
@@ -230,7 +256,11 @@ fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     program.step(&free(40), &mut Demands::default(), |transition| taken.push(transition));
     assert_eq!(taken, []);
     program.step(&free(3021), &mut Demands::default(), |transition| taken.push(transition));
-    assert_eq!(taken, [Taken { machine: 0, from: 1, to: 2, transition: Some(1) }], "3 s since the first");
+    assert_eq!(
+        taken,
+        [Taken { machine: 0, from: 1, to: 2, transition: Some(1) }],
+        "3 s since the first"
+    );
     assert!(!shipped("square").start().unwrap().stall(), "the square asks to be stopped");
 }
 
@@ -243,7 +273,10 @@ fn a_missions_numbers_can_be_set_within_bounds() {
     let mut program = mission.start().unwrap();
     step(
         &mut program,
-        &signals(0, &[(Signal::Sensed(Channel::Range), 0.39), (Signal::Sensed(Channel::Head), 0.0)]),
+        &signals(
+            0,
+            &[(Signal::Sensed(Channel::Range), 0.39), (Signal::Sensed(Channel::Head), 0.0)],
+        ),
     );
     assert_eq!(program.states().next(), Some("turn_right"));
     step(&mut program, &signals(30_001, &[]));
@@ -293,7 +326,11 @@ fn a_mission_goes_on_from_a_checkpoint_as_if_it_had_not_been_interrupted() {
         assert!(again.restore(&checkpoint), "{}", mission.name());
         assert_eq!(again.checkpoint(), checkpoint);
         assert_eq!(run(&mut again, 1000..3000), first, "{}", mission.name());
-        assert!(first.iter().any(|(_, taken, _)| !taken.is_empty()), "{} stood still", mission.name());
+        assert!(
+            first.iter().any(|(_, taken, _)| !taken.is_empty()),
+            "{} stood still",
+            mission.name()
+        );
         let foreign = MachineState { state: 999, ..MachineState::default() };
         assert!(!again.restore(&vec![foreign; checkpoint.len()]), "there is no state 999");
         assert!(!again.restore(&[]), "a checkpoint has every machine");
@@ -323,7 +360,10 @@ fn every_shipped_mission_has_a_graph_that_mermaid_reads() {
                         assert!(declared.contains(&(*id).to_owned()), "{line}");
                     }
                     let text = when.join(" ");
-                    assert!(!text.is_empty() && !text.contains(['<', '>', '"', '{', '}', ':']), "{line}");
+                    assert!(
+                        !text.is_empty() && !text.contains(['<', '>', '"', '{', '}', ':']),
+                        "{line}"
+                    );
                     edges += 1;
                 }
                 ["}"] => depth -= 1,

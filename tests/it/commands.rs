@@ -40,8 +40,10 @@ impl Done {
     /// Each line of the output as JSON.
     #[track_caller]
     pub fn json(&self) -> Vec<Value> {
-        let parsed =
-            self.out.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}")));
+        let parsed = self
+            .out
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}")));
         parsed.collect()
     }
 }

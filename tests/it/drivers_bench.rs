@@ -1,5 +1,6 @@
-//! A bench for the simulated drivers: motors as simple as those of the kernel transcript, sensors that read what they are told, and a
-//! rig that reaches their files through any [`Tree`], so that another door can run the same tests.
+//! A bench for the simulated drivers: motors as simple as those of the kernel transcript, sensors
+//! that read what they are told, and a rig that reaches their files through any [`Tree`], so that
+//! another door can run the same tests.
 
 use std::sync::Arc;
 
@@ -15,8 +16,9 @@ use crate::transcript::Control;
 
 /// The transcript's motors: a first-order lag to the speed of the duty cycle, with friction.
 ///
-/// Fitted to the transcript: 30 % runs at 290 counts/s and 60 % at 605, so 10.5 counts/s a percent less 25 for friction; 118 counts
-/// in the first 200 ms at full duty make a lag of 0.1 s; from 400 counts/s it coasts 81 counts and brakes in 17.
+/// Fitted to the transcript: 30 % runs at 290 counts/s and 60 % at 605, so 10.5 counts/s a percent
+/// less 25 for friction; 118 counts in the first 200 ms at full duty make a lag of 0.1 s; from 400
+/// counts/s it coasts 81 counts and brakes in 17.
 #[derive(Debug, Default, Clone, Copy)]
 pub(crate) struct LagMotor {
     pub(crate) edges: f64,
@@ -68,8 +70,13 @@ impl Bench {
     pub(crate) fn as_recorded() -> Self {
         let plug = Plug {
             motors: [Some(MotorKind::Medium), Some(MotorKind::Large), None, Some(MotorKind::Large)],
-            sensors: [SensorKind::Ultrasonic, SensorKind::Touch, SensorKind::Colour, SensorKind::Gyro]
-                .map(Some),
+            sensors: [
+                SensorKind::Ultrasonic,
+                SensorKind::Touch,
+                SensorKind::Colour,
+                SensorKind::Gyro,
+            ]
+            .map(Some),
         };
         Self::with(plug)
     }
@@ -169,7 +176,8 @@ impl Control for InProcess {
     }
 }
 
-/// A bench whose files are named by port: `outB speed_sp`, `in1 mode`, `port:outB mode`, or by their whole path.
+/// A bench whose files are named by port: `outB speed_sp`, `in1 mode`, `port:outB mode`, or by
+/// their whole path.
 pub(crate) struct Rig {
     pub(crate) bench: InProcess,
     pub(crate) tree: Arc<dyn Tree>,
@@ -203,10 +211,11 @@ impl Rig {
             _ => ("lego-sensor", device),
         };
         let class = format!("sys/class/{class}");
-        let folders = self.tree.list(&class).unwrap().into_iter().map(|name| format!("{class}/{name}"));
-        folders
-            .into_iter()
-            .find(|folder| self.read_path(&format!("{folder}/address")) == Ok(format!("ev3-ports:{port}\n")))
+        let folders =
+            self.tree.list(&class).unwrap().into_iter().map(|name| format!("{class}/{name}"));
+        folders.into_iter().find(|folder| {
+            self.read_path(&format!("{folder}/address")) == Ok(format!("ev3-ports:{port}\n"))
+        })
     }
 
     pub(crate) fn read_path(&self, path: &str) -> Answer {
@@ -219,7 +228,12 @@ impl Rig {
         self.tree.open(path, Access::Write)?.write(value)
     }
 
-    pub(crate) fn keep(&self, device: &str, attribute: &str, access: Access) -> Box<dyn AttributeFile> {
+    pub(crate) fn keep(
+        &self,
+        device: &str,
+        attribute: &str,
+        access: Access,
+    ) -> Box<dyn AttributeFile> {
         let folder = self.folder(device).unwrap();
         self.tree.open(&format!("{folder}/{attribute}"), access).unwrap()
     }

@@ -1,4 +1,5 @@
-//! Typed devices against fakes that are made of their own tables, and the tables against what the kernel's drivers said.
+//! Typed devices against fakes that are made of their own tables, and the tables against what the
+//! kernel's drivers said.
 
 mod find;
 mod motors;

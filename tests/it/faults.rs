@@ -1,4 +1,5 @@
-//! Faults of the simulated brick: each kind on each kind of device, read as files and through the typed bindings; orders, scenarios, runs.
+//! Faults of the simulated brick: each kind on each kind of device, read as files and through the
+//! typed bindings; orders, scenarios, runs.
 #![cfg(feature = "sim")]
 
 mod matrix;

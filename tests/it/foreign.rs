@@ -1,4 +1,5 @@
-//! Programs on libraries that nobody here wrote, over a mounted brick: PyPI's `python-ev3dev2` and crates.io's `ev3dev-lang-rust`, both unmodified.
+//! Programs on libraries that nobody here wrote, over a mounted brick: PyPI's `python-ev3dev2` and
+//! crates.io's `ev3dev-lang-rust`, both unmodified.
 //!
 //! Each runs in a private view of the brick (`onbrick sim exec`), so that it takes this machine for
 //! an EV3. What it says it did is compared with where the robot truly is. `demos` are programs as
@@ -49,7 +50,8 @@ fn programs_on_python_ev3dev2_drive_and_sense_as_their_documentation_says() {
             scope.spawn(move || {
                 in_real_time(name, |pace| {
                     let simulator = Simulator::start(pace, world);
-                    let program = Foreign::start(pace, name, &simulator.root(), &["python3", &script(name)]);
+                    let program =
+                        Foreign::start(pace, name, &simulator.root(), &["python3", &script(name)]);
                     let Some(said) = program.json(pace) else { return };
                     let truth = simulator.truth();
                     println!("{truth:?}");
@@ -85,8 +87,8 @@ fn check_tank(pace: &Pace, said: &Value, truth: &Truth) {
     pace.near("y", truth.y_m, -2.0 * WHEEL_M, 0.04);
 }
 
-/// The odometry of the library against the truth, in its millimetres; and both roughly against the plan, since a motor that holds is still being
-/// pulled back when the next motion begins.
+/// The odometry of the library against the truth, in its millimetres; and both roughly against the
+/// plan, since a motor that holds is still being pulled back when the next motion begins.
 fn check_differential(pace: &Pace, said: &Value, truth: &Truth) {
     let arc_m = 0.25;
     let plan = [
@@ -117,11 +119,19 @@ fn check_motors(pace: &Pace, said: &Value, truth: &Truth) {
     ]);
     assert_eq!(said["motors"], motors);
     assert_eq!(said["nothing_in_c"], "LargeMotor(ev3-ports:outC) is not connected.");
-    let commands =
-        ["run-forever", "run-to-abs-pos", "run-to-rel-pos", "run-timed", "run-direct", "stop", "reset"];
+    let commands = [
+        "run-forever",
+        "run-to-abs-pos",
+        "run-to-rel-pos",
+        "run-timed",
+        "run-direct",
+        "stop",
+        "reset",
+    ];
     let stops = ["coast", "brake", "hold"];
     assert_eq!(said["found"], json!(["ev3-ports:outA", 360, 1560, commands, stops, "normal"]));
-    // Position afterwards, and how long it took; at most a few degrees beyond, which hold pulls back.
+    // Position afterwards, and how long it took; at most a few degrees beyond, which hold pulls
+    // back.
     let step = |name: &str, position: f64, within: f64, seconds: f64, within_s: f64| {
         pace.near(&format!("position after {name}"), float(&said[name][0]), position, within);
         pace.near(&format!("duration of {name}"), float(&said[name][1]), seconds, within_s);
@@ -142,7 +152,10 @@ fn check_motors(pace: &Pace, said: &Value, truth: &Truth) {
     pace.same("it ramps", &said["ramping"][0], &true);
     let ramped = float(&said["ramping"][1]);
     pace.near("speed 0.3 s into a ramp that takes 0.77 s to 800", ramped, 350.0, 250.0);
-    assert_eq!(said["too_fast"], "The given speed value b'1561' was out of range. Max speed: +/-1560");
+    assert_eq!(
+        said["too_fast"],
+        "The given speed value b'1561' was out of range. Max speed: +/-1560"
+    );
     pace.near("45 degrees, inversed", float(&said["inversed"]), 45.0, 14.0);
     assert_eq!(said["reset"], json!(["normal", 0, []]));
     pace.near("nothing drove", truth.travelled_m, 0.0, 1e-9);
@@ -158,7 +171,11 @@ fn check_sensors(pace: &Pace, said: &Value, truth: &Truth) {
     assert_eq!(said["sensors"], sensors);
     let modes = &said["modes"];
     let touch = &modes["lego-ev3-touch"];
-    assert_eq!(touch, &json!({ "TOUCH": [[0], "", 0, "s32", [0, 0, 0, 0]] }), "it touches nothing yet");
+    assert_eq!(
+        touch,
+        &json!({ "TOUCH": [[0], "", 0, "s32", [0, 0, 0, 0]] }),
+        "it touches nothing yet"
+    );
     let eye = &modes["lego-ev3-color"];
     for (mode, values, units, format) in [
         ("COL-REFLECT", 1, "pct", "s8"),
@@ -168,9 +185,13 @@ fn check_sensors(pace: &Pace, said: &Value, truth: &Truth) {
         ("RGB-RAW", 3, "", "s16"),
         ("COL-CAL", 3, "", "u16"),
     ] {
-        let [found, found_units, decimals, found_format, _] = [0, 1, 2, 3, 4].map(|part| &eye[mode][part]);
+        let [found, found_units, decimals, found_format, _] =
+            [0, 1, 2, 3, 4].map(|part| &eye[mode][part]);
         assert_eq!(found.as_array().unwrap().len(), values, "{mode}");
-        assert_eq!((found_units, decimals, found_format), (&json!(units), &json!(0), &json!(format)));
+        assert_eq!(
+            (found_units, decimals, found_format),
+            (&json!(units), &json!(0), &json!(format))
+        );
     }
     pace.same("white", &eye["COL-COLOR"][0], &json!([6]));
     pace.near("white reflects", float(&said["reflected"]), 75.0, 4.0);
@@ -187,12 +208,17 @@ fn check_sensors(pace: &Pace, said: &Value, truth: &Truth) {
         ("TILT-RATE", 1, "d/s"),
         ("TILT-ANG", 1, "deg"),
     ] {
-        pace.same(&format!("{mode} of a robot that stands"), &gyro[mode][0], &json!(vec![0; values]));
+        pace.same(
+            &format!("{mode} of a robot that stands"),
+            &gyro[mode][0],
+            &json!(vec![0; values]),
+        );
         assert_eq!(gyro[mode][1], units, "{mode}");
     }
     pace.same("angle and rate", &said["angle_and_rate"], &json!([0, 0]));
     assert_eq!(said["pressed"], 0);
-    // White, then the red strip, then it stopped at the black one, whose edge is at 0.7 m; the sensor is 0.07 m ahead.
+    // White, then the red strip, then it stopped at the black one, whose edge is at 0.7 m; the
+    // sensor is 0.07 m ahead.
     pace.same("colours on the way", &said["colours_on_the_way"], &json!([6, 5]));
     pace.near("x at the black strip", truth.x_m, 0.665, 0.045);
     // Clockwise counts up on the gyro.
@@ -231,14 +257,16 @@ fn check_sonar(pace: &Pace, said: &Value, truth: &Truth) {
     pace.same("hears another", &said["hears_another"], &false);
 }
 
-/// A measured range is near the true one, or the value that stands for no echo, which one in a hundred is.
+/// A measured range is near the true one, or the value that stands for no echo, which one in a
+/// hundred is.
 fn range(pace: &Pace, what: &str, found: f64, expected: f64, units: &str) {
     let (none, within) = if units == "cm" { (255.0, 5.0) } else { (100.4, 2.0) };
     let fits = (found - expected).abs() < within || (found - none).abs() < 0.1;
     pace.ensure(fits, || format!("{what}: {found}, not {expected} {units}"));
 }
 
-/// A wall 1.2 m ahead of the axle, the beacon at (0.6, 0.3) m on channel 2, code 5 (both up) on channel 1.
+/// A wall 1.2 m ahead of the axle, the beacon at (0.6, 0.3) m on channel 2, code 5 (both up) on
+/// channel 1.
 fn check_infrared(pace: &Pace, said: &Value, _truth: &Truth) {
     assert_eq!(said["address"], "ev3-ports:in1");
     let modes = &said["modes"];
@@ -252,7 +280,11 @@ fn check_infrared(pace: &Pace, said: &Value, _truth: &Truth) {
     pace.near("distance", float(&said["distance"]), libm::hypot(ahead_m, left_m) * 50.0, 1.0);
     pace.same("no beacon", &said["no_beacon"], &json!([0, null]));
     pace.same("buttons", &said["buttons"], &json!(["top_left", "top_right"]));
-    pace.same("two buttons", &(&said["top_left"], &said["bottom_left"]), &(&json!(true), &json!(false)));
+    pace.same(
+        "two buttons",
+        &(&said["top_left"], &said["bottom_left"]),
+        &(&json!(true), &json!(false)),
+    );
     pace.same("other channel", &said["other_channel"], &json!([]));
 }
 
@@ -269,10 +301,12 @@ fn a_program_on_python_ev3dev2_sees_lights_battery_and_buttons() {
 fn press_and_look(pace: &Pace) {
     let physics = WorldPhysics::new(World::named("arena").unwrap(), 1, 1).unwrap();
     let options = Options { udev: true, ..Options::default() };
-    let simulation = Simulation::with_options(Arc::new(MonotonicClock), Box::new(physics), 1, options);
+    let simulation =
+        Simulation::with_options(Arc::new(MonotonicClock), Box::new(physics), 1, options);
     let folder = tempfile::tempdir().unwrap();
     let (mount, _) = Mount::new(&simulation, folder.path(), MountOptions::default()).unwrap();
-    let mut program = Foreign::start(pace, "board", &mount.root(0), &["python3", &script("ev3dev2_board")]);
+    let mut program =
+        Foreign::start(pace, "board", &mount.root(0), &["python3", &script("ev3dev2_board")]);
     assert_eq!(program.line(), "ready");
     let pause = || MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 200 * MILLISECOND_NS);
     for button in [Button::Enter, Button::Left] {
@@ -322,11 +356,14 @@ fn check_lang_rust(pace: &Pace, program: &str) {
     let truth = simulator.truth();
     println!("{truth:?}");
     let said: BTreeMap<&str, &str> = said.lines().filter_map(|line| line.split_once(' ')).collect();
-    let floats =
-        |key: &str| -> Vec<f64> { said[key].split(' ').filter_map(|word| word.parse().ok()).collect() };
+    let floats = |key: &str| -> Vec<f64> {
+        said[key].split(' ').filter_map(|word| word.parse().ok()).collect()
+    };
     assert_eq!(said["motors"], "ev3-ports:outB ev3-ports:outD ev3-ports:outA");
     assert_eq!(said["large"], "2");
-    for (key, left, right) in [("ahead", 720.0, 720.0), ("turned", 549.0, 891.0), ("end", 909.0, 1251.0)] {
+    for (key, left, right) in
+        [("ahead", 720.0, 720.0), ("turned", 549.0, 891.0), ("end", 909.0, 1251.0)]
+    {
         pace.near(&format!("left {key}"), floats(key)[0], left, 3.0);
         pace.near(&format!("right {key}"), floats(key)[1], right, 3.0);
     }
@@ -341,7 +378,10 @@ fn check_lang_rust(pace: &Pace, program: &str) {
     // Turned left, the sonar sees the wall at 1.2 m; its head was turned meanwhile.
     let cm = floats("cm")[0];
     pace.near("centimetres to somewhere", cm, 129.05, 126.05);
-    assert_eq!(said["modes"], "US-DIST-CM,US-DIST-IN,US-LISTEN,US-SI-CM,US-SI-IN,US-DC-CM,US-DC-IN");
+    assert_eq!(
+        said["modes"],
+        "US-DIST-CM,US-DIST-IN,US-LISTEN,US-SI-CM,US-SI-IN,US-DC-CM,US-DC-IN"
+    );
     assert_eq!(said["touch"], "false");
     pace.same("colour before the red strip", &said["colour"], &"6");
     pace.near("gyro against the truth", floats("angle")[0], -truth.heading_deg, 3.0);
@@ -395,8 +435,8 @@ fn where_there_is_no_world_the_truth_is_not_known() {
     assert_eq!(file.read(&mut [0; 64]), Err(Errno::ENODATA));
 }
 
-/// Our own program, through the mount and in process, over the same time: the maps are as good, measured by how far their points are from the
-/// walls.
+/// Our own program, through the mount and in process, over the same time: the maps are as good,
+/// measured by how far their points are from the walls.
 #[test]
 fn our_mapping_mission_maps_through_the_mount_as_well_as_in_process() {
     if no_fuse() {
@@ -426,7 +466,9 @@ fn map_by_both_doors(pace: &Pace) {
         let output = run.wait_with_output().unwrap();
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         // The loop rightly ends a run that was kept from the processor for long.
-        pace.ensure(output.status.success(), || format!("{said}{}", String::from_utf8_lossy(&output.stderr)));
+        pace.ensure(output.status.success(), || {
+            format!("{said}{}", String::from_utf8_lossy(&output.stderr))
+        });
         let run = output.status.success().then(|| Run::open(&out.join("run.mcap")).unwrap())?;
         let median_m = median_off_m(&run);
         println!("{door}: half of the points are within {median_m:?} m of a wall");
@@ -436,13 +478,17 @@ fn map_by_both_doors(pace: &Pace) {
     let in_process_m = off_m("--sim", "arena").unwrap_or(f64::NEG_INFINITY);
     pace.near("metres off a wall through the mount", mounted_m, 0.0, 0.05);
     let within_m = 1.5 * in_process_m + 0.005;
-    pace.ensure(mounted_m < within_m, || format!("through the mount {mounted_m} m, not {within_m} m"));
+    pace.ensure(mounted_m < within_m, || {
+        format!("through the mount {mounted_m} m, not {within_m} m")
+    });
 }
 
-/// Half of a map's points are so near to a wall of the arena, metres; nothing if there are hardly any.
+/// Half of a map's points are so near to a wall of the arena, metres; nothing if there are hardly
+/// any.
 pub(crate) fn median_off_m(run: &Run) -> Option<f64> {
     let walls = World::named("arena").unwrap();
-    let from_walls = run.points.iter().map(|point| walls.distance_to_nearest_surface(point.x_m, point.y_m));
+    let from_walls =
+        run.points.iter().map(|point| walls.distance_to_nearest_surface(point.x_m, point.y_m));
     let mut off_m: Vec<f64> = from_walls.collect();
     off_m.sort_by(f64::total_cmp);
     // Of fewer it says nothing.

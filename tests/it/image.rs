@@ -1,6 +1,7 @@
 //! What makes a brick of an SD card: the scripts, the package's parts, the service's unit.
 //!
-//! What takes a Debian armel root or an emulated brick is in `tests/image/` and in `brick-image/scenarios/`; `.ci/run` calls them.
+//! What takes a Debian armel root or an emulated brick is in `tests/image/` and in
+//! `brick-image/scenarios/`; `.ci/run` calls them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +12,8 @@ use crate::support::pass_over;
 /// The systemd of ev3dev's Debian 9.
 const EV3DEV_SYSTEMD: u32 = 232;
 
-/// The version of systemd that each directive of ours came in with, by its NEWS; 0 for those that are older than version 200.
+/// The version of systemd that each directive of ours came in with, by its NEWS; 0 for those that
+/// are older than version 200.
 const DIRECTIVES: [(&str, u32); 44] = [
     ("Unit/Description", 0),
     ("Unit/Documentation", 0),
@@ -67,11 +69,14 @@ fn brick_image() -> PathBuf {
 fn directives(text: &str) -> Vec<(String, String)> {
     let mut section = String::new();
     let mut found = Vec::new();
-    for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+    for line in
+        text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
+    {
         if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
             name.clone_into(&mut section);
         } else {
-            let (key, value) = line.split_once('=').unwrap_or_else(|| panic!("no directive: {line}"));
+            let (key, value) =
+                line.split_once('=').unwrap_or_else(|| panic!("no directive: {line}"));
             found.push((format!("{section}/{key}"), value.to_owned()));
         }
     }
@@ -101,7 +106,11 @@ fn units_have_no_directive_that_ev3devs_systemd_does_not_know() {
         assert_eq!(unknown(&text, EV3DEV_SYSTEMD), [""; 0], "{unit}");
     }
     let text = std::fs::read_to_string(brick_image().join("package/onbrick.service")).unwrap();
-    assert_eq!(unknown(&text, 231), ["Service/ProtectSystem=strict"], "the table tells versions apart");
+    assert_eq!(
+        unknown(&text, 231),
+        ["Service/ProtectSystem=strict"],
+        "the table tells versions apart"
+    );
     let newer = text.replace("PrivateTmp", "StateDirectory");
     assert_eq!(unknown(&newer, EV3DEV_SYSTEMD), ["Service/StateDirectory=yes"]);
 }
@@ -119,12 +128,18 @@ fn the_service_stops_by_a_limit_and_sees_the_devices() {
     ] {
         assert_eq!(directives.get(key).map(String::as_str), Some(value), "{key}");
     }
-    for key in ["Service/WatchdogSec", "Unit/StartLimitBurst", "Service/ExecStopPost", "Service/LimitRTPRIO"]
-    {
+    for key in [
+        "Service/WatchdogSec",
+        "Unit/StartLimitBurst",
+        "Service/ExecStopPost",
+        "Service/LimitRTPRIO",
+    ] {
         assert!(directives.contains_key(key), "{key}");
     }
     // Under these, /sys is read-only or /dev has neither screen nor buttons.
-    for key in ["Service/ProtectKernelTunables", "Service/PrivateDevices", "Service/RestrictRealtime"] {
+    for key in
+        ["Service/ProtectKernelTunables", "Service/PrivateDevices", "Service/RestrictRealtime"]
+    {
         assert!(!directives.contains_key(key), "{key}");
     }
 }
@@ -142,8 +157,8 @@ fn scripts() -> Vec<(PathBuf, Option<&'static str>)> {
                 continue;
             }
             let text = std::fs::read(&path).unwrap();
-            let is_script =
-                path.extension().is_some_and(|ending| ending == "sh") || text.starts_with(b"#!/bin/");
+            let is_script = path.extension().is_some_and(|ending| ending == "sh")
+                || text.starts_with(b"#!/bin/");
             if is_script {
                 // busybox's shell is closest to dash.
                 found.push((path, text.starts_with(b"#!/bin/busybox").then_some("dash")));
@@ -228,8 +243,12 @@ fn the_package_has_everything_in_its_place() {
     assert!(script("package.sh", &[&binary.display().to_string(), "1.2.3", &out]).status.success());
     assert!(first == std::fs::read(&package).unwrap(), "the same input makes the same package");
     // Debian 9's dpkg reads xz and not zstd.
-    let members =
-        Command::new("ar").arg("t").arg(&package).output().map(|said| said.stdout).unwrap_or_default();
+    let members = Command::new("ar")
+        .arg("t")
+        .arg(&package)
+        .output()
+        .map(|said| said.stdout)
+        .unwrap_or_default();
     assert!(
         members.is_empty() || String::from_utf8_lossy(&members).contains("data.tar.xz"),
         "compressed for Debian 9"
@@ -243,7 +262,8 @@ fn an_image_that_is_not_ev3devs_is_refused_and_left_alone() {
     std::fs::write(&image, vec![7_u8; 100_000]).unwrap();
     let deb = folder.path().join("fake.deb");
     std::fs::write(&deb, "!<arch>\n").unwrap();
-    let said = script("inject.sh", &[&image.display().to_string(), "--deb", &deb.display().to_string()]);
+    let said =
+        script("inject.sh", &[&image.display().to_string(), "--deb", &deb.display().to_string()]);
     let text = String::from_utf8_lossy(&said.stderr).into_owned();
     if text.contains("this needs") {
         return pass_over("refusing an image that is none (no mtools, e2fsprogs or fdisk)");
@@ -259,7 +279,8 @@ fn scripts_wait_for_apts_lock_and_name_what_could_not_be_installed() {
     let script = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, format!("#!/bin/bash\n{text}\n")).unwrap();
-        std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+        std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o755))
+            .unwrap();
     };
     // The lists are locked twice; what is installed is noted.
     script(
@@ -271,11 +292,15 @@ fn scripts_wait_for_apts_lock_and_name_what_could_not_be_installed() {
     );
     script("sudo", "exec \"$@\"");
     let needs = |pairs: &str| {
-        let sourced =
-            format!("source {}/brick-image/emulator/common.sh; needs {pairs}", env!("CARGO_MANIFEST_DIR"));
+        let sourced = format!(
+            "source {}/brick-image/emulator/common.sh; needs {pairs}",
+            env!("CARGO_MANIFEST_DIR")
+        );
         let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").unwrap());
         let mut bash = Command::new("bash");
-        bash.args(["-euo", "pipefail", "-c", &sourced]).env("PATH", path).env("HOME", folder.path());
+        bash.args(["-euo", "pipefail", "-c", &sourced])
+            .env("PATH", path)
+            .env("HOME", folder.path());
         bash.env_remove("XDG_CACHE_HOME").output().unwrap()
     };
     let said = needs("ls=coreutils no-such-command=fdisk");
@@ -283,7 +308,10 @@ fn scripts_wait_for_apts_lock_and_name_what_could_not_be_installed() {
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
     assert_eq!(read("tried").lines().count(), 3, "it was tried until the lock was free");
     let installed = read("installed");
-    assert!(installed.ends_with(" fdisk\n") && installed.contains("DPkg::Lock::Timeout=600"), "{installed}");
+    assert!(
+        installed.ends_with(" fdisk\n") && installed.contains("DPkg::Lock::Timeout=600"),
+        "{installed}"
+    );
     let said = needs("no-such-command=no-such-package");
     let text = String::from_utf8_lossy(&said.stderr);
     assert!(

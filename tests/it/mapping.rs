@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use onbrick::mapping::{
-    Cell, Estimate, Estimator, EstimatorConfig, EstimatorState, Events, Geometry, GyroReading, Inputs, Map,
-    MapPoint, Method, Pose, Range, RangeMount, RangeReading, stats,
+    Cell, Estimate, Estimator, EstimatorConfig, EstimatorState, Events, Geometry, GyroReading,
+    Inputs, Map, MapPoint, Method, Pose, Range, RangeMount, RangeReading, stats,
 };
 use onbrick::units::radians;
 
@@ -64,7 +64,9 @@ impl Robot {
             time_ns: self.now_ns,
             left_rad: Some(self.left_m / metres_per_rad),
             right_rad: Some(self.right_m / metres_per_rad),
-            gyro: self.gyro.then_some(GyroReading { value_rad: whole_rad, changed_ns: self.now_ns }),
+            gyro: self
+                .gyro
+                .then_some(GyroReading { value_rad: whole_rad, changed_ns: self.now_ns }),
             head_rad: Some(self.head_rad),
             range: Some(RangeReading { value_m: self.range_m, changed_ns: self.range_changed_ns }),
         }
@@ -88,7 +90,8 @@ fn drive(
 }
 
 fn assert_near(pose: Pose, x_m: f64, y_m: f64, heading_rad: f64, within: f64) {
-    let off = [(pose.x_m - x_m).abs(), (pose.y_m - y_m).abs(), (pose.heading_rad - heading_rad).abs()];
+    let off =
+        [(pose.x_m - x_m).abs(), (pose.y_m - y_m).abs(), (pose.heading_rad - heading_rad).abs()];
     assert!(
         off.iter().all(|off| *off <= within),
         "{pose:?} is not ({x_m}, {y_m}, {heading_rad}) within {within}"
@@ -97,7 +100,8 @@ fn assert_near(pose: Pose, x_m: f64, y_m: f64, heading_rad: f64, within: f64) {
 
 #[test]
 fn a_straight_metre_is_a_metre_ahead() {
-    for (method, gyro) in [(Method::Seed, true), (Method::Default, true), (Method::Default, false)] {
+    for (method, gyro) in [(Method::Seed, true), (Method::Default, true), (Method::Default, false)]
+    {
         let mut estimator = Estimator::new(config(method), Pose::default());
         let estimate = drive(&mut Robot::new(gyro), &mut estimator, 300, 1.0, 0.0);
         assert_near(estimate.pose, 1.0, 0.0, 0.0, 1e-9);
@@ -115,7 +119,11 @@ fn a_quarter_turn_to_the_left_looks_along_y() {
         let mut estimator = Estimator::new(config(method), Pose::default());
         let estimate = drive(&mut Robot::new(gyro), &mut estimator, 200, 0.0, FRAC_PI_2);
         assert_near(estimate.pose, 0.0, 0.0, FRAC_PI_2, within);
-        assert!(estimate.turn_rad_s > 0.7 && estimate.turn_rad_s < 0.9, "{} rad/s", estimate.turn_rad_s);
+        assert!(
+            estimate.turn_rad_s > 0.7 && estimate.turn_rad_s < 0.9,
+            "{} rad/s",
+            estimate.turn_rad_s
+        );
     }
 }
 
@@ -137,7 +145,9 @@ fn the_seeds_points_come_each_tick_and_only_below_two_metres() {
     let mut robot = Robot::new(true);
     let mut estimator = Estimator::new(config(Method::Seed), Pose::default());
     let mut map = Map::new(&RangeMount::default(), &Pose::default());
-    for (range_m, placed) in [(1.999, true), (1.999, true), (2.0, false), (NO_ECHO, false), (0.5, true)] {
+    for (range_m, placed) in
+        [(1.999, true), (1.999, true), (2.0, false), (NO_ECHO, false), (0.5, true)]
+    {
         robot.move_by(0.01, 0.0);
         robot.see(range_m);
         let estimate = estimator.update(&robot.inputs());
@@ -181,7 +191,10 @@ fn a_reading_is_placed_from_where_the_robot_was_at_its_instant() {
     let then = estimator.pose_at(expected_ns);
     let direction_rad = libm::atan2(sounding.beam[1], sounding.beam[0]);
     assert!((direction_rad - then.heading_rad).abs() < 1e-9, "{direction_rad} rad, pose {then:?}");
-    assert!((then.heading_rad - radians(27.0)).abs() < 1e-6, "30 degrees less 50 ms at 60 °/s: {then:?}");
+    assert!(
+        (then.heading_rad - radians(27.0)).abs() < 1e-6,
+        "30 degrees less 50 ms at 60 °/s: {then:?}"
+    );
 }
 
 #[test]
@@ -208,7 +221,8 @@ fn a_head_that_is_not_read_places_nothing_and_a_fixed_sensor_needs_none() {
         let mount = RangeMount { on_head, left_m: 0.03, ..RangeMount::default() };
         let geometry = Geometry::seed().with_range(mount).expect("a mount");
         for method in BOTH {
-            let mut estimator = Estimator::new(EstimatorConfig { geometry, method }, Pose::default());
+            let mut estimator =
+                Estimator::new(EstimatorConfig { geometry, method }, Pose::default());
             let estimate = estimator.update(&inputs);
             assert_eq!(estimate.range, Some(Range::Echo(1.0)));
             assert_eq!(estimate.sounding.is_some(), placed, "on a head: {on_head}");
@@ -270,7 +284,12 @@ fn wheels_that_spin_while_the_gyro_stands_are_slip_and_make_the_pose_less_certai
     assert!(!grip_events.contains(Events::SLIP), "{grip_events}");
     assert!(slip_events.contains(Events::SLIP), "{slip_events}");
     assert!(slip.pose.heading_rad.abs() <= radians(0.5) + 1e-9, "{} rad", slip.pose.heading_rad);
-    assert!(slip.covariance[0] > 2.0 * grip.covariance[0], "{:?} {:?}", slip.covariance, grip.covariance);
+    assert!(
+        slip.covariance[0] > 2.0 * grip.covariance[0],
+        "{:?} {:?}",
+        slip.covariance,
+        grip.covariance
+    );
 }
 
 #[test]
@@ -339,8 +358,8 @@ fn a_circle_comes_back_to_its_start() {
 /// Half the side of a square room around the origin, metres.
 const ROOM_M: f64 = 1.5;
 
-/// A robot on a circle in the room, its head swinging ±80° at 43°/s; each 100 ms a distance, known 50 ms later. Returns the points'
-/// distances from the walls.
+/// A robot on a circle in the room, its head swinging ±80° at 43°/s; each 100 ms a distance, known
+/// 50 ms later. Returns the points' distances from the walls.
 fn map_of_a_room(method: Method) -> Vec<f64> {
     let mut robot = Robot::new(true);
     // These distances are along the axis alone: a beam without a width.
@@ -353,11 +372,15 @@ fn map_of_a_room(method: Method) -> Vec<f64> {
     for tick in 0..6000_i32 {
         robot.move_by(0.001, 0.001 / 0.4);
         let swing_deg = (f64::from(tick) * 0.43) % 320.0;
-        robot.head_rad = radians(if swing_deg < 160.0 { swing_deg - 80.0 } else { 240.0 - swing_deg });
+        robot.head_rad =
+            radians(if swing_deg < 160.0 { swing_deg - 80.0 } else { 240.0 - swing_deg });
         if tick % 10 == 0 {
             let heading_rad = f64::from(tick + 1) * 0.001 / 0.4;
-            let truth =
-                Pose { x_m: 0.4 * libm::sin(heading_rad), y_m: -0.4 * libm::cos(heading_rad), heading_rad };
+            let truth = Pose {
+                x_m: 0.4 * libm::sin(heading_rad),
+                y_m: -0.4 * libm::cos(heading_rad),
+                heading_rad,
+            };
             waiting = Some(to_room_wall(truth.place(0.0508, 0.0), heading_rad + robot.head_rad));
         }
         if tick % 10 == 5

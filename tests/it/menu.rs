@@ -1,4 +1,5 @@
-//! The menu: its pages as pictures, its buttons as transcripts, a monkey on the buttons, and the real one against a real service.
+//! The menu: its pages as pictures, its buttons as transcripts, a monkey on the buttons, and the
+//! real one against a real service.
 #![cfg(feature = "host")]
 
 mod calibrates;

@@ -1,5 +1,5 @@
-//! Every message that a person can get, in files to read: `tests/data/*-messages.txt`. A mission's are collected in `behavior`.
-//! `ONBRICK_BLESS=1 cargo test` writes them anew; read what changed.
+//! Every message that a person can get, in files to read: `tests/data/*-messages.txt`. A mission's
+//! are collected in `behavior`. `ONBRICK_BLESS=1 cargo test` writes them anew; read what changed.
 #![cfg(feature = "host")]
 
 use std::fmt::Write as _;
@@ -35,8 +35,9 @@ fn replaced(text: &str, from: &str, to: &str) -> String {
 fn every_message_about_a_robot_is_as_a_person_read_it_last() {
     let robot = |from: &str, to: &str| replaced(DEFAULT_ROBOT, from, to);
     let more = |text: &str| format!("{DEFAULT_ROBOT}\n{text}\n");
-    let motors: String =
-        (0..5).fold(String::new(), |all, at| format!("{all}[motor.m{at}]\nport = \"outC\"\nmax_dps = 5\n"));
+    let motors: String = (0..5).fold(String::new(), |all, at| {
+        format!("{all}[motor.m{at}]\nport = \"outC\"\nmax_dps = 5\n")
+    });
     let cases: Vec<(&str, String)> = vec![
         ("nothing in it", String::new()),
         ("only a name", "name = \"r\"\n".to_owned()),
@@ -64,10 +65,16 @@ fn every_message_about_a_robot_is_as_a_person_read_it_last() {
         ("a name that is a number", robot("\"mapper\"", "5")),
         ("two roles on one port", robot("\"in4\"", "\"in1\"")),
         ("both wheels on one port", robot("\"outD\"", "\"outB\"")),
-        ("a motor with no name for conditions", more("[motor.\"left arm\"]\nport = \"outC\"\nmax_dps = 5")),
+        (
+            "a motor with no name for conditions",
+            more("[motor.\"left arm\"]\nport = \"outC\"\nmax_dps = 5"),
+        ),
         ("a motor without a limit", more("[motor.arm]\nport = \"outC\"")),
         ("five motors", more(&motors)),
-        ("inverted by a word", robot("{ port = \"outB\" }", "{ port = \"outB\", inverted = \"yes\" }")),
+        (
+            "inverted by a word",
+            robot("{ port = \"outB\" }", "{ port = \"outB\", inverted = \"yes\" }"),
+        ),
         ("an age of no use", robot("# max_age_s = 0.3", "max_age_s = 0.001")),
     ];
     let mut out = String::new();
@@ -117,17 +124,27 @@ fn every_message_about_a_world_is_as_a_person_read_it_last() {
 fn every_message_before_a_start_is_as_a_person_read_it_last() {
     type Change = fn(&FakeTree);
     let cases: [(&str, Change); 21] = [
-        ("nothing is plugged in", |fake| MOTORS.iter().chain(&SENSORS).for_each(|folder| fake.pull(folder))),
-        ("a wheel is plugged in elsewhere", |fake| fake.put(MOTORS[2], "address", b"ev3-ports:outC\n")),
+        ("nothing is plugged in", |fake| {
+            MOTORS.iter().chain(&SENSORS).for_each(|folder| fake.pull(folder))
+        }),
+        ("a wheel is plugged in elsewhere", |fake| {
+            fake.put(MOTORS[2], "address", b"ev3-ports:outC\n")
+        }),
         ("a sensor is missing", |fake| fake.pull(SENSORS[1])),
         ("the sensors are the wrong way round", |fake| {
             fake.put(SENSORS[0], "address", b"ev3-ports:in4\n");
             fake.put(SENSORS[1], "address", b"ev3-ports:in1\n");
         }),
-        ("a sensor of another kind", |fake| fake.put(SENSORS[1], "driver_name", b"lego-ev3-touch\n")),
+        ("a sensor of another kind", |fake| {
+            fake.put(SENSORS[1], "driver_name", b"lego-ev3-touch\n")
+        }),
         ("no permission", |fake| fake.fail(MOTORS[1], "command", None, Some(Errno::EACCES))),
-        ("a motor that was just pulled", |fake| fake.fail(MOTORS[1], "command", None, Some(Errno::ENODEV))),
-        ("a motor that refuses", |fake| fake.fail(MOTORS[1], "stop_action", None, Some(Errno::EINVAL))),
+        ("a motor that was just pulled", |fake| {
+            fake.fail(MOTORS[1], "command", None, Some(Errno::ENODEV))
+        }),
+        ("a motor that refuses", |fake| {
+            fake.fail(MOTORS[1], "stop_action", None, Some(Errno::EINVAL))
+        }),
         ("a motor without a scale", |fake| fake.put(MOTORS[1], "count_per_rot", b"0\n")),
         ("a motor that says nonsense", |fake| fake.put(MOTORS[1], "max_speed", b"fast\n")),
         ("a sensor without the mode", |fake| {
@@ -141,7 +158,9 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         ("a sensor that says nonsense", |fake| fake.put(SENSORS[0], "value0", b"fly\n")),
         ("a sensor that says too much", |fake| fake.put(SENSORS[0], "value0", b"99999\n")),
         ("a sensor that fails", |fake| fake.fail(SENSORS[1], "value0", Some(Errno::EIO), None)),
-        ("a wheel that gives no angle", |fake| fake.fail(MOTORS[1], "position", Some(Errno::EIO), None)),
+        ("a wheel that gives no angle", |fake| {
+            fake.fail(MOTORS[1], "position", Some(Errno::EIO), None)
+        }),
         ("a flat battery", |fake| fake.put(BATTERY, "voltage_now", b"4900000\n")),
         ("a battery that cannot be", |fake| fake.put(BATTERY, "voltage_now", b"2000000000\n")),
         ("a battery that is not measured yet", |fake| {
@@ -154,8 +173,9 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
     for (title, change) in cases {
         let fake = shipped_brick();
         change(&fake);
-        let message =
-            ready(&fake.tree(), &shipped()).err().unwrap_or_else(|| panic!("{title}: ready all the same"));
+        let message = ready(&fake.tree(), &shipped())
+            .err()
+            .unwrap_or_else(|| panic!("{title}: ready all the same"));
         writeln!(out, "## {title}\n\n{message}\n").unwrap();
     }
     let mut anywhere = shipped();
@@ -263,8 +283,12 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
         } else {
             format!("{}\n", said.out.replace(place, "FOLDER"))
         };
-        writeln!(out, "$ onbrick {line}\n{printed}{}exit code {code}\n", said.err.replace(place, "FOLDER"))
-            .unwrap();
+        writeln!(
+            out,
+            "$ onbrick {line}\n{printed}{}exit code {code}\n",
+            said.err.replace(place, "FOLDER")
+        )
+        .unwrap();
     }
     compare("command", &out);
 }

@@ -1,5 +1,5 @@
-//! The shipped missions on the simulated brick, judged as a person beside the robot would: by what it truly does, not by what it
-//! believes.
+//! The shipped missions on the simulated brick, judged as a person beside the robot would: by what
+//! it truly does, not by what it believes.
 
 mod replay;
 mod shipped;

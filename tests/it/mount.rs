@@ -1,5 +1,6 @@
-//! The mounted simulation: the same drivers through the kernel's files, against the kernel's transcript, against the door of this process,
-//! and against people who pull plugs, kill readers and mount where they should not.
+//! The mounted simulation: the same drivers through the kernel's files, against the kernel's
+//! transcript, against the door of this process, and against people who pull plugs, kill readers
+//! and mount where they should not.
 
 pub(crate) mod bench;
 mod faults;
@@ -33,11 +34,17 @@ fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer_through_the_
     let Some(mounted) = Mounted::recorded() else { return };
     let rig = mounted.rig();
     let tolerances = Tolerances { speed: 8, position: 10, duty: 8, moment_ms: 100 };
-    let outcome = transcript::play(rig.tree.as_ref(), rig.bench.clock.as_ref(), &mounted, tolerances);
+    let outcome =
+        transcript::play(rig.tree.as_ref(), rig.bench.clock.as_ref(), &mounted, tolerances);
     println!(
         "kernel transcript through the mount: {} operations with the same bytes, {} within {tolerances:?}, {} excepted, {} actions, \
          {} entries of folders; largest differences {:?}",
-        outcome.exact, outcome.near, outcome.excepted, outcome.actions, outcome.entries, outcome.largest
+        outcome.exact,
+        outcome.near,
+        outcome.excepted,
+        outcome.actions,
+        outcome.entries,
+        outcome.largest
     );
     assert!(outcome.differences.is_empty(), "{}", outcome.differences.join("\n"));
     let (operations, entries) = transcript::size();
@@ -51,7 +58,11 @@ fn the_error_matrix_is_the_same_through_the_mount() {
     let Some(mounted) = Mounted::recorded() else { return };
     check_error_matrix(mounted.rig());
     let direct = mounted.open("sys/class/lego-sensor/sensor0/direct", Access::ReadWrite).unwrap();
-    assert_eq!(direct.write_at(b"x", 1).map_err(errno), Err(Errno::EINVAL), "raw bytes at an offset");
+    assert_eq!(
+        direct.write_at(b"x", 1).map_err(errno),
+        Err(Errno::EINVAL),
+        "raw bytes at an offset"
+    );
     assert_eq!(direct.write_at(b"x", 0).map_err(errno), Ok(1));
 }
 
@@ -65,7 +76,8 @@ fn the_mount_lists_what_the_door_of_this_process_lists_and_every_link_leads_some
         assert_eq!(found, mounted.rig().bench.brick.entries(&folder).unwrap(), "{folder}");
         for entry in found {
             *kinds.entry(entry.mode() & 0o170_000).or_default() += 1;
-            let path = if folder.is_empty() { entry.name } else { format!("{folder}/{}", entry.name) };
+            let path =
+                if folder.is_empty() { entry.name } else { format!("{folder}/{}", entry.name) };
             let local = mounted.path(&path);
             let metadata = local.symlink_metadata().unwrap();
             assert_eq!(
@@ -76,20 +88,34 @@ fn the_mount_lists_what_the_door_of_this_process_lists_and_every_link_leads_some
                 folders.push(path);
             } else if metadata.is_symlink() {
                 let target = local.canonicalize().unwrap_or_else(|error| panic!("{path}: {error}"));
-                assert!(target.starts_with(mounted.mount().point()), "{path} leads to {}", target.display());
+                assert!(
+                    target.starts_with(mounted.mount().point()),
+                    "{path} leads to {}",
+                    target.display()
+                );
             }
         }
     }
     println!("entries by the kind in their mode: {kinds:?}");
-    assert!(kinds[&0o100_000] > 250 && kinds[&0o040_000] > 50 && kinds[&0o120_000] > 50, "{kinds:?}");
+    assert!(
+        kinds[&0o100_000] > 250 && kinds[&0o040_000] > 50 && kinds[&0o120_000] > 50,
+        "{kinds:?}"
+    );
     let motor = mounted.path("sys/class/tacho-motor/motor1");
     let target = fs::read_link(&motor).unwrap();
     let expected = "../../devices/platform/ev3-ports/ev3-ports:outB/lego-port/port5/ev3-ports:outB:lego-ev3-l-motor/tacho-motor/motor1";
     assert_eq!(target, Path::new(expected));
-    let through_port = mounted.path("sys/class/lego-port/port5/ev3-ports:outB:lego-ev3-l-motor/tacho-motor");
+    let through_port =
+        mounted.path("sys/class/lego-port/port5/ev3-ports:outB:lego-ev3-l-motor/tacho-motor");
     assert_eq!(bench::names(&through_port), ["motor1"]);
-    assert_eq!(motor.join("device/../..").canonicalize().unwrap().file_name().unwrap(), "lego-port");
-    assert_eq!(motor.join("subsystem").canonicalize().unwrap(), mounted.path("sys/class/tacho-motor"));
+    assert_eq!(
+        motor.join("device/../..").canonicalize().unwrap().file_name().unwrap(),
+        "lego-port"
+    );
+    assert_eq!(
+        motor.join("subsystem").canonicalize().unwrap(),
+        mounted.path("sys/class/tacho-motor")
+    );
 }
 
 /// What udev and scripts look at beside the attributes: the device on the bus, its driver, power
@@ -113,9 +139,10 @@ fn a_plugged_device_is_on_the_bus_and_bound_to_a_driver() {
         let of_driver = format!("sys/bus/lego/drivers/{driver}");
         assert_eq!(real(&format!("{folder}/driver")), real(&of_driver));
         assert_eq!(real(&format!("{folder}/subsystem")), real("sys/bus/lego"));
-        for link in
-            [format!("sys/bus/lego/devices/{address}:{name}"), format!("{of_driver}/{address}:{name}")]
-        {
+        for link in [
+            format!("sys/bus/lego/devices/{address}:{name}"),
+            format!("{of_driver}/{address}:{name}"),
+        ] {
             assert_eq!(real(&link), real(&folder), "{link}");
         }
         for power in [format!("sys/class/{device}/power"), format!("{folder}/power")] {
@@ -131,14 +158,21 @@ fn a_plugged_device_is_on_the_bus_and_bound_to_a_driver() {
             assert_eq!(read(&format!("{power}/control")), Ok("auto\n".to_owned()));
             assert_eq!(read(&format!("{power}/runtime_status")), Ok("unsupported\n".to_owned()));
             assert_eq!(read(&format!("{power}/autosuspend_delay_ms")), Err(Errno::EIO));
-            let write =
-                |word: &str| fs::write(mounted.path(&format!("{power}/control")), word).map_err(errno);
+            let write = |word: &str| {
+                fs::write(mounted.path(&format!("{power}/control")), word).map_err(errno)
+            };
             assert_eq!((write("on\n"), write("off")), (Ok(()), Err(Errno::EINVAL)));
         }
     }
     mounted.unplug(Port::OutB);
-    assert_eq!(fs::read_dir(mounted.path("sys/bus/lego/drivers/legoev3-motor")).unwrap().count(), 2);
-    assert_eq!(read("sys/bus/lego/devices/ev3-ports:outB:lego-ev3-l-motor/modalias"), Err(Errno::ENOENT));
+    assert_eq!(
+        fs::read_dir(mounted.path("sys/bus/lego/drivers/legoev3-motor")).unwrap().count(),
+        2
+    );
+    assert_eq!(
+        read("sys/bus/lego/devices/ev3-ports:outB:lego-ev3-l-motor/modalias"),
+        Err(Errno::ENOENT)
+    );
 }
 
 /// As udev's rules do; the rights of a device that went are not those of the next one.
@@ -147,7 +181,8 @@ fn root_may_change_rights_and_no_user_the_owner() {
     let Some(mounted) = Mounted::recorded() else { return };
     let path = mounted.path("sys/class/tacho-motor/motor1/command");
     let rights = || fs::metadata(&path).unwrap().permissions().mode() & 0o7777;
-    let set = |mode: u32| fs::set_permissions(&path, fs::Permissions::from_mode(mode)).map_err(errno);
+    let set =
+        |mode: u32| fs::set_permissions(&path, fs::Permissions::from_mode(mode)).map_err(errno);
     if !nix::unistd::geteuid().is_root() {
         assert_eq!((set(0o666), rights()), (Err(Errno::EPERM), 0o200));
         return;
@@ -204,9 +239,10 @@ fn writes_of_every_length_and_every_byte_are_answered_as_in_process() {
         }
     }
     println!("{writes} writes answered alike");
-    for path in
-        ["sys/class/tacho-motor/motor1/position_sp", "sys/class/leds/led0:red:brick-status/brightness"]
-    {
+    for path in [
+        "sys/class/tacho-motor/motor1/position_sp",
+        "sys/class/leds/led0:red:brick-status/brightness",
+    ] {
         let mut text = [0; 64];
         let length = twin.brick.open(path, Access::Read).unwrap().read(&mut text).unwrap();
         assert_eq!(fs::read(mounted.path(path)).unwrap(), &text[..length], "{path}");
@@ -240,7 +276,8 @@ fn a_text_is_made_when_its_beginning_is_read_and_shells_and_libraries_get_on_wit
 
     OpenOptions::new().append(true).open(&path).unwrap().write_all(b"77").unwrap();
     assert_eq!(fs::read_to_string(&path).unwrap(), "77\n", "appending is writing");
-    let shell = |script: &str| Command::new("sh").args(["-c", script]).env("F", &path).output().unwrap();
+    let shell =
+        |script: &str| Command::new("sh").args(["-c", script]).env("F", &path).output().unwrap();
     assert!(shell("echo 42 > $F").status.success());
     assert_eq!(shell("cat $F; read x < $F; echo $x").stdout, b"42\n42\n");
     assert!(!shell("echo 42 > $F.new").status.success(), "nothing can be made there");
@@ -268,13 +305,23 @@ fn a_pulled_motor_is_gone_for_paths_and_for_descriptors_and_comes_back_under_ano
     assert_eq!(kept.read_at(&mut buffer, 1).map_err(errno), Err(Errno::ENODEV));
     assert_eq!(kept.write_at(b"0", 0).map_err(errno), Err(Errno::ENODEV));
     assert_eq!(File::open(&old).map(drop).map_err(errno), Err(Errno::ENOENT));
-    assert_eq!(old.parent().unwrap().symlink_metadata().map(drop).map_err(errno), Err(Errno::ENOENT));
+    assert_eq!(
+        old.parent().unwrap().symlink_metadata().map(drop).map_err(errno),
+        Err(Errno::ENOENT)
+    );
     assert_eq!(bench::names(&mounted.path("sys/class/tacho-motor")), ["motor0", "motor2"]);
     rig.bench.simulation.plug(0, Port::OutB, Plugged::Motor(MotorKind::Medium)).unwrap();
     rig.pass_ms(400);
-    assert_eq!(bench::names(&mounted.path("sys/class/tacho-motor")), ["motor0", "motor2", "motor3"]);
+    assert_eq!(
+        bench::names(&mounted.path("sys/class/tacho-motor")),
+        ["motor0", "motor2", "motor3"]
+    );
     assert_eq!(rig.read("outB", "driver_name"), "lego-ev3-m-motor");
-    assert_eq!(kept.read_at(&mut buffer, 0).map_err(errno), Err(Errno::ENODEV), "the old file stays dead");
+    assert_eq!(
+        kept.read_at(&mut buffer, 0).map_err(errno),
+        Err(Errno::ENODEV),
+        "the old file stays dead"
+    );
 }
 
 #[test]
@@ -329,7 +376,11 @@ fn poll_states_and_touches(pace: &Pace) {
     assert_eq!(state.wait_changed(Duration::from_millis(300)), Ok(true), "the last look finds it");
     let slept_ms = (MonotonicClock.now_ns() - before_ns) / MILLISECOND_NS;
     assert!(slept_ms >= 299, "woken after {slept_ms} ms, though its device went after 100 ms");
-    assert_eq!(state.wait_changed(Duration::from_secs(20)), Ok(true), "one that begins is told at once");
+    assert_eq!(
+        state.wait_changed(Duration::from_secs(20)),
+        Ok(true),
+        "one that begins is told at once"
+    );
     assert_eq!(state.read(&mut buffer), Err(Errno::ENODEV));
 }
 
@@ -354,7 +405,10 @@ fn a_writer_who_waits_for_a_sensor_holds_up_nobody_else() {
 
 #[test]
 fn several_robots_have_a_brick_each_and_one_clock() {
-    let Some(mounted) = Mounted::in_world("two-arenas", 2, Arc::new(VirtualClock::default())) else { return };
+    let Some(mounted) = Mounted::in_world("two-arenas", 2, Arc::new(VirtualClock::default()))
+    else {
+        return;
+    };
     assert_eq!(bench::names(mounted.mount().point()), ["1", "2"]);
     let motor = |robot: usize, attribute: &str| {
         mounted.mount().root(robot).join("sys/class/tacho-motor/motor1").join(attribute)
@@ -367,7 +421,10 @@ fn several_robots_have_a_brick_each_and_one_clock() {
     mounted.clock.sleep_until_ns(SECOND_NS);
     assert_eq!(position(0), 0, "the other robot's");
     assert!(position(1) > 150, "{}", position(1));
-    assert_eq!(fs::metadata(mounted.mount().point().join("3")).map(drop).map_err(errno), Err(Errno::ENOENT));
+    assert_eq!(
+        fs::metadata(mounted.mount().point().join("3")).map(drop).map_err(errno),
+        Err(Errno::ENOENT)
+    );
 }
 
 #[test]
@@ -390,7 +447,10 @@ fn a_thousand_descriptors_and_readers_that_never_read_disturb_nobody() {
     for (index, file) in kept.iter().enumerate().filter(|(index, _)| index % 10 != 0) {
         assert_eq!(file.read_at(&mut buffer, 0).map_err(errno), Ok(1), "descriptor {index}");
     }
-    println!("900 reads with 1000 descriptors open: {} us", (MonotonicClock.now_ns() - started_ns) / 1000);
+    println!(
+        "900 reads with 1000 descriptors open: {} us",
+        (MonotonicClock.now_ns() - started_ns) / 1000
+    );
     drop(kept);
     assert_eq!(fs::read_to_string(&state).unwrap(), "\n");
 }
@@ -413,7 +473,9 @@ picture[712:716] = b"\x01\x02\x03\x04"
 picture.flush()
 "#;
     let python = Command::new("python3").args(["-c", script]).arg(mounted.mount().point()).output();
-    let Ok(output) = python else { return crate::support::pass_over("python3, for maps of memory") };
+    let Ok(output) = python else {
+        return crate::support::pass_over("python3, for maps of memory");
+    };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let picture = mounted.simulation.lcd(0);
     assert_eq!((picture.len(), &picture[712..716]), (91_136, [1, 2, 3, 4].as_slice()));
@@ -426,7 +488,8 @@ fn a_machine_without_fuse_is_told_of() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let simulation = Simulation::new(Arc::new(VirtualClock::default()), Box::new(Bench::as_recorded()), 1);
+    let simulation =
+        Simulation::new(Arc::new(VirtualClock::default()), Box::new(Bench::as_recorded()), 1);
     let (mount, found) =
         onbrick::sim::Mount::new(&simulation, folder.path(), MountOptions::default()).unwrap();
     assert_eq!(found, onbrick::sim::Found::default());

@@ -1,5 +1,6 @@
-//! The promises of "nothing keeps driving", each with tests that count. A test's name begins with its promise's number, `promise_5_…`; tests
-//! of a promise may stand anywhere in this binary. [`table`] prints them all with what they counted:
+//! The promises of "nothing keeps driving", each with tests that count. A test's name begins with
+//! its promise's number, `promise_5_…`; tests of a promise may stand anywhere in this binary.
+//! [`table`] prints them all with what they counted:
 //!
 //! ```text
 //! ONBRICK_PROMISES=1 cargo test --test it table_of_promises -- --nocapture

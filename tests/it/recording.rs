@@ -53,7 +53,8 @@ fn a_file_on_a_disk_is_written_and_opened() {
     std::fs::write(&path, vec![0xff; 1 << 20]).unwrap();
     let sink = create(&path).unwrap();
     let (recorder, mut side) =
-        Recorder::start(Box::new(sink), start(Pace::Virtual), Options::default(), Box::new(|_| {})).unwrap();
+        Recorder::start(Box::new(sink), start(Pace::Virtual), Options::default(), Box::new(|_| {}))
+            .unwrap();
     let on_disk = Run::open(&path).unwrap();
     assert_eq!(on_disk.robot_toml, Some(start(Pace::Virtual).robot_toml), "before the first tick");
     (0..100).for_each(|number| put(&mut side, number));
@@ -70,7 +71,16 @@ fn what_happened_is_recorded_by_name() {
     let told: Vec<_> = run
         .transitions
         .iter()
-        .map(|t| (t.tick, t.taken, t.machine.as_str(), t.from.as_str(), t.to.as_str(), t.condition.as_str()))
+        .map(|t| {
+            (
+                t.tick,
+                t.taken,
+                t.machine.as_str(),
+                t.from.as_str(),
+                t.to.as_str(),
+                t.condition.as_str(),
+            )
+        })
         .collect();
     let expected = [
         (25, taken(25), "drive", "turn", "forward", ""),
@@ -91,7 +101,11 @@ fn what_happened_is_recorded_by_name() {
     assert_eq!(state.machines[0].entered_m, 0.5);
     let second = run.statistics[0];
     assert_eq!((second.first_tick, second.ticks, second.overruns), (0, 51, 1), "{second:?}");
-    assert_eq!((second.lateness_p50_ns, second.lateness_max_ns), (25_000, PERIOD_NS + 1), "{second:?}");
+    assert_eq!(
+        (second.lateness_p50_ns, second.lateness_max_ns),
+        (25_000, PERIOD_NS + 1),
+        "{second:?}"
+    );
     assert_eq!(run.statistics.iter().map(|window| window.ticks).sum::<u32>(), 120);
 }
 
@@ -203,7 +217,10 @@ fn promise_7_a_file_cut_anywhere_gives_all_whole_records_before_the_cut() {
         assert_eq!(run.senses, whole.senses[..run.senses.len()], "cut at {cut}");
         assert_eq!(run.points, whole.points[..run.points.len()], "cut at {cut}");
         assert_eq!(integrity.damaged, [], "cut at {cut}");
-        assert!(!integrity.complete && run.warnings.iter().any(|w| w.contains("cut")), "cut at {cut}");
+        assert!(
+            !integrity.complete && run.warnings.iter().any(|w| w.contains("cut")),
+            "cut at {cut}"
+        );
     }
 }
 
@@ -242,7 +259,8 @@ fn promise_7_an_ending_is_seen_from_outside_as_it_was_written_or_not_at_all() {
         file.as_file().write_at(&[bytes[place] ^ 0x80], place as u64).unwrap();
         let seen = ending_of(file.path()).unwrap();
         file.as_file().write_at(&bytes[place..=place], place as u64).unwrap();
-        // No text has such a byte in it: what is not counted by the summary's checksum is noticed too.
+        // No text has such a byte in it: what is not counted by the summary's checksum is noticed
+        // too.
         assert!(seen.is_none() || seen == ending, "byte {place}: {seen:?}");
         unseen += usize::from(seen.is_none());
     }
@@ -303,9 +321,13 @@ fn small() -> &'static Vec<u8> {
 #[test]
 fn a_recorder_that_is_let_go_closes_its_file() {
     let memory = Memory::default();
-    let (recorder, mut side) =
-        Recorder::start(Box::new(memory.clone()), start(Pace::Real), Options::default(), Box::new(|_| {}))
-            .unwrap();
+    let (recorder, mut side) = Recorder::start(
+        Box::new(memory.clone()),
+        start(Pace::Real),
+        Options::default(),
+        Box::new(|_| {}),
+    )
+    .unwrap();
     (0..30).for_each(|number| put(&mut side, number));
     drop(side);
     drop(recorder);

@@ -112,7 +112,8 @@ fn a_cut_recording_is_still_a_picture_and_the_page_says_so() {
     assert!(plot::html(&scene).contains("the file was cut after"));
 }
 
-/// What a page's body holds after its script has run, opened at an address's end such as `#t=3`; `None` without a browser.
+/// What a page's body holds after its script has run, opened at an address's end such as `#t=3`;
+/// `None` without a browser.
 fn browse(page: &Path, hash: &str, extra: &[&str]) -> Option<String> {
     let profile = tempfile::tempdir().unwrap();
     let output = Command::new("chromium")
@@ -124,7 +125,9 @@ fn browse(page: &Path, hash: &str, extra: &[&str]) -> Option<String> {
         .arg(format!("file://{}{hash}", page.display()))
         .output();
     match output {
-        Ok(output) if output.status.success() => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
+        Ok(output) if output.status.success() => {
+            Some(String::from_utf8_lossy(&output.stdout).into_owned())
+        }
         Ok(output) => panic!("{}", String::from_utf8_lossy(&output.stderr)),
         Err(_) => {
             pass_over("a browser (chromium)");
@@ -135,7 +138,8 @@ fn browse(page: &Path, hash: &str, extra: &[&str]) -> Option<String> {
 
 /// The value of an attribute in a page's text.
 fn attribute<'a>(dom: &'a str, name: &str) -> &'a str {
-    let start = dom.find(&format!(" {name}=\"")).unwrap_or_else(|| panic!("no {name}")) + name.len() + 3;
+    let start =
+        dom.find(&format!(" {name}=\"")).unwrap_or_else(|| panic!("no {name}")) + name.len() + 3;
     dom[start..].split('"').next().unwrap()
 }
 
@@ -207,7 +211,10 @@ fn tables_have_a_row_for_each_point_and_each_tick() {
     let pose = tick(100).estimate.pose;
     assert_eq!(row[0], "2.000000");
     assert!((row[1].parse::<f64>().unwrap() - pose.x_m).abs() < 1e-6, "{row:?}");
-    assert!((row[3].parse::<f64>().unwrap() - pose.heading_rad.to_degrees()).abs() < 1e-4, "{row:?}");
+    assert!(
+        (row[3].parse::<f64>().unwrap() - pose.heading_rad.to_degrees()).abs() < 1e-4,
+        "{row:?}"
+    );
     assert_eq!(row[4], "mapper");
     let ply = export::ply(&scene.tracks);
     assert!(ply.starts_with("ply\nformat ascii 1.0\n"));
@@ -255,7 +262,8 @@ fn viewers_get_an_index_and_everything_that_was_recorded() {
 fn several_runs_get_a_namespace_each_in_one_tree_of_frames() {
     let (first, second) = (sample(100, 1_000_000_000), sample(60, 1_000_000_000));
     let cut = &second[..second.len() - 2_000];
-    let exported = export::mcap(&[part("Ada", &first, 0), part("Grace", cut, 7_000_000_000)]).unwrap();
+    let exported =
+        export::mcap(&[part("Ada", &first, 0), part("Grace", cut, 7_000_000_000)]).unwrap();
     let Some(found) = python(&exported, "indexed") else { return };
     let topics = &found["topics"];
     assert_eq!(topics["/ada/senses"]["count"], 100);
@@ -266,10 +274,14 @@ fn several_runs_get_a_namespace_each_in_one_tree_of_frames() {
     assert_eq!(topics["/ada/odom"]["first"]["header"]["frame_id"], "ada/odom");
     assert_eq!(topics["/grace/range"]["first"]["header"]["frame_id"], "grace/range_link");
     assert_eq!(topics["/ada/points"]["first"]["header"]["frame_id"], "map");
-    // The second brick's clock was seven seconds behind: its stamps and its offset are moved, what its run's clock says is not.
+    // The second brick's clock was seven seconds behind: its stamps and its offset are moved, what
+    // its run's clock says is not.
     let stamp = |topic: &str| topics[topic]["first"]["header"]["stamp"]["sec"].as_i64().unwrap();
     assert_eq!(stamp("/grace/odom") - stamp("/ada/odom"), 7);
-    assert_eq!(topics["/grace/senses"]["first"]["time_ns"], topics["/ada/senses"]["first"]["time_ns"]);
+    assert_eq!(
+        topics["/grace/senses"]["first"]["time_ns"],
+        topics["/ada/senses"]["first"]["time_ns"]
+    );
     let offset = |brick: &str| {
         found["metadata"][format!("{brick}/onbrick")]["wall_offset_ns"]
             .as_str()

@@ -1,5 +1,5 @@
-//! The reference's scenarios of how the drivers of stretch behave (section 15.6), each through both doors: in this process, and through the kernel's
-//! files of a mounted brick.
+//! The reference's scenarios of how the drivers of stretch behave (section 15.6), each through both
+//! doors: in this process, and through the kernel's files of a mounted brick.
 
 use std::time::Duration;
 
@@ -49,7 +49,9 @@ fn every_scenario_of_the_reference_goes_as_it_says_in_process() {
 #[test]
 fn every_scenario_of_the_reference_goes_as_it_says_through_the_mount() {
     for (name, gyro, play) in SCENARIOS {
-        let Some(mounted) = Mounted::with_options(Options { gyro, ..Options::default() }) else { return };
+        let Some(mounted) = Mounted::with_options(Options { gyro, ..Options::default() }) else {
+            return;
+        };
         println!("{name}");
         play(mounted.rig());
     }
@@ -64,7 +66,10 @@ fn position(rig: &Rig) -> i64 {
 }
 
 fn assert_near(what: &str, found: i64, expected: i64, within: i64) {
-    assert!((found - expected).abs() <= within, "{what}: {found}, not within {within} of {expected}");
+    assert!(
+        (found - expected).abs() <= within,
+        "{what}: {found}, not within {within} of {expected}"
+    );
 }
 
 fn a_new_speed_waits(rig: &Rig) {
@@ -269,7 +274,10 @@ fn a_replugged_motor_is_another(rig: &Rig) {
     rig.pass_ms(20);
     assert_eq!(rig.folder("outB").unwrap(), "sys/class/tacho-motor/motor3");
     assert_eq!(rig.read("outB", "driver_name"), "lego-ev3-m-motor");
-    assert_eq!((rig.number("outB", "speed_sp"), rig.read("outB", "stop_action")), (0, "coast".to_owned()));
+    assert_eq!(
+        (rig.number("outB", "speed_sp"), rig.read("outB", "stop_action")),
+        (0, "coast".to_owned())
+    );
     assert!(position(rig) > 50, "the co-processor went on counting for the port");
     assert_eq!(kept.read(&mut buffer), Err(Errno::ENODEV), "the old file stays dead");
 }

@@ -1,4 +1,5 @@
-//! The service as its users use it: the real `onbrick serve`, asked at its socket, killed, restarted, with a full disk.
+//! The service as its users use it: the real `onbrick serve`, asked at its socket, killed,
+//! restarted, with a full disk.
 #![cfg(feature = "sim")]
 
 use std::io::{BufRead, BufReader};
@@ -12,8 +13,8 @@ use nix::unistd::Pid;
 use onbrick::runtime::StopReason;
 use onbrick::service::client::{Client, ClientError};
 use onbrick::service::protocol::{
-    Chosen, Fetch, Kind, LocalOnly, Refusal, Request, RunId, RunInfo, Runs, Start, Started, State, Status,
-    Stopped,
+    Chosen, Fetch, Kind, LocalOnly, Refusal, Request, RunId, RunInfo, Runs, Start, Started, State,
+    Status, Stopped,
 };
 use serde::de::DeserializeOwned;
 
@@ -73,8 +74,13 @@ impl Served {
     }
 
     /// In a folder that is there, started by whatever `wrap` makes of the command.
-    pub fn started(folder: tempfile::TempDir, arguments: &[&str], wrap: impl Fn(Command) -> Command) -> Self {
-        let arguments: Vec<String> = arguments.iter().map(|&argument| argument.to_owned()).collect();
+    pub fn started(
+        folder: tempfile::TempDir,
+        arguments: &[&str],
+        wrap: impl Fn(Command) -> Command,
+    ) -> Self {
+        let arguments: Vec<String> =
+            arguments.iter().map(|&argument| argument.to_owned()).collect();
         let child = serve(folder.path(), &arguments, wrap);
         let client = Client::at(folder.path().join("socket"));
         Self { folder, child, client, arguments, alone: None }
@@ -147,8 +153,8 @@ impl Served {
         status.unwrap()
     }
 
-    /// Starts a mission and waits until the robot drives; its identifier. A machine under load may make a run late, which then ends: that
-    /// is no matter of these tests, and it is begun anew.
+    /// Starts a mission and waits until the robot drives; its identifier. A machine under load may
+    /// make a run late, which then ends: that is no matter of these tests, and it is begun anew.
     #[track_caller]
     pub fn drive(&mut self, mission: &str) -> RunId {
         for attempt in 1..=5 {
@@ -222,7 +228,9 @@ pub fn folder(config: &str) -> tempfile::TempDir {
     let [port, pairing_port] = free_ports();
     put(
         "onbrick.toml",
-        &format!("{config}\n[link]\naddress = \"127.0.0.1\"\nport = {port}\npairing_port = {pairing_port}\n"),
+        &format!(
+            "{config}\n[link]\naddress = \"127.0.0.1\"\nport = {port}\npairing_port = {pairing_port}\n"
+        ),
     );
     folder
 }
@@ -237,7 +245,8 @@ fn serve(folder: &Path, arguments: &[String], wrap: impl Fn(Command) -> Command)
     let mut command = Command::new(env!("CARGO_BIN_EXE_onbrick"));
     command.arg("serve").args(arguments).arg("--config").arg(folder).env_remove("RUST_LOG");
     let log = std::fs::File::options().create(true).append(true).open(folder.join("log")).unwrap();
-    let mut child = wrap(command).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(log).spawn().unwrap();
+    let mut child =
+        wrap(command).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(log).spawn().unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let log = || std::fs::read_to_string(folder.join("log")).unwrap();
@@ -269,5 +278,8 @@ fn refusal(answer: Result<serde_json::Value, ClientError>) -> Refusal {
 
 #[track_caller]
 pub fn refused_as(refusal: &Refusal, kind: Kind, part: &str) {
-    assert!(refusal.kind == kind && refusal.message.contains(part), "{kind:?} `{part}`: {refusal:?}");
+    assert!(
+        refusal.kind == kind && refusal.message.contains(part),
+        "{kind:?} `{part}`: {refusal:?}"
+    );
 }

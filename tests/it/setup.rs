@@ -1,4 +1,5 @@
-//! Setting a robot up on the simulated brick: `setup`, `calibrate` and `doctor`, with a person who answers from the truth.
+//! Setting a robot up on the simulated brick: `setup`, `calibrate` and `doctor`, with a person who
+//! answers from the truth.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -27,7 +28,8 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// A plain wall ahead, half a metre before the sensor, and room all around; `robot` is what else the world's file says of it.
+    /// A plain wall ahead, half a metre before the sensor, and room all around; `robot` is what
+    /// else the world's file says of it.
     pub(crate) fn new(robot: &str, seed: u64) -> Self {
         let text = format!(
             "name = \"bench\"\n[[start]]\nat = [0.0, 0.0]\n[[wall]]\npoints = [[0.6, -2.0], [0.6, 2.0]]\n{robot}"

@@ -24,7 +24,12 @@ fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer() {
     println!(
         "kernel transcript: {} operations with the same bytes, {} within {tolerances:?}, {} excepted, {} actions, {} entries of folders; \
          largest differences {:?}",
-        outcome.exact, outcome.near, outcome.excepted, outcome.actions, outcome.entries, outcome.largest
+        outcome.exact,
+        outcome.near,
+        outcome.excepted,
+        outcome.actions,
+        outcome.entries,
+        outcome.largest
     );
     assert!(outcome.differences.is_empty(), "{}", outcome.differences.join("\n"));
     let (operations, entries) = transcript::size();
@@ -79,10 +84,19 @@ pub(crate) fn check_error_matrix(rig: &Rig) {
             None => rig.try_read(device, attribute).map(|text| text.len()),
             Some(value) => rig.try_write(device, attribute, value),
         };
-        assert_eq!(found, Err(*expected), "{device} {attribute} {:?}", value.map(String::from_utf8_lossy));
+        assert_eq!(
+            found,
+            Err(*expected),
+            "{device} {attribute} {:?}",
+            value.map(String::from_utf8_lossy)
+        );
     }
     assert_eq!(rig.number("outB", "speed_sp"), 700, "a refused value leaves the old one");
-    assert_eq!(rig.try_write("outB", "speed_sp", ""), Ok(0), "an empty write does not reach the driver");
+    assert_eq!(
+        rig.try_write("outB", "speed_sp", ""),
+        Ok(0),
+        "an empty write does not reach the driver"
+    );
     rig.drive("run-forever position=5");
     assert_eq!(rig.read_path("sys/class/nothing/x/y"), Err(Errno::ENOENT));
     assert_eq!(rig.tree.list("sys/class/nothing"), Err(Errno::ENOENT));
@@ -139,12 +153,16 @@ fn battery_and_board_read_as_on_a_brick() {
     let rig = Rig::recorded();
     rig.pass_ms(20);
     let path = |attribute: &str| format!("sys/class/power_supply/lego-ev3-battery/{attribute}");
-    let number =
-        |attribute: &str| -> i64 { rig.read_path(&path(attribute)).unwrap().trim_end().parse().unwrap() };
+    let number = |attribute: &str| -> i64 {
+        rig.read_path(&path(attribute)).unwrap().trim_end().parse().unwrap()
+    };
     assert!((number("voltage_now") - 7_400_000).abs() <= 4_888, "{} µV", number("voltage_now"));
     assert_eq!(number("voltage_now") % 9_775, 0);
     assert!((number("current_now") - 180_000).abs() <= 3_250, "{} µA", number("current_now"));
-    assert_eq!((number("voltage_max_design"), number("voltage_min_design")), (90_000_000, 48_000_000));
+    assert_eq!(
+        (number("voltage_max_design"), number("voltage_min_design")),
+        (90_000_000, 48_000_000)
+    );
     assert_eq!(rig.read_path(&path("capacity")), Err(Errno::ENOENT));
     assert_eq!(rig.write_path(&path("technology"), b"Li-ion"), Err(Errno::EINVAL));
     assert_eq!(rig.write_path(&path("technology"), b"NiMH"), Ok(4));
@@ -159,7 +177,8 @@ fn battery_and_board_read_as_on_a_brick() {
 fn buttons_are_a_stream_of_events_and_tones_are_heard() {
     const LENGTH: usize = size_of::<nix::libc::input_event>();
     let rig = Rig::recorded();
-    let buttons = rig.tree.open("dev/input/by-path/platform-gpio_keys-event", Access::Read).unwrap();
+    let buttons =
+        rig.tree.open("dev/input/by-path/platform-gpio_keys-event", Access::Read).unwrap();
     let mut buffer = [0; 4 * LENGTH];
     assert_eq!(buttons.read(&mut buffer), Err(Errno::EAGAIN));
     rig.pass_ms(1500);
@@ -301,8 +320,8 @@ fn writable(rig: &Rig) -> Vec<String> {
     while let Some(folder) = folders.pop() {
         for entry in rig.bench.brick.entries(&folder).unwrap() {
             let path = format!("{folder}/{}", entry.name);
-            let is_device =
-                entry.kind == EntryKind::Link && !matches!(entry.name.as_str(), "device" | "subsystem");
+            let is_device = entry.kind == EntryKind::Link
+                && !matches!(entry.name.as_str(), "device" | "subsystem");
             let is_folder = entry.kind == EntryKind::Folder && !entry.name.contains(':');
             if is_device || is_folder {
                 folders.push(path);

@@ -67,7 +67,9 @@ fn a_page_takes_orders_from_itself_alone() {
     let page = Page::serve(&driven.simulation, 0).unwrap();
     let post = |header: &str, path: &str, body: &str| {
         let length = body.len();
-        let head = format!("POST {path} HTTP/1.1\r\nHost: localhost:1\r\n{header}Content-Length: {length}");
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nHost: localhost:1\r\n{header}Content-Length: {length}"
+        );
         let answer = ask(&page, &format!("{head}\r\nConnection: close\r\n\r\n{body}"));
         answer.split(' ').nth(1).unwrap().parse::<u16>().unwrap()
     };
@@ -79,7 +81,12 @@ fn a_page_takes_orders_from_itself_alone() {
         (OWN, "/order", "press entre", 400),
         (OWN, "/order", &"#".repeat(5000), 500),
     ] {
-        assert_eq!(post(header, path, body), status, "{header}{path} {}", &body[..body.len().min(20)]);
+        assert_eq!(
+            post(header, path, body),
+            status,
+            "{header}{path} {}",
+            &body[..body.len().min(20)]
+        );
     }
     assert_eq!(driven.simulation.pressed(0), []);
     assert_eq!(post(OWN, "/order", "robot 1 press enter for 60"), 200);
@@ -95,14 +102,24 @@ fn a_page_is_for_this_machine_and_changes_nothing_else() {
     let page = Page::serve(&driven.simulation, 0).unwrap();
     assert!(page.url().starts_with("http://127.0.0.1:"), "{}", page.url());
     let html = get(&page, "/");
-    assert!(html.starts_with("HTTP/1.1 200") && html.contains("\"name\":\"arena\""), "{}", &html[..200]);
+    assert!(
+        html.starts_with("HTTP/1.1 200") && html.contains("\"name\":\"arena\""),
+        "{}",
+        &html[..200]
+    );
     assert!(!html.contains("@ROOM@"));
     for (request, status) in [
         ("GET /../etc HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", "404"),
-        ("POST /state HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\nConnection: close\r\n\r\n", "405"),
+        (
+            "POST /state HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\nConnection: close\r\n\r\n",
+            "405",
+        ),
         ("GET /state HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n", "403"),
         ("GET / HTTP/1.1\r\nConnection: close\r\n\r\n", "403"),
-        ("GET /state?since=banana HTTP/1.1\r\nHost: 127.0.0.1:80\r\nConnection: close\r\n\r\n", "200"),
+        (
+            "GET /state?since=banana HTTP/1.1\r\nHost: 127.0.0.1:80\r\nConnection: close\r\n\r\n",
+            "200",
+        ),
     ] {
         let answer = ask(&page, request);
         assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{request}: {answer}");
@@ -127,12 +144,18 @@ fn a_view_has_the_truth_and_marks_come_once() {
     driven.simulation.watch();
     driven.pass_s(5);
     let view = driven.simulation.view(0).unwrap();
-    let truth = driven.simulation.inspect(|world: &mut WorldPhysics| world.truth(0)).unwrap().unwrap();
+    let truth =
+        driven.simulation.inspect(|world: &mut WorldPhysics| world.truth(0)).unwrap().unwrap();
     assert_eq!((view.robots[0].x_m, view.robots[0].y_m), (truth.x_m, truth.y_m));
-    assert!((view.time_s - 5.0).abs() < 0.01 && truth.travelled_m > 0.2, "{} s, {truth:?}", view.time_s);
+    assert!(
+        (view.time_s - 5.0).abs() < 0.01 && truth.travelled_m > 0.2,
+        "{} s, {truth:?}",
+        view.time_s
+    );
     let ports: Vec<&str> = view.robots[0].devices.iter().map(|device| device.port).collect();
     assert_eq!(ports, ["in1", "in2", "in3", "in4", "outA", "outB", "outD"]);
-    // Echoes lie on the wall that the robot faces squarely: the sensor was at its true place when it measured them.
+    // Echoes lie on the wall that the robot faces squarely: the sensor was at its true place when
+    // it measured them.
     let world = World::named("rooms").unwrap();
     let mut distances: Vec<f64> = view
         .marks
@@ -168,14 +191,19 @@ fn a_still_shows_walls_path_echoes_robots_and_faults() {
     let count = |class: &str| svg.matches(&format!("class=\"{class}\"")).count();
     assert_eq!((count("wall"), count("robot"), count("path"), count("beam")), (walls, 2, 2, 2));
     assert!(svg.matches("h0").count() > 50, "{} echoes", svg.matches("h0").count());
-    for text in ["two-arenas, after 10.0 s", "faults: in4 unplug", "faults: outB block", "robot 2: x "] {
+    for text in
+        ["two-arenas, after 10.0 s", "faults: in4 unplug", "faults: outB block", "robot 2: x "]
+    {
         assert!(svg.contains(text), "{text} is not in the picture");
     }
     assert_eq!(svg, still(&driven.simulation), "the same moment gives the same picture");
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
     for world in World::names() {
         let empty = still(&self::driven(world, 1, Arc::new(VirtualClock::default())).simulation);
-        assert!(empty.ends_with("</svg>\n") && !empty.contains("NaN") && !empty.contains("inf"), "{world}");
+        assert!(
+            empty.ends_with("</svg>\n") && !empty.contains("NaN") && !empty.contains("inf"),
+            "{world}"
+        );
     }
 }
 
@@ -198,7 +226,9 @@ fn browse(url: &str, extra: &[&str]) -> Option<String> {
         .arg(url)
         .output();
     match output {
-        Ok(output) if output.status.success() => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
+        Ok(output) if output.status.success() => {
+            Some(String::from_utf8_lossy(&output.stdout).into_owned())
+        }
         Ok(output) => panic!("{}", String::from_utf8_lossy(&output.stderr)),
         Err(_) => {
             pass_over("a browser (chromium)");
@@ -209,7 +239,8 @@ fn browse(url: &str, extra: &[&str]) -> Option<String> {
 
 /// A number at the canvas.
 fn number(dom: &str, name: &str) -> f64 {
-    let start = dom.find(&format!(" data-{name}=\"")).unwrap_or_else(|| panic!("no {name} in {dom}"));
+    let start =
+        dom.find(&format!(" data-{name}=\"")).unwrap_or_else(|| panic!("no {name} in {dom}"));
     dom[start + name.len() + 8..].split('"').next().unwrap().parse().unwrap()
 }
 
@@ -223,8 +254,12 @@ fn a_browser_sees_the_room_and_the_robot_drive_through_it() {
     let walls = World::named("arena").unwrap().outlines().len();
     assert_eq!(number(&dom, "walls"), f64::from(u32::try_from(walls).unwrap()));
     assert_eq!(number(&dom, "robots"), 1.0);
-    let (moved, waited, time) = (number(&dom, "moved"), number(&dom, "waited"), number(&dom, "time"));
-    println!("the page saw {moved} m in {waited} s, until {time} s; {} echoes", number(&dom, "echoes"));
+    let (moved, waited, time) =
+        (number(&dom, "moved"), number(&dom, "waited"), number(&dom, "time"));
+    println!(
+        "the page saw {moved} m in {waited} s, until {time} s; {} echoes",
+        number(&dom, "echoes")
+    );
     assert!(moved > 0.001 && waited > 0.01, "{moved} m in {waited} s");
     assert!(number(&dom, "echoes") >= 1.0);
     let shown = libm::hypot(number(&dom, "x"), number(&dom, "y"));
@@ -242,10 +277,13 @@ fn with_script(page: &Page, script: &'static str) -> String {
     std::thread::spawn(move || {
         for stream in listener.incoming() {
             let Ok(mut stream) = stream else { return };
-            // Head and body of one request; the browser asks for no second one where it is told to close.
+            // Head and body of one request; the browser asks for no second one where it is told to
+            // close.
             let mut request = Vec::new();
             let mut byte = [0];
-            while !request.ends_with(b"\r\n\r\n") && stream.read(&mut byte).is_ok_and(|read| read == 1) {
+            while !request.ends_with(b"\r\n\r\n")
+                && stream.read(&mut byte).is_ok_and(|read| read == 1)
+            {
                 request.push(byte[0]);
             }
             let head = String::from_utf8_lossy(&request).into_owned();
@@ -259,7 +297,8 @@ fn with_script(page: &Page, script: &'static str) -> String {
             if stream.read_exact(&mut body).is_err() {
                 continue;
             }
-            let own = value("x-onbrick:").map_or(String::new(), |own| format!("X-Onbrick: {own}\r\n"));
+            let own =
+                value("x-onbrick:").map_or(String::new(), |own| format!("X-Onbrick: {own}\r\n"));
             let head = format!(
                 "{first}\r\nHost: {served}\r\n{own}Content-Length: {length}\r\nConnection: close\r\n\r\n"
             );
@@ -298,7 +337,8 @@ fn a_browser_presses_a_key_of_the_brick() {
     for name in ["back", "up", "left", "enter", "right", "down"] {
         assert!(dom.contains(&format!("data-button=\"{name}\"")), "{name}");
     }
-    let done: Vec<String> = driven.simulation.faults_done().into_iter().map(|record| record.what).collect();
+    let done: Vec<String> =
+        driven.simulation.faults_done().into_iter().map(|record| record.what).collect();
     assert_eq!(done, ["press enter for 60", "release enter"], "{dom}");
     assert_eq!(driven.simulation.pressed(0), []);
 }
@@ -313,7 +353,9 @@ fn a_browser_shows_a_simulation_in_virtual_time() {
     assert_eq!(driven.clock.now_ns(), 13 * SECOND_NS);
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("page.png");
-    let Some(_) = browse(&page.url(), &[&format!("--screenshot={}", picture.display())]) else { return };
+    let Some(_) = browse(&page.url(), &[&format!("--screenshot={}", picture.display())]) else {
+        return;
+    };
     keep("page.png", &std::fs::read(&picture).unwrap());
     let Some(dom) = browse(&page.url(), &["--dump-dom"]) else { return };
     assert!((number(&dom, "time") - 13.0).abs() < 0.01);

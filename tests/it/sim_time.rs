@@ -1,4 +1,5 @@
-//! The simulation's time against the clock: caught up with, or given up for lost where a machine is too slow.
+//! The simulation's time against the clock: caught up with, or given up for lost where a machine is
+//! too slow.
 
 use std::sync::Arc;
 

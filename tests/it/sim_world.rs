@@ -24,7 +24,8 @@ fn ideal(text: &str) -> WorldPhysics {
     WorldPhysics::new(world(text).without_errors(), 1, 1).unwrap()
 }
 
-/// A proportional regulator with the back-EMF fed forward, for wheels at `left` and `right` degrees a second.
+/// A proportional regulator with the back-EMF fed forward, for wheels at `left` and `right` degrees
+/// a second.
 struct Regulator {
     before: [i64; 4],
 }
@@ -34,7 +35,12 @@ impl Regulator {
         Self { before: [0; 4] }
     }
 
-    fn step(&mut self, physics: &mut WorldPhysics, robot: usize, targets: &[(usize, f64)]) -> [Bridge; 4] {
+    fn step(
+        &mut self,
+        physics: &mut WorldPhysics,
+        robot: usize,
+        targets: &[(usize, f64)],
+    ) -> [Bridge; 4] {
         let mut bridges = [Bridge::Brake; 4];
         for (out, dps) in targets {
             let edges = physics.edges(robot, *out);
@@ -86,7 +92,10 @@ fn a_robot_spins_on_the_spot_and_the_gyro_counts_clockwise() {
     assert!((truth.heading_rad - expected).abs() < 0.01, "{truth:?}, expected {expected}");
     assert!(libm::hypot(truth.x_m, truth.y_m) < 0.002, "{truth:?}");
     let gyro = physics.measure(0, 3, "GYRO-ANG")[0];
-    assert!((f64::from(gyro) + truth.heading_rad.to_degrees()).abs() <= 1.0, "gyro {gyro}, {truth:?}");
+    assert!(
+        (f64::from(gyro) + truth.heading_rad.to_degrees()).abs() <= 1.0,
+        "gyro {gyro}, {truth:?}"
+    );
 }
 
 #[test]
@@ -121,7 +130,8 @@ fn a_wall_too_near_or_too_far_or_too_oblique_gives_no_echo() {
     assert_eq!(ideal(&close).measure(0, 0, "US-DIST-CM")[0], 2550, "3 cm");
     assert_eq!(ideal(&wall_at(2.59)).measure(0, 0, "US-DIST-CM")[0], 2539);
     assert_eq!(ideal(&wall_at(2.7)).measure(0, 0, "US-DIST-CM")[0], 2550);
-    // Met at 40 degrees the ray at the cone's edge is near enough to the normal; at 50 degrees none is.
+    // Met at 40 degrees the ray at the cone's edge is near enough to the normal; at 50 degrees none
+    // is.
     let oblique = |deg: f64| {
         let mut physics = ideal(&wall_at(0.6));
         physics.carry(0, StartPose { x_m: 0.0, y_m: 0.0, heading_rad: deg.to_radians() });
@@ -154,7 +164,8 @@ fn wheels_stall_at_a_wall_and_the_bumper_closes() {
 
 #[test]
 fn on_a_slippery_floor_the_wheels_spin_at_a_wall() {
-    let text = "name = \"t\"\n[robot]\ngrip_n = 3.0\n[[wall]]\npoints = [[0.3, -1.0], [0.3, 1.0]]\n";
+    let text =
+        "name = \"t\"\n[robot]\ngrip_n = 3.0\n[[wall]]\npoints = [[0.3, -1.0], [0.3, 1.0]]\n";
     let mut physics = ideal(text);
     drive(&mut physics, 3.0, &[(LEFT, 300.0), (RIGHT, 300.0)]);
     let truth = physics.truth(0).unwrap();
@@ -218,13 +229,17 @@ fn the_infrared_sensor_has_its_own_scale_a_remote_and_a_beacon() {
     }
     assert_eq!(physics.measure(0, 0, "IR-REMOTE")[..4], [0, 0, 5, 0]);
     let seek = physics.measure(0, 0, "IR-SEEK");
-    assert!(seek[2] < 0 && (20..32).contains(&seek[3]), "to the left, about half a metre: {seek:?}");
+    assert!(
+        seek[2] < 0 && (20..32).contains(&seek[3]),
+        "to the left, about half a metre: {seek:?}"
+    );
     assert_eq!((seek[0], seek[1]), (0, -128));
 }
 
 #[test]
 fn two_robots_see_and_stop_each_other() {
-    let text = "name = \"t\"\n[[start]]\nat = [0.0, 0.0]\n[[start]]\nat = [0.8, 0.0]\nheading_deg = 180\n";
+    let text =
+        "name = \"t\"\n[[start]]\nat = [0.0, 0.0]\n[[start]]\nat = [0.8, 0.0]\nheading_deg = 180\n";
     let mut physics = WorldPhysics::new(world(text).without_errors(), 2, 1).unwrap();
     let seen = physics.measure(0, 0, "US-DIST-CM")[0];
     assert!((seen - 659).abs() <= 1, "0.8 - 0.0508 - 0.09 m, {seen}");
@@ -235,7 +250,12 @@ fn two_robots_see_and_stop_each_other() {
     }
     let (a, b) = (physics.truth(0).unwrap(), physics.truth(1).unwrap());
     assert!(((b.x_m - a.x_m) - 0.18).abs() < 0.002 && a.touching && b.touching, "{a:?} {b:?}");
-    assert!(WorldPhysics::new(world(text), 3, 1).unwrap_err().to_string().contains("2 start poses, not 3"));
+    assert!(
+        WorldPhysics::new(world(text), 3, 1)
+            .unwrap_err()
+            .to_string()
+            .contains("2 start poses, not 3")
+    );
 }
 
 #[test]
@@ -258,7 +278,10 @@ fn mistakes_in_a_world_have_their_places() {
         ("name = \"t\"\n[[wall]]\npoints = [[-0.01, 0], [0.01, 0]]\n", "starts inside a wall"),
         ("name = \"t\"\n[[start]]\nat = [0, 0]\n[[start]]\nat = [0.1, 0]\n", "same place"),
         ("name = \"t\"\n[floor]\ntable = [[1, 1], [2, 1], [2, 2]]\n", "beyond the floor's edge"),
-        ("name = \"t\"\n[[line]]\npoints = [[0, 0], [1, 1]]\ncolour = \"blak\"\n", "did you mean `black`?"),
+        (
+            "name = \"t\"\n[[line]]\npoints = [[0, 0], [1, 1]]\ncolour = \"blak\"\n",
+            "did you mean `black`?",
+        ),
         ("name = \"t\"\n[robot]\nmass_kg = 0\n", "is 0"),
         ("name = \"t\"\n[robot]\nleft = \"outD\"\n", "share an output port"),
         ("name = \"t\"\n[robot]\ncorner_m = 0.5\n", "rounder than the robot"),
@@ -275,18 +298,25 @@ fn mistakes_in_a_world_have_their_places() {
     assert!(World::parse("w", many.as_bytes()).unwrap_err().to_string().contains("at most 2000"));
 }
 
-fn drive_and_measure(world: &World, robots: usize, seed: u64, duties: &[(i32, i32, i32)]) -> Vec<i64> {
+fn drive_and_measure(
+    world: &World,
+    robots: usize,
+    seed: u64,
+    duties: &[(i32, i32, i32)],
+) -> Vec<i64> {
     let mut physics = WorldPhysics::new(world.clone(), robots, seed).unwrap();
     let mut bytes = Vec::new();
     for (head, left, right) in duties {
         for step in 0..100 {
-            let row = [Bridge::Duty(*head), Bridge::Duty(*left), Bridge::Coast, Bridge::Duty(*right)];
+            let row =
+                [Bridge::Duty(*head), Bridge::Duty(*left), Bridge::Coast, Bridge::Duty(*right)];
             physics.step(&vec![row; robots]);
             for robot in 0..robots {
                 let truth = physics.truth(robot).unwrap();
                 let clearance = physics.clearance(robot).unwrap();
                 assert!(clearance > -0.001, "robot {robot} is {clearance} m in a wall: {truth:?}");
-                let sum = truth.x_m + truth.y_m + truth.heading_rad + truth.speed_mps + truth.head_rad;
+                let sum =
+                    truth.x_m + truth.y_m + truth.heading_rad + truth.speed_mps + truth.head_rad;
                 assert!(sum.is_finite(), "{truth:?}");
                 bytes.push(truth.x_m.to_bits().cast_signed());
                 if step % 50 == 0 {
@@ -306,20 +336,27 @@ fn drive_and_measure(world: &World, robots: usize, seed: u64, duties: &[(i32, i3
 fn random_world() -> impl Strategy<Value = World> {
     let block = (-1.2..1.2, -1.2..1.2, 0.05..0.5, 0.05..0.3, -90.0..90.0);
     let circle = (-1.2..1.2, -1.2..1.2, 0.02..0.2);
-    (prop::collection::vec(block, 0..6), prop::collection::vec(circle, 0..4)).prop_map(|(blocks, circles)| {
-        let mut text =
+    (prop::collection::vec(block, 0..6), prop::collection::vec(circle, 0..4)).prop_map(
+        |(blocks, circles)| {
+            let mut text =
             "name = \"t\"\n[[wall]]\npoints = [[-1, -1], [1, -1], [1, 1], [-1, 1]]\nclosed = true\n"
                 .to_owned();
-        for (x, y, w, h, turn) in
-            blocks.into_iter().filter(|b: &(f64, f64, f64, f64, f64)| libm::hypot(b.0, b.1) > 0.45)
-        {
-            text += &format!("[[block]]\nat = [{x}, {y}]\nsize_m = [{w}, {h}]\nturn_deg = {turn}\n");
-        }
-        for (x, y, r) in circles.into_iter().filter(|c: &(f64, f64, f64)| libm::hypot(c.0, c.1) > 0.4) {
-            text += &format!("[[circle]]\nat = [{x}, {y}]\nradius_m = {r}\n");
-        }
-        world(&text)
-    })
+            for (x, y, w, h, turn) in blocks
+                .into_iter()
+                .filter(|b: &(f64, f64, f64, f64, f64)| libm::hypot(b.0, b.1) > 0.45)
+            {
+                text += &format!(
+                    "[[block]]\nat = [{x}, {y}]\nsize_m = [{w}, {h}]\nturn_deg = {turn}\n"
+                );
+            }
+            for (x, y, r) in
+                circles.into_iter().filter(|c: &(f64, f64, f64)| libm::hypot(c.0, c.1) > 0.4)
+            {
+                text += &format!("[[circle]]\nat = [{x}, {y}]\nradius_m = {r}\n");
+            }
+            world(&text)
+        },
+    )
 }
 
 proptest! {
@@ -363,7 +400,8 @@ fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
 #[test]
 fn the_arena_closes_all_round_and_the_line_starts_under_the_sensor() {
     for name in ["arena", "rooms", "cylinders", "corridor"] {
-        let mut physics = WorldPhysics::new(World::named(name).unwrap().without_errors(), 1, 1).unwrap();
+        let mut physics =
+            WorldPhysics::new(World::named(name).unwrap().without_errors(), 1, 1).unwrap();
         let echoes = (0..72).filter(|step| {
             let heading_rad = f64::from(*step) * std::f64::consts::TAU / 72.0;
             physics.carry(0, StartPose { x_m: 0.0, y_m: 0.0, heading_rad });
@@ -380,7 +418,8 @@ fn the_arena_closes_all_round_and_the_line_starts_under_the_sensor() {
 
 #[test]
 fn a_robot_that_drives_over_the_edge_has_fallen() {
-    let mut physics = WorldPhysics::new(World::named("table").unwrap().without_errors(), 1, 1).unwrap();
+    let mut physics =
+        WorldPhysics::new(World::named("table").unwrap().without_errors(), 1, 1).unwrap();
     drive(&mut physics, 1.0, &[(LEFT, 300.0), (RIGHT, 300.0)]);
     assert!(!physics.truth(0).unwrap().fallen);
     drive(&mut physics, 8.0, &[(LEFT, 300.0), (RIGHT, 300.0)]);

@@ -20,14 +20,16 @@ pub mod wall_clock;
 
 pub use passed_over::{not_asked_for, pass_over};
 
-/// The folder of recordings beside the repository, or where `ONBRICK_SHARED` says; `None` where there is neither.
+/// The folder of recordings beside the repository, or where `ONBRICK_SHARED` says; `None` where
+/// there is neither.
 pub fn shared() -> Option<PathBuf> {
     let beside = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).to_owned();
     let named = std::env::var_os("ONBRICK_SHARED").map(PathBuf::from);
     [Some(beside), named].into_iter().flatten().find(|folder| folder.join("data").is_dir())
 }
 
-/// A loopback address that no other service of these tests listens at; one at `*` would have the port of all of them.
+/// A loopback address that no other service of these tests listens at; one at `*` would have the
+/// port of all of them.
 pub fn own_address() -> String {
     static NUMBER: AtomicU32 = AtomicU32::new(1);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
@@ -35,8 +37,9 @@ pub fn own_address() -> String {
     format!("127.{}.{}.{}", 100 + number % 100, process >> 8 & 255, process & 255)
 }
 
-/// The seeds of a simulated world, `1..=count`; the first alone where this is not a PC's processor but the brick's, which QEMU emulates:
-/// it has no floats but in software, and each seed takes a hundred times as long.
+/// The seeds of a simulated world, `1..=count`; the first alone where this is not a PC's processor
+/// but the brick's, which QEMU emulates: it has no floats but in software, and each seed takes a
+/// hundred times as long.
 pub fn seeds(count: u64) -> RangeInclusive<u64> {
     1..=if cfg!(target_arch = "arm") { 1 } else { count }
 }

@@ -36,10 +36,14 @@ type Calls = BTreeMap<String, u32>;
 fn ticks_of(trace: &str) -> Vec<Calls> {
     let beat = |line: &str| line.contains("write(1, \"\\n\", 1");
     let mut beats = BTreeMap::<&str, u32>::new();
-    for pid in trace.lines().filter(|line| beat(line)).filter_map(|line| line.split_whitespace().next()) {
+    for pid in
+        trace.lines().filter(|line| beat(line)).filter_map(|line| line.split_whitespace().next())
+    {
         *beats.entry(pid).or_default() += 1;
     }
-    let Some((thread, _)) = beats.into_iter().max_by_key(|(_, count)| *count) else { return Vec::new() };
+    let Some((thread, _)) = beats.into_iter().max_by_key(|(_, count)| *count) else {
+        return Vec::new();
+    };
     let mut ticks = vec![Calls::new()];
     for line in trace.lines() {
         let Some((pid, call)) = line.split_once(' ') else { continue };
@@ -97,14 +101,16 @@ fn traced(folder: &Path) -> Option<(String, String)> {
         .arg(folder.join("run"))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&run.stdout).into_owned() + &String::from_utf8_lossy(&run.stderr);
+    let said =
+        String::from_utf8_lossy(&run.stdout).into_owned() + &String::from_utf8_lossy(&run.stderr);
     let trace = std::fs::read_to_string(&trace).unwrap();
     (!trace.is_empty() && !said.contains("ptrace")).then_some((trace, said))
 }
 
-/// Each tick: six attributes read (the positions of two wheels and the head; range and gyro; one aspect of one motor, in which
-/// another program's hand would show; the battery once a second), one sleep, one heartbeat; and with the leases, every fifth tick or so, one
-/// write a wheel, before which all eight of its aspects are looked at. The clock is read without a system call on a PC.
+/// Each tick: six attributes read (the positions of two wheels and the head; range and gyro; one
+/// aspect of one motor, in which another program's hand would show; the battery once a second), one
+/// sleep, one heartbeat; and with the leases, every fifth tick or so, one write a wheel, before
+/// which all eight of its aspects are looked at. The clock is read without a system call on a PC.
 fn expect_calls(ticks: &[Calls]) {
     let count = |tick: &Calls, name: &str| tick.get(name).copied().unwrap_or(0);
     let mut renewed = 0;
@@ -159,14 +165,16 @@ fn a_tick_allocates_nothing_after_the_first() {
     let tree: Arc<dyn Tree> = simulation.brick(0);
     let (config, _) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap();
     let shipped = onbrick::behavior::shipped::find("map").unwrap().text;
-    let (mut mission, _) = Mission::parse("map.toml", shipped.as_bytes(), &config.capabilities()).unwrap();
+    let (mut mission, _) =
+        Mission::parse("map.toml", shipped.as_bytes(), &config.capabilities()).unwrap();
     mission.set("time_limit_s", 60.0).unwrap();
     let mut robot = Robot::bind(&tree, &config, mission.senses()).unwrap();
     let flags = StopFlags::default();
     prepare(&mut robot, &*clock, &flags, false, |_| {}).unwrap();
     let mut pilot = Pilot::new(&config, &mission, Method::Default, Pose::default()).unwrap();
     let (recorder, mut tick_side) =
-        Recorder::start(Box::new(Nothing), start(&mission), Options::default(), Box::new(|_| {})).unwrap();
+        Recorder::start(Box::new(Nothing), start(&mission), Options::default(), Box::new(|_| {}))
+            .unwrap();
     let mut heartbeat = Counting { at_beat: Vec::with_capacity(10_000) };
     let mut control = Control {
         robot: &mut robot,
@@ -214,7 +222,10 @@ pub(crate) fn start(mission: &Mission) -> Start {
         machines: mission
             .machines()
             .iter()
-            .map(|machine| MachineNames { name: machine.name().to_owned(), ..MachineNames::default() })
+            .map(|machine| MachineNames {
+                name: machine.name().to_owned(),
+                ..MachineNames::default()
+            })
             .collect(),
     }
 }

@@ -1,8 +1,10 @@
-//! What the design says about the source as a whole, held against its text: layers, absences, and the house's order.
+//! What the design says about the source as a whole, held against its text: layers, absences, and
+//! the house's order.
 
 use std::path::{Path, PathBuf};
 
-/// The layers from top to bottom; `use` points downwards only. Modules at the crate's root that are in none of them are a finding.
+/// The layers from top to bottom; `use` points downwards only. Modules at the crate's root that are
+/// in none of them are a finding.
 const LAYERS: [&str; 20] = [
     "cli",
     "menu",
@@ -100,16 +102,21 @@ fn none(what: &str, found: &[String]) {
 fn use_points_downwards_only() {
     let place = |layer: &str| LAYERS.iter().position(|known| *known == layer);
     let mut found = Vec::new();
-    for source in sources().iter().filter(|source| !["lib.rs", "main.rs"].contains(&source.path.as_str())) {
+    for source in
+        sources().iter().filter(|source| !["lib.rs", "main.rs"].contains(&source.path.as_str()))
+    {
         let Some(own) = place(source.layer()) else {
             found.push(format!("src/{} is in no layer", source.path));
             continue;
         };
         for (at, line) in source.code() {
             for used in line.split("crate::").skip(1) {
-                let used: String =
-                    used.chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect();
-                // `$crate::` of a macro and a path without a layer (`crate::{…}`) are looked at in the next lines' names.
+                let used: String = used
+                    .chars()
+                    .take_while(|letter| letter.is_alphanumeric() || *letter == '_')
+                    .collect();
+                // `$crate::` of a macro and a path without a layer (`crate::{…}`) are looked at in
+                // the next lines' names.
                 if place(&used).is_some_and(|used| used < own) {
                     found.push(format!("src/{}:{at}: {} uses {used}", source.path, source.layer()));
                 }
@@ -131,8 +138,15 @@ fn modules_are_used_by_name_so_that_layers_can_be_seen() {
 
 #[test]
 fn only_clock_reads_a_clock_or_sleeps() {
-    let words =
-        ["Instant::", "SystemTime", "thread::sleep", "clock_gettime", "ClockId", "nanosleep", "UNIX_EPOCH"];
+    let words = [
+        "Instant::",
+        "SystemTime",
+        "thread::sleep",
+        "clock_gettime",
+        "ClockId",
+        "nanosleep",
+        "UNIX_EPOCH",
+    ];
     let found: Vec<String> = sources()
         .iter()
         .filter(|source| source.layer() != "clock")
@@ -147,7 +161,15 @@ const FILES: [&str; 3] = ["std::fs", "std::net", "read_to_string("];
 fn behavior_and_mapping_do_no_io_and_know_no_clock() {
     let words = [
         &FILES[..],
-        &["std::io", "std::env", "std::process", "MonotonicClock", "Clock;", "now_ns()", "std::thread"],
+        &[
+            "std::io",
+            "std::env",
+            "std::process",
+            "MonotonicClock",
+            "Clock;",
+            "now_ns()",
+            "std::thread",
+        ],
     ]
     .concat();
     let found: Vec<String> = sources()
@@ -177,10 +199,14 @@ fn only_ev3dev_touches_device_files() {
     let may = |source: &Source| {
         source.layer() == "ev3dev" || others.iter().any(|(path, _)| source.path.starts_with(path))
     };
-    let files: Vec<String> =
-        sources().iter().filter(|source| !may(source)).flat_map(|source| source.with(&FILES)).collect();
+    let files: Vec<String> = sources()
+        .iter()
+        .filter(|source| !may(source))
+        .flat_map(|source| source.with(&FILES))
+        .collect();
     none("files opened where none should be", &files);
-    // The simulated brick says the same names from the driver's side; the command looks whether there is a brick at all.
+    // The simulated brick says the same names from the driver's side; the command looks whether
+    // there is a brick at all.
     let names: Vec<String> = sources()
         .iter()
         .filter(|source| !["ev3dev", "sim", "cli"].contains(&source.layer()))
@@ -247,7 +273,8 @@ fn every_file_opens_with_what_it_is() {
 fn files_are_short_enough_to_be_read() {
     /// Lines without tests; the house's measure.
     const LONGEST: usize = 500;
-    let length = |source: &Source| source.text.lines().take_while(|line| !begins_tests(line)).count();
+    let length =
+        |source: &Source| source.text.lines().take_while(|line| !begins_tests(line)).count();
     let sources = sources();
     let found: Vec<String> = sources
         .iter()
@@ -260,8 +287,9 @@ fn files_are_short_enough_to_be_read() {
 #[test]
 fn nothing_is_left_undone() {
     // Written apart, so that this file does not find itself.
-    let words = [["todo", "!"], ["unimplemented", "!"], ["TO", "DO"], ["FIX", "ME"], ["#[ig", "nore"]]
-        .map(|parts| parts.concat());
+    let words =
+        [["todo", "!"], ["unimplemented", "!"], ["TO", "DO"], ["FIX", "ME"], ["#[ig", "nore"]]
+            .map(|parts| parts.concat());
     let mut found = Vec::new();
     for folder in ["src", "tests"] {
         for source in sources_below(folder) {
@@ -282,10 +310,12 @@ fn nothing_is_left_undone() {
 fn warnings_are_silenced_with_a_reason_and_for_no_longer_than_needed() {
     let mut found = Vec::new();
     for source in sources() {
-        for (at, line) in
-            source.code().filter(|(_, line)| line.contains("#[allow(") || line.contains("#![allow("))
+        for (at, line) in source
+            .code()
+            .filter(|(_, line)| line.contains("#[allow(") || line.contains("#![allow("))
         {
-            // `expect` says when it is no longer needed; `allow` is for macros and features, with a reason.
+            // `expect` says when it is no longer needed; `allow` is for macros and features, with a
+            // reason.
             let rest: String = source.text.lines().skip(at - 1).take(6).collect();
             if !rest.split(")]").next().unwrap().contains("reason = ") {
                 found.push(format!("src/{}:{at}: {}", source.path, line.trim()));
@@ -303,7 +333,10 @@ fn tests_are_named_by_sentences() {
             let lines: Vec<&str> = source.text.lines().map(str::trim).collect();
             for (at, _) in lines.iter().enumerate().filter(|(_, line)| **line == "#[test]") {
                 // Other attributes may stand between.
-                let name = lines[at..].iter().find_map(|line| line.strip_prefix("fn ")).unwrap_or_default();
+                let name = lines[at..]
+                    .iter()
+                    .find_map(|line| line.strip_prefix("fn "))
+                    .unwrap_or_default();
                 let name = name.split('(').next().unwrap_or_default();
                 if name.split('_').count() < 3 || name.starts_with("test_") {
                     found.push(format!("{folder}/{}: {name}", source.path));
@@ -335,12 +368,14 @@ fn no_path_of_one_machine_is_in_the_repository() {
 
 #[test]
 fn floats_go_through_libm_by_a_list_that_is_complete() {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(".clippy.toml")).unwrap();
-    // Every method of std's floats whose result is the platform's own (std's documentation: "unspecified precision").
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(".clippy.toml"))
+        .unwrap();
+    // Every method of std's floats whose result is the platform's own (std's documentation:
+    // "unspecified precision").
     let methods = [
-        "powi", "powf", "exp", "exp2", "ln", "log", "log2", "log10", "cbrt", "hypot", "sin", "cos", "tan",
-        "asin", "acos", "atan", "atan2", "sin_cos", "exp_m1", "ln_1p", "sinh", "cosh", "tanh", "asinh",
-        "acosh", "atanh", "mul_add",
+        "powi", "powf", "exp", "exp2", "ln", "log", "log2", "log10", "cbrt", "hypot", "sin", "cos",
+        "tan", "asin", "acos", "atan", "atan2", "sin_cos", "exp_m1", "ln_1p", "sinh", "cosh",
+        "tanh", "asinh", "acosh", "atanh", "mul_add",
     ];
     for float in ["f32", "f64"] {
         for method in methods {
@@ -348,8 +383,10 @@ fn floats_go_through_libm_by_a_list_that_is_complete() {
             assert!(text.contains(&path), "{path} is not disallowed");
         }
     }
-    let matrices: Vec<String> =
-        sources().iter().flat_map(|source| source.with(&["DMatrix", "DVector", "MatrixXx"])).collect();
+    let matrices: Vec<String> = sources()
+        .iter()
+        .flat_map(|source| source.with(&["DMatrix", "DVector", "MatrixXx"]))
+        .collect();
     none("matrices of run-time size, whose products use FMA where there is any", &matrices);
     let hashes: Vec<String> =
         sources().iter().flat_map(|source| source.with(&["HashMap", "HashSet"])).collect();

@@ -1,13 +1,16 @@
-//! The kernel transcript as a test: a reader of its format, and a player that runs every operation through a [`Tree`].
+//! The kernel transcript as a test: a reader of its format, and a player that runs every operation
+//! through a [`Tree`].
 //!
 //! What is held against the transcript, and how:
 //!
 //! - Answers, error numbers, words, set points, latching and settled states: the same bytes.
-//! - Numbers that the motor model makes (`speed`, `position`, `duty_cycle`) in the scenarios: within [`Tolerances`].
-//! - Moments at which a sampled state changes, or a poll wakes: within [`Tolerances::moment_ms`]. They hang on the phase of the kernel's
-//!   timers.
-//! - The flags that are made of the measured speed and of a regulator at its limit, `stalled` and `overloaded`, read once: the same
-//!   words within that time. In a row of samples, `overloaded` comes and goes by the tick at the limit: a fifth of the row may lack it.
+//! - Numbers that the motor model makes (`speed`, `position`, `duty_cycle`) in the scenarios:
+//!   within [`Tolerances`].
+//! - Moments at which a sampled state changes, or a poll wakes: within [`Tolerances::moment_ms`].
+//!   They hang on the phase of the kernel's timers.
+//! - The flags that are made of the measured speed and of a regulator at its limit, `stalled` and
+//!   `overloaded`, read once: the same words within that time. In a row of samples, `overloaded`
+//!   comes and goes by the tick at the limit: a fifth of the row may lack it.
 //! - Not at all: [`exception`], because a stand-in gave the answer there.
 
 use std::collections::BTreeMap;
@@ -137,14 +140,17 @@ pub(crate) fn play(
     player.outcome
 }
 
-/// How many operations the transcript has, samples counted one by one; and how many entries of folders.
+/// How many operations the transcript has, samples counted one by one; and how many entries of
+/// folders.
 pub(crate) fn size() -> (usize, usize) {
     let sections = parse(TEXT);
-    let operations = sections.iter().flat_map(|section| &section.lines).map(|line| match &line.operation {
-        Operation::Sample { values, .. } => values.len(),
-        _ => 1,
-    });
-    let entries = sections.iter().flat_map(|section| &section.listings).map(|(_, entries)| entries.len());
+    let operations =
+        sections.iter().flat_map(|section| &section.lines).map(|line| match &line.operation {
+            Operation::Sample { values, .. } => values.len(),
+            _ => 1,
+        });
+    let entries =
+        sections.iter().flat_map(|section| &section.listings).map(|(_, entries)| entries.len());
     (operations.sum(), entries.sum())
 }
 
@@ -191,11 +197,16 @@ fn parse_operation(text: &str) -> Operation {
     let tail = words.next().unwrap_or_default();
     match verb {
         "r" => Operation::Read { device: first, attribute, answer: parse_answer(answer) },
-        "w" => {
-            Operation::Write { device: first, attribute, value: unescape(tail), answer: parse_answer(answer) }
-        }
+        "w" => Operation::Write {
+            device: first,
+            attribute,
+            value: unescape(tail),
+            answer: parse_answer(answer),
+        },
         "keep" => Operation::Keep { device: first, attribute },
-        "kread" => Operation::KeptRead { handle: first.parse().unwrap(), answer: parse_answer(answer) },
+        "kread" => {
+            Operation::KeptRead { handle: first.parse().unwrap(), answer: parse_answer(answer) }
+        }
         "kpoll" => {
             let (_, after) = answer.split_once("1 revents=PRI ERR after ").unwrap();
             let after_ms = after.strip_suffix(" ms").unwrap().parse().unwrap();
@@ -301,8 +312,11 @@ impl Player<'_> {
         }
         for line in &section.lines {
             // A poll is noted when it is over.
-            let took_ms =
-                if let Operation::KeptPoll { after_ms, .. } = line.operation { after_ms } else { 0 };
+            let took_ms = if let Operation::KeptPoll { after_ms, .. } = line.operation {
+                after_ms
+            } else {
+                0
+            };
             self.clock.sleep_until_ns(start_ns + line.time_ns - took_ms * MILLISECOND_NS);
             self.context = format!("line {}, {}", line.number, section.title);
             self.operation(&line.operation);
@@ -327,7 +341,8 @@ impl Player<'_> {
         match operation {
             Operation::Read { device, attribute, answer } => {
                 let found = self.read(device, attribute);
-                if let (true, "state", Answer::Text(text)) = (self.in_scenario, attribute.as_str(), answer)
+                if let (true, "state", Answer::Text(text)) =
+                    (self.in_scenario, attribute.as_str(), answer)
                     && (text.contains("stalled") || text.contains("overloaded"))
                 {
                     self.await_flag(device, found, answer);
@@ -344,7 +359,9 @@ impl Player<'_> {
                 }
                 self.registering |= device.starts_with("port:") && attribute == "mode";
             }
-            Operation::Sample { device, attribute, values } => self.sample(device, attribute, values),
+            Operation::Sample { device, attribute, values } => {
+                self.sample(device, attribute, values)
+            }
             Operation::Keep { device, attribute } => {
                 let path = self.path(device, attribute).unwrap();
                 let file = self.tree.open(&path, Access::Read).unwrap();
@@ -377,7 +394,8 @@ impl Player<'_> {
             self.control.settle();
         }
         let folder = self.folder(device);
-        let found = folder.as_deref().and_then(|folder| folder.rsplit('/').next()).unwrap_or("absent");
+        let found =
+            folder.as_deref().and_then(|folder| folder.rsplit('/').next()).unwrap_or("absent");
         self.same(&Answer::Text(found.to_owned()), &Answer::Text(name.to_owned()));
     }
 
@@ -424,7 +442,8 @@ impl Player<'_> {
             if attribute == "state" {
                 self.outcome.near += 1;
                 let near = |other: &i64| (other - time_ms).abs() <= self.tolerances.moment_ms;
-                let like = |found: &str| values.iter().any(|(other, text)| near(other) && text == found);
+                let like =
+                    |found: &str| values.iter().any(|(other, text)| near(other) && text == found);
                 let lacks = !like(found) && like(&format!("{found} overloaded"));
                 if lacks && may_lack > 0 {
                     may_lack -= 1;
@@ -487,7 +506,9 @@ impl Player<'_> {
     }
 
     fn read(&self, device: &str, attribute: &str) -> Answer {
-        let Some(path) = self.path(device, attribute) else { return Answer::OpenError(Errno::ENOENT) };
+        let Some(path) = self.path(device, attribute) else {
+            return Answer::OpenError(Errno::ENOENT);
+        };
         match self.tree.open(&path, Access::Read) {
             Ok(file) => text_of(file.as_ref()),
             Err(error) => Answer::OpenError(error),
@@ -495,7 +516,9 @@ impl Player<'_> {
     }
 
     fn write(&self, device: &str, attribute: &str, value: &[u8]) -> Answer {
-        let Some(path) = self.path(device, attribute) else { return Answer::OpenError(Errno::ENOENT) };
+        let Some(path) = self.path(device, attribute) else {
+            return Answer::OpenError(Errno::ENOENT);
+        };
         match self.tree.open(&path, Access::Write).map(|file| file.write(value)) {
             Ok(Ok(taken)) => Answer::Text(taken.to_string()),
             Ok(Err(error)) => Answer::Error(error),
@@ -515,7 +538,8 @@ impl Player<'_> {
         };
         let class = format!("sys/class/{class}");
         let wanted = Answer::Text(format!("ev3-ports:{port}\n"));
-        let folders = self.tree.list(&class).unwrap().into_iter().map(|name| format!("{class}/{name}"));
+        let folders =
+            self.tree.list(&class).unwrap().into_iter().map(|name| format!("{class}/{name}"));
         folders.into_iter().find(|folder| {
             let file = self.tree.open(&format!("{folder}/address"), Access::Read);
             file.is_ok_and(|file| text_of(file.as_ref()) == wanted)
@@ -523,8 +547,8 @@ impl Player<'_> {
     }
 }
 
-/// What is not compared, because a stand-in gave the answer: port `status` and `mode`, RGB-RAW's number of values, and the position
-/// right after a replug.
+/// What is not compared, because a stand-in gave the answer: port `status` and `mode`, RGB-RAW's
+/// number of values, and the position right after a replug.
 fn exception(device: &str, attribute: &str, expected: &Answer, after_replug: bool) -> bool {
     let four_values = *expected == Answer::Text("4\n".to_owned());
     let fourth_value = *expected == Answer::Text("0\n".to_owned());

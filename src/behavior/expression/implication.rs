@@ -1,15 +1,17 @@
-//! What a condition claims, so far as can be known before anything runs: can it hold at all, does it always hold, does it
-//! hold only where another one does.
+//! What a condition claims, so far as can be known before anything runs: can it hold at all, does
+//! it always hold, does it hold only where another one does.
 //!
-//! A condition becomes a list of cases, in each of which some terms lie in some sets. A term is a signal or, where a
-//! comparison is not with a multiple of one signal, that whole piece of the expression, taken as it stands. A claim is made
-//! only where it is certain; a condition that is too involved yields none.
+//! A condition becomes a list of cases, in each of which some terms lie in some sets. A term is a
+//! signal or, where a comparison is not with a multiple of one signal, that whole piece of the
+//! expression, taken as it stands. A claim is made only where it is certain; a condition that is
+//! too involved yields none.
 //!
 //! # What we count on
 //!
-//! - A signal's value is never NaN ([`super::super::Signals::set`]); only a piece of arithmetic may be.
-//! - Where a comparison was turned round by arithmetic (`2 * range_m < 0.5`), its bound is taken with a margin of
-//!   [`MARGIN`], so that rounding makes no claim false.
+//! - A signal's value is never NaN ([`super::super::Signals::set`]); only a piece of arithmetic may
+//!   be.
+//! - Where a comparison was turned round by arithmetic (`2 * range_m < 0.5`), its bound is taken
+//!   with a margin of [`MARGIN`], so that rounding makes no claim false.
 
 use super::{Comparison, Expression, Infix, Op, evaluate, motor};
 use crate::behavior::MachineState;
@@ -61,7 +63,10 @@ impl Claims {
             let part = match op {
                 Op::Infix(infix) => {
                     let right = stack.pop();
-                    stack.pop().zip(right).map(|(left, right)| infix_part(*infix, left, right, ops, at))
+                    stack
+                        .pop()
+                        .zip(right)
+                        .map(|(left, right)| infix_part(*infix, left, right, ops, at))
                 }
                 Op::Negate | Op::Not => stack.pop().map(|inner| prefix_part(*op, inner, ops, at)),
                 leaf => Some(leaf_part(*leaf, at)),
@@ -86,14 +91,18 @@ impl Claims {
 
     /// True where `other` holds in every case in which this one does.
     pub(in crate::behavior) fn implies(&self, other: &Self) -> bool {
-        self.holds
-            .iter()
-            .all(|case| is_impossible(case) || other.holds.iter().any(|wider| is_within(case, wider)))
+        self.holds.iter().all(|case| {
+            is_impossible(case) || other.holds.iter().any(|wider| is_within(case, wider))
+        })
     }
 
     fn known(truth: bool) -> Self {
         let (always, never) = (vec![Case::new()], Vec::new());
-        if truth { Self { holds: always, fails: never } } else { Self { holds: never, fails: always } }
+        if truth {
+            Self { holds: always, fails: never }
+        } else {
+            Self { holds: never, fails: always }
+        }
     }
 
     fn term(term: Term, holds: Set, fails: Set) -> Self {
@@ -116,8 +125,9 @@ impl Claims {
             .iter()
             .flat_map(|left| other.holds.iter().map(|right| together(left, right)))
             .collect();
-        let simple =
-            fails.len() <= MOST && holds.len() <= MOST && holds.iter().all(|case| case.len() <= MOST);
+        let simple = fails.len() <= MOST
+            && holds.len() <= MOST
+            && holds.iter().all(|case| case.len() <= MOST);
         simple.then_some(Self { holds, fails })
     }
 
@@ -192,7 +202,10 @@ fn infix_part(infix: Infix, left: Part, right: Part, ops: &[Op], at: usize) -> P
             Meaning::Truth(both.unwrap_or_else(|| Claims::piece(piece)))
         }
         (Infix::Compare(comparison), Meaning::Truth(a), Meaning::Truth(b)) => {
-            let same = a.and(&b).zip(a.clone().not().and(&b.not())).and_then(|(both, none)| both.or(&none));
+            let same = a
+                .and(&b)
+                .zip(a.clone().not().and(&b.not()))
+                .and_then(|(both, none)| both.or(&none));
             let same = same.unwrap_or_else(|| Claims::piece(piece));
             Meaning::Truth(if comparison == Comparison::NotEqual { same.not() } else { same })
         }
@@ -218,7 +231,9 @@ fn arithmetic(infix: Infix, left: Meaning, right: Meaning, piece: &[Op]) -> Mean
             let value = evaluate(piece, &Signals::default(), &MachineState::default());
             value.map_or(Meaning::Number, Meaning::Constant)
         }
-        (_, Meaning::Linear(linear), Meaning::Constant(constant)) => scaled(infix, linear, constant),
+        (_, Meaning::Linear(linear), Meaning::Constant(constant)) => {
+            scaled(infix, linear, constant)
+        }
         (Infix::Add | Infix::Multiply, Meaning::Constant(constant), Meaning::Linear(linear)) => {
             scaled(infix, linear, constant)
         }
@@ -240,14 +255,21 @@ fn scaled(infix: Infix, linear: Linear, constant: f64) -> Meaning {
         Infix::Divide => (scale / constant, offset / constant),
         _ => return Meaning::Number,
     };
-    // Each step rounds by at most 1e3 * 2^-53, which comes to less than the margin after division by the scale.
+    // Each step rounds by at most 1e3 * 2^-53, which comes to less than the margin after division
+    // by the scale.
     let steps = linear.steps + 1;
     let sound = steps <= 4 && (1e-3..=1e3).contains(&scale.abs()) && offset.abs() <= 1e3;
     if sound { Meaning::Linear(Linear { scale, offset, steps, ..linear }) } else { Meaning::Number }
 }
 
 /// What a comparison of a number that is not constant with one that is claims.
-fn bounded(comparison: Comparison, number: &Meaning, operand: &[Op], bound: f64, whole: &[Op]) -> Claims {
+fn bounded(
+    comparison: Comparison,
+    number: &Meaning,
+    operand: &[Op],
+    bound: f64,
+    whole: &[Op],
+) -> Claims {
     let Meaning::Linear(linear) = number else {
         // The piece may come to NaN, where the opposite comparison fails too.
         let term = Term::Piece(operand.to_vec());
@@ -357,7 +379,8 @@ impl Set {
         let holes = wider.except.iter().all(|hole| {
             hole + margin < self.low
                 || hole - margin > self.high
-                || exact && (*hole == self.low && self.low_open || *hole == self.high && self.high_open)
+                || exact
+                    && (*hole == self.low && self.low_open || *hole == self.high && self.high_open)
                 || exact && self.except.contains(hole)
         });
         low && high && holes
@@ -393,10 +416,13 @@ fn is_impossible(case: &Case) -> bool {
     case.iter().any(|(term, set)| set.and(&term.domain()).is_empty())
 }
 
-/// True where all that `wider` asks for is so in `case`; what `wider` needs to know must be known there.
+/// True where all that `wider` asks for is so in `case`; what `wider` needs to know must be known
+/// there.
 fn is_within(case: &Case, wider: &Case) -> bool {
     wider.iter().all(|(term, set)| match case.iter().find(|(known, _)| known == term) {
         Some((_, known)) => known.and(&term.domain()).is_within(set),
-        None => matches!(term, Term::Input(q) if q.is_always_known()) && term.domain().is_within(set),
+        None => {
+            matches!(term, Term::Input(q) if q.is_always_known()) && term.domain().is_within(set)
+        }
     })
 }

@@ -107,7 +107,8 @@ fn number(rest: &str) -> Result<(Token<'_>, usize), Bad> {
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok((Token::Number(number), length)),
         _ => {
-            let unit = text.contains(|c: char| (c.is_alphabetic() && !matches!(c, 'e' | 'E')) || c == '_');
+            let unit =
+                text.contains(|c: char| (c.is_alphabetic() && !matches!(c, 'e' | 'E')) || c == '_');
             let way_out = if unit {
                 "a unit is part of a name, as in `range_m < 0.25`"
             } else {
@@ -131,7 +132,8 @@ fn number_length(rest: &str) -> usize {
 }
 
 fn name(rest: &str) -> (Token<'_>, usize) {
-    let length = rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '.'))).unwrap_or(rest.len());
+    let length =
+        rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '.'))).unwrap_or(rest.len());
     let token = match &rest[..length] {
         "and" => Token::Infix(Infix::And),
         "or" => Token::Infix(Infix::Or),

@@ -79,7 +79,11 @@ impl<'p> Parser<'p, '_> {
         match token {
             Token::End => {}
             Token::Close => {
-                self.note(end, Mistake::NotOpened, Some("take it out, or open it before".to_owned()));
+                self.note(
+                    end,
+                    Mistake::NotOpened,
+                    Some("take it out, or open it before".to_owned()),
+                );
                 return None;
             }
             other => {
@@ -88,14 +92,15 @@ impl<'p> Parser<'p, '_> {
             }
         }
         if let Some(found) = found.filter(|found| *found != expected) {
-            let hint =
-                (expected == Kind::Truth).then(|| "compare it with something, as in `… > 0`".to_owned());
+            let hint = (expected == Kind::Truth)
+                .then(|| "compare it with something, as in `… > 0`".to_owned());
             self.note(place, Mistake::Whole { expected, found }, hint);
         }
         Some(())
     }
 
-    /// An operand and what follows it as long as its operators bind at least as strongly as `least`.
+    /// An operand and what follows it as long as its operators bind at least as strongly as
+    /// `least`.
     fn expression(&mut self, least: u8) -> Option<Part> {
         if self.depth == Expression::MAX_NESTING {
             let place = self.peek().1;
@@ -130,7 +135,9 @@ impl<'p> Parser<'p, '_> {
             Token::Truth(truth) => Some(self.push(Op::Truth(truth), Kind::Truth, place)),
             Token::Name(name) => Some(self.name(name, place)),
             Token::Not => self.prefix(Op::Not, "not", NOT_POWER, Kind::Truth, place),
-            Token::Infix(Infix::Subtract) => self.prefix(Op::Negate, "-", NEGATE_POWER, Kind::Number, place),
+            Token::Infix(Infix::Subtract) => {
+                self.prefix(Op::Negate, "-", NEGATE_POWER, Kind::Number, place)
+            }
             Token::Open => {
                 let (kind, _) = self.expression(0)?;
                 match self.peek() {
@@ -209,7 +216,9 @@ impl<'p> Parser<'p, '_> {
                 return (Some(Kind::Truth), place);
             }
             Infix::Compare(_) => (Kind::Number, Kind::Truth),
-            Infix::Add | Infix::Subtract | Infix::Multiply | Infix::Divide => (Kind::Number, Kind::Number),
+            Infix::Add | Infix::Subtract | Infix::Multiply | Infix::Divide => {
+                (Kind::Number, Kind::Number)
+            }
         };
         self.expect(infix.as_str(), takes, &left);
         self.expect(infix.as_str(), takes, &right);

@@ -32,7 +32,8 @@ fn signals(set: &[(Signal, f64)]) -> Signals {
 
 fn value(text: &str, set: &[(Signal, f64)]) -> Option<f64> {
     let kind = if parse(text, Kind::Number).is_ok() { Kind::Number } else { Kind::Truth };
-    let expression = parse(text, kind).unwrap_or_else(|misreadings| panic!("{text}: {misreadings:?}"));
+    let expression =
+        parse(text, kind).unwrap_or_else(|misreadings| panic!("{text}: {misreadings:?}"));
     expression.evaluate(&signals(set), &MachineState::default())
 }
 
@@ -54,7 +55,8 @@ fn operators_bind_as_documented() {
 
 #[test]
 fn signals_are_read_in_the_units_of_their_names() {
-    let since = MachineState { state: 0, entered_ns: SECOND_NS, entered_m: 1.5, entered_heading_rad: 1.0 };
+    let since =
+        MachineState { state: 0, entered_ns: SECOND_NS, entered_m: 1.5, entered_heading_rad: 1.0 };
     let mut signals = signals(&[
         (Signal::Sensed(Channel::Head), 0.5),
         (Signal::Travelled, 2.0),
@@ -91,7 +93,8 @@ fn unknown_never_fires_and_what_does_not_depend_on_it_does() {
     ] {
         assert_eq!(value(text, &[]), expected, "{text}");
         assert_eq!(
-            parse(text, Kind::Truth).is_ok_and(|e| e.holds(&signals(&[]), &MachineState::default())),
+            parse(text, Kind::Truth)
+                .is_ok_and(|e| e.holds(&signals(&[]), &MachineState::default())),
             expected == Some(1.0)
         );
     }
@@ -160,7 +163,11 @@ fn mistakes_have_a_place_and_a_way_out() {
         let first = &misreadings[0];
         assert_eq!(first.to_string(), message, "{text}");
         assert_eq!(&text[first.place.clone()], place, "{text}");
-        assert!(first.hint.as_deref().unwrap_or_default().contains(hint), "{text}: {:?}", first.hint);
+        assert!(
+            first.hint.as_deref().unwrap_or_default().contains(hint),
+            "{text}: {:?}",
+            first.hint
+        );
     }
 }
 
@@ -275,8 +282,8 @@ fn conditions_that_cannot_hold_or_cannot_fail_are_found() {
     }
 }
 
-/// Bounds on one signal in every form that is understood, held against all values that matter: a claim is true, and
-/// where both are plain comparisons none is missed.
+/// Bounds on one signal in every form that is understood, held against all values that matter: a
+/// claim is true, and where both are plain comparisons none is missed.
 #[test]
 fn claims_about_bounds_are_true_and_none_is_missed() {
     let mut conditions = Vec::new();
@@ -294,8 +301,9 @@ fn claims_about_bounds_are_true_and_none_is_missed() {
         .iter()
         .map(|(plain, text)| {
             let condition = condition(text);
-            let holds = values
-                .map(|range| condition.holds(&signals(&[(Signal::Sensed(Channel::Range), range)]), &since));
+            let holds = values.map(|range| {
+                condition.holds(&signals(&[(Signal::Sensed(Channel::Range), range)]), &since)
+            });
             (*plain, text, Claims::of(&condition), holds)
         })
         .collect();
@@ -326,7 +334,9 @@ impl Tree {
             Self::Truth(truth) => truth.to_string(),
             Self::Name(name, ..) => (*name).to_owned(),
             Self::Prefix(word, inner) => format!("{word} ({})", inner.render()),
-            Self::Infix(word, left, right) => format!("({}) {word} ({})", left.render(), right.render()),
+            Self::Infix(word, left, right) => {
+                format!("({}) {word} ({})", left.render(), right.render())
+            }
         }
     }
 
@@ -380,7 +390,11 @@ fn number() -> impl Strategy<Value = Tree> {
         let word = prop::sample::select(vec!["+", "-", "*", "/"]);
         prop_oneof![
             inner.clone().prop_map(|tree| Tree::Prefix("-", Box::new(tree))),
-            (word, inner.clone(), inner).prop_map(|(word, a, b)| Tree::Infix(word, Box::new(a), Box::new(b))),
+            (word, inner.clone(), inner).prop_map(|(word, a, b)| Tree::Infix(
+                word,
+                Box::new(a),
+                Box::new(b)
+            )),
         ]
     })
 }
@@ -391,20 +405,29 @@ fn truth() -> impl Strategy<Value = Tree> {
         any::<bool>().prop_map(Tree::Truth),
         Just(Tree::Name("touch", Signal::Sensed(Channel::Touch), 1.0)),
         Just(Tree::Name("echo", Signal::Echo, 1.0)),
-        (comparison, number(), number()).prop_map(|(word, a, b)| Tree::Infix(word, Box::new(a), Box::new(b))),
+        (comparison, number(), number()).prop_map(|(word, a, b)| Tree::Infix(
+            word,
+            Box::new(a),
+            Box::new(b)
+        )),
     ];
     leaf.prop_recursive(4, 16, 2, |inner| {
         let word = prop::sample::select(vec!["and", "or", "==", "!="]);
         prop_oneof![
             inner.clone().prop_map(|tree| Tree::Prefix("not", Box::new(tree))),
-            (word, inner.clone(), inner).prop_map(|(word, a, b)| Tree::Infix(word, Box::new(a), Box::new(b))),
+            (word, inner.clone(), inner).prop_map(|(word, a, b)| Tree::Infix(
+                word,
+                Box::new(a),
+                Box::new(b)
+            )),
         ]
     })
 }
 
 /// Signals of which any may be lost; few values, so that comparisons come out both ways.
 fn some_signals() -> impl Strategy<Value = Signals> {
-    let value = || prop::option::of(prop::sample::select(vec![0.0, 0.5, 1.0, 2.0, 3.0, f64::INFINITY]));
+    let value =
+        || prop::option::of(prop::sample::select(vec![0.0, 0.5, 1.0, 2.0, 3.0, f64::INFINITY]));
     let flag = || prop::option::of(prop::sample::select(vec![0.0, 1.0]));
     (value(), value(), value(), flag(), flag()).prop_map(|(range, x, head, touch, echo)| {
         let mut signals = Signals::at(0);
@@ -425,7 +448,9 @@ fn some_signals() -> impl Strategy<Value = Signals> {
 
 fn same(left: Option<f64>, right: Option<f64>) -> bool {
     match (left, right) {
-        (Some(left), Some(right)) => left.to_bits() == right.to_bits() || left.is_nan() && right.is_nan(),
+        (Some(left), Some(right)) => {
+            left.to_bits() == right.to_bits() || left.is_nan() && right.is_nan()
+        }
         (left, right) => left == right,
     }
 }

@@ -1,4 +1,5 @@
-//! A mission looked at as a whole: what can be reached and left, what can never fire, who moves what.
+//! A mission looked at as a whole: what can be reached and left, what can never fire, who moves
+//! what.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -23,8 +24,11 @@ pub(super) fn on_stall(root: &Section<'_>, drafts: &[Draft]) -> Option<OnStall> 
     };
     if driving.plan.position(state).is_none() {
         let names = driving.plan.states.iter().take(200).map(|state| state.name.as_str());
-        item.error(format!("machine `{}` drives the wheels and has no state `{state}`", driving.plan.name))
-            .hint(nearest(state, names.chain(["stop"])).unwrap_or_default());
+        item.error(format!(
+            "machine `{}` drives the wheels and has no state `{state}`",
+            driving.plan.name
+        ))
+        .hint(nearest(state, names.chain(["stop"])).unwrap_or_default());
         return None;
     }
     Some(OnStall::Enter(state.to_owned()))
@@ -37,7 +41,8 @@ pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], on_stall: Opt
     one_mode_each(reader);
     for draft in drafts {
         let impossible = conditions(root, draft);
-        // A slip in the name of the state for a stall would look like a state that cannot be reached.
+        // A slip in the name of the state for a stall would look like a state that cannot be
+        // reached.
         if draft.complete && on_stall.is_some() {
             let stall = match on_stall {
                 Some(OnStall::Enter(state)) if draft.moves.contains_key(&Role::Wheels) => {
@@ -60,13 +65,21 @@ fn one_machine_each(reader: &Reader<'_, '_, '_>, drafts: &[Draft]) {
                 Role::Wheels => "the wheels are".to_owned(),
                 Role::Head => "the head is".to_owned(),
                 Role::Motor(at) => {
-                    let name = reader.vocabulary.motors().get(usize::from(*at)).map_or("?", String::as_str);
+                    let name = reader
+                        .vocabulary
+                        .motors()
+                        .get(usize::from(*at))
+                        .map_or("?", String::as_str);
                     format!("the motor `{name}` is")
                 }
                 other => format!("{} is", other.what()),
             };
-            let message = format!("{what} moved by machine `{}` and by machine `{owner}`", draft.plan.name);
-            reader.root.note(place.clone(), Severity::Error, message).hint("one machine alone can move it");
+            let message =
+                format!("{what} moved by machine `{}` and by machine `{owner}`", draft.plan.name);
+            reader
+                .root
+                .note(place.clone(), Severity::Error, message)
+                .hint("one machine alone can move it");
         }
     }
 }
@@ -80,8 +93,9 @@ fn one_mode_each(reader: &Reader<'_, '_, '_>) {
         }
         if let Some((other, _)) = firsts.iter().find(|(other, _)| !other.goes_with(*channel)) {
             let (one, two) = (other.quantity().name, channel.quantity().name);
-            let message =
-                format!("`{one}` and `{two}` are both used, and the sensor gives one of them at a time");
+            let message = format!(
+                "`{one}` and `{two}` are both used, and the sensor gives one of them at a time"
+            );
             let hint = "use one of the two in the whole mission";
             reader.root.note(place.clone(), Severity::Error, message).hint(hint);
         }
@@ -89,8 +103,8 @@ fn one_mode_each(reader: &Reader<'_, '_, '_>) {
     }
 }
 
-/// Conditions that can never hold, that always hold, or that come too late. Returns which transitions of each state can
-/// never fire.
+/// Conditions that can never hold, that always hold, or that come too late. Returns which
+/// transitions of each state can never fire.
 fn conditions(root: &Section<'_>, draft: &Draft) -> Vec<Vec<bool>> {
     let state = |(state, places): (&StatePlan, &Vec<Range<usize>>)| {
         let claims: Vec<Claims> = state.next.iter().map(|next| Claims::of(&next.when)).collect();
@@ -104,9 +118,12 @@ fn conditions(root: &Section<'_>, draft: &Draft) -> Vec<Vec<bool>> {
                     .hint("look at its numbers, or take it out");
             } else if let Some(earlier) = earlier {
                 let other = state.next.get(earlier).map_or("", |next| next.when.text());
-                let message = format!("this can never fire: `{other}` before it holds whenever this does");
+                let message =
+                    format!("this can never fire: `{other}` before it holds whenever this does");
                 root.note(place.clone(), error, message).hint("put the narrower condition first");
-            } else if claim.is_always() && state.next.get(at).is_some_and(|next| next.when.text() != "true") {
+            } else if claim.is_always()
+                && state.next.get(at).is_some_and(|next| next.when.text() != "true")
+            {
                 root.note(place.clone(), warning, "this condition always holds".to_owned())
                     .hint("write `true` if that is meant");
             }
@@ -117,7 +134,8 @@ fn conditions(root: &Section<'_>, draft: &Draft) -> Vec<Vec<bool>> {
     draft.plan.states.iter().zip(&draft.conditions).map(state).collect()
 }
 
-/// States that cannot be reached, states that cannot be left, and states from which there is no way to the final one.
+/// States that cannot be reached, states that cannot be left, and states from which there is no way
+/// to the final one.
 fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Vec<bool>]) {
     let plan = &draft.plan;
     let (forward, backward) = ways(&plan.states);
@@ -129,7 +147,8 @@ fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Ve
         let mut leaves = state.next.iter().zip(impossible.get(at).into_iter().flatten());
         let is_left = leaves.any(|(next, never)| usize::from(next.go) != at && !never);
         let (severity, message, way_out) = if reached.get(at) != Some(&true) {
-            let message = format!("state `{named}` cannot be reached from `{}`", name(draft, plan.start));
+            let message =
+                format!("state `{named}` cannot be reached from `{}`", name(draft, plan.start));
             (Severity::Error, message, "a transition of another state should go here")
         } else if !is_end && !is_left {
             let message = format!("state `{named}` cannot be left, and it is not final");
@@ -138,7 +157,8 @@ fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Ve
             && ends.get(at) == Some(&false)
         {
             let end = name(draft, end);
-            let message = format!("from state `{named}` there is no way to the final state `{end}`");
+            let message =
+                format!("from state `{named}` there is no way to the final state `{end}`");
             (Severity::Warning, message, "without one the mission runs until its time limit")
         } else {
             continue;

@@ -19,7 +19,8 @@ mod actions;
 /// Longest name of a mission, a machine or a state, in characters.
 const NAME_CHARACTERS: usize = 40;
 
-/// With more names than this the nearest one is not looked for: it would take longer than reading the file.
+/// With more names than this the nearest one is not looked for: it would take longer than reading
+/// the file.
 const SEARCHED: usize = 200;
 
 /// The keys of the whole mission.
@@ -34,7 +35,8 @@ pub(super) fn load(
     capabilities: &Capabilities,
 ) -> Result<(Mission, Findings), Findings> {
     document.read(|root| {
-        Reader { root, vocabulary: Vocabulary::new(capabilities), uses: Vec::new(), states: 0 }.mission()
+        Reader { root, vocabulary: Vocabulary::new(capabilities), uses: Vec::new(), states: 0 }
+            .mission()
     })
 }
 
@@ -82,8 +84,9 @@ impl<'d> Reader<'_, 'd, '_> {
             item.integer(10..=100).and_then(|hz| u32::try_from(hz).ok())
         });
         let (low, high) = Mission::TIME_LIMITS_S;
-        let time_limit_s =
-            optional(root, Mission::TIME_LIMIT, DEFAULT_TIME_LIMIT_S, |item| item.number(low..=high));
+        let time_limit_s = optional(root, Mission::TIME_LIMIT, DEFAULT_TIME_LIMIT_S, |item| {
+            item.number(low..=high)
+        });
         let finish = optional(root, "finish", Finish::All, |item| {
             item.word(&[("all", Finish::All), ("any", Finish::Any)])
         });
@@ -118,7 +121,8 @@ impl<'d> Reader<'_, 'd, '_> {
         for item in self.root.section("numbers").iter().flat_map(Section::items) {
             let name = item.key();
             let taken = words().any(|word| word.name == name)
-                || [Mission::TIME_LIMIT, "and", "or", "not", "true", "false", "motor"].contains(&name);
+                || [Mission::TIME_LIMIT, "and", "or", "not", "true", "false", "motor"]
+                    .contains(&name);
             if taken {
                 item.error_at_key(format!("`{name}` already has a meaning in conditions"))
                     .hint("choose another name");
@@ -194,17 +198,25 @@ impl<'d> Reader<'_, 'd, '_> {
             draft.complete &= section.items().iter().all(|item| known.contains(&item.key()));
         }
         let table = |key: &str| section.as_ref()?.get(key)?.section();
-        let doing = table("do").map(|table| self.actions(&table, &mut draft.moves)).unwrap_or_default();
+        let doing =
+            table("do").map(|table| self.actions(&table, &mut draft.moves)).unwrap_or_default();
         let mut signs = |key: &str| table(key).map(|table| self.signs(&table)).unwrap_or_default();
         let (on_entry, on_exit) = (signs("on_entry"), signs("on_exit"));
-        let next =
-            section.and_then(|section| section.get("next")).map_or(Some(Vec::new()), |next| next.list());
+        let next = section
+            .and_then(|section| section.get("next"))
+            .map_or(Some(Vec::new()), |next| next.list());
         draft.complete &= next.is_some();
         let next = self.transitions(next.unwrap_or_default(), names);
         draft.complete &= next.iter().all(Option::is_some);
         let (next, conditions) = next.into_iter().flatten().unzip();
         draft.conditions.push(conditions);
-        draft.plan.states.push(StatePlan { name: item.key().to_owned(), doing, on_entry, on_exit, next });
+        draft.plan.states.push(StatePlan {
+            name: item.key().to_owned(),
+            doing,
+            on_entry,
+            on_exit,
+            next,
+        });
     }
 
     /// Transitions, `None` for each that could not be read, and for all where there are too many.
@@ -229,7 +241,11 @@ impl<'d> Reader<'_, 'd, '_> {
     }
 
     /// A number, as it stands or as an expression in quotes.
-    pub(super) fn number(&mut self, item: &Item<'d>, (low, high): (f64, f64)) -> Option<Expression> {
+    pub(super) fn number(
+        &mut self,
+        item: &Item<'d>,
+        (low, high): (f64, f64),
+    ) -> Option<Expression> {
         if item.is_text() {
             self.expression(item, Kind::Number)
         } else {
@@ -281,8 +297,9 @@ impl Names<'_> {
     fn hint(&self, name: &str) -> String {
         let known = || self.places.keys().copied();
         match self.places.len() {
-            0..=8 => nearest(name, known())
-                .unwrap_or_else(|| format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))),
+            0..=8 => nearest(name, known()).unwrap_or_else(|| {
+                format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))
+            }),
             9..=SEARCHED => nearest(name, known()).unwrap_or_default(),
             _ => String::new(),
         }
@@ -304,7 +321,8 @@ fn is_name(name: &str, item: &Item<'_>) -> bool {
 
 /// A text as a message shows it.
 fn shown(text: &str) -> String {
-    let mut shown: String = text.chars().take(NAME_CHARACTERS).flat_map(char::escape_debug).collect();
+    let mut shown: String =
+        text.chars().take(NAME_CHARACTERS).flat_map(char::escape_debug).collect();
     if text.chars().nth(NAME_CHARACTERS).is_some() {
         shown.push('…');
     }

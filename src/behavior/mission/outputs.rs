@@ -12,8 +12,9 @@ use crate::units::radians;
 impl Outputs {
     /// Adds what is asked for to the demands of a tick.
     pub(super) fn apply(&self, signals: &Signals, since: &MachineState, demands: &mut Demands) {
-        let finite =
-            |number: &Expression| number.evaluate(signals, since).filter(|number| number.is_finite());
+        let finite = |number: &Expression| {
+            number.evaluate(signals, since).filter(|number| number.is_finite())
+        };
         if let Some(plan) = &self.drive {
             demands.drive = Some(plan.drive(finite).unwrap_or(Drive::Stop(StopAction::Brake)));
         }

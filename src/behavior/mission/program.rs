@@ -30,7 +30,8 @@ struct Turn {
 
 impl Program {
     pub(super) fn new(mission: &Mission) -> Result<Self, EngineError> {
-        let machines = mission.machines.iter().enumerate().map(|(index, plan)| machine(index, plan));
+        let machines =
+            mission.machines.iter().enumerate().map(|(index, plan)| machine(index, plan));
         let engine = Engine::new(mission.finish, machines)?;
         let on_stall = match &mission.on_stall {
             OnStall::Stop => Vec::new(),
@@ -50,8 +51,8 @@ impl Program {
         Ok(Self { engine, turn, states, on_stall })
     }
 
-    /// Takes one step: checks, transitions, actions. `demands` becomes what the machines want in this tick, and `on_taken` hears
-    /// of each transition.
+    /// Takes one step: checks, transitions, actions. `demands` becomes what the machines want in
+    /// this tick, and `on_taken` hears of each transition.
     pub fn step(
         &mut self,
         signals: &Signals,
@@ -65,9 +66,10 @@ impl Program {
         progress
     }
 
-    /// The wheels are blocked: the machine that drives them goes to the state of `on_stall` at the next step, whatever its
-    /// conditions say. One that is there already stays, and the state's time and way go on: its own conditions lead it out.
-    /// False where the mission asks to be stopped instead.
+    /// The wheels are blocked: the machine that drives them goes to the state of `on_stall` at the
+    /// next step, whatever its conditions say. One that is there already stays, and the state's
+    /// time and way go on: its own conditions lead it out. False where the mission asks to be
+    /// stopped instead.
     pub fn stall(&mut self) -> bool {
         for &(machine, state) in &self.on_stall {
             if self.engine.position(machine).is_none_or(|(active, _)| active != state) {
@@ -88,10 +90,14 @@ impl Program {
         self.turn.since.get(..self.states.len()).unwrap_or_default()
     }
 
-    /// Goes on from a checkpoint of the same mission. False, with nothing changed, where it does not fit the mission.
+    /// Goes on from a checkpoint of the same mission. False, with nothing changed, where it does
+    /// not fit the mission.
     pub fn restore(&mut self, checkpoint: &[MachineState]) -> bool {
         let fits = checkpoint.len() == self.states.len()
-            && checkpoint.iter().zip(&self.states).all(|(at, states)| usize::from(at.state) < *states);
+            && checkpoint
+                .iter()
+                .zip(&self.states)
+                .all(|(at, states)| usize::from(at.state) < *states);
         if fits {
             for (index, at) in checkpoint.iter().enumerate() {
                 self.engine.restore(index, at.state, at.entered_ns);
@@ -119,7 +125,10 @@ fn machine(index: usize, plan: &MachinePlan) -> Machine<Turn> {
             let described = actions(state, index, at, state_plan);
             state_plan.next.iter().fold(described, |state, transition| {
                 let when = transition.when.clone();
-                state.when(move |turn, _| when.holds(&turn.signals, &turn.since(index)), name(transition.go))
+                state.when(
+                    move |turn, _| when.holds(&turn.signals, &turn.since(index)),
+                    name(transition.go),
+                )
             })
         });
     }

@@ -1,4 +1,5 @@
-//! The menu's pictures as PNG files, one for each that is new: for tests, and for people far from a screen.
+//! The menu's pictures as PNG files, one for each that is new: for tests, and for people far from a
+//! screen.
 
 use std::fs::File;
 use std::io::{self, BufWriter};

@@ -1,10 +1,12 @@
 //! The brick's screen in a terminal, and its buttons on a keyboard.
 //!
-//! A letter of the terminal is two pixels, one above the other, where there is room for that; otherwise eight, as a pattern of Braille dots; and
-//! a terminal that is smaller still shows the page's text. Keys are read as bytes of the standard input, so that a pipe can press them too:
-//! `u d l r`, `e` Enter, `b` Back, `q` ends.
+//! A letter of the terminal is two pixels, one above the other, where there is room for that;
+//! otherwise eight, as a pattern of Braille dots; and a terminal that is smaller still shows the
+//! page's text. Keys are read as bytes of the standard input, so that a pipe can press them too: `u
+//! d l r`, `e` Enter, `b` Back, `q` ends.
 //!
-//! A terminal tells that a key was pressed and not that it was let go: a key counts as held for as long as its repeat keeps coming.
+//! A terminal tells that a key was pressed and not that it was let go: a key counts as held for as
+//! long as its repeat keeps coming.
 
 use std::collections::VecDeque;
 use std::fmt::Write as _;
@@ -134,7 +136,8 @@ fn dots(picture: &Canvas) -> String {
     let mut text = String::new();
     for y in (0..HEIGHT).step_by(4) {
         for x in (0..WIDTH).step_by(2) {
-            let dark = |(right, down): (u32, u32)| u32::from(picture.pixel(x + right, y + down) < 128);
+            let dark =
+                |(right, down): (u32, u32)| u32::from(picture.pixel(x + right, y + down) < 128);
             let pattern = (0..).zip(DOTS).fold(0, |pattern, (bit, dot)| pattern | dark(dot) << bit);
             text.push(char::from_u32(0x2800 + pattern).unwrap_or(' '));
         }
@@ -151,7 +154,8 @@ fn letters(page: &str, size: Size) -> String {
         .flat_map(|line| {
             let letters: Vec<char> = line.chars().collect();
             let rows = letters.len().div_ceil(columns).max(1);
-            (0..rows).map(move |row| letters.iter().skip(row * columns).take(columns).copied().collect())
+            (0..rows)
+                .map(move |row| letters.iter().skip(row * columns).take(columns).copied().collect())
         })
         .collect();
     let foot = format!(
@@ -170,8 +174,8 @@ fn letters(page: &str, size: Size) -> String {
     text + &foot
 }
 
-/// How many turns of the menu's loop a key counts as held: 0.4 s, shorter than the menu waits before it repeats by itself, and long enough for
-/// most keyboards' own repeat to hold on.
+/// How many turns of the menu's loop a key counts as held: 0.4 s, shorter than the menu waits
+/// before it repeats by itself, and long enough for most keyboards' own repeat to hold on.
 const HELD_TURNS: u32 = 8;
 
 /// The buttons on a keyboard.
@@ -233,7 +237,8 @@ impl TerminalKeys {
 }
 
 impl Keys for TerminalKeys {
-    /// One key a turn; the same key again is held on if it comes soon enough, and pressed anew for whatever counts presses.
+    /// One key a turn; the same key again is held on if it comes soon enough, and pressed anew for
+    /// whatever counts presses.
     fn look(&mut self) -> Result<Option<(ButtonChanges, ButtonSet)>, MenuError> {
         self.read()?;
         let mut changes = ButtonChanges::default();
@@ -284,7 +289,10 @@ mod tests {
         let shown = letters(&page, Size { columns: 9, rows: 12 });
         let lines: Vec<&str> = shown.split("\x1b[K\r\n").collect();
         assert!(lines.contains(&"> 42 map:") && lines.contains(&" cut"), "{lines:?}");
-        assert!(lines.len() <= 12 && lines.iter().take(9).all(|line| line.chars().count() <= 9), "{lines:?}");
+        assert!(
+            lines.len() <= 12 && lines.iter().take(9).all(|line| line.chars().count() <= 9),
+            "{lines:?}"
+        );
         let short = letters("[Missions]\n> bump", Size { columns: 80, rows: 24 });
         assert!(short.starts_with("[Missions]\x1b[K\r\n> bump\x1b[K\r\n"), "{short:?}");
     }

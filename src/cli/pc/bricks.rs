@@ -8,7 +8,8 @@ use crate::link::KnownBricks;
 use crate::link::client::PORT;
 use crate::link::discover::{Announced, discover};
 
-/// List the bricks that this PC knows, and whether they answer; or those that make themselves known in this network.
+/// List the bricks that this PC knows, and whether they answer; or those that make themselves known
+/// in this network.
 ///
 /// Examples:
 ///   onbrick bricks
@@ -53,7 +54,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-/// What is announced, and whether it is known here. An announcement has no key, so it is matched by name and address alone.
+/// What is announced, and whether it is known here. An announcement has no key, so it is matched by
+/// name and address alone.
 fn heard(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let folder = arguments.bricks.how.folder.path()?;
     let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
@@ -67,7 +69,8 @@ fn heard(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
         let numbers = brick.addresses.iter().map(ToString::to_string).collect::<Vec<_>>();
         let address = address(brick);
         let of_it = |part: &str| known.find(part).is_some();
-        let is_known = of_it(&brick.name) || of_it(&address) || numbers.iter().any(|number| of_it(number));
+        let is_known =
+            of_it(&brick.name) || of_it(&address) || numbers.iter().any(|number| of_it(number));
         let way_in = if is_known { "known".to_owned() } else { format!("onbrick pair {address}") };
         output.show(
             format!("{}  {address}  {}  {way_in}", brick.name, numbers.join(" ")),

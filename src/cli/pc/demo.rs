@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::cli::common::{
-    LoadedRun, Progress, draw, environment, load_mission, load_robot, load_world, open_run, scene_of,
-    shipped_mission, stamps_ns,
+    LoadedRun, Progress, draw, environment, load_mission, load_robot, load_world, open_run,
+    scene_of, shipped_mission, stamps_ns,
 };
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
@@ -54,8 +54,12 @@ struct Quality {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let job = job(arguments, output)?;
     std::fs::create_dir_all(&arguments.out).map_err(|error| {
-        Failure::from_error(Exit::Refused, &format!("cannot make {}", arguments.out.display()), &error)
-            .hint("--out with a folder that can be written to")
+        Failure::from_error(
+            Exit::Refused,
+            &format!("cannot make {}", arguments.out.display()),
+            &error,
+        )
+        .hint("--out with a folder that can be written to")
     })?;
     let robot = load_robot(None, output)?;
     let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())
@@ -72,8 +76,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         execute(&job, environment, &flags, &mut NoHeartbeat, move |event| shown.show(event))
     });
     progress.finish();
-    let ended =
-        ended.map_err(|refused| Failure::of_refused(refused.stop().to_string(), refused.way_out()))?;
+    let ended = ended
+        .map_err(|refused| Failure::of_refused(refused.stop().to_string(), refused.way_out()))?;
     output.line(ended.to_string());
     let loaded = open_run(&job.file)?;
     let Brick::Simulated { world, .. } = &job.brick else {
@@ -107,7 +111,9 @@ fn from_walls(quality: &Quality) -> String {
     match (quality.wall_median_m, quality.wall_p90_m) {
         (Some(median_m), Some(p90_m)) => {
             let [median_cm, p90_cm] = [median_m, p90_m].map(|metres| metres * 100.0);
-            format!("to the nearest wall {median_cm:.1} cm (median), {p90_cm:.1} cm (90th percentile)")
+            format!(
+                "to the nearest wall {median_cm:.1} cm (median), {p90_cm:.1} cm (90th percentile)"
+            )
         }
         _ if quality.points == 0 => "the robot heard no echo".to_owned(),
         _ => "there is no wall in this world to compare them with".to_owned(),
@@ -116,7 +122,11 @@ fn from_walls(quality: &Quality) -> String {
 
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (1.0..=36_000.0).contains(&seconds) { Ok(seconds) } else { Err("it can be 1 to 36000".to_owned()) }
+    if (1.0..=36_000.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("it can be 1 to 36000".to_owned())
+    }
 }
 
 fn job(arguments: &Arguments, output: &mut Output) -> Result<Job, Failure> {
@@ -141,8 +151,11 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
     let (world, _) = World::parse(&world.name, world.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let run = &loaded.run;
-    let mut distances: Vec<f64> =
-        run.points.iter().map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)).collect();
+    let mut distances: Vec<f64> = run
+        .points
+        .iter()
+        .map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m))
+        .collect();
     // A world without walls has no nearest one.
     distances.retain(|distance_m| distance_m.is_finite());
     let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();

@@ -8,7 +8,8 @@ use crate::printable::with_causes;
 use crate::recording::Grid;
 use crate::report::export;
 
-/// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers open.
+/// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
+/// open.
 ///
 /// Examples:
 ///   onbrick export onbrick-demo/run.mcap --format pgm --out map
@@ -19,7 +20,8 @@ pub(in crate::cli) struct Arguments {
     /// Recordings.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// csv: points.csv and path.csv; ply: points.ply; pgm: map.pgm and map.yaml, the occupancy grid.
+    /// csv: points.csv and path.csv; ply: points.ply; pgm: map.pgm and map.yaml, the occupancy
+    /// grid.
     #[arg(long)]
     format: Format,
     /// The folder to write to.
@@ -54,7 +56,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     write_all(&arguments.out, files, output)
 }
 
-fn write_all(folder: &Path, files: Vec<(&str, Vec<u8>)>, output: &mut Output) -> Result<(), Failure> {
+fn write_all(
+    folder: &Path,
+    files: Vec<(&str, Vec<u8>)>,
+    output: &mut Output,
+) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| {
         Failure::from_error(Exit::Failed, &format!("cannot make {}", folder.display()), &error)
     })?;
@@ -79,7 +85,12 @@ fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
     match (crate::runtime::whole_map(&loaded.run), &loaded.run.map) {
         (Ok(grid), _) => Ok(grid),
         (Err(error), Some(recorded)) => {
-            let lost = loaded.run.points.iter().filter(|point| !recorded.has(point.x_m, point.y_m)).count();
+            let lost = loaded
+                .run
+                .points
+                .iter()
+                .filter(|point| !recorded.has(point.x_m, point.y_m))
+                .count();
             let (all, why) = (loaded.run.points.len(), with_causes(&error));
             log::warn!(
                 "{}: {lost} of {all} points lie beyond the recorded grid and are left out: {why}",
@@ -87,8 +98,10 @@ fn grid(runs: &[LoadedRun]) -> Result<Grid, Failure> {
             );
             Ok(recorded.clone())
         }
-        (Err(error), None) => {
-            Err(Failure::from_error(Exit::Failed, &format!("cannot replay {}", loaded.name), &error))
-        }
+        (Err(error), None) => Err(Failure::from_error(
+            Exit::Failed,
+            &format!("cannot replay {}", loaded.name),
+            &error,
+        )),
     }
 }

@@ -12,7 +12,8 @@ use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::LivePage;
 use crate::service::protocol::RunId;
 
-/// Bring recordings home, byte for byte. What is cut off is gone on from by the next call; a run that is going on is followed to its end.
+/// Bring recordings home, byte for byte. What is cut off is gone on from by the next call; a run
+/// that is going on is followed to its end.
 ///
 /// Examples:
 ///   onbrick fetch ev3-blue                 the newest run
@@ -70,7 +71,11 @@ impl Brought {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
     std::fs::create_dir_all(&arguments.out.out).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("cannot make {}", arguments.out.out.display()), &error)
+        Failure::from_error(
+            Exit::Failed,
+            &format!("cannot make {}", arguments.out.out.display()),
+            &error,
+        )
     })?;
     if arguments.follow {
         let [brick] = asking.bricks.as_slice() else {
@@ -134,7 +139,12 @@ fn bring(
     let shown = file.display().to_string();
     client.take_at_most(most_bytes);
     let progress = client.fetch(run, &file, watch)?;
-    Ok(Brought { run: run.clone(), file: shown, bytes: progress.bytes, was_there: progress.was_there })
+    Ok(Brought {
+        run: run.clone(),
+        file: shown,
+        bytes: progress.bytes,
+        was_there: progress.was_there,
+    })
 }
 
 fn show(brick: &KnownBrick, brought: &Brought, output: &mut Output) {
@@ -170,14 +180,16 @@ fn follow(
     let known = |run: &crate::recording::Run| outlines(run).unwrap_or_default();
     let page = LivePage::serve(part, title, arguments.page, known)
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
-    output.show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
+    output
+        .show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     let watch = Watch::of(run);
     let brought = std::thread::scope(|scope| {
         scope.spawn(|| watch.look(asking, brick));
         let mut line = Line::new(output);
-        let brought = bring(&mut client, run, &arguments.out.out, arguments.most_bytes(), &mut |progress| {
-            line.show(progress, &watch.line(), output);
-        });
+        let brought =
+            bring(&mut client, run, &arguments.out.out, arguments.most_bytes(), &mut |progress| {
+                line.show(progress, &watch.line(), output);
+            });
         line.finish();
         watch.end();
         brought

@@ -21,10 +21,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let answers = asking.ask(|client, _| client.missions());
     conclude(answers, output, |output, brick, missions| {
         for mission in &missions.missions {
-            let limit = mission.time_limit_s.map(|limit| format!("  {limit:.0} s")).unwrap_or_default();
+            let limit =
+                mission.time_limit_s.map(|limit| format!("  {limit:.0} s")).unwrap_or_default();
             let short = mission.sha256.get(..8).unwrap_or_default();
             let findings = match &mission.findings {
-                Some(text) if log::log_enabled!(log::Level::Info) => format!("\n{}", text.trim_end()),
+                Some(text) if log::log_enabled!(log::Level::Info) => {
+                    format!("\n{}", text.trim_end())
+                }
                 Some(_) => "  not in order: -v says why".to_owned(),
                 None => String::new(),
             };

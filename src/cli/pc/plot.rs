@@ -29,7 +29,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let kind = Kind::of(&arguments.output)?;
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
     let scene = scene_of(&runs, arguments.title.as_deref());
-    let failed = |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
+    let failed =
+        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
     let bytes = match kind {
         Kind::Svg => plot::svg(&scene).map_err(|error| failed(&error))?.into_bytes(),
         Kind::Png => plot::png(&scene).map_err(|error| failed(&error))?,
@@ -58,8 +59,11 @@ impl Kind {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
             Some("html") => Ok(Self::Html),
-            _ => Err(Failure::new(Exit::Usage, format!("what kind of picture is {}?", file.display()))
-                .hint("a name that ends in .svg, .png or .html")),
+            _ => Err(Failure::new(
+                Exit::Usage,
+                format!("what kind of picture is {}?", file.display()),
+            )
+            .hint("a name that ends in .svg, .png or .html")),
         }
     }
 }

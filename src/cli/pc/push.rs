@@ -1,7 +1,8 @@
 //! `onbrick push`: missions onto a brick, over the system's own ssh.
 //!
-//! The network link writes no files, by design; a person who may log in to the brick may. So this is ssh, with its keys, its passwords and its
-//! configuration, and the brick needs nothing but a shell. A file is either the old one or the whole new one, whatever happens on the way.
+//! The network link writes no files, by design; a person who may log in to the brick may. So this
+//! is ssh, with its keys, its passwords and its configuration, and the brick needs nothing but a
+//! shell. A file is either the old one or the whole new one, whatever happens on the way.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -16,9 +17,10 @@ use crate::link::{KnownBrick, KnownBricks, key_folder};
 
 /// Put missions onto a brick, over ssh.
 ///
-/// Each is checked first, and nothing is sent if one is broken. They go into the folder `missions` of the user robot, where
-/// the menu and `onbrick missions` find them. A brick that is known here by name is found at its
-/// address; every other host that ssh takes is fine: user@host, ssh://user@host:port.
+/// Each is checked first, and nothing is sent if one is broken. They go into the folder `missions`
+/// of the user robot, where the menu and `onbrick missions` find them. A brick that is known here
+/// by name is found at its address; every other host that ssh takes is fine: user@host,
+/// ssh://user@host:port.
 ///
 /// Example: onbrick push red.local my-mission.toml
 #[derive(Debug, clap::Args)]
@@ -52,9 +54,11 @@ const NO_CONNECTION: i32 = 255;
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let host = known_host(&arguments.host)?.unwrap_or_else(|| arguments.host.clone());
     let host = as_robot(&host);
-    let parcels = arguments.missions.iter().map(|path| parcel(path)).collect::<Result<Vec<_>, _>>()?;
+    let parcels =
+        arguments.missions.iter().map(|path| parcel(path)).collect::<Result<Vec<_>, _>>()?;
     let failed = |doing: &str, error: &dyn std::error::Error| {
-        Failure::from_error(Exit::Failed, doing, error).hint("the package openssh-client has the program ssh")
+        Failure::from_error(Exit::Failed, doing, error)
+            .hint("the package openssh-client has the program ssh")
     };
     // One connection for all, so that a password is asked for once.
     let mut ssh = Command::new("ssh")
@@ -86,22 +90,27 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
-/// Reads and checks one mission. What devices the brick has, only the brick knows; it checks again when the mission is started.
+/// Reads and checks one mission. What devices the brick has, only the brick knows; it checks again
+/// when the mission is started.
 fn parcel(path: &std::path::Path) -> Result<Parcel, Failure> {
     let source = read_source(path, |_| None)?;
-    let (_, warnings) =
-        load_mission(&source, &Capabilities::all()).map_err(|findings| broken_mission(&source, &findings))?;
+    let (_, warnings) = load_mission(&source, &Capabilities::all())
+        .map_err(|findings| broken_mission(&source, &findings))?;
     warn(&warnings);
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let plain = |sign: char| sign.is_ascii_alphanumeric() || matches!(sign, '-' | '_' | '.');
     if !name.ends_with(".toml") || name.starts_with(['.', '-']) || !name.chars().all(plain) {
-        return Err(Failure::refused(format!("{} cannot be a mission's name on a brick", path.display()))
-            .hint("letters, digits, - and _, and .toml at the end: my-mission.toml"));
+        return Err(Failure::refused(format!(
+            "{} cannot be a mission's name on a brick",
+            path.display()
+        ))
+        .hint("letters, digits, - and _, and .toml at the end: my-mission.toml"));
     }
     Ok(Parcel { name: name.to_owned(), text: source.text })
 }
 
-/// What the brick's shell does with the texts that follow one another on its input. Names are plain, so they need no quotes.
+/// What the brick's shell does with the texts that follow one another on its input. Names are
+/// plain, so they need no quotes.
 fn script(parcels: &[Parcel]) -> String {
     let mut script = "set -e; umask 022; mkdir -p missions; cd missions".to_owned();
     for Parcel { name, text } in parcels {
@@ -124,7 +133,11 @@ fn host(text: &str) -> Result<String, String> {
 
 /// A host without a user means the brick's own.
 fn as_robot(host: &str) -> String {
-    if host.contains('@') || host.starts_with("ssh://") { host.to_owned() } else { format!("robot@{host}") }
+    if host.contains('@') || host.starts_with("ssh://") {
+        host.to_owned()
+    } else {
+        format!("robot@{host}")
+    }
 }
 
 /// Where a brick is that is known by this name.
@@ -171,7 +184,8 @@ mod tests {
         let all = parcels.iter().map(|parcel| parcel.text.as_str()).collect::<String>();
         let cut = all.len() - 3;
         assert!(!send(&all.as_bytes()[..cut]), "a broken connection is a failure");
-        let mission = |name: &str| std::fs::read_to_string(folder.path().join("missions").join(name));
+        let mission =
+            |name: &str| std::fs::read_to_string(folder.path().join("missions").join(name));
         assert_eq!(mission("one.toml").unwrap(), parcels[0].text);
         assert!(mission("two.toml").is_err(), "half a file never has its name");
         assert!(send(all.as_bytes()));

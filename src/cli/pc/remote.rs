@@ -1,4 +1,5 @@
-//! What the commands for bricks have in common: which bricks are meant, asking them all at once, and how it ends.
+//! What the commands for bricks have in common: which bricks are meant, asking them all at once,
+//! and how it ends.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -125,7 +126,11 @@ impl How {
     }
 }
 
-fn chosen(known: &KnownBricks, hosts: &[String], unnamed: Unnamed) -> Result<Vec<KnownBrick>, Failure> {
+fn chosen(
+    known: &KnownBricks,
+    hosts: &[String],
+    unnamed: Unnamed,
+) -> Result<Vec<KnownBrick>, Failure> {
     let all: Vec<KnownBrick> = known.iter().cloned().collect();
     if all.is_empty() {
         let message = format!("no brick is known yet in {}", known.path().display());
@@ -156,7 +161,8 @@ impl Asking {
         Arc::clone(&self.interrupted)
     }
 
-    /// The same bricks, asked until another flag is raised, and with at least this patience, seconds.
+    /// The same bricks, asked until another flag is raised, and with at least this patience,
+    /// seconds.
     pub(super) fn until(&self, interrupted: &Arc<AtomicBool>, least_s: f64) -> Self {
         let (timeout_s, absent_s) = (self.timeout_s.max(least_s), self.absent_s.max(least_s));
         Self { timeout_s, absent_s, interrupted: Arc::clone(interrupted), ..self.clone() }
@@ -191,7 +197,8 @@ impl Asking {
     }
 }
 
-/// Shows what came of each brick: good answers by `show`, the others as a line and as JSON. With one brick alone its failure is the command's.
+/// Shows what came of each brick: good answers by `show`, the others as a line and as JSON. With
+/// one brick alone its failure is the command's.
 pub(super) fn conclude<T>(
     answers: Vec<Answer<T>>,
     output: &mut Output,
@@ -215,7 +222,8 @@ pub(super) fn conclude<T>(
     }
     let Some(first) = failures.first() else { return Ok(()) };
     let message = format!("{} of {asked} bricks did not do it", failures.len());
-    let all_alike = failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);
+    let all_alike =
+        failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);
     Err(Failure::new(if all_alike { first.exit } else { Exit::SomeFailed }, message))
 }
 

@@ -41,10 +41,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         Ok((loaded, bytes))
     };
     let runs = arguments.runs.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
-    let parts: Vec<Part<'_>> =
-        runs.iter().map(|(loaded, bytes)| Part { name: loaded.brick(), bytes, shift_ns: 0 }).collect();
-    let whole =
-        export::mcap(&parts).map_err(|error| Failure::from_error(Exit::Failed, "cannot repair", &error))?;
+    let parts: Vec<Part<'_>> = runs
+        .iter()
+        .map(|(loaded, bytes)| Part { name: loaded.brick(), bytes, shift_ns: 0 })
+        .collect();
+    let whole = export::mcap(&parts)
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot repair", &error))?;
     write_file(&out, &whole)?;
     let messages: u64 = runs.iter().map(|(loaded, _)| loaded.run.integrity.messages).sum();
     let told = serde_json::json!({ "wrote": out, "messages": messages });

@@ -7,7 +7,8 @@ use crate::cli::common::{pose, read_bounded, setting};
 use crate::cli::{Failure, Output};
 use crate::service::protocol::{Chosen, MAX_MISSION_BYTES};
 
-/// Start a mission on a brick: one that it has, by name, or a file of yours, which it checks as its own and keeps with the run.
+/// Start a mission on a brick: one that it has, by name, or a file of yours, which it checks as its
+/// own and keeps with the run.
 ///
 /// Examples:
 ///   onbrick start map ev3-blue
@@ -15,7 +16,8 @@ use crate::service::protocol::{Chosen, MAX_MISSION_BYTES};
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
-    /// The name of a mission of the brick's, or a mission file (a path with a / or the ending .toml).
+    /// The name of a mission of the brick's, or a mission file (a path with a / or the ending
+    /// .toml).
     mission: PathBuf,
     #[command(flatten)]
     bricks: Bricks,
@@ -30,7 +32,8 @@ pub(in crate::cli) struct Arguments {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let mission = chosen(&arguments.mission)?;
     let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
-    let answers = asking.ask(|client, _| client.start(mission.clone(), arguments.pose, &arguments.set));
+    let answers =
+        asking.ask(|client, _| client.start(mission.clone(), arguments.pose, &arguments.set));
     conclude(answers, output, |output, brick, started| {
         output.show(
             format!("{}: started {}", brick.name, started.run),
@@ -41,7 +44,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 
 /// Whether it is written as a file's path.
 pub(super) fn names_a_file(mission: &Path) -> bool {
-    mission.to_string_lossy().contains('/') || mission.extension().is_some_and(|ending| ending == "toml")
+    mission.to_string_lossy().contains('/')
+        || mission.extension().is_some_and(|ending| ending == "toml")
 }
 
 /// A file that is named as one, or the name of a mission that the brick has.
@@ -57,7 +61,7 @@ pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
         );
         return Err(Failure::refused(message).hint("copy it into the brick's folder of missions"));
     }
-    let text =
-        String::from_utf8(bytes).map_err(|_| Failure::refused(format!("{shown} is not text (not UTF-8)")))?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| Failure::refused(format!("{shown} is not text (not UTF-8)")))?;
     Ok(Chosen::Text(text))
 }

@@ -26,7 +26,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     conclude(answers, output, |output, brick, status| {
         let battery = battery(&status);
         let word = word(status.state);
-        let text = format!("{}  {word}  {battery}  onbrick {}{}", brick.name, status.version, doing(&status));
+        let text = format!(
+            "{}  {word}  {battery}  onbrick {}{}",
+            brick.name,
+            status.version,
+            doing(&status)
+        );
         output.show(text, &serde_json::json!({ "brick": brick.name, "status": status }));
     })
 }
@@ -58,7 +63,12 @@ fn doing(status: &Status) -> String {
         lines.push_str(&format!("\n  {}", going(run)));
     } else if let Some(last) = &status.last {
         let run = last.run.as_ref().map(|run| format!(" ({run})")).unwrap_or_default();
-        lines.push_str(&format!("\n  last: {}{run}: {}: {}", last.mission, last.stop.reason.word(), last));
+        lines.push_str(&format!(
+            "\n  last: {}{run}: {}: {}",
+            last.mission,
+            last.stop.reason.word(),
+            last
+        ));
     }
     if let Some(finding) = &status.robot {
         lines.push_str(&format!("\n  robot: {}", finding.trim_end()));
@@ -76,7 +86,8 @@ fn doing(status: &Status) -> String {
 pub(super) fn going(run: &RunStatus) -> String {
     let how = match (&run.progress, &run.waits) {
         (Some(progress), _) => {
-            let states: Vec<&str> = progress.states.iter().map(|(_, state)| state.as_str()).collect();
+            let states: Vec<&str> =
+                progress.states.iter().map(|(_, state)| state.as_str()).collect();
             format!(
                 "{:.0} of {:.0} s, {:.1} m, {} points; {}",
                 crate::clock::seconds(progress.elapsed_ns),

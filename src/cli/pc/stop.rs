@@ -4,7 +4,8 @@ use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Exit, Failure, Output};
 use crate::service::protocol::RunId;
 
-/// Stop what bricks do; answered when their motors have been told. Without a HOST, every brick that is known.
+/// Stop what bricks do; answered when their motors have been told. Without a HOST, every brick that
+/// is known.
 ///
 /// Examples:
 ///   onbrick stop
@@ -26,7 +27,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     conclude(answers, output, |output, brick, stopped| {
         let text = match &stopped.run {
             Some(run) if stopped.stopped => format!("{}: stopped {run}", brick.name),
-            Some(run) => format!("{}: {run} was told to stop, and not every motor took it", brick.name),
+            Some(run) => {
+                format!("{}: {run} was told to stop, and not every motor took it", brick.name)
+            }
             None => format!("{}: nothing was running", brick.name),
         };
         output.show(text, &serde_json::json!({ "brick": brick.name, "stopped": stopped }));
@@ -37,6 +40,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if turning.is_empty() {
         return Ok(());
     }
-    Err(Failure::new(Exit::Failed, format!("not every motor of {} was told to stop", turning.join(", ")))
-        .hint("onbrick stop once more, or Back on the brick"))
+    Err(Failure::new(
+        Exit::Failed,
+        format!("not every motor of {} was told to stop", turning.join(", ")),
+    )
+    .hint("onbrick stop once more, or Back on the brick"))
 }

@@ -21,10 +21,12 @@ mod check;
 mod drive;
 mod gather;
 
-/// Run one mission on all bricks of a team at the same time, bring their recordings home, and put their maps together.
+/// Run one mission on all bricks of a team at the same time, bring their recordings home, and put
+/// their maps together.
 ///
-/// Every brick is checked before anything moves: there, ready, the same version, the same mission, a good battery. Ctrl-C stops them all
-/// and brings home what they have; twice, it only stops waiting.
+/// Every brick is checked before anything moves: there, ready, the same version, the same mission,
+/// a good battery. Ctrl-C stops them all and brings home what they have; twice, it only stops
+/// waiting.
 ///
 /// Examples:
 ///   onbrick new team team.toml             which bricks, and where each starts
@@ -36,7 +38,8 @@ mod gather;
 pub(in crate::cli) struct Arguments {
     /// The team's file.
     team: PathBuf,
-    /// The mission, if not the file's: one that every brick has, or a file of yours (a path with a / or the ending .toml).
+    /// The mission, if not the file's: one that every brick has, or a file of yours (a path with a
+    /// / or the ending .toml).
     mission: Option<PathBuf>,
     /// The folder for the recordings, map.svg, map.png, points.csv, path.csv and team.mcap.
     #[arg(short, long, value_name = "DIR", default_value = "onbrick-team")]
@@ -44,7 +47,8 @@ pub(in crate::cli) struct Arguments {
     /// Give one of the mission's own numbers another value; can be repeated.
     #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
     set: Vec<(String, f64)>,
-    /// A brick that drives and has not been heard for so many seconds is given up; the others are not.
+    /// A brick that drives and has not been heard for so many seconds is given up; the others are
+    /// not.
     #[arg(long, default_value_t = 60.0, value_parser = super::remote::patience, value_name = "SECONDS")]
     lost: f64,
     #[command(flatten)]
@@ -84,8 +88,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     check::show(&checked, output);
     check::verdict(&checked)?;
     std::fs::create_dir_all(&arguments.out).map_err(|error| {
-        Failure::from_error(Exit::Refused, &format!("cannot make {}", arguments.out.display()), &error)
-            .hint("--out with a folder that can be written to")
+        Failure::from_error(
+            Exit::Refused,
+            &format!("cannot make {}", arguments.out.display()),
+            &error,
+        )
+        .hint("--out with a folder that can be written to")
     })?;
     let plan = Plan {
         team: &team,
@@ -117,7 +125,8 @@ fn wanted_by(team: &Team, file: &Path) -> Result<Option<Wanted>, Failure> {
     wanted(&if start::names_a_file(mission) { below() } else { mission.to_owned() }).map(Some)
 }
 
-/// A mission by name, or a file's text, which must be in order for some robot at least: whether it is for theirs the bricks say.
+/// A mission by name, or a file's text, which must be in order for some robot at least: whether it
+/// is for theirs the bricks say.
 fn wanted(mission: &Path) -> Result<Wanted, Failure> {
     let chosen = start::chosen(mission)?;
     let name = match &chosen {

@@ -12,8 +12,9 @@ use crate::service::protocol::{RunId, State, Status};
 /// How often the brick is asked, nanoseconds.
 const PACE_NS: i64 = SECOND_NS;
 
-/// A run is said to have driven for less than the brick has been driving; where it is the other way round by more than this, seconds, the
-/// service was started anew meanwhile and has counted from there.
+/// A run is said to have driven for less than the brick has been driving; where it is the other way
+/// round by more than this, seconds, the service was started anew meanwhile and has counted from
+/// there.
 const MOST_AHEAD_S: f64 = 0.1;
 
 /// A run that is watched.
@@ -42,7 +43,8 @@ pub(super) struct Began {
 }
 
 impl Began {
-    /// From an answer: the brick said at some moment between question and answer for how long it had been driving.
+    /// From an answer: the brick said at some moment between question and answer for how long it
+    /// had been driving.
     fn of(status: &Status, run: &RunId, asked_ns: i64, answered_ns: i64) -> Option<Self> {
         let going = status.run.as_ref().filter(|going| going.run == *run)?;
         let driven_s = going.progress.as_ref().map_or(0.0, |progress| seconds(progress.elapsed_ns));
@@ -50,7 +52,8 @@ impl Began {
             return None;
         }
         let within_ns = answered_ns.saturating_sub(asked_ns) / 2;
-        let at_ns = answered_ns.saturating_sub(within_ns).saturating_sub(nanoseconds(status.state_s));
+        let at_ns =
+            answered_ns.saturating_sub(within_ns).saturating_sub(nanoseconds(status.state_s));
         Some(Self { at_ns, within_ns })
     }
 }
@@ -64,14 +67,19 @@ impl Watch {
     /// Asks again and again until [`Watch::end`], or somebody interrupts it.
     pub(super) fn look(&self, asking: &Asking, brick: &KnownBrick) {
         let Ok(mut client) = asking.client(brick) else { return };
-        let is_over = || self.over.load(Ordering::Relaxed) || asking.interrupted().load(Ordering::Relaxed);
+        let is_over =
+            || self.over.load(Ordering::Relaxed) || asking.interrupted().load(Ordering::Relaxed);
         while !is_over() {
             let asked_ns = MonotonicClock.now_ns();
             let status = client.status().ok();
             let answered_ns = MonotonicClock.now_ns();
             // The calendar is read once, so that it cannot jump between question and answer.
             let wall_ns = wall_ns();
-            self.note(status, wall_ns.saturating_sub(answered_ns.saturating_sub(asked_ns)), wall_ns);
+            self.note(
+                status,
+                wall_ns.saturating_sub(answered_ns.saturating_sub(asked_ns)),
+                wall_ns,
+            );
             let until_ns = MonotonicClock.now_ns() + PACE_NS;
             while !is_over() && MonotonicClock.now_ns() < until_ns {
                 MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + PACE_NS / 10);
@@ -80,7 +88,8 @@ impl Watch {
     }
 
     fn note(&self, status: Option<Status>, asked_ns: i64, answered_ns: i64) {
-        let began = status.as_ref().and_then(|status| Began::of(status, &self.run, asked_ns, answered_ns));
+        let began =
+            status.as_ref().and_then(|status| Began::of(status, &self.run, asked_ns, answered_ns));
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         (seen.status, seen.looked) = (status, true);
         // The quickest answer says it best.
@@ -164,7 +173,8 @@ mod tests {
         watch.note(None, 0, 0);
         let best = Some(Began { at_ns: 9 * SECOND_NS + 5, within_ns: 5 });
         assert_eq!(watch.began(), best);
-        // A service that was started anew, another run, a run that does not drive yet: none of them says anything.
+        // A service that was started anew, another run, a run that does not drive yet: none of them
+        // says anything.
         watch.note(Some(running(0.5, Some(3.0))), 12 * SECOND_NS, 12 * SECOND_NS + 2);
         watch.note(Some(Status { state: State::Preparing, ..running(0.5, None) }), 0, 2);
         assert_eq!(watch.began(), best);

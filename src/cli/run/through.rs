@@ -1,4 +1,5 @@
-//! `onbrick run` where a service lives: it runs the mission, this command only asks, watches and stops.
+//! `onbrick run` where a service lives: it runs the mission, this command only asks, watches and
+//! stops.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,8 +21,8 @@ use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
 use crate::service::digest::sha256_hex_of;
 use crate::service::protocol::{
-    Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId, RunInfo, Runs,
-    Start, Started, Status, Stopped,
+    Chosen, Fetch, LastStop, LocalOnly, MAX_FETCH_BYTES, MAX_MISSION_BYTES, Request, RunId,
+    RunInfo, Runs, Start, Started, Status, Stopped,
 };
 
 /// How long one answer may take.
@@ -43,7 +44,9 @@ pub(super) struct Living {
 pub(super) fn service(arguments: &Arguments) -> Result<Option<Living>, Failure> {
     let folder = match &arguments.config {
         Some(folder) => folder.as_path(),
-        None if !is_simulated(arguments) && arguments.brick.tree().is_machine() => Path::new(BRICK_FOLDER),
+        None if !is_simulated(arguments) && arguments.brick.tree().is_machine() => {
+            Path::new(BRICK_FOLDER)
+        }
         None => return Ok(None),
     };
     let config = load_config(folder, arguments.config.is_some())?;
@@ -60,14 +63,20 @@ pub(super) fn service(arguments: &Arguments) -> Result<Option<Living>, Failure> 
 }
 
 /// Has the service run the mission.
-pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+pub(super) fn run(
+    mut living: Living,
+    arguments: &Arguments,
+    output: &mut Output,
+) -> Result<(), Failure> {
     if arguments.robot.is_some() {
         let robot = living.config.robot.display();
         return Err(Failure::new(
             Exit::Usage,
             "--robot does not go with the service that lives on this brick",
         )
-        .hint(format!("put the robot's file at {robot}, or stop the service (systemctl stop onbrick)")));
+        .hint(format!(
+            "put the robot's file at {robot}, or stop the service (systemctl stop onbrick)"
+        )));
     }
     if arguments.brick.has_streams_elsewhere() {
         let message = "--buttons and --speaker do not go with the service that lives on this brick";
@@ -76,7 +85,10 @@ pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output
     }
     let source = read_mission(&own_mission(&living.config, &arguments.mission))?;
     if source.text.len() > MAX_MISSION_BYTES {
-        return Err(Failure::refused(format!("{} has more than {MAX_MISSION_BYTES} bytes", source.name)));
+        return Err(Failure::refused(format!(
+            "{} has more than {MAX_MISSION_BYTES} bytes",
+            source.name
+        )));
     }
     // Before anything starts: whoever stops us means the run.
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])
@@ -93,7 +105,8 @@ pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output
         pose: arguments.pose,
         set: arguments.set.clone(),
     };
-    let started: Result<Started, ClientError> = living.client.ask_own(&LocalOnly::StartHere(start), PATIENCE);
+    let started: Result<Started, ClientError> =
+        living.client.ask_own(&LocalOnly::StartHere(start), PATIENCE);
     started.map_err(|error| {
         folder.iter().for_each(Folder::take_back);
         failure("the run did not start", &error)
@@ -109,10 +122,12 @@ pub(super) fn run(mut living: Living, arguments: &Arguments, output: &mut Output
     finish(living, &run, last?, folder.as_ref(), output)
 }
 
-/// A name is first of all that of one of this brick's missions, as in its menu and from a PC; then that of a shipped one.
+/// A name is first of all that of one of this brick's missions, as in its menu and from a PC; then
+/// that of a shipped one.
 fn own_mission(config: &Config, mission: &Path) -> PathBuf {
     let own = config.missions.join(mission).with_extension("toml");
-    let is_name = mission.components().count() == 1 && mission.extension().is_none() && !mission.exists();
+    let is_name =
+        mission.components().count() == 1 && mission.extension().is_none() && !mission.exists();
     if is_name && own.is_file() { own } else { mission.to_owned() }
 }
 
@@ -157,7 +172,8 @@ fn finish(
     if last.is_wanted() {
         Ok(())
     } else {
-        Err(Failure::new(Exit::Failed, last.to_string()).hint(format!("onbrick replay {}", file.display())))
+        Err(Failure::new(Exit::Failed, last.to_string())
+            .hint(format!("onbrick replay {}", file.display())))
     }
 }
 
@@ -173,8 +189,9 @@ fn follow(
     loop {
         if signals.pending().next().is_some() {
             let stop = Request::Stop { run: Some(run.clone()) };
-            let _: Stopped =
-                client.ask(&stop, PATIENCE).map_err(|error| failure("cannot stop the run", &error))?;
+            let _: Stopped = client
+                .ask(&stop, PATIENCE)
+                .map_err(|error| failure("cannot stop the run", &error))?;
         }
         let status: Status = match client.ask(&Request::Status, PATIENCE) {
             Ok(status) => status,
@@ -190,7 +207,8 @@ fn follow(
         heard_ns = MonotonicClock.now_ns();
         let Some(going_on) = status.run.filter(|going_on| &going_on.run == run) else {
             let last = status.last.filter(|last| last.run.as_ref() == Some(run));
-            return last.ok_or_else(|| Failure::new(Exit::Failed, "nobody knows how the run ended"));
+            return last
+                .ok_or_else(|| Failure::new(Exit::Failed, "nobody knows how the run ended"));
         };
         if let Some(what) = going_on.waits.clone().filter(|_| waits != going_on.waits) {
             show(&Event::Preparing { what });
@@ -216,8 +234,9 @@ fn bring(client: &mut Client, info: &RunInfo, folder: &Folder) -> Result<PathBuf
     let mut offset = 0;
     loop {
         let fetch = Fetch::part(&info.run, offset, MAX_FETCH_BYTES);
-        let (fetched, bytes) =
-            client.fetch(&fetch, PATIENCE).map_err(|error| failure("cannot bring the recording", &error))?;
+        let (fetched, bytes) = client
+            .fetch(&fetch, PATIENCE)
+            .map_err(|error| failure("cannot bring the recording", &error))?;
         file.write_all(&bytes).map_err(|error| failed(&error))?;
         offset += u64::from(fetched.length);
         if offset >= fetched.total {
@@ -230,16 +249,21 @@ fn bring(client: &mut Client, info: &RunInfo, folder: &Folder) -> Result<PathBuf
     // The service computes its own hash meanwhile.
     let deadline_ns = MonotonicClock.now_ns() + HASHED_NS;
     loop {
-        let (fetched, _) =
-            client.fetch(&whole, PATIENCE).map_err(|error| failure("cannot bring the recording", &error))?;
+        let (fetched, _) = client
+            .fetch(&whole, PATIENCE)
+            .map_err(|error| failure("cannot bring the recording", &error))?;
         match fetched.sha256 {
             Some(named) if named == sha256 => return Ok(path),
             Some(_) => {
                 let message = format!("{} is not what the service has recorded", path.display());
-                return Err(Failure::new(Exit::Failed, message).hint("is its disk in order? onbrick replay"));
+                return Err(Failure::new(Exit::Failed, message)
+                    .hint("is its disk in order? onbrick replay"));
             }
             None if MonotonicClock.now_ns() >= deadline_ns => {
-                log::warn!("the service has not named the recording's hash: {} is unchecked", path.display());
+                log::warn!(
+                    "the service has not named the recording's hash: {} is unchecked",
+                    path.display()
+                );
                 return Ok(path);
             }
             None => MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS),

@@ -27,10 +27,12 @@ const SIGNALLED: i32 = 128;
 /// Runs a program over a mounted brick; its exit code becomes ours.
 pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> Result<(), Failure> {
     // Before there is any other thread: a user namespace is for a process that has one.
-    let own = std::env::current_exe()
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot find this program's own file", &error))?;
+    let own = std::env::current_exe().map_err(|error| {
+        Failure::from_error(Exit::Failed, "cannot find this program's own file", &error)
+    })?;
     let mut view = PrivateView::enter(brick, &own).map_err(|error| {
-        let exit = if matches!(error, PrivateError::Failed { .. }) { Exit::Failed } else { Exit::Refused };
+        let exit =
+            if matches!(error, PrivateError::Failed { .. }) { Exit::Failed } else { Exit::Refused };
         Failure::from_error(exit, "no program was started", &error).hint(error.hint())
     })?;
     if !view.lacking().is_empty() {
@@ -54,8 +56,13 @@ pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> R
 }
 
 /// Until the program has ended: brings its pictures to the screen, and hands on who asks it to end.
-fn attend(mut child: Child, view: &mut PrivateView, flags: &StopFlags) -> Result<ExitStatus, Failure> {
-    let failed = |error: &std::io::Error| Failure::from_error(Exit::Failed, "lost the program", error);
+fn attend(
+    mut child: Child,
+    view: &mut PrivateView,
+    flags: &StopFlags,
+) -> Result<ExitStatus, Failure> {
+    let failed =
+        |error: &std::io::Error| Failure::from_error(Exit::Failed, "lost the program", error);
     let mut refresh_ns = 0;
     let mut asked = false;
     loop {

@@ -112,7 +112,10 @@ impl PrivateError {
             Self::Forbidden { setting: Some((name, "1")), .. } => {
                 format!("sudo sysctl -w {name}=0, or {AS_ROOT}")
             }
-            Self::Forbidden { setting: Some((name @ "kernel.unprivileged_userns_clone", _)), .. } => {
+            Self::Forbidden {
+                setting: Some((name @ "kernel.unprivileged_userns_clone", _)),
+                ..
+            } => {
                 format!("sudo sysctl -w {name}=1, or {AS_ROOT}")
             }
             Self::Forbidden { setting: Some((name, _)), .. } => {
@@ -153,7 +156,13 @@ impl Kept {
         } else if fs::symlink_metadata(target).is_err() {
             File::create(target)?;
         }
-        Ok(mount(Some(&source), target, None::<&str>, MsFlags::MS_BIND | MsFlags::MS_REC, None::<&str>)?)
+        Ok(mount(
+            Some(&source),
+            target,
+            None::<&str>,
+            MsFlags::MS_BIND | MsFlags::MS_REC,
+            None::<&str>,
+        )?)
     }
 }
 
@@ -182,12 +191,16 @@ impl PrivateView {
         become_private()?;
         // What was opened before belongs to the machine's own view, and can be put nowhere in this
         // one.
-        let keep = |path: &Path| Kept::new(path).map_err(failed(&format!("open {}", path.display())));
-        let [sys, sim, input] = ["sys", "sim", "dev/input/by-path"].map(|folder| keep(&brick.join(folder)));
+        let keep =
+            |path: &Path| Kept::new(path).map_err(failed(&format!("open {}", path.display())));
+        let [sys, sim, input] =
+            ["sys", "sim", "dev/input/by-path"].map(|folder| keep(&brick.join(folder)));
         let (sys, sim, input) = (sys?, sim?, input?);
         let devices = Path::new("/dev");
-        let machine: Vec<(&str, Kept)> =
-            KEPT.into_iter().filter_map(|name| Some((name, Kept::new(&devices.join(name)).ok()?))).collect();
+        let machine: Vec<(&str, Kept)> = KEPT
+            .into_iter()
+            .filter_map(|name| Some((name, Kept::new(&devices.join(name)).ok()?)))
+            .collect();
         let terminal = terminal().map(|path| keep(&path)).transpose()?;
 
         sys.bind(Path::new("/sys")).map_err(failed("put the brick's files at /sys"))?;
@@ -205,8 +218,13 @@ impl PrivateView {
             }
             fs::create_dir(devices.join("input"))?;
             input.bind(&devices.join("input/by-path"))?;
-            for (number, device) in ["platform-gpio_keys-event", "platform-sound-event"].iter().enumerate() {
-                symlink(Path::new("by-path").join(device), devices.join(format!("input/event{number}")))?;
+            for (number, device) in
+                ["platform-gpio_keys-event", "platform-sound-event"].iter().enumerate()
+            {
+                symlink(
+                    Path::new("by-path").join(device),
+                    devices.join(format!("input/event{number}")),
+                )?;
             }
             sim.bind(&Path::new(OURS).join("sim"))?;
             let mut shown = Vec::new();
@@ -264,7 +282,8 @@ impl PrivateView {
 
 /// The terminal that this process talks to.
 fn terminal() -> Option<PathBuf> {
-    let streams = [io::stdin().is_terminal(), io::stdout().is_terminal(), io::stderr().is_terminal()];
+    let streams =
+        [io::stdin().is_terminal(), io::stdout().is_terminal(), io::stderr().is_terminal()];
     let number = streams.iter().position(|is_terminal| *is_terminal)?;
     fs::read_link(format!("/proc/self/fd/{number}")).ok()
 }
@@ -283,13 +302,22 @@ fn become_private() -> Result<(), PrivateError> {
             }
             other => other?,
         }
-        Ok(mount(None::<&str>, "/", None::<&str>, MsFlags::MS_REC | MsFlags::MS_PRIVATE, None::<&str>)?)
+        Ok(mount(
+            None::<&str>,
+            "/",
+            None::<&str>,
+            MsFlags::MS_REC | MsFlags::MS_PRIVATE,
+            None::<&str>,
+        )?)
     };
     let forbids = |(name, value): &(&str, &str)| {
         let path = format!("/proc/sys/{}", name.replace('.', "/"));
         fs::read_to_string(path).is_ok_and(|now| now.trim() == *value)
     };
-    enter().map_err(|source| PrivateError::Forbidden { setting: BARRIERS.into_iter().find(forbids), source })
+    enter().map_err(|source| PrivateError::Forbidden {
+        setting: BARRIERS.into_iter().find(forbids),
+        source,
+    })
 }
 
 /// Makes the stand-ins and puts them over the machine's programs; returns those for which that
@@ -299,7 +327,11 @@ fn stand_ins(program: &Path) -> io::Result<Vec<&'static str>> {
     fs::create_dir_all(&folder)?;
     let mut quoted = b"#!/bin/sh\nexec '".to_vec();
     for byte in program.as_os_str().as_bytes() {
-        quoted.extend_from_slice(if *byte == b'\'' { b"'\\''" } else { std::slice::from_ref(byte) });
+        quoted.extend_from_slice(if *byte == b'\'' {
+            b"'\\''"
+        } else {
+            std::slice::from_ref(byte)
+        });
     }
     for stand_in in StandIn::ALL {
         let file = folder.join(stand_in.name());
@@ -311,7 +343,9 @@ fn stand_ins(program: &Path) -> io::Result<Vec<&'static str>> {
     fs::create_dir_all(&python)?;
     fs::write(python.join("sitecustomize.py"), SITE)?;
     let layers = format!("lowerdir={}:{PROGRAMS}", folder.display());
-    if mount(Some("overlay"), PROGRAMS, Some("overlay"), MsFlags::MS_RDONLY, Some(layers.as_str())).is_ok() {
+    if mount(Some("overlay"), PROGRAMS, Some("overlay"), MsFlags::MS_RDONLY, Some(layers.as_str()))
+        .is_ok()
+    {
         return Ok(Vec::new());
     }
     // A file that is there can be covered by itself.
@@ -340,7 +374,8 @@ mod tests {
         ] {
             assert!(BARRIERS.contains(&(name, value)));
             let said = said(Some((name, value)));
-            let expected = [format!("{name} is {value};"), format!("sudo sysctl -w {name}{allows} or mount")];
+            let expected =
+                [format!("{name} is {value};"), format!("sudo sysctl -w {name}{allows} or mount")];
             assert!(expected.iter().all(|part| said.contains(part)), "{said}");
         }
         assert!(said(None).contains("--cap-add SYS_ADMIN"), "{}", said(None));

@@ -158,7 +158,9 @@ impl Speaker<'_> {
                 .map_err(io_error(format!("cannot write {path}")));
         }
         if speech.to_output {
-            return out.write_all(&wav(&speech.notes())).map_err(io_error("cannot write the recording"));
+            return out
+                .write_all(&wav(&speech.notes()))
+                .map_err(io_error("cannot write the recording"));
         }
         self.play(&speech.notes())
     }
@@ -175,8 +177,13 @@ fn beep(arguments: &[String]) -> Result<Vec<Note>, StandInError> {
             // `-f440` is `-f 440`.
             let (option, joined) = word.split_at_checked(2).unwrap_or((word, ""));
             let mut number = |low: f64, high: f64| {
-                let text = if joined.is_empty() { words.next().map_or("", String::as_str) } else { joined };
-                let number = text.parse::<f64>().ok().filter(|number| (low..=high).contains(number));
+                let text = if joined.is_empty() {
+                    words.next().map_or("", String::as_str)
+                } else {
+                    joined
+                };
+                let number =
+                    text.parse::<f64>().ok().filter(|number| (low..=high).contains(number));
                 number.ok_or_else(|| {
                     StandInError::Usage(format!("`{option}` takes a number from {low} to {high}"))
                 })
@@ -188,10 +195,18 @@ fn beep(arguments: &[String]) -> Result<Vec<Note>, StandInError> {
                 "-d" => delay_ms = number(0.0, 300_000.0)?,
                 "-D" => (delay_ms, also_after) = (number(0.0, 300_000.0)?, true),
                 "-e" => drop(words.next()),
-                _ => return Err(StandInError::Usage(format!("the stand-in for beep knows no `{option}`"))),
+                _ => {
+                    return Err(StandInError::Usage(format!(
+                        "the stand-in for beep knows no `{option}`"
+                    )));
+                }
             }
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "both are in range")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "both are in range"
+        )]
         let (hz, times) = (libm::round(hz) as u32, times as usize);
         for time in 1..=times {
             notes.push(Note { hz: Some(hz).filter(|hz| *hz > 0), time_s: length_ms / 1e3 });
@@ -224,7 +239,9 @@ fn recording(arguments: &[String]) -> Result<Samples, StandInError> {
     let name = file.filter(|name| *name != "-").unwrap_or("the standard input");
     let mut bytes = Vec::new();
     let read = match file.filter(|name| *name != "-") {
-        Some(path) => File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_end(&mut bytes)),
+        Some(path) => {
+            File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_end(&mut bytes))
+        }
         None => io::stdin().lock().take(MOST_BYTES).read_to_end(&mut bytes),
     };
     read.map_err(io_error(format!("cannot read {name}")))?;
@@ -242,7 +259,8 @@ fn samples(bytes: &[u8]) -> Option<Samples> {
         let body = after.get(..length).unwrap_or(after);
         match name {
             b"fmt " => {
-                let word = |at: usize| body.get(at..at + 2)?.try_into().ok().map(u16::from_le_bytes);
+                let word =
+                    |at: usize| body.get(at..at + 2)?.try_into().ok().map(u16::from_le_bytes);
                 let rate = u32::from_le_bytes(body.get(4..8)?.try_into().ok()?);
                 form = Some((word(2)?, rate, word(14)?));
             }
@@ -271,12 +289,18 @@ fn samples(bytes: &[u8]) -> Option<Samples> {
 /// A recording as the speaker can play it: of each piece the tone, by how often it crosses zero.
 fn heard(samples: &Samples) -> Vec<Note> {
     let rate = f64::from(samples.rate);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand samples")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a few thousand samples"
+    )]
     let piece = ((rate * PIECE_S) as usize).max(1);
     let note = |values: &[i32]| {
         let swing = values.iter().map(|value| value.abs()).max().unwrap_or(0);
-        let crossings =
-            values.iter().zip(values.iter().skip(1)).filter(|(one, next)| (**one < 0) != (**next < 0));
+        let crossings = values
+            .iter()
+            .zip(values.iter().skip(1))
+            .filter(|(one, next)| (**one < 0) != (**next < 0));
         #[expect(clippy::cast_precision_loss, reason = "a few thousand samples")]
         let (crossings, length) = (crossings.count() as f64, values.len() as f64);
         let time_s = length / rate;
@@ -299,7 +323,8 @@ struct Speech {
 impl Speech {
     fn read(arguments: &[String]) -> Result<Self, StandInError> {
         const WITH_VALUE: [&str; 8] = ["-a", "-b", "-f", "-g", "-k", "-l", "-p", "-v"];
-        let mut speech = Self { text: String::new(), words_a_minute: 175.0, to_output: false, file: None };
+        let mut speech =
+            Self { text: String::new(), words_a_minute: 175.0, to_output: false, file: None };
         let mut said = Vec::new();
         let mut words = arguments.iter();
         while let Some(word) = words.next() {
@@ -308,9 +333,10 @@ impl Speech {
                 "-w" => speech.file = words.next().cloned(),
                 "-s" => {
                     let speed = words.next().and_then(|speed| speed.parse::<f64>().ok());
-                    speech.words_a_minute = speed
-                        .filter(|speed| (1.0..=1000.0).contains(speed))
-                        .ok_or_else(|| StandInError::Usage("`-s` takes words a minute".to_owned()))?;
+                    speech.words_a_minute =
+                        speed.filter(|speed| (1.0..=1000.0).contains(speed)).ok_or_else(|| {
+                            StandInError::Usage("`-s` takes words a minute".to_owned())
+                        })?;
                 }
                 option if WITH_VALUE.contains(&option) => drop(words.next()),
                 option if option.starts_with('-') && option.len() > 1 => {}
@@ -324,8 +350,10 @@ impl Speech {
     /// A tone a word, and a breath after it.
     fn notes(&self) -> Vec<Note> {
         let word_s = 60.0 / self.words_a_minute;
-        let word =
-            [Note { hz: Some(SPEECH_HZ), time_s: 0.8 * word_s }, Note { hz: None, time_s: 0.2 * word_s }];
+        let word = [
+            Note { hz: Some(SPEECH_HZ), time_s: 0.8 * word_s },
+            Note { hz: None, time_s: 0.2 * word_s },
+        ];
         self.text.split_whitespace().flat_map(|_| word).collect()
     }
 }
@@ -334,7 +362,11 @@ impl Speech {
 fn wav(notes: &[Note]) -> Vec<u8> {
     let mut data = Vec::new();
     for note in notes {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seconds of samples")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "seconds of samples"
+        )]
         let length = (note.time_s * f64::from(SPEECH_RATE)) as u32;
         for index in 0..length {
             // A square wave.
@@ -367,8 +399,10 @@ fn amixer(file: &Path, arguments: &[String], out: &mut dyn io::Write) -> Result<
             format!("{CONTROL}  Mono: Playback [{volume}%] [on]\n")
         }
         ["set" | "sset", _, volume, ..] => {
-            let volume = volume.trim_end_matches('%').parse::<u8>().ok().filter(|volume| *volume <= 100);
-            let volume = volume.ok_or_else(|| StandInError::Usage("a volume is 0% to 100%".to_owned()))?;
+            let volume =
+                volume.trim_end_matches('%').parse::<u8>().ok().filter(|volume| *volume <= 100);
+            let volume =
+                volume.ok_or_else(|| StandInError::Usage("a volume is 0% to 100%".to_owned()))?;
             fs::write(file, volume.to_string()).map_err(io_error("cannot keep the volume"))?;
             return Ok(());
         }
@@ -426,7 +460,10 @@ mod tests {
     fn what_is_no_recording_is_none_and_a_cut_one_is_what_is_there() {
         let whole = wav(&[Note { hz: Some(1000), time_s: 0.2 }]);
         for length in 0..44 {
-            assert!(samples(&whole[..length]).is_none_or(|samples| samples.values.is_empty()), "{length}");
+            assert!(
+                samples(&whole[..length]).is_none_or(|samples| samples.values.is_empty()),
+                "{length}"
+            );
         }
         assert_eq!(samples(&whole[..244]).unwrap().values.len(), 100);
         assert!(samples(b"RIFFxxxxWAVEdata\x04\0\0\0abcd").is_none(), "no form before the data");

@@ -21,16 +21,17 @@ pub enum EditError {
     },
 }
 
-/// The file's text with other numbers under some keys (`drive.track_width_m`), rounded to a micrometre. Comments behind a number stay in
-/// their column where there is room.
+/// The file's text with other numbers under some keys (`drive.track_width_m`), rounded to a
+/// micrometre. Comments behind a number stay in their column where there is room.
 ///
 /// # Errors
 ///
 /// [`EditError`]; no number is put in where one of them has no place.
 pub fn set_numbers(source: &Source, numbers: &[(&str, f64)]) -> Result<String, EditError> {
-    let document = Document::new(&source.name, source.text.as_bytes()).map_err(EditError::Findings)?;
-    let places =
-        document.read(|root| Some(numbers.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
+    let document =
+        Document::new(&source.name, source.text.as_bytes()).map_err(EditError::Findings)?;
+    let places = document
+        .read(|root| Some(numbers.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
     let (places, _) = places.map_err(EditError::Findings)?;
     let mut edits = Vec::new();
     for ((key, number), place) in numbers.iter().zip(places) {
@@ -66,7 +67,8 @@ fn rounded(number: f64) -> String {
     if short.ends_with('.') { format!("{short}0") } else { short.to_owned() }
 }
 
-/// Replaces a stretch; the spaces between it and a comment on its line take up the difference in length.
+/// Replaces a stretch; the spaces between it and a comment on its line take up the difference in
+/// length.
 fn put(text: &mut String, place: Range<usize>, number: &str) {
     let rest = &text[place.end..];
     let spaces = rest.len() - rest.trim_start_matches(' ').len();
@@ -95,8 +97,11 @@ mod tests {
     fn only_the_numbers_change_and_comments_keep_their_column() {
         let numbers = [("drive.track_width_m", 0.115_432_1), ("drive.wheel_circumference_m", 0.19)];
         let text = set_numbers(&source(DEFAULT_ROBOT), &numbers).unwrap();
-        let differing: Vec<(&str, &str)> =
-            DEFAULT_ROBOT.lines().zip(text.lines()).filter(|(before, after)| before != after).collect();
+        let differing: Vec<(&str, &str)> = DEFAULT_ROBOT
+            .lines()
+            .zip(text.lines())
+            .filter(|(before, after)| before != after)
+            .collect();
         assert_eq!(
             differing,
             [
@@ -125,8 +130,8 @@ mod tests {
 
     #[test]
     fn a_number_that_is_not_there_is_said_and_nothing_is_put_in() {
-        let error =
-            set_numbers(&source("[drive]\na = 1\n"), &[("drive.a", 2.0), ("drive.b", 2.0)]).unwrap_err();
+        let error = set_numbers(&source("[drive]\na = 1\n"), &[("drive.a", 2.0), ("drive.b", 2.0)])
+            .unwrap_err();
         assert_eq!(error.to_string(), "robot.toml has no `drive.b` to write to");
         assert!(set_numbers(&source("[drive\n"), &[("drive.a", 2.0)]).is_err());
         assert!(set_numbers(&source("drive = 1\n"), &[("drive.a", 2.0)]).is_err());

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-/// The most that the mean may be unsure by, as a share of it: what calibration is for is one or two percent.
+/// The most that the mean may be unsure by, as a share of it: what calibration is for is one or two
+/// percent.
 const MOST_ERROR: f64 = 0.01;
 
 /// The most that the two directions may differ by, as a share.
@@ -31,7 +32,8 @@ pub struct Measured {
     pub directions: [f64; 2],
     /// How many measurements there were.
     pub count: usize,
-    /// The share by which all measurements may be off together, which no spread shows: a gyro's own scale.
+    /// The share by which all measurements may be off together, which no spread shows: a gyro's own
+    /// scale.
     pub unseen: f64,
     /// Why the number should not be trusted, if it should not.
     pub doubt: Option<Doubt>,
@@ -67,7 +69,8 @@ pub enum Doubt {
 impl Measured {
     /// Puts the measurements of the two directions together. What is not finite does not count.
     ///
-    /// The standard error is that of the mean, `s / √n` with the sample deviation `s`, which holds the difference of the directions too.
+    /// The standard error is that of the mean, `s / √n` with the sample deviation `s`, which holds
+    /// the difference of the directions too.
     #[must_use]
     pub fn of(before: f64, directions: [&[f64]; 2]) -> Self {
         let [ahead, back] = directions.map(finite);
@@ -84,13 +87,22 @@ impl Measured {
         let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let spread = if count > 0 { most - least } else { 0.0 };
         let directions = [mean(&ahead), mean(&back)];
-        let mut measured =
-            Self { before, after, standard_error, spread, directions, count, unseen: 0.0, doubt: None };
+        let mut measured = Self {
+            before,
+            after,
+            standard_error,
+            spread,
+            directions,
+            count,
+            unseen: 0.0,
+            doubt: None,
+        };
         measured.doubt = measured.doubt();
         measured
     }
 
-    /// The same number times a factor that is itself unsure by a share: relative errors add in squares.
+    /// The same number times a factor that is itself unsure by a share: relative errors add in
+    /// squares.
     #[must_use]
     pub(super) fn scaled(mut self, factor: f64, relative_error: f64) -> Self {
         let own = self.standard_error / self.after;
@@ -142,10 +154,13 @@ impl fmt::Display for Measured {
     }
 }
 
-/// The slope of `y` over `x` by least squares, after points far off the line were left out: a wrong echo must not tilt it.
+/// The slope of `y` over `x` by least squares, after points far off the line were left out: a wrong
+/// echo must not tilt it.
 ///
-/// Three rounds; each leaves out what is farther from the line than three deviations, taken as 1.4826 times the median distance (the usual
-/// robust estimate, Rousseeuw and Croux 1993), but never what is within `noise`. `None` for fewer than `fewest` points that are left, or where x does not vary.
+/// Three rounds; each leaves out what is farther from the line than three deviations, taken as
+/// 1.4826 times the median distance (the usual robust estimate, Rousseeuw and Croux 1993), but
+/// never what is within `noise`. `None` for fewer than `fewest` points that are left, or where x
+/// does not vary.
 #[must_use]
 pub(super) fn slope(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<f64> {
     const DEVIATIONS: f64 = 3.0 * 1.4826;
@@ -177,7 +192,8 @@ fn least_squares(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     (along > 0.0 && slope.is_finite()).then_some((middle_y - slope * middle_x, slope))
 }
 
-/// A line that up to a fourth of wrong points cannot tilt, to begin with: the median of the slopes between points half the list apart.
+/// A line that up to a fourth of wrong points cannot tilt, to begin with: the median of the slopes
+/// between points half the list apart.
 fn median_line(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let mut ordered = points.to_vec();
     ordered.sort_by(|[a, _], [b, _]| a.total_cmp(b));
@@ -216,7 +232,10 @@ mod tests {
         let measured = Measured::of(0.11, [&[0.120, 0.121, 0.119], &[0.1205, 0.1195, 0.120]]);
         assert!((measured.after - 0.12).abs() < 1e-9, "{measured}");
         // By hand: squares 0, 1, 1, 0.25, 0.25, 0 (in 1e-6), s = sqrt(2.5e-6 / 5), over sqrt(6).
-        assert!((measured.standard_error - libm::sqrt(2.5e-6 / 5.0 / 6.0)).abs() < 1e-9, "{measured}");
+        assert!(
+            (measured.standard_error - libm::sqrt(2.5e-6 / 5.0 / 6.0)).abs() < 1e-9,
+            "{measured}"
+        );
         assert!((measured.spread - 0.002).abs() < 1e-9, "{measured}");
         assert_eq!(measured.doubt, None);
     }
@@ -239,7 +258,10 @@ mod tests {
     fn a_factor_that_is_unsure_makes_the_number_unsure() {
         let measured = Measured::of(0.1, [&[0.1, 0.1], &[0.1, 0.1]]);
         let scaled = measured.clone().scaled(1.02, 0.003);
-        assert!((scaled.after - 0.102).abs() < 1e-12 && (scaled.standard_error - 0.102 * 0.003).abs() < 1e-9);
+        assert!(
+            (scaled.after - 0.102).abs() < 1e-12
+                && (scaled.standard_error - 0.102 * 0.003).abs() < 1e-9
+        );
         assert!(matches!(measured.scaled(1.0, 0.05).doubt, Some(Doubt::Scatter(_))));
     }
 

@@ -12,10 +12,12 @@ use crate::senses::{Channel, Role, Senses};
 
 use super::CalibrateError;
 
-/// How often the robot is looked at, nanoseconds: leases are renewed in time, and each echo is seen once.
+/// How often the robot is looked at, nanoseconds: leases are renewed in time, and each echo is seen
+/// once.
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
-/// For how long everything must have stood still before it is read, nanoseconds: the gyro's filter has settled by then.
+/// For how long everything must have stood still before it is read, nanoseconds: the gyro's filter
+/// has settled by then.
 const STILL_NS: i64 = SECOND_NS / 2;
 
 /// How long we wait for that, nanoseconds.
@@ -94,7 +96,8 @@ impl<'s> Stage<'s> {
     ///
     /// # Errors
     ///
-    /// Stopped by a person, lost a sensor, blocked wheels; the motors have been told to stop by then.
+    /// Stopped by a person, lost a sensor, blocked wheels; the motors have been told to stop by
+    /// then.
     pub(super) fn drive(
         &mut self,
         drive: Drive,
@@ -107,8 +110,8 @@ impl<'s> Stage<'s> {
         ended
     }
 
-    /// As [`Stage::drive`], until the person beside the robot says so: on the terminal, or with Enter on the brick, where only
-    /// Back stops meanwhile.
+    /// As [`Stage::drive`], until the person beside the robot says so: on the terminal, or with
+    /// Enter on the brick, where only Back stops meanwhile.
     pub(super) fn drive_until_pressed(
         &mut self,
         drive: Drive,
@@ -217,8 +220,12 @@ impl<'s> Stage<'s> {
     /// A button stops, except that Enter is an answer while turns are marked.
     fn presses(&mut self, stop_pressed: bool) -> Result<(), CalibrateError> {
         // Buttons that cannot be read were said by `doctor`; Ctrl-C is left.
-        let pressed =
-            self.buttons.as_mut().and_then(|buttons| buttons.changes().ok()).unwrap_or_default().pressed;
+        let pressed = self
+            .buttons
+            .as_mut()
+            .and_then(|buttons| buttons.changes().ok())
+            .unwrap_or_default()
+            .pressed;
         let stops = if self.marking { pressed.contains(Button::Back) } else { stop_pressed };
         self.entered = self.entered || pressed.contains(Button::Enter);
         if stops { Err(CalibrateError::Stopped) } else { Ok(()) }

@@ -10,7 +10,8 @@ use super::fit::{Measured, slope};
 use super::stage::{Ended, Limit, Stage};
 use super::{CalibrateError, NoAnswer};
 
-/// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a loud echo, far enough not to touch.
+/// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a
+/// loud echo, far enough not to touch.
 const NEAR_M: f64 = 0.2;
 const FAR_M: f64 = 0.7;
 
@@ -23,7 +24,8 @@ const SPEED_M_S: f64 = 0.08;
 /// The first of each leg is left out, radians of the wheel: gears and caster settle.
 const SETTLE_RAD: f64 = 0.7;
 
-/// So far off the line an echo is as good as any, metres (the sensor's own noise: `lego-sensor-tables`).
+/// So far off the line an echo is as good as any, metres (the sensor's own noise:
+/// `lego-sensor-tables`).
 const RANGE_NOISE_M: f64 = 0.01;
 
 /// A leg with fewer echoes says nothing.
@@ -71,7 +73,11 @@ fn wall_ahead(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
     if START_M.contains(&range_m) {
         return Ok(range_m);
     }
-    let seen = if range_m.is_finite() { format!("{range_m:.2} m off") } else { "not to be seen".to_owned() };
+    let seen = if range_m.is_finite() {
+        format!("{range_m:.2} m off")
+    } else {
+        "not to be seen".to_owned()
+    };
     Err(CalibrateError::NoWall(format!(
         "the wall is {seen}: put the robot half a metre before it, its head straight ahead"
     )))
@@ -94,7 +100,8 @@ fn leg(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Option<f64>, Ca
             if way > 0.0 { NEAR_M } else { FAR_M }
         )));
     }
-    Ok(slope(&echoes.points, RANGE_NOISE_M, FEWEST_ECHOES).map(|metres_per_rad| -2.0 * PI * metres_per_rad))
+    Ok(slope(&echoes.points, RANGE_NOISE_M, FEWEST_ECHOES)
+        .map(|metres_per_rad| -2.0 * PI * metres_per_rad))
 }
 
 fn forward(way: f64) -> Drive {
@@ -130,13 +137,15 @@ impl Echoes {
     /// Takes what is new; true at the leg's end.
     fn look(&mut self, senses: &Senses) -> bool {
         let value = |channel| senses.get(channel).map(|reading| reading.value);
-        let (Some(left_rad), Some(right_rad)) = (value(Channel::Left), value(Channel::Right)) else {
+        let (Some(left_rad), Some(right_rad)) = (value(Channel::Left), value(Channel::Right))
+        else {
             return false;
         };
         let wheel_rad = f64::midpoint(left_rad, right_rad);
         let from_rad = *self.from_rad.get_or_insert(wheel_rad);
         let heard_ns = *self.heard_ns.get_or_insert(senses.time_ns);
-        // While the robot moves, an echo that is new has a new value: one that stands still is an old one read again.
+        // While the robot moves, an echo that is new has a new value: one that stands still is an
+        // old one read again.
         let echo = senses
             .get(Channel::Range)
             .filter(|reading| reading.changed_ns == senses.time_ns && reading.value.is_finite());
@@ -175,7 +184,11 @@ pub(super) fn by_metre(
     Ok(Measured::of(before_m, [&ahead, &back]))
 }
 
-fn metre(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result<f64, CalibrateError> {
+fn metre(
+    stage: &mut Stage<'_>,
+    dialogue: &mut dyn Dialogue,
+    way: f64,
+) -> Result<f64, CalibrateError> {
     let direction = if way > 0.0 { "ahead" } else { "back" };
     let marked = dialogue.confirm(&format!(
         "Mark on the floor where one of the wheels stands. Drive about a metre {direction} now?"

@@ -11,22 +11,26 @@ use super::fit::Measured;
 use super::stage::{Ended, Limit, Stage, Standing};
 use super::{CalibrateError, CalibrateOptions, NoAnswer};
 
-/// How fast the robot spins, radians per second: far below the 440 degrees a second at which a gyro loses count.
+/// How fast the robot spins, radians per second: far below the 440 degrees a second at which a gyro
+/// loses count.
 const SPIN_RAD_S: f64 = PI / 3.0;
 
-/// How fast it creeps towards the mark: a person who is late by a fifth of a second is then 3 degrees off, which the last step corrects.
+/// How fast it creeps towards the mark: a person who is late by a fifth of a second is then 3
+/// degrees off, which the last step corrects.
 const CREEP_RAD_S: f64 = PI / 15.0;
 
 /// Whole turns of a spin that a person marks: a degree of the eye is then 0.14 %.
 const MARKED_TURNS: f64 = 2.0;
 
-/// After this share of the marked turns, by the file's numbers, the robot creeps: they may be off by a fourth.
+/// After this share of the marked turns, by the file's numbers, the robot creeps: they may be off
+/// by a fourth.
 const FAST_SHARE: f64 = 0.75;
 
 /// How much farther a spin may go than the file's numbers say.
 const SLACK: f64 = 1.5;
 
-/// What a gyro may be off by without anything on the robot showing it, as a share: people find 1 to 4 % (`lego-sensor-tables`).
+/// What a gyro may be off by without anything on the robot showing it, as a share: people find 1 to
+/// 4 % (`lego-sensor-tables`).
 const GYRO_UNSEEN: f64 = 0.02;
 
 /// A step of the last correction, radians.
@@ -46,7 +50,10 @@ pub(super) fn track_width(
     if !stage.has_gyro() {
         let spins = marked_spins(stage, dialogue, options.pairs.unwrap_or(2))?;
         let [left, right] = spins.map(|spins| {
-            spins.iter().map(|spin| width_m(spin, circumference_m, marked_rad(spin))).collect::<Vec<_>>()
+            spins
+                .iter()
+                .map(|spin| width_m(spin, circumference_m, marked_rad(spin)))
+                .collect::<Vec<_>>()
         });
         return Ok((Measured::of(before_m, [&left, &right]), None));
     }
@@ -69,7 +76,8 @@ pub(super) fn track_width(
         return Ok((measured, None));
     }
     let [left, right] = marked_spins(stage, dialogue, 1)?;
-    let scales: Vec<f64> = left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
+    let scales: Vec<f64> =
+        left.iter().chain(&right).map(|spin| spin.gyro_rad() / marked_rad(spin)).collect();
     let [a, b] = [scales.first(), scales.last()].map(|scale| scale.copied().unwrap_or(f64::NAN));
     let scale = f64::midpoint(a, b);
     dialogue.say(&format!("The gyro says {:.1} degrees for a whole turn.", 360.0 * scale));
@@ -112,7 +120,8 @@ fn marked_rad(spin: &Spin) -> f64 {
 
 /// The track width for which the wheels' angles make this turn, metres: `b = c (φr - φl) / (2π θ)`.
 fn width_m(spin: &Spin, circumference_m: f64, turned_rad: f64) -> f64 {
-    let apart_rad = (spin.to.right_rad - spin.from.right_rad) - (spin.to.left_rad - spin.from.left_rad);
+    let apart_rad =
+        (spin.to.right_rad - spin.from.right_rad) - (spin.to.left_rad - spin.from.left_rad);
     circumference_m * apart_rad / (2.0 * PI * turned_rad)
 }
 
@@ -123,9 +132,11 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64, turns: f64) -> Result<Spin, Cal
         let gyro_rad = senses.get(Channel::Gyro).map(|reading| reading.value);
         gyro_rad.zip(from.gyro_rad).map_or(0.0, |(now_rad, from_rad)| way * (now_rad - from_rad))
     };
-    let ended = stage.drive(spinning(way * SPIN_RAD_S), limit(stage, wanted_rad, SPIN_RAD_S), |senses| {
-        turned_rad(senses) >= wanted_rad
-    })?;
+    let ended = stage.drive(
+        spinning(way * SPIN_RAD_S),
+        limit(stage, wanted_rad, SPIN_RAD_S),
+        |senses| turned_rad(senses) >= wanted_rad,
+    )?;
     let to = stage.rest()?;
     let spin = Spin { from, to, way };
     if ended == Ended::Limit {
@@ -154,7 +165,11 @@ fn marked_spins(
     Ok([left, right])
 }
 
-fn marked_spin(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result<Spin, CalibrateError> {
+fn marked_spin(
+    stage: &mut Stage<'_>,
+    dialogue: &mut dyn Dialogue,
+    way: f64,
+) -> Result<Spin, CalibrateError> {
     let side = if way > 0.0 { "left" } else { "right" };
     let ready = dialogue.confirm(&format!(
         "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
@@ -170,7 +185,8 @@ fn marked_spin(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> 
     let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad / SLACK, CREEP_RAD_S);
     if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow, dialogue)? == Ended::Limit {
         return Err(CalibrateError::TooFar(
-            "nobody pressed Enter in one and a half times the way: start again and watch the line".to_owned(),
+            "nobody pressed Enter in one and a half times the way: start again and watch the line"
+                .to_owned(),
         ));
     }
     align(stage, dialogue, way)?;
@@ -178,9 +194,14 @@ fn marked_spin(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> 
 }
 
 /// Step by step to the line: nobody presses a button at the right moment.
-fn align(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result<(), CalibrateError> {
+fn align(
+    stage: &mut Stage<'_>,
+    dialogue: &mut dyn Dialogue,
+    way: f64,
+) -> Result<(), CalibrateError> {
     for _ in 0..STEPS {
-        let answers = ["yes, exactly", "it must turn a little further", "it must turn back a little"];
+        let answers =
+            ["yes, exactly", "it must turn a little further", "it must turn back a little"];
         match dialogue.choose("Does it stand along the line?", &answers, 0)? {
             0 => return Ok(()),
             1 => turn(stage, way * CREEP_RAD_S, STEP_RAD)?,
@@ -193,10 +214,12 @@ fn align(stage: &mut Stage<'_>, dialogue: &mut dyn Dialogue, way: f64) -> Result
 /// Turns by an angle, by the wheels and the file's numbers.
 fn turn(stage: &mut Stage<'_>, turn_rad_s: f64, angle_rad: f64) -> Result<(), CalibrateError> {
     let from = stage.rest()?;
-    let (track_m, circumference_m) = (stage.config().track_width_m, stage.config().wheel_circumference_m);
+    let (track_m, circumference_m) =
+        (stage.config().track_width_m, stage.config().wheel_circumference_m);
     let turned_rad = |senses: &Senses| {
         let angle = |channel| senses.get(channel).map_or(0.0, |reading| reading.value);
-        let apart_rad = (angle(Channel::Right) - from.right_rad) - (angle(Channel::Left) - from.left_rad);
+        let apart_rad =
+            (angle(Channel::Right) - from.right_rad) - (angle(Channel::Left) - from.left_rad);
         (circumference_m * apart_rad / (2.0 * PI * track_m)).abs()
     };
     stage.drive(spinning(turn_rad_s), limit(stage, angle_rad, turn_rad_s.abs()), |senses| {

@@ -15,11 +15,12 @@ pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
     let root = examination.patient.tree.root().display();
     match Inventory::read(examination.patient.tree) {
         Err(error) => diagnosis.fail("brick", with_causes(&error), "onbrick devices shows more"),
-        Ok(inventory) if inventory.devices.is_empty() && inventory.battery.is_none() => diagnosis.fail(
-            "brick",
-            format!("there is none below {root}: no device classes of ev3dev"),
-            "run this on the brick, or give --brick the folder where one is mounted",
-        ),
+        Ok(inventory) if inventory.devices.is_empty() && inventory.battery.is_none() => diagnosis
+            .fail(
+                "brick",
+                format!("there is none below {root}: no device classes of ev3dev"),
+                "run this on the brick, or give --brick the folder where one is mounted",
+            ),
         Ok(inventory) => {
             let devices = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
             diagnosis.ok("brick", format!("{} devices below {root}", devices.count()));
@@ -54,18 +55,21 @@ pub(super) fn lock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
 
 pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "battery";
-    let config = examination.config.as_ref().map_or_else(BatteryConfig::default, |config| config.battery);
+    let config =
+        examination.config.as_ref().map_or_else(BatteryConfig::default, |config| config.battery);
     let read = Battery::open(examination.patient.tree).and_then(|battery| {
         let volts = battery.voltage_v()?;
         let cells = battery.technology().unwrap_or_default();
         Ok((volts, BatteryConfig { cells, ..config }.limits()))
     });
     match read {
-        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=MOST_V).contains(&volts) => diagnosis.fail(
-            CHECK,
-            format!("{volts:.2} V"),
-            &format!("charge it, or put in fresh cells; a run needs at least {slow_v} V"),
-        ),
+        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=MOST_V).contains(&volts) => {
+            diagnosis.fail(
+                CHECK,
+                format!("{volts:.2} V"),
+                &format!("charge it, or put in fresh cells; a run needs at least {slow_v} V"),
+            )
+        }
         Ok((volts, BatteryLimits { warn_v, .. })) if volts < warn_v => {
             diagnosis.warn(
                 CHECK,
@@ -74,7 +78,9 @@ pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
             );
         }
         Ok((volts, _)) => diagnosis.ok(CHECK, format!("{volts:.2} V")),
-        Err(error) => diagnosis.warn(CHECK, with_causes(&error), "a run goes without, and cannot warn of it"),
+        Err(error) => {
+            diagnosis.warn(CHECK, with_causes(&error), "a run goes without, and cannot warn of it")
+        }
     }
 }
 

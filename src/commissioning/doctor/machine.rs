@@ -1,4 +1,5 @@
-//! What a run needs of the machine: permissions, disk, clock, priority; and whether its missions are in order.
+//! What a run needs of the machine: permissions, disk, clock, priority; and whether its missions
+//! are in order.
 
 use std::path::{Path, PathBuf};
 
@@ -28,7 +29,8 @@ const FEW_BYTES: u64 = 200 << 20;
 
 pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "groups";
-    let is_this_machine = examination.patient.tree.local_path("").is_some_and(|path| path == Path::new("/"));
+    let is_this_machine =
+        examination.patient.tree.local_path("").is_some_and(|path| path == Path::new("/"));
     if !is_this_machine {
         return diagnosis.ok(CHECK, "not needed: this brick is not the machine itself");
     }
@@ -56,7 +58,10 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
 }
 
 /// The folder itself, or the nearest of its parents that is there: a run makes the rest.
-#[allow(clippy::useless_conversion, reason = "the kernel's words are narrower on the brick than on a PC")]
+#[allow(
+    clippy::useless_conversion,
+    reason = "the kernel's words are narrower on the brick than on a PC"
+)]
 pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "disk";
     let wanted = examination.patient.recordings;
@@ -74,8 +79,12 @@ pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         );
     }
     let free = match statvfs(folder) {
-        Ok(space) => u64::from(space.blocks_available()).saturating_mul(u64::from(space.fragment_size())),
-        Err(errno) => return diagnosis.warn(CHECK, errno.to_string(), "look how full it is with df"),
+        Ok(space) => {
+            u64::from(space.blocks_available()).saturating_mul(u64::from(space.fragment_size()))
+        }
+        Err(errno) => {
+            return diagnosis.warn(CHECK, errno.to_string(), "look how full it is with df");
+        }
     };
     let found = format!("{} MB free for recordings in {}", free >> 20, wanted.display());
     if free < LEAST_BYTES {
@@ -87,7 +96,8 @@ pub(super) fn disk(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
     }
 }
 
-/// Only writing shows whether one can write: a full disk and one that is mounted read-only have fine permissions.
+/// Only writing shows whether one can write: a full disk and one that is mounted read-only have
+/// fine permissions.
 fn try_to_write(folder: &Path) -> std::io::Result<()> {
     let file = folder.join(format!(".onbrick-doctor-{}", nix::unistd::getpid()));
     let written = std::fs::write(&file, b"is there place?");
@@ -107,21 +117,27 @@ pub(super) fn priority(_examination: &mut Examination<'_>, diagnosis: &mut Diagn
     const CHECK: &str = "priority";
     match getrlimit(Resource::RLIMIT_RTPRIO) {
         _ if geteuid().is_root() => diagnosis.ok(CHECK, "root may have real-time priority"),
-        Ok((soft, _)) if soft > 0 => diagnosis.ok(CHECK, format!("real-time priority up to {soft}")),
+        Ok((soft, _)) if soft > 0 => {
+            diagnosis.ok(CHECK, format!("real-time priority up to {soft}"))
+        }
         Ok(_) => diagnosis.warn(
             CHECK,
             "no real-time priority: ticks come late while the brick is busy",
             "a line `USER - rtprio 50` in /etc/security/limits.conf, then log in anew",
         ),
-        Err(errno) => diagnosis.warn(CHECK, errno.to_string(), "a run goes without real-time priority"),
+        Err(errno) => {
+            diagnosis.warn(CHECK, errno.to_string(), "a run goes without real-time priority")
+        }
     }
 }
 
 pub(super) fn missions(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "missions";
     let Some(folder) = examination.patient.missions else { return };
-    let capabilities =
-        examination.config.as_ref().map_or_else(Capabilities::all, crate::robot::RobotConfig::capabilities);
+    let capabilities = examination
+        .config
+        .as_ref()
+        .map_or_else(Capabilities::all, crate::robot::RobotConfig::capabilities);
     let files = match mission_files(folder) {
         Ok(files) => files,
         Err(error) => {
@@ -154,16 +170,24 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
     let bytes = match read_bounded(file) {
         Ok(bytes) => bytes,
         Err(error) => {
-            return diagnosis.fail(CHECK, format!("{name}: {}", with_causes(&error)), "make it readable");
+            return diagnosis.fail(
+                CHECK,
+                format!("{name}: {}", with_causes(&error)),
+                "make it readable",
+            );
         }
     };
     match Mission::parse(&name, &bytes, capabilities) {
-        Ok((mission, _)) => diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name())),
+        Ok((mission, _)) => {
+            diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name()))
+        }
         Err(findings) => {
             let first = findings.iter().next();
-            let found =
-                first.map_or_else(String::new, |first| format!("line {}: {}", first.line, first.message));
-            let to_do = format!("onbrick check {} shows all {}", file.display(), findings.iter().count());
+            let found = first.map_or_else(String::new, |first| {
+                format!("line {}: {}", first.line, first.message)
+            });
+            let to_do =
+                format!("onbrick check {} shows all {}", file.display(), findings.iter().count());
             diagnosis.fail(CHECK, format!("{name} {found}"), &to_do);
         }
     }
@@ -173,6 +197,9 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
 fn read_bounded(file: &Path) -> std::io::Result<Vec<u8>> {
     let most = u64::try_from(Document::MAX_BYTES + 1).unwrap_or(u64::MAX);
     let mut bytes = Vec::new();
-    std::io::Read::read_to_end(&mut std::io::Read::take(std::fs::File::open(file)?, most), &mut bytes)?;
+    std::io::Read::read_to_end(
+        &mut std::io::Read::take(std::fs::File::open(file)?, most),
+        &mut bytes,
+    )?;
     Ok(bytes)
 }

@@ -17,11 +17,13 @@ const WATCH_NS: i64 = SECOND_NS;
 /// How often, nanoseconds.
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
-/// A sensor that was just put into a mode needs this long, nanoseconds; a UART sensor takes up to half a second.
+/// A sensor that was just put into a mode needs this long, nanoseconds; a UART sensor takes up to
+/// half a second.
 const SETTLE_NS: i64 = SECOND_NS / 2;
 
 /// What to do about a device that is not where the file says.
-const REPLUG: &str = "plug it in there and wait three seconds, or let onbrick setup write robot.toml anew";
+const REPLUG: &str =
+    "plug it in there and wait three seconds, or let onbrick setup write robot.toml anew";
 
 /// What to do about a device that is there and does not answer.
 const LOOSE: &str = "unplug it, plug it in again, and wait three seconds";
@@ -36,7 +38,11 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         Ok((config, warnings)) => {
             for warning in &warnings {
                 let place = format!("line {}: {}", warning.line, warning.message);
-                diagnosis.warn(CHECK, place, warning.hint.as_deref().unwrap_or("look at this line"));
+                diagnosis.warn(
+                    CHECK,
+                    place,
+                    warning.hint.as_deref().unwrap_or("look at this line"),
+                );
             }
             diagnosis.ok(CHECK, format!("{} describes \"{}\"", source.name, config.name));
             examination.config = Some(config);
@@ -44,7 +50,11 @@ pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         Err(findings) => {
             for finding in &findings {
                 let found = format!("{} line {}: {}", finding.file, finding.line, finding.message);
-                diagnosis.fail(CHECK, found, finding.hint.as_deref().unwrap_or("correct this line"));
+                diagnosis.fail(
+                    CHECK,
+                    found,
+                    finding.hint.as_deref().unwrap_or("correct this line"),
+                );
             }
         }
     }
@@ -68,10 +78,16 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
     let read = motor.state().and_then(|state| Ok((state, motor.position()?, motor.commands()?)));
     let (state, position, commands) = match read {
         Ok(read) => read,
-        Err(error) => return diagnosis.fail(role, format!("{what}: {}", with_causes(&error)), LOOSE),
+        Err(error) => {
+            return diagnosis.fail(role, format!("{what}: {}", with_causes(&error)), LOOSE);
+        }
     };
     if state.is_running() {
-        diagnosis.fail(role, format!("{what} is running"), "another program drives it: onbrick halt");
+        diagnosis.fail(
+            role,
+            format!("{what} is running"),
+            "another program drives it: onbrick halt",
+        );
     } else if !commands.contains("run-timed") {
         diagnosis.fail(
             role,
@@ -123,19 +139,22 @@ struct Watch {
 }
 
 impl Watch {
-    /// Finds the sensor of a role and puts it into its mode; why it cannot be watched, and what to do.
+    /// Finds the sensor of a role and puts it into its mode; why it cannot be watched, and what to
+    /// do.
     fn begin(
         tree: &Arc<dyn Tree>,
         config: &RobotConfig,
         role: Role,
         may_set: bool,
     ) -> Result<Self, (String, &'static str)> {
-        let mut sensor =
-            RoleSensor::find(tree, config, role, &[]).map_err(|error| (with_causes(&error), REPLUG))?;
+        let mut sensor = RoleSensor::find(tree, config, role, &[])
+            .map_err(|error| (with_causes(&error), REPLUG))?;
         if !sensor.is_in_mode() {
             if !may_set {
-                let found =
-                    format!("it is in another mode than {}, and another program has it", sensor.mode());
+                let found = format!(
+                    "it is in another mode than {}, and another program has it",
+                    sensor.mode()
+                );
                 return Err((found, "look again when the other program is done"));
             }
             sensor.set_mode().map_err(|error| (with_causes(&error), LOOSE))?;

@@ -46,14 +46,22 @@ fn one_of(
         .collect();
     let chosen = match ports.len() {
         0 | 1 => 0,
-        _ => dialogue.choose(&format!("There are several {driver}. Which one {role}?"), &ports, 0)?,
+        _ => {
+            dialogue.choose(&format!("There are several {driver}. Which one {role}?"), &ports, 0)?
+        }
     };
     Ok(ports.get(chosen).map(|port| (*port).to_owned()))
 }
 
-/// The infrared sensor does one thing at a time: it measures the range, or it listens to the remote.
-fn infrared_role(dialogue: &mut dyn Dialogue, port: String, draft: &mut Draft) -> Result<(), NoAnswer> {
-    let uses = ["the remote control", "the range (coarser than with the ultrasonic sensor)", "nothing"];
+/// The infrared sensor does one thing at a time: it measures the range, or it listens to the
+/// remote.
+fn infrared_role(
+    dialogue: &mut dyn Dialogue,
+    port: String,
+    draft: &mut Draft,
+) -> Result<(), NoAnswer> {
+    let uses =
+        ["the remote control", "the range (coarser than with the ultrasonic sensor)", "nothing"];
     let default = usize::from(!draft.sensors.contains_key(&Role::Range));
     let question = format!("What is the infrared sensor on {port} for?");
     match dialogue.choose(&question, &uses, default)? {
@@ -76,7 +84,10 @@ fn tell(dialogue: &mut dyn Dialogue, sensors: &[Identity], draft: &Draft) {
     for identity in sensors {
         let port = identity.address.short();
         if !draft.sensors.values().any(|used| used == port) {
-            dialogue.say(&format!("The {} on {port} has no role; missions cannot see it.", identity.driver));
+            dialogue.say(&format!(
+                "The {} on {port} has no role; missions cannot see it.",
+                identity.driver
+            ));
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The text of a `robot.toml` as `setup` writes it: the comments of the shipped file, the values of the answers.
+//! The text of a `robot.toml` as `setup` writes it: the comments of the shipped file, the values of
+//! the answers.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -76,7 +77,9 @@ impl Draft {
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut page = Page::default();
-        page.bare("# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;");
+        page.bare(
+            "# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;",
+        );
         page.bare("# `onbrick calibrate` measures it by driving, `onbrick doctor` looks whether it fits what is plugged in.");
         page.bare("#");
         page.bare(
@@ -94,12 +97,16 @@ impl Draft {
 
     fn drive(&self, page: &mut Page) {
         page.bare("\n[drive]");
-        for (side, motor, note) in
-            [("left ", &self.left, "also: inverted = true, gear = [12, 36]"), ("right", &self.right, "")]
-        {
+        for (side, motor, note) in [
+            ("left ", &self.left, "also: inverted = true, gear = [12, 36]"),
+            ("right", &self.right, ""),
+        ] {
             if let Some(motor) = motor {
                 let inverted = if motor.inverted { ", inverted = true" } else { "" };
-                page.line(&format!("{side} = {{ port = {}{inverted} }}", quoted(&motor.port)), note);
+                page.line(
+                    &format!("{side} = {{ port = {}{inverted} }}", quoted(&motor.port)),
+                    note,
+                );
             }
         }
         page.line(
@@ -115,7 +122,12 @@ impl Draft {
 
     fn head(&self, page: &mut Page) {
         let Some(head) = &self.head else {
-            return page.example(&["[head]", "port = \"outA\"", "gear = [-12, 36]", "speed_dps = 43.3"]);
+            return page.example(&[
+                "[head]",
+                "port = \"outA\"",
+                "gear = [-12, 36]",
+                "speed_dps = 43.3",
+            ]);
         };
         let [motor, driven] = head.gear;
         let speed_dps = HEAD_MOTOR_DPS * f64::from(motor.abs()) / f64::from(driven.max(1));
@@ -198,8 +210,11 @@ impl Page {
             self.bare(line);
         } else {
             // Writing to a string does not fail.
-            let _ =
-                writeln!(self.text, "{line:<width$}# {comment}", width = COMMENT_COLUMN.max(line.len() + 1));
+            let _ = writeln!(
+                self.text,
+                "{line:<width$}# {comment}",
+                width = COMMENT_COLUMN.max(line.len() + 1)
+            );
         }
     }
 

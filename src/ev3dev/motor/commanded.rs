@@ -15,7 +15,11 @@ impl Commanded {
     }
 
     /// Gives a command by `write`; `drives` says whether the motor may move after it.
-    pub(super) fn give<E>(&self, drives: bool, write: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
+    pub(super) fn give<E>(
+        &self,
+        drives: bool,
+        write: impl FnOnce() -> Result<(), E>,
+    ) -> Result<(), E> {
         // Before it is written: a command whose answer is lost may be running.
         self.may_drive.set(self.may_drive.get() || drives);
         write()?;

@@ -1,4 +1,5 @@
-//! Motors without a position: class `dc-motor`. One appears when an output port is put into the mode `dc-motor`.
+//! Motors without a position: class `dc-motor`. One appears when an output port is put into the
+//! mode `dc-motor`.
 
 use std::sync::Arc;
 
@@ -51,7 +52,8 @@ attributes! {
         pub readwriteable "ramp_down_sp" => ramp_down_sp / set_ramp_down_sp: i32, Legal::Range(0, MAX_RAMP_MS);
         /// What the motor is doing: running, ramping or nothing. This class never wakes a sleeper.
         pub readable "state" => state: MotorState;
-        /// What happens at the end of a command, or at `stop`: coast or brake. It cannot be read back.
+        /// What happens at the end of a command, or at `stop`: coast or brake. It cannot be read
+        /// back.
         pub writeable "stop_action" => set_stop_action: StopAction, Legal::Words(&["coast", "brake"]);
         /// The stop actions that the driver takes.
         pub readable "stop_actions" => stop_actions: Words;
@@ -114,7 +116,8 @@ impl DcMotor {
         self.command(DcCommand::Stop)
     }
 
-    /// Whether dropping this motor stops it if a command of ours may be running; it does unless told otherwise.
+    /// Whether dropping this motor stops it if a command of ours may be running; it does unless
+    /// told otherwise.
     pub fn set_stops_on_drop(&self, stops: bool) {
         self.commanded.set_ends_on_drop(stops);
     }

@@ -2,10 +2,11 @@
 //!
 //! # What we count on
 //!
-//! - Every command copies all set points; set points written later wait for the next command, but for `duty_cycle_sp`
-//!   under `run-direct`.
+//! - Every command copies all set points; set points written later wait for the next command, but
+//!   for `duty_cycle_sp` under `run-direct`.
 //! - Polarity is the kernel's business: it turns set points and readings round.
-//! - After plug-in `position` need not be 0, and set points are whatever a former program left: write `reset` on start.
+//! - After plug-in `position` need not be 0, and set points are whatever a former program left:
+//!   write `reset` on start.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -78,7 +79,8 @@ attributes! {
         writeable "command" => write_command: TachoCommand;
         /// The highest `speed_sp`, counts per second, read anew.
         pub readable "max_speed" => read_max_speed: i32;
-        /// Position, counts. Writing moves the zero, not the motor; while it holds, the motor jumps by the difference.
+        /// Position, counts. Writing moves the zero, not the motor; while it holds, the motor jumps
+        /// by the difference.
         pub readwriteable "position" => position / set_position: i32;
         /// Where `run-to-*` go, counts.
         pub readwriteable "position_sp" => position_sp / set_position_sp: i32;
@@ -176,8 +178,8 @@ impl<K: MotorKind> PositionMotor<K> {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a command that this driver does not have; any other but
-    /// `Malformed`.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a command that this driver does not
+    /// have; any other but `Malformed`.
     pub fn command(&self, command: TachoCommand) -> Result<(), DeviceError> {
         self.commanded.give(command.drives(), || self.write_command(command))
     }
@@ -195,7 +197,8 @@ impl<K: MotorKind> PositionMotor<K> {
     ///
     /// # Errors
     ///
-    /// [`Cause::Other`](crate::ev3dev::Cause::Other) with EACCES for a user who is not in the group `ev3dev`.
+    /// [`Cause::Other`](crate::ev3dev::Cause::Other) with EACCES for a user who is not in the group
+    /// `ev3dev`.
     pub fn check_writable(&self) -> Result<(), DeviceError> {
         self.files.write_command.open_for_writing(&self.node)
     }
@@ -209,9 +212,9 @@ impl<K: MotorKind> PositionMotor<K> {
         self.command(TachoCommand::Reset)
     }
 
-    /// Waits until `state` may have changed since it was last read, or until `timeout`; true if it may have. The
-    /// driver looks every 50 ms, and never wakes a sleeper whose cable is pulled, so keep the timeout below 100 ms
-    /// and read the state anyway.
+    /// Waits until `state` may have changed since it was last read, or until `timeout`; true if it
+    /// may have. The driver looks every 50 ms, and never wakes a sleeper whose cable is pulled, so
+    /// keep the timeout below 100 ms and read the state anyway.
     ///
     /// # Errors
     ///
@@ -220,7 +223,8 @@ impl<K: MotorKind> PositionMotor<K> {
         self.files.state.wait_changed(&self.node, timeout)
     }
 
-    /// Whether dropping this motor stops it if a command of ours may be running; it does unless told otherwise.
+    /// Whether dropping this motor stops it if a command of ours may be running; it does unless
+    /// told otherwise.
     pub fn set_stops_on_drop(&self, stops: bool) {
         self.commanded.set_ends_on_drop(stops);
     }
@@ -256,9 +260,11 @@ pub struct Linear {
 
 const COUNT_PER_ROT: AttributeSpec = AttributeSpec::readable("count_per_rot", Legal::Number);
 const COUNT_PER_M: AttributeSpec = AttributeSpec::readable("count_per_m", Legal::Number);
-const FULL_TRAVEL_COUNT: AttributeSpec = AttributeSpec::readable("full_travel_count", Legal::Number);
+const FULL_TRAVEL_COUNT: AttributeSpec =
+    AttributeSpec::readable("full_travel_count", Legal::Number);
 
-/// What everything else is measured by, so at least 1: nothing can be made of a driver that says otherwise.
+/// What everything else is measured by, so at least 1: nothing can be made of a driver that says
+/// otherwise.
 fn scale(attribute: &Attribute<i32>, node: &Node) -> Result<i32, DeviceError> {
     const LEGAL: Legal = Legal::Range(1, i32::MAX as i64);
     let value = attribute.read(node)?;

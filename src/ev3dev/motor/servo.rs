@@ -1,4 +1,5 @@
-//! Servos: class `servo-motor`, from I²C controllers of other makers; no port of the EV3 itself makes one.
+//! Servos: class `servo-motor`, from I²C controllers of other makers; no port of the EV3 itself
+//! makes one.
 
 use std::sync::Arc;
 
@@ -92,7 +93,8 @@ impl ServoMotor {
         self.commanded.give(command == ServoCommand::Run, || self.write_command(command))
     }
 
-    /// Whether dropping this servo lets it float if a command of ours may be running; it does unless told otherwise.
+    /// Whether dropping this servo lets it float if a command of ours may be running; it does
+    /// unless told otherwise.
     pub fn set_floats_on_drop(&self, floats: bool) {
         self.commanded.set_ends_on_drop(floats);
     }

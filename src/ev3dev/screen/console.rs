@@ -1,12 +1,15 @@
-//! The console behind the screen: its text and cursor kept off the picture, and what the buttons type kept out of it.
+//! The console behind the screen: its text and cursor kept off the picture, and what the buttons
+//! type kept out of it.
 //!
-//! The kernel's console draws on the same memory as we do, and the buttons are its keyboard: without this a blinking cursor would
-//! stand in the picture, and every press would be typed into the shell behind it.
+//! The kernel's console draws on the same memory as we do, and the buttons are its keyboard:
+//! without this a blinking cursor would stand in the picture, and every press would be typed into
+//! the shell behind it.
 //!
 //! # What we count on
 //!
-//! - Dropping a [`Console`] puts everything back; a panic and a signal that ends a loop both come by there. After SIGKILL nobody of ours does: brickman's
-//!   console server and systemd's `TTYReset=yes` do it then.
+//! - Dropping a [`Console`] puts everything back; a panic and a signal that ends a loop both come
+//!   by there. After SIGKILL nobody of ours does: brickman's console server and systemd's
+//!   `TTYReset=yes` do it then.
 
 use std::fs::{File, OpenOptions};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -25,9 +28,11 @@ pub struct Console {
 }
 
 impl Console {
-    /// Takes the console that this process was started on (its standard input), or the one that is named.
+    /// Takes the console that this process was started on (its standard input), or the one that is
+    /// named.
     ///
-    /// `None` where there is no console: over ssh, in a test, on a PC's window system. The picture is then drawn without.
+    /// `None` where there is no console: over ssh, in a test, on a PC's window system. The picture
+    /// is then drawn without.
     #[must_use]
     pub fn take(named: Option<&Path>) -> Option<Self> {
         let file = match named {
@@ -62,7 +67,8 @@ impl Drop for Console {
             let _ = termios::tcflush(fd, FlushArg::TCIFLUSH);
             let _ = termios::tcsetattr(fd, SetArg::TCSANOW, typed);
         }
-        // Text, whatever it was before: a program that was killed may have left it in graphics mode.
+        // Text, whatever it was before: a program that was killed may have left it in graphics
+        // mode.
         let _ = kernel::set_mode(fd, KD_TEXT);
     }
 }

@@ -1,6 +1,7 @@
 //! What the kernel must be asked for by ioctl and memory map; `unsafe` is kept in this file.
 //!
-//! No crate that is still looked after wraps these three calls (`linuxfb` maps with a crate that is not).
+//! No crate that is still looked after wraps these three calls (`linuxfb` maps with a crate that is
+//! not).
 //!
 //! # What we count on
 //!
@@ -92,8 +93,8 @@ pub(super) struct OtherLayout {
 pub(super) fn layout(fd: BorrowedFd<'_>) -> Result<Result<ScreenLayout, OtherLayout>, Errno> {
     let mut variable = Variable::default();
     let mut fixed = Fixed::default();
-    // SAFETY: both structs are laid out as the kernel's (a test holds their sizes), live through the calls, and every bit pattern is
-    // legal in them.
+    // SAFETY: both structs are laid out as the kernel's (a test holds their sizes), live through
+    // the calls, and every bit pattern is legal in them.
     unsafe {
         get_variable(fd.as_raw_fd(), &raw mut variable)?;
         get_fixed(fd.as_raw_fd(), &raw mut fixed)?;
@@ -112,7 +113,8 @@ fn understood(variable: &Variable, fixed: &Fixed) -> Result<ScreenLayout, OtherL
         line_length: fixed.line_length,
     };
     // Where the panel has red, a virtual frame buffer has blue: for greys both are the same.
-    let known = other.bits == 32 && matches!((other.red, other.green, other.blue), (16, 8, 0) | (0, 8, 16));
+    let known =
+        other.bits == 32 && matches!((other.red, other.green, other.blue), (16, 8, 0) | (0, 8, 16));
     // What is mapped is what the kernel says that there is.
     let bytes = u64::from(fixed.line_length) * u64::from(variable.yres);
     let fits = u64::from(variable.xres) * 4 <= u64::from(fixed.line_length)
@@ -132,8 +134,9 @@ fn understood(variable: &Variable, fixed: &Fixed) -> Result<ScreenLayout, OtherL
 
 /// Maps the first `length` bytes of a frame buffer.
 pub(super) fn map(file: &File, length: usize) -> std::io::Result<MmapMut> {
-    // SAFETY: a frame buffer's memory cannot be truncated as a file can. Other processes may draw on it meanwhile; its bytes are
-    // only ever written here, as plain bytes, and never read or relied on.
+    // SAFETY: a frame buffer's memory cannot be truncated as a file can. Other processes may draw
+    // on it meanwhile; its bytes are only ever written here, as plain bytes, and never read or
+    // relied on.
     unsafe { MmapOptions::new().len(length).map_mut(file) }
 }
 

@@ -7,8 +7,8 @@ use super::Frame;
 use super::typed::{TypedSensor, sensor_modes};
 
 words! {
-    /// The colour sensor's usable modes. COL-CAL is left out: it is the factory's, and the sensor stops answering in
-    /// it.
+    /// The colour sensor's usable modes. COL-CAL is left out: it is the factory's, and the sensor
+    /// stops answering in it.
     ColourMode {
         /// Reflected red light.
         Reflect = "COL-REFLECT",
@@ -52,8 +52,16 @@ pub enum Colour {
 
 impl Colour {
     /// Every colour, by its number.
-    pub const ALL: [Self; 8] =
-        [Self::None, Self::Black, Self::Blue, Self::Green, Self::Yellow, Self::Red, Self::White, Self::Brown];
+    pub const ALL: [Self; 8] = [
+        Self::None,
+        Self::Black,
+        Self::Blue,
+        Self::Green,
+        Self::Yellow,
+        Self::Red,
+        Self::White,
+        Self::Brown,
+    ];
 
     /// The sensor's number for it.
     #[must_use]
@@ -114,11 +122,13 @@ impl ColourSensor {
     pub fn colour(&self) -> Result<Colour, DeviceError> {
         self.mode_among(&[ColourMode::Colour], &["COL-COLOR"])?;
         let number = self.first_value(0, 7)?;
-        let colour = usize::try_from(number).ok().and_then(|number| Colour::ALL.get(number).copied());
+        let colour =
+            usize::try_from(number).ok().and_then(|number| Colour::ALL.get(number).copied());
         colour.ok_or_else(|| self.sensor().illegal(number, 0, 7))
     }
 
-    /// The converter's numbers with the light on and off, of one frame. Mode [`ColourMode::RefRaw`].
+    /// The converter's numbers with the light on and off, of one frame. Mode
+    /// [`ColourMode::RefRaw`].
     ///
     /// # Errors
     ///
@@ -140,5 +150,10 @@ impl ColourSensor {
 }
 
 fn raw_rgb(frame: &Frame) -> Option<RawRgb> {
-    Some(RawRgb { red: frame.whole(0)?, green: frame.whole(1)?, blue: frame.whole(2)?, dark: frame.whole(3) })
+    Some(RawRgb {
+        red: frame.whole(0)?,
+        green: frame.whole(1)?,
+        blue: frame.whole(2)?,
+        dark: frame.whole(3),
+    })
 }

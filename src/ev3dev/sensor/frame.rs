@@ -55,7 +55,9 @@ fn number(chunk: &[u8], format: BinFormat) -> Option<f64> {
         BinFormat::S16 => f64::from(i16::from_le_bytes(chunk.try_into().ok()?)),
         BinFormat::S16Be => f64::from(i16::from_be_bytes(chunk.try_into().ok()?)),
         BinFormat::S32 => f64::from(i32::from_le_bytes(chunk.try_into().ok()?)),
-        BinFormat::S32Be | BinFormat::S32BeManual => f64::from(i32::from_be_bytes(chunk.try_into().ok()?)),
+        BinFormat::S32Be | BinFormat::S32BeManual => {
+            f64::from(i32::from_be_bytes(chunk.try_into().ok()?))
+        }
         BinFormat::Float => f64::from(f32::from_le_bytes(chunk.try_into().ok()?)),
     })
 }
@@ -100,7 +102,8 @@ mod tests {
     #[test]
     fn only_whole_values_are_whole() {
         let floats =
-            frame(&[0, 0, 0xc0, 0x3f, 0, 0, 0, 0x40, 0, 0, 0xc0, 0x7f], BinFormat::Float, 3).unwrap();
+            frame(&[0, 0, 0xc0, 0x3f, 0, 0, 0, 0x40, 0, 0, 0xc0, 0x7f], BinFormat::Float, 3)
+                .unwrap();
         assert_eq!(
             [floats.whole(0), floats.whole(1), floats.whole(2), floats.whole(3)],
             [None, Some(2), None, None]

@@ -1,10 +1,10 @@
-//! The gyro sensor. **Clockwise is positive here**, seen from the side with the arrows, as the sensor has it: `robot`
-//! turns it round, and nobody else.
+//! The gyro sensor. **Clockwise is positive here**, seen from the side with the arrows, as the
+//! sensor has it: `robot` turns it round, and nobody else.
 //!
 //! # What we count on
 //!
-//! - Whole degrees. At the end of its range (±32767°) the angle sticks or wraps, by the sensor's make; rates beyond
-//!   ±440 °/s saturate and cost the angle its truth.
+//! - Whole degrees. At the end of its range (±32767°) the angle sticks or wraps, by the sensor's
+//!   make; rates beyond ±440 °/s saturate and cost the angle its truth.
 //! - It must stand still while it starts, or it drifts all session.
 //! - The most robust use is never to reset it, and to keep an offset.
 
@@ -15,7 +15,8 @@ use crate::units::radians;
 use super::typed::{TypedSensor, sensor_modes};
 
 words! {
-    /// The gyro sensor's usable modes. GYRO-CAL is left out: it is for calibration and not for measuring.
+    /// The gyro sensor's usable modes. GYRO-CAL is left out: it is for calibration and not for
+    /// measuring.
     GyroMode {
         /// Angle.
         Angle = "GYRO-ANG",
@@ -46,8 +47,8 @@ pub struct AngleAndRate {
     pub rate_rad_s: f64,
 }
 
-/// What a newer sensor can be told to do; the older ones (date code ending in 2 or 3) do both at every real change of
-/// mode.
+/// What a newer sensor can be told to do; the older ones (date code ending in 2 or 3) do both at
+/// every real change of mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GyroReset {
     /// The present angle becomes 0, after about 25 ms.
@@ -80,8 +81,8 @@ impl GyroSensor {
         self.in_radians()
     }
 
-    /// Rate as the sensor's converter has it, −1464 to 1535, clockwise positive; its scale is written down nowhere.
-    /// Mode [`GyroMode::Fast`].
+    /// Rate as the sensor's converter has it, −1464 to 1535, clockwise positive; its scale is
+    /// written down nowhere. Mode [`GyroMode::Fast`].
     ///
     /// # Errors
     ///
@@ -106,8 +107,8 @@ impl GyroSensor {
         })
     }
 
-    /// Rate about the second axis, radians per second, positive clockwise seen from the side opposite the plug. Mode
-    /// [`GyroMode::TiltRate`].
+    /// Rate about the second axis, radians per second, positive clockwise seen from the side
+    /// opposite the plug. Mode [`GyroMode::TiltRate`].
     ///
     /// # Errors
     ///
@@ -117,8 +118,8 @@ impl GyroSensor {
         self.in_radians()
     }
 
-    /// Angle about the second axis, radians, positive clockwise seen from the side opposite the plug. Mode
-    /// [`GyroMode::TiltAngle`].
+    /// Angle about the second axis, radians, positive clockwise seen from the side opposite the
+    /// plug. Mode [`GyroMode::TiltAngle`].
     ///
     /// # Errors
     ///
@@ -128,7 +129,8 @@ impl GyroSensor {
         self.in_radians()
     }
 
-    /// Tells a newer sensor to start over. Mode [`GyroMode::Angle`]. There is no answer; look at the angle.
+    /// Tells a newer sensor to start over. Mode [`GyroMode::Angle`]. There is no answer; look at
+    /// the angle.
     ///
     /// # Errors
     ///

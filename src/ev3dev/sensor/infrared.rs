@@ -7,8 +7,8 @@ use super::Frame;
 use super::typed::{TypedSensor, sensor_modes};
 
 words! {
-    /// The infrared sensor's usable modes. IR-S-ALT and IR-CAL are left out: the sensor stops answering in the first,
-    /// and the second is the factory's.
+    /// The infrared sensor's usable modes. IR-S-ALT and IR-CAL are left out: the sensor stops
+    /// answering in the first, and the second is the factory's.
     InfraredMode {
         /// How much comes back of what it sends.
         Proximity = "IR-PROX",
@@ -29,15 +29,15 @@ pub type InfraredSensor = TypedSensor<InfraredMode>;
 /// A beacon that is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beacon {
-    /// Where it is, −25 (left) to 25 (right); the sensor's own scale, no angle. Clockwise is positive, as the sensor
-    /// has it.
+    /// Where it is, −25 (left) to 25 (right); the sensor's own scale, no angle. Clockwise is
+    /// positive, as the sensor has it.
     pub heading: i64,
     /// How far it is, percent of about 2 m.
     pub distance_pct: f64,
 }
 
-/// What is pressed on one channel of the remote; the discriminant is the sensor's code. Red is the left column, blue
-/// the right; more than two buttons mostly read as none.
+/// What is pressed on one channel of the remote; the discriminant is the sensor's code. Red is the
+/// left column, blue the right; more than two buttons mostly read as none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum RemoteCode {
@@ -111,8 +111,8 @@ const REM_A_NOTHING: i32 = 384;
 const NO_BEACON: i64 = -128;
 
 impl InfraredSensor {
-    /// How near something is, percent: 100 at about 70 cm or with nothing there. It has no unit and depends on the
-    /// surface. Mode [`InfraredMode::Proximity`].
+    /// How near something is, percent: 100 at about 70 cm or with nothing there. It has no unit and
+    /// depends on the surface. Mode [`InfraredMode::Proximity`].
     ///
     /// # Errors
     ///
@@ -123,7 +123,8 @@ impl InfraredSensor {
         self.first_value(0, 100).map(f64::from)
     }
 
-    /// The beacons on channels 1 to 4, of one frame; `None` where there is none. Mode [`InfraredMode::Seek`].
+    /// The beacons on channels 1 to 4, of one frame; `None` where there is none. Mode
+    /// [`InfraredMode::Seek`].
     ///
     /// # Errors
     ///
@@ -143,7 +144,8 @@ impl InfraredSensor {
         self.frame(remotes)
     }
 
-    /// What is pressed on channel 1: a short text instead of a frame. Mode [`InfraredMode::Remote`].
+    /// What is pressed on channel 1: a short text instead of a frame. Mode
+    /// [`InfraredMode::Remote`].
     ///
     /// # Errors
     ///
@@ -154,8 +156,8 @@ impl InfraredSensor {
         code(number.into()).ok_or_else(|| self.sensor().illegal(number, 0, 11))
     }
 
-    /// The buttons of channel 1, each by itself. For about a second after the last was let go, and while the beacon
-    /// is on, none reads as pressed. Mode [`InfraredMode::RemoteA`].
+    /// The buttons of channel 1, each by itself. For about a second after the last was let go, and
+    /// while the beacon is on, none reads as pressed. Mode [`InfraredMode::RemoteA`].
     ///
     /// # Errors
     ///
@@ -167,7 +169,12 @@ impl InfraredSensor {
             return Ok(RemoteButtons::default());
         }
         let is_set = |bit: i32| bits & (1 << bit) != 0;
-        Ok(RemoteButtons { red_up: is_set(4), red_down: is_set(5), blue_up: is_set(6), blue_down: is_set(7) })
+        Ok(RemoteButtons {
+            red_up: is_set(4),
+            red_down: is_set(5),
+            blue_up: is_set(6),
+            blue_down: is_set(7),
+        })
     }
 }
 
@@ -187,7 +194,12 @@ fn beacons(frame: &Frame) -> Option<[Option<Beacon>; 4]> {
 }
 
 fn remotes(frame: &Frame) -> Option<[RemoteCode; 4]> {
-    Some([code(frame.whole(0)?)?, code(frame.whole(1)?)?, code(frame.whole(2)?)?, code(frame.whole(3)?)?])
+    Some([
+        code(frame.whole(0)?)?,
+        code(frame.whole(1)?)?,
+        code(frame.whole(2)?)?,
+        code(frame.whole(3)?)?,
+    ])
 }
 
 fn code(number: i64) -> Option<RemoteCode> {

@@ -25,7 +25,8 @@ impl TouchSensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) for anything but 0 and 1; what reading gives.
+    /// [`Cause::Malformed`](crate::ev3dev::Cause::Malformed) for anything but 0 and 1; what reading
+    /// gives.
     pub fn is_pressed(&self) -> Result<bool, DeviceError> {
         Ok(self.first_value(0, 1)? == 1)
     }

@@ -58,8 +58,8 @@ impl<M: SensorMode> TypedSensor<M> {
         self.mode
     }
 
-    /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are to be thrown away
-    /// from now on.
+    /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are
+    /// to be thrown away from now on.
     ///
     /// # Errors
     ///
@@ -100,9 +100,9 @@ impl<M: SensorMode> TypedSensor<M> {
         usable: &'static [M],
         words: &'static [&'static str],
     ) -> Result<M, DeviceError> {
-        self.mode
-            .filter(|mode| usable.contains(mode))
-            .ok_or_else(|| self.sensor.node().refusal("mode", &self.sensor.mode().name, Legal::Words(words)))
+        self.mode.filter(|mode| usable.contains(mode)).ok_or_else(|| {
+            self.sensor.node().refusal("mode", &self.sensor.mode().name, Legal::Words(words))
+        })
     }
 
     pub(super) fn sensor_mut(&mut self) -> &mut Sensor {
@@ -115,7 +115,10 @@ impl<M: SensorMode> TypedSensor<M> {
     }
 
     /// One frame, of which `meaning` makes a value.
-    pub(super) fn frame<T>(&self, meaning: impl FnOnce(&Frame) -> Option<T>) -> Result<T, DeviceError> {
+    pub(super) fn frame<T>(
+        &self,
+        meaning: impl FnOnce(&Frame) -> Option<T>,
+    ) -> Result<T, DeviceError> {
         let frame = self.sensor.frame()?;
         meaning(&frame).ok_or_else(|| self.sensor.malformed_frame())
     }

@@ -2,8 +2,8 @@
 //!
 //! # What we count on
 //!
-//! - 255.0 cm means: no echo. The sensor says the same when something is nearer than about 4 cm; telling the two
-//!   apart takes more than one reading and is done above.
+//! - 255.0 cm means: no echo. The sensor says the same when something is nearer than about 4 cm;
+//!   telling the two apart takes more than one reading and is done above.
 //! - Two sensors that send disturb each other.
 
 use crate::clock::MILLISECOND_NS;
@@ -47,8 +47,8 @@ const NO_ECHO_TENTHS_CM: i32 = 2550;
 const NO_ECHO_TENTHS_IN: i32 = 1003;
 
 impl UltrasonicSensor {
-    /// Distance to what reflects, metres from the sensor, in steps of a millimetre or a tenth of an inch; `None` if
-    /// there is no echo. Any mode but [`UltrasonicMode::Listen`].
+    /// Distance to what reflects, metres from the sensor, in steps of a millimetre or a tenth of an
+    /// inch; `None` if there is no echo. Any mode but [`UltrasonicMode::Listen`].
     ///
     /// # Errors
     ///
@@ -57,7 +57,8 @@ impl UltrasonicSensor {
     pub fn distance_m(&self) -> Result<Option<f64>, DeviceError> {
         use UltrasonicMode::{DcCm, DcIn, DistCm, DistIn, SingleCm, SingleIn};
         const USABLE: &[UltrasonicMode] = &[DistCm, DistIn, SingleCm, SingleIn, DcCm, DcIn];
-        const WORDS: &[&str] = &["US-DIST-CM", "US-DIST-IN", "US-SI-CM", "US-SI-IN", "US-DC-CM", "US-DC-IN"];
+        const WORDS: &[&str] =
+            &["US-DIST-CM", "US-DIST-IN", "US-SI-CM", "US-SI-IN", "US-DC-CM", "US-DC-IN"];
         let (no_echo, tenth_m) = match self.mode_among(USABLE, WORDS)? {
             DistCm | SingleCm | DcCm => (NO_ECHO_TENTHS_CM, 0.001),
             _ => (NO_ECHO_TENTHS_IN, 0.00254),
@@ -80,9 +81,13 @@ impl UltrasonicSensor {
     ///
     /// # Errors
     ///
-    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode; what writing a mode gives.
+    /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) in any other mode; what writing a mode
+    /// gives.
     pub fn ping(&mut self) -> Result<(), DeviceError> {
-        self.mode_among(&[UltrasonicMode::SingleCm, UltrasonicMode::SingleIn], &["US-SI-CM", "US-SI-IN"])?;
+        self.mode_among(
+            &[UltrasonicMode::SingleCm, UltrasonicMode::SingleIn],
+            &["US-SI-CM", "US-SI-IN"],
+        )?;
         self.sensor_mut().rewrite_mode()
     }
 }

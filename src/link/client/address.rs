@@ -14,7 +14,9 @@ impl Address {
     pub(in crate::link) fn parse(text: &str, usual_port: u16) -> Self {
         let (host, port) = match text.rsplit_once(':') {
             // More colons than one without brackets are a number of IPv6.
-            Some((host, port)) if !host.contains(':') || host.ends_with(']') => (host, port.parse().ok()),
+            Some((host, port)) if !host.contains(':') || host.ends_with(']') => {
+                (host, port.parse().ok())
+            }
             _ => (text, Some(usual_port)),
         };
         let (host, port) = port.map_or((text, usual_port), |port| (host, port));

@@ -1,4 +1,5 @@
-//! One connection to a brick, from its first packet to its last: a DEALER socket that is thrown away when it breaks.
+//! One connection to a brick, from its first packet to its last: a DEALER socket that is thrown
+//! away when it breaks.
 
 use std::net::SocketAddr;
 use std::os::fd::RawFd;
@@ -13,11 +14,13 @@ use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
 const CONNECT_MS: i32 = 5000;
 const HANDSHAKE_MS: i32 = 5000;
 
-/// So much after those times a connection that libzmq has said no more of is given up, milliseconds: where it gets no socket of the system's, or cannot
-/// read the address, it tells nobody and never tries again (4.3.5, `tcp_connecter_t::open`).
+/// So much after those times a connection that libzmq has said no more of is given up,
+/// milliseconds: where it gets no socket of the system's, or cannot read the address, it tells
+/// nobody and never tries again (4.3.5, `tcp_connecter_t::open`).
 const SILENCE_MS: i32 = 1000;
 
-/// Whoever closes a connection because of what was said on it does so at once; what is closed later than this was waited for in vain, milliseconds.
+/// Whoever closes a connection because of what was said on it does so at once; what is closed later
+/// than this was waited for in vain, milliseconds.
 const AT_ONCE_MS: i32 = 4000;
 const _: () = assert!(AT_ONCE_MS < HANDSHAKE_MS);
 
@@ -73,9 +76,11 @@ pub(super) enum Stage {
 pub(super) enum Over {
     /// TCP did not get through.
     Nobody,
-    /// It was closed while keys were being shown: another key, another program, or too many connections.
+    /// It was closed while keys were being shown: another key, another program, or too many
+    /// connections.
     BrokeOff,
-    /// TCP got through, and then no keys were shown for so long that one of the two gave up: a bad network, or a program that says nothing.
+    /// TCP got through, and then no keys were shown for so long that one of the two gave up: a bad
+    /// network, or a program that says nothing.
     Mute,
     /// The brick does not know our key.
     NotLetIn,
@@ -111,7 +116,8 @@ impl Connection {
         socket.set_curve_publickey(own.public().as_bytes())?;
         socket.set_curve_secretkey(own.secret())?;
         socket.set_ipv6(true)?;
-        // Nothing that was not sent stays behind, nothing is queued before there is a connection, and only we connect again.
+        // Nothing that was not sent stays behind, nothing is queued before there is a connection,
+        // and only we connect again.
         socket.set_linger(0)?;
         socket.set_immediate(true)?;
         socket.set_reconnect_ivl(-1)?;
@@ -124,7 +130,15 @@ impl Connection {
         let monitor = Monitor::of(context, &socket)?;
         socket.connect(&format!("tcp://{to}"))?;
         let since_ns = MonotonicClock.now_ns();
-        Ok(Self { socket, monitor, stage: Stage::Calling, since_ns, to, descriptor: None, finished: 0 })
+        Ok(Self {
+            socket,
+            monitor,
+            stage: Stage::Calling,
+            since_ns,
+            to,
+            descriptor: None,
+            finished: 0,
+        })
     }
 
     /// How far it is by now.
@@ -136,7 +150,10 @@ impl Connection {
             }
             self.stage = after(self.stage, happened.what);
         }
-        if self.received().is_some_and(|received| received.saturating_sub(self.finished) > MOST_UNFINISHED) {
+        if self
+            .received()
+            .is_some_and(|received| received.saturating_sub(self.finished) > MOST_UNFINISHED)
+        {
             self.stage = Stage::Over(Over::TooMuch);
         }
         let now_ns = MonotonicClock.now_ns();
@@ -186,7 +203,9 @@ impl Connection {
     /// Bytes that have come over it; `None` where there is no connection, or the kernel does not
     /// count them.
     fn received(&self) -> Option<u64> {
-        self.descriptor.and_then(|descriptor| Held::to(descriptor, self.to)).and_then(|held| held.received())
+        self.descriptor
+            .and_then(|descriptor| Held::to(descriptor, self.to))
+            .and_then(|held| held.received())
     }
 }
 
@@ -252,7 +271,8 @@ mod tests {
         assert_eq!(after_ms(5000), Stage::Over(Over::Mute));
     }
 
-    /// Where a connection is dropped at the first event of its end, libzmq is about to tell of the next one.
+    /// Where a connection is dropped at the first event of its end, libzmq is about to tell of the
+    /// next one.
     #[test]
     fn connections_that_break_off_hold_up_none_of_those_after_them() {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
@@ -273,8 +293,9 @@ mod tests {
 
     #[test]
     fn the_first_reason_of_an_end_is_the_one_that_counts() {
-        let through =
-            |happened: &[What]| happened.iter().fold(Stage::Calling, |stage, what| after(stage, *what));
+        let through = |happened: &[What]| {
+            happened.iter().fold(Stage::Calling, |stage, what| after(stage, *what))
+        };
         assert_eq!(through(&[What::Connected, What::Greeted]), Stage::Open);
         assert_eq!(through(&[What::Closed]), Stage::Over(Over::Nobody));
         assert_eq!(
@@ -285,6 +306,9 @@ mod tests {
             through(&[What::Connected, What::NotLetIn, What::Disconnected]),
             Stage::Over(Over::NotLetIn)
         );
-        assert_eq!(through(&[What::Connected, What::Greeted, What::Disconnected]), Stage::Over(Over::Lost));
+        assert_eq!(
+            through(&[What::Connected, What::Greeted, What::Disconnected]),
+            Stage::Over(Over::Lost)
+        );
     }
 }

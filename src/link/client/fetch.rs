@@ -1,4 +1,5 @@
-//! A run's recording, brought home piece by piece: several pieces are under way at a time, and what breaks is gone on from.
+//! A run's recording, brought home piece by piece: several pieces are under way at a time, and what
+//! breaks is gone on from.
 
 use std::collections::VecDeque;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -12,11 +13,13 @@ use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::service::digest::sha256_hex_of;
 use crate::service::protocol::{Fetch, Fetched, MAX_FETCH_BYTES, Request, RunId};
 
-/// How long a piece is, bytes, and how many are under way at a time: together what a WiFi with a delay of 100 ms carries at 20 Mbit/s.
+/// How long a piece is, bytes, and how many are under way at a time: together what a WiFi with a
+/// delay of 100 ms carries at 20 Mbit/s.
 const PIECE_BYTES: u32 = MAX_FETCH_BYTES;
 const UNDER_WAY: usize = 6;
 
-/// How often a recording that is still being written is asked for more, and how often the watcher is told, nanoseconds.
+/// How often a recording that is still being written is asked for more, and how often the watcher
+/// is told, nanoseconds.
 const GROWING_NS: i64 = 400 * MILLISECOND_NS;
 const TOLD_NS: i64 = 500 * MILLISECOND_NS;
 
@@ -81,7 +84,8 @@ pub(super) fn fetch(
                 tell(line, run, progress.bytes, sha256);
                 return Ok(progress);
             }
-            // What lay there is of another recording, or was never synced before the brick lost its power.
+            // What lay there is of another recording, or was never synced before the brick lost its
+            // power.
             End::Other if !had_to_start_over => {
                 log::warn!(
                     "{}: what was there already is not of this run; fetching all of it anew",
@@ -92,8 +96,12 @@ pub(super) fn fetch(
             }
             End::Other => {
                 let message =
-                    "the recording that came does not have the hash that was named for it".to_owned();
-                return Err(ClientError::NotUnderstood { address: line.address().to_owned(), message });
+                    "the recording that came does not have the hash that was named for it"
+                        .to_owned();
+                return Err(ClientError::NotUnderstood {
+                    address: line.address().to_owned(),
+                    message,
+                });
             }
         }
     }
@@ -111,7 +119,9 @@ fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, C
         let fetch = Fetch { sha256: Some(sha256.clone()), ..Fetch::part(run, bytes, 0) };
         let fetched: Fetched = match line.ask(&Request::Fetch(fetch)) {
             Ok((value, _)) => line.understood(value)?,
-            Err(ClientError::Refused(refusal)) if refusal.kind == Kind::BeyondEnd => return Err(other()),
+            Err(ClientError::Refused(refusal)) if refusal.kind == Kind::BeyondEnd => {
+                return Err(other());
+            }
             Err(error) => return Err(error),
         };
         match fetched.sha256 {
@@ -196,8 +206,11 @@ impl<'l> Fetching<'l> {
                 return Ok(if sha256 == *named { End::Whole(sha256) } else { End::Other });
             }
             self.ask_for_more()?;
-            let until_ns =
-                if self.under_way.is_empty() { self.ask_at_ns } else { self.line.now_ns() + PIECE_NS };
+            let until_ns = if self.under_way.is_empty() {
+                self.ask_at_ns
+            } else {
+                self.line.now_ns() + PIECE_NS
+            };
             if self.under_way.is_empty() {
                 // There is nothing to wait for but time.
                 nap(self.line, until_ns)?;
@@ -257,7 +270,8 @@ impl<'l> Fetching<'l> {
     }
 
     fn take(&mut self, id: u64, answer: Answered) -> Result<Option<End>, ClientError> {
-        let Some((_, offset)) = self.under_way.front().copied().filter(|(first, _)| *first == id) else {
+        let Some((_, offset)) = self.under_way.front().copied().filter(|(first, _)| *first == id)
+        else {
             // Of a connection before this one, or out of turn: then the rest is asked for anew.
             if self.under_way.iter().any(|(waited, _)| *waited == id) {
                 self.again();
@@ -267,7 +281,9 @@ impl<'l> Fetching<'l> {
         self.under_way.pop_front();
         let (value, bytes) = match answer {
             Ok(answer) => answer,
-            Err(ClientError::Refused(refusal)) if refusal.kind == Kind::BeyondEnd && self.part.length > 0 => {
+            Err(ClientError::Refused(refusal))
+                if refusal.kind == Kind::BeyondEnd && self.part.length > 0 =>
+            {
                 return Ok(Some(End::Other));
             }
             Err(ClientError::Refused(refusal)) if refusal.kind == Kind::TooMany => {
@@ -283,10 +299,14 @@ impl<'l> Fetching<'l> {
             && usize::try_from(fetched.length).is_ok_and(|length| length == bytes.len());
         if !is_right {
             let message = format!("a piece at {} that was not asked for", fetched.offset);
-            return Err(ClientError::NotUnderstood { address: self.line.address().to_owned(), message });
+            return Err(ClientError::NotUnderstood {
+                address: self.line.address().to_owned(),
+                message,
+            });
         }
         // A recording that never ends would fill this machine's disk.
-        let has_by_now = self.part.length.saturating_add(u64::from(fetched.length)).max(fetched.total);
+        let has_by_now =
+            self.part.length.saturating_add(u64::from(fetched.length)).max(fetched.total);
         if has_by_now > self.most {
             return Err(ClientError::TooLong { bytes: has_by_now, most: self.most });
         }
@@ -325,7 +345,12 @@ impl Part {
         let path = part_of(file);
         let failed = |source| ClientError::File { path: path.clone(), source };
         loop {
-            let part = OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed)?;
+            let part = OpenOptions::new()
+                .read(true)
+                .append(true)
+                .create(true)
+                .open(&path)
+                .map_err(failed)?;
             match part.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => return Err(ClientError::Taken { path }),

@@ -1,4 +1,5 @@
-//! A line to a brick: connections one after the other, and requests that are repeated over them until they are answered.
+//! A line to a brick: connections one after the other, and requests that are repeated over them
+//! until they are answered.
 
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
@@ -21,11 +22,13 @@ use crate::service::protocol::{Id, Kind, Outcome, VERSION};
 const FIRST_BACKOFF_NS: i64 = 100 * MILLISECOND_NS;
 const LAST_BACKOFF_NS: i64 = 2 * SECOND_NS;
 
-/// A request that is not answered for this long is sent again over a new connection, nanoseconds: the first time, and at most.
+/// A request that is not answered for this long is sent again over a new connection, nanoseconds:
+/// the first time, and at most.
 const FIRST_WAIT_NS: i64 = 3 * SECOND_NS;
 const LAST_WAIT_NS: i64 = 10 * SECOND_NS;
 
-/// So often in a row a handshake may be broken off before the key is said to be another one: a brick that is flooded breaks off now and then.
+/// So often in a row a handshake may be broken off before the key is said to be another one: a
+/// brick that is flooded breaks off now and then.
 const BREAK_OFFS: u32 = 4;
 
 /// Nobody who interrupts waits longer than this, milliseconds.
@@ -164,7 +167,8 @@ impl Line {
         id
     }
 
-    /// Sends a request over a connection that is there or is made; false where that has broken and is to be tried again.
+    /// Sends a request over a connection that is there or is made; false where that has broken and
+    /// is to be tried again.
     ///
     /// # Errors
     ///
@@ -190,7 +194,8 @@ impl Line {
         loop {
             let Some(connection) = &mut self.connection else { return Ok(Waited::Broken) };
             if let Some(received) = connection.receive().map_err(ClientError::Socket)? {
-                (self.heard_ns, self.has_said, self.backoff_ns) = (MonotonicClock.now_ns(), false, 0);
+                (self.heard_ns, self.has_said, self.backoff_ns) =
+                    (MonotonicClock.now_ns(), false, 0);
                 if let Some((id, answer)) = self.taken(received) {
                     return Ok(Waited::Reply(id, answer));
                 }
@@ -219,7 +224,8 @@ impl Line {
             Ok(reply) => {
                 let id = match reply.id {
                     Some(Id::Number(id)) => id,
-                    // A request of ours that was not understood at all has no number; there is none of anybody else.
+                    // A request of ours that was not understood at all has no number; there is none
+                    // of anybody else.
                     _ => self.next_id.saturating_sub(1),
                 };
                 Some((
@@ -233,12 +239,17 @@ impl Line {
                     },
                 ))
             }
-            Err(message) => Some((self.next_id.saturating_sub(1), Err(self.not_understood(message)))),
+            Err(message) => {
+                Some((self.next_id.saturating_sub(1), Err(self.not_understood(message))))
+            }
         }
     }
 
     /// An answer as what it should be.
-    pub(in crate::link) fn understood<T: DeserializeOwned>(&self, value: Value) -> Result<T, ClientError> {
+    pub(in crate::link) fn understood<T: DeserializeOwned>(
+        &self,
+        value: Value,
+    ) -> Result<T, ClientError> {
         serde_json::from_value(value).map_err(|error| self.not_understood(error.to_string()))
     }
 
@@ -246,7 +257,8 @@ impl Line {
         ClientError::NotUnderstood { address: self.written.clone(), message }
     }
 
-    /// Makes sure that there is a connection with both keys shown; false where it broke off and is to be tried again.
+    /// Makes sure that there is a connection with both keys shown; false where it broke off and is
+    /// to be tried again.
     fn connect(&mut self) -> Result<bool, ClientError> {
         if self.connection.is_none() {
             let found = self.resolved()?;
@@ -306,7 +318,9 @@ impl Line {
     fn ended(&mut self, over: Over) -> Result<(), ClientError> {
         self.connection = None;
         match over {
-            Over::NotLetIn => return Err(ClientError::NotAuthorised { address: self.written.clone() }),
+            Over::NotLetIn => {
+                return Err(ClientError::NotAuthorised { address: self.written.clone() });
+            }
             Over::BrokeOff => {
                 self.break_offs += 1;
                 if self.break_offs >= BREAK_OFFS {

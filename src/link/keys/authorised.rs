@@ -1,11 +1,13 @@
 //! Who may ask this machine: one small file for each key.
 //!
-//! A key's file is named after its fingerprint, so that one look answers whether it is there. Each request looks, and a file that is taken away
-//! counts from the next request on. `onbrick key authorise`, `key revoke` and `key list` write, delete and list them.
+//! A key's file is named after its fingerprint, so that one look answers whether it is there. Each
+//! request looks, and a file that is taken away counts from the next request on. `onbrick key
+//! authorise`, `key revoke` and `key list` write, delete and list them.
 //!
 //! # What we count on
 //!
-//! - Whoever may write into the folder decides who may start this machine's motors: it is its owner's alone (0700, files 0600).
+//! - Whoever may write into the folder decides who may start this machine's motors: it is its
+//!   owner's alone (0700, files 0600).
 
 use std::fs;
 use std::io;
@@ -74,7 +76,9 @@ impl Authorised {
     /// [`KeyError`]; what could not be read is not deleted.
     pub fn remove(&self, which: &str) -> Result<Vec<AuthorisedKey>, KeyError> {
         let means = |found: &AuthorisedKey| {
-            found.name == which || found.key.fingerprint() == which || found.key.to_string() == which
+            found.name == which
+                || found.key.fingerprint() == which
+                || found.key.to_string() == which
         };
         let removed: Vec<AuthorisedKey> = self.list()?.into_iter().filter(means).collect();
         for found in &removed {
@@ -120,7 +124,8 @@ fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
         Err(error) => return Err(KeyError::io(path)(error)),
     };
     let mut bytes = Vec::new();
-    io::Read::read_to_end(&mut io::Read::take(file, LONGEST_FILE), &mut bytes).map_err(KeyError::io(path))?;
+    io::Read::read_to_end(&mut io::Read::take(file, LONGEST_FILE), &mut bytes)
+        .map_err(KeyError::io(path))?;
     let document = Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
     let read = document.read(|root| {
         root.allow(&["name", "key"]);
@@ -154,7 +159,8 @@ mod tests {
         authorised.add(&key(2), "board").unwrap();
         authorised.add(&key(3), "board").unwrap();
         assert_eq!(authorised.find(&key(1)).unwrap().as_deref(), Some("anna"));
-        let names: Vec<String> = authorised.list().unwrap().into_iter().map(|found| found.name).collect();
+        let names: Vec<String> =
+            authorised.list().unwrap().into_iter().map(|found| found.name).collect();
         assert_eq!(names, ["anna", "board", "board"]);
 
         assert_eq!(authorised.remove("nobody").unwrap(), []);

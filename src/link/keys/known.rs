@@ -1,4 +1,5 @@
-//! The bricks that this PC knows: one file for people, `known_bricks`, with each brick's name, address and key.
+//! The bricks that this PC knows: one file for people, `known_bricks`, with each brick's name,
+//! address and key.
 //!
 //! ```toml
 //! [ev3-blue]
@@ -67,7 +68,8 @@ impl KnownBricks {
     }
 
     fn parse(path: PathBuf, bytes: &[u8]) -> Result<Self, KeyError> {
-        let document = Document::new(&path.display().to_string(), bytes).map_err(KeyError::Broken)?;
+        let document =
+            Document::new(&path.display().to_string(), bytes).map_err(KeyError::Broken)?;
         let read = document.read(|root| Some(root.items().iter().filter_map(brick).collect()));
         let (bricks, _) = read.map_err(KeyError::Broken)?;
         Ok(Self { path, text: document.text().to_owned(), bricks })
@@ -114,10 +116,13 @@ impl KnownBricks {
         // The file itself is replaced, and a lock on it would go with the old one.
         let beside = self.path.with_extension("lock");
         let lock = OpenOptions::new().create(true).append(true).mode(0o600).open(&beside);
-        let _held =
-            lock.and_then(|lock| lock.lock().map(|()| lock)).map_err(|error| KeyError::io(&beside)(error))?;
+        let _held = lock
+            .and_then(|lock| lock.lock().map(|()| lock))
+            .map_err(|error| KeyError::io(&beside)(error))?;
         let now = Self::load(&folder)?;
-        if let Some(other) = now.another(&name, &brick.key).filter(|other| replaced != Some(other.key)) {
+        if let Some(other) =
+            now.another(&name, &brick.key).filter(|other| replaced != Some(other.key))
+        {
             return Err(KeyError::AnotherKey { name, known: other.key });
         }
         let mut text = now.without(|known| known.name == brick.name || known.key == brick.key);
@@ -132,7 +137,8 @@ impl KnownBricks {
         Ok(())
     }
 
-    /// The text without the tables of some bricks: from a table's first line to the next table's, or the end.
+    /// The text without the tables of some bricks: from a table's first line to the next table's,
+    /// or the end.
     fn without(&self, gone: impl Fn(&KnownBrick) -> bool) -> String {
         let mut kept = String::new();
         let mut from = 0;
@@ -216,7 +222,10 @@ mod tests {
         let key = |byte| PublicKey::from_bytes([byte; 32]);
         for replaced in [None, Some(key(4)), Some(key(5))] {
             let refused = known.put(&brick("green", 4), replaced).unwrap_err();
-            assert!(matches!(&refused, KeyError::AnotherKey { known, .. } if *known == key(3)), "{refused}");
+            assert!(
+                matches!(&refused, KeyError::AnotherKey { known, .. } if *known == key(3)),
+                "{refused}"
+            );
         }
         for bad in ["", "a b", "a\u{1b}]0;", "-a"] {
             assert!(matches!(known.put(&brick(bad, 5), None), Err(KeyError::Name(_))), "{bad:?}");
@@ -230,10 +239,13 @@ mod tests {
     fn none_is_lost_that_others_add_meanwhile() {
         let folder = tempfile::tempdir().unwrap();
         // As `onbrick pair` does: the file is read, and then people compare codes.
-        let several: Vec<KnownBricks> = (0..8).map(|_| KnownBricks::load(folder.path()).unwrap()).collect();
+        let several: Vec<KnownBricks> =
+            (0..8).map(|_| KnownBricks::load(folder.path()).unwrap()).collect();
         std::thread::scope(|scope| {
             for (mut known, byte) in several.into_iter().zip(1..) {
-                scope.spawn(move || known.put(&brick(&format!("brick-{byte}"), byte), None).unwrap());
+                scope.spawn(move || {
+                    known.put(&brick(&format!("brick-{byte}"), byte), None).unwrap()
+                });
             }
         });
         let known = KnownBricks::load(folder.path()).unwrap();
@@ -242,7 +254,8 @@ mod tests {
 
     #[test]
     fn a_bricks_host_is_its_address_without_a_port() {
-        for (address, host) in [("red.local", "red.local"), ("10.0.0.1:81", "10.0.0.1"), ("[::1]:81", "::1")]
+        for (address, host) in
+            [("red.local", "red.local"), ("10.0.0.1:81", "10.0.0.1"), ("[::1]:81", "::1")]
         {
             let brick = KnownBrick { address: address.to_owned(), ..brick("red", 1) };
             assert_eq!(brick.host(), host);
@@ -252,8 +265,12 @@ mod tests {
     #[test]
     fn a_mistake_in_the_file_has_a_place() {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("known_bricks"), "[blue]\nadress = \"x\"\nkey = \"y\"\n").unwrap();
+        fs::write(folder.path().join("known_bricks"), "[blue]\nadress = \"x\"\nkey = \"y\"\n")
+            .unwrap();
         let message = KnownBricks::load(folder.path()).unwrap_err().to_string();
-        assert!(message.contains("known_bricks:2:1") && message.contains("did you mean"), "{message}");
+        assert!(
+            message.contains("known_bricks:2:1") && message.contains("did you mean"),
+            "{message}"
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! The brick's side of an introduction: the window, the one exchange that it takes, and what the person at the brick says.
+//! The brick's side of an introduction: the window, the one exchange that it takes, and what the
+//! person at the brick says.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -80,11 +81,13 @@ impl Desk {
         self.with(|inner, _| !matches!(inner.stage, Stage::NoLink(_) | Stage::Closed(_)))
     }
 
-    /// Opens the window for some time, at most ten minutes; 0 closes it. An exchange that was going on is over.
+    /// Opens the window for some time, at most ten minutes; 0 closes it. An exchange that was going
+    /// on is over.
     pub fn open(&self, seconds: u32) -> Pairing {
         self.with(|inner, now_ns| {
             if let Some(own) = inner.own() {
-                inner.until_ns = now_ns.saturating_add(i64::from(seconds.min(LONGEST_S)) * SECOND_NS);
+                inner.until_ns =
+                    now_ns.saturating_add(i64::from(seconds.min(LONGEST_S)) * SECOND_NS);
                 inner.stage = if seconds == 0 { Stage::Closed(own) } else { Stage::Open(own) };
             }
             inner.shown(now_ns)
@@ -118,20 +121,30 @@ impl Desk {
         key: Option<PublicKey>,
         bytes: &[u8],
     ) -> Result<(Id, serde_json::Value), NotUnderstood> {
-        let nameless =
-            |kind, message: String| NotUnderstood { id: None, refusal: Refusal::new(kind, message) };
-        let asked: Asked = serde_json::from_slice(bytes)
-            .map_err(|error| nameless(Kind::BadRequest, format!("not a step of pairing: {error}")))?;
+        let nameless = |kind, message: String| NotUnderstood {
+            id: None,
+            refusal: Refusal::new(kind, message),
+        };
+        let asked: Asked = serde_json::from_slice(bytes).map_err(|error| {
+            nameless(Kind::BadRequest, format!("not a step of pairing: {error}"))
+        })?;
         let refuse = |refusal| NotUnderstood { id: Some(asked.id.clone()), refusal };
         if asked.version != VERSION {
-            let message = format!("version {} is asked for, and this is version {VERSION}", asked.version);
-            return Err(refuse(Refusal::new(Kind::Version, message).hint("the same onbrick on both sides")));
+            let message =
+                format!("version {} is asked for, and this is version {VERSION}", asked.version);
+            return Err(refuse(
+                Refusal::new(Kind::Version, message).hint("the same onbrick on both sides"),
+            ));
         }
         if asked.op != "pair" {
-            return Err(refuse(Refusal::new(Kind::UnknownOperation, "the pairing window knows only `pair`")));
+            return Err(refuse(Refusal::new(
+                Kind::UnknownOperation,
+                "the pairing window knows only `pair`",
+            )));
         }
-        let key =
-            key.ok_or_else(|| refuse(Refusal::new(Kind::NotAuthorised, "the connection has no key")))?;
+        let key = key.ok_or_else(|| {
+            refuse(Refusal::new(Kind::NotAuthorised, "the connection has no key"))
+        })?;
         let said = self.step(key, asked.step).map_err(refuse)?;
         let value = serde_json::to_value(said)
             .map_err(|error| nameless(Kind::Failed, format!("the answer is no JSON: {error}")))?;
@@ -153,7 +166,9 @@ impl Desk {
 
     /// Lets the PC in once both sides have said that the codes are the same.
     fn conclude(&self, inner: &mut Inner) {
-        let Stage::Compare { own, pc, name, here: true, there: true, .. } = &inner.stage else { return };
+        let Stage::Compare { own, pc, name, here: true, there: true, .. } = &inner.stage else {
+            return;
+        };
         inner.stage = match self.authorised.add(pc, name.as_str()) {
             Ok(_) => {
                 log::info!("{name} may ask from now on ({})", pc.fingerprint());
@@ -173,7 +188,8 @@ impl Desk {
 
 /// Whoever asks out of turn.
 fn not_now(what: &str) -> Refusal {
-    Refusal::new(Kind::Busy, what).hint("open the pairing window at the brick, then `onbrick pair` again")
+    Refusal::new(Kind::Busy, what)
+        .hint("open the pairing window at the brick, then `onbrick pair` again")
 }
 
 impl Inner {
@@ -204,7 +220,8 @@ impl Inner {
     fn commit(&mut self, pc: PublicKey, name: Name, commit: Hex) -> Result<Said, Refusal> {
         let (own, number) = match &self.stage {
             Stage::Open(own) => {
-                let number = random().map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
+                let number =
+                    random().map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
                 (*own, number)
             }
             // The same again: its answer was lost.
@@ -220,7 +237,13 @@ impl Inner {
         Ok(said)
     }
 
-    fn reveal(&mut self, pc: PublicKey, theirs: &Number, brick: &Name, now_ns: i64) -> Result<Said, Refusal> {
+    fn reveal(
+        &mut self,
+        pc: PublicKey,
+        theirs: &Number,
+        brick: &Name,
+        now_ns: i64,
+    ) -> Result<Said, Refusal> {
         let Stage::Committed { own, pc: known, name, commit, number } = &self.stage else {
             return Err(not_now("nothing was committed to"));
         };
@@ -235,7 +258,8 @@ impl Inner {
         }
         let said = Said::Reveal { key: own.to_string(), number: Hex(*number), name: brick.clone() };
         let code = code((&pc, theirs), (&own, number));
-        self.stage = Stage::Compare { own, pc, name: name.clone(), code, here: false, there: false };
+        self.stage =
+            Stage::Compare { own, pc, name: name.clone(), code, here: false, there: false };
         self.until_ns = self.until_ns.max(now_ns.saturating_add(COMPARING_NS));
         Ok(said)
     }
@@ -245,7 +269,8 @@ impl Inner {
             Stage::Compare { pc: known, there, .. } if *known == pc && same => *there = true,
             Stage::Compare { own, pc: known, .. } if *known == pc => {
                 let why =
-                    "the person at the PC said no: another code, or another brick than was meant".to_owned();
+                    "the person at the PC said no: another code, or another brick than was meant"
+                        .to_owned();
                 self.stage = Stage::Failed { own: *own, why };
             }
             // The same again: its answer was lost.
@@ -325,7 +350,10 @@ mod tests {
             panic!("nothing is revealed")
         };
         let brick = PublicKey::parse(&brick).unwrap();
-        assert_eq!((theirs.0, name.as_str()), (commitment(Side::Brick, &brick, &revealed.0), "blue"));
+        assert_eq!(
+            (theirs.0, name.as_str()),
+            (commitment(Side::Brick, &brick, &revealed.0), "blue")
+        );
         code((&pc, &number), (&brick, &revealed.0))
     }
 
@@ -356,7 +384,8 @@ mod tests {
     #[test]
     fn nobody_pairs_while_the_window_is_closed() {
         let Bench { desk, .. } = bench();
-        let step = || desk.step(key(1), Step::Commit { name: name_of("anna"), commit: Hex([0; 32]) });
+        let step =
+            || desk.step(key(1), Step::Commit { name: name_of("anna"), commit: Hex([0; 32]) });
         assert_eq!(step().unwrap_err().kind, Kind::Busy);
         desk.open(60);
         assert!(step().is_ok());
@@ -407,7 +436,10 @@ mod tests {
         assert_eq!(ask("{}"), Err(Kind::BadRequest));
         assert_eq!(ask("\u{0}[[["), Err(Kind::BadRequest));
         assert_eq!(ask(r#"{"id":1,"version":2,"op":"pair","step":"how"}"#), Err(Kind::Version));
-        assert_eq!(ask(r#"{"id":1,"version":1,"op":"start","step":"how"}"#), Err(Kind::UnknownOperation));
+        assert_eq!(
+            ask(r#"{"id":1,"version":1,"op":"start","step":"how"}"#),
+            Err(Kind::UnknownOperation)
+        );
         assert_eq!(ask(r#"{"id":1,"version":1,"op":"pair","step":"how"}"#), Err(Kind::Busy));
         let commit = format!(
             r#"{{"id":1,"version":1,"op":"pair","step":"commit","name":"x","commit":"{}"}}"#,
@@ -417,7 +449,10 @@ mod tests {
             let commit = commit.replace("\"x\"", &format!("\"{bad}\""));
             assert_eq!(ask(&commit), Err(Kind::BadRequest), "{bad}");
         }
-        assert!(matches!(desk.state(), Pairing::Open { .. }), "and the window waits for another PC");
+        assert!(
+            matches!(desk.state(), Pairing::Open { .. }),
+            "and the window waits for another PC"
+        );
         assert!(ask(&commit).is_ok());
         assert!(desk.answer_request(None, commit.as_bytes()).is_err());
     }

@@ -27,7 +27,8 @@ struct Pair {
     step: Step,
 }
 
-/// Introduces this PC, which calls itself `name`, to the brick whose pairing window is open at an address (with `:port` where that is not 5671).
+/// Introduces this PC, which calls itself `name`, to the brick whose pairing window is open at an
+/// address (with `:port` where that is not 5671).
 ///
 /// `is_same` is given the brick and the code, and says whether the brick shows the same code and is
 /// the one that is meant. Nothing that the brick has said may stand before the code where a person
@@ -35,8 +36,8 @@ struct Pair {
 ///
 /// # Errors
 ///
-/// [`ClientError::Refused`] where either person says that the codes differ, the window is closed again, or the brick does not keep to what it
-/// committed to; otherwise as any request.
+/// [`ClientError::Refused`] where either person says that the codes differ, the window is closed
+/// again, or the brick does not keep to what it committed to; otherwise as any request.
 pub fn pair(
     address: &str,
     own: &KeyPair,
@@ -48,16 +49,22 @@ pub fn pair(
     let failed = |kind, message: &str| ClientError::Refused(Refusal::new(kind, message));
     let number = random().map_err(|error| failed(Kind::Failed, &error.to_string()))?;
     let commit = Hex(commitment(Side::Pc, &own.public(), &number));
-    let Said::Commit { commit } = ask(&mut line, Step::Commit { name: name.clone(), commit })? else {
-        return Err(out_of_turn());
-    };
-    let Said::Reveal { key, number: theirs, name } = ask(&mut line, Step::Reveal { number: Hex(number) })?
+    let Said::Commit { commit } = ask(&mut line, Step::Commit { name: name.clone(), commit })?
     else {
         return Err(out_of_turn());
     };
-    let key = PublicKey::parse(&key).map_err(|error| failed(Kind::NotAuthorised, &error.to_string()))?;
+    let Said::Reveal { key, number: theirs, name } =
+        ask(&mut line, Step::Reveal { number: Hex(number) })?
+    else {
+        return Err(out_of_turn());
+    };
+    let key =
+        PublicKey::parse(&key).map_err(|error| failed(Kind::NotAuthorised, &error.to_string()))?;
     if commitment(Side::Brick, &key, &theirs.0) != commit.0 {
-        return Err(failed(Kind::NotAuthorised, "the brick showed another number than it had committed to"));
+        return Err(failed(
+            Kind::NotAuthorised,
+            "the brick showed another number than it had committed to",
+        ));
     }
     let brick = Introduced { name, key };
     let same = is_same(&brick, &code((&own.public(), &number), (&key, &theirs.0)));

@@ -11,12 +11,14 @@ use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::monitor::{Monitor, What};
 use crate::service::protocol::MAX_REQUEST_BYTES;
 
-/// Milliseconds: time to shake hands; how often a silent peer is asked whether it lives, and how long it may take to say so.
+/// Milliseconds: time to shake hands; how often a silent peer is asked whether it lives, and how
+/// long it may take to say so.
 const HANDSHAKE_MS: i32 = 5000;
 const HEARTBEAT_MS: i32 = 2000;
 const HEARTBEAT_TIMEOUT_MS: i32 = 6000;
 
-/// What CURVE puts around a message: `MESSAGE` with its length, nonce, flags and authenticator (rfc.zeromq.org/spec/26).
+/// What CURVE puts around a message: `MESSAGE` with its length, nonce, flags and authenticator
+/// (rfc.zeromq.org/spec/26).
 const CURVE_BYTES: usize = 8 + 8 + 1 + 16;
 
 /// Messages that libzmq keeps for each connection.
@@ -32,7 +34,8 @@ const BACKLOG: i32 = 16;
 /// One request as it arrived.
 #[derive(Debug)]
 pub(super) struct Arrived {
-    /// The frames that its reply begins with: whose it is and, for a REQ socket, the empty delimiter.
+    /// The frames that its reply begins with: whose it is and, for a REQ socket, the empty
+    /// delimiter.
     pub(super) envelope: Vec<Vec<u8>>,
     /// The key that ZAP has let in; nothing where nobody was asked.
     pub(super) key: Option<PublicKey>,
@@ -87,7 +90,10 @@ impl Door {
                 What::Accepted => self.accepted(happened.value),
                 What::Disconnected => self.limits.closed(happened.value),
                 What::AcceptFailed => {
-                    log::warn!("the link: connections cannot be accepted (errno {})", happened.value)
+                    log::warn!(
+                        "the link: connections cannot be accepted (errno {})",
+                        happened.value
+                    )
                 }
                 _ => {}
             }
@@ -118,7 +124,10 @@ impl Door {
         }
         for descriptor in self.limits.hoarders(now_ns) {
             if let Some(held) = Held::of(descriptor, self.port) {
-                log::warn!("the link: {} sends much and asks nothing; the connection is shut", held.peer());
+                log::warn!(
+                    "the link: {} sends much and asks nothing; the connection is shut",
+                    held.peer()
+                );
                 held.shut();
             }
         }
@@ -137,7 +146,11 @@ impl Door {
         let (mut frames, mut bytes, mut peer) = (0, 0, peer_of(&mut first));
         while self.socket.get_rcvmore()? {
             let mut frame = self.socket.recv_msg(0)?;
-            if frames == 0 && frame.is_empty() && envelope.len() == 1 && self.socket.get_rcvmore()? {
+            if frames == 0
+                && frame.is_empty()
+                && envelope.len() == 1
+                && self.socket.get_rcvmore()?
+            {
                 envelope.push(Vec::new());
                 continue;
             }
@@ -165,7 +178,8 @@ impl Door {
         let mut frames = frames.into_iter();
         let whose = frames.next().unwrap_or_default();
         let begin = || self.socket.send(whose.as_slice(), zmq::DONTWAIT | zmq::SNDMORE);
-        // libzmq learns only now and then what the client has read meanwhile; asked for its events, it looks.
+        // libzmq learns only now and then what the client has read meanwhile; asked for its events,
+        // it looks.
         let begun = begin().or_else(|error| match error {
             zmq::Error::EAGAIN => self.socket.get_events().and_then(|_| begin()),
             error => Err(error),
@@ -203,5 +217,8 @@ fn key_of(frame: &mut zmq::Message) -> Option<PublicKey> {
 }
 
 fn peer_of(frame: &mut zmq::Message) -> Option<IpAddr> {
-    frame.gets("Peer-Address").and_then(|text| text.parse().ok()).map(|peer: IpAddr| peer.to_canonical())
+    frame
+        .gets("Peer-Address")
+        .and_then(|text| text.parse().ok())
+        .map(|peer: IpAddr| peer.to_canonical())
 }

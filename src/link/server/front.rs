@@ -1,4 +1,5 @@
-//! The thread between the sockets and the workers: it lets nobody ask without a name, and answers at once what can be.
+//! The thread between the sockets and the workers: it lets nobody ask without a name, and answers
+//! at once what can be.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -24,7 +25,8 @@ const TAKEN_IN_ONE_TURN: usize = 32;
 /// Descriptors that the rest of the service needs beside the connections'.
 const OTHER_DESCRIPTORS: nix::libc::rlim_t = 464;
 
-/// What the front holds. Fields are dropped in this order: the doors close before the handler that guards them goes.
+/// What the front holds. Fields are dropped in this order: the doors close before the handler that
+/// guards them goes.
 pub(super) struct Front<'s> {
     door: Door,
     pairing: Option<Door>,
@@ -86,7 +88,9 @@ impl<'s> Front<'s> {
                 self.door.reply(frames);
             }
             for _ in 0..TAKEN_IN_ONE_TURN {
-                let Some(arrived) = self.door.receive().map_err(ServerError::Socket)? else { break };
+                let Some(arrived) = self.door.receive().map_err(ServerError::Socket)? else {
+                    break;
+                };
                 self.take(arrived)?;
             }
             self.serve_pairing()?;
@@ -129,8 +133,9 @@ impl<'s> Front<'s> {
         payload: Option<zmq::Message>,
     ) -> Result<(String, crate::service::protocol::Asked<Request>), NotUnderstood> {
         let nameless = |refusal| NotUnderstood { id: None, refusal };
-        let payload = payload
-            .ok_or_else(|| nameless(Refusal::new(Kind::BadRequest, "a request is one frame of JSON")))?;
+        let payload = payload.ok_or_else(|| {
+            nameless(Refusal::new(Kind::BadRequest, "a request is one frame of JSON"))
+        })?;
         let asked = parse(&payload);
         // Whoever may not ask learns nothing more than that, under the name of the request.
         let id = || match &asked {
@@ -149,9 +154,11 @@ impl<'s> Front<'s> {
         Ok((name, asked?))
     }
 
-    /// The name of a key, looked up for each request: one that was revoked a moment ago is nobody's.
+    /// The name of a key, looked up for each request: one that was revoked a moment ago is
+    /// nobody's.
     fn name_of(&self, key: Option<PublicKey>) -> Result<String, Refusal> {
-        let unknown = || Refusal::new(Kind::NotAuthorised, "this key is not, or no longer, authorised here");
+        let unknown =
+            || Refusal::new(Kind::NotAuthorised, "this key is not, or no longer, authorised here");
         let key = key.ok_or_else(unknown)?;
         let found = self.authorised.find(&key).map_err(|error| {
             log::warn!("a key is not let in: {error}");

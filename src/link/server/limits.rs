@@ -1,10 +1,13 @@
-//! How many may connect, and how fast: libzmq has no such options, so connections are counted as its monitor tells of them.
+//! How many may connect, and how fast: libzmq has no such options, so connections are counted as
+//! its monitor tells of them.
 //!
-//! A connection costs memory and a descriptor, and a handshake some ten milliseconds of a brick's processor. Both are bounded, for all
-//! together and for each address, so that one machine that floods a brick leaves room for the others. What is too much is shut at once.
+//! A connection costs memory and a descriptor, and a handshake some ten milliseconds of a brick's
+//! processor. Both are bounded, for all together and for each address, so that one machine that
+//! floods a brick leaves room for the others. What is too much is shut at once.
 //!
-//! libzmq bounds a frame, and not how many frames a message has, and it keeps them all until the last one has come. So what has come of an address is
-//! compared with the requests that were taken from there.
+//! libzmq bounds a frame, and not how many frames a message has, and it keeps them all until the
+//! last one has come. So what has come of an address is compared with the requests that were taken
+//! from there.
 //!
 //! # Not here
 //!
@@ -26,13 +29,15 @@ const ONE: Rate = Rate { burst: 30.0, per_s: 8.0 };
 /// Addresses that are remembered although nothing of theirs is open.
 const MOST_REMEMBERED: usize = 256;
 
-/// What may have come of an address without being a request yet, bytes: more than all requests together that may wait.
+/// What may have come of an address without being a request yet, bytes: more than all requests
+/// together that may wait.
 const MOST_UNFINISHED: u64 = 2 << 20;
 
 /// What libzmq puts around each frame, bytes, generously: its length, and what CURVE needs.
 const AROUND_A_FRAME: u64 = 64;
 
-/// What a connection brings besides requests, bytes a second and once: heartbeats, and the handshake.
+/// What a connection brings besides requests, bytes a second and once: heartbeats, and the
+/// handshake.
 const BESIDES_PER_S: u64 = 512;
 const BESIDES: u64 = 4096;
 
@@ -109,8 +114,14 @@ impl Limits {
         }
     }
 
-    /// Counts a new connection and says whether it may stay. One that may not is counted until it is gone, too.
-    pub(super) fn accepted(&mut self, descriptor: i32, peer: IpAddr, now_ns: i64) -> Result<(), TooMuch> {
+    /// Counts a new connection and says whether it may stay. One that may not is counted until it
+    /// is gone, too.
+    pub(super) fn accepted(
+        &mut self,
+        descriptor: i32,
+        peer: IpAddr,
+        now_ns: i64,
+    ) -> Result<(), TooMuch> {
         let of_one = self.open.values().filter(|open| open.peer == peer).count();
         let has_room = self.open.len() < MOST_OPEN && of_one < MOST_OPEN_OF_ONE;
         self.open.insert(descriptor, Open { peer, since_ns: now_ns, received: 0 });
@@ -146,7 +157,8 @@ impl Limits {
         // An address that has no connection any more is not remembered.
         if self.open.values().any(|open| open.peer == peer) {
             let taken = self.taken.entry(peer).or_insert(0);
-            *taken = taken.saturating_add(bytes).saturating_add(frames.saturating_mul(AROUND_A_FRAME));
+            *taken =
+                taken.saturating_add(bytes).saturating_add(frames.saturating_mul(AROUND_A_FRAME));
         }
     }
 
@@ -259,7 +271,8 @@ mod tests {
             limits.accepted(descriptor, address(last), 0).unwrap();
         }
         let hour_ns = 3600 * SECOND_NS;
-        // A friend that has asked for an hour, one that was only there, and one whose request never ends.
+        // A friend that has asked for an hour, one that was only there, and one whose request never
+        // ends.
         for _ in 0..10_000 {
             limits.took(address(1), 2, 300);
         }

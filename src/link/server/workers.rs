@@ -55,8 +55,10 @@ impl Workers {
         let (sender, jobs) = channel();
         let operations = Arc::clone(operations);
         let work = move || work(&jobs, &replies, &*operations);
-        let thread =
-            std::thread::Builder::new().name(name.to_owned()).spawn(work).map_err(ServerError::Thread)?;
+        let thread = std::thread::Builder::new()
+            .name(name.to_owned())
+            .spawn(work)
+            .map_err(ServerError::Thread)?;
         self.threads.push(thread);
         Ok(sender)
     }
@@ -117,7 +119,8 @@ pub(super) fn framed(
     bytes: Option<Vec<u8>>,
 ) -> Vec<Vec<u8>> {
     let json = serde_json::to_vec(&Reply { id, outcome }).unwrap_or_else(|error| {
-        // Replies of ours are plain; what cannot be JSON would be a mistake in the program, and is said as such.
+        // Replies of ours are plain; what cannot be JSON would be a mistake in the program, and is
+        // said as such.
         log::error!("a reply is no JSON: {error}");
         Vec::new()
     });

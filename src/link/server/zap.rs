@@ -1,7 +1,8 @@
 //! Who may connect: libzmq asks this thread (ZAP, rfc.zeromq.org/spec/27) before it lets a key in.
 //!
-//! libzmq lets everyone in while nobody is there to be asked. So the handler is bound before the first socket is, and the server closes its
-//! sockets when the handler has gone; and even then a connection without a name from here is asked nothing ([`front`](super::front)).
+//! libzmq lets everyone in while nobody is there to be asked. So the handler is bound before the
+//! first socket is, and the server closes its sockets when the handler has gone; and even then a
+//! connection without a name from here is asked nothing ([`front`](super::front)).
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,8 +48,10 @@ impl Handler {
             let asked = Asked { socket, authorised, desk };
             while !stopped.load(Ordering::Relaxed) && asked.answer_one() {}
         };
-        let thread =
-            std::thread::Builder::new().name("zap".to_owned()).spawn(serve).map_err(ServerError::Thread)?;
+        let thread = std::thread::Builder::new()
+            .name("zap".to_owned())
+            .spawn(serve)
+            .map_err(ServerError::Thread)?;
         Ok(Self { gone: told, stop, thread: Some(thread) })
     }
 
@@ -95,7 +98,8 @@ impl Asked {
             Some(key) => ("200", "OK", key.to_string()),
             None => ("400", "this key is not authorised", String::new()),
         };
-        let answer: [&[u8]; 6] = [b"1.0", &id, status.as_bytes(), text.as_bytes(), user.as_bytes(), b""];
+        let answer: [&[u8]; 6] =
+            [b"1.0", &id, status.as_bytes(), text.as_bytes(), user.as_bytes(), b""];
         self.socket.send_multipart(answer, 0).is_ok()
     }
 

@@ -1,4 +1,5 @@
-//! A sounding's cone among the cells of the lattice, in 32-bit integers: places in sixteenths of a cell, directions in 1024ths.
+//! A sounding's cone among the cells of the lattice, in 32-bit integers: places in sixteenths of a
+//! cell, directions in 1024ths.
 //!
 //! What a cell in it is worth is not here but in the grid.
 
@@ -11,11 +12,13 @@ const PARTS_PER_M: f64 = 16.0 / CELL_M;
 const UNIT: i32 = 1024;
 /// From the middle of a cell to its corner, and a little more.
 const TOUCHED: i32 = 12;
-/// Tangents of the cone's half angles, in [`UNIT`]s: 5° around the axis, 12° in all (the beam's is given as 10 to 20°).
+/// Tangents of the cone's half angles, in [`UNIT`]s: 5° around the axis, 12° in all (the beam's is
+/// given as 10 to 20°).
 const TAN_AXIS: i32 = 90;
 const TAN_CONE: i32 = 218;
 
-/// So many cells beside an edge may be in the cone: half a cell that is granted, the tip's place in its cell, and what is rounded.
+/// So many cells beside an edge may be in the cone: half a cell that is granted, the tip's place in
+/// its cell, and what is rounded.
 const BESIDE_EDGE: i32 = 3;
 
 /// Where a cell lies in a cone.
@@ -40,7 +43,8 @@ pub(super) struct Cone {
     within: [i32; 2],
     /// Unit vector of the axis, in 1024ths.
     pub(super) axis: [i32; 2],
-    /// The distance, in sixteenths of a cell, less and plus three quarters of a cell, squared: all cells that it touches.
+    /// The distance, in sixteenths of a cell, less and plus three quarters of a cell, squared: all
+    /// cells that it touches.
     free_below: i32,
     arc_to: i32,
     /// The greater of them, in whole cells, rounded up.
@@ -68,10 +72,12 @@ impl Cone {
         })
     }
 
-    /// The lattice's cells among which all of the cone's are: the box of its tip and of the arc's two ends and middle.
+    /// The lattice's cells among which all of the cone's are: the box of its tip and of the arc's
+    /// two ends and middle.
     pub(super) fn bounds(&self) -> ([i32; 2], [i32; 2]) {
         let [cos, sin] = self.axis;
-        // The ends lie at (1, ±tan) from the axis, a little outside of the arc; so does all that bulges between them.
+        // The ends lie at (1, ±tan) from the axis, a little outside of the arc; so does all that
+        // bulges between them.
         let side = [-sin * TAN_CONE / UNIT, cos * TAN_CONE / UNIT];
         let extent = |axis: i32, side: i32| {
             let ends = [0, axis, axis + side, axis - side].map(|part| part * self.reach);
@@ -89,7 +95,8 @@ impl Cone {
         self.axis[0].abs() > self.axis[1].abs()
     }
 
-    /// The same with x and y exchanged. A cell's part does not change: it asks for the distance across the axis, not for the side.
+    /// The same with x and y exchanged. A cell's part does not change: it asks for the distance
+    /// across the axis, not for the side.
     pub(super) fn transposed(mut self) -> Self {
         self.tip.reverse();
         self.within.reverse();
@@ -97,7 +104,8 @@ impl Cone {
         self
     }
 
-    /// What both edges move by in x from a row to the next, in 1024ths of a cell, for an axis along y.
+    /// What both edges move by in x from a row to the next, in 1024ths of a cell, for an axis along
+    /// y.
     pub(super) fn edges(&self) -> [i32; 2] {
         let [cos, sin] = self.axis;
         [TAN_CONE, -TAN_CONE].map(|tan| {
@@ -114,7 +122,8 @@ impl Cone {
         (one.min(other) - BESIDE_EDGE, one.max(other) + BESIDE_EDGE)
     }
 
-    /// The place of a cell's middle. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths below 2¹¹, tangents below 2⁸.
+    /// The place of a cell's middle. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths
+    /// below 2¹¹, tangents below 2⁸.
     pub(super) fn place(&self, x: i32, y: i32) -> Place {
         let dx = (x - self.tip[0]) * PARTS + PARTS / 2 - self.within[0];
         let dy = (y - self.tip[1]) * PARTS + PARTS / 2 - self.within[1];
@@ -139,7 +148,8 @@ impl Cone {
     }
 }
 
-/// A cell's middle from a cone's tip: in x and y in sixteenths, and along and across its axis in those times 1024.
+/// A cell's middle from a cone's tip: in x and y in sixteenths, and along and across its axis in
+/// those times 1024.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     dx: i32,

@@ -1,11 +1,12 @@
 //! Recordings as one whole MCAP file, in the order of time: what is whole of a cut one, or several
 //! together.
 //!
-//! One run keeps its topics and frames. Several get a namespace each: topics `/NAME/odom`, frames `NAME/base_link`; the frame
-//! `map` stays common, because all poses are given in it.
+//! One run keeps its topics and frames. Several get a namespace each: topics `/NAME/odom`, frames
+//! `NAME/base_link`; the frame `map` stays common, because all poses are given in it.
 //!
-//! Each brick stamps by its own calendar, which may be years off. A part's shift puts its log times, its messages' stamps and the
-//! `wall_offset_ns` of its metadata onto the clock that all share; times of the run's own clock (`time_ns`) stay what they are.
+//! Each brick stamps by its own calendar, which may be years off. A part's shift puts its log
+//! times, its messages' stamps and the `wall_offset_ns` of its metadata onto the clock that all
+//! share; times of the run's own clock (`time_ns`) stay what they are.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -16,7 +17,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::recording::message::{
-    Header, LogMessage, OccupancyGridMessage, Odometry, PointCloud2, RangeMessage, TfMessage, decode, encode,
+    Header, LogMessage, OccupancyGridMessage, Odometry, PointCloud2, RangeMessage, TfMessage,
+    decode, encode,
 };
 use crate::recording::{FRAME_MAP, Found, ReadError, Run, Topic, sealed, walk};
 
@@ -61,7 +63,8 @@ pub fn mcap(parts: &[Part<'_>]) -> Result<Vec<u8>, ExportError> {
         .library(concat!("onbrick ", env!("CARGO_PKG_VERSION"), ", rewritten"))
         .create(Cursor::new(Vec::new()))?;
     for (part, space) in parts.iter().zip(&spaces) {
-        Run::read(part.bytes).map_err(|source| ExportError::Read { name: part.name.to_owned(), source })?;
+        Run::read(part.bytes)
+            .map_err(|source| ExportError::Read { name: part.name.to_owned(), source })?;
         let place = Place { space, shift_ns: part.shift_ns };
         let mut outcome = Ok(());
         walk(part.bytes, &mut |found| {
@@ -78,7 +81,10 @@ pub fn mcap(parts: &[Part<'_>]) -> Result<Vec<u8>, ExportError> {
 }
 
 /// Writes the messages, each on its namespace's channel.
-fn write(writer: &mut Writer<Cursor<Vec<u8>>>, messages: &[MessageRecord<'_>]) -> Result<(), McapError> {
+fn write(
+    writer: &mut Writer<Cursor<Vec<u8>>>,
+    messages: &[MessageRecord<'_>],
+) -> Result<(), McapError> {
     let mut channels = BTreeMap::new();
     for message in messages {
         let MessageRecord { sequence, log_time, place, topic, data } = *message;
@@ -119,10 +125,12 @@ fn take<'a>(
     writer: &mut Writer<Cursor<Vec<u8>>>,
 ) -> Result<(), McapError> {
     let Place { space, shift_ns } = place;
-    let named = |name: &str| if space.is_empty() { name.to_owned() } else { format!("{space}/{name}") };
+    let named =
+        |name: &str| if space.is_empty() { name.to_owned() } else { format!("{space}/{name}") };
     match found {
         Found::Message { topic: Some(topic), header, data } => {
-            let (log_time, sequence) = (header.log_time.saturating_add_signed(shift_ns), header.sequence);
+            let (log_time, sequence) =
+                (header.log_time.saturating_add_signed(shift_ns), header.sequence);
             messages.push(MessageRecord { log_time, sequence, place, topic, data });
             Ok(())
         }
@@ -141,12 +149,17 @@ fn take<'a>(
             {
                 *offset = offset_ns.saturating_add(shift_ns).to_string();
             }
-            writer.write_metadata(&sealed(Metadata { name: named(&metadata.name), metadata: values }))
+            writer
+                .write_metadata(&sealed(Metadata { name: named(&metadata.name), metadata: values }))
         }
     }
 }
 
-fn describe(writer: &mut Writer<Cursor<Vec<u8>>>, space: &str, topic: Topic) -> Result<u16, McapError> {
+fn describe(
+    writer: &mut Writer<Cursor<Vec<u8>>>,
+    space: &str,
+    topic: Topic,
+) -> Result<u16, McapError> {
     let schema = writer.add_schema(&topic.schema_name(), "ros2msg", topic.schema().as_bytes())?;
     // Transforms of all robots make one tree, and viewers look for it under one name.
     let shared = matches!(topic, Topic::Transforms | Topic::StaticTransforms);
@@ -158,15 +171,16 @@ fn describe(writer: &mut Writer<Cursor<Vec<u8>>>, space: &str, topic: Topic) -> 
     writer.add_channel(schema, &name, "cdr", &topic.channel_metadata())
 }
 
-/// A namespace for each run: none for a single one; else its name in the letters that ROS allows, made different where two are
-/// the same.
+/// A namespace for each run: none for a single one; else its name in the letters that ROS allows,
+/// made different where two are the same.
 fn namespaces(names: &[&str]) -> Vec<String> {
     if names.len() == 1 {
         return vec![String::new()];
     }
     let mut spaces: Vec<String> = Vec::new();
     for name in names {
-        let allowed = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
+        let allowed =
+            |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
         let mut plain: String = name.chars().map(allowed).collect();
         if !plain.starts_with(|c: char| c.is_ascii_alphabetic()) {
             plain.insert_str(0, "robot_");
@@ -205,7 +219,9 @@ impl Place<'_> {
                 self.head(&mut map.header);
                 map.map_load_time = map.map_load_time.later(self.shift_ns);
             }),
-            Topic::Log => change::<LogMessage>(data, |log| log.stamp = log.stamp.later(self.shift_ns)),
+            Topic::Log => {
+                change::<LogMessage>(data, |log| log.stamp = log.stamp.later(self.shift_ns))
+            }
             _ => None,
         };
         changed.unwrap_or_else(|| data.to_vec())
@@ -223,7 +239,10 @@ impl Place<'_> {
     }
 }
 
-fn change<T: Serialize + DeserializeOwned>(data: &[u8], with: impl FnOnce(&mut T)) -> Option<Vec<u8>> {
+fn change<T: Serialize + DeserializeOwned>(
+    data: &[u8],
+    with: impl FnOnce(&mut T),
+) -> Option<Vec<u8>> {
     let mut message: T = decode(data)?;
     with(&mut message);
     encode(&message).ok()

@@ -32,8 +32,8 @@ pub enum State {
     Stopping,
     /// The last run ended as the mission or a person wanted it. A start is taken, as in `ready`.
     Stopped,
-    /// The last run did not end as wanted, or something keeps any run from starting. A start is taken where the brick is able to; a person can
-    /// acknowledge the fault on the brick.
+    /// The last run did not end as wanted, or something keeps any run from starting. A start is
+    /// taken where the brick is able to; a person can acknowledge the fault on the brick.
     Fault,
 }
 
@@ -59,7 +59,8 @@ pub struct Status {
     /// The robot is a simulated one: it has a battery while it drives. Older bricks do not tell.
     #[serde(default)]
     pub simulated: bool,
-    /// A battery with which no run begins: what the run would say; otherwise nothing. Older bricks do not tell.
+    /// A battery with which no run begins: what the run would say; otherwise nothing. Older bricks
+    /// do not tell.
     #[serde(default)]
     pub battery: Option<String>,
     /// For a `start`, within [`TOKEN_LIFE_NS`](super::TOKEN_LIFE_NS).
@@ -70,7 +71,8 @@ pub struct Status {
     pub disk: Disk,
     /// A robot that has a finding in its file: the finding; otherwise nothing.
     pub robot: Option<String>,
-    /// A wall clock that stands wrong: what it says, and what to do; otherwise nothing. Older bricks do not tell.
+    /// A wall clock that stands wrong: what it says, and what to do; otherwise nothing. Older
+    /// bricks do not tell.
     #[serde(default)]
     pub clock: Option<String>,
 }
@@ -110,8 +112,9 @@ pub struct LastStop {
     pub run: Option<RunId>,
     /// Its mission's name.
     pub mission: String,
-    /// Why: `word` (`finished`, `time limit`, `button`, …: [`StopReason`](crate::runtime::StopReason)),
-    /// the `channel` where a device is meant, and a `detail`.
+    /// Why: `word` (`finished`, `time limit`, `button`, …:
+    /// [`StopReason`](crate::runtime::StopReason)), the `channel` where a device is meant, and a
+    /// `detail`.
     #[serde(flatten)]
     pub stop: Stop,
     /// Who asked for it: a key's name, `menu`, `here`.
@@ -229,8 +232,9 @@ pub struct Fetched {
     pub total: u64,
     /// The recording is complete: `total` does not grow.
     pub complete: bool,
-    /// SHA-256 of the whole, in hexadecimal, once it is complete and this part reaches its end. It is computed in the background: a part that
-    /// reaches the end of a complete recording and has none came too early; asking again from there, for no bytes, brings it.
+    /// SHA-256 of the whole, in hexadecimal, once it is complete and this part reaches its end. It
+    /// is computed in the background: a part that reaches the end of a complete recording and has
+    /// none came too early; asking again from there, for no bytes, brings it.
     pub sha256: Option<String>,
 }
 

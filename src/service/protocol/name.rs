@@ -96,7 +96,9 @@ mod tests {
             assert_eq!(Name::new(good).unwrap().as_str(), good);
         }
         let long = "x".repeat(65);
-        for bad in ["", " ", "a b", "-a", ".a", "ä", "a\u{1b}]0;", "a\nb", "а", "a\u{202e}", "a'", &long] {
+        for bad in
+            ["", " ", "a b", "-a", ".a", "ä", "a\u{1b}]0;", "a\nb", "а", "a\u{202e}", "a'", &long]
+        {
             assert_eq!(Name::new(bad), Err(NoName), "{bad:?}");
         }
     }

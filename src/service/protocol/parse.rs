@@ -4,7 +4,9 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::{Asked, Id, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Refusal, Request, VERSION};
+use super::{
+    Asked, Id, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Refusal, Request, VERSION,
+};
 use crate::printable::{Layout, shown};
 
 /// A request that was not understood, with its client's name for it where that could be read.
@@ -35,7 +37,8 @@ const OWN: [&str; 12] = [
     "set_settings",
 ];
 
-/// What every request has. A key that is there twice is refused, because two readers could each believe another one.
+/// What every request has. A key that is there twice is refused, because two readers could each
+/// believe another one.
 #[derive(Deserialize)]
 struct Envelope {
     id: Id,
@@ -73,10 +76,13 @@ pub fn parse_local(bytes: &[u8]) -> Result<Asked<LocalRequest>, NotUnderstood> {
 }
 
 fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> {
-    let refuse =
-        |id: Option<Id>, kind, message: String| NotUnderstood { id, refusal: Refusal::new(kind, message) };
+    let refuse = |id: Option<Id>, kind, message: String| NotUnderstood {
+        id,
+        refusal: Refusal::new(kind, message),
+    };
     if bytes.len() > MAX_REQUEST_BYTES {
-        let message = format!("the request has {} bytes, and {MAX_REQUEST_BYTES} are the most", bytes.len());
+        let message =
+            format!("the request has {} bytes, and {MAX_REQUEST_BYTES} are the most", bytes.len());
         return Err(refuse(None, Kind::BadRequest, message));
     }
     let envelope: Envelope = serde_json::from_slice(bytes).map_err(|error| {
@@ -84,10 +90,15 @@ fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> 
         refuse(id_of(bytes), Kind::BadRequest, format!("not a request: {}", said(&error)))
     })?;
     if matches!(&envelope.id, Id::Text(text) if text.len() > MAX_ID_BYTES) {
-        return Err(refuse(None, Kind::BadRequest, format!("an id has at most {MAX_ID_BYTES} bytes")));
+        return Err(refuse(
+            None,
+            Kind::BadRequest,
+            format!("an id has at most {MAX_ID_BYTES} bytes"),
+        ));
     }
     if envelope.version != VERSION {
-        let message = format!("version {} is asked for, and this is version {VERSION}", envelope.version);
+        let message =
+            format!("version {} is asked for, and this is version {VERSION}", envelope.version);
         let refusal = Refusal::new(Kind::Version, message).hint("the same onbrick on both sides");
         return Err(NotUnderstood { id: Some(envelope.id), refusal });
     }
@@ -116,7 +127,8 @@ fn body<R: DeserializeOwned>(bytes: &[u8], id: &Id) -> Result<R, NotUnderstood> 
     })
 }
 
-/// What was not understood is repeated in it, however long it is: of a long text the middle is left out.
+/// What was not understood is repeated in it, however long it is: of a long text the middle is left
+/// out.
 fn said(error: &serde_json::Error) -> String {
     const BEGINNING: usize = 200;
     const END: usize = 100;
@@ -158,7 +170,8 @@ mod tests {
     fn every_named_operation_is_one() {
         for op in SHARED.into_iter().chain(OWN) {
             let text = format!(r#"{{"version":1,"id":1,"op":"{op}"}}"#);
-            let kind = parse_local(text.as_bytes()).map(|_| ()).map_err(|error| error.refusal.message);
+            let kind =
+                parse_local(text.as_bytes()).map(|_| ()).map_err(|error| error.refusal.message);
             // Those with fields say which is missing; none is unknown.
             if let Err(message) = kind {
                 assert!(message.contains("missing field"), "{op}: {message}");
@@ -169,12 +182,21 @@ mod tests {
     #[test]
     fn what_is_not_understood_says_why_under_its_own_name() {
         let unknown = refused(br#"{"version":1,"id":9,"op":"jog","port":"outA","percent":100}"#);
-        assert_eq!((unknown.id, unknown.refusal.kind), (Some(Id::Number(9)), Kind::UnknownOperation));
-        assert!(unknown.refusal.message.contains("status, missions, start"), "{}", unknown.refusal.message);
-        let forged = refused(b"{\"version\":1,\"id\":9,\"op\":\"a\\nb\\u001b[2J\"}").refusal.message;
-        assert!(forged.contains(r"`a\nb\u{1b}[2J`") && !forged.contains('\n'), "{forged}");
+        assert_eq!(
+            (unknown.id, unknown.refusal.kind),
+            (Some(Id::Number(9)), Kind::UnknownOperation)
+        );
+        assert!(
+            unknown.refusal.message.contains("status, missions, start"),
+            "{}",
+            unknown.refusal.message
+        );
         let forged =
-            refused(b"{\"version\":1,\"id\":9,\"op\":\"start\",\"run\":\"r\",\"mission\":{\"a\\nb\":1}}");
+            refused(b"{\"version\":1,\"id\":9,\"op\":\"a\\nb\\u001b[2J\"}").refusal.message;
+        assert!(forged.contains(r"`a\nb\u{1b}[2J`") && !forged.contains('\n'), "{forged}");
+        let forged = refused(
+            b"{\"version\":1,\"id\":9,\"op\":\"start\",\"run\":\"r\",\"mission\":{\"a\\nb\":1}}",
+        );
         assert!(!forged.refusal.message.contains('\n'), "{}", forged.refusal.message);
         let version = refused(br#"{"version":2,"id":9,"op":"status"}"#);
         assert_eq!((version.id, version.refusal.kind), (Some(Id::Number(9)), Kind::Version));
@@ -188,7 +210,12 @@ mod tests {
             br#"{"id":1,"version":1,"op":"fetch","run":"r","offset":-1,"length":1}"#,
             br#"{"id":1,"version":1,"op":"stop","run":"a","run":"b"}"#,
         ] {
-            assert_eq!(refused(bad).refusal.kind, Kind::BadRequest, "{}", String::from_utf8_lossy(bad));
+            assert_eq!(
+                refused(bad).refusal.kind,
+                Kind::BadRequest,
+                "{}",
+                String::from_utf8_lossy(bad)
+            );
         }
         let deep = format!(r#"{{"id":1,"version":1,"op":"status","x":{}"#, "[".repeat(100_000));
         assert_eq!(refused(deep.as_bytes()).refusal.kind, Kind::BadRequest);
@@ -200,7 +227,9 @@ mod tests {
         for (text, what) in [
             (format!("\"{long}\""), "at line 1 column "),
             (
-                format!(r#"{{"id":1,"version":1,"op":"fetch","run":"r","offset":"{long}","length":1}}"#),
+                format!(
+                    r#"{{"id":1,"version":1,"op":"fetch","run":"r","offset":"{long}","length":1}}"#
+                ),
                 "expected u64",
             ),
         ] {
@@ -211,7 +240,10 @@ mod tests {
 
     #[test]
     fn a_reply_has_the_outcome_beside_its_id() {
-        let reply = Reply { id: Some(Id::Number(7)), outcome: Outcome::Ok(serde_json::json!({"run": "r"})) };
+        let reply = Reply {
+            id: Some(Id::Number(7)),
+            outcome: Outcome::Ok(serde_json::json!({"run": "r"})),
+        };
         assert_eq!(serde_json::to_string(&reply).unwrap(), r#"{"id":7,"ok":{"run":"r"}}"#);
         let text = r#"{"id":7,"error":{"kind":"from_the_future","message":"m","hint":null}}"#;
         let reply: Reply = serde_json::from_str(text).unwrap();

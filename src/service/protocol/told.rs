@@ -69,7 +69,10 @@ mod tests {
         assert_eq!(read(text), Outcome::Ok(expected));
         let text = r#"{"id":1,"error":{"kind":"busy","message":"\u001b[2Jx\ny","hint":"\u0007"}}"#;
         let Outcome::Error(refusal) = read(text) else { panic!("no refusal") };
-        assert_eq!((refusal.message.as_str(), refusal.hint.as_deref()), ("\\u{1b}[2Jx\ny", Some("\\u{7}")));
+        assert_eq!(
+            (refusal.message.as_str(), refusal.hint.as_deref()),
+            ("\\u{1b}[2Jx\ny", Some("\\u{7}"))
+        );
     }
 
     #[test]

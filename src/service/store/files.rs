@@ -50,7 +50,10 @@ pub(super) fn look(folder: &Path) -> Result<(), StoreError> {
 }
 
 /// Bytes that are free for us; 0 where nobody can say.
-#[allow(clippy::useless_conversion, reason = "the kernel's numbers have 32 bits on the brick and 64 on a PC")]
+#[allow(
+    clippy::useless_conversion,
+    reason = "the kernel's numbers have 32 bits on the brick and 64 on a PC"
+)]
 pub(super) fn free(folder: &Path) -> u64 {
     let free = |disk: nix::sys::statvfs::Statvfs| {
         u64::from(disk.blocks_available()).saturating_mul(u64::from(disk.fragment_size()))
@@ -63,7 +66,8 @@ pub(super) fn make_folder(folder: &Path) -> Result<(), StoreError> {
     std::fs::create_dir(folder).map_err(failed("make", folder))
 }
 
-/// Removes a run's folder, the recording first. What cannot be removed is removed at the next start.
+/// Removes a run's folder, the recording first. What cannot be removed is removed at the next
+/// start.
 pub(super) fn remove(folder: &Path) {
     let removed = std::fs::remove_file(folder.join(super::RECORDING));
     match removed {

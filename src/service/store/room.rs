@@ -14,7 +14,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NoRoom`] where the disk would still be too full; nothing is deleted in vain. [`StoreError::Disk`].
+    /// [`StoreError::NoRoom`] where the disk would still be too full; nothing is deleted in vain.
+    /// [`StoreError::Disk`].
     pub(super) fn make_room(&self, more: u64) -> Result<(), StoreError> {
         loop {
             let fits = self.used().saturating_add(more.min(self.quota)) <= self.quota;
@@ -23,7 +24,8 @@ impl Store {
             }
             self.could_have_room()?;
             let Some(run) = self.next_to_go() else {
-                // A quota that the run alone exceeds takes nothing else away; only the disk itself can be too full.
+                // A quota that the run alone exceeds takes nothing else away; only the disk itself
+                // can be too full.
                 return Ok(());
             };
             log::info!("run {run} is deleted to make room");
@@ -49,7 +51,8 @@ impl Store {
     pub(super) fn could_have_room(&self) -> Result<(), StoreError> {
         let free = files::free(&self.folder);
         let index = self.index();
-        let may_go = index.runs.values().filter(|entry| index.going_on.as_ref() != Some(&entry.record.run));
+        let may_go =
+            index.runs.values().filter(|entry| index.going_on.as_ref() != Some(&entry.record.run));
         let could_be = may_go.map(|entry| entry.bytes).fold(free, u64::saturating_add);
         let needed = if index.going_on.is_some() { RESERVE_BYTES / 4 } else { RESERVE_BYTES };
         if could_be >= needed {

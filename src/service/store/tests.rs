@@ -38,14 +38,20 @@ fn a_run_is_listed_and_found_again_by_the_next_service() {
     store.begin(Record::new(id("three"), "m", 60.0, "pc")).unwrap();
     assert_eq!(names(&store), ["three", "two", "one"]);
     assert!(store.list()[0].going_on && !store.list()[1].going_on);
-    assert!(matches!(Store::open(folder.path(), 64 * MB), Err(StoreError::Kept(_))), "one service a folder");
+    assert!(
+        matches!(Store::open(folder.path(), 64 * MB), Err(StoreError::Kept(_))),
+        "one service a folder"
+    );
     let before = store.list();
     drop(store);
     let store = Store::open(folder.path(), 64 * MB).unwrap();
     assert_eq!(&store.list()[1..], &before[1..]);
     assert_eq!(store.list().iter().map(|info| info.number).collect::<Vec<_>>(), [3, 2, 1]);
     let cut = &store.list()[0];
-    assert!(!cut.going_on && cut.end.is_none(), "a run that a dead service leaves is listed as cut: {cut:?}");
+    assert!(
+        !cut.going_on && cut.end.is_none(),
+        "a run that a dead service leaves is listed as cut: {cut:?}"
+    );
     assert_eq!(store.open_ended().len(), 1);
 }
 
@@ -91,7 +97,10 @@ fn fetched_runs_go_first_then_the_oldest_and_the_running_one_never() {
     has("b", &sha256);
     all("c");
     has("a", &"0".repeat(64));
-    assert_eq!(store.list().iter().map(|info| info.fetched).collect::<Vec<_>>(), [false, true, false]);
+    assert_eq!(
+        store.list().iter().map(|info| info.fetched).collect::<Vec<_>>(),
+        [false, true, false]
+    );
     run(&store, "d", 3 << 20);
     assert_eq!(names(&store), ["d", "c", "a"], "b was fetched");
     let file = store.begin(Record::new(id("e"), "m", 60.0, "pc")).unwrap();
@@ -129,7 +138,10 @@ fn a_run_is_fetched_while_it_grows_and_ends_with_the_hash_of_the_whole() {
     }
     assert!(got == bytes);
     let beyond = fetch(&store, "r", 600_001).unwrap_err();
-    assert!(matches!(beyond, StoreError::BeyondEnd { offset: 600_001, total: 600_000 }), "{beyond}");
+    assert!(
+        matches!(beyond, StoreError::BeyondEnd { offset: 600_001, total: 600_000 }),
+        "{beyond}"
+    );
     assert!(matches!(fetch(&store, "no", 0), Err(StoreError::Unknown(_))));
 }
 
@@ -141,12 +153,16 @@ fn what_is_not_ours_in_the_folder_is_passed_over() {
     }
     std::fs::write(folder.path().join("notes/run.json"), b"{\"run\": 3").unwrap();
     std::fs::write(folder.path().join("file"), b"").unwrap();
-    std::fs::write(folder.path().join("deleted"), b"a 1\nnonsense\n../x 2\nb\n\xff\nc 4\n").unwrap();
+    std::fs::write(folder.path().join("deleted"), b"a 1\nnonsense\n../x 2\nb\n\xff\nc 4\n")
+        .unwrap();
     let store = Store::open(folder.path(), 64 * MB).unwrap();
     assert!(names(&store).is_empty());
     assert_eq!(["a", "b", "c"].map(|name| store.knows(&id(name))), [true, false, true]);
     let error = store.begin(Record::new(id("notes"), "m", 60.0, "pc")).unwrap_err();
-    assert!(error.to_string().contains("cannot make"), "a folder that is there is not taken: {error}");
+    assert!(
+        error.to_string().contains("cannot make"),
+        "a folder that is there is not taken: {error}"
+    );
     assert!(folder.path().join("notes/run.json").exists());
 }
 
@@ -163,7 +179,8 @@ fn a_folder_that_cannot_be_used_is_trouble_that_says_why() {
     assert!(good.trouble().is_none());
 }
 
-/// A run's end, its hash and a fetch are noted by three threads of the service, and all write its `run.json`.
+/// A run's end, its hash and a fetch are noted by three threads of the service, and all write its
+/// `run.json`.
 #[test]
 fn what_several_threads_note_of_a_run_is_all_on_the_disk() {
     let folder = tempfile::tempdir().unwrap();
@@ -181,8 +198,12 @@ fn what_several_threads_note_of_a_run_is_all_on_the_disk() {
                     note(store, &run);
                 });
             };
-            first_all(|store, run| store.end(run, Some(over(StopReason::Abandoned)), Some(1.5), Some(3)));
-            first_all(|store, run| store.change(run, |record| record.sha256 = Some("0".repeat(64))));
+            first_all(|store, run| {
+                store.end(run, Some(over(StopReason::Abandoned)), Some(1.5), Some(3))
+            });
+            first_all(|store, run| {
+                store.change(run, |record| record.sha256 = Some("0".repeat(64)))
+            });
             first_all(|store, run| store.note_fetched(run));
         });
         let saved = files::read(&store.folder_of(&id(&name))).unwrap();

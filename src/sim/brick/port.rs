@@ -1,4 +1,5 @@
-//! A port: class `lego-port`, and the detection of what is plugged into it (`ev3_ports_in.c`, `ev3_ports_out.c`).
+//! A port: class `lego-port`, and the detection of what is plugged into it (`ev3_ports_in.c`,
+//! `ev3_ports_out.c`).
 
 use nix::errno::Errno;
 
@@ -6,7 +7,9 @@ use crate::sim::driver::sensor::HANDSHAKE_NS;
 use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
 use crate::sim::driver::text::word;
 use crate::sim::driver::{Context, Wait};
-use crate::sim::driver::{Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable};
+use crate::sim::driver::{
+    Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable,
+};
 use crate::sim::physics::{MotorKind, SensorKind};
 
 const ATTRIBUTES: &[Spec] = &[
@@ -31,7 +34,8 @@ const INPUT_MODES: &[&str] = &[
 ];
 const OUTPUT_MODES: &[&str] = &["auto", "tacho-motor", "dc-motor", "led", "raw"];
 
-/// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20 ms.
+/// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20
+/// ms.
 const DETECT_NS: i64 = 390_000_000;
 
 /// A pulled plug is believed after 100 ms.
@@ -169,7 +173,9 @@ impl PortState {
 
     fn wanted(&self) -> Option<Wanted> {
         match (self.mode_name(), self.plugged) {
-            ("auto", Some(Plugged::Motor(kind))) => Some(Model::of(kind).map_or(Wanted::Dc, Wanted::Tacho)),
+            ("auto", Some(Plugged::Motor(kind))) => {
+                Some(Model::of(kind).map_or(Wanted::Dc, Wanted::Tacho))
+            }
             ("tacho-motor", _) => Some(Wanted::Tacho(self.motor_driver.unwrap_or(Model::large()))),
             ("dc-motor", _) => Some(Wanted::Dc),
             ("led", _) => Some(Wanted::Led),

@@ -1,4 +1,5 @@
-//! Where a brick's devices are in its tree: `sys/class` with links, `sys/devices` with the folders, `dev`.
+//! Where a brick's devices are in its tree: `sys/class` with links, `sys/devices` with the folders,
+//! `dev`.
 //!
 //! The folders are those of ev3dev's stretch: a port below the platform device `ev3-ports`, below
 //! the port what is plugged into it, a device of the bus `lego`, and below that the device of a
@@ -24,7 +25,8 @@ pub(crate) const SPEAKER: &str = "dev/input/by-path/platform-sound-event";
 /// The screen's memory.
 pub(crate) const SCREEN: &str = "dev/fb0";
 
-/// Where a robot truly is: no file of a real brick, and so outside the folders that programs look into.
+/// Where a robot truly is: no file of a real brick, and so outside the folders that programs look
+/// into.
 pub(crate) const TRUTH: &str = "sim/truth";
 
 /// What is wrong on purpose: written to make it so.
@@ -54,15 +56,18 @@ const BUS_DRIVERS: &str = "sys/bus/lego/drivers/";
 const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH, FAULTS, ORDERS];
 
 impl Brick {
-    /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the links of `sys/class`.
+    /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the
+    /// links of `sys/class`.
     ///
     /// # Errors
     ///
     /// ENOENT where there is no such folder.
     pub(crate) fn list(&self, folder: &str) -> Result<Vec<Entry>, Errno> {
-        let mut entries = if let Some((_, folders)) = FIXED.iter().find(|(path, _)| *path == folder) {
-            let files =
-                FILES.iter().filter_map(|path| path.rsplit_once('/').filter(|(parent, _)| *parent == folder));
+        let mut entries = if let Some((_, folders)) = FIXED.iter().find(|(path, _)| *path == folder)
+        {
+            let files = FILES
+                .iter()
+                .filter_map(|path| path.rsplit_once('/').filter(|(parent, _)| *parent == folder));
             let files = files.map(|(_, name)| self.other_file(name));
             folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
         } else if folder == "sys/class" {
@@ -73,15 +78,19 @@ impl Brick {
             if !BusDevice::DRIVERS.contains(&driver) {
                 return Err(Errno::ENOENT);
             }
-            let bound = self
-                .nodes
-                .iter()
-                .filter(|node| matches!(&node.device, Device::Bus(device) if device.driver() == driver));
+            let bound = self.nodes.iter().filter(
+                |node| matches!(&node.device, Device::Bus(device) if device.driver() == driver),
+            );
             bound.map(|node| Entry::link(&node.name)).collect()
-        } else if let Some(entries) = self.locate(folder).and_then(|(id, rest)| self.entries(id, rest).ok()) {
+        } else if let Some(entries) =
+            self.locate(folder).and_then(|(id, rest)| self.entries(id, rest).ok())
+        {
             entries
         } else if let Some(class) = folder.strip_prefix("sys/class/") {
-            let class = Class::ALL.into_iter().find(|known| known.as_str() == class).ok_or(Errno::ENOENT)?;
+            let class = Class::ALL
+                .into_iter()
+                .find(|known| known.as_str() == class)
+                .ok_or(Errno::ENOENT)?;
             self.names(class).map(Entry::link).collect()
         } else {
             self.folders_between(folder.strip_prefix("sys/").ok_or(Errno::ENOENT)?)?
@@ -130,14 +139,17 @@ impl Brick {
         }
         match rest {
             "" if path.starts_with("sys/class/") => Ok(format!("../../{folder}")),
-            "subsystem" => Ok(format!("{}class/{}", "../".repeat(folder.split('/').count()), class.as_str())),
+            "subsystem" => {
+                Ok(format!("{}class/{}", "../".repeat(folder.split('/').count()), class.as_str()))
+            }
             // Above are the class's folder, and the device that it belongs to.
             "device" => Ok(format!("../../../{}", folder.rsplit('/').nth(2).unwrap_or_default())),
             _ => Err(Errno::EINVAL),
         }
     }
 
-    /// The device whose folder a path is, or goes into, and the rest of the path. Of two, the inner one.
+    /// The device whose folder a path is, or goes into, and the rest of the path. Of two, the inner
+    /// one.
     pub(crate) fn locate<'p>(&self, path: &'p str) -> Option<(u32, &'p str)> {
         if let Some(path) = path.strip_prefix("sys/class/") {
             let (class, path) = path.split_once('/')?;
@@ -209,13 +221,16 @@ impl Brick {
             let entries: Vec<Entry> = files.collect();
             return if entries.is_empty() { Err(Errno::ENOENT) } else { Ok(entries) };
         }
-        let mut entries: Vec<Entry> = specs().filter(|spec| inside(spec).is_none()).map(file).collect();
+        let mut entries: Vec<Entry> =
+            specs().filter(|spec| inside(spec).is_none()).map(file).collect();
         let mut folders: Vec<&str> = specs().filter_map(inside).map(|(folder, _)| folder).collect();
         folders.dedup();
         entries.extend(folders.into_iter().map(Entry::folder));
         // What lies below it: on a port the device of the bus, on that the one of a class.
         entries.extend(
-            self.folder(id).and_then(|folder| self.folders_between(&folder).ok()).unwrap_or_default(),
+            self.folder(id)
+                .and_then(|folder| self.folders_between(&folder).ok())
+                .unwrap_or_default(),
         );
         let owner = if self.is_on_bus(id) { "driver" } else { "device" };
         entries.extend([owner, "subsystem"].map(Entry::link));
@@ -224,7 +239,8 @@ impl Brick {
         Ok(entries)
     }
 
-    /// As udev's rules leave it: in the classes that people use, the group `ev3dev` may do what the owner may.
+    /// As udev's rules leave it: in the classes that people use, the group `ev3dev` may do what the
+    /// owner may.
     fn with_udev(&self, id: u32, entry: Entry) -> Entry {
         let class = self.node(id).map(|node| node.class);
         let untouched = [Class::BoardInfo, Class::Graphics, Class::PowerSupply].map(Some);
@@ -271,7 +287,8 @@ impl Brick {
 
     /// The device of a port itself.
     fn port_node(&self, index: usize) -> Option<u32> {
-        let is_port = |node: &&super::Node| matches!(node.device, Device::Port(other) if other == index);
+        let is_port =
+            |node: &&super::Node| matches!(node.device, Device::Port(other) if other == index);
         self.nodes.iter().find(is_port).map(|node| node.id)
     }
 }

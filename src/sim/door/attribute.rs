@@ -92,10 +92,19 @@ impl SimFile {
         let (class, name) = brick.name(id).ok_or(Errno::ENOENT)?;
         let path = format!("sys/class/{}/{name}/{attribute}", class.as_str());
         drop(state);
-        Ok(Self { shared: Arc::clone(shared), robot, path, access, id, spec, seen: Cell::new(None) })
+        Ok(Self {
+            shared: Arc::clone(shared),
+            robot,
+            path,
+            access,
+            id,
+            spec,
+            seen: Cell::new(None),
+        })
     }
 
-    /// True for raw bytes, of which any part can be read; false for a text, which is made when its beginning is read.
+    /// True for raw bytes, of which any part can be read; false for a text, which is made when its
+    /// beginning is read.
     pub(crate) fn is_binary(&self) -> bool {
         self.spec.size != super::super::driver::TEXT_SIZE
     }
@@ -122,7 +131,8 @@ impl SimFile {
     ///
     /// # Errors
     ///
-    /// EBADF for a reader's file; ENODEV once the device is gone; EINVAL for raw bytes that do not begin at the beginning; else the driver's.
+    /// EBADF for a reader's file; ENODEV once the device is gone; EINVAL for raw bytes that do not
+    /// begin at the beginning; else the driver's.
     pub(crate) fn begin_write(&self, offset: u64, value: &[u8]) -> Result<Write, Errno> {
         if self.access == Access::Read {
             return Err(Errno::EBADF);
@@ -153,14 +163,16 @@ impl SimFile {
         self.notices().is_none()
     }
 
-    /// True if a poll that begins now has something to tell: a change since the last read, or that the device is gone.
+    /// True if a poll that begins now has something to tell: a change since the last read, or that
+    /// the device is gone.
     pub(crate) fn is_changed(&self) -> bool {
         self.notices().is_none_or(|notices| self.seen.get() != Some(notices))
     }
 
     /// True if a poll that sleeps is to be woken: the removal of a device wakes nobody.
     pub(crate) fn wakes(&self) -> bool {
-        // A file that was never read has changed, whatever it is; one that wakes nobody never does after that.
+        // A file that was never read has changed, whatever it is; one that wakes nobody never does
+        // after that.
         self.notices().is_some_and(|notices| self.seen.get() != Some(notices))
     }
 

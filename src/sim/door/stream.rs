@@ -82,7 +82,12 @@ impl StreamFile {
         let mut state = self.shared.now();
         let brick = brick_of(&mut state, self.robot)?;
         bytes.clear();
-        self.next.set(events(brick, self.device).read(self.next.get(), room, self.layout, bytes)?);
+        self.next.set(events(brick, self.device).read(
+            self.next.get(),
+            room,
+            self.layout,
+            bytes,
+        )?);
         Ok(())
     }
 }
@@ -107,7 +112,8 @@ impl AttributeFile for StreamFile {
             return Err(Errno::EBADF);
         }
         if self.device == Device::Buttons {
-            // The EV3's buttons have no lights and no sounds: the kernel takes what is written and does nothing.
+            // The EV3's buttons have no lights and no sounds: the kernel takes what is written and
+            // does nothing.
             return Ok(value.len() / self.layout.length() * self.layout.length());
         }
         let mut state = self.shared.now();

@@ -2,7 +2,8 @@
 //! beginning. Where it is, and what a person would see of its brick and hear: lights, tone, buttons
 //! that are down.
 //!
-//! No brick has it. A test reads it after somebody's program has driven, to see whether the robot is where that program meant it to go.
+//! No brick has it. A test reads it after somebody's program has driven, to see whether the robot
+//! is where that program meant it to go.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -41,7 +41,11 @@ pub(crate) fn read_power(attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno
 ///
 /// EIO for the delay, EINVAL for any other word than those of `power/control`.
 pub(crate) fn store_power(attribute: &str, bytes: &[u8]) -> Result<(), Errno> {
-    if attribute == "power/autosuspend_delay_ms" { Err(Errno::EIO) } else { word(bytes, CONTROLS).map(drop) }
+    if attribute == "power/autosuspend_delay_ms" {
+        Err(Errno::EIO)
+    } else {
+        word(bytes, CONTROLS).map(drop)
+    }
 }
 
 /// A device of the bus.
@@ -59,7 +63,11 @@ impl BusDevice {
 
     /// What was plugged in, under the name that its class gives it, bound to one of
     /// [`BusDevice::DRIVERS`].
-    pub(crate) fn new(driver: &'static str, driver_name: &'static str, address: &'static str) -> Self {
+    pub(crate) fn new(
+        driver: &'static str,
+        driver_name: &'static str,
+        address: &'static str,
+    ) -> Self {
         Self { driver, driver_name, address }
     }
 

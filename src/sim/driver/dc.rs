@@ -8,7 +8,9 @@ use nix::errno::Errno;
 
 use super::jiffies::{due_ns, from_ms, jiffies};
 use super::text::{int_in, scan_unsigned, word};
-use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, wrap, writeable};
+use super::{
+    Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, wrap, writeable,
+};
 use crate::sim::physics::Bridge;
 
 const COMMANDS: [&str; 4] = ["run-forever", "run-timed", "run-direct", "stop"];
@@ -122,12 +124,14 @@ impl DcMotor {
         self.active.duty = if command == Command::Stop { 0 } else { self.signed(self.set.duty) };
         self.command = command;
         self.start_ramp(now_ns);
-        self.timed_ns = (command == Command::RunTimed).then(|| due_ns(now_ns, from_ms(self.active.time_ms)));
+        self.timed_ns =
+            (command == Command::RunTimed).then(|| due_ns(now_ns, from_ms(self.active.time_ms)));
     }
 
     fn start_ramp(&mut self, now_ns: i64) {
         self.ramp_delta = self.active.duty - self.duty;
-        let full_ms = if self.ramp_delta > 0 { self.active.ramp_up_ms } else { self.active.ramp_down_ms };
+        let full_ms =
+            if self.ramp_delta > 0 { self.active.ramp_up_ms } else { self.active.ramp_down_ms };
         let full = from_ms(i32::try_from(full_ms).unwrap_or(i32::MAX));
         self.ramp_time = full * i64::from(self.ramp_delta.abs()) / 100;
         self.last_step = jiffies(now_ns);
@@ -144,7 +148,11 @@ impl DcMotor {
         }
         let now = jiffies(now_ns);
         let left = (self.ramp_end - now).max(0);
-        let behind = if self.ramp_time == 0 { 0 } else { i64::from(self.ramp_delta) * left / self.ramp_time };
+        let behind = if self.ramp_time == 0 {
+            0
+        } else {
+            i64::from(self.ramp_delta) * left / self.ramp_time
+        };
         self.duty = (self.active.duty - wrap(behind)).clamp(-100, 100);
         self.bridge = match (runs || self.duty != 0, self.active.brake) {
             (true, _) => Bridge::Duty(self.duty),
@@ -200,8 +208,12 @@ impl Driver for DcMotor {
     ) -> Result<Option<Wait>, Errno> {
         match attribute {
             "command" => {
-                let all = [Command::RunForever, Command::RunTimed, Command::RunDirect, Command::Stop];
-                self.command(*all.get(word(bytes, COMMANDS)?).ok_or(Errno::EINVAL)?, context.now_ns);
+                let all =
+                    [Command::RunForever, Command::RunTimed, Command::RunDirect, Command::Stop];
+                self.command(
+                    *all.get(word(bytes, COMMANDS)?).ok_or(Errno::EINVAL)?,
+                    context.now_ns,
+                );
             }
             "duty_cycle_sp" => {
                 self.set.duty = int_in(bytes, -100, 100)?;

@@ -24,7 +24,8 @@ pub enum Button {
 
 impl Button {
     /// Every button.
-    pub const ALL: [Self; 6] = [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
+    pub const ALL: [Self; 6] =
+        [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
 
     /// Its name in orders and on the page.
     #[must_use]
@@ -71,7 +72,8 @@ const SND_TONE: u16 = 2;
 /// How wide the time before an event is: two C longs of whoever reads it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventLayout {
-    /// 16 bytes an event: the brick's own, and what a 32-bit program reads, also one that an emulator runs on a 64-bit machine.
+    /// 16 bytes an event: the brick's own, and what a 32-bit program reads, also one that an
+    /// emulator runs on a 64-bit machine.
     Bits32,
     /// 24 bytes an event: 64-bit programs.
     Bits64,
@@ -135,7 +137,8 @@ impl Events {
         self.total
     }
 
-    /// Appends whole events from number `from` on, at most `room` bytes; returns the number of the next one.
+    /// Appends whole events from number `from` on, at most `room` bytes; returns the number of the
+    /// next one.
     ///
     /// # Errors
     ///
@@ -226,7 +229,12 @@ impl Speaker {
     /// # Errors
     ///
     /// EINVAL where there is less than one event.
-    pub(crate) fn write(&mut self, bytes: &[u8], layout: EventLayout, now_ns: i64) -> Result<usize, Errno> {
+    pub(crate) fn write(
+        &mut self,
+        bytes: &[u8],
+        layout: EventLayout,
+        now_ns: i64,
+    ) -> Result<usize, Errno> {
         let events = bytes.chunks_exact(layout.length());
         if events.len() == 0 && !bytes.is_empty() {
             return Err(Errno::EINVAL);

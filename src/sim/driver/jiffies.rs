@@ -1,8 +1,9 @@
 //! When a kernel timer fires.
 //!
-//! The brick's kernel ticks at 100 Hz. A timer that is due further ahead than 62 ticks is kept in a coarser ring of the timer
-//! wheel (`kernel/time/timer.c`, since 4.8): it fires up to 80 ms late, further ones later still. A `run-timed` of 300 ms
-//! ends within 310 ms, one of 1000 ms within 1090 ms; the kernel transcript shows the latter (scenario 6).
+//! The brick's kernel ticks at 100 Hz. A timer that is due further ahead than 62 ticks is kept in a
+//! coarser ring of the timer wheel (`kernel/time/timer.c`, since 4.8): it fires up to 80 ms late,
+//! further ones later still. A `run-timed` of 300 ms ends within 310 ms, one of 1000 ms within 1090
+//! ms; the kernel transcript shows the latter (scenario 6).
 
 /// One tick of the kernel, in nanoseconds.
 pub(crate) const JIFFY_NS: i64 = 10_000_000;

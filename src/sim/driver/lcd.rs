@@ -1,7 +1,8 @@
 //! The screen: class `graphics`, and the memory behind `dev/fb0`.
 //!
-//! A frame buffer is asked for its geometry by ioctls that say nothing of their length, and those cross no file system in user space. A program learns
-//! it from `sys/class/graphics/fb0`, or is told.
+//! A frame buffer is asked for its geometry by ioctls that say nothing of their length, and those
+//! cross no file system in user space. A program learns it from `sys/class/graphics/fb0`, or is
+//! told.
 //!
 //! # Not here
 //!
@@ -31,7 +32,9 @@ pub struct LcdGeometry {
 
 /// A text that is no geometry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("a screen is WIDTHxHEIGHTxBITS: 1 to 4096 pixels each way, and 1, 8, 16, 24 or 32 bits a pixel")]
+#[error(
+    "a screen is WIDTHxHEIGHTxBITS: 1 to 4096 pixels each way, and 1, 8, 16, 24 or 32 bits a pixel"
+)]
 pub struct BadGeometry;
 
 impl LcdGeometry {
@@ -187,7 +190,9 @@ mod tests {
 
     #[test]
     fn what_is_no_screen_is_refused() {
-        for text in ["", "178x128", "178x128x32x1", "0x1x1", "5000x1x8", "178x128x7", "-1x1x1", "axbxc"] {
+        for text in
+            ["", "178x128", "178x128x32x1", "0x1x1", "5000x1x8", "178x128x7", "-1x1x1", "axbxc"]
+        {
             assert_eq!(text.parse::<LcdGeometry>(), Err(BadGeometry), "{text}");
         }
     }

@@ -36,7 +36,8 @@ const NONE: usize = 0;
 const TIMER: usize = 15;
 const DEFAULT_ON: usize = 17;
 
-const PLAIN: &[Spec] = &[readwriteable("brightness"), readable("max_brightness"), readwriteable("trigger")];
+const PLAIN: &[Spec] =
+    &[readwriteable("brightness"), readable("max_brightness"), readwriteable("trigger")];
 const BLINKING: &[Spec] = &[
     readwriteable("brightness"),
     readwriteable("delay_off"),
@@ -94,7 +95,10 @@ impl Driver for Led {
             "trigger" => {
                 let active = format!("[{}]", self.trigger());
                 let words = TRIGGERS.iter().enumerate();
-                list(out, words.map(|(index, word)| if index == self.trigger { &active } else { *word }));
+                list(
+                    out,
+                    words.map(|(index, word)| if index == self.trigger { &active } else { *word }),
+                );
             }
             "delay_on" if self.trigger == TIMER => line(out, self.delay_on_ms),
             "delay_off" if self.trigger == TIMER => line(out, self.delay_off_ms),

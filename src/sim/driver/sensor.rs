@@ -1,4 +1,5 @@
-//! A sensor: class `lego-sensor` (`lego_sensor_class.c`, `ev3_uart_sensor_ld.c`, `ev3_analog_sensor_core.c`).
+//! A sensor: class `lego-sensor` (`lego_sensor_class.c`, `ev3_uart_sensor_ld.c`,
+//! `ev3_analog_sensor_core.c`).
 //!
 //! A sensor holds the last frame of each mode, as the driver's `mode_info[mode].raw_data` does;
 //! reads decode that of the mode it is in. Frames come at the sensor's own pace, each is measured
@@ -14,7 +15,9 @@ use rand_chacha::rand_core::Rng as _;
 pub(crate) use self::models::Mode;
 use self::models::{Model, model};
 use super::text::word;
-use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable};
+use super::{
+    Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
+};
 use crate::sim::physics::SensorKind;
 
 /// The analog pin's voltage from which a touch sensor counts as pressed, in millivolts.
@@ -68,14 +71,17 @@ pub enum SerialLine {
     /// As it should be.
     #[default]
     Sound,
-    /// The sensor sends nothing: a write of `mode` ends in ETIMEDOUT after half a second, and values stay as they are, until the driver
-    /// misses it after 0.7 s and is [`SerialLine::Resynchronising`].
+    /// The sensor sends nothing: a write of `mode` ends in ETIMEDOUT after half a second, and
+    /// values stay as they are, until the driver misses it after 0.7 s and is
+    /// [`SerialLine::Resynchronising`].
     Silent,
-    /// The driver has lost it and takes its description again: values answer ENXIO, a write of `mode` ENODEV.
+    /// The driver has lost it and takes its description again: values answer ENXIO, a write of
+    /// `mode` ENODEV.
     Resynchronising,
 }
 
-/// The driver looks every 100 ms whether data has come; after more than six misses it resynchronises (interfaces, 6.2).
+/// The driver looks every 100 ms whether data has come; after more than six misses it
+/// resynchronises (interfaces, 6.2).
 const KEEP_ALIVE_NS: i64 = 700_000_000;
 
 /// How long a sensor takes to describe itself at 2400 baud.
@@ -129,7 +135,12 @@ pub(crate) struct Sensor {
 
 impl Sensor {
     /// A sensor that has just reported itself, in its first mode.
-    pub(crate) fn new(kind: SensorKind, address: &'static str, make: GyroMake, now_ns: i64) -> Self {
+    pub(crate) fn new(
+        kind: SensorKind,
+        address: &'static str,
+        make: GyroMake,
+        now_ns: i64,
+    ) -> Self {
         Self {
             kind,
             model: model(kind),
@@ -169,9 +180,13 @@ impl Sensor {
         self.notices
     }
 
-    /// What happens in one step. `measure` is asked for the numbers of a frame when one is due; it has none where the frame does
-    /// not come.
-    pub(crate) fn tick(&mut self, now_ns: i64, measure: impl FnOnce(&'static str) -> Option<[i32; 8]>) {
+    /// What happens in one step. `measure` is asked for the numbers of a frame when one is due; it
+    /// has none where the frame does not come.
+    pub(crate) fn tick(
+        &mut self,
+        now_ns: i64,
+        measure: impl FnOnce(&'static str) -> Option<[i32; 8]>,
+    ) {
         self.keep_alive(now_ns);
         if self.switch.as_ref().is_some_and(|switch| switch.due_ns <= now_ns) {
             self.finish_switch(now_ns);
@@ -180,7 +195,11 @@ impl Sensor {
             return;
         }
         self.next_frame_ns = now_ns + self.model.period_ns;
-        if self.fed || self.spent || self.line() != SerialLine::Sound || now_ns < self.stale_until_ns {
+        if self.fed
+            || self.spent
+            || self.line() != SerialLine::Sound
+            || now_ns < self.stale_until_ns
+        {
             return;
         }
         let Some(mode) = self.mode_table() else { return };
@@ -196,7 +215,8 @@ impl Sensor {
         self.notice_touch();
     }
 
-    /// Puts a frame in by hand, as if the sensor went on sending it; with none, the sensor measures again.
+    /// Puts a frame in by hand, as if the sensor went on sending it; with none, the sensor measures
+    /// again.
     pub(crate) fn feed(&mut self, frame: Option<&[u8]>) {
         self.fed = frame.is_some();
         if let (Some(frame), Some(kept)) = (frame, self.frames.get_mut(self.mode)) {
@@ -215,7 +235,8 @@ impl Sensor {
         self.forget_frames(before);
     }
 
-    /// Faults that lie on the wire: how the line is, and how long old values stay after a change of mode, at least.
+    /// Faults that lie on the wire: how the line is, and how long old values stay after a change of
+    /// mode, at least.
     pub(crate) fn suffer(&mut self, line: SerialLine, stale_ns: i64) {
         let before = self.line();
         self.faulty_line = if self.model.uart { line } else { SerialLine::Sound };
@@ -223,10 +244,12 @@ impl Sensor {
         self.forget_frames(before);
     }
 
-    /// The driver misses a sensor that sends nothing, and takes its description again when it is back.
+    /// The driver misses a sensor that sends nothing, and takes its description again when it is
+    /// back.
     fn keep_alive(&mut self, now_ns: i64) {
         let before = self.line();
-        let since_ns = (self.wire() == SerialLine::Silent).then(|| self.silent_since_ns.unwrap_or(now_ns));
+        let since_ns =
+            (self.wire() == SerialLine::Silent).then(|| self.silent_since_ns.unwrap_or(now_ns));
         self.silent_since_ns = since_ns;
         if since_ns.is_some_and(|since_ns| now_ns - since_ns >= KEEP_ALIVE_NS) {
             self.missed_until_ns = Some(now_ns + HANDSHAKE_NS);
@@ -295,7 +318,11 @@ impl Sensor {
         *angle = angle.wrapping_sub(self.zero_deg);
     }
 
-    fn write_mode(&mut self, bytes: &[u8], context: &mut Context<'_>) -> Result<Option<Wait>, Errno> {
+    fn write_mode(
+        &mut self,
+        bytes: &[u8],
+        context: &mut Context<'_>,
+    ) -> Result<Option<Wait>, Errno> {
         let mode = word(bytes, self.model.modes.iter().map(|mode| mode.name))?;
         if !self.model.uart {
             return Ok(None);

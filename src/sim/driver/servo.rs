@@ -5,7 +5,9 @@
 use nix::errno::Errno;
 
 use super::text::{int_in, scan_signed, scan_unsigned, word};
-use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable};
+use super::{
+    Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
+};
 
 const COMMANDS: [&str; 2] = ["run", "float"];
 const POLARITIES: [&str; 2] = ["normal", "inversed"];

@@ -1,11 +1,13 @@
 //! A motor with a position: class `tacho-motor` (`tacho_motor_class.c`).
 //!
-//! The class keeps the set points, latches them at each command, and ramps the speed in steps; [`motor`] below it regulates.
+//! The class keeps the set points, latches them at each command, and ramps the speed in steps;
+//! [`motor`] below it regulates.
 //!
 //! # Quirks that are kept
 //!
 //! - A relative move that follows a relative move starts from that move's target.
-//! - `ramping` sticks if a move arrives before its ramp was through, or a command that does not ramp interrupts a ramp.
+//! - `ramping` sticks if a move arrives before its ramp was through, or a command that does not
+//!   ramp interrupts a ramp.
 //! - The ramp counts from 50 ms before the command, and its steps come 50 to 60 ms apart.
 //! - `speed_sp` takes −2147483648.
 
@@ -127,7 +129,8 @@ impl TachoMotor {
         (edges, exact): (i64, f64),
         now_ns: i64,
     ) -> Self {
-        let motor = Motor::new(Encoder::new(edges, exact, now_ns), Model::speed_pid(), model.hold_pid());
+        let motor =
+            Motor::new(Encoder::new(edges, exact, now_ns), Model::speed_pid(), model.hold_pid());
         Self {
             model,
             address,
@@ -274,11 +277,19 @@ impl TachoMotor {
         let delta = end.wrapping_sub(start);
         let faster = i64::from(start) * i64::from(delta) >= 0;
         let full_ms = if faster { self.active.ramp_up_ms } else { self.active.ramp_down_ms };
-        let delta_time = from_ms(full_ms) * i64::from(delta.unsigned_abs()) / i64::from(self.model.max_speed);
+        let delta_time =
+            from_ms(full_ms) * i64::from(delta.unsigned_abs()) / i64::from(self.model.max_speed);
         let start_time = jiffies(now_ns) - RAMP_PERIOD / 2;
         let end_time = start_time + delta_time;
-        self.ramp =
-            Ramp { flagged: true, end, delta, delta_time, end_time, last_step: start_time, ..self.ramp };
+        self.ramp = Ramp {
+            flagged: true,
+            end,
+            delta,
+            delta_time,
+            end_time,
+            last_step: start_time,
+            ..self.ramp
+        };
         self.step_ramp(now_ns);
     }
 
@@ -312,7 +323,8 @@ impl TachoMotor {
         let delay = (RAMP_PERIOD - (now - self.ramp.last_step)).max(0);
         self.ramp.last_step = now;
         // Work without a delay still waits for its worker.
-        self.ramp.due_ns = Some(due_ns(now_ns, delay).max(now_ns.div_euclid(JIFFY_NS) * JIFFY_NS + JIFFY_NS));
+        self.ramp.due_ns =
+            Some(due_ns(now_ns, delay).max(now_ns.div_euclid(JIFFY_NS) * JIFFY_NS + JIFFY_NS));
     }
 
     /// Turns a number between the file's frame and the hardware's.
@@ -374,7 +386,13 @@ impl Driver for TachoMotor {
             "polarity" => list(out, POLARITIES.get(usize::from(self.set.inversed)).copied()),
             "state" => {
                 let words = ["running", "ramping", "holding", "overloaded", "stalled"];
-                list(out, words.into_iter().zip(self.state()).filter_map(|(word, set)| set.then_some(word)));
+                list(
+                    out,
+                    words
+                        .into_iter()
+                        .zip(self.state())
+                        .filter_map(|(word, set)| set.then_some(word)),
+                );
             }
             _ => line(out, self.number(attribute).ok_or(Errno::ENODEV)?),
         }
@@ -404,7 +422,8 @@ impl Driver for TachoMotor {
             "position_sp" => self.set.position = self.signed(int(bytes)?),
             "speed_sp" => {
                 let speed = int(bytes)?;
-                // As the driver checks it: the one number whose magnitude does not fit slips through.
+                // As the driver checks it: the one number whose magnitude does not fit slips
+                // through.
                 if speed.wrapping_abs() > self.model.max_speed {
                     return Err(Errno::EINVAL);
                 }

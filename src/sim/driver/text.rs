@@ -1,6 +1,7 @@
 //! How the kernel reads what is written to an attribute.
 //!
-//! All functions take the bytes of one `write`, whole. They answer with the kernel's own error numbers.
+//! All functions take the bytes of one `write`, whole. They answer with the kernel's own error
+//! numbers.
 
 use nix::errno::Errno;
 
@@ -14,13 +15,17 @@ pub(crate) fn text(bytes: &[u8]) -> &[u8] {
 /// # Errors
 ///
 /// EINVAL for any other text.
-pub(crate) fn word<'a>(bytes: &[u8], words: impl IntoIterator<Item = &'a str>) -> Result<usize, Errno> {
+pub(crate) fn word<'a>(
+    bytes: &[u8],
+    words: impl IntoIterator<Item = &'a str>,
+) -> Result<usize, Errno> {
     let text = text(bytes);
     let text = text.strip_suffix(b"\n").unwrap_or(text);
     words.into_iter().position(|word| word.as_bytes() == text).ok_or(Errno::EINVAL)
 }
 
-/// A decimal integer with an optional sign and one optional trailing newline (`kstrtoint`, base 10).
+/// A decimal integer with an optional sign and one optional trailing newline (`kstrtoint`, base
+/// 10).
 ///
 /// # Errors
 ///
@@ -36,7 +41,8 @@ pub(crate) fn int(bytes: &[u8]) -> Result<i32, Errno> {
     i32::try_from(if negative { -value } else { value }).map_err(|_| Errno::ERANGE)
 }
 
-/// An unsigned decimal integer, else as [`int`] (`kstrtoul` on the brick, whose `long` has 32 bits).
+/// An unsigned decimal integer, else as [`int`] (`kstrtoul` on the brick, whose `long` has 32
+/// bits).
 ///
 /// # Errors
 ///
@@ -50,9 +56,9 @@ pub(crate) fn unsigned(bytes: &[u8]) -> Result<u32, Errno> {
 fn magnitude(text: &[u8]) -> Result<u64, Errno> {
     let length = text.iter().take_while(|byte| byte.is_ascii_digit()).count();
     let (digits, rest) = text.split_at(length);
-    let value = digits
-        .iter()
-        .try_fold(0_u64, |value, digit| value.checked_mul(10)?.checked_add(u64::from(digit - b'0')));
+    let value = digits.iter().try_fold(0_u64, |value, digit| {
+        value.checked_mul(10)?.checked_add(u64::from(digit - b'0'))
+    });
     match (length, value, rest) {
         (1.., None, _) => Err(Errno::ERANGE),
         (1.., Some(value), b"" | b"\n") => Ok(value),
@@ -70,7 +76,8 @@ pub(crate) fn int_in(bytes: &[u8], least: i32, most: i32) -> Result<i32, Errno> 
     if (least..=most).contains(&value) { Ok(value) } else { Err(Errno::EINVAL) }
 }
 
-/// An unsigned integer as `sscanf("%u")` takes it: leading blanks and trailing garbage do not matter; it wraps at 32 bits.
+/// An unsigned integer as `sscanf("%u")` takes it: leading blanks and trailing garbage do not
+/// matter; it wraps at 32 bits.
 ///
 /// # Errors
 ///
@@ -81,7 +88,8 @@ pub(crate) fn scan_unsigned(bytes: &[u8]) -> Result<u32, Errno> {
         return Err(Errno::EINVAL);
     }
     let digits = text.iter().take_while(|byte| byte.is_ascii_digit());
-    Ok(digits.fold(0_u32, |value, digit| value.wrapping_mul(10).wrapping_add(u32::from(digit - b'0'))))
+    Ok(digits
+        .fold(0_u32, |value, digit| value.wrapping_mul(10).wrapping_add(u32::from(digit - b'0'))))
 }
 
 /// A signed integer as `sscanf("%d")` takes it; see [`scan_unsigned`].
@@ -133,7 +141,12 @@ mod tests {
         assert_eq!(unsigned(b"+4294967295\n"), Ok(u32::MAX));
         assert_eq!(unsigned(b"4294967296"), Err(Errno::ERANGE));
         for refused in [b"-1".as_slice(), b"", b"+", b"++1", b"1 "] {
-            assert_eq!(unsigned(refused), Err(Errno::EINVAL), "{:?}", String::from_utf8_lossy(refused));
+            assert_eq!(
+                unsigned(refused),
+                Err(Errno::EINVAL),
+                "{:?}",
+                String::from_utf8_lossy(refused)
+            );
         }
     }
 
@@ -152,7 +165,12 @@ mod tests {
         assert_eq!(word(b"brake\n", words), Ok(1));
         assert_eq!(word(b"brake\0x", words), Ok(1));
         for refused in [b"brake\n\n".as_slice(), b" brake", b"Brake", b"brak", b""] {
-            assert_eq!(word(refused, words), Err(Errno::EINVAL), "{:?}", String::from_utf8_lossy(refused));
+            assert_eq!(
+                word(refused, words),
+                Err(Errno::EINVAL),
+                "{:?}",
+                String::from_utf8_lossy(refused)
+            );
         }
     }
 }

@@ -9,15 +9,17 @@ use crate::sim::physics::{MotorKind, SensorKind};
 
 /// What is wrong with the device on a port. The text form is what [`fmt::Display`] writes.
 ///
-/// "Counts" are the integers that a driver gives: a motor's position, a sensor's `value0` without its decimals.
+/// "Counts" are the integers that a driver gives: a motor's position, a sensor's `value0` without
+/// its decimals.
 #[derive(Debug, Clone, PartialEq)]
 pub enum DeviceFault {
     /// `unplug`: the device is pulled. It is plugged in again at the fault's end.
     Unplug,
     /// `plug`: what was pulled is put back. It comes with a new number and its defaults.
     Plug,
-    /// `off`: no power. A motor coasts and is still counted. A sensor sends nothing: values stand still and a change of mode ends in
-    /// ETIMEDOUT, until its driver misses it after 0.7 s; then as `resync`.
+    /// `off`: no power. A motor coasts and is still counted. A sensor sends nothing: values stand
+    /// still and a change of mode ends in ETIMEDOUT, until its driver misses it after 0.7 s; then
+    /// as `resync`.
     Off,
     /// `stuck`: what is measured stays as it is.
     Stuck,
@@ -25,15 +27,16 @@ pub enum DeviceFault {
     Garbage,
     /// `garbage text`: random bytes where numbers should stand.
     GarbageText,
-    /// `wrong [SCALE [OFFSET]]`: plausible, but multiplied and shifted. A motor's counts are scaled from where they are when it
-    /// begins; a touch sensor is inverted, also by `jump`.
+    /// `wrong [SCALE [OFFSET]]`: plausible, but multiplied and shifted. A motor's counts are scaled
+    /// from where they are when it begins; a touch sensor is inverted, also by `jump`.
     Wrong {
         /// Factor.
         scale: f64,
         /// Counts, added after scaling.
         offset: i32,
     },
-    /// `slow [TIMES]`: new values come so many times more seldom. A motor is counted each 2 ms times this.
+    /// `slow [TIMES]`: new values come so many times more seldom. A motor is counted each 2 ms
+    /// times this.
     Slow {
         /// How many times the usual period.
         times: u32,
@@ -63,7 +66,8 @@ pub enum DeviceFault {
     Block,
     /// `endless`: the kernel's timer does not end a `run-timed`.
     Endless,
-    /// `resync`: the serial line is lost and the sensor describes itself again: values answer ENXIO, a write of `mode` ENODEV.
+    /// `resync`: the serial line is lost and the sensor describes itself again: values answer
+    /// ENXIO, a write of `mode` ENODEV.
     Resync,
     /// `stale [MS]`: after a change of mode, what the new mode measured when it was last used stays
     /// for at least this long; zeros if it never was.
@@ -107,7 +111,8 @@ impl DeviceFault {
     /// Each fault once, with the numbers that a text without numbers means.
     #[must_use]
     pub fn examples() -> Vec<Self> {
-        let texts = Self::WORDS.iter().copied().filter(|word| *word != "write").chain(["garbage text"]);
+        let texts =
+            Self::WORDS.iter().copied().filter(|word| *word != "write").chain(["garbage text"]);
         texts.filter_map(|text| Self::parse(text).ok()).collect()
     }
 
@@ -132,8 +137,12 @@ impl DeviceFault {
         let of_line = matches!(self, Self::Resync | Self::Stale { .. });
         let why = match home {
             _ if of_line && port.is_output() => "it has no serial line",
-            _ if matches!(self, Self::Block | Self::Endless) && !port.is_output() => "nothing turns there",
-            Some(Plugged::Sensor(SensorKind::Touch)) if of_line => "a touch sensor has no serial line",
+            _ if matches!(self, Self::Block | Self::Endless) && !port.is_output() => {
+                "nothing turns there"
+            }
+            Some(Plugged::Sensor(SensorKind::Touch)) if of_line => {
+                "a touch sensor has no serial line"
+            }
             Some(Plugged::Motor(MotorKind::Rcx)) if of_signal => "the motor has no encoder",
             None if *self == Self::Plug => "nothing was in it",
             _ => return Ok(()),

@@ -111,7 +111,8 @@ impl PortFaults {
         count
     }
 
-    /// What a sensor's driver is sent for a frame that was measured; none where the frame does not come.
+    /// What a sensor's driver is sent for a frame that was measured; none where the frame does not
+    /// come.
     pub(crate) fn frame(
         &mut self,
         kind: SensorKind,
@@ -139,7 +140,9 @@ impl PortFaults {
         }
         self.active.iter().rev().find_map(|active| match active.fault {
             DeviceFault::Garbage if matches!(attribute, "position" | "speed" | "duty_cycle") => {
-                Some(Reading::Reads(format!("{}\n", self.chance_at(now_ns, attribute).any()).into()))
+                Some(Reading::Reads(
+                    format!("{}\n", self.chance_at(now_ns, attribute).any()).into(),
+                ))
             }
             DeviceFault::GarbageText => {
                 let mut chance = self.chance_at(now_ns, attribute);
@@ -197,7 +200,9 @@ impl PortFaults {
     /// Chance that depends on the time and the attribute alone, not on how often it was read.
     fn chance_at(&self, now_ns: i64, attribute: &str) -> Chance {
         let step = now_ns.div_euclid(STEP_NS).cast_unsigned();
-        let name = attribute.bytes().fold(7_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
+        let name = attribute
+            .bytes()
+            .fold(7_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
         Chance::new(self.seed ^ name, self.stream.wrapping_add(step << 8))
     }
 }
@@ -235,9 +240,14 @@ impl Memory {
             DeviceFault::Wrong { scale, offset } => {
                 let (from, exact_from) = *self.count.get_or_insert(count);
                 let moved = scaled(count.0 - from, *scale) + 2 * i64::from(*offset);
-                (from + moved, exact_from + (count.1 - exact_from) * scale + 2.0 * f64::from(*offset))
+                (
+                    from + moved,
+                    exact_from + (count.1 - exact_from) * scale + 2.0 * f64::from(*offset),
+                )
             }
-            DeviceFault::Jump { by } => (count.0 + 2 * i64::from(*by), count.1 + 2.0 * f64::from(*by)),
+            DeviceFault::Jump { by } => {
+                (count.0 + 2 * i64::from(*by), count.1 + 2.0 * f64::from(*by))
+            }
             _ => count,
         }
     }
@@ -265,9 +275,9 @@ impl Memory {
             DeviceFault::Wrong { .. } if kind == SensorKind::Touch => {
                 Some(values.map(|value| i32::from(value == 0)))
             }
-            DeviceFault::Wrong { scale, offset } => {
-                Some(plausible(kind, mode, values, |value| scaled(value.into(), *scale) + i64::from(*offset)))
-            }
+            DeviceFault::Wrong { scale, offset } => Some(plausible(kind, mode, values, |value| {
+                scaled(value.into(), *scale) + i64::from(*offset)
+            })),
             DeviceFault::Jump { by } if kind == SensorKind::Touch => {
                 Some(values.map(|value| i32::from((value == 0) == (*by != 0))))
             }
@@ -309,13 +319,20 @@ fn scaled(value: i64, scale: f64) -> i64 {
 }
 
 /// Changes the values of a frame and keeps them to what the sensor could have sent.
-fn plausible(kind: SensorKind, mode: &str, values: [i32; 8], change: impl Fn(i32) -> i64) -> [i32; 8] {
+fn plausible(
+    kind: SensorKind,
+    mode: &str,
+    values: [i32; 8],
+    change: impl Fn(i32) -> i64,
+) -> [i32; 8] {
     let (least, most) = match (kind, mode) {
         (SensorKind::Ultrasonic, "US-LISTEN") | (SensorKind::Touch, _) => (0, 1),
         (SensorKind::Ultrasonic, mode) if mode.ends_with("IN") => (0, 1003),
         (SensorKind::Ultrasonic, _) => (0, 2550),
         (SensorKind::Colour, "COL-COLOR") => (0, 7),
-        (SensorKind::Colour, "COL-REFLECT" | "COL-AMBIENT") | (SensorKind::Infrared, "IR-PROX") => (0, 100),
+        (SensorKind::Colour, "COL-REFLECT" | "COL-AMBIENT") | (SensorKind::Infrared, "IR-PROX") => {
+            (0, 100)
+        }
         (SensorKind::Colour, _) => (0, 1020),
         (SensorKind::Infrared, "IR-REMOTE") => (0, 11),
         (SensorKind::Infrared, "IR-SEEK" | "IR-S-ALT") => (-128, 127),
@@ -351,7 +368,9 @@ mod tests {
     fn counts(text: &str, steps: i64) -> Vec<i64> {
         let mut faults = faulty(text);
         #[expect(clippy::cast_precision_loss, reason = "small")]
-        (0..steps).map(|step| faults.count((100 + step, 100.0 + step as f64), step * STEP_NS).0).collect()
+        (0..steps)
+            .map(|step| faults.count((100 + step, 100.0 + step as f64), step * STEP_NS).0)
+            .collect()
     }
 
     #[test]
@@ -370,7 +389,12 @@ mod tests {
         let frame = |nth: i32| {
             let values = [1000 + nth, 0, 0, 0, 0, 0, 0, 0];
             faults
-                .frame(SensorKind::Ultrasonic, "US-DIST-CM", i64::from(nth) * 100 * MILLISECOND_NS, || values)
+                .frame(
+                    SensorKind::Ultrasonic,
+                    "US-DIST-CM",
+                    i64::from(nth) * 100 * MILLISECOND_NS,
+                    || values,
+                )
                 .map(|values| values[0])
         };
         (0..count).map(frame).collect()
@@ -398,7 +422,8 @@ mod tests {
             let steps = 500_000;
             for step in 0..steps {
                 faults.step(step * STEP_NS);
-                let gone = faults.reading("value0", step * STEP_NS) == Some(Reading::Fails(Errno::ENXIO));
+                let gone =
+                    faults.reading("value0", step * STEP_NS) == Some(Reading::Fails(Errno::ENXIO));
                 assert_eq!(faults.refusal().is_some(), gone);
                 assert_eq!(faults.reading("driver_name", step * STEP_NS), None);
                 away += i64::from(gone);

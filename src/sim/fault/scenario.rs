@@ -36,11 +36,13 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// Reads a scenario from the bytes of a file; `file` is what findings call it. Warnings come back beside it.
+    /// Reads a scenario from the bytes of a file; `file` is what findings call it. Warnings come
+    /// back beside it.
     ///
     /// # Errors
     ///
-    /// All mistakes with their places: what is not TOML, unknown keys, ports and faults, times out of range.
+    /// All mistakes with their places: what is not TOML, unknown keys, ports and faults, times out
+    /// of range.
     pub fn parse(file: &str, bytes: &[u8]) -> Result<(Self, Findings), Findings> {
         Document::new(file, bytes)?.read(scenario)
     }
@@ -127,7 +129,8 @@ fn press(section: &Section<'_>) -> Option<(i64, Order)> {
     section.allow(&["at_s", "robot", "button", "for_s"]);
     let at_s = time(section, "at_s");
     let robot = robot(section);
-    let button = section.require("button").and_then(|item| understood(&item, text::button(item.text()?)));
+    let button =
+        section.require("button").and_then(|item| understood(&item, text::button(item.text()?)));
     let for_s = optional(section, "for_s", |item| item.number(0.002..=LONGEST_S));
     let act = Act::Press(button?, for_s?.map_or(text::PRESS_NS, nanoseconds));
     Some((nanoseconds(at_s?), Order { robot: robot?, act }))
@@ -154,5 +157,6 @@ fn robot(section: &Section<'_>) -> Option<usize> {
 
 /// A value, or a finding at its place.
 fn understood<T>(item: &Item<'_>, read: Result<T, Misread>) -> Option<T> {
-    read.map_err(|Misread { message, hint }| item.error(message).hint(hint.unwrap_or_default())).ok()
+    read.map_err(|Misread { message, hint }| item.error(message).hint(hint.unwrap_or_default()))
+        .ok()
 }

@@ -21,7 +21,8 @@ pub struct FaultRecord {
     pub time_ns: i64,
     /// Whose, from 0.
     pub robot: usize,
-    /// What: an order's text; `… is over` at a fault's end; with the reason, what a scenario ordered in vain.
+    /// What: an order's text; `… is over` at a fault's end; with the reason, what a scenario
+    /// ordered in vain.
     pub what: String,
 }
 
@@ -54,10 +55,12 @@ struct Ramp {
 }
 
 impl Faults {
-    /// Takes the orders of a scenario, its time counted from `now_ns`, in place of what was still to come.
+    /// Takes the orders of a scenario, its time counted from `now_ns`, in place of what was still
+    /// to come.
     pub(crate) fn plan(&mut self, scenario: &Scenario, now_ns: i64) {
         let orders = scenario.orders().iter();
-        self.pending = orders.map(|(at_ns, order)| (now_ns.saturating_add(*at_ns), order.clone())).collect();
+        self.pending =
+            orders.map(|(at_ns, order)| (now_ns.saturating_add(*at_ns), order.clone())).collect();
     }
 
     /// What was done so far.
@@ -73,8 +76,8 @@ impl Faults {
             let Some((_, order)) = self.pending.pop_front() else { break };
             // A scenario's order that does not fit is recorded; nobody waits for its answer.
             if let Err(error) = self.perform(&order, now_ns, bricks, physics) {
-                let why =
-                    std::error::Error::source(&error).map_or(String::new(), |cause| format!(" ({cause})"));
+                let why = std::error::Error::source(&error)
+                    .map_or(String::new(), |cause| format!(" ({cause})"));
                 self.note(now_ns, order.robot, format!("{}: {error}{why}", order.act));
             }
         }
@@ -107,7 +110,8 @@ impl Faults {
                 }
             }
             Act::Clear(port) => {
-                let ports = Port::ALL.into_iter().filter(|other| port.is_none_or(|port| port == *other));
+                let ports =
+                    Port::ALL.into_iter().filter(|other| port.is_none_or(|port| port == *other));
                 for port in ports {
                     for fault in brick.clear(port) {
                         restore(brick, *robot, port, &fault, now_ns, physics);
@@ -121,8 +125,13 @@ impl Faults {
             }
             Act::Battery { from_v, to_v, over_ns } => {
                 self.ramps.retain(|ramp| ramp.robot != *robot);
-                let ramp =
-                    Ramp { robot: *robot, from_v: *from_v, to_v: *to_v, start_ns: now_ns, over_ns: *over_ns };
+                let ramp = Ramp {
+                    robot: *robot,
+                    from_v: *from_v,
+                    to_v: *to_v,
+                    start_ns: now_ns,
+                    over_ns: *over_ns,
+                };
                 physics.fail(*robot, Fault::BatteryV(ramp.volts(now_ns)));
                 self.ramps.push(ramp);
             }
@@ -195,8 +204,8 @@ impl Faults {
 
 impl Ramp {
     fn volts(&self, now_ns: i64) -> f64 {
-        let share =
-            crate::clock::seconds(now_ns - self.start_ns) / crate::clock::seconds(self.over_ns.max(1));
+        let share = crate::clock::seconds(now_ns - self.start_ns)
+            / crate::clock::seconds(self.over_ns.max(1));
         self.from_v + (self.to_v - self.from_v) * share.clamp(0.0, 1.0)
     }
 }

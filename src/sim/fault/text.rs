@@ -84,14 +84,18 @@ impl fmt::Display for Act {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Inject(port, fault, None) => write!(f, "{port} {fault}"),
-            Self::Inject(port, fault, Some(for_ns)) => write!(f, "{port} {fault} for {}", seconds(*for_ns)),
+            Self::Inject(port, fault, Some(for_ns)) => {
+                write!(f, "{port} {fault} for {}", seconds(*for_ns))
+            }
             Self::Clear(Some(port)) => write!(f, "{port} clear"),
             Self::Clear(None) => f.write_str("clear"),
             Self::Battery { to_v, over_ns: 0, .. } => write!(f, "battery {to_v}"),
             Self::Battery { from_v, to_v, over_ns } => {
                 write!(f, "battery {from_v} {to_v} {}", seconds(*over_ns))
             }
-            Self::Press(button, for_ns) => write!(f, "press {} for {}", button.as_str(), seconds(*for_ns)),
+            Self::Press(button, for_ns) => {
+                write!(f, "press {} for {}", button.as_str(), seconds(*for_ns))
+            }
             Self::Tone(hz) => write!(f, "tone {hz}"),
             Self::Say(words) => write!(f, "say {words}"),
             Self::Release(button) => write!(f, "release {}", button.as_str()),
@@ -149,7 +153,8 @@ impl Misread {
 }
 
 impl Order {
-    /// The orders in a text, one a line; `robot` is meant where a line names none. Empty lines and comments (`#`) are left out.
+    /// The orders in a text, one a line; `robot` is meant where a line names none. Empty lines and
+    /// comments (`#`) are left out.
     ///
     /// # Errors
     ///
@@ -157,7 +162,8 @@ impl Order {
     pub fn parse(robot: usize, text: &str) -> Result<Vec<Self>, OrderError> {
         let mut orders = Vec::new();
         for (index, line) in text.lines().enumerate() {
-            let words: Vec<&str> = line.split('#').next().unwrap_or_default().split_whitespace().collect();
+            let words: Vec<&str> =
+                line.split('#').next().unwrap_or_default().split_whitespace().collect();
             if words.is_empty() {
                 continue;
             }
@@ -175,7 +181,8 @@ impl Order {
         if let ["robot", number, rest @ ..] = words {
             let robot = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
             let robot = robot.ok_or_else(|| {
-                Misread::new(format!("`robot {}` is no robot", shown(number))).hint("robots count from 1")
+                Misread::new(format!("`robot {}` is no robot", shown(number)))
+                    .hint("robots count from 1")
             })?;
             return Ok(Self { robot, act: act(rest)? });
         }
@@ -241,7 +248,8 @@ pub(super) fn port(name: &str) -> Result<Port, Misread> {
 pub(super) fn button(name: &str) -> Result<Button, Misread> {
     let names = Button::ALL.map(Button::as_str);
     Button::named(name).ok_or_else(|| {
-        let near = nearest(name, names).unwrap_or_else(|| format!("there are {}", names.join(", ")));
+        let near =
+            nearest(name, names).unwrap_or_else(|| format!("there are {}", names.join(", ")));
         Misread::new(format!("there is no button `{}`", shown(name))).hint(near)
     })
 }
@@ -249,11 +257,13 @@ pub(super) fn button(name: &str) -> Result<Button, Misread> {
 fn press(words: &[&str]) -> Result<Act, Misread> {
     match duration(words)? {
         ([name], for_ns) => Ok(Act::Press(button(name)?, for_ns.unwrap_or(PRESS_NS))),
-        _ => Err(Misread::new("`press` takes one button").hint("`press enter`, or `press enter for 1.5`")),
+        _ => Err(Misread::new("`press` takes one button")
+            .hint("`press enter`, or `press enter for 1.5`")),
     }
 }
 
-/// Takes `for SECONDS` from the end. `write ATTRIBUTE VALUE` keeps its words: a value may be anything.
+/// Takes `for SECONDS` from the end. `write ATTRIBUTE VALUE` keeps its words: a value may be
+/// anything.
 fn duration<'w, 't>(words: &'w [&'t str]) -> Result<(&'w [&'t str], Option<i64>), Misread> {
     match words {
         ["write", ..] => Ok((words, None)),
@@ -279,7 +289,8 @@ fn battery(words: &[&str]) -> Result<Act, Misread> {
 }
 
 fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, Misread> {
-    let number: f64 = text.parse().map_err(|_| Misread::new(format!("`{}` is not a number", shown(text))))?;
+    let number: f64 =
+        text.parse().map_err(|_| Misread::new(format!("`{}` is not a number", shown(text))))?;
     if range.contains(&number) {
         return Ok(number);
     }
@@ -293,8 +304,13 @@ fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, Misread> {
 
 /// The beginning of what a person wrote, for a message.
 fn shown(text: &str) -> String {
-    let start: String = text.chars().take(40).map(|c| if is_printable(c) { c } else { '?' }).collect();
-    if start.len() < text.len() && text.chars().count() > 40 { format!("{start}…") } else { start }
+    let start: String =
+        text.chars().take(40).map(|c| if is_printable(c) { c } else { '?' }).collect();
+    if start.len() < text.len() && text.chars().count() > 40 {
+        format!("{start}…")
+    } else {
+        start
+    }
 }
 
 impl DeviceFault {
@@ -305,19 +321,25 @@ impl DeviceFault {
     /// [`OrderError`] with the nearest word.
     pub fn parse(text: &str) -> Result<Self, OrderError> {
         let words: Vec<&str> = text.split_whitespace().collect();
-        Self::from_words(&words).map_err(|Misread { message, hint }| OrderError { line: 1, message, hint })
+        Self::from_words(&words).map_err(|Misread { message, hint }| OrderError {
+            line: 1,
+            message,
+            hint,
+        })
     }
 
     pub(super) fn from_words(words: &[&str]) -> Result<Self, Misread> {
         let Some((word, arguments)) = words.split_first() else {
-            return Err(
-                Misread::new("no fault is named").hint(format!("there are {}", Self::WORDS.join(", ")))
-            );
+            return Err(Misread::new("no fault is named")
+                .hint(format!("there are {}", Self::WORDS.join(", "))));
         };
         match (*word, arguments) {
             ("garbage", ["text"]) => return Ok(Self::GarbageText),
             ("write", [attribute, value @ ..]) if !value.is_empty() => {
-                return Ok(Self::Write { attribute: (*attribute).to_owned(), value: value.join(" ") });
+                return Ok(Self::Write {
+                    attribute: (*attribute).to_owned(),
+                    value: value.join(" "),
+                });
             }
             ("write", _) => return Err(Misread::new("`write` takes an attribute and a value")),
             _ => {}
@@ -352,8 +374,9 @@ impl DeviceFault {
             "reset" => Self::Write { attribute: "command".to_owned(), value: "reset".to_owned() },
             _ => {
                 let near = nearest(word, Self::WORDS);
-                return Err(Misread::new(format!("there is no fault `{}`", shown(word)))
-                    .hint(near.unwrap_or_else(|| format!("there are {}", Self::WORDS.join(", ")))));
+                return Err(Misread::new(format!("there is no fault `{}`", shown(word))).hint(
+                    near.unwrap_or_else(|| format!("there are {}", Self::WORDS.join(", "))),
+                ));
             }
         })
     }
@@ -379,8 +402,9 @@ impl Numbers<'_> {
     fn whole(&mut self, default: i32, most: i32) -> Result<i32, Misread> {
         let Some((first, rest)) = self.rest.split_first() else { return Ok(default) };
         self.rest = rest;
-        let whole: i32 =
-            first.parse().map_err(|_| Misread::new(format!("`{}` is not a whole number", shown(first))))?;
+        let whole: i32 = first
+            .parse()
+            .map_err(|_| Misread::new(format!("`{}` is not a whole number", shown(first))))?;
         if whole.unsigned_abs() <= most.unsigned_abs() {
             return Ok(whole);
         }
@@ -390,7 +414,9 @@ impl Numbers<'_> {
     fn end(self, fault: DeviceFault) -> Result<DeviceFault, Misread> {
         match self.rest.first() {
             None => Ok(fault),
-            Some(word) => Err(Misread::new(format!("`{}` does not belong to `{}`", shown(word), self.word))),
+            Some(word) => {
+                Err(Misread::new(format!("`{}` does not belong to `{}`", shown(word), self.word)))
+            }
         }
     }
 }

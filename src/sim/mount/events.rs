@@ -1,6 +1,7 @@
 //! An input device's ioctls: those that libraries ask before they believe in one (`linux/input.h`).
 //!
-//! They say how long their answer may be, and so cross FUSE. EVIOCGRAB does not: its argument is a number where FUSE expects an address.
+//! They say how long their answer may be, and so cross FUSE. EVIOCGRAB does not: its argument is a
+//! number where FUSE expects an address.
 
 use nix::errno::Errno;
 
@@ -46,7 +47,8 @@ pub(super) fn ioctl(file: &StreamFile, command: u32, room: usize) -> Result<(i32
         0x1a => (true, set(&[], SMALL_BYTES)),
         // How many force feedback effects it plays: none.
         0x84 => (false, 0_i32.to_ne_bytes().to_vec()),
-        // The kernel's clock for the events' times: they are the simulation's, whichever was chosen.
+        // The kernel's clock for the events' times: they are the simulation's, whichever was
+        // chosen.
         0xa0 => (false, Vec::new()),
         kind @ 0x20..=0x3f => (true, known(device, kind - 0x20)),
         _ => return Err(Errno::ENOTTY),
@@ -59,7 +61,8 @@ pub(super) fn ioctl(file: &StreamFile, command: u32, room: usize) -> Result<(i32
 /// Bus, vendor, product and version: BUS_HOST, 1, 1, 0x100.
 fn identity() -> [u8; 8] {
     let mut bytes = [0; 8];
-    for (place, byte) in bytes.iter_mut().zip([0x19_u16, 1, 1, 0x100].into_iter().flat_map(u16::to_ne_bytes))
+    for (place, byte) in
+        bytes.iter_mut().zip([0x19_u16, 1, 1, 0x100].into_iter().flat_map(u16::to_ne_bytes))
     {
         *place = byte;
     }
@@ -99,7 +102,8 @@ fn known(device: Device, kind: u32) -> Vec<u8> {
     }
 }
 
-/// A set of codes as the kernel gives it: an array of C longs, of which this machine's byte order makes an array of bytes.
+/// A set of codes as the kernel gives it: an array of C longs, of which this machine's byte order
+/// makes an array of bytes.
 fn set(codes: &[u16], length: usize) -> Vec<u8> {
     let mut bytes = vec![0; length];
     let flip = if cfg!(target_endian = "big") { size_of::<std::ffi::c_long>() - 1 } else { 0 };

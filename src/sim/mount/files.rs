@@ -21,7 +21,8 @@ use crate::sim::{Entry, EntryKind, SimBrick};
 /// The kernel need not ask again for folders that are always there.
 const LASTING: Duration = Duration::from_secs(3600);
 
-/// Folders with so many parts are ports, `sys/devices/platform/ev3-ports/ev3-ports:outA/lego-port/port4`, or lie above them. What comes
+/// Folders with so many parts are ports,
+/// `sys/devices/platform/ev3-ports/ev3-ports:outA/lego-port/port4`, or lie above them. What comes
 /// and goes lies in them.
 const LASTING_PARTS: usize = 7;
 
@@ -91,7 +92,11 @@ impl Files {
             let robot = (0..self.bricks.len()).find(|robot| (robot + 1).to_string() == name);
             return Ok(Place { robot: Some(robot.ok_or(Errno::ENOENT)?), path: String::new() });
         }
-        let path = if folder.path.is_empty() { name.to_owned() } else { format!("{}/{name}", folder.path) };
+        let path = if folder.path.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{}/{name}", folder.path)
+        };
         Ok(Place { robot: folder.robot, path })
     }
 
@@ -120,7 +125,9 @@ impl Files {
         let folder = self.place(node)?;
         let entries = match folder.robot {
             Some(robot) => self.brick(robot)?.entries(&folder.path)?,
-            None => (1..=self.bricks.len()).map(|number| Entry::folder(&number.to_string())).collect(),
+            None => {
+                (1..=self.bricks.len()).map(|number| Entry::folder(&number.to_string())).collect()
+            }
         };
         let nodes = self.nodes();
         let mut listed = vec![
@@ -136,7 +143,11 @@ impl Files {
     }
 
     /// Opens a file: what is kept of it, and what the kernel may do with it by itself.
-    pub(super) fn open_file(&self, node: INodeNo, flags: OpenFlags) -> Result<(Handle, FopenFlags), Errno> {
+    pub(super) fn open_file(
+        &self,
+        node: INodeNo,
+        flags: OpenFlags,
+    ) -> Result<(Handle, FopenFlags), Errno> {
         let place = self.place(node)?;
         let brick = self.brick(place.robot.ok_or(Errno::EISDIR)?)?;
         let access = match flags.acc_mode() {
@@ -145,13 +156,19 @@ impl Files {
             OpenAccMode::O_RDWR => Access::ReadWrite,
         };
         if place.path == SCREEN {
-            // With the kernel's pages under it, so that it can be mapped, and with a last write when it is closed.
+            // With the kernel's pages under it, so that it can be mapped, and with a last write
+            // when it is closed.
             return Ok((Handle::Screen(Arc::clone(brick)), FopenFlags::empty()));
         }
         // Each read and write comes here as it is; a writer that waits holds up no other.
         let direct = FopenFlags::FOPEN_DIRECT_IO | FopenFlags::FOPEN_NOFLUSH;
         if let Some(file) = brick.open_stream(&place.path, access, self.layout) {
-            let handle = Handle::Events { file: file?, bytes: Vec::new(), readers: Vec::new(), poller: None };
+            let handle = Handle::Events {
+                file: file?,
+                bytes: Vec::new(),
+                readers: Vec::new(),
+                poller: None,
+            };
             return Ok((handle, direct | FopenFlags::FOPEN_STREAM));
         }
         if let Some(file) = brick.open_truth(&place.path, access) {
@@ -166,7 +183,11 @@ impl Files {
     }
 
     /// What the kernel is told of an entry of a folder, and for how long.
-    pub(super) fn look_up(&self, parent: INodeNo, name: &OsStr) -> Result<(FileAttr, Duration), Errno> {
+    pub(super) fn look_up(
+        &self,
+        parent: INodeNo,
+        name: &OsStr,
+    ) -> Result<(FileAttr, Duration), Errno> {
         let place = self.inside(&self.place(parent)?, name)?;
         let entry = self.entry(&place)?;
         let ttl = lifetime(&place, &entry);
@@ -195,7 +216,8 @@ fn kind(kind: EntryKind) -> FileType {
     }
 }
 
-/// For how long the kernel may believe what it was told: devices come and go, and so do links to them.
+/// For how long the kernel may believe what it was told: devices come and go, and so do links to
+/// them.
 fn lifetime(place: &Place, entry: &Entry) -> Duration {
     let lasts = entry.kind == EntryKind::Folder && place.path.split('/').count() <= LASTING_PARTS;
     if lasts { LASTING } else { Duration::ZERO }

@@ -6,8 +6,8 @@ use std::path::Path;
 use fuser::{
     AccessFlags, BsdFileFlags, FileHandle, Filesystem, FopenFlags, Generation, INodeNo, IoctlFlags,
     LockOwner, OpenFlags, PollEvents, PollFlags, PollNotifier, RenameFlags, ReplyAttr, ReplyCreate,
-    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyIoctl, ReplyOpen, ReplyPoll, ReplyWrite,
-    ReplyXattr, Request, TimeOrNow, WriteFlags,
+    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyIoctl, ReplyOpen, ReplyPoll,
+    ReplyWrite, ReplyXattr, Request, TimeOrNow, WriteFlags,
 };
 use nix::errno::Errno;
 
@@ -28,7 +28,13 @@ impl Filesystem for Files {
         self.nodes().forget(node.0, lookups);
     }
 
-    fn getattr(&self, _request: &Request, node: INodeNo, _file: Option<FileHandle>, reply: ReplyAttr) {
+    fn getattr(
+        &self,
+        _request: &Request,
+        node: INodeNo,
+        _file: Option<FileHandle>,
+        reply: ReplyAttr,
+    ) {
         match self.attributes_of(node) {
             Ok((attributes, ttl)) => reply.attr(&ttl, &attributes),
             Err(errno) => reply.error(refusal(errno)),
@@ -122,7 +128,8 @@ impl Filesystem for Files {
         match self.open.with(file.0, |handle| handle.write(offset, data)) {
             Ok(Write::Done(taken)) => written(Ok(taken), reply),
             Ok(Write::Waits(waiting)) => {
-                // At most one writer waits for a sensor: the next one is refused with EBUSY. Without a thread the reply is dropped: EIO.
+                // At most one writer waits for a sensor: the next one is refused with EBUSY.
+                // Without a thread the reply is dropped: EIO.
                 let _ = std::thread::Builder::new()
                     .name("sim-write".to_owned())
                     .spawn(move || written(waiting.finish(), reply));
@@ -234,8 +241,11 @@ impl Filesystem for Files {
         let entry = self.place(node).and_then(|place| self.entry(&place));
         let wanted = mask.bits().cast_unsigned() & 0o7;
         match entry {
-            // Root may read and write whatever the rights say, and find out by opening that sysfs does not let it.
-            Ok(entry) if request.uid() == 0 && (wanted & 1 == 0 || entry.permissions & 0o111 != 0) => {
+            // Root may read and write whatever the rights say, and find out by opening that sysfs
+            // does not let it.
+            Ok(entry)
+                if request.uid() == 0 && (wanted & 1 == 0 || entry.permissions & 0o111 != 0) =>
+            {
                 reply.ok()
             }
             Ok(entry) if wanted & !(entry.permissions >> 6) == 0 => reply.ok(),
@@ -348,7 +358,14 @@ impl Filesystem for Files {
     }
 
     // The kernel remembers ENOSYS and does not ask again.
-    fn getxattr(&self, _request: &Request, _node: INodeNo, _name: &OsStr, _size: u32, reply: ReplyXattr) {
+    fn getxattr(
+        &self,
+        _request: &Request,
+        _node: INodeNo,
+        _name: &OsStr,
+        _size: u32,
+        reply: ReplyXattr,
+    ) {
         reply.error(fuser::Errno::ENOSYS);
     }
 

@@ -142,7 +142,8 @@ impl Handle {
         }
     }
 
-    /// Wakes who waits and has something to be woken for, or, where `interrupts` is set, was interrupted; false if nobody waits any more.
+    /// Wakes who waits and has something to be woken for, or, where `interrupts` is set, was
+    /// interrupted; false if nobody waits any more.
     pub(super) fn wake(&mut self, interrupts: bool) -> bool {
         match self {
             Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Orders { .. } => false,
@@ -176,7 +177,8 @@ impl Handle {
     }
 }
 
-/// A part of an attribute: the text is made when its beginning is read, as sysfs does it; raw bytes with every read.
+/// A part of an attribute: the text is made when its beginning is read, as sysfs does it; raw bytes
+/// with every read.
 fn attribute<'t>(
     file: &SimFile,
     text: &'t mut Vec<u8>,
@@ -192,7 +194,12 @@ fn attribute<'t>(
 }
 
 /// A part of the truth, which is found out when its beginning is read.
-fn truth<'t>(file: &TruthFile, text: &'t mut Vec<u8>, offset: usize, room: usize) -> Result<&'t [u8], Errno> {
+fn truth<'t>(
+    file: &TruthFile,
+    text: &'t mut Vec<u8>,
+    offset: usize,
+    room: usize,
+) -> Result<&'t [u8], Errno> {
     if offset == 0 || text.is_empty() {
         file.read_into(text)?;
     }
@@ -212,7 +219,12 @@ fn notify(poller: &mut Option<PollNotifier>) {
 }
 
 /// Answers a reader who waits, if there is an answer; else gives it back.
-fn answer(reader: Reader, file: &StreamFile, bytes: &mut Vec<u8>, interrupts: bool) -> Option<Reader> {
+fn answer(
+    reader: Reader,
+    file: &StreamFile,
+    bytes: &mut Vec<u8>,
+    interrupts: bool,
+) -> Option<Reader> {
     match file.read_into(reader.room, bytes) {
         Ok(()) => reader.reply.data(bytes),
         Err(Errno::EAGAIN) if interrupts && is_interrupted(reader.thread) => {
@@ -226,8 +238,8 @@ fn answer(reader: Reader, file: &StreamFile, bytes: &mut Vec<u8>, interrupts: bo
 
 /// True if a thread has a signal to take, or is gone.
 ///
-/// The kernel would tell us by FUSE_INTERRUPT, but `fuser` hands that on to nobody, and a process that is killed cannot die before its
-/// read is answered.
+/// The kernel would tell us by FUSE_INTERRUPT, but `fuser` hands that on to nobody, and a process
+/// that is killed cannot die before its read is answered.
 fn is_interrupted(thread: u32) -> bool {
     if thread == 0 {
         // In another namespace: we cannot see its signals.

@@ -39,7 +39,11 @@ impl Nodes {
 
     /// The place with a number.
     pub(super) fn place(&self, number: u64) -> Option<&Place> {
-        if number == ROOT { Some(&self.root) } else { self.known.get(&number).map(|known| &known.place) }
+        if number == ROOT {
+            Some(&self.root)
+        } else {
+            self.known.get(&number).map(|known| &known.place)
+        }
     }
 
     /// The number of a place that the kernel knows.

@@ -1,4 +1,5 @@
-//! All that is open, by the numbers that the kernel keeps for us, and which of it somebody waits for.
+//! All that is open, by the numbers that the kernel keeps for us, and which of it somebody waits
+//! for.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -53,11 +54,13 @@ impl Open {
         self.table().watched.insert(number);
     }
 
-    /// Wakes those who wait, where there is something; `interrupts` says whether to look for interrupted ones too.
+    /// Wakes those who wait, where there is something; `interrupts` says whether to look for
+    /// interrupted ones too.
     pub(super) fn wake(&self, interrupts: bool) {
         let mut table = self.table();
         let Table { handles, watched, .. } = &mut *table;
-        watched.retain(|number| handles.get_mut(number).is_some_and(|handle| handle.wake(interrupts)));
+        watched
+            .retain(|number| handles.get_mut(number).is_some_and(|handle| handle.wake(interrupts)));
     }
 
     /// Sends all readers away who wait.

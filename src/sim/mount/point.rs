@@ -1,4 +1,5 @@
-//! The mount point: whether it can be one, what a dead simulator left there, and how it is taken away.
+//! The mount point: whether it can be one, what a dead simulator left there, and how it is taken
+//! away.
 
 use std::ffi::OsString;
 use std::fs;
@@ -130,7 +131,9 @@ pub(super) fn prepare(point: &Path) -> Result<(PathBuf, Found), MountError> {
 
 fn check_fuse() -> Result<(), Remedy> {
     match fs::File::options().read(true).write(true).open(DEVICE) {
-        Err(error) if error.kind() == io::ErrorKind::PermissionDenied => return Err(Remedy::Forbidden),
+        Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {
+            return Err(Remedy::Forbidden);
+        }
         Err(_) => return Err(Remedy::NoDevice),
         Ok(_) => {}
     }
@@ -140,8 +143,10 @@ fn check_fuse() -> Result<(), Remedy> {
 /// The program that mounts and unmounts for those who are not root.
 fn helper() -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let folders: Vec<PathBuf> = std::env::split_paths(&path).chain(["/bin".into(), "/sbin".into()]).collect();
-    let candidates = HELPERS.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
+    let folders: Vec<PathBuf> =
+        std::env::split_paths(&path).chain(["/bin".into(), "/sbin".into()]).collect();
+    let candidates =
+        HELPERS.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
     candidates.into_iter().find(|candidate| candidate.is_file())
 }
 
@@ -149,22 +154,28 @@ fn helper() -> Option<PathBuf> {
 fn clear(point: &Path) -> Result<bool, MountError> {
     let mut cleared = false;
     // Several may lie over each other.
-    while fs::metadata(point).is_err_and(|error| error.raw_os_error() == Some(Errno::ENOTCONN as i32)) {
+    while fs::metadata(point)
+        .is_err_and(|error| error.raw_os_error() == Some(Errno::ENOTCONN as i32))
+    {
         let absolute = absolute_of_stale(point);
         let uppermost = mounts_at(&absolute).pop();
-        let ours = uppermost.is_some_and(|mount| mount.kind.starts_with("fuse") && mount.source == SOURCE);
+        let ours =
+            uppermost.is_some_and(|mount| mount.kind.starts_with("fuse") && mount.source == SOURCE);
         if !ours {
             return Err(MountError::Unfit { point: point.to_owned(), why: Unfit::Stale });
         }
-        detach(&absolute).map_err(|source| MountError::Failed { point: absolute.clone(), source })?;
+        detach(&absolute)
+            .map_err(|source| MountError::Failed { point: absolute.clone(), source })?;
         cleared = true;
     }
     Ok(cleared)
 }
 
-/// A folder whose file system does not answer cannot be resolved itself, only the one that it lies in.
+/// A folder whose file system does not answer cannot be resolved itself, only the one that it lies
+/// in.
 fn absolute_of_stale(point: &Path) -> PathBuf {
-    let parent = point.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let parent =
+        point.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match (parent.canonicalize(), point.file_name()) {
         (Ok(parent), Some(name)) => parent.join(name),
         _ => point.to_owned(),
@@ -210,8 +221,8 @@ fn mounts_at(point: &Path) -> Vec<MountLine> {
     table.split(|byte| *byte == b'\n').filter_map(|line| mount_at(line, point)).collect()
 }
 
-/// A line of the table (`proc_pid_mountinfo(5)`): the first field is the mount's number, the fifth the mount point; kind and source follow a
-/// single `-`.
+/// A line of the table (`proc_pid_mountinfo(5)`): the first field is the mount's number, the fifth
+/// the mount point; kind and source follow a single `-`.
 fn mount_at(line: &[u8], point: &Path) -> Option<MountLine> {
     let text = |field: &[u8]| unescape(field).to_string_lossy().into_owned();
     let mut fields = line.split(|byte| *byte == b' ');
@@ -228,8 +239,10 @@ fn unescape(field: &[u8]) -> OsString {
     let mut bytes = Vec::with_capacity(field.len());
     let mut rest = field;
     while let Some((first, after)) = rest.split_first() {
-        let digits =
-            after.get(..3).filter(|_| *first == b'\\').and_then(|digits| std::str::from_utf8(digits).ok());
+        let digits = after
+            .get(..3)
+            .filter(|_| *first == b'\\')
+            .and_then(|digits| std::str::from_utf8(digits).ok());
         match digits.and_then(|digits| u8::from_str_radix(digits, 8).ok()) {
             Some(byte) => {
                 bytes.push(byte);
@@ -255,7 +268,9 @@ mod tests {
         let [id, kind, source] = ["98", "fuse", "onbrick-sim"].map(str::to_owned);
         assert_eq!(found, Some(MountLine { id, kind, source }));
         assert_eq!(mount_at(line, Path::new("/tmp/my")), None);
-        for odd in [b"".as_slice(), b"1 2 3 4", b"1 2 3 4 /a", b"1 2 3 4 /a rw -", b"1 2 3 4 /a rw - fuse"] {
+        for odd in
+            [b"".as_slice(), b"1 2 3 4", b"1 2 3 4 /a", b"1 2 3 4 /a rw -", b"1 2 3 4 /a rw - fuse"]
+        {
             assert_eq!(mount_at(odd, Path::new("/a")), None, "{}", String::from_utf8_lossy(odd));
         }
     }

@@ -1,4 +1,5 @@
-//! The thread that lets the simulation's time pass while nobody touches a file, and that wakes those who wait.
+//! The thread that lets the simulation's time pass while nobody touches a file, and that wakes
+//! those who wait.
 
 use std::io;
 use std::sync::Arc;

@@ -5,7 +5,8 @@ use crate::ev3dev::PortAddress;
 use crate::printable::is_printable;
 use crate::sim::brick::{Brick, Class};
 
-/// Furthest that the ultrasonic measures, in the numbers of its two units; what it says without an echo.
+/// Furthest that the ultrasonic measures, in the numbers of its two units; what it says without an
+/// echo.
 const FAR: [(&str, f64, f64); 2] = [("CM", 2550.0, 0.001), ("IN", 1003.0, 0.002_54)];
 
 /// One per cent of infrared proximity, metres: 100 % are about 70 cm (interfaces 9).
@@ -16,7 +17,9 @@ impl Brick {
     pub(crate) fn device_views(&self, now_ns: i64) -> Vec<DeviceView> {
         let mut views: Vec<DeviceView> = [Class::Sensor, Class::TachoMotor, Class::DcMotor]
             .into_iter()
-            .flat_map(|class| self.names(class).filter_map(move |name| self.device_view(class, name, now_ns)))
+            .flat_map(|class| {
+                self.names(class).filter_map(move |name| self.device_view(class, name, now_ns))
+            })
             .collect();
         views.sort_by_key(|view| view.port);
         views
@@ -65,7 +68,8 @@ pub(super) fn sighted_m(device: &DeviceView) -> Option<Option<f64>> {
             Some(echo.map(|(value, (_, _, metres))| value * metres))
         }
         "lego-ev3-ir" => {
-            let echo = value.filter(|value| device.state == "IR-PROX" && (0.0..100.0).contains(value));
+            let echo =
+                value.filter(|value| device.state == "IR-PROX" && (0.0..100.0).contains(value));
             Some(echo.map(|value| value * INFRARED_M))
         }
         _ => None,
@@ -92,10 +96,17 @@ mod tests {
         near(sighted_m(&device("lego-ev3-us", "US-DIST-CM", "1234")), 1.234);
         near(sighted_m(&device("lego-ev3-us", "US-DIST-IN", "100")), 0.254);
         near(sighted_m(&device("lego-ev3-ir", "IR-PROX", "50")), 0.35);
-        for (state, value) in
-            [("US-DIST-CM", "2550"), ("US-DIST-CM", "ENXIO"), ("US-LISTEN", "1"), ("US-DIST-CM", "-7")]
-        {
-            assert_eq!(sighted_m(&device("lego-ev3-us", state, value)), Some(None), "{state} {value}");
+        for (state, value) in [
+            ("US-DIST-CM", "2550"),
+            ("US-DIST-CM", "ENXIO"),
+            ("US-LISTEN", "1"),
+            ("US-DIST-CM", "-7"),
+        ] {
+            assert_eq!(
+                sighted_m(&device("lego-ev3-us", state, value)),
+                Some(None),
+                "{state} {value}"
+            );
         }
         assert_eq!(sighted_m(&device("lego-ev3-gyro", "GYRO-ANG", "5")), None);
     }

@@ -27,8 +27,8 @@ const COLOURS: [(&str, &str); 6] = [
     ("#444d57", "#d0442f"),
 ];
 
-/// A simulation as SVG, 800 pixels wide; what has gathered since [`Simulation::watch`] is in it. Empty of robots where the physics is not a
-/// [`WorldPhysics`](crate::sim::WorldPhysics).
+/// A simulation as SVG, 800 pixels wide; what has gathered since [`Simulation::watch`] is in it.
+/// Empty of robots where the physics is not a [`WorldPhysics`](crate::sim::WorldPhysics).
 #[must_use]
 pub fn still(simulation: &Simulation) -> String {
     let empty = Room {
@@ -38,7 +38,8 @@ pub fn still(simulation: &Simulation) -> String {
         walls: Vec::new(),
         floor: Vec::new(),
     };
-    let nothing = View { time_s: 0.0, robots: Vec::new(), marks: Vec::new(), next: 0, done: Vec::new() };
+    let nothing =
+        View { time_s: 0.0, robots: Vec::new(), marks: Vec::new(), next: 0, done: Vec::new() };
     Picture::new(simulation.room().unwrap_or(empty), simulation.view(0).unwrap_or(nothing)).draw()
 }
 
@@ -55,8 +56,10 @@ impl Picture {
     fn new(room: Room, view: View) -> Self {
         let places = view.robots.iter().flat_map(|robot| robot.outline);
         let marks = view.marks.iter().map(|mark| [mark.x_m, mark.y_m]);
-        let (low, high) =
-            super::joined((room.low, room.high), super::bounds(places.chain(marks), super::MARGIN_M));
+        let (low, high) = super::joined(
+            (room.low, room.high),
+            super::bounds(places.chain(marks), super::MARGIN_M),
+        );
         let [wide, tall] = [high[0] - low[0], high[1] - low[1]];
         let scale = ((WIDTH - 2.0 * PAD) / wide.max(0.1)).min(TALLEST / tall.max(0.1));
         Self { room, view, low, high, scale, svg: String::new() }
@@ -144,7 +147,8 @@ impl Picture {
                 let (sin, cos) = libm::sincos(radians(degrees));
                 [beam.from[0] + cos * range_m, beam.from[1] + sin * range_m]
             };
-            let arc = (-6..=6).map(|part| edge(beam.axis_deg + beam.half_deg * f64::from(part) / 6.0));
+            let arc =
+                (-6..=6).map(|part| edge(beam.axis_deg + beam.half_deg * f64::from(part) / 6.0));
             let path = self.path(std::iter::once(beam.from).chain(arc), true);
             let seen = if beam.echo_m.is_some() { 0.28 } else { 0.10 };
             self.put(format_args!(
@@ -160,7 +164,8 @@ impl Picture {
             let (sin, cos) = libm::sincos(radians(robot.heading_deg));
             [robot.x_m + cos * along - sin * aside, robot.y_m + sin * along + cos * aside]
         };
-        let arrow = self.path([nose(0.07, 0.0), nose(0.02, 0.035), nose(0.02, -0.035)].into_iter(), true);
+        let arrow =
+            self.path([nose(0.07, 0.0), nose(0.02, 0.035), nose(0.02, -0.035)].into_iter(), true);
         let [x, y] = self.place([robot.x_m, robot.y_m]);
         self.put(format_args!("<path class=\"heading\" d=\"{arrow}\" fill=\"#ffffff\"/>\n"));
         if self.view.robots.len() > 1 {
@@ -196,7 +201,9 @@ impl Picture {
                 format!("{} {state} {}", device.port, device.value)
             });
             let devices: Vec<String> = devices.collect();
-            lines.extend(devices.chunks(4).map(|four| (format!("    {}", four.join("   ")), "#5d6670")));
+            lines.extend(
+                devices.chunks(4).map(|four| (format!("    {}", four.join("   ")), "#5d6670")),
+            );
             if !robot.faults.is_empty() {
                 lines.push((format!("    faults: {}", robot.faults.join(", ")), "#d62a2f"));
             }

@@ -68,7 +68,8 @@ impl Trail {
         }
         self.last.resize(bricks.len(), None);
         for (robot, brick) in bricks.iter().enumerate() {
-            let (Some(truth), Some((from, axis_rad, _))) = (world.truth(robot), world.sight(robot)) else {
+            let (Some(truth), Some((from, axis_rad, _))) = (world.truth(robot), world.sight(robot))
+            else {
                 continue;
             };
             self.path(robot, [truth.x_m, truth.y_m]);

@@ -55,8 +55,8 @@ impl Colour {
         }
     }
 
-    /// What paper of the colour reflects of red, green and blue light, in percent. Red light makes `COL-REFLECT`: black
-    /// tape 5 to 10, white paper 60 to 90 (interfaces 15.3).
+    /// What paper of the colour reflects of red, green and blue light, in percent. Red light makes
+    /// `COL-REFLECT`: black tape 5 to 10, white paper 60 to 90 (interfaces 15.3).
     pub(super) fn reflects_pct(self) -> [f64; 3] {
         match self {
             Self::None => [35.0, 35.0, 35.0],
@@ -104,7 +104,9 @@ pub(in crate::sim) struct Mark {
 impl Mark {
     fn covers(&self, place: Point) -> bool {
         match self.width_m {
-            Some(width_m) => distance_to_polyline(&self.points, self.closed, place) <= width_m / 2.0,
+            Some(width_m) => {
+                distance_to_polyline(&self.points, self.closed, place) <= width_m / 2.0
+            }
             None => contains(&self.points, place),
         }
     }
@@ -125,7 +127,11 @@ impl Floor {
         if !self.has(place) {
             return Ground::MISSING;
         }
-        self.marks.iter().rev().find(|mark| mark.covers(place)).map_or(self.ground, |mark| mark.ground)
+        self.marks
+            .iter()
+            .rev()
+            .find(|mark| mark.covers(place))
+            .map_or(self.ground, |mark| mark.ground)
     }
 
     /// False beyond the edge.

@@ -56,7 +56,8 @@ impl Segment {
     pub(in crate::sim) fn crosses(&self, other: &Segment) -> bool {
         let along = other.to - other.from;
         let length_m = along.norm();
-        length_m > 0.0 && self.hit(other.from, along / length_m).is_some_and(|hit| hit.range_m <= length_m)
+        length_m > 0.0
+            && self.hit(other.from, along / length_m).is_some_and(|hit| hit.range_m <= length_m)
     }
 
     /// Where a ray meets the segment.
@@ -131,13 +132,17 @@ impl Surfaces {
     /// Distance from a place to the nearest surface, in metres; infinite where there is none.
     pub(in crate::sim) fn distance(&self, place: Point) -> f64 {
         let walls = self.segments.iter().map(|segment| segment.distance(place));
-        let posts = self.discs.iter().map(|disc| ((disc.centre - place).norm() - disc.radius_m).abs());
+        let posts =
+            self.discs.iter().map(|disc| ((disc.centre - place).norm() - disc.radius_m).abs());
         walls.chain(posts).fold(f64::INFINITY, f64::min)
     }
 
     /// The first surface that a ray meets.
     pub(in crate::sim) fn hit(&self, origin: Point, toward: Point) -> Option<Hit> {
-        let wall = self.segments.iter().fold(None, |best, segment| nearer(best, segment.hit(origin, toward)));
+        let wall = self
+            .segments
+            .iter()
+            .fold(None, |best, segment| nearer(best, segment.hit(origin, toward)));
         self.discs.iter().fold(wall, |best, disc| nearer(best, disc.hit(origin, toward)))
     }
 }

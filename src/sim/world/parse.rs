@@ -8,7 +8,9 @@ use std::f64::consts::PI;
 
 use super::geometry::{Disc, Point, rectangle};
 use super::robot::number;
-use super::{Beacon, Colour, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World};
+use super::{
+    Beacon, Colour, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World,
+};
 use crate::document::{Item, Section};
 use crate::units::radians;
 
@@ -19,7 +21,8 @@ const CLOSED: &str = "closed";
 /// Takes a world's document apart.
 pub(super) fn world(root: &Section<'_>) -> Option<World> {
     root.allow(&[
-        "name", "floor", "wall", "block", "circle", "line", "patch", "start", "remote", "beacon", "robot",
+        "name", "floor", "wall", "block", "circle", "line", "patch", "start", "remote", "beacon",
+        "robot",
     ]);
     let name = root.require("name")?.text()?.to_owned();
     let mut world = World {
@@ -31,7 +34,9 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
         starts: Vec::new(),
         remote: things(root, "remote").iter().filter_map(press).collect(),
         beacon: root.section("beacon").and_then(|section| beacon(&section)),
-        robot: root.section("robot").map_or_else(RobotModel::default, |section| RobotModel::read(&section)),
+        robot: root
+            .section("robot")
+            .map_or_else(RobotModel::default, |section| RobotModel::read(&section)),
     };
     for wall in things(root, "wall") {
         wall.allow(&["points", CLOSED]);
@@ -58,7 +63,8 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
 
 /// The tables of a list such as `[[wall]]`.
 fn things<'d>(root: &Section<'d>, key: &str) -> Vec<Section<'d>> {
-    let Some((item, list)) = root.get(key).and_then(|item| item.list().map(|list| (item, list))) else {
+    let Some((item, list)) = root.get(key).and_then(|item| item.list().map(|list| (item, list)))
+    else {
         return Vec::new();
     };
     if list.len() > World::MAX_THINGS {
@@ -115,7 +121,8 @@ fn block(section: &Section<'_>) -> Option<[Point; 4]> {
 }
 
 fn ground(section: &Section<'_>, default: Colour) -> Ground {
-    let colour = section.get("colour").and_then(|item| item.word(&Colour::WORDS)).unwrap_or(default);
+    let colour =
+        section.get("colour").and_then(|item| item.word(&Colour::WORDS)).unwrap_or(default);
     Ground::new(colour, section.get("reflect_pct").and_then(|item| item.number(0.0..=100.0)))
 }
 
@@ -124,7 +131,8 @@ fn floor(root: &Section<'_>) -> Floor {
     if let Some(section) = &section {
         section.allow(&["colour", "reflect_pct", "table"]);
     }
-    let table = section.as_ref().and_then(|section| section.get("table")).and_then(|item| shape(&item, 3));
+    let table =
+        section.as_ref().and_then(|section| section.get("table")).and_then(|item| shape(&item, 3));
     let line = |section: Section<'_>| {
         section.allow(&["points", CLOSED, "width_m", "colour", "reflect_pct"]);
         let width_m = Some(number(&section, "width_m", 0.001, 10.0, 0.02));
@@ -138,8 +146,10 @@ fn floor(root: &Section<'_>) -> Floor {
     };
     let lines = things(root, "line").into_iter().filter_map(line);
     Floor {
-        ground: section
-            .map_or_else(|| Ground::new(Colour::None, None), |section| ground(&section, Colour::None)),
+        ground: section.map_or_else(
+            || Ground::new(Colour::None, None),
+            |section| ground(&section, Colour::None),
+        ),
         marks: lines.chain(things(root, "patch").into_iter().filter_map(patch)).collect(),
         table: table.unwrap_or_default(),
     }
@@ -191,21 +201,27 @@ fn starts(root: &Section<'_>, world: &mut World) {
 fn check_start(section: &Section<'_>, world: &World, start: StartPose) {
     let place = Point::new(start.x_m, start.y_m);
     if !world.is_clear(start) {
-        section.error(format!("the robot at ({}, {}) starts inside a wall", start.x_m, start.y_m)).hint(
-            format!(
+        section
+            .error(format!("the robot at ({}, {}) starts inside a wall", start.x_m, start.y_m))
+            .hint(format!(
                 "it reaches {} m ahead of `at`, {} m back and {} m to each side",
                 world.robot.front_m, world.robot.rear_m, world.robot.half_width_m
-            ),
-        );
+            ));
     }
     let reach = |a: f64, b: f64, c: f64| libm::hypot(a.max(b), c);
     let size = reach(world.robot.front_m, world.robot.rear_m, world.robot.half_width_m);
-    if world.starts.iter().any(|other| (Point::new(other.x_m, other.y_m) - place).norm() < 2.0 * size) {
+    if world
+        .starts
+        .iter()
+        .any(|other| (Point::new(other.x_m, other.y_m) - place).norm() < 2.0 * size)
+    {
         section
             .error("two robots start in the same place".to_owned())
             .hint(format!("keep them {} m apart", 2.0 * size));
     }
     if !world.floor.has(place) {
-        section.error("the robot starts beyond the floor's edge".to_owned()).hint("put `at` inside `table`");
+        section
+            .error("the robot starts beyond the floor's edge".to_owned())
+            .hint("put `at` inside `table`");
     }
 }

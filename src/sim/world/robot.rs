@@ -1,6 +1,7 @@
 //! The true robot of a world: its measures, what is plugged in, and how imperfect it is.
 //!
-//! The defaults are the seed's robot with a bumper and a colour sensor added, so that every shipped mission can run on it.
+//! The defaults are the seed's robot with a bumper and a colour sensor added, so that every shipped
+//! mission can run on it.
 //!
 //! # Not here
 //!
@@ -26,8 +27,9 @@ pub struct RobotModel {
     pub corner_m: f64,
     /// Mass, kilograms; its middle is over the axle.
     pub mass_kg: f64,
-    /// What one tyre can push along the ground, newtons, before it slips. A 1 kg robot on a bare floor has about 4 and
-    /// spins its wheels against a wall; the default is above the motors' stall force, so that wheels stall there.
+    /// What one tyre can push along the ground, newtons, before it slips. A 1 kg robot on a bare
+    /// floor has about 4 and spins its wheels against a wall; the default is above the motors'
+    /// stall force, so that wheels stall there.
     pub grip_n: f64,
     /// Force of the caster as a share of the weight.
     pub caster_drag: f64,
@@ -71,7 +73,12 @@ impl Default for RobotModel {
             colour_ahead_m: 0.07,
             colour_left_m: 0.0,
             plug: Plug {
-                motors: [Some(MotorKind::Medium), Some(MotorKind::Large), None, Some(MotorKind::Large)],
+                motors: [
+                    Some(MotorKind::Medium),
+                    Some(MotorKind::Large),
+                    None,
+                    Some(MotorKind::Large),
+                ],
                 sensors: [
                     Some(SensorKind::Ultrasonic),
                     Some(SensorKind::Touch),
@@ -86,7 +93,8 @@ impl Default for RobotModel {
 
 macro_rules! errors {
     ($($(#[$doc:meta])* $name:ident = $default:literal, $low:literal to $high:literal, none $none:literal;)+) => {
-        /// Imperfections. Those that end in `_sd` are deviations, drawn once for each robot or each reading from the seed.
+        /// Imperfections. Those that end in `_sd` are deviations, drawn once for each robot or each
+        /// reading from the seed.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct Errors {
             $($(#[$doc])* pub $name: f64,)+
@@ -112,11 +120,13 @@ macro_rules! errors {
 }
 
 errors! {
-    /// Gyro: turned angle read too large by this share. People find 1 to 4 % (`lego-sensor-tables`).
+    /// Gyro: turned angle read too large by this share. People find 1 to 4 %
+    /// (`lego-sensor-tables`).
     gyro_scale = 0.0, -0.2 to 0.2, none 0.0;
     /// Gyro: deviation of the scale between sensors.
     gyro_scale_sd = 0.01, 0.0 to 0.1, none 0.0;
-    /// Gyro: drift, degrees a second, clockwise on the sensor. A good start has none (interfaces 15.3).
+    /// Gyro: drift, degrees a second, clockwise on the sensor. A good start has none (interfaces
+    /// 15.3).
     gyro_drift_dps = 0.0, -20.0 to 20.0, none 0.0;
     /// Left wheel larger by this share.
     wheel_left = 0.0, -0.1 to 0.1, none 0.0;
@@ -126,19 +136,24 @@ errors! {
     wheel_sd = 0.002, 0.0 to 0.05, none 0.0;
     /// Creep of each tyre: deviation of a share that wanders within half a second.
     slip_sd = 0.005, 0.0 to 0.2, none 0.0;
-    /// Ultrasonic: half of the cone, degrees. 14 fits the scans of `lego-rotating-sonar`; the NXT tables have 15.
+    /// Ultrasonic: half of the cone, degrees. 14 fits the scans of `lego-rotating-sonar`; the NXT
+    /// tables have 15.
     cone_deg = 14.0, 0.5 to 45.0, none 14.0;
     /// Ultrasonic: steepest incidence that still echoes, degrees. 32 fits the same scans.
     incidence_deg = 32.0, 1.0 to 89.0, none 32.0;
-    /// Ultrasonic: nearest that is measured, metres; below, the sensor says 255 cm (5 mm does so, 25 mm reads 32: `lego-sensor-tables`).
+    /// Ultrasonic: nearest that is measured, metres; below, the sensor says 255 cm (5 mm does so,
+    /// 25 mm reads 32: `lego-sensor-tables`).
     too_near_m = 0.035, 0.0 to 0.3, none 0.035;
-    /// Ultrasonic: deviation of a reading near by, metres (50 mm ± 1.6, 100 mm ± 2.3 in `lego-sensor-tables`).
+    /// Ultrasonic: deviation of a reading near by, metres (50 mm ± 1.6, 100 mm ± 2.3 in
+    /// `lego-sensor-tables`).
     range_sd_m = 0.003, 0.0 to 0.1, none 0.0;
-    /// Ultrasonic: growth of that deviation with the range, metres a metre; 1 m ± 6 mm in `nxt_us_filwisher.md`.
+    /// Ultrasonic: growth of that deviation with the range, metres a metre; 1 m ± 6 mm in
+    /// `nxt_us_filwisher.md`.
     range_sd_per_m = 0.003, 0.0 to 0.1, none 0.0;
     /// Ultrasonic: bias, metres; the same tables have +1 to +4 mm.
     range_bias_m = 0.002, -0.1 to 0.1, none 0.0;
-    /// Ultrasonic: share of readings without an echo that should have one; 1.8 % odd readings in `nxt_us_pedrokost.txt`.
+    /// Ultrasonic: share of readings without an echo that should have one; 1.8 % odd readings in
+    /// `nxt_us_pedrokost.txt`.
     range_dropout = 0.01, 0.0 to 1.0, none 0.0;
     /// Ultrasonic: share of readings that another robot's sensor in sight spoils.
     range_crosstalk = 0.0, 0.0 to 1.0, none 0.0;
@@ -205,9 +220,15 @@ impl RobotModel {
         let seed = Self::default();
         let read = |key, low, high, default| number(section, key, low, high, default);
         let flag = |key| section.get(key).and_then(|item| item.flag()).unwrap_or(false);
-        let port = |key, default| section.get(key).and_then(|item| item.word(&OUTPUTS)).unwrap_or(default);
+        let port =
+            |key, default| section.get(key).and_then(|item| item.word(&OUTPUTS)).unwrap_or(default);
         let model = Self {
-            wheel_circumference_m: read("wheel_circumference_m", 0.01, 2.0, seed.wheel_circumference_m),
+            wheel_circumference_m: read(
+                "wheel_circumference_m",
+                0.01,
+                2.0,
+                seed.wheel_circumference_m,
+            ),
             track_width_m: read("track_width_m", 0.02, 1.0, seed.track_width_m),
             front_m: read("front_m", 0.02, 1.0, seed.front_m),
             rear_m: read("rear_m", 0.02, 1.0, seed.rear_m),
@@ -219,7 +240,10 @@ impl RobotModel {
             drive: [port("left", seed.drive[0]), port("right", seed.drive[1])],
             drive_inverted: [flag("left_inverted"), flag("right_inverted")],
             head: head(section, seed.head),
-            head_ratio: section.get("head_gear").and_then(|item| ratio(&item)).unwrap_or(seed.head_ratio),
+            head_ratio: section
+                .get("head_gear")
+                .and_then(|item| ratio(&item))
+                .unwrap_or(seed.head_ratio),
             range_ahead_m: read("range_ahead_m", -1.0, 1.0, seed.range_ahead_m),
             colour_ahead_m: read("colour_ahead_m", -1.0, 1.0, seed.colour_ahead_m),
             colour_left_m: read("colour_left_m", -1.0, 1.0, seed.colour_left_m),
@@ -246,8 +270,13 @@ impl RobotModel {
 }
 
 fn head(section: &Section<'_>, default: Option<usize>) -> Option<usize> {
-    const HEADS: [(&str, Option<usize>); 5] =
-        [("none", None), ("outA", Some(0)), ("outB", Some(1)), ("outC", Some(2)), ("outD", Some(3))];
+    const HEADS: [(&str, Option<usize>); 5] = [
+        ("none", None),
+        ("outA", Some(0)),
+        ("outB", Some(1)),
+        ("outC", Some(2)),
+        ("outD", Some(3)),
+    ];
     section.get("head").and_then(|item| item.word(&HEADS)).unwrap_or(default)
 }
 

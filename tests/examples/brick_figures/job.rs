@@ -1,6 +1,8 @@
-//! The job of a run, as `onbrick run` hands it to the process that drives: `job MISSION BRICK FILE`.
+//! The job of a run, as `onbrick run` hands it to the process that drives: `job MISSION BRICK
+//! FILE`.
 //!
-//! For what starts that process by itself: a measurement from its first moment on, and an emulator that cannot start another program.
+//! For what starts that process by itself: a measurement from its first moment on, and an emulator
+//! that cannot start another program.
 
 use std::error::Error;
 use std::path::Path;
@@ -21,7 +23,9 @@ pub(crate) fn job(mission: &str, brick: &str, file: &str) -> Result<(), Box<dyn 
         mission: source(mission, &std::fs::read_to_string(mission)?),
         robot: source("robot.toml", DEFAULT_ROBOT),
         brick: match brick {
-            "simulated" => Brick::Simulated { world: source(WORLD, world), seed: 7, realtime: false },
+            "simulated" => {
+                Brick::Simulated { world: source(WORLD, world), seed: 7, realtime: false }
+            }
             root => Brick::Local(LocalTree::new(root)),
         },
         start: Pose::default(),

@@ -1,5 +1,6 @@
-//! What the emulated brick has beside the brick's own file, in one program, because each takes minutes to link: `onbrick` with the simulated
-//! brick, and, called `brick-figures`, what its scenarios measure with the library itself on the brick's processor.
+//! What the emulated brick has beside the brick's own file, in one program, because each takes
+//! minutes to link: `onbrick` with the simulated brick, and, called `brick-figures`, what its
+//! scenarios measure with the library itself on the brick's processor.
 //!
 //! ```text
 //! brick-figures reading BRICK COUNT     nanoseconds a typed reading, and one by ev3dev-lang-rust

@@ -1,7 +1,7 @@
 //! What the menu's pictures cost, by the thread's own processor clock: `menu RUN FRAMEBUFFER`.
 //!
-//! The menu is the real one, and so is the screen; the service is played, so that only the menu's part is counted. `RUN` is a recording whose
-//! map is drawn.
+//! The menu is the real one, and so is the screen; the service is played, so that only the menu's
+//! part is counted. `RUN` is a recording whose map is drawn.
 
 use std::error::Error;
 use std::path::Path;
@@ -35,7 +35,9 @@ pub(crate) fn menu(run: &str, framebuffer: &str) -> Result<(), Box<dyn Error>> {
         bench.key(Button::Back)
     })?;
     if bench.frames != before + 200 {
-        return Err(format!("{} pictures in 100 turns to the map and back", bench.frames - before).into());
+        return Err(
+            format!("{} pictures in 100 turns to the map and back", bench.frames - before).into()
+        );
     }
     let picture = onbrick::menu::Canvas::default();
     bench.print("of it, putting a picture on the screen", 200, |bench| {
@@ -102,7 +104,8 @@ impl Bench {
             }
             LocalRequest::Shared(Request::Runs) => json!({ "runs": [run(&self.recording)] }),
             LocalRequest::Shared(Request::Fetch(fetch)) => {
-                let offset = usize::try_from(fetch.offset).unwrap_or(usize::MAX).min(self.recording.len());
+                let offset =
+                    usize::try_from(fetch.offset).unwrap_or(usize::MAX).min(self.recording.len());
                 let end = (offset + fetch.length as usize).min(self.recording.len());
                 let bytes = self.recording[offset..end].to_vec();
                 let value = json!({

@@ -1,7 +1,9 @@
-//! What one typed reading costs, beside the same reading by crates.io's `ev3dev-lang-rust`: nanoseconds each, on two lines.
+//! What one typed reading costs, beside the same reading by crates.io's `ev3dev-lang-rust`:
+//! nanoseconds each, on two lines.
 //!
-//! `reading BRICK COUNT`: below the folder BRICK, the motor on outB has a `position` that leads to a file of the kernel's
-//! own sysfs, `/sys/class/net/lo/mtu`. The scenario `reading` makes that folder on the emulated brick and compares with a bare C loop.
+//! `reading BRICK COUNT`: below the folder BRICK, the motor on outB has a `position` that leads to
+//! a file of the kernel's own sysfs, `/sys/class/net/lo/mtu`. The scenario `reading` makes that
+//! folder on the emulated brick and compares with a bare C loop.
 
 use std::error::Error;
 use std::hint::black_box;
@@ -18,11 +20,19 @@ pub(crate) fn reading(brick: &str, count: &str) -> Result<(), Box<dyn Error>> {
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
     let motor = TachoMotor::at(&tree, &"outB".parse()?)?;
     motor.position()?;
-    println!("ours {}", nanoseconds_each(count, || Ok(motor.position().map(|value| _ = black_box(value))?))?);
+    println!(
+        "ours {}",
+        nanoseconds_each(count, || Ok(motor.position().map(|value| _ = black_box(value))?))?
+    );
 
-    let theirs = ev3dev_lang_rust::Attribute::from_path(&position).map_err(|error| format!("{error:?}"))?;
-    let read =
-        || theirs.get::<i32>().map(|value| _ = black_box(value)).map_err(|error| format!("{error:?}").into());
+    let theirs =
+        ev3dev_lang_rust::Attribute::from_path(&position).map_err(|error| format!("{error:?}"))?;
+    let read = || {
+        theirs
+            .get::<i32>()
+            .map(|value| _ = black_box(value))
+            .map_err(|error| format!("{error:?}").into())
+    };
     println!("ev3dev-lang-rust {}", nanoseconds_each(count, read)?);
     Ok(())
 }

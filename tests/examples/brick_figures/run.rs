@@ -1,6 +1,7 @@
 //! What a recording says of itself, as one line of JSON: `run run.mcap`.
 //!
-//! For the emulated brick's scenarios: how late its ticks were, how far into the run it goes, and whether all of it was checked.
+//! For the emulated brick's scenarios: how late its ticks were, how far into the run it goes, and
+//! whether all of it was checked.
 
 use std::path::Path;
 
@@ -10,7 +11,8 @@ pub(crate) fn run(path: &str) -> Result<(), Box<dyn std::error::Error>> {
     let run = Run::open(Path::new(path))?;
     let period_ns = run.info.as_ref().map_or(20_000_000, |info| info.period_ns);
     // A tick's time is counted from the first, and its deadline is a whole number of periods.
-    let mut late_ns: Vec<i64> = run.senses.iter().map(|senses| senses.time_ns % period_ns).collect();
+    let mut late_ns: Vec<i64> =
+        run.senses.iter().map(|senses| senses.time_ns % period_ns).collect();
     late_ns.sort_unstable();
     let share = |hundredths: usize| {
         late_ns.get((late_ns.len() * hundredths / 100).min(late_ns.len().saturating_sub(1)))

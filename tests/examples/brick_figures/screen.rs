@@ -1,12 +1,14 @@
 //! What stands on a screen, read back from its memory: `screen FRAMEBUFFER COPY [PICTURE]`.
 //!
-//! Letters are known by their pixels, in the menu's three fonts: what is printed is what a person in front of the screen reads, whatever the
-//! menu believes that it has drawn. `COPY` gets the picture as PGM. With the name of one of the golden pictures, every pixel must be
-//! as there but for the battery's voltage at the head's right.
+//! Letters are known by their pixels, in the menu's three fonts: what is printed is what a person
+//! in front of the screen reads, whatever the menu believes that it has drawn. `COPY` gets the
+//! picture as PGM. With the name of one of the golden pictures, every pixel must be as there but
+//! for the battery's voltage at the head's right.
 //!
 //! # What we count on
 //!
-//! - The menu's lines begin at the left edge; the head's and the foot's anywhere (`src/menu/sheet.rs`).
+//! - The menu's lines begin at the left edge; the head's and the foot's anywhere
+//!   (`src/menu/sheet.rs`).
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -27,9 +29,16 @@ const CORNER: (usize, usize) = (110, 16);
 const WIDE: usize = WIDTH as usize;
 const HIGH: usize = HEIGHT as usize;
 
-pub(crate) fn screen(framebuffer: &str, copy: &str, golden: Option<&str>) -> Result<(), Box<dyn Error>> {
+pub(crate) fn screen(
+    framebuffer: &str,
+    copy: &str,
+    golden: Option<&str>,
+) -> Result<(), Box<dyn Error>> {
     let picture = Picture::read(framebuffer)?;
-    std::fs::write(copy, [format!("P5\n{WIDTH} {HEIGHT}\n255\n").as_bytes(), &picture.pixels].concat())?;
+    std::fs::write(
+        copy,
+        [format!("P5\n{WIDTH} {HEIGHT}\n255\n").as_bytes(), &picture.pixels].concat(),
+    )?;
     println!("{}", picture.text());
     let Some(name) = golden else { return Ok(()) };
     let kept: &[u8] = match name {
@@ -46,7 +55,11 @@ pub(crate) fn screen(framebuffer: &str, copy: &str, golden: Option<&str>) -> Res
         .filter(|at| at % WIDE < CORNER.0 || at / WIDE >= CORNER.1)
         .filter(|at| pixels.get(*at) != picture.pixels.get(*at))
         .count();
-    if differ == 0 { Ok(()) } else { Err(format!("{differ} pixels are not as in {name}.png").into()) }
+    if differ == 0 {
+        Ok(())
+    } else {
+        Err(format!("{differ} pixels are not as in {name}.png").into())
+    }
 }
 
 /// A grey for each pixel, row by row.
@@ -56,12 +69,15 @@ struct Picture {
 
 impl Picture {
     fn read(framebuffer: &str) -> Result<Self, Box<dyn Error>> {
-        let stride: usize = std::fs::read_to_string("/sys/class/graphics/fb0/stride")?.trim().parse()?;
+        let stride: usize =
+            std::fs::read_to_string("/sys/class/graphics/fb0/stride")?.trim().parse()?;
         let mut bytes = vec![0; stride * HIGH];
         File::open(framebuffer)?.read_exact(&mut bytes)?;
-        let rows = bytes.chunks_exact(stride).flat_map(|row| row.as_chunks::<4>().0.iter().take(WIDE));
-        let greys: Option<Vec<u8>> =
-            rows.map(|[red, green, blue, _]| (red == green && green == blue).then_some(*red)).collect();
+        let rows =
+            bytes.chunks_exact(stride).flat_map(|row| row.as_chunks::<4>().0.iter().take(WIDE));
+        let greys: Option<Vec<u8>> = rows
+            .map(|[red, green, blue, _]| (red == green && green == blue).then_some(*red))
+            .collect();
         Ok(Self { pixels: greys.ok_or("there is a pixel of another colour than grey")? })
     }
 
@@ -75,7 +91,11 @@ impl Picture {
                 Some((line, height)) => {
                     // What is chosen is white on a black bar from edge to edge.
                     let is_chosen = self.pixels.get(y * WIDE).is_some_and(|grey| *grey < 128);
-                    lines.push(format!("{}{}", if is_chosen { "> " } else { "  " }, line.trim_end()));
+                    lines.push(format!(
+                        "{}{}",
+                        if is_chosen { "> " } else { "  " },
+                        line.trim_end()
+                    ));
                     y += height;
                 }
                 None => y += 1,
@@ -111,13 +131,15 @@ struct Face {
 
 impl Face {
     fn of(font: &MonoFont<'_>) -> Self {
-        let (width, height) = (font.character_size.width as usize, font.character_size.height as usize);
+        let (width, height) =
+            (font.character_size.width as usize, font.character_size.height as usize);
         let mut face = Self { width, height, letters: BTreeMap::new() };
         for letter in (' '..='~').chain('¡'..='ÿ').chain(['€']).rev() {
             let mut canvas = Canvas::default();
             let style = MonoTextStyle::new(font, Gray2::BLACK);
             let text = letter.to_string();
-            let Ok(_) = Text::with_baseline(&text, Point::zero(), style, Baseline::Top).draw(&mut canvas);
+            let Ok(_) =
+                Text::with_baseline(&text, Point::zero(), style, Baseline::Top).draw(&mut canvas);
             let drawn = Picture { pixels: canvas.pixels().to_vec() };
             if let Some(bits) = drawn.bits((0, 0), (width, height)) {
                 face.letters.insert(bits, letter);
@@ -148,8 +170,9 @@ fn scanned(faces: &[Face], picture: &Picture, y: usize) -> String {
     let mut text = String::new();
     let mut x = 0;
     while x < WIDE {
-        let seen =
-            |face: &Face| Some((face.letter(picture, (x, y)).filter(|letter| *letter != ' ')?, face.width));
+        let seen = |face: &Face| {
+            Some((face.letter(picture, (x, y)).filter(|letter| *letter != ' ')?, face.width))
+        };
         match faces.iter().find_map(seen) {
             Some((letter, width)) => {
                 text.push(letter);

@@ -1,8 +1,10 @@
-//! What each stage of the tick costs, by the tick thread's own processor clock: `stages BRICK SECONDS`, at 100 Hz.
+//! What each stage of the tick costs, by the tick thread's own processor clock: `stages BRICK
+//! SECONDS`, at 100 Hz.
 //!
-//! It drives the robot of the shipped `robot.toml` through the shipped mission `map`, stage by stage as the runtime's control loop does, but
-//! with a look at the clock between the stages, whose own cost it measures first and takes off. It records to nowhere: what
-//! the recorder's thread does is not of the tick. The scenario `tick` runs it on the emulated brick.
+//! It drives the robot of the shipped `robot.toml` through the shipped mission `map`, stage by
+//! stage as the runtime's control loop does, but with a look at the clock between the stages, whose
+//! own cost it measures first and takes off. It records to nowhere: what the recorder's thread does
+//! is not of the tick. The scenario `tick` runs it on the emulated brick.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -59,8 +61,12 @@ fn tick_by_tick(
     mission: &Mission,
     ticks: u64,
 ) -> Result<[i64; 4], Box<dyn Error>> {
-    let (_recorder, mut record) =
-        Recorder::start::<()>(Box::new(Nowhere), start(mission), Options::default(), Box::new(|_| {}))?;
+    let (_recorder, mut record) = Recorder::start::<()>(
+        Box::new(Nowhere),
+        start(mission),
+        Options::default(),
+        Box::new(|_| {}),
+    )?;
     let (mut senses, mut demands, mut spent_ns) = (Senses::default(), Demands::default(), [0; 4]);
     let start_ns = MonotonicClock.now_ns();
     for tick in 0..ticks {

@@ -1,4 +1,5 @@
-//! Strangers at a brick's door: whole CURVE handshakes with keys that it does not know, and half ones.
+//! Strangers at a brick's door: whole CURVE handshakes with keys that it does not know, and half
+//! ones.
 
 use std::io::Write as _;
 use std::net::{SocketAddr, TcpStream};
@@ -15,7 +16,11 @@ const PATIENCE_MS: i64 = 40;
 const GREETING: [u8; 12] = [0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
 
 /// Floods a door; `key` is the brick's own, which is no secret.
-pub(crate) fn flood(address: &str, key: &str, seconds: f64) -> Result<(), Box<dyn std::error::Error>> {
+pub(crate) fn flood(
+    address: &str,
+    key: &str,
+    seconds: f64,
+) -> Result<(), Box<dyn std::error::Error>> {
     let until = Instant::now() + Duration::from_secs_f64(seconds);
     let (door, key) = (address.parse::<SocketAddr>()?, zmq::z85_decode(key)?);
     let (whole, half) = (AtomicU32::new(0), AtomicU32::new(0));

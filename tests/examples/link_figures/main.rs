@@ -1,4 +1,5 @@
-//! What the link's figures are measured with, inside the network namespaces of the test `link::figures`. One program, because each takes long to link.
+//! What the link's figures are measured with, inside the network namespaces of the test
+//! `link::figures`. One program, because each takes long to link.
 //!
 //! ```text
 //! link-figures seed-server BRICK ADDRESS   the seed's server: any file of a brick to anybody who asks

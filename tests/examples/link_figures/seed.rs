@@ -1,8 +1,10 @@
-//! The seed's way, beside which ours is measured: the loop is on the PC, and every attribute is read and written by a request over the network.
+//! The seed's way, beside which ours is measured: the loop is on the PC, and every attribute is
+//! read and written by a request over the network.
 //!
-//! Server and messages are the seed's: one REP socket without keys, `r:PATH`, `w:DATA:PATH`, `l:PATH`, files kept open. So is the robot: its
-//! devices, its speeds, its two machines, and what it reads and writes in a turn. One thing is not: it makes at most fifty turns a second, as many as our
-//! tick, because on a cable without delay it would take a whole processor for thousands.
+//! Server and messages are the seed's: one REP socket without keys, `r:PATH`, `w:DATA:PATH`,
+//! `l:PATH`, files kept open. So is the robot: its devices, its speeds, its two machines, and what
+//! it reads and writes in a turn. One thing is not: it makes at most fifty turns a second, as many
+//! as our tick, because on a cable without delay it would take a whole processor for thousands.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -20,7 +22,8 @@ const TURN: Duration = Duration::from_millis(20);
 /// Metres of a wheel's way for one count of its motor, of which 360 are a revolution.
 const METRES_PER_COUNT: f64 = 0.188_976 / 360.0;
 
-/// So far apart may two poses of the path be without a hole between them, metres: the robot drives 3 cm a second.
+/// So far apart may two poses of the path be without a hole between them, metres: the robot drives
+/// 3 cm a second.
 const HOLE_M: f64 = 0.02;
 
 /// Serves the files below a brick's root.
@@ -37,7 +40,11 @@ pub(crate) fn serve(brick: &str, address: &str) -> Outcome<()> {
     }
 }
 
-fn answer(brick: &Path, request: &str, kept: &mut BTreeMap<(String, bool), File>) -> Option<String> {
+fn answer(
+    brick: &Path,
+    request: &str,
+    kept: &mut BTreeMap<(String, bool), File>,
+) -> Option<String> {
     let (what, rest) = request.split_once(':')?;
     let mut file = |path: &str, write: bool| {
         let key = (path.to_owned(), write);
@@ -175,7 +182,8 @@ impl Robot {
             robot.remote.write(&format!("{motor}/command"), "stop")?;
             robot.remote.write(&format!("{motor}/position"), "0")?;
         }
-        robot.pose.heading_rad = -robot.remote.read(&format!("{}/value0", robot.gyro))?.to_radians();
+        robot.pose.heading_rad =
+            -robot.remote.read(&format!("{}/value0", robot.gyro))?.to_radians();
         Ok(robot)
     }
 
@@ -184,8 +192,8 @@ impl Robot {
         let read = |folder: &str, name: &str| self.remote.read(&format!("{folder}/{name}"));
         let heading_rad = -read(&self.gyro, "value0")?.to_radians();
         let range_m = read(&self.range, "value0")? / 1000.0;
-        let driven_m =
-            (read(&self.left, "position")? + read(&self.right, "position")?) / 2.0 * METRES_PER_COUNT;
+        let driven_m = (read(&self.left, "position")? + read(&self.right, "position")?) / 2.0
+            * METRES_PER_COUNT;
         let head_deg = -read(&self.head, "position")? * 12.0 / 36.0;
         let turned = Pose { heading_rad: heading_rad - self.pose.heading_rad, ..Pose::default() };
         let ahead = Pose { x_m: driven_m - self.driven_m, ..Pose::default() };
@@ -223,7 +231,14 @@ struct Told {
 
 impl Default for Told {
     fn default() -> Self {
-        Self { turns: 0, acted: Instant::now(), longest_s: 0.0, last: None, largest_m: 0.0, holes: 0 }
+        Self {
+            turns: 0,
+            acted: Instant::now(),
+            longest_s: 0.0,
+            last: None,
+            largest_m: 0.0,
+            holes: 0,
+        }
     }
 }
 

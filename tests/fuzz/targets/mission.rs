@@ -1,4 +1,5 @@
-//! Any bytes as a mission file: loaded or refused; what loads can be drawn and driven, and asks for nothing that is not finite.
+//! Any bytes as a mission file: loaded or refused; what loads can be drawn and driven, and asks for
+//! nothing that is not finite.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -20,7 +21,9 @@ const SIGNALS: [Signal; 9] = [
 ];
 
 fuzz_target!(|bytes: &[u8]| {
-    let Ok((robot, _)) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()) else { unreachable!() };
+    let Ok((robot, _)) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()) else {
+        unreachable!()
+    };
     let mission = match Mission::parse("mission.toml", bytes, &robot.capabilities()) {
         Ok((mission, _)) => mission,
         Err(findings) => {

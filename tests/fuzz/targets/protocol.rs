@@ -1,4 +1,5 @@
-//! Any bytes as a request: understood or refused, by both doors; the network understands nothing that the local door does not.
+//! Any bytes as a request: understood or refused, by both doors; the network understands nothing
+//! that the local door does not.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

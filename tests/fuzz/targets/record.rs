@@ -1,5 +1,6 @@
-//! Any bytes as a recording: read or refused, and replayed where that can be done. A mutation breaks a checksum at once, and then little of the
-//! reader is reached; so the same bytes are read once more with every checksum mended.
+//! Any bytes as a recording: read or refused, and replayed where that can be done. A mutation
+//! breaks a checksum at once, and then little of the reader is reached; so the same bytes are read
+//! once more with every checksum mended.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,5 @@
-//! Any bytes as a robot file: loaded or refused; what loads has measures that make sense and thresholds in their order.
+//! Any bytes as a robot file: loaded or refused; what loads has measures that make sense and
+//! thresholds in their order.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,5 @@
-//! Any bytes as a world file, or as a scenario of faults: loaded or refused; in what loads a robot can stand for a moment.
+//! Any bytes as a world file, or as a scenario of faults: loaded or refused; in what loads a robot
+//! can stand for a moment.
 #![no_main]
 
 use std::sync::Arc;

@@ -1,4 +1,5 @@
-//! Drivers that answer garbage, or an error, or late: binding and preparing refuse with the attribute's name, and nothing turns.
+//! Drivers that answer garbage, or an error, or late: binding and preparing refuse with the
+//! attribute's name, and nothing turns.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -22,10 +23,11 @@ pub fn shipped() -> RobotConfig {
 
 /// Binds the shipped robot and prepares it, in virtual time; the whole message where it is refused.
 pub fn ready(tree: &Arc<dyn Tree>, config: &RobotConfig) -> Result<Robot, String> {
-    let mut robot =
-        Robot::bind(tree, config, &[Channel::Head, Channel::Range]).map_err(|error| causes(&error))?;
+    let mut robot = Robot::bind(tree, config, &[Channel::Head, Channel::Range])
+        .map_err(|error| causes(&error))?;
     let clock = VirtualClock::default();
-    prepare(&mut robot, &clock, &StopFlags::default(), false, |_| {}).map_err(|error| causes(&error))?;
+    prepare(&mut robot, &clock, &StopFlags::default(), false, |_| {})
+        .map_err(|error| causes(&error))?;
     Ok(robot)
 }
 
@@ -76,9 +78,13 @@ fn assert_nothing_turned(fake: &FakeTree, case: &str) {
 /// A refusal names the device or its port, and what of it.
 fn assert_told(message: &str, folder: &str, name: &str, case: &str) {
     let device = folder.rsplit('/').next().unwrap();
-    let told = message.contains(folder) || message.contains(device) || message.contains("; there is");
+    let told =
+        message.contains(folder) || message.contains(device) || message.contains("; there is");
     assert!(told, "{case}: which device? {message}");
-    assert!(message.contains(name) || message.contains("; there is"), "{case}: which attribute? {message}");
+    assert!(
+        message.contains(name) || message.contains("; there is"),
+        "{case}: which attribute? {message}"
+    );
     assert!(message.len() < 500, "{case}: {message}");
 }
 
@@ -105,7 +111,10 @@ fn garbage_in_any_attribute_is_refused_or_does_not_matter() {
     let mut refused = 0;
     for (folder, name) in attributes() {
         for text in garbage {
-            let case = format!("{folder}/{name} = {}", String::from_utf8_lossy(&text[..text.len().min(20)]));
+            let case = format!(
+                "{folder}/{name} = {}",
+                String::from_utf8_lossy(&text[..text.len().min(20)])
+            );
             let fake = shipped_brick();
             fake.put(folder, name, text);
             let ready = ready(&fake.tree(), &shipped());
@@ -127,9 +136,14 @@ fn garbage_in_any_attribute_is_refused_or_does_not_matter() {
 fn an_error_from_any_attribute_is_refused_or_does_not_matter() {
     let mut refused = 0;
     for (folder, name) in attributes() {
-        for errno in
-            [Errno::ENODEV, Errno::EIO, Errno::EACCES, Errno::EINVAL, Errno::ETIMEDOUT, Errno::EAGAIN]
-        {
+        for errno in [
+            Errno::ENODEV,
+            Errno::EIO,
+            Errno::EACCES,
+            Errno::EINVAL,
+            Errno::ETIMEDOUT,
+            Errno::EAGAIN,
+        ] {
             for (read, write) in [(Some(errno), None), (None, Some(errno))] {
                 let case = format!("{folder}/{name}: {errno} (read: {})", read.is_some());
                 let fake = shipped_brick();
@@ -165,8 +179,10 @@ fn a_missing_attribute_is_refused_or_does_not_matter() {
 
 #[test]
 fn what_turns_bad_while_driving_is_never_taken_for_a_reading() {
-    let drive =
-        Demands { drive: Some(Drive::Wheels { left_rad_s: 1.0, right_rad_s: 1.0 }), ..Demands::default() };
+    let drive = Demands {
+        drive: Some(Drive::Wheels { left_rad_s: 1.0, right_rad_s: 1.0 }),
+        ..Demands::default()
+    };
     for (folder, name, channel) in [
         (MOTORS[1], "position", Channel::Left),
         (MOTORS[2], "position", Channel::Right),
@@ -176,7 +192,8 @@ fn what_turns_bad_while_driving_is_never_taken_for_a_reading() {
     ] {
         for text in [&b""[..], b"fly\n", b"99999999999\n", b"\xff\n"] {
             let fake = shipped_brick();
-            // Nobody keeps the state here, and a motor that stands still would contradict each command.
+            // Nobody keeps the state here, and a motor that stands still would contradict each
+            // command.
             MOTORS.iter().for_each(|motor| fake.put(motor, "state", b"unknown\n"));
             let mut robot = ready(&fake.tree(), &shipped()).unwrap();
             let mut senses = Senses { time_ns: 1_000_000_000, ..Senses::default() };
@@ -206,8 +223,10 @@ fn what_turns_bad_while_driving_is_never_taken_for_a_reading() {
 fn a_motor_that_refuses_to_stop_is_told_again_and_reported() {
     let fake = shipped_brick();
     let mut robot = ready(&fake.tree(), &shipped()).unwrap();
-    let drive =
-        Demands { drive: Some(Drive::Wheels { left_rad_s: 1.0, right_rad_s: 1.0 }), ..Demands::default() };
+    let drive = Demands {
+        drive: Some(Drive::Wheels { left_rad_s: 1.0, right_rad_s: 1.0 }),
+        ..Demands::default()
+    };
     robot.act(&drive, 0);
     fake.fail(MOTORS[1], "command", None, Some(Errno::EIO));
     assert!(!robot.stop(StopAction::Brake), "one of them did not take it");
@@ -265,12 +284,16 @@ fn a_slow_driver_delays_the_start_and_a_silent_one_ends_the_patience() {
             fake.fail(SENSORS[0], "value0", Some(Errno::ETIMEDOUT), None);
         }
         let mut said = Vec::new();
-        let ready =
-            prepare(&mut robot, &*clock, &StopFlags::default(), false, |what| said.push(what.to_owned()));
+        let ready = prepare(&mut robot, &*clock, &StopFlags::default(), false, |what| {
+            said.push(what.to_owned())
+        });
         match expected {
             None => assert!(ready.is_ok() && said.is_empty(), "{ready:?} {said:?}"),
             Some(expected) => {
-                assert!(matches!(ready, Err(NotReady::NoReading(Channel::Range, Some(_)))), "{ready:?}");
+                assert!(
+                    matches!(ready, Err(NotReady::NoReading(Channel::Range, Some(_)))),
+                    "{ready:?}"
+                );
                 assert_eq!(said.len(), 1, "said once: {said:?}");
                 assert!(said[0].contains(expected), "{said:?}");
             }
@@ -301,8 +324,9 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
         let mut robot = Robot::bind(&fake.tree(), &shipped(), &[]).unwrap();
         let clock = Turning(VirtualClock::default(), |now_ms| happens(&fake, now_ms));
         let mut said = Vec::new();
-        let ready =
-            prepare(&mut robot, &clock, &StopFlags::default(), false, |what| said.push(what.to_owned()));
+        let ready = prepare(&mut robot, &clock, &StopFlags::default(), false, |what| {
+            said.push(what.to_owned())
+        });
         (ready, said, clock.now_ns() / MILLISECOND_NS)
     };
     let put = |fake: &FakeTree, folder: &str, name: &str, value: i64| {
@@ -326,14 +350,24 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
         let (ready, _, at_ms) =
             outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", (now_ms + begin_ms) / 5000));
         let Err(NotReady::GyroDrifts(dps)) = ready else { panic!("{ready:?} after {at_ms} ms") };
-        assert!((0.15..0.5).contains(&dps) && at_ms <= 11_000, "{dps} degrees a second, after {at_ms} ms");
+        assert!(
+            (0.15..0.5).contains(&dps) && at_ms <= 11_000,
+            "{dps} degrees a second, after {at_ms} ms"
+        );
     }
     let (ready, said, _) =
         outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", i64::from(now_ms % 700 < 300)));
-    assert!(ready.is_ok() && said.is_empty(), "one that flickers does not drift: {ready:?} {said:?}");
+    assert!(
+        ready.is_ok() && said.is_empty(),
+        "one that flickers does not drift: {ready:?} {said:?}"
+    );
 
-    let (ready, said, at_ms) = outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", now_ms / 300));
-    assert!(matches!(ready, Err(NotReady::GyroDrifts(_))) && at_ms < 5000, "{ready:?} at {at_ms} ms");
+    let (ready, said, at_ms) =
+        outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", now_ms / 300));
+    assert!(
+        matches!(ready, Err(NotReady::GyroDrifts(_))) && at_ms < 5000,
+        "{ready:?} at {at_ms} ms"
+    );
     assert!(said[0].contains("keep the robot still"), "{said:?}");
     assert!(
         ready.unwrap_err().to_string().contains("unplug it, hold the robot still"),

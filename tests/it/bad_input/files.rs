@@ -1,4 +1,5 @@
-//! `robot.toml`, `world.toml` and `team.toml`: mutated, cut, enormous, and with every wrong kind of value in every place.
+//! `robot.toml`, `world.toml` and `team.toml`: mutated, cut, enormous, and with every wrong kind of
+//! value in every place.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -76,7 +77,10 @@ impl Kind {
 
 fn texts() -> Vec<(Kind, &'static str)> {
     let worlds = World::names().map(|name| World::text(name).unwrap()).chain([World::TEMPLATE]);
-    worlds.map(|text| (Kind::World, text)).chain([(Kind::Robot, DEFAULT_ROBOT), (Kind::Team, TEAM)]).collect()
+    worlds
+        .map(|text| (Kind::World, text))
+        .chain([(Kind::Robot, DEFAULT_ROBOT), (Kind::Team, TEAM)])
+        .collect()
 }
 
 #[test]
@@ -110,7 +114,11 @@ fn files_that_are_none_are_refused_with_a_place() {
         for kind in [Kind::Robot, Kind::World, Kind::Team] {
             let started = Instant::now();
             assert!(kind.judge(bytes).is_some(), "{kind:?} took {} bytes", bytes.len());
-            assert!(started.elapsed() < Duration::from_secs(20), "{kind:?}: {:?}", started.elapsed());
+            assert!(
+                started.elapsed() < Duration::from_secs(20),
+                "{kind:?}: {:?}",
+                started.elapsed()
+            );
         }
     }
 }
@@ -125,9 +133,9 @@ fn settings(text: &str) -> Vec<(usize, &str)> {
 }
 
 fn with_line(text: &str, at: usize, line: &str) -> String {
-    text.lines()
-        .enumerate()
-        .fold(String::new(), |all, (number, old)| format!("{all}{}\n", if number == at { line } else { old }))
+    text.lines().enumerate().fold(String::new(), |all, (number, old)| {
+        format!("{all}{}\n", if number == at { line } else { old })
+    })
 }
 
 #[test]
@@ -160,7 +168,8 @@ fn every_wrong_kind_of_value_in_every_place_is_refused_or_legal() {
         for (at, key) in settings(text) {
             for value in values {
                 refused += usize::from(
-                    kind.judge(with_line(text, at, &format!("{key} = {value}")).as_bytes()).is_some(),
+                    kind.judge(with_line(text, at, &format!("{key} = {value}")).as_bytes())
+                        .is_some(),
                 );
             }
             let twice = with_line(text, at, &format!("{key} = 1\n{key} = 1"));
@@ -198,12 +207,16 @@ fn sizes_and_places_that_make_no_sense_are_refused() {
 
 #[test]
 fn enormous_worlds_are_refused_or_read_in_bounded_time() {
-    let block =
-        |at: usize| format!("[[block]]\nat = [{}, {}]\nsize_m = [0.1, 0.1]\n", 2 + at % 90, at / 90 % 90);
-    let many = |count: usize| (0..count).fold("name = \"w\"\n".to_owned(), |all, at| all + &block(at));
-    for (text, refused) in
-        [(many(World::MAX_THINGS), false), (many(World::MAX_THINGS + 1), true), (many(50_000), true)]
-    {
+    let block = |at: usize| {
+        format!("[[block]]\nat = [{}, {}]\nsize_m = [0.1, 0.1]\n", 2 + at % 90, at / 90 % 90)
+    };
+    let many =
+        |count: usize| (0..count).fold("name = \"w\"\n".to_owned(), |all, at| all + &block(at));
+    for (text, refused) in [
+        (many(World::MAX_THINGS), false),
+        (many(World::MAX_THINGS + 1), true),
+        (many(50_000), true),
+    ] {
         let started = Instant::now();
         assert_eq!(Kind::World.judge(text.as_bytes()).is_some(), refused, "{} bytes", text.len());
         println!("{} bytes of world: {:?}", text.len(), started.elapsed());
@@ -260,9 +273,9 @@ fn mutate(text: &str, mutations: &[Mutation]) -> Vec<u8> {
         let length = bytes.len().max(1);
         match mutation {
             Mutation::Cut(at) => bytes.truncate(at % length),
-            Mutation::Remove(at, count) => {
-                drop(bytes.drain((at % length).min(bytes.len())..(at % length + count).min(bytes.len())))
-            }
+            Mutation::Remove(at, count) => drop(
+                bytes.drain((at % length).min(bytes.len())..(at % length + count).min(bytes.len())),
+            ),
             Mutation::Insert(at, more) => drop(bytes.splice(
                 (at % length).min(bytes.len())..(at % length).min(bytes.len()),
                 more.iter().copied(),
@@ -280,7 +293,8 @@ fn mutate(text: &str, mutations: &[Mutation]) -> Vec<u8> {
             }
             Mutation::Replace(at, word) => {
                 // A number somewhere in the file becomes something else.
-                let digits: Vec<usize> = (0..bytes.len()).filter(|&at| bytes[at].is_ascii_digit()).collect();
+                let digits: Vec<usize> =
+                    (0..bytes.len()).filter(|&at| bytes[at].is_ascii_digit()).collect();
                 if let Some(&at) = digits.get(at % digits.len().max(1)) {
                     bytes.splice(at..=at, word.bytes());
                 }

@@ -1,4 +1,5 @@
-//! Files that no person would write, and some that they would: never a panic, always a place and a way out.
+//! Files that no person would write, and some that they would: never a panic, always a place and a
+//! way out.
 
 use std::time::Instant;
 
@@ -66,21 +67,33 @@ fn ring(count: usize, state: impl Fn(usize) -> String) -> String {
 #[test]
 fn ten_thousand_states_are_read_and_one_more_is_refused() {
     let next = |count: usize| {
-        move |at: usize| format!("next = [{{ when = \"range_m < {at}\", go = \"s{}\" }}]", (at + 1) % count)
+        move |at: usize| {
+            format!("next = [{{ when = \"range_m < {at}\", go = \"s{}\" }}]", (at + 1) % count)
+        }
     };
     let started = Instant::now();
     let mission = load(&ring(10_000, |at| {
-        if at == 0 { "next = [{ when = \"touch\", go = \"s1\" }]".to_owned() } else { next(10_000)(at) }
+        if at == 0 {
+            "next = [{ when = \"touch\", go = \"s1\" }]".to_owned()
+        } else {
+            next(10_000)(at)
+        }
     }));
     let loaded = started.elapsed();
     let mut program = mission.start().unwrap();
     for tick in 0..20_000 {
         step(
             &mut program,
-            &signals(tick, &[(Signal::Sensed(Channel::Range), 0.0), (Signal::Sensed(Channel::Touch), 1.0)]),
+            &signals(
+                tick,
+                &[(Signal::Sensed(Channel::Range), 0.0), (Signal::Sensed(Channel::Touch), 1.0)],
+            ),
         );
     }
-    println!("ten thousand states: {loaded:?} to read, {:?} to read and take 20000 steps", started.elapsed());
+    println!(
+        "ten thousand states: {loaded:?} to read, {:?} to read and take 20000 steps",
+        started.elapsed()
+    );
     assert_eq!(program.states().collect::<Vec<_>>(), ["s0"], "twice round");
     assert!(
         refusal(ring(10_001, next(10_001)).as_bytes())
@@ -91,8 +104,12 @@ fn ten_thousand_states_are_read_and_one_more_is_refused() {
 #[test]
 fn ten_thousand_states_with_a_mistake_in_each_are_refused_in_bounded_time() {
     let started = Instant::now();
-    for state in ["nxet = 1", "do = { leftdps = 1 }", "next = [{ when = \"foo < 1\", go = \"nowhere\" }]", ""]
-    {
+    for state in [
+        "nxet = 1",
+        "do = { leftdps = 1 }",
+        "next = [{ when = \"foo < 1\", go = \"nowhere\" }]",
+        "",
+    ] {
         let text = refusal(ring(10_000, |_| state.to_owned()).as_bytes());
         assert!(text.contains("and 180 more"), "{}", &text[..300]);
     }
@@ -119,7 +136,9 @@ fn enormous_parts_are_refused() {
         ("x = 1\n".repeat(500_000), "duplicate key"),
         ("#".repeat(Document::MAX_BYTES + 1), "at most"),
         (
-            "[machine.m.state.a]\nnext = [".to_owned() + &"{when=\"touch\",go=\"a\"},".repeat(100_000) + "]",
+            "[machine.m.state.a]\nnext = [".to_owned()
+                + &"{when=\"touch\",go=\"a\"},".repeat(100_000)
+                + "]",
             "100000 transitions are too many",
         ),
     ] {
@@ -199,7 +218,10 @@ fn changes() -> impl Strategy<Value = Vec<(prop::sample::Index, usize, String)>>
         ".",
         ",",
     ]);
-    prop::collection::vec((any::<prop::sample::Index>(), 0..12_usize, scraps.prop_map(str::to_owned)), 1..6)
+    prop::collection::vec(
+        (any::<prop::sample::Index>(), 0..12_usize, scraps.prop_map(str::to_owned)),
+        1..6,
+    )
 }
 
 proptest! {
@@ -233,7 +255,8 @@ proptest! {
 fn is_finite(demands: &Demands) -> bool {
     let drive = match demands.drive {
         Some(
-            Drive::Wheels { left_rad_s: a, right_rad_s: b } | Drive::Twist { forward_m_s: a, turn_rad_s: b },
+            Drive::Wheels { left_rad_s: a, right_rad_s: b }
+            | Drive::Twist { forward_m_s: a, turn_rad_s: b },
         ) => [a, b],
         Some(Drive::Stop(_)) | None => [0.0; 2],
     };

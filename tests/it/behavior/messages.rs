@@ -1,9 +1,11 @@
-//! Every message that a person can get about a mission, in one file to read: `tests/data/mission-messages.txt`.
-//! `ONBRICK_BLESS=1 cargo test` writes it anew; read what changed.
+//! Every message that a person can get about a mission, in one file to read:
+//! `tests/data/mission-messages.txt`. `ONBRICK_BLESS=1 cargo test` writes it anew; read what
+//! changed.
 
 use super::*;
 
-/// A mission of one driving machine, with `keys` before it and `states` in it; its start is `a`, its final state `b`.
+/// A mission of one driving machine, with `keys` before it and `states` in it; its start is `a`,
+/// its final state `b`.
 fn mission(keys: &str, states: &str) -> String {
     format!("name = \"m\"\n{keys}\n[machine.drive]\nstart = \"a\"\nfinal = \"b\"\n{states}\n")
 }
@@ -95,8 +97,10 @@ fn robot_cases() -> Vec<(&'static str, String)> {
 }
 
 fn collect() -> String {
-    let bare =
-        Capabilities { roles: [Role::Range, Role::Remote].into(), motors: Some(vec!["gripper".to_owned()]) };
+    let bare = Capabilities {
+        roles: [Role::Range, Role::Remote].into(),
+        motors: Some(vec!["gripper".to_owned()]),
+    };
     let all = Capabilities::all();
     let on_any = cases().into_iter().map(|(title, text)| (title, text, &all));
     let on_bare = robot_cases().into_iter().map(|(title, text)| (title, text, &bare));
@@ -111,7 +115,9 @@ fn collect() -> String {
     }
     let mut map = shipped("map");
     writeln!(out, "## numbers that cannot be set\n").unwrap();
-    for (name, value) in [("naer_m", 1.0), ("xyz", 1.0), ("near_m", f64::NAN), ("time_limit_s", 1e9)] {
+    for (name, value) in
+        [("naer_m", 1.0), ("xyz", 1.0), ("near_m", f64::NAN), ("time_limit_s", 1e9)]
+    {
         writeln!(out, "{}", map.set(name, value).unwrap_err()).unwrap();
     }
     out

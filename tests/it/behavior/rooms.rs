@@ -1,5 +1,6 @@
-//! The shipped missions on a robot that does at once what it is told, in rooms that are simple sums: whether they are
-//! sound as plans. How they fare with motors, noise and slip is for the simulated brick.
+//! The shipped missions on a robot that does at once what it is told, in rooms that are simple
+//! sums: whether they are sound as plans. How they fare with motors, noise and slip is for the
+//! simulated brick.
 
 use super::*;
 
@@ -87,7 +88,11 @@ fn run(
             break;
         }
         robot.follow(&demands);
-        assert!(robot.fastest_dps <= 360.0, "{name} asks for {} degrees per second", robot.fastest_dps);
+        assert!(
+            robot.fastest_dps <= 360.0,
+            "{name} asks for {} degrees per second",
+            robot.fastest_dps
+        );
     }
 }
 
@@ -138,15 +143,18 @@ fn the_bumping_robot_stays_in_its_room_and_gets_about() {
 
 #[test]
 fn the_line_follower_stays_on_a_round_line() {
-    // A line 2 cm wide, its middle a circle of 40 cm; the sensor sees a spot that blurs its edges over 1 cm.
+    // A line 2 cm wide, its middle a circle of 40 cm; the sensor sees a spot that blurs its edges
+    // over 1 cm.
     let radius_m = |robot: &Robot| {
         let (x_m, y_m) = robot.point(0.06, 0.0);
         libm::hypot(x_m, y_m)
     };
     let sense = |robot: &Robot, signals: &mut Signals| {
         let from_edge_m = (radius_m(robot) - 0.4).abs() - 0.01;
-        signals
-            .set(Signal::Sensed(Channel::Reflect), 8.0 + 54.0 * (0.5 + from_edge_m / 0.01).clamp(0.0, 1.0));
+        signals.set(
+            Signal::Sensed(Channel::Reflect),
+            8.0 + 54.0 * (0.5 + from_edge_m / 0.01).clamp(0.0, 1.0),
+        );
     };
     // Clockwise, so that the line's left edge is its outer one.
     let mut robot = Robot { y_m: 0.41, x_m: -0.06, ..Robot::default() };
@@ -168,8 +176,10 @@ fn the_line_follower_stays_on_a_round_line() {
 fn the_table_rover_keeps_its_wheels_on_the_table() {
     let on_table = |(x_m, y_m): (f64, f64)| x_m.abs() < 0.4 && y_m.abs() < 0.3;
     let sense = |robot: &Robot, signals: &mut Signals| {
-        signals
-            .set(Signal::Sensed(Channel::Reflect), if on_table(robot.point(0.09, 0.0)) { 45.0 } else { 1.0 });
+        signals.set(
+            Signal::Sensed(Channel::Reflect),
+            if on_table(robot.point(0.09, 0.0)) { 45.0 } else { 1.0 },
+        );
     };
     let mut edges = 0;
     run("edge", &mut Robot::default(), sense, |time_s, robot, state| {
@@ -209,7 +219,8 @@ fn the_remote_moves_each_wheel_by_its_own_buttons() {
             let (demands, progress) = step(&mut program, &signals);
             let (x_m, y_m, heading) = (robot.x_m, robot.y_m, robot.heading_rad);
             robot.follow(&demands);
-            forwards_m += (robot.x_m - x_m) * libm::cos(heading) + (robot.y_m - y_m) * libm::sin(heading);
+            forwards_m +=
+                (robot.x_m - x_m) * libm::cos(heading) + (robot.y_m - y_m) * libm::sin(heading);
             last = progress;
         }
         let sign = |value: f64| if value.abs() < 0.01 { 0.0 } else { value.signum() };

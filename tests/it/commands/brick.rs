@@ -1,4 +1,5 @@
-//! `run`, `halt` and `devices` on a brick of plain files: whatever happens to the run or to who started it, the motors end still.
+//! `run`, `halt` and `devices` on a brick of plain files: whatever happens to the run or to who
+//! started it, the motors end still.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Stdio};
@@ -65,15 +66,23 @@ impl Running {
     }
 
     /// With options that name files in a folder.
-    fn with(brick: TurningBrick, mission: &str, folder: tempfile::TempDir, options: &[&str]) -> Self {
+    fn with(
+        brick: TurningBrick,
+        mission: &str,
+        folder: tempfile::TempDir,
+        options: &[&str],
+    ) -> Self {
         std::fs::write(folder.path().join("mission.toml"), mission).unwrap();
         let root = text(brick.root().to_owned());
-        let child = onbrick_in_time(folder.path(), &["run", "mission.toml", "--brick", &root, "--out", "o"])
-            .args(options)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let child = onbrick_in_time(
+            folder.path(),
+            &["run", "mission.toml", "--brick", &root, "--out", "o"],
+        )
+        .args(options)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
         Self { brick, folder, child }
     }
 
@@ -181,15 +190,22 @@ fn buttons_and_a_speaker_with_other_names_stop_the_run_and_beep() {
         nix::unistd::mkfifo(&buttons, nix::sys::stat::Mode::S_IRWXU).unwrap();
         std::fs::write(&speaker, "").unwrap();
         // Held open in both directions, so that whoever reads it finds somebody at the other end.
-        let mut keyboard = std::fs::OpenOptions::new().read(true).write(true).open(&buttons).unwrap();
+        let mut keyboard =
+            std::fs::OpenOptions::new().read(true).write(true).open(&buttons).unwrap();
         let options = ["--buttons", "keyboard", "--speaker", "beeper"];
         let running = Running::with(TurningBrick::new(), DRIVE, folder, &options);
         running.brick.await_driving();
         let played = std::fs::read(&speaker).unwrap();
         let length = EventLayout::NATIVE.length();
-        let tones = played.chunks(length).filter(|event| event[length - 8..length - 4] == [0x12, 0, 2, 0]);
-        assert!(tones.count() >= 2, "a tone and its end, before anything moved: {} bytes", played.len());
-        // EV_KEY, KEY_BACKSPACE, pressed: the Back button; and the EV_SYN that ends what belongs together.
+        let tones =
+            played.chunks(length).filter(|event| event[length - 8..length - 4] == [0x12, 0, 2, 0]);
+        assert!(
+            tones.count() >= 2,
+            "a tone and its end, before anything moved: {} bytes",
+            played.len()
+        );
+        // EV_KEY, KEY_BACKSPACE, pressed: the Back button; and the EV_SYN that ends what belongs
+        // together.
         let mut events = vec![0; 2 * length];
         events[length - 8..length].copy_from_slice(&[1, 0, 14, 0, 1, 0, 0, 0]);
         keyboard.write_all(&events).unwrap();
@@ -215,33 +231,41 @@ fn promise_1_the_run_stops_when_its_starter_is_killed() {
 
 #[test]
 fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so() {
-    patiently("promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so", || {
-        for signal in FAULTS.into_iter().chain([Signal::SIGKILL, Signal::SIGSTOP]) {
-            let running = Running::start(DRIVE);
-            running.brick.await_driving();
-            kill(running.control(), signal).unwrap();
-            await_that("every motor is still", || running.brick.is_still());
-            let (brick, said, recorded) = running.finish();
-            assert_eq!(said.code, Some(1), "{signal}: {}", said.err);
-            let how = if signal == Signal::SIGSTOP {
-                "gave no sign of life".to_owned()
-            } else {
-                format!("signal: {}", signal as i32)
-            };
-            assert!(
-                said.err.contains("the guard stopped the motors") && said.err.contains(&how),
-                "{}",
-                said.err
-            );
-            assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
-            for name in MOTORS {
-                let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
-                let settings = ["time_sp", "stop_action", "ramp_up_sp", "ramp_down_sp"].map(read);
-                assert_eq!(settings, ["300", "brake", "0", "0"], "{name}: it was under a lease");
+    patiently(
+        "promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_says_so",
+        || {
+            for signal in FAULTS.into_iter().chain([Signal::SIGKILL, Signal::SIGSTOP]) {
+                let running = Running::start(DRIVE);
+                running.brick.await_driving();
+                kill(running.control(), signal).unwrap();
+                await_that("every motor is still", || running.brick.is_still());
+                let (brick, said, recorded) = running.finish();
+                assert_eq!(said.code, Some(1), "{signal}: {}", said.err);
+                let how = if signal == Signal::SIGSTOP {
+                    "gave no sign of life".to_owned()
+                } else {
+                    format!("signal: {}", signal as i32)
+                };
+                assert!(
+                    said.err.contains("the guard stopped the motors") && said.err.contains(&how),
+                    "{}",
+                    said.err
+                );
+                assert_eq!(brick.commands(), ["stop"; 3], "{signal}");
+                for name in MOTORS {
+                    let read = |attribute| brick.read(&format!("tacho-motor/{name}"), attribute);
+                    let settings =
+                        ["time_sp", "stop_action", "ramp_up_sp", "ramp_down_sp"].map(read);
+                    assert_eq!(
+                        settings,
+                        ["300", "brake", "0", "0"],
+                        "{name}: it was under a lease"
+                    );
+                }
+                assert!(recorded.ending.is_none(), "nobody was there to end it");
             }
-            assert!(recorded.ending.is_none(), "nobody was there to end it");
-        }
-    });
+        },
+    );
 }
 
 #[test]
@@ -280,7 +304,11 @@ fn promise_1_when_the_guard_hangs_control_stops_the_motors_and_ends_the_run() {
         assert!(took < Duration::from_millis(400), "told after {took:?}");
         let (brick, said, recorded) = running.finish();
         assert_eq!(said.code, Some(1), "{}", said.err);
-        assert!(said.err.contains("the guard gives no sign of life, and is killed"), "{}", said.err);
+        assert!(
+            said.err.contains("the guard gives no sign of life, and is killed"),
+            "{}",
+            said.err
+        );
         assert_eq!(brick.commands(), ["stop"; 3]);
         assert_eq!(recorded.ending.unwrap().stop.to_string(), StopReason::Unguarded.to_string());
     });
@@ -288,61 +316,71 @@ fn promise_1_when_the_guard_hangs_control_stops_the_motors_and_ends_the_run() {
 
 #[test]
 fn promise_1_whoever_asks_a_run_to_stop_whose_guard_and_control_hang_ends_it_by_force() {
-    patiently("promise_1_whoever_asks_a_run_to_stop_whose_guard_and_control_hang_ends_it_by_force", || {
-        let case = |how: &str, ask: &dyn Fn(&Running) -> Option<Child>| {
-            let running = Running::start(DRIVE);
-            running.brick.await_driving();
-            let (control, guard) = (running.control(), running.guard());
-            for process in [guard, control] {
-                kill(process, Signal::SIGSTOP).unwrap();
-            }
-            let asked = Instant::now();
-            let helper = ask(&running);
-            await_that("every motor is still", || running.brick.is_still());
-            let took = asked.elapsed();
-            let (brick, said, _) = running.finish();
-            assert!(took < Duration::from_millis(1500), "{how}: told after {took:?}");
-            assert_eq!(said.code, Some(1), "{how}: {}{}", said.out, said.err);
-            assert_eq!(brick.commands(), ["stop"; 3], "{how}");
-            helper.map(|helper| done(&helper.wait_with_output().unwrap()))
-        };
-        let signal = |signal| {
-            move |running: &Running| {
-                kill(running.parent(), signal).unwrap();
-                None
-            }
-        };
-        case("Ctrl-C", &signal(Signal::SIGINT));
-        case("SIGTERM", &signal(Signal::SIGTERM));
-        let halt = |running: &Running| {
-            let root = text(running.brick.root().to_owned());
-            let mut halt = onbrick_in_time(running.folder.path(), &["halt", "--brick", &root]);
-            Some(halt.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
-        };
-        let said = case("halt", &halt).expect("halt says something");
-        assert_eq!(said.code, Some(0), "{}", said.err);
-        assert!(said.out.contains("stopped mission straight"), "{}", said.out);
-    });
+    patiently(
+        "promise_1_whoever_asks_a_run_to_stop_whose_guard_and_control_hang_ends_it_by_force",
+        || {
+            let case = |how: &str, ask: &dyn Fn(&Running) -> Option<Child>| {
+                let running = Running::start(DRIVE);
+                running.brick.await_driving();
+                let (control, guard) = (running.control(), running.guard());
+                for process in [guard, control] {
+                    kill(process, Signal::SIGSTOP).unwrap();
+                }
+                let asked = Instant::now();
+                let helper = ask(&running);
+                await_that("every motor is still", || running.brick.is_still());
+                let took = asked.elapsed();
+                let (brick, said, _) = running.finish();
+                assert!(took < Duration::from_millis(1500), "{how}: told after {took:?}");
+                assert_eq!(said.code, Some(1), "{how}: {}{}", said.out, said.err);
+                assert_eq!(brick.commands(), ["stop"; 3], "{how}");
+                helper.map(|helper| done(&helper.wait_with_output().unwrap()))
+            };
+            let signal = |signal| {
+                move |running: &Running| {
+                    kill(running.parent(), signal).unwrap();
+                    None
+                }
+            };
+            case("Ctrl-C", &signal(Signal::SIGINT));
+            case("SIGTERM", &signal(Signal::SIGTERM));
+            let halt = |running: &Running| {
+                let root = text(running.brick.root().to_owned());
+                let mut halt = onbrick_in_time(running.folder.path(), &["halt", "--brick", &root]);
+                Some(halt.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+            };
+            let said = case("halt", &halt).expect("halt says something");
+            assert_eq!(said.code, Some(0), "{}", said.err);
+            assert!(said.out.contains("stopped mission straight"), "{}", said.out);
+        },
+    );
 }
 
 #[test]
 fn a_pc_that_runs_neither_guard_nor_control_for_a_while_is_said_to_be_too_busy() {
-    patiently("a_pc_that_runs_neither_guard_nor_control_for_a_while_is_said_to_be_too_busy", || {
-        let running = Running::start(DRIVE);
-        running.brick.await_driving();
-        let processes = [running.guard(), running.control()];
-        for signal in [Signal::SIGSTOP, Signal::SIGCONT] {
-            processes.iter().for_each(|process| kill(*process, signal).unwrap());
-            std::thread::sleep(Duration::from_millis(400));
-        }
-        let (brick, said, recorded) = running.finish();
-        assert_eq!(said.code, Some(1), "{}", said.err);
-        assert!(said.err.contains("the loop stood still"), "{}", said.err);
-        let busy = "this machine was too busy: the guard did not get a processor for 0.";
-        assert!(said.err.contains(busy) && said.err.contains("close other programs"), "{}", said.err);
-        assert_eq!(brick.commands(), ["stop"; 3]);
-        assert_eq!(recorded.ending.unwrap().stop.to_string(), StopReason::Late.to_string());
-    });
+    patiently(
+        "a_pc_that_runs_neither_guard_nor_control_for_a_while_is_said_to_be_too_busy",
+        || {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            let processes = [running.guard(), running.control()];
+            for signal in [Signal::SIGSTOP, Signal::SIGCONT] {
+                processes.iter().for_each(|process| kill(*process, signal).unwrap());
+                std::thread::sleep(Duration::from_millis(400));
+            }
+            let (brick, said, recorded) = running.finish();
+            assert_eq!(said.code, Some(1), "{}", said.err);
+            assert!(said.err.contains("the loop stood still"), "{}", said.err);
+            let busy = "this machine was too busy: the guard did not get a processor for 0.";
+            assert!(
+                said.err.contains(busy) && said.err.contains("close other programs"),
+                "{}",
+                said.err
+            );
+            assert_eq!(brick.commands(), ["stop"; 3]);
+            assert_eq!(recorded.ending.unwrap().stop.to_string(), StopReason::Late.to_string());
+        },
+    );
 }
 
 #[test]
@@ -357,7 +395,11 @@ fn promise_10_halt_frees_a_brick_whose_guard_hangs_over_a_dead_control() {
         let root = text(running.brick.root().to_owned());
         let folder = tempfile::tempdir().unwrap();
         run(folder.path(), &["halt", "--brick", &root]).expect(0);
-        assert_eq!(running.brick.commands(), ["stop"; 3], "the motors are told whatever the processes do");
+        assert_eq!(
+            running.brick.commands(),
+            ["stop"; 3],
+            "the motors are told whatever the processes do"
+        );
         assert_eq!(running.brick.owner(), None, "the lock is free");
         let (brick, said, _) = running.finish();
         assert_eq!(said.code, Some(1), "{}", said.err);
@@ -395,7 +437,8 @@ fn promise_1_the_guard_brakes_before_a_killed_control_is_reaped() {
     });
 }
 
-/// Kills all of the run's processes at once: starter and guard are stopped first, so that neither sees another one go.
+/// Kills all of the run's processes at once: starter and guard are stopped first, so that neither
+/// sees another one go.
 fn kill_all(running: &Running) {
     let (control, guard, starter) = (running.control(), running.guard(), running.parent());
     for process in [starter, guard] {
@@ -412,14 +455,20 @@ fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("wheels.toml"), TWO_WHEELS).unwrap();
         let mission = DRIVE.replace(", head_deg = 60", "");
-        let running = Running::with(TurningBrick::new(), &mission, folder, &["--robot", "wheels.toml"]);
+        let running =
+            Running::with(TurningBrick::new(), &mission, folder, &["--robot", "wheels.toml"]);
         let root = text(running.brick.root().to_owned());
         let folder = tempfile::tempdir().unwrap();
-        let orphaned = || run(folder.path(), &["halt", "--orphaned", "--brick", &root]).expect(0).out;
+        let orphaned =
+            || run(folder.path(), &["halt", "--orphaned", "--brick", &root]).expect(0).out;
         running.brick.await_driving();
         let said = orphaned();
         assert!(said.contains("mission straight (process ") && said.contains("itself"), "{said}");
-        assert_eq!(running.brick.read("tacho-motor/motor1", "command"), "run-timed", "its run goes on");
+        assert_eq!(
+            running.brick.read("tacho-motor/motor1", "command"),
+            "run-timed",
+            "its run goes on"
+        );
         kill_all(&running);
         let (brick, _, _) = running.finish();
         brick.put("tacho-motor/motor0", "command", b"run-forever\n");
@@ -428,17 +477,23 @@ fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
         assert_eq!(brick.commands(), ["run-forever", "stop", "stop"], "another program has outA");
         brick.put("tacho-motor/motor1", "command", b"run-forever\n");
         assert_eq!(orphaned(), "no run has left a motor behind\n");
-        assert_eq!(brick.commands(), ["run-forever", "run-forever", "stop"], "another program has outB now");
+        assert_eq!(
+            brick.commands(),
+            ["run-forever", "run-forever", "stop"],
+            "another program has outB now"
+        );
     });
 }
 
 #[test]
 fn promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_way_out() {
-    patiently("promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_way_out", || {
-        let running = Running::start(DRIVE);
-        running.brick.await_driving();
-        let motor = running.brick.path("tacho-motor/motor1", "");
-        let mut other = std::process::Command::new("sh")
+    patiently(
+        "promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_way_out",
+        || {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            let motor = running.brick.path("tacho-motor/motor1", "");
+            let mut other = std::process::Command::new("sh")
             .args([
                 "-c",
                 "exec 3>\"$0\"/state 4>\"$0\"/speed_sp; echo running >&3; echo 77 >&4; exec sleep 60",
@@ -446,17 +501,18 @@ fn promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_wa
             .arg(&motor)
             .spawn()
             .unwrap();
-        let (brick, said, _) = running.finish();
-        let expected = format!(
-            "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are open in sleep (process {})",
-            other.id()
-        );
-        other.kill().unwrap();
-        other.wait().unwrap();
-        assert_eq!(said.code, Some(1), "{}", said.err);
-        assert!(said.err.contains(&expected), "{} is not in\n{}", expected, said.err);
-        assert_eq!(brick.commands(), ["stop", "run-timed", "stop"], "another program has outB");
-    });
+            let (brick, said, _) = running.finish();
+            let expected = format!(
+                "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are open in sleep (process {})",
+                other.id()
+            );
+            other.kill().unwrap();
+            other.wait().unwrap();
+            assert_eq!(said.code, Some(1), "{}", said.err);
+            assert!(said.err.contains(&expected), "{} is not in\n{}", expected, said.err);
+            assert_eq!(brick.commands(), ["stop", "run-timed", "stop"], "another program has outB");
+        },
+    );
 }
 
 #[test]
@@ -472,7 +528,11 @@ fn promise_1_when_guard_and_control_are_killed_the_starter_stops_the_motors() {
         }
         let (brick, said, recorded) = running.finish();
         assert_eq!(said.code, Some(1), "{}", said.err);
-        assert!(said.err.contains("the run's guard") && said.err.contains("signal: 9"), "{}", said.err);
+        assert!(
+            said.err.contains("the run's guard") && said.err.contains("signal: 9"),
+            "{}",
+            said.err
+        );
         assert!(said.err.contains("its motors were stopped"), "{}", said.err);
         assert_eq!(brick.commands(), ["stop"; 3]);
         assert!(recorded.ending.is_none(), "nobody was there to end it");
@@ -548,7 +608,9 @@ fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording()
     assert_eq!(brick.commands(), ["stop"; 3]);
     assert_eq!(brick.owner(), None, "the lock is free");
     let recorded = Run::open(&job.file).unwrap();
-    assert!(recorded.ending.unwrap().stop.to_string().contains("failed") && recorded.senses.len() >= 4);
+    assert!(
+        recorded.ending.unwrap().stop.to_string().contains("failed") && recorded.senses.len() >= 4
+    );
 }
 
 #[test]
@@ -566,25 +628,40 @@ fn a_signal_before_it_drives_ends_the_run_before_anything_moved() {
 
 #[test]
 fn promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first() {
-    patiently("promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first", || {
-        let running = Running::start(DRIVE);
-        running.brick.await_driving();
-        let root = text(running.brick.root().to_owned());
-        let folder = tempfile::tempdir().unwrap();
-        let refused = run(folder.path(), &["run", "map", "--brick", &root]).expect(3);
-        let owner = format!("mission straight (process {})", running.control());
-        assert!(refused.err.contains(&owner) && refused.err.contains("onbrick halt"), "{}", refused.err);
-        assert!(!running.brick.is_still(), "the first one drives on");
+    patiently(
+        "promise_10_a_second_run_is_refused_with_the_first_ones_name_and_halt_stops_the_first",
+        || {
+            let running = Running::start(DRIVE);
+            running.brick.await_driving();
+            let root = text(running.brick.root().to_owned());
+            let folder = tempfile::tempdir().unwrap();
+            let refused = run(folder.path(), &["run", "map", "--brick", &root]).expect(3);
+            let owner = format!("mission straight (process {})", running.control());
+            assert!(
+                refused.err.contains(&owner) && refused.err.contains("onbrick halt"),
+                "{}",
+                refused.err
+            );
+            assert!(!running.brick.is_still(), "the first one drives on");
 
-        let [halted] =
-            run(folder.path(), &["halt", "--brick", &root, "--json"]).expect(0).json().try_into().unwrap();
-        assert_eq!(keys(&halted), ["motors", "still", "stopped_run"]);
-        assert_eq!(halted["stopped_run"]["doing"], "mission straight");
-        assert_eq!(halted["motors"].as_array().unwrap().len(), 3);
-        assert_eq!(halted["still"], true);
-        let (brick, said, _) = running.finish();
-        assert_eq!((said.code, brick.commands()), (Some(0), vec!["stop".to_owned(); 3]), "{}", said.err);
-    });
+            let [halted] = run(folder.path(), &["halt", "--brick", &root, "--json"])
+                .expect(0)
+                .json()
+                .try_into()
+                .unwrap();
+            assert_eq!(keys(&halted), ["motors", "still", "stopped_run"]);
+            assert_eq!(halted["stopped_run"]["doing"], "mission straight");
+            assert_eq!(halted["motors"].as_array().unwrap().len(), 3);
+            assert_eq!(halted["still"], true);
+            let (brick, said, _) = running.finish();
+            assert_eq!(
+                (said.code, brick.commands()),
+                (Some(0), vec!["stop".to_owned(); 3]),
+                "{}",
+                said.err
+            );
+        },
+    );
 }
 
 #[test]
@@ -636,7 +713,9 @@ fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 refused(
-                    &|brick| brick.put("power_supply/lego-ev3-battery", "voltage_now", b"4900000\n"),
+                    &|brick| {
+                        brick.put("power_supply/lego-ev3-battery", "voltage_now", b"4900000\n")
+                    },
                     &["4.9 V", "charge"],
                 );
             });
@@ -669,13 +748,20 @@ fn devices_shows_what_is_plugged_in_and_what_it_reads() {
     let root = text(brick.root().to_owned());
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["devices", "--brick", &root]).expect(0);
-    for expected in ["outA", "outB", "outD", "lego-ev3-l-motor", "in1", "lego-ev3-us", "in4", "7.5"] {
+    for expected in ["outA", "outB", "outD", "lego-ev3-l-motor", "in1", "lego-ev3-us", "in4", "7.5"]
+    {
         assert!(said.out.contains(expected), "`{expected}` is not in\n{}", said.out);
     }
-    let [json] =
-        run(folder.path(), &["devices", "--brick", &root, "--json"]).expect(0).json().try_into().unwrap();
+    let [json] = run(folder.path(), &["devices", "--brick", &root, "--json"])
+        .expect(0)
+        .json()
+        .try_into()
+        .unwrap();
     assert_eq!(keys(&json), ["battery", "devices"]);
-    assert_eq!(keys(&json["devices"][0]), ["address", "class", "driver", "name", "problem", "readings"]);
+    assert_eq!(
+        keys(&json["devices"][0]),
+        ["address", "class", "driver", "name", "problem", "readings"]
+    );
 
     let mut watching = onbrick(folder.path(), &["devices", "--brick", &root, "--watch"])
         .stdout(Stdio::piped())
@@ -720,5 +806,9 @@ fn halt_stops_what_turns_and_says_what_still_does() {
     brick.put("tacho-motor/motor1", "command", b"run-forever\n");
     let said = run(folder.path(), &["halt", "--brick", &root]).expect(1);
     assert!(said.err.contains("outA") && said.err.contains("unplug"), "{}", said.err);
-    assert_eq!(brick.read("tacho-motor/motor1", "command"), "stop", "the others were told all the same");
+    assert_eq!(
+        brick.read("tacho-motor/motor1", "command"),
+        "stop",
+        "the others were told all the same"
+    );
 }

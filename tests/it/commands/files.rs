@@ -21,15 +21,19 @@ fn check_looks_at_every_file_and_says_which_are_broken() {
     std::fs::write(folder.path().join("empty.toml"), "").unwrap();
     let said = run(folder.path(), &["check", "map", "good.toml", "bump"]).expect(0);
     assert!(
-        said.out.contains("good.toml: in order: drive (5 states), look (3 states), 50 Hz, 120 s at most"),
+        said.out.contains(
+            "good.toml: in order: drive (5 states), look (3 states), 50 Hz, 120 s at most"
+        ),
         "{}",
         said.out
     );
     assert_eq!(said.out.lines().count(), 3, "{}", said.out);
 
-    let said =
-        run(folder.path(), &["check", "bad.toml", "good.toml", "binary.toml", "empty.toml", "none.toml"])
-            .expect(3);
+    let said = run(
+        folder.path(),
+        &["check", "bad.toml", "good.toml", "binary.toml", "empty.toml", "none.toml"],
+    )
+    .expect(3);
     for expected in [
         "did you mean `range_m`?",
         "did you mean `halt`?",
@@ -42,11 +46,15 @@ fn check_looks_at_every_file_and_says_which_are_broken() {
     }
     assert!(said.err.contains("4 missions are not in order"), "{}", said.err);
 
-    let said = run(folder.path(), &["check", "--json", "bad.toml", "none.toml", "good.toml"]).expect(3);
+    let said =
+        run(folder.path(), &["check", "--json", "bad.toml", "none.toml", "good.toml"]).expect(3);
     let lines = said.json();
     assert_eq!(lines.len(), 4, "one for each file, and the failure: {}", said.out);
     assert_eq!(keys(&lines[0]), ["findings", "mission", "ok"]);
-    assert_eq!(keys(&lines[0]["findings"][0]), ["column", "file", "hint", "line", "message", "severity"]);
+    assert_eq!(
+        keys(&lines[0]["findings"][0]),
+        ["column", "file", "hint", "line", "message", "severity"]
+    );
     assert_eq!(
         lines.iter().map(|line| line["ok"].as_bool()).collect::<Vec<_>>(),
         [Some(false), Some(false), Some(true), None]
@@ -67,7 +75,11 @@ fn graph_draws_every_shipped_mission() {
     let folder = tempfile::tempdir().unwrap();
     for mission in shipped::MISSIONS {
         let said = run(folder.path(), &["graph", mission.name]).expect(0);
-        assert!(said.out.starts_with("stateDiagram-v2\n") && said.out.contains("-->"), "{}", said.out);
+        assert!(
+            said.out.starts_with("stateDiagram-v2\n") && said.out.contains("-->"),
+            "{}",
+            said.out
+        );
     }
     let said = run(folder.path(), &["graph", "mapp"]).expect(3);
     assert!(said.err.contains("did you mean `map`?") && said.err.contains("wall"), "{}", said.err);
@@ -88,11 +100,17 @@ fn new_writes_templates_that_load_and_never_writes_over_a_file() {
             read(&file),
             "the same to the terminal"
         );
-        std::fs::write(folder.path().join(&file), [&read(&file)[..], b"# mine\n"].concat()).unwrap();
+        std::fs::write(folder.path().join(&file), [&read(&file)[..], b"# mine\n"].concat())
+            .unwrap();
         let said = run(folder.path(), &["new", what, &file]).expect(3);
-        assert!(said.err.contains("is there already") && said.err.contains("another name"), "{}", said.err);
+        assert!(
+            said.err.contains("is there already") && said.err.contains("another name"),
+            "{}",
+            said.err
+        );
         assert!(read(&file).ends_with(b"# mine\n"));
-        let json = run(folder.path(), &["new", what, &format!("{what}-2.toml"), "--json"]).expect(0);
+        let json =
+            run(folder.path(), &["new", what, &format!("{what}-2.toml"), "--json"]).expect(0);
         assert_eq!(json.json(), [serde_json::json!({ "wrote": format!("{what}-2.toml") })]);
     }
     assert!(Mission::parse("m", &read("mission.toml"), &Capabilities::all()).unwrap().1.is_empty());

@@ -16,11 +16,22 @@ fn recorded() -> &'static Path {
     let folder = FOLDER.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         for (name, seed) in [("left", "1"), ("right", "2")] {
-            let arguments =
-                ["run", "map", "--sim", "arena", "--set", "time_limit_s=2", "--seed", seed, "--out", name];
+            let arguments = [
+                "run",
+                "map",
+                "--sim",
+                "arena",
+                "--set",
+                "time_limit_s=2",
+                "--seed",
+                seed,
+                "--out",
+                name,
+            ];
             run(folder.path(), &arguments).expect(0);
             let file = format!("{name}/run.mcap");
-            std::fs::rename(folder.path().join(file), folder.path().join(format!("{name}.mcap"))).unwrap();
+            std::fs::rename(folder.path().join(file), folder.path().join(format!("{name}.mcap")))
+                .unwrap();
         }
         folder
     });
@@ -39,7 +50,9 @@ fn folder() -> tempfile::TempDir {
 #[test]
 fn plot_draws_one_run_and_several_in_every_format() {
     let folder = folder();
-    for (ending, begins) in [("svg", &b"<svg"[..]), ("png", b"\x89PNG"), ("html", b"<!DOCTYPE html>")] {
+    for (ending, begins) in
+        [("svg", &b"<svg"[..]), ("png", b"\x89PNG"), ("html", b"<!DOCTYPE html>")]
+    {
         for (runs, name) in [(&["left.mcap"][..], "one"), (&["left.mcap", "right.mcap"], "both")] {
             let file = format!("{name}.{ending}");
             let arguments = [&["plot"], runs, &["-o", &file]].concat();
@@ -50,7 +63,8 @@ fn plot_draws_one_run_and_several_in_every_format() {
         }
     }
     let json =
-        run(folder.path(), &["plot", "left.mcap", "-o", "j.SVG", "--title", "A & B", "--json"]).expect(0);
+        run(folder.path(), &["plot", "left.mcap", "-o", "j.SVG", "--title", "A & B", "--json"])
+            .expect(0);
     assert_eq!(json.json(), [serde_json::json!({ "wrote": "j.SVG" })]);
     let titled = std::fs::read_to_string(folder.path().join("j.SVG")).unwrap();
     assert!(titled.contains("A &amp; B"), "a title is text, not markup");
@@ -67,11 +81,13 @@ fn export_writes_every_format() {
         ("pgm", &["map.pgm", "map.yaml"]),
     ] {
         let said =
-            run(folder.path(), &["export", "left.mcap", "--format", format, "--out", format]).expect(0);
+            run(folder.path(), &["export", "left.mcap", "--format", format, "--out", format])
+                .expect(0);
         assert_eq!(names(&folder.path().join(format)), files, "{}", said.out);
         assert_eq!(said.out.lines().count(), files.len());
     }
-    let said = run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "pgm"]).expect(2);
+    let said =
+        run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "pgm"]).expect(2);
     assert!(said.err.contains("one run"), "{}", said.err);
 }
 
@@ -81,7 +97,11 @@ fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
     let indexed = |name: &str| {
         let bytes = std::fs::read(folder.path().join(name)).unwrap();
         let summary = mcap::Summary::read(&bytes).unwrap().expect("a summary: it is indexed");
-        assert!(!summary.chunk_indexes.is_empty() && summary.channels.len() > 8, "{:?}", summary.stats);
+        assert!(
+            !summary.chunk_indexes.is_empty() && summary.channels.len() > 8,
+            "{:?}",
+            summary.stats
+        );
         Run::read(&bytes).unwrap()
     };
     run(folder.path(), &["repair", "left.mcap", "right.mcap", "--out", "both.mcap"]).expect(0);
@@ -110,8 +130,7 @@ fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
 #[test]
 fn the_exported_grid_has_all_that_the_robot_has_seen() {
     let folder = tempfile::tempdir().unwrap();
-    let world =
-        "name = \"long\"\n[[wall]]\npoints = [[-1, 0.5], [20, 0.5], [20, -0.5], [-1, -0.5]]\nclosed = true\n";
+    let world = "name = \"long\"\n[[wall]]\npoints = [[-1, 0.5], [20, 0.5], [20, -0.5], [-1, -0.5]]\nclosed = true\n";
     let mission = "name = \"ahead\"\ntime_limit_s = 90\n[machine.drive]\nstart = \"on\"\nfinal = \"off\"\n\
                    [machine.drive.state.on]\ndo = { left_dps = 340, right_dps = 340, head_deg = 90 }\n\
                    next = [{ when = \"time_s > 60\", go = \"off\" }]\n[machine.drive.state.off]\n";
@@ -121,13 +140,16 @@ fn the_exported_grid_has_all_that_the_robot_has_seen() {
     let recorded = Run::open(&folder.path().join("out/run.mcap")).unwrap();
     let furthest_m = recorded.points.iter().map(|point| point.x_m).fold(0.0, f64::max);
     assert!(furthest_m > 6.0, "it came {furthest_m} m far: {:?}", recorded.ending);
-    let said = run(folder.path(), &["export", "out/run.mcap", "--format", "pgm", "--out", "map"]).expect(0);
+    let said = run(folder.path(), &["export", "out/run.mcap", "--format", "pgm", "--out", "map"])
+        .expect(0);
     assert_eq!(said.err, "");
     let pgm = std::fs::read(folder.path().join("map/map.pgm")).unwrap();
     let mut head = pgm.splitn(4, |byte| *byte == b'\n');
-    let (_, size, _, cells) = (head.next(), head.next().unwrap(), head.next(), head.next().unwrap());
+    let (_, size, _, cells) =
+        (head.next(), head.next().unwrap(), head.next(), head.next().unwrap());
     let size = String::from_utf8(size.to_vec()).unwrap();
-    let [width, height] = [0, 1].map(|part| size.split(' ').nth(part).unwrap().parse::<usize>().unwrap());
+    let [width, height] =
+        [0, 1].map(|part| size.split(' ').nth(part).unwrap().parse::<usize>().unwrap());
     let yaml = std::fs::read_to_string(folder.path().join("map/map.yaml")).unwrap();
     let origin = yaml.lines().find_map(|line| line.strip_prefix("origin: [")).unwrap();
     let [x, y] = [0, 1].map(|part| origin.split(", ").nth(part).unwrap().parse::<f64>().unwrap());
@@ -136,9 +158,16 @@ fn the_exported_grid_has_all_that_the_robot_has_seen() {
     for point in &recorded.points {
         let [column, row] = [(point.x_m - x) / 0.05, (point.y_m - y) / 0.05];
         assert!(column >= 0.0 && row >= 0.0, "{point:?} is left of the picture");
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "small and positive"
+        )]
         let (column, row) = (column as usize, row as usize);
-        assert!(column < width && row < height, "{point:?} is beyond the picture of {width} x {height}");
+        assert!(
+            column < width && row < height,
+            "{point:?} is beyond the picture of {width} x {height}"
+        );
         all += 1;
         dark += usize::from(cells[(height - 1 - row) * width + column] < 205);
     }
@@ -155,7 +184,8 @@ fn several_recordings_are_replayed_one_after_the_other() {
         "{}",
         said.out
     );
-    let json = run(folder.path(), &["replay", "left.mcap", "right.mcap", "--json"]).expect(0).json();
+    let json =
+        run(folder.path(), &["replay", "left.mcap", "right.mcap", "--json"]).expect(0).json();
     assert_eq!(
         json.iter().map(|line| line["run"].as_str().unwrap()).collect::<Vec<_>>(),
         ["left.mcap", "right.mcap"]
@@ -164,9 +194,15 @@ fn several_recordings_are_replayed_one_after_the_other() {
     std::fs::write(folder.path().join("bad.mcap"), "no recording").unwrap();
     let said = run(folder.path(), &["replay", "bad.mcap", "right.mcap"]);
     assert!(matches!(said.code, Some(1 | 3)), "{said:?}");
-    assert!(said.out.contains("right.mcap: ") && said.err.contains("1 of 2 recordings"), "{said:?}");
-    let said = run(folder.path(), &["replay", "left.mcap", "right.mcap", "--robot", "r.toml", "--out", "o"])
-        .expect(2);
+    assert!(
+        said.out.contains("right.mcap: ") && said.err.contains("1 of 2 recordings"),
+        "{said:?}"
+    );
+    let said = run(
+        folder.path(),
+        &["replay", "left.mcap", "right.mcap", "--robot", "r.toml", "--out", "o"],
+    )
+    .expect(2);
     assert!(said.err.contains("one recording"), "{}", said.err);
 }
 
@@ -213,7 +249,8 @@ fn replay_of_an_honest_run_is_the_same_and_of_a_changed_one_is_not() {
     let folder = folder();
     let said = run(folder.path(), &["replay", "left.mcap"]).expect(0);
     assert!(said.out.contains("the same, bit for bit"), "{}", said.out);
-    let [json] = run(folder.path(), &["replay", "left.mcap", "--json"]).expect(0).json().try_into().unwrap();
+    let [json] =
+        run(folder.path(), &["replay", "left.mcap", "--json"]).expect(0).json().try_into().unwrap();
     assert_eq!(
         keys(&json),
         [
@@ -236,17 +273,26 @@ fn replay_of_an_honest_run_is_the_same_and_of_a_changed_one_is_not() {
     *robot = robot.replace("wheel_circumference_m = 0.188976", "wheel_circumference_m = 0.2");
     let replayed = replay(&tampered).unwrap();
     assert!(!replayed.is_same() && !replayed.differences.is_empty(), "{replayed}");
-    assert!(replayed.to_string().contains("\ntick ") && replayed.to_string().contains("pose"), "{replayed}");
+    assert!(
+        replayed.to_string().contains("\ntick ") && replayed.to_string().contains("pose"),
+        "{replayed}"
+    );
 
     // A recording whose poses were made up.
     make_up(&folder.path().join("made-up.mcap"));
     let said = run(folder.path(), &["replay", "made-up.mcap"]).expect(1);
-    assert!(said.out.contains("differences") && said.err.contains("differs"), "{}{}", said.out, said.err);
+    assert!(
+        said.out.contains("differences") && said.err.contains("differs"),
+        "{}{}",
+        said.out,
+        said.err
+    );
     let json = run(folder.path(), &["replay", "made-up.mcap", "--json"]).expect(1).json();
     assert!(json[0]["differing"].as_u64().unwrap() > 0 && json[1]["exit"] == 1, "{json:?}");
 }
 
-/// A recording of the shipped robot and mission whose senses and poses have nothing to do with each other.
+/// A recording of the shipped robot and mission whose senses and poses have nothing to do with each
+/// other.
 fn make_up(file: &Path) {
     let start = Start {
         robot_toml: onbrick::robot::DEFAULT_ROBOT.to_owned(),
@@ -258,14 +304,16 @@ fn make_up(file: &Path) {
     let (recorder, mut side) =
         Recorder::start::<()>(sink, start, Options::default(), Box::new(|_| {})).unwrap();
     (0..100).for_each(|number| side.tick(&tick(number)));
-    let end = End { stop: StopReason::Finished.into(), time_ns: 2_000_000_000, truth: None, map: None };
+    let end =
+        End { stop: StopReason::Finished.into(), time_ns: 2_000_000_000, truth: None, map: None };
     recorder.finish(side, end).unwrap();
 }
 
 #[test]
 fn replay_with_another_robot_makes_a_new_run_and_never_writes_over_one() {
     let folder = folder();
-    let wider = onbrick::robot::DEFAULT_ROBOT.replace("track_width_m = 0.1143", "track_width_m = 0.16");
+    let wider =
+        onbrick::robot::DEFAULT_ROBOT.replace("track_width_m = 0.1143", "track_width_m = 0.16");
     std::fs::write(folder.path().join("wider.toml"), wider).unwrap();
     let arguments = ["replay", "left.mcap", "--robot", "wider.toml", "--out", "wider.mcap"];
     run(folder.path(), &arguments).expect(0);
@@ -282,8 +330,10 @@ fn replay_with_another_robot_makes_a_new_run_and_never_writes_over_one() {
 #[test]
 fn a_run_cut_at_every_offset_gives_plot_and_replay_what_came_before_the_cut() {
     let folder = tempfile::tempdir().unwrap();
-    // A quarter of a second is the whole file's structure with a few ticks in it: each offset of it is cut at.
-    let mission = onbrick::behavior::shipped::find("map").unwrap().text.replace("time_limit_s > 5", "");
+    // A quarter of a second is the whole file's structure with a few ticks in it: each offset of it
+    // is cut at.
+    let mission =
+        onbrick::behavior::shipped::find("map").unwrap().text.replace("time_limit_s > 5", "");
     std::fs::write(
         folder.path().join("short.toml"),
         mission.replace("time_s > time_limit_s", "time_s > 0.2"),
@@ -310,7 +360,10 @@ fn a_run_cut_at_every_offset_gives_plot_and_replay_what_came_before_the_cut() {
         assert!(ticks >= last, "cut at {cut}: {ticks} ticks, and {last} one byte earlier");
         assert_eq!(run.senses, whole.senses[..ticks], "cut at {cut}");
         let poses = run.poses.len();
-        assert!(poses <= ticks && poses + 1 >= ticks, "cut at {cut}: {poses} poses of {ticks} ticks");
+        assert!(
+            poses <= ticks && poses + 1 >= ticks,
+            "cut at {cut}: {poses} poses of {ticks} ticks"
+        );
         assert_eq!(run.poses, whole.poses[..poses], "cut at {cut}");
         let track = Track::of_run(&run, "cut");
         assert_eq!(track.path.is_empty(), poses == 0, "cut at {cut}: what there is is drawn");
@@ -337,12 +390,14 @@ fn the_commands_take_a_cut_file_and_say_so() {
     let folder = folder();
     let bytes = std::fs::read(folder.path().join("left.mcap")).unwrap();
     for percent in [0, 1, 20, 50, 90, 99] {
-        std::fs::write(folder.path().join("cut.mcap"), &bytes[..bytes.len() * percent / 100]).unwrap();
+        std::fs::write(folder.path().join("cut.mcap"), &bytes[..bytes.len() * percent / 100])
+            .unwrap();
         let code = if percent == 0 { 3 } else { 0 };
         let plot = run(folder.path(), &["plot", "cut.mcap", "-o", "cut.svg"]).expect(code);
         assert!(plot.err.contains("cut"), "{percent} %: {}", plot.err);
         // One percent is still inside the beginning, which says what the run was.
-        let replay = run(folder.path(), &["replay", "cut.mcap"]).expect(if percent < 20 { 3 } else { 0 });
+        let replay =
+            run(folder.path(), &["replay", "cut.mcap"]).expect(if percent < 20 { 3 } else { 0 });
         assert!(percent < 20 || replay.out.contains("the same"), "{percent} %: {}", replay.out);
         assert!(
             percent >= 20 || replay.err.contains("beginning") || replay.err.contains("empty"),
@@ -350,7 +405,8 @@ fn the_commands_take_a_cut_file_and_say_so() {
             replay.err
         );
         for format in ["csv", "ply"] {
-            run(folder.path(), &["export", "cut.mcap", "--format", format, "--out", "x"]).expect(code);
+            run(folder.path(), &["export", "cut.mcap", "--format", format, "--out", "x"])
+                .expect(code);
         }
         run(folder.path(), &["repair", "cut.mcap"]).expect(code);
         if percent >= 20 {
@@ -366,9 +422,11 @@ fn what_is_no_recording_is_refused_by_every_command() {
     std::fs::write(folder.path().join("text"), "x,y\n1,2\n").unwrap();
     std::fs::write(folder.path().join("binary"), [0xff; 5000]).unwrap();
     for file in ["empty", "text", "binary", "none", "."] {
-        for arguments in
-            [&["plot", file, "-o", "x.svg"][..], &["export", file, "--format", "csv"], &["replay", file]]
-        {
+        for arguments in [
+            &["plot", file, "-o", "x.svg"][..],
+            &["export", file, "--format", "csv"],
+            &["replay", file],
+        ] {
             let said = run(folder.path(), arguments).expect(3);
             assert!(said.err.contains(&format!(" {file}")), "{}", said.err);
             assert_eq!(said.err.matches("cannot").count(), 1, "said once: {}", said.err);
@@ -380,7 +438,8 @@ fn what_is_no_recording_is_refused_by_every_command() {
 
 #[test]
 fn a_drawing_of_nothing_is_a_drawing() {
-    // A run that was cut before its first tick has no path and no points, and is still a picture with axes.
+    // A run that was cut before its first tick has no path and no points, and is still a picture
+    // with axes.
     let run = Run { senses: Vec::new(), ..Run::default() };
     let scene = onbrick::report::Scene {
         title: String::new(),

@@ -4,8 +4,10 @@ use std::process::Stdio;
 
 use super::{onbrick, run};
 
-const COMMANDS: [&str; 12] =
-    ["demo", "sim", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "repair", "replay"];
+const COMMANDS: [&str; 12] = [
+    "demo", "sim", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "repair",
+    "replay",
+];
 
 #[test]
 fn every_command_has_help_with_an_example() {
@@ -14,7 +16,9 @@ fn every_command_has_help_with_an_example() {
     let listed = overview.lines().skip_while(|line| *line != "Commands:").skip(1);
     let listed: Vec<&str> = listed
         .take_while(|line| !line.is_empty())
-        .filter_map(|line| line.strip_prefix("  ")?.split(' ').next().filter(|name| !name.is_empty()))
+        .filter_map(|line| {
+            line.strip_prefix("  ")?.split(' ').next().filter(|name| !name.is_empty())
+        })
         .collect();
     assert!(!listed.contains(&"control"), "nobody starts control by hand: {overview}");
     for command in COMMANDS {
@@ -63,7 +67,11 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["check"], "<MISSIONS>"),
     ] {
         let said = run(folder.path(), arguments).expect(2);
-        assert!(said.err.contains(expected), "{arguments:?} should say `{expected}`:\n{}", said.err);
+        assert!(
+            said.err.contains(expected),
+            "{arguments:?} should say `{expected}`:\n{}",
+            said.err
+        );
         assert_eq!(said.out, "", "{arguments:?}");
     }
     assert_eq!(super::names(folder.path()), [""; 0], "wrong usage leaves nothing behind");
@@ -90,8 +98,11 @@ fn a_reader_that_goes_away_is_no_failure() {
         &["graph", "map"],
         &["run", "map", "--sim", "arena", "--set", "time_limit_s=2", "--json"],
     ] {
-        let mut child =
-            onbrick(folder.path(), arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = onbrick(folder.path(), arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
         drop(child.stdout.take());
         let said = super::done(&child.wait_with_output().unwrap()).expect(0);
         assert_eq!(said.err, "", "{arguments:?}");

@@ -1,4 +1,5 @@
-//! Other people's programs: the thirty lines of `tests/examples/wander.rs`, and crates outside the repository.
+//! Other people's programs: the thirty lines of `tests/examples/wander.rs`, and crates outside the
+//! repository.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -33,9 +34,15 @@ fn the_documented_program_wanders_under_leases_and_stops() {
     assert!(child.try_wait().unwrap().is_none(), "it drives for ten seconds");
     let said = done(&child.wait_with_output().unwrap());
     assert_eq!((said.code, said.err.as_str()), (Some(0), ""));
-    assert_eq!(brick.commands(), ["reset", "stop", "stop"], "and drops its motors, which stops them");
-    // Straight for half a metre at 3 rad/s of a 0.189 m wheel, turning for a second: it is away from where it began.
-    let numbers: Vec<f64> = said.out.split([' ', ',']).filter_map(|word| word.trim().parse().ok()).collect();
+    assert_eq!(
+        brick.commands(),
+        ["reset", "stop", "stop"],
+        "and drops its motors, which stops them"
+    );
+    // Straight for half a metre at 3 rad/s of a 0.189 m wheel, turning for a second: it is away
+    // from where it began.
+    let numbers: Vec<f64> =
+        said.out.split([' ', ',']).filter_map(|word| word.trim().parse().ok()).collect();
     assert!(libm::hypot(numbers[0], numbers[1]) > 0.2 && numbers[2].abs() > 0.1, "{}", said.out);
 }
 
@@ -43,7 +50,10 @@ fn the_documented_program_wanders_under_leases_and_stops() {
 fn the_documented_program_is_about_thirty_lines() {
     let text = include_str!("../../examples/wander.rs");
     let main = text.split("fn main()").nth(1).unwrap();
-    let lines = main.lines().filter(|line| !line.trim().is_empty() && !line.trim().starts_with("//")).count();
+    let lines = main
+        .lines()
+        .filter(|line| !line.trim().is_empty() && !line.trim().starts_with("//"))
+        .count();
     assert!(lines <= 50, "{lines} lines");
 }
 
@@ -62,7 +72,9 @@ fn outside(folder: &Path, name: &str, features: &str, main: &str) -> String {
     std::fs::write(place.join("src/main.rs"), main).unwrap();
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("outside");
     let mut cargo = Command::new("cargo");
-    for (key, _) in std::env::vars_os().filter(|(key, _)| key.to_string_lossy().starts_with("CARGO_PKG")) {
+    for (key, _) in
+        std::env::vars_os().filter(|(key, _)| key.to_string_lossy().starts_with("CARGO_PKG"))
+    {
         cargo.env_remove(key);
     }
     // What is checked is that it compiles; nobody needs it to be fast or to have line numbers.

@@ -18,7 +18,9 @@ use crate::support::turning_brick::await_that;
 fn arena(folder: &Path) -> Job {
     let world = ("arena", onbrick::sim::World::text("arena").unwrap());
     let mut job = job("map", &robot(), world, 1, folder.join("run.mcap"));
-    let onbrick::runtime::Brick::Simulated { realtime, .. } = &mut job.brick else { unreachable!() };
+    let onbrick::runtime::Brick::Simulated { realtime, .. } = &mut job.brick else {
+        unreachable!()
+    };
     *realtime = true;
     job.run = Some("7f3a".to_owned());
     job
@@ -32,31 +34,42 @@ fn start(job: &Job) -> RunProcess {
 
 #[test]
 fn a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_finished() {
-    patiently("a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_finished", || {
-        for (by, word) in
-            [(StopBy::Remote, "remote"), (StopBy::MenuClosed, "menu closed"), (StopBy::Terminal, "signal")]
-        {
-            let folder = tempfile::tempdir().unwrap();
-            let mut run = start(&arena(folder.path()));
-            let stopper = run.stopper();
-            std::thread::spawn(move || stopper.stop(by).unwrap()).join().unwrap();
-            let last = std::iter::from_fn(|| run.next_event())
-                .filter(|event| !matches!(event, Event::Status(_)))
-                .collect::<Vec<_>>();
-            let [Event::Stopped { stop, stopped }, Event::Ended(_)] = &last[..] else { panic!("{last:?}") };
-            assert_eq!((stop.reason.word().as_str(), *stopped), (word, true));
-            let stopper = run.stopper();
-            let ended = run.wait().unwrap();
-            assert_eq!(
-                (ended.stop.reason.word().as_str(), ended.stop.reason.is_wanted(), ended.stopped),
-                (word, true, true)
-            );
-            stopper.stop(by).expect("a run that is over needs no asking");
-            let recorded = Run::open(&ended.file).unwrap();
-            assert_eq!(recorded.info.unwrap().run.as_deref(), Some("7f3a"));
-            assert_eq!(recorded.ending.unwrap().stop, ended.stop);
-        }
-    });
+    patiently(
+        "a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_finished",
+        || {
+            for (by, word) in [
+                (StopBy::Remote, "remote"),
+                (StopBy::MenuClosed, "menu closed"),
+                (StopBy::Terminal, "signal"),
+            ] {
+                let folder = tempfile::tempdir().unwrap();
+                let mut run = start(&arena(folder.path()));
+                let stopper = run.stopper();
+                std::thread::spawn(move || stopper.stop(by).unwrap()).join().unwrap();
+                let last = std::iter::from_fn(|| run.next_event())
+                    .filter(|event| !matches!(event, Event::Status(_)))
+                    .collect::<Vec<_>>();
+                let [Event::Stopped { stop, stopped }, Event::Ended(_)] = &last[..] else {
+                    panic!("{last:?}")
+                };
+                assert_eq!((stop.reason.word().as_str(), *stopped), (word, true));
+                let stopper = run.stopper();
+                let ended = run.wait().unwrap();
+                assert_eq!(
+                    (
+                        ended.stop.reason.word().as_str(),
+                        ended.stop.reason.is_wanted(),
+                        ended.stopped
+                    ),
+                    (word, true, true)
+                );
+                stopper.stop(by).expect("a run that is over needs no asking");
+                let recorded = Run::open(&ended.file).unwrap();
+                assert_eq!(recorded.info.unwrap().run.as_deref(), Some("7f3a"));
+                assert_eq!(recorded.ending.unwrap().stop, ended.stop);
+            }
+        },
+    );
 }
 
 #[test]
@@ -71,7 +84,8 @@ fn a_signal_says_on_whose_behalf_a_run_is_stopped_that_a_service_has_found() {
             let folder = tempfile::tempdir().unwrap();
             let job = arena(folder.path());
             let run = start(&job);
-            let driver = writer(&job.file).unwrap().expect("the process that drives holds its recording");
+            let driver =
+                writer(&job.file).unwrap().expect("the process that drives holds its recording");
             kill(Pid::from_raw(driver), by.signal()).unwrap();
             let ended = run.wait().unwrap();
             assert_eq!(
@@ -88,8 +102,11 @@ fn a_run_whose_starter_leaves_it_stops_or_goes_on_as_its_job_says() {
     patiently("a_run_whose_starter_leaves_it_stops_or_goes_on_as_its_job_says", || {
         let how = |when_abandoned| {
             let folder = tempfile::tempdir().unwrap();
-            let job =
-                Job { when_abandoned, set: vec![("time_limit_s".to_owned(), 2.0)], ..arena(folder.path()) };
+            let job = Job {
+                when_abandoned,
+                set: vec![("time_limit_s".to_owned(), 2.0)],
+                ..arena(folder.path())
+            };
             let run = start(&job);
             let stopper = run.stopper();
             drop(run);
@@ -118,7 +135,8 @@ fn a_job_that_cannot_be_done_is_refused_with_a_hint_and_a_program_that_is_none_i
     assert!(matches!(&refused, RunError::Refused { .. }), "{refused}");
     assert!(refused.to_string().contains("map.toml"), "{refused}");
     if let Ok(nothing) = RunProcess::start(Path::new("/nowhere/onbrick"), &broken) {
-        // QEMU's user mode tells of a program that is not there only by the end of the process that should have been it.
+        // QEMU's user mode tells of a program that is not there only by the end of the process that
+        // should have been it.
         assert!(cfg!(target_arch = "arm") && nothing.wait().is_err());
     }
     let silent = RunProcess::start(Path::new("/bin/false"), &broken).map(RunProcess::wait);

@@ -14,16 +14,28 @@ const FILES: [&str; 5] = ["map.png", "map.svg", "path.csv", "points.csv", "run.m
 fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["demo", "--seconds", "5"]).expect(0);
-    assert!(said.out.contains("to the nearest wall") && said.out.contains("onbrick-demo"), "{}", said.out);
+    assert!(
+        said.out.contains("to the nearest wall") && said.out.contains("onbrick-demo"),
+        "{}",
+        said.out
+    );
     assert_eq!(said.err, "", "progress is for terminals");
     assert_eq!(names(&folder.path().join("onbrick-demo")), FILES);
     for (out, seed) in [("again", "1"), ("third", "1"), ("other", "2")] {
         let json =
-            run(folder.path(), &["demo", "--seconds", "5", "--seed", seed, "--out", out, "--json"]).expect(0);
+            run(folder.path(), &["demo", "--seconds", "5", "--seed", seed, "--out", out, "--json"])
+                .expect(0);
         let [quality] = json.json().try_into().unwrap();
         assert_eq!(
             keys(&quality),
-            ["heading_error_deg", "points", "pose_error_m", "travelled_m", "wall_median_m", "wall_p90_m"]
+            [
+                "heading_error_deg",
+                "points",
+                "pose_error_m",
+                "travelled_m",
+                "wall_median_m",
+                "wall_p90_m"
+            ]
         );
     }
     let read = |out: &str, file: &str| std::fs::read(folder.path().join(out).join(file)).unwrap();
@@ -33,12 +45,20 @@ fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
         assert!(stamped || read("onbrick-demo", file) == read("again", file), "{file} differs");
     }
     // A person's run is stamped with the day's time, a program's from 1970 on.
-    let stamped = |out: &str| Run::read(&read(out, "run.mcap")).unwrap().info.unwrap().wall_offset_ns;
+    let stamped =
+        |out: &str| Run::read(&read(out, "run.mcap")).unwrap().info.unwrap().wall_offset_ns;
     assert_eq!(stamped("again"), 0);
     assert!((onbrick::clock::wall_ns() - stamped("onbrick-demo")).abs() < 3_600_000_000_000);
-    assert!(read("onbrick-demo", "points.csv") != read("other", "points.csv"), "another seed, another run");
+    assert!(
+        read("onbrick-demo", "points.csv") != read("other", "points.csv"),
+        "another seed, another run"
+    );
     let again = run(folder.path(), &["demo", "--seconds", "1"]).expect(0);
-    assert!(again.out.contains("wrote run.mcap"), "a second demo takes the first one's place: {}", again.out);
+    assert!(
+        again.out.contains("wrote run.mcap"),
+        "a second demo takes the first one's place: {}",
+        again.out
+    );
 }
 
 #[test]
@@ -47,10 +67,17 @@ fn demo_takes_another_world_and_refuses_one_that_is_none() {
     run(folder.path(), &["demo", "--seconds", "1", "--world", "rooms", "--out", "rooms"]).expect(0);
     let said = run(folder.path(), &["demo", "--world", "areena", "--out", "none"]).expect(3);
     assert!(said.err.contains("areena") && said.err.contains("arena, "), "{}", said.err);
-    std::fs::write(folder.path().join("w.toml"), "name = \"w\"\n[[block]]\nat = [0, 0]\nsize_m = [1, 1]\n")
-        .unwrap();
+    std::fs::write(
+        folder.path().join("w.toml"),
+        "name = \"w\"\n[[block]]\nat = [0, 0]\nsize_m = [1, 1]\n",
+    )
+    .unwrap();
     let said = run(folder.path(), &["demo", "--world", "w.toml", "--out", "none"]).expect(3);
-    assert!(said.err.contains("starts inside a wall") && said.err.contains("--> w.toml:"), "{}", said.err);
+    assert!(
+        said.err.contains("starts inside a wall") && said.err.contains("--> w.toml:"),
+        "{}",
+        said.err
+    );
     assert_eq!(names(folder.path()), ["rooms", "w.toml"]);
 }
 
@@ -67,7 +94,8 @@ fn the_process_that_drives_says_as_much_as_the_one_that_started_it() {
 #[test]
 fn a_simulated_run_tells_how_it_goes_and_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = ["run", "map", "--sim", "arena", "--set", "time_limit_s=3", "--out", "first", "--json"];
+    let arguments =
+        ["run", "map", "--sim", "arena", "--set", "time_limit_s=3", "--out", "first", "--json"];
     let events = run(folder.path(), &arguments).expect(0).json();
     assert_eq!(events[0]["event"], "driving", "{}", events[0]);
     let statuses: Vec<_> = events.iter().filter(|event| event["event"] == "status").collect();
@@ -139,12 +167,20 @@ fn runs_without_a_folder_take_the_next_free_one() {
 fn a_run_that_is_refused_leaves_no_folder() {
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["run", "map", "--brick", "nowhere"]).expect(3);
-    assert!(said.err.contains("no brick below nowhere") && said.err.contains("--brick"), "{}", said.err);
+    assert!(
+        said.err.contains("no brick below nowhere") && said.err.contains("--brick"),
+        "{}",
+        said.err
+    );
     // A brick with nothing plugged in.
     std::fs::create_dir_all(folder.path().join("bare/sys/class")).unwrap();
     for out in ["mine", "mine/very/own"] {
         let said = run(folder.path(), &["run", "map", "--brick", "bare", "--out", out]).expect(3);
-        assert!(said.err.contains("drive.left") && said.err.contains("nothing of this kind"), "{}", said.err);
+        assert!(
+            said.err.contains("drive.left") && said.err.contains("nothing of this kind"),
+            "{}",
+            said.err
+        );
         assert!(said.err.contains("onbrick devices"), "{}", said.err);
     }
     assert_eq!(names(folder.path()), ["bare"]);
@@ -158,20 +194,25 @@ fn the_start_pose_is_one_of_the_worlds() {
         ("second", "two-arenas", Some("3,0,90"), [3.0, 0.0, 90.0]),
         ("worlds", "arena", None, [-0.5, 0.0, 30.0]),
     ] {
-        let mut arguments = vec!["run", "map", "--sim", world, "--set", "time_limit_s=1", "--out", out];
+        let mut arguments =
+            vec!["run", "map", "--sim", world, "--set", "time_limit_s=1", "--out", out];
         arguments.extend(pose.iter().flat_map(|pose| ["--pose", pose]));
         run(folder.path(), &arguments).expect(0);
         let run = Run::open(&folder.path().join(out).join("run.mcap")).unwrap();
         let near = |pose: onbrick::mapping::Pose, within: f64| {
             let found = [pose.x_m, pose.y_m, pose.heading_rad.to_degrees()];
-            assert!(found.iter().zip(expected).all(|(is, want)| (is - want).abs() < within), "{found:?}");
+            assert!(
+                found.iter().zip(expected).all(|(is, want)| (is - want).abs() < within),
+                "{found:?}"
+            );
         };
         near(run.info.unwrap().start_pose, 1e-9);
         // It stands there, too: a second is over before it has driven off far.
         near(run.ending.unwrap().truth.unwrap(), 15.0);
     }
     // Elsewhere no robot starts, and the map would lie where the robot is not.
-    let said = run(folder.path(), &["run", "map", "--sim", "arena", "--pose", "1.5,-2,90"]).expect(3);
+    let said =
+        run(folder.path(), &["run", "map", "--sim", "arena", "--pose", "1.5,-2,90"]).expect(3);
     assert!(
         said.err.contains("no robot starts at 1.5,-2,90") && said.err.contains("--pose=-0.5,0,30"),
         "{}",
@@ -189,7 +230,10 @@ fn the_robot_of_the_folder_is_the_one_that_is_run() {
     let drive = |out: &str, more: &[&str]| {
         let arguments = ["run", "square", "--sim", "open", "--set", "time_limit_s=1", "--out", out];
         let said = run(folder.path(), &[&arguments, more].concat()).expect(0);
-        (said.out, Run::open(&folder.path().join(out).join("run.mcap")).unwrap().info.unwrap().brick)
+        (
+            said.out,
+            Run::open(&folder.path().join(out).join("run.mcap")).unwrap().info.unwrap().brick,
+        )
     };
     let (said, shipped) = drive("shipped", &[]);
     assert!(!said.contains("robot.toml"), "{said}");
@@ -217,14 +261,17 @@ fn a_robot_that_falls_ends_its_run_and_nothing_is_not_a_number() {
     let ending = recorded.ending.unwrap();
     assert_eq!(ending.stop.reason, StopReason::Fallen);
     let truth = ending.truth.unwrap();
-    let over_m = [-0.5 - truth.x_m, truth.x_m - 1.1, -0.5 - truth.y_m, truth.y_m - 0.6].map(|over_m| over_m);
+    let over_m =
+        [-0.5 - truth.x_m, truth.x_m - 1.1, -0.5 - truth.y_m, truth.y_m - 0.6].map(|over_m| over_m);
     let over_m = over_m.into_iter().fold(f64::NEG_INFINITY, f64::max);
     assert!((0.0..0.1).contains(&over_m), "it ended where it fell: {truth:?}");
     for world in ["open", "line"] {
         let said =
-            run(folder.path(), &["demo", "--seconds", "20", "--world", world, "--out", world]).expect(0);
+            run(folder.path(), &["demo", "--seconds", "20", "--world", world, "--out", world])
+                .expect(0);
         assert!(!said.out.contains("NaN") && !said.out.contains("inf"), "{}", said.out);
-        let words = ["no echo", "no wall in this world"].iter().any(|words| said.out.contains(words));
+        let words =
+            ["no echo", "no wall in this world"].iter().any(|words| said.out.contains(words));
         assert!(words, "{}", said.out);
     }
 }
@@ -237,15 +284,20 @@ fn control_is_a_process_of_its_own_that_ends_with_its_run() {
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
     assert!(lines.next().unwrap().unwrap().contains("driving"));
     let parent = child.id();
-    let children = std::fs::read_to_string(format!("/proc/{parent}/task/{parent}/children")).unwrap();
+    let children =
+        std::fs::read_to_string(format!("/proc/{parent}/task/{parent}/children")).unwrap();
     let control: i32 = children.trim().parse().expect("one child");
     let command = std::fs::read(format!("/proc/{control}/cmdline")).unwrap();
     assert!(command.ends_with(b"\0control\0"), "{}", String::from_utf8_lossy(&command));
-    nix::sys::signal::kill(nix::unistd::Pid::from_raw(control), nix::sys::signal::Signal::SIGINT).unwrap();
+    nix::sys::signal::kill(nix::unistd::Pid::from_raw(control), nix::sys::signal::Signal::SIGINT)
+        .unwrap();
     let ended = lines.last().unwrap().unwrap();
     assert!(ended.contains("\"word\":\"signal\""), "{ended}");
     assert_eq!(child.wait().unwrap().code(), Some(0));
-    assert!(!std::path::Path::new(&format!("/proc/{control}")).exists(), "control is gone and waited for");
+    assert!(
+        !std::path::Path::new(&format!("/proc/{control}")).exists(),
+        "control is gone and waited for"
+    );
 }
 
 #[test]
@@ -254,5 +306,9 @@ fn a_run_says_once_that_it_ended() {
     let arguments = ["run", "map", "--sim", "open", "--set", "time_limit_s=1", "--json"];
     let said = run(folder.path(), &arguments).expect(0);
     let events = said.json();
-    assert!(events.iter().all(|event| event["event"].is_string()), "every line is an event: {}", said.out);
+    assert!(
+        events.iter().all(|event| event["event"].is_string()),
+        "every line is an event: {}",
+        said.out
+    );
 }

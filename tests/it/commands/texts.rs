@@ -1,4 +1,5 @@
-//! Texts of files and recordings that would act on a terminal or a page: each is shown, and does nothing else.
+//! Texts of files and recordings that would act on a terminal or a page: each is shown, and does
+//! nothing else.
 
 use std::path::Path;
 
@@ -16,8 +17,9 @@ const LOUD: &str = "a\u{1b}[2J\u{1b}]0;x\u{7}\u{9b}31m\u{202e}b\u{200b}\u{2028}c
 
 #[track_caller]
 fn is_harmless(what: &str, text: &str) {
-    let acts =
-        |letter: char| letter != '\n' && letter.is_control() || "\u{202e}\u{200b}\u{2028}".contains(letter);
+    let acts = |letter: char| {
+        letter != '\n' && letter.is_control() || "\u{202e}\u{200b}\u{2028}".contains(letter)
+    };
     assert!(!text.contains(acts), "{what}: {text:?}");
     assert!(!text.lines().any(|line| line.starts_with("error: forged")), "{what}: {text:?}");
 }
@@ -54,7 +56,9 @@ fn a_files_names_are_shown_and_do_nothing_else() {
     // A file that is called so, and one that the shell found for a command that takes none.
     let name = LOUD.replace('\n', " ");
     write(&name, "= 3".to_owned());
-    for arguments in [&["check", &name][..], &["graph", &name], &["devices", &name], &["replay", &name]] {
+    for arguments in
+        [&["check", &name][..], &["graph", &name], &["devices", &name], &["replay", &name]]
+    {
         only_shows(folder.path(), arguments);
     }
 }
@@ -74,7 +78,10 @@ fn a_recordings_texts_are_shown_and_do_nothing_else() {
         Recorder::start(Box::new(sink), start, Options::default(), Box::new(|_| {})).unwrap();
     (0..100).for_each(|number| sample::put(&mut side, number));
     recorder
-        .finish(side, End { stop: StopReason::Lost(Channel::Gyro).with(loud()), ..sample::end(100) })
+        .finish(
+            side,
+            End { stop: StopReason::Lost(Channel::Gyro).with(loud()), ..sample::end(100) },
+        )
         .unwrap();
     for out in ["map.svg", "map.html"] {
         let done = only_shows(folder.path(), &["plot", "run.mcap", "-o", out]);

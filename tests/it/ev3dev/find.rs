@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use onbrick::ev3dev::{
-    Cause, Class, Driver, FindError, GyroSensor, Inventory, LinearActuator, LocalTree, PortAddress, Sensor,
-    TachoMotor, Tree, UltrasonicSensor, devices, find,
+    Cause, Class, Driver, FindError, GyroSensor, Inventory, LinearActuator, LocalTree, PortAddress,
+    Sensor, TachoMotor, Tree, UltrasonicSensor, devices, find,
 };
 
-use crate::support::brick::{FakeTree, LINEAR, MOTOR, SENSOR, linear_tables, plug_large_motor, plug_sensor};
+use crate::support::brick::{
+    FakeTree, LINEAR, MOTOR, SENSOR, linear_tables, plug_large_motor, plug_sensor,
+};
 
 fn port(text: &str) -> PortAddress {
     text.parse().unwrap()
@@ -40,8 +42,11 @@ fn brick() -> FakeTree {
 
 #[test]
 fn devices_are_listed_in_the_order_of_their_numbers() {
-    let names: Vec<String> =
-        devices(&brick().tree(), Class::TachoMotor).unwrap().into_iter().map(|found| found.name).collect();
+    let names: Vec<String> = devices(&brick().tree(), Class::TachoMotor)
+        .unwrap()
+        .into_iter()
+        .map(|found| found.name)
+        .collect();
     assert_eq!(names, ["linear1", "motor9", "motor10"]);
 }
 
@@ -55,10 +60,16 @@ fn devices_are_found_by_port_and_by_driver() {
     let tree = brick().tree();
     assert_eq!(TachoMotor::at(&tree, &port("outB")).unwrap().identity().name, "motor9");
     assert_eq!(TachoMotor::at(&tree, &port("ev3-ports:outA")).unwrap().identity().name, "motor10");
-    assert_eq!(TachoMotor::find(&tree, None, Some("lego-ev3-m-motor")).unwrap().identity().name, "motor10");
+    assert_eq!(
+        TachoMotor::find(&tree, None, Some("lego-ev3-m-motor")).unwrap().identity().name,
+        "motor10"
+    );
     assert_eq!(LinearActuator::find(&tree, None, None).unwrap().count_per_m(), 2000);
     assert_eq!(LinearActuator::find(&tree, None, None).unwrap().full_travel_count(), 100);
-    assert_eq!(UltrasonicSensor::find(&tree, None).unwrap().identity().address, port("ev3-ports:in3"));
+    assert_eq!(
+        UltrasonicSensor::find(&tree, None).unwrap().identity().address,
+        port("ev3-ports:in3")
+    );
     assert_eq!(Sensor::at(&tree, &port("in1")).unwrap().identity().driver.as_str(), "lego-nxt-us");
     assert_eq!(find(&tree, Class::LegoSensor, None, Some("lego-nxt-us")).unwrap().name, "sensor1");
 }
@@ -85,7 +96,8 @@ fn what_was_not_found_says_what_there_is() {
         TachoMotor::at(&FakeTree::default().tree(), &port("outC")).unwrap_err().to_string(),
     ];
     let sensors = "there is lego-ev3-us on in3, lego-nxt-us on in1:i2c1";
-    let motors = "there is act-l12-ev3-50 on outC, lego-ev3-l-motor on outB, lego-ev3-m-motor on outA";
+    let motors =
+        "there is act-l12-ev3-50 on outC, lego-ev3-l-motor on outB, lego-ev3-m-motor on outA";
     let expected = [
         format!("no ultrasonic sensor on in2; {sensors}"),
         format!("no gyro sensor on in3, but lego-ev3-us; {sensors}"),
@@ -102,8 +114,11 @@ fn what_was_not_found_says_what_there_is() {
 fn a_device_that_is_pulled_while_we_look_is_left_out() {
     let fake = brick();
     fake.fail("sys/class/tacho-motor/motor9", "driver_name", Some(Errno::ENODEV), None);
-    let names: Vec<String> =
-        devices(&fake.tree(), Class::TachoMotor).unwrap().into_iter().map(|found| found.name).collect();
+    let names: Vec<String> = devices(&fake.tree(), Class::TachoMotor)
+        .unwrap()
+        .into_iter()
+        .map(|found| found.name)
+        .collect();
     assert_eq!(names, ["linear1", "motor10"]);
 }
 
@@ -134,7 +149,13 @@ fn the_inventory_reads_everything_and_changes_nothing() {
                 .iter()
                 .map(|live| format!("{}={}{}", live.name, live.value, live.unit))
                 .collect();
-            format!("{} {} {} {}", entry.name, entry.address, readings.join(" "), entry.problem.is_some())
+            format!(
+                "{} {} {} {}",
+                entry.name,
+                entry.address,
+                readings.join(" "),
+                entry.problem.is_some()
+            )
         })
         .collect();
     assert_eq!(

@@ -1,12 +1,13 @@
-//! Motors: every attribute there and back, every refusal, every cause, what a reading costs, and what a drop does.
+//! Motors: every attribute there and back, every refusal, every cause, what a reading costs, and
+//! what a drop does.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use nix::errno::Errno;
 use onbrick::ev3dev::{
-    Cause, Class, DcCommand, DcMotor, DeviceError, Identity, Legal, LinearActuator, MotorState, Polarity,
-    ServoCommand, ServoMotor, StopAction, TachoCommand, TachoMotor, Tree, Word,
+    Cause, Class, DcCommand, DcMotor, DeviceError, Identity, Legal, LinearActuator, MotorState,
+    Polarity, ServoCommand, ServoMotor, StopAction, TachoCommand, TachoMotor, Tree, Word,
 };
 use onbrick::units::Duty;
 
@@ -93,7 +94,10 @@ fn what_can_only_be_read_is_read() {
     let state = motor.state().unwrap();
     assert!(state.is_running() && state.is_overloaded() && !state.is_stalled(), "{state}");
     assert!(motor.commands().unwrap().contains("run-timed"));
-    assert_eq!(motor.stop_actions().unwrap().iter().collect::<Vec<_>>(), ["coast", "brake", "hold"]);
+    assert_eq!(
+        motor.stop_actions().unwrap().iter().collect::<Vec<_>>(),
+        ["coast", "brake", "hold"]
+    );
     assert_eq!(motor.address().unwrap().as_str(), "ev3-ports:outB");
     assert_eq!(motor.driver_name().unwrap().as_str(), "lego-ev3-l-motor");
     assert_eq!(
@@ -109,7 +113,8 @@ fn every_command_is_written_as_one_line() {
     for command in TachoCommand::ALL {
         motor.command(*command).unwrap();
     }
-    let expected: Vec<String> = TachoCommand::ALL.iter().map(|command| format!("{command}\n")).collect();
+    let expected: Vec<String> =
+        TachoCommand::ALL.iter().map(|command| format!("{command}\n")).collect();
     assert_eq!(fake.written(MOTOR, "command"), expected);
 }
 
@@ -176,7 +181,10 @@ fn a_pulled_cable_is_gone_not_zero() {
     fake.pull(MOTOR);
     let kept = motor.position().unwrap_err();
     let reopened = motor.speed().unwrap_err();
-    assert_eq!((kept.cause, reopened.cause), (Cause::Gone(Errno::ENODEV), Cause::Gone(Errno::ENOENT)));
+    assert_eq!(
+        (kept.cause, reopened.cause),
+        (Cause::Gone(Errno::ENODEV), Cause::Gone(Errno::ENOENT))
+    );
 }
 
 #[test]
@@ -323,7 +331,10 @@ fn a_linear_actuator_knows_its_own_scale() {
     ];
     fake.plug(LINEAR, &linear_tables(), &texts);
     let actuator = LinearActuator::at(&fake.tree(), &"outC".parse().unwrap()).unwrap();
-    assert_eq!((actuator.count_per_m(), actuator.full_travel_count(), actuator.max_speed()), (2000, 200, 24));
+    assert_eq!(
+        (actuator.count_per_m(), actuator.full_travel_count(), actuator.max_speed()),
+        (2000, 200, 24)
+    );
     assert_eq!(refused_range(actuator.set_speed_sp(25)), (-24, 24));
 }
 
@@ -331,7 +342,11 @@ fn a_linear_actuator_knows_its_own_scale() {
 fn every_attribute_of_a_dc_motor_works() {
     let fake = FakeTree::default();
     let folder = "sys/class/dc-motor/motor0";
-    fake.plug(folder, &[DcMotor::ATTRIBUTES], &[("address", "outA\n"), ("driver_name", "rcx-motor\n")]);
+    fake.plug(
+        folder,
+        &[DcMotor::ATTRIBUTES],
+        &[("address", "outA\n"), ("driver_name", "rcx-motor\n")],
+    );
     let motor = DcMotor::at(&fake.tree(), &"outA".parse().unwrap()).unwrap();
     there_and_back!(motor,
         duty_cycle_sp / set_duty_cycle_sp: Duty::MIN, Duty::MAX;

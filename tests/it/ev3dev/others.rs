@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use onbrick::ev3dev::{
-    BUTTONS_PATH, Battery, BoardInfo, Button, Buttons, Cause, Direction, Led, LegoPort, LightColour,
-    LocalTree, PortMode, SOUND_PATH, Side, Sound, StatusLights, Technology, Tree,
+    BUTTONS_PATH, Battery, BoardInfo, Button, Buttons, Cause, Direction, Led, LegoPort,
+    LightColour, LocalTree, PortMode, SOUND_PATH, Side, Sound, StatusLights, Technology, Tree,
 };
 
 use crate::support::allocations::allocations;
@@ -16,8 +16,12 @@ use crate::support::brick::FakeTree;
 
 const PORT: &str = "sys/class/lego-port/port0";
 const BATTERY: &str = "sys/class/power_supply/lego-ev3-battery";
-const LEDS: [&str; 4] =
-    ["led0:red:brick-status", "led0:green:brick-status", "led1:red:brick-status", "led1:green:brick-status"];
+const LEDS: [&str; 4] = [
+    "led0:red:brick-status",
+    "led0:green:brick-status",
+    "led1:red:brick-status",
+    "led1:green:brick-status",
+];
 
 fn event(kind: u16, code: u16, value: i32) -> Vec<u8> {
     let mut bytes = vec![0; 2 * size_of::<std::ffi::c_long>()];
@@ -48,7 +52,10 @@ fn a_ports_attributes_are_read_and_its_mode_is_checked() {
     ];
     fake.plug(PORT, &[LegoPort::ATTRIBUTES], &texts);
     let port = LegoPort::at(&fake.tree(), &"in1".parse().unwrap()).unwrap();
-    assert_eq!((port.mode().unwrap().as_str(), port.status().unwrap().as_str()), ("auto", "ev3-uart"));
+    assert_eq!(
+        (port.mode().unwrap().as_str(), port.status().unwrap().as_str()),
+        ("auto", "ev3-uart")
+    );
     assert_eq!(port.modes().iter().count(), 9);
     port.set_mode(PortMode::NxtAnalog).unwrap();
     port.set_device("lego-nxt-sound").unwrap();
@@ -61,7 +68,10 @@ fn a_ports_attributes_are_read_and_its_mode_is_checked() {
     );
     assert!(port.set_device(&"x".repeat(100)).is_err());
     fake.fail(PORT, "set_device", None, Some(Errno::EOPNOTSUPP));
-    assert!(matches!(port.set_device("x").unwrap_err().cause, Cause::Refused { errno: Some(_), .. }));
+    assert!(matches!(
+        port.set_device("x").unwrap_err().cause,
+        Cause::Refused { errno: Some(_), .. }
+    ));
 }
 
 #[test]
@@ -79,7 +89,8 @@ fn the_words_of_the_port_modes_are_those_that_the_kernel_lists() {
 fn lights(max: &str) -> (FakeTree, StatusLights) {
     let fake = FakeTree::default();
     for led in LEDS {
-        let texts = [("max_brightness", max), ("trigger", "none mmc0 timer [heartbeat] default-on\n")];
+        let texts =
+            [("max_brightness", max), ("trigger", "none mmc0 timer [heartbeat] default-on\n")];
         fake.plug(&format!("sys/class/leds/{led}"), &[Led::ATTRIBUTES], &texts);
     }
     let lights = StatusLights::open(&fake.tree()).unwrap();
@@ -92,8 +103,13 @@ fn a_status_light_is_a_mix_of_red_and_green() {
     for colour in LightColour::ALL {
         lights.set(Side::Left, *colour).unwrap();
         let (red, green) = colour.mix();
-        let last = |led| fake.written(&format!("sys/class/leds/{led}"), "brightness").pop().unwrap();
-        assert_eq!((last(LEDS[0]), last(LEDS[1])), (format!("{red}\n"), format!("{green}\n")), "{colour}");
+        let last =
+            |led| fake.written(&format!("sys/class/leds/{led}"), "brightness").pop().unwrap();
+        assert_eq!(
+            (last(LEDS[0]), last(LEDS[1])),
+            (format!("{red}\n"), format!("{green}\n")),
+            "{colour}"
+        );
     }
     assert!(fake.written(&format!("sys/class/leds/{}", LEDS[2]), "brightness").is_empty());
     lights.set_both(LightColour::Orange).unwrap();
@@ -208,7 +224,10 @@ fn a_battery_that_is_not_measured_yet_is_an_error_and_not_zero() {
     let error = battery.voltage_v().unwrap_err();
     assert!(error.to_string().ends_with("not measured yet, try again"), "{error}");
     fake.fail(BATTERY, "technology", None, Some(Errno::EINVAL));
-    assert!(matches!(battery.set_rechargeable().unwrap_err().cause, Cause::Refused { errno: Some(_), .. }));
+    assert!(matches!(
+        battery.set_rechargeable().unwrap_err().cause,
+        Cause::Refused { errno: Some(_), .. }
+    ));
     assert!(Battery::open(&FakeTree::default().tree()).unwrap_err().is_gone());
 }
 
@@ -228,7 +247,12 @@ fn another_platforms_battery_is_found_by_its_ending() {
 fn the_main_board_says_which_brick_it_is() {
     let fake = FakeTree::default();
     assert_eq!(BoardInfo::read(&fake.tree()).unwrap(), None);
-    fake.file("sys/class/board-info/board0", "uevent", Direction::Readwriteable, "BOARD_INFO_TYPE=aux\n");
+    fake.file(
+        "sys/class/board-info/board0",
+        "uevent",
+        Direction::Readwriteable,
+        "BOARD_INFO_TYPE=aux\n",
+    );
     assert_eq!(BoardInfo::read(&fake.tree()).unwrap(), None);
     let text = "BOARD_INFO_HW_REV=7\nBOARD_INFO_MODEL=LEGO MINDSTORMS EV3\nBOARD_INFO_ROM_REV=6\nBOARD_INFO_SERIAL_NUM=0016535A1B2C\nBOARD_INFO_TYPE=main\n";
     fake.file("sys/class/board-info/board1", "uevent", Direction::Readwriteable, text);
@@ -323,7 +347,10 @@ fn a_tone_is_one_event_and_ends_when_the_speaker_is_dropped() {
     let (tree, _writer) = stream(folder.path(), SOUND_PATH);
     let mut sound = Sound::open(&tree, SOUND_PATH).unwrap();
     for hz in [0, 99, 10_001, -440] {
-        assert!(matches!(sound.tone(hz).unwrap_err().cause, Cause::Refused { errno: None, .. }), "{hz} Hz");
+        assert!(
+            matches!(sound.tone(hz).unwrap_err().cause, Cause::Refused { errno: None, .. }),
+            "{hz} Hz"
+        );
     }
     sound.tone(100).unwrap();
     sound.tone(10_000).unwrap();
@@ -331,7 +358,8 @@ fn a_tone_is_one_event_and_ends_when_the_speaker_is_dropped() {
     sound.tone(440).unwrap();
     drop(sound);
     let written = std::fs::read(folder.path().join(SOUND_PATH)).unwrap();
-    let expected: Vec<u8> = [100, 10_000, 0, 440, 0].into_iter().flat_map(|hz| event(0x12, 2, hz)).collect();
+    let expected: Vec<u8> =
+        [100, 10_000, 0, 440, 0].into_iter().flat_map(|hz| event(0x12, 2, hz)).collect();
     assert_eq!(written, expected);
 }
 

@@ -6,8 +6,8 @@ use nix::errno::Errno;
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::{
     Cause, Colour, ColourMode, ColourSensor, Driver, FindError, GyroMode, GyroReset, GyroSensor,
-    InfraredMode, InfraredSensor, Legal, RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor, TypedSensor,
-    UltrasonicMode, UltrasonicSensor, settle_ns,
+    InfraredMode, InfraredSensor, Legal, RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor,
+    TypedSensor, UltrasonicMode, UltrasonicSensor, settle_ns,
 };
 use onbrick::units::radians;
 use proptest::prelude::*;
@@ -16,7 +16,8 @@ use crate::support::allocations::allocations;
 use crate::support::brick::{FakeTree, SENSOR, plug_sensor};
 
 const COLOUR_MODES: &str = "COL-REFLECT COL-AMBIENT COL-COLOR REF-RAW RGB-RAW COL-CAL\n";
-const ULTRASONIC_MODES: &str = "US-DIST-CM US-DIST-IN US-LISTEN US-SI-CM US-SI-IN US-DC-CM US-DC-IN\n";
+const ULTRASONIC_MODES: &str =
+    "US-DIST-CM US-DIST-IN US-LISTEN US-SI-CM US-SI-IN US-DC-CM US-DC-IN\n";
 const GYRO_MODES: &str = "GYRO-ANG GYRO-RATE GYRO-FAS GYRO-G&A GYRO-CAL TILT-RATE TILT-ANG\n";
 const INFRARED_MODES: &str = "IR-PROX IR-SEEK IR-REMOTE IR-REM-A IR-S-ALT IR-CAL\n";
 
@@ -145,7 +146,10 @@ fn an_ultrasonic_sensor_listens_to_others() {
     value0(&fake, 1);
     assert!(sensor.hears_another().unwrap());
     let error = sensor.distance_m().unwrap_err();
-    assert!(error.to_string().contains("mode `US-LISTEN`: refused, legal is one of US-DIST-CM"), "{error}");
+    assert!(
+        error.to_string().contains("mode `US-LISTEN`: refused, legal is one of US-DIST-CM"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -173,7 +177,10 @@ fn gyro_angles_and_rates_keep_the_sensors_sign() {
     frame(&fake, "2", "s16", &[0x0a, 0x00, 0xf6, 0xff]);
     sensor.set_mode(GyroMode::AngleAndRate).unwrap();
     let both = sensor.angle_and_rate().unwrap();
-    assert!(near(both.angle_rad, radians(10.0)) && near(both.rate_rad_s, radians(-10.0)), "{both:?}");
+    assert!(
+        near(both.angle_rad, radians(10.0)) && near(both.rate_rad_s, radians(-10.0)),
+        "{both:?}"
+    );
     sensor.set_mode(GyroMode::Angle).unwrap();
     value0(&fake, 32_768);
     assert!(matches!(sensor.angle_rad().unwrap_err().cause, Cause::Malformed(_)));
@@ -187,7 +194,10 @@ fn a_gyro_is_reset_by_one_byte_in_the_angle_mode_only() {
     sensor.reset(GyroReset::Calibrate).unwrap();
     assert_eq!(fake.written(SENSOR, "direct").len(), 2);
     sensor.set_mode(GyroMode::Rate).unwrap();
-    assert!(matches!(sensor.reset(GyroReset::Zero).unwrap_err().cause, Cause::Refused { errno: None, .. }));
+    assert!(matches!(
+        sensor.reset(GyroReset::Zero).unwrap_err().cause,
+        Cause::Refused { errno: None, .. }
+    ));
 }
 
 #[test]
@@ -229,8 +239,10 @@ fn an_infrared_sensor_sees_beacons() {
     let (fake, mut sensor) = typed::<InfraredMode>(INFRARED_MODES);
     frame(&fake, "8", "s8", &[0xe7, 50, 0, 0x80, 25, 100, 0, 0]);
     sensor.set_mode(InfraredMode::Seek).unwrap();
-    let beacons =
-        sensor.beacons().unwrap().map(|beacon| beacon.map(|seen| (seen.heading, seen.distance_pct)));
+    let beacons = sensor
+        .beacons()
+        .unwrap()
+        .map(|beacon| beacon.map(|seen| (seen.heading, seen.distance_pct)));
     assert_eq!(beacons, [Some((-25, 50.0)), None, Some((25, 100.0)), Some((0, 0.0))]);
     frame(&fake, "8", "s8", &[26, 50, 0, 0x80, 25, 100, 0, 0]);
     assert!(matches!(sensor.beacons().unwrap_err().cause, Cause::Malformed(_)));
@@ -300,7 +312,10 @@ fn after_a_failed_change_nothing_is_read_as_if_in_the_old_mode() {
     let error = sensor.set_mode(ColourMode::Ambient).unwrap_err();
     assert_eq!(error.cause, Cause::Other(Errno::ETIMEDOUT));
     assert_eq!(sensor.mode(), None);
-    assert!(matches!(sensor.reflected_pct().unwrap_err().cause, Cause::Refused { errno: None, .. }));
+    assert!(matches!(
+        sensor.reflected_pct().unwrap_err().cause,
+        Cause::Refused { errno: None, .. }
+    ));
     fake.fail(SENSOR, "mode", None, None);
     assert_ne!(
         sensor.set_mode(ColourMode::Reflect).unwrap(),
@@ -327,7 +342,9 @@ fn any_sensor_has_its_own_modes_units_and_decimals() {
     plug_sensor(&fake, SENSOR, "ev3-ports:in2:i2c1\n", "ht-nxt-thing\n", "ALL RAW\n");
     let mut sensor = Sensor::at(&fake.tree(), &"in2".parse().unwrap()).unwrap();
     for (index, name) in
-        ["value0", "value1", "value2", "value3", "value4", "value5", "value6", "value7"].iter().enumerate()
+        ["value0", "value1", "value2", "value3", "value4", "value5", "value6", "value7"]
+            .iter()
+            .enumerate()
     {
         fake.put(SENSOR, name, format!("{}\n", 650 + index).as_bytes());
     }
@@ -349,7 +366,10 @@ fn any_sensor_has_its_own_modes_units_and_decimals() {
     assert_eq!(sensor.read_modes().unwrap(), *sensor.modes());
     sensor.set_poll_ms(50).unwrap();
     assert_eq!(sensor.poll_ms().unwrap(), 50);
-    assert!(matches!(sensor.set_poll_ms(-1).unwrap_err().cause, Cause::Refused { errno: None, .. }));
+    assert!(matches!(
+        sensor.set_poll_ms(-1).unwrap_err().cause,
+        Cause::Refused { errno: None, .. }
+    ));
     fake.put(SENSOR, "fw_version", b"V1.0\n");
     fake.put(SENSOR, "text_value", b"hello there\n");
     assert_eq!(sensor.fw_version().unwrap().as_str(), "V1.0");
@@ -357,7 +377,10 @@ fn any_sensor_has_its_own_modes_units_and_decimals() {
     fake.put(SENSOR, "commands", b"ZERO SCAN\n");
     sensor.command("SCAN").unwrap();
     assert_eq!(fake.written(SENSOR, "command"), ["SCAN\n"]);
-    assert!(matches!(sensor.command("JUMP").unwrap_err().cause, Cause::Refused { errno: None, .. }));
+    assert!(matches!(
+        sensor.command("JUMP").unwrap_err().cause,
+        Cause::Refused { errno: None, .. }
+    ));
 }
 
 #[test]
@@ -382,9 +405,12 @@ fn a_sensors_errors_say_what_to_do() {
 
 #[test]
 fn a_sensor_that_describes_itself_wrongly_is_malformed() {
-    for (name, text) in
-        [("num_values", "-1"), ("num_values", "256"), ("decimals", "10"), ("bin_data_format", "u64")]
-    {
+    for (name, text) in [
+        ("num_values", "-1"),
+        ("num_values", "256"),
+        ("decimals", "10"),
+        ("bin_data_format", "u64"),
+    ] {
         let fake = FakeTree::default();
         plug_sensor(&fake, SENSOR, "ev3-ports:in1\n", "lego-ev3-us\n", ULTRASONIC_MODES);
         fake.put(SENSOR, name, text.as_bytes());
@@ -398,7 +424,10 @@ fn nothing_is_ever_sent_to_a_colour_sensor() {
     let (fake, sensor) = typed::<ColourMode>(COLOUR_MODES);
     let sensor = sensor.into_sensor();
     for bytes in [b"LEGO-FAC-CAL-1".as_slice(), &[0x11]] {
-        assert!(matches!(sensor.write_direct(bytes).unwrap_err().cause, Cause::Refused { errno: None, .. }));
+        assert!(matches!(
+            sensor.write_direct(bytes).unwrap_err().cause,
+            Cause::Refused { errno: None, .. }
+        ));
     }
     let (other, gyro) = typed::<GyroMode>(GYRO_MODES);
     assert!(gyro.sensor().write_direct(&[0; 33]).is_err());
@@ -412,7 +441,8 @@ fn a_sensors_reading_is_one_call_and_allocates_nothing_after_the_first() {
     frame(&fake, "2", "s16", &[0x0a, 0x00, 0xf6, 0xff]);
     sensor.angle_rad().unwrap();
     let before = fake.calls();
-    let (allocated, ()) = allocations(|| (0..100).for_each(|_| assert!(sensor.angle_rad().is_ok())));
+    let (allocated, ()) =
+        allocations(|| (0..100).for_each(|_| assert!(sensor.angle_rad().is_ok())));
     assert_eq!(
         (fake.calls().reads - before.reads, fake.calls().opens - before.opens, allocated),
         (100, 0, 0)
@@ -420,7 +450,8 @@ fn a_sensors_reading_is_one_call_and_allocates_nothing_after_the_first() {
     sensor.set_mode(GyroMode::AngleAndRate).unwrap();
     sensor.angle_and_rate().unwrap();
     let before = fake.calls();
-    let (allocated, ()) = allocations(|| (0..100).for_each(|_| assert!(sensor.angle_and_rate().is_ok())));
+    let (allocated, ()) =
+        allocations(|| (0..100).for_each(|_| assert!(sensor.angle_and_rate().is_ok())));
     assert_eq!(
         (fake.calls().reads - before.reads, fake.calls().opens - before.opens, allocated),
         (100, 0, 0)

@@ -1,8 +1,11 @@
-//! The tables against independent witnesses: what the kernel's drivers listed, and the classes' source as the reference restates it.
+//! The tables against independent witnesses: what the kernel's drivers listed, and the classes'
+//! source as the reference restates it.
 
 use std::collections::BTreeMap;
 
-use onbrick::ev3dev::{AttributeSpec, Battery, DcMotor, Direction, Driver, Led, LegoPort, ServoMotor};
+use onbrick::ev3dev::{
+    AttributeSpec, Battery, DcMotor, Direction, Driver, Led, LegoPort, ServoMotor,
+};
 
 use crate::support::brick;
 use crate::support::{pass_over, shared};
@@ -14,7 +17,8 @@ const STANDARD: [&str; 4] = ["uevent", "subsystem", "device", "power"];
 
 type Listing = BTreeMap<String, u32>;
 
-/// A device's folder as the kernel listed it: names and file modes; folders have the mode of a folder.
+/// A device's folder as the kernel listed it: names and file modes; folders have the mode of a
+/// folder.
 fn listed(device: &str) -> Listing {
     let head = format!("list of {device} (");
     let lines = TRANSCRIPT.lines().skip_while(|line| !line.starts_with(&head)).skip(1);
@@ -65,7 +69,8 @@ fn the_tables_are_what_the_kernels_drivers_list() {
 #[test]
 fn every_driver_of_the_transcript_is_known_by_name() {
     let lines = TRANSCRIPT.lines().filter(|line| line.contains(" driver_name -> \""));
-    let names: Vec<&str> = lines.filter_map(|line| line.split('"').nth(1)?.strip_suffix("\\n")).collect();
+    let names: Vec<&str> =
+        lines.filter_map(|line| line.split('"').nth(1)?.strip_suffix("\\n")).collect();
     assert!(names.len() >= 8, "{names:?}");
     for name in names {
         assert!(name.parse::<Driver>().is_ok(), "{name}");
@@ -74,13 +79,20 @@ fn every_driver_of_the_transcript_is_known_by_name() {
 
 #[test]
 fn every_attribute_that_the_transcript_uses_is_in_a_table() {
-    let tables =
-        [brick::rotary_tables(), brick::linear_tables(), brick::sensor_tables(), [LegoPort::ATTRIBUTES; 2]];
-    let known: Vec<&str> = tables.iter().flatten().copied().flatten().map(|spec| spec.name).collect();
+    let tables = [
+        brick::rotary_tables(),
+        brick::linear_tables(),
+        brick::sensor_tables(),
+        [LegoPort::ATTRIBUTES; 2],
+    ];
+    let known: Vec<&str> =
+        tables.iter().flatten().copied().flatten().map(|spec| spec.name).collect();
     let mut seen = 0;
     for line in TRANSCRIPT.lines() {
         let mut fields = line.split_whitespace().skip(1);
-        if let (Some("r" | "w"), Some(_), Some(attribute)) = (fields.next(), fields.next(), fields.next()) {
+        if let (Some("r" | "w"), Some(_), Some(attribute)) =
+            (fields.next(), fields.next(), fields.next())
+        {
             assert!(attribute == "uevent" || known.contains(&attribute), "{line}");
             seen += 1;
         }
@@ -91,7 +103,8 @@ fn every_attribute_that_the_transcript_uses_is_in_a_table() {
 /// Name, mode, what is legal.
 type Row = (&'static str, u32, &'static str);
 
-/// Rows of the reference's sections 2 to 4, 7 and 8 (restated from the classes' source): name, mode, what is legal in it.
+/// Rows of the reference's sections 2 to 4, 7 and 8 (restated from the classes' source): name,
+/// mode, what is legal in it.
 #[test]
 fn the_other_classes_tables_are_what_the_reference_says() {
     #[rustfmt::skip]
@@ -145,8 +158,10 @@ fn the_other_classes_tables_are_what_the_reference_says() {
         ]),
     ];
     for (class, table, witness) in classes {
-        let rows: Vec<_> =
-            table.iter().map(|spec| (spec.name, mode(spec.direction), spec.legal.to_string())).collect();
+        let rows: Vec<_> = table
+            .iter()
+            .map(|spec| (spec.name, mode(spec.direction), spec.legal.to_string()))
+            .collect();
         let expected: Vec<_> =
             witness.iter().map(|(name, mode, legal)| (*name, *mode, (*legal).to_owned())).collect();
         assert_eq!(rows, expected, "{class}");
@@ -155,7 +170,8 @@ fn the_other_classes_tables_are_what_the_reference_says() {
 
 /// The rows of the tables in a section of the reference: names and file modes.
 fn described(reference: &str, section: &str) -> Listing {
-    let text = reference.split("\n## ").find(|part| part.starts_with(section)).expect("the section");
+    let text =
+        reference.split("\n## ").find(|part| part.starts_with(section)).expect("the section");
     let rows = text.lines().filter_map(|line| line.strip_prefix("| `")?.split_once(" | "));
     let modes = rows.filter_map(|(names, rest)| {
         let mode = match rest.split(" | ").next()?.trim_matches('*') {
@@ -168,7 +184,11 @@ fn described(reference: &str, section: &str) -> Listing {
     });
     let is_name = |name: &&str| name.starts_with(|c: char| c.is_ascii_lowercase());
     let entries = modes.flat_map(|(names, mode)| {
-        names.split('`').filter(is_name).map(move |name| (name.to_owned(), mode)).collect::<Vec<_>>()
+        names
+            .split('`')
+            .filter(is_name)
+            .map(move |name| (name.to_owned(), mode))
+            .collect::<Vec<_>>()
     });
     entries.filter(|(name, _)| !STANDARD.contains(&name.as_str())).collect()
 }
@@ -194,8 +214,9 @@ fn the_tables_have_the_rows_of_the_references_sections() {
 #[test]
 fn what_is_legal_for_a_motor_is_what_the_driver_took_in_the_transcript() {
     let rows = brick::rotary_tables().concat();
-    let section =
-        TRANSCRIPT.split("\n# ").find(|part| part.starts_with("what writes are refused, large motor"));
+    let section = TRANSCRIPT
+        .split("\n# ")
+        .find(|part| part.starts_with("what writes are refused, large motor"));
     let mut checked = 0;
     for line in section.expect("the section").lines().skip(1) {
         let (operation, answer) = line.split_once(" -> ").unwrap();

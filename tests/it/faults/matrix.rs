@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use onbrick::ev3dev::{
-    Access, Cause, ColourSensor, DeviceError, GyroSensor, PortAddress, TachoMotor, TouchSensor, Tree,
-    UltrasonicSensor,
+    Access, Cause, ColourSensor, DeviceError, GyroSensor, PortAddress, TachoMotor, TouchSensor,
+    Tree, UltrasonicSensor,
 };
 use onbrick::sim::{Bridge, DeviceFault, FaultError, Port};
 use onbrick::units::degrees;
@@ -16,8 +16,12 @@ mod any_order;
 mod in_a_room;
 
 /// The bench's devices: port, and for sensors two readings and how long a frame takes, ms.
-const SENSORS: [(Port, i32, i32, i64); 4] =
-    [(Port::In1, 1000, 700, 100), (Port::In2, 0, 1, 10), (Port::In3, 40, 60, 4), (Port::In4, 100, 160, 4)];
+const SENSORS: [(Port, i32, i32, i64); 4] = [
+    (Port::In1, 1000, 700, 100),
+    (Port::In2, 0, 1, 10),
+    (Port::In3, 40, 60, 4),
+    (Port::In4, 100, 160, 4),
+];
 const MOTORS: [Port; 3] = [Port::OutA, Port::OutB, Port::OutD];
 
 fn devices() -> impl Iterator<Item = Port> {
@@ -86,7 +90,9 @@ impl Typed {
     /// In the integers of the driver.
     fn read(&self) -> Result<f64, DeviceError> {
         match self {
-            Self::Ultrasonic(sensor) => Ok(sensor.distance_m()?.map_or(2550.0, |metres| metres * 1000.0)),
+            Self::Ultrasonic(sensor) => {
+                Ok(sensor.distance_m()?.map_or(2550.0, |metres| metres * 1000.0))
+            }
             Self::Touch(sensor) => sensor.is_pressed().map(f64::from),
             Self::Colour(sensor) => sensor.reflected_pct(),
             Self::Gyro(sensor) => sensor.angle_rad().map(degrees),
@@ -117,7 +123,8 @@ fn a_stuck_device_says_what_it_last_said_and_then_the_truth_again() {
         clear(&rig, port);
         assert_eq!(raw(&rig, port), Ok(90), "{port}");
     }
-    // The regulator believes the encoder: it gives all it has, and the driver says that the motor is stalled.
+    // The regulator believes the encoder: it gives all it has, and the driver says that the motor
+    // is stalled.
     inject(&rig, Port::OutB, "stuck");
     rig.drive("speed_sp=300 run-forever");
     rig.pass_ms(1000);
@@ -163,7 +170,8 @@ fn a_wrong_device_is_off_by_its_scale_and_a_jump_by_its_counts() {
 
 #[test]
 fn slow_and_delayed_values_come_when_they_are_due() {
-    // Whatever moment within a frame the change falls on: the new value is not there before the first time, and there after the second.
+    // Whatever moment within a frame the change falls on: the new value is not there before the
+    // first time, and there after the second.
     for (fault, early_ms, late_ms) in [("slow 10", 0, 10), ("delayed 300", 290, 0)] {
         let rig = rig();
         for (port, before, after, frame_ms) in SENSORS {
@@ -248,7 +256,10 @@ fn a_device_that_answers_errors_answers_them_to_reads_of_values_and_to_all_write
             let (attribute, value) =
                 if live(port) == "position" { ("command", "stop") } else { ("mode", "TOUCH") };
             assert_eq!(rig.try_write(port.as_str(), attribute, value), Err(errno), "{port}");
-            assert!(rig.try_read(port.as_str(), "driver_name").is_ok(), "{port}: the node is still there");
+            assert!(
+                rig.try_read(port.as_str(), "driver_name").is_ok(),
+                "{port}: the node is still there"
+            );
             clear(&rig, port);
             assert!(raw(&rig, port).is_ok() && typed.read().is_ok(), "{port}");
         }
@@ -272,7 +283,10 @@ fn a_loose_plug_is_there_and_away_again() {
                 }
             }
         }
-        assert!((200..600).contains(&away) && there + away == 1000, "{port}: away {away} of 1000 times");
+        assert!(
+            (200..600).contains(&away) && there + away == 1000,
+            "{port}: away {away} of 1000 times"
+        );
         clear(&rig, port);
         assert!(typed.read().is_ok(), "{port}");
     }
@@ -299,12 +313,20 @@ fn a_pulled_device_comes_back_with_a_new_number_and_its_defaults() {
         let after = rig.folder(name).unwrap();
         assert_ne!(before, after, "{port}");
         let attribute = if live(port) == "position" { "speed_sp" } else { "mode" };
-        assert_eq!(rig.write_path(&format!("{after}/{attribute}"), b"5"), Err(Errno::EACCES), "{port}");
+        assert_eq!(
+            rig.write_path(&format!("{after}/{attribute}"), b"5"),
+            Err(Errno::EACCES),
+            "{port}"
+        );
         if live(port) == "position" {
             assert_eq!(rig.read(name, "speed_sp"), "0", "{port}");
         }
         clear(&rig, port);
-        assert_ne!(rig.write_path(&format!("{after}/{attribute}"), b"5"), Err(Errno::EACCES), "{port}");
+        assert_ne!(
+            rig.write_path(&format!("{after}/{attribute}"), b"5"),
+            Err(Errno::EACCES),
+            "{port}"
+        );
         assert_eq!(kept.read(&mut [0; 8]), Err(Errno::ENODEV), "{port}: the old number stays gone");
     }
     // A pull with an end puts the plug back by itself.
@@ -345,7 +367,10 @@ fn without_power_a_motor_coasts_and_a_sensor_is_silent() {
         rig.write(port.as_str(), "command", "run-forever");
         inject(&rig, port, "off");
         rig.pass_ms(2000);
-        assert_eq!(rig.world(|bench| (bench.bridges[out], bench.motors[out].speed)), (Bridge::Coast, 0.0));
+        assert_eq!(
+            rig.world(|bench| (bench.bridges[out], bench.motors[out].speed)),
+            (Bridge::Coast, 0.0)
+        );
         clear(&rig, port);
         let speed = rig.world(|bench| bench.motors[out].speed);
         assert!((speed - 200.0).abs() < 20.0, "{port} turns again: {speed}");
@@ -372,7 +397,9 @@ fn a_sensor_that_describes_itself_again_has_no_values_and_takes_no_mode() {
 #[test]
 fn a_modes_old_values_outlive_the_change_to_it() {
     let rig = rig();
-    for (port, mode) in [(Port::In1, "US-DIST-IN"), (Port::In3, "COL-AMBIENT"), (Port::In4, "GYRO-RATE")] {
+    for (port, mode) in
+        [(Port::In1, "US-DIST-IN"), (Port::In3, "COL-AMBIENT"), (Port::In4, "GYRO-RATE")]
+    {
         let (first, before) = (rig.read(port.as_str(), "mode"), raw(&rig, port).unwrap());
         inject(&rig, port, "stale 3000");
         for (mode, old, new) in [(mode, 0, 11_i32), (first.as_str(), before, 12), (mode, 11, 13)] {
@@ -393,7 +420,10 @@ fn a_foreign_hand_writes_what_a_program_could_write() {
     rig.pass_ms(500);
     inject(&rig, Port::OutB, "reset");
     rig.pass_ms(1000);
-    assert_eq!((rig.read("outB", "state"), rig.read("outB", "stop_action")), (String::new(), "coast".into()));
+    assert_eq!(
+        (rig.read("outB", "state"), rig.read("outB", "stop_action")),
+        (String::new(), "coast".into())
+    );
     inject(&rig, Port::OutB, "write speed_sp 150");
     inject(&rig, Port::OutB, "write command run-forever");
     rig.pass_ms(500);
@@ -421,7 +451,8 @@ fn faults_that_a_port_cannot_have_are_refused_with_the_reason() {
         (Port::In2, "stale 10", "a touch sensor has no serial line"),
         (Port::OutC, "plug", "nothing was in it"),
     ] {
-        let error = rig.bench.simulation.inject(0, port, DeviceFault::parse(text).unwrap()).unwrap_err();
+        let error =
+            rig.bench.simulation.inject(0, port, DeviceFault::parse(text).unwrap()).unwrap_err();
         assert_eq!(error.to_string(), format!("`{text}` does not fit {port}: {why}"));
     }
     let error = rig.bench.simulation.inject(7, Port::In1, DeviceFault::Stuck).unwrap_err();

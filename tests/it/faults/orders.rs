@@ -12,7 +12,8 @@ fn an_order_is_a_line_of_text() {
                 ev3-ports:outA write speed_sp 500\nin3 wrong 1.5 -20\noutD reset\nin2 garbage text\n\
                 press enter\nrobot 3 press back for 1.5\nrelease enter\nplace 0.5 -0.2 90\nreset\ntone 440\nsay Hello  robot";
     let orders = Order::parse(0, text).unwrap();
-    let shown: Vec<String> = orders.iter().map(|order| format!("{} {}", order.robot, order.act)).collect();
+    let shown: Vec<String> =
+        orders.iter().map(|order| format!("{} {}", order.robot, order.act)).collect();
     #[rustfmt::skip]
     assert_eq!(shown, [
         "0 in1 stuck", "1 outB block for 2.5", "0 battery 6.2", "0 battery 8 5 60", "0 in4 clear", "0 clear",
@@ -27,7 +28,11 @@ fn an_order_is_a_line_of_text() {
 #[test]
 fn each_fault_reads_back_from_its_own_text() {
     let faults = DeviceFault::examples();
-    assert_eq!(faults.len(), DeviceFault::WORDS.len(), "each word, with `garbage text` and without `write`");
+    assert_eq!(
+        faults.len(),
+        DeviceFault::WORDS.len(),
+        "each word, with `garbage text` and without `write`"
+    );
     for fault in faults {
         assert_eq!(DeviceFault::parse(&fault.to_string()).unwrap(), fault);
     }

@@ -52,7 +52,10 @@ fn promise_4_a_blocked_wheel_is_noticed_within_two_seconds_and_ends_the_run() {
         ended.assert_at_rest("block");
         // A mission that backs off has nothing to do it with: the wheel turns neither way.
         let ended = run(&fault(port, "block"));
-        promised(&format!("{port} blocked both ways: the run ends after {:.2} s", ended.drove_s - 10.0));
+        promised(&format!(
+            "{port} blocked both ways: the run ends after {:.2} s",
+            ended.drove_s - 10.0
+        ));
         assert_eq!(ended.reason, StopReason::Stalled);
         assert!((10.0..=18.0).contains(&ended.drove_s), "after {} s", ended.drove_s - 10.0);
         ended.assert_at_rest("block");

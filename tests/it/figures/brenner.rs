@@ -16,9 +16,10 @@ const START: (f64, f64, f64) = (1.850, 1.897, 213.0);
 /// What a plain script found for a track width: (track width, RMSE) in mm.
 const EXPECTED_MM: [(f64, f64); 3] = [(150.0, 731.0), (155.0, 593.0), (173.0, 69.0)];
 
-/// What the way of pairing records changes: camera and wheels were not recorded at the same instants. Here the path is interpolated to
-/// the camera's time; taking the wheels' last record before it gives 715, 573 and 70 mm, and stepping along the heading after each
-/// turn 730, 591 and 66 mm.
+/// What the way of pairing records changes: camera and wheels were not recorded at the same
+/// instants. Here the path is interpolated to the camera's time; taking the wheels' last record
+/// before it gives 715, 573 and 70 mm, and stepping along the heading after each turn 730, 591 and
+/// 66 mm.
 const MATCHING_MM: f64 = 12.0;
 
 #[test]
@@ -41,7 +42,9 @@ fn odometry_without_a_gyro_is_as_far_from_the_camera_as_a_plain_script_says() {
         let rmse = stats::rms(&errors).expect("there are records");
         let (last, most) =
             (errors.last().expect("a last one"), errors.iter().fold(0.0, |a: f64, b| a.max(*b)));
-        println!("  track {track_mm}: RMSE {rmse:.0} (script {expected_mm}), most {most:.0}, last {last:.0}");
+        println!(
+            "  track {track_mm}: RMSE {rmse:.0} (script {expected_mm}), most {most:.0}, last {last:.0}"
+        );
         let allowed_mm = f64::max(0.05 * expected_mm, MATCHING_MM);
         assert!((rmse - expected_mm).abs() < allowed_mm, "{rmse} mm, expected {expected_mm} mm");
     }
@@ -53,7 +56,8 @@ fn drive(motors: &[[f64; 3]], track_m: f64) -> Vec<(f64, f64, f64)> {
     let geometry = Geometry::new(360.0 * METRES_PER_TICK, track_m).expect("a robot");
     let (x_m, y_m, degrees) = START;
     let start = Pose { x_m, y_m, heading_rad: radians(degrees) };
-    let mut estimator = Estimator::new(EstimatorConfig { geometry, method: Method::Default }, start);
+    let mut estimator =
+        Estimator::new(EstimatorConfig { geometry, method: Method::Default }, start);
     motors
         .iter()
         .map(|&[time_ms, left, right]| {

@@ -1,4 +1,5 @@
-//! `ev3-encoder-gyro`, problem 4: three runs of three segments, heading by gyro against heading by encoders, and slip.
+//! `ev3-encoder-gyro`, problem 4: three runs of three segments, heading by gyro against heading by
+//! encoders, and slip.
 //!
 //! Only the ends of segments were recorded; between them wheels and gyro are taken to turn evenly.
 
@@ -16,11 +17,13 @@ use crate::support;
 /// Ticks in a segment, and of a tick.
 const TICKS: i32 = 100;
 const TICK_NS: i64 = 20_000_000;
-/// The robot's own program turned about a radius of 693 mm with 383 and 287 mm/s at its wheels, which is this track width.
+/// The robot's own program turned about a radius of 693 mm with 383 and 287 mm/s at its wheels,
+/// which is this track width.
 const TRACK_M: f64 = 0.198;
 const CIRCUMFERENCE_M: f64 = 0.175;
 
-/// One segment: what was read before and after it, and where the robot was found. Clockwise degrees, millimetres.
+/// One segment: what was read before and after it, and where the robot was found. Clockwise
+/// degrees, millimetres.
 #[derive(Debug, Default, Clone, Copy)]
 struct Segment {
     before: Reading,
@@ -58,7 +61,9 @@ fn the_gyros_heading_is_better_than_the_encoders() {
 #[test]
 fn slip_is_noticed_where_the_wheels_turn_against_each_other_and_not_on_a_straight_way() {
     let Some(runs) = runs() else { return support::pass_over("the runs of ev3-encoder-gyro") };
-    println!("ev3-encoder-gyro, slip of a segment by turns of encoders and gyro (degrees clockwise):");
+    println!(
+        "ev3-encoder-gyro, slip of a segment by turns of encoders and gyro (degrees clockwise):"
+    );
     for (number, run) in (1..).zip(&runs) {
         for (segment, (name, slips)) in
             run.iter().zip([("curve", false), ("straight", false), ("spin", true)])
@@ -96,7 +101,8 @@ fn errors_mm(run: &[Segment; 3], track_m: f64, gyro: bool) -> Vec<f64> {
             })
             .pose
     };
-    // The script counted only what happened within the segments, so what the wheels moved between them is taken off here too.
+    // The script counted only what happened within the segments, so what the wheels moved between
+    // them is taken off here too.
     let mut rolled = Reading::default();
     let mut last = run[0].before;
     run.iter()
@@ -144,7 +150,8 @@ fn runs() -> Option<Vec<[Segment; 3]>> {
     Some(runs)
 }
 
-/// Reads the console text below the tables: readings before and after each segment, and what was measured.
+/// Reads the console text below the tables: readings before and after each segment, and what was
+/// measured.
 fn parsed(path: &Path) -> Vec<[Segment; 3]> {
     let text = fs::read_to_string(path).expect("the recording");
     let mut segments = Vec::new();

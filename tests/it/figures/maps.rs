@@ -1,7 +1,8 @@
-//! How good the maps of `demo`'s mission are, against what only a simulation knows: ten seeds in the world that the estimator was tuned in
-//! and in three that it was not.
+//! How good the maps of `demo`'s mission are, against what only a simulation knows: ten seeds in
+//! the world that the estimator was tuned in and in three that it was not.
 //!
-//! Both ways of estimating get the senses of the same runs. The default has one point a reading, the seed one a tick.
+//! Both ways of estimating get the senses of the same runs. The default has one point a reading,
+//! the seed one a tick.
 
 use onbrick::behavior::{Demands, Mission};
 use onbrick::mapping::{Method, stats};
@@ -33,7 +34,8 @@ impl Figures {
 
 /// A run's senses through an estimator and a map once more.
 fn judge(run: &Run, world: &World, method: Method) -> Figures {
-    let robot = RobotConfig::load("robot.toml", run.robot_toml.as_ref().unwrap().as_bytes()).unwrap().0;
+    let robot =
+        RobotConfig::load("robot.toml", run.robot_toml.as_ref().unwrap().as_bytes()).unwrap().0;
     let mission = run.mission_toml.as_ref().unwrap().as_bytes();
     let mission = Mission::parse("mission.toml", mission, &robot.capabilities()).unwrap().0;
     let start = run.info.as_ref().unwrap().start_pose;
@@ -43,7 +45,9 @@ fn judge(run: &Run, world: &World, method: Method) -> Figures {
     let mut last = None;
     for senses in &run.senses {
         let step = pilot.step(senses, &mut demands, |_| {});
-        distances.extend(step.point.map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)));
+        distances.extend(
+            step.point.map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)),
+        );
         last = Some(step.estimate);
     }
     let last = last.expect("there are ticks");
@@ -67,7 +71,9 @@ fn over(figures: &[Figures]) -> [[f64; 6]; 2] {
 }
 
 fn print(name: &str, [points, median, p90, pose, heading, travelled]: [f64; 6]) {
-    println!("  {name:22} {points:6.0} {median:7.1} {p90:6.1} {pose:8.1} {heading:8.1} {travelled:6.2}");
+    println!(
+        "  {name:22} {points:6.0} {median:7.1} {p90:6.1} {pose:8.1} {heading:8.1} {travelled:6.2}"
+    );
 }
 
 #[test]
@@ -80,9 +86,12 @@ fn maps_of_ten_seeds_in_four_worlds() {
         "demo's mission, 120 s: points; point to wall, cm: median, p90; final pose: cm, degrees; metres driven"
     );
     // Bounds of the default's median and p90 over all points of a run, in cm: of the median seed.
-    for (name, median_cm, p90_cm) in
-        [("arena", 3.0, 9.0), ("rooms", 4.0, 12.0), ("cylinders", 5.0, 14.0), ("corridor", 4.0, 12.0)]
-    {
+    for (name, median_cm, p90_cm) in [
+        ("arena", 3.0, 9.0),
+        ("rooms", 4.0, 12.0),
+        ("cylinders", 5.0, 14.0),
+        ("corridor", 4.0, 12.0),
+    ] {
         let world = World::named(name).unwrap();
         let runs: Vec<Run> = (1..=10).map(|seed| play_in("map", name, seed).run()).collect();
         let [seeds, default] = [Method::Seed, Method::Default]

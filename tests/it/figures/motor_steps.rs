@@ -1,9 +1,10 @@
 //! The simulated large motor against `ev3-motor-steps`: duty steps of a real one.
 //!
-//! Oddities of the recordings: 7 ms apart, but the first row is 5 to 17 ms late; `position` counts on from earlier runs, and stands still in
-//! `data20.csv`; `speed` is the driver's own estimate, in steps, which lags and rings, so the fitted dead time is the
-//! estimate's rather than the motor's. Speeds alone cannot tell a low battery from a high Ke: Kt, Ke and R are kept as
-//! given, and the voltage at the motor is fitted.
+//! Oddities of the recordings: 7 ms apart, but the first row is 5 to 17 ms late; `position` counts
+//! on from earlier runs, and stands still in `data20.csv`; `speed` is the driver's own estimate, in
+//! steps, which lags and rings, so the fitted dead time is the estimate's rather than the motor's.
+//! Speeds alone cannot tell a low battery from a high Ke: Kt, Ke and R are kept as given, and the
+//! voltage at the motor is fitted.
 
 use std::fs;
 use std::path::Path;
@@ -23,7 +24,8 @@ type Rows = Vec<(f64, f64)>;
 
 fn read(folder: &Path, duty: i32) -> Rows {
     let path = folder.join(format!("data{duty}.csv"));
-    let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let text =
+        fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let row = |line: &str| {
         let fields: Vec<f64> = line.split(';').map(|field| field.trim().parse().unwrap()).collect();
         assert_eq!(fields[0], f64::from(duty), "{}", path.display());
@@ -93,7 +95,10 @@ fn the_simulated_large_motor_follows_the_recorded_steps() {
     println!(
         "ev3-motor-steps, fitted on 60, -60, 100 %: {volts:.2} V at the motor, friction {friction_nm:.4} N.m,"
     );
-    println!("  inertia {j_kg_m2:.5} kg.m2, dead time {:.0} ms; Kt, Ke, R as given", dead_s * 1000.0);
+    println!(
+        "  inertia {j_kg_m2:.5} kg.m2, dead time {:.0} ms; Kt, Ke, R as given",
+        dead_s * 1000.0
+    );
     println!("  duty %   RMS deg/s   with the shipped constants");
     let mut sum = 0.0;
     for duty in ALL {
@@ -106,6 +111,9 @@ fn the_simulated_large_motor_follows_the_recorded_steps() {
     let all = (sum / 10.0).sqrt();
     println!("  all ten  {all:9.1}");
     assert!(all < 15.0, "{all} deg/s");
-    assert!((friction_nm - built_in.friction_nm).abs() < 0.2 * friction_nm, "fitted friction {friction_nm}");
+    assert!(
+        (friction_nm - built_in.friction_nm).abs() < 0.2 * friction_nm,
+        "fitted friction {friction_nm}"
+    );
     assert!((j_kg_m2 - built_in.j_kg_m2).abs() < 0.2 * j_kg_m2, "fitted inertia {j_kg_m2}");
 }

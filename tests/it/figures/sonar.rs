@@ -1,16 +1,18 @@
-//! `lego-rotating-sonar`: scans of a known arena through the seed's mapper, and how far its points are from the walls.
+//! `lego-rotating-sonar`: scans of a known arena through the seed's mapper, and how far its points
+//! are from the walls.
 //!
-//! Each robot stands on its mark with the heading that was fitted there, and no bias is removed. Team 1 turned the whole robot, with its
-//! sensor 12 cm ahead and those 12 cm in its numbers, so here the gyro turns; the others turned the sensor, so here the head does. Left
-//! out is team02-jh300/loc_01, whose heading is suspect.
+//! Each robot stands on its mark with the heading that was fitted there, and no bias is removed.
+//! Team 1 turned the whole robot, with its sensor 12 cm ahead and those 12 cm in its numbers, so
+//! here the gyro turns; the others turned the sensor, so here the head does. Left out is
+//! team02-jh300/loc_01, whose heading is suspect.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 use onbrick::mapping::{
-    Estimator, EstimatorConfig, Geometry, GyroReading, Inputs, Map, MapPoint, Method, Pose, RangeMount,
-    RangeReading, stats,
+    Estimator, EstimatorConfig, Geometry, GyroReading, Inputs, Map, MapPoint, Method, Pose,
+    RangeMount, RangeReading, stats,
 };
 use onbrick::units::radians;
 
@@ -19,7 +21,8 @@ use crate::support;
 /// The default's cloud: what the placing within the cone is worth on real echoes.
 #[test]
 fn the_defaults_cloud_of_real_scans_lies_nearer_to_the_walls() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar")) else {
+    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
+    else {
         return support::pass_over("the scans of lego-rotating-sonar");
     };
     println!("lego-rotating-sonar, point to wall (cm; % < 5 cm, % > 10 cm):");
@@ -39,10 +42,12 @@ fn errors_of(folder: &Path, method: Method) -> BTreeMap<String, Vec<f64>> {
     let walls = walls(folder);
     let mut teams: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     let scans = rows(&folder.join("alignment_nominal.csv"));
-    for scan in
-        scans.iter().filter(|scan| (scan[0].as_str(), scan[1].as_str()) != ("team02-jh300", "loc_01.dat"))
+    for scan in scans
+        .iter()
+        .filter(|scan| (scan[0].as_str(), scan[1].as_str()) != ("team02-jh300", "loc_01.dat"))
     {
-        let distances = cloud(folder, scan, method).into_iter().map(|point| to_nearest_wall(&walls, point));
+        let distances =
+            cloud(folder, scan, method).into_iter().map(|point| to_nearest_wall(&walls, point));
         teams.entry(scan[0].clone()).or_default().extend(distances);
     }
     teams
@@ -56,7 +61,8 @@ const TEAM_1_AHEAD_M: f64 = 0.12;
 
 #[test]
 fn the_seeds_cloud_of_real_scans_lies_at_the_walls() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar")) else {
+    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
+    else {
         return support::pass_over("the scans of lego-rotating-sonar");
     };
     let mut teams = errors_of(&folder, Method::Seed);
@@ -93,7 +99,8 @@ fn print(name: &str, errors: &mut [f64]) -> [f64; 5] {
 /// One scan's points, from the row of its alignment.
 fn cloud(folder: &Path, scan: &[String], method: Method) -> Vec<MapPoint> {
     let number = |column: usize| scan[column].parse::<f64>().expect("a number");
-    let start = Pose { x_m: number(3) / 100.0, y_m: number(4) / 100.0, heading_rad: radians(number(6)) };
+    let start =
+        Pose { x_m: number(3) / 100.0, y_m: number(4) / 100.0, heading_rad: radians(number(6)) };
     let (samples, direction) = (number(2), number(5));
     let whole_robot = scan[0].starts_with("team01");
     let mount = RangeMount {
@@ -107,7 +114,8 @@ fn cloud(folder: &Path, scan: &[String], method: Method) -> Vec<MapPoint> {
     let mut estimator = Estimator::new(EstimatorConfig { geometry, method }, start);
     let mut map = Map::new(geometry.range(), &start);
     let text = fs::read_to_string(folder.join(&scan[0]).join(&scan[1])).expect("a scan");
-    let readings: Vec<f64> = text.split_whitespace().map(|line| line.parse().expect("a distance")).collect();
+    let readings: Vec<f64> =
+        text.split_whitespace().map(|line| line.parse().expect("a distance")).collect();
     for (index, cm) in (0_i32..).zip(&readings) {
         // In the scans of 720 every other angle was not sampled and is 0.
         if samples > 700.0 && *cm == 0.0 {
@@ -157,5 +165,8 @@ fn to_wall([x1, y1, x2, y2]: &Wall, point: MapPoint) -> f64 {
 /// A table's rows below its head.
 fn rows(path: &Path) -> Vec<Vec<String>> {
     let text = fs::read_to_string(path).expect("a table");
-    text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.trim().to_owned()).collect()).collect()
+    text.lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|cell| cell.trim().to_owned()).collect())
+        .collect()
 }

@@ -1,4 +1,5 @@
-//! A simulator in a process of its own, and a namespace in which a program takes it for the machine's devices.
+//! A simulator in a process of its own, and a namespace in which a program takes it for the
+//! machine's devices.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -82,7 +83,11 @@ impl Simulator {
         let mut line = String::new();
         while !line.starts_with("mounted") {
             line.clear();
-            assert_ne!(said.read_line(&mut line).unwrap(), 0, "the simulator ended before it mounted");
+            assert_ne!(
+                said.read_line(&mut line).unwrap(),
+                0,
+                "the simulator ended before it mounted"
+            );
         }
         // The pipe stays open, so that its last words do not kill it before it has unmounted.
         process.stdout = Some(said.into_inner());
@@ -186,7 +191,8 @@ impl Drop for Foreign {
     }
 }
 
-/// A command in a mount namespace of its own: with the rights we have, or as root of a user namespace.
+/// A command in a mount namespace of its own: with the rights we have, or as root of a user
+/// namespace.
 pub(crate) fn unshare() -> Command {
     let mut command = Pace::command("unshare");
     if !nix::unistd::geteuid().is_root() {
@@ -228,7 +234,9 @@ pub(crate) fn script(name: &str) -> String {
 pub(crate) fn example(name: &str) -> Option<PathBuf> {
     let path = Path::new(PROGRAM).parent()?.join("examples").join(name);
     if !path.exists() {
-        pass_over(&format!("the example {name}: cargo test builds it, cargo test --test it does not"));
+        pass_over(&format!(
+            "the example {name}: cargo test builds it, cargo test --test it does not"
+        ));
         return None;
     }
     Some(path)

@@ -44,7 +44,8 @@ fn demo_programs_of_python_ev3dev2_run_unmodified() {
                     in_real_time(name, |pace| {
                         let simulator = Simulator::start(pace, world);
                         let root = simulator.root();
-                        let program = Foreign::start(pace, name, &root, &["python3", &script(name)]);
+                        let program =
+                            Foreign::start(pace, name, &root, &["python3", &script(name)]);
                         check(pace, &simulator, program);
                     });
                 });
@@ -55,7 +56,9 @@ fn demo_programs_of_python_ev3dev2_run_unmodified() {
 
 /// Waits for the end of a program that says so; false, with a complaint, if it does not end well.
 fn done(pace: &Pace, program: Foreign) -> bool {
-    program.end(pace).is_some_and(|said| said.lines().last().is_some_and(|last| last.starts_with("done")))
+    program
+        .end(pace)
+        .is_some_and(|said| said.lines().last().is_some_and(|last| last.starts_with("done")))
 }
 
 /// Looks until something is so, for half a minute at most.
@@ -99,7 +102,11 @@ fn square(pace: &Pace, simulator: &Simulator, program: Foreign) {
 fn colour(_pace: &Pace, simulator: &Simulator, program: Foreign) {
     let said = || fs::read_to_string(simulator.root().join("sim/orders")).unwrap();
     assert!(until(|| said().matches("say Red").count() >= 2), "{}", said());
-    assert!(said().matches(": say ").count() <= said().matches("say Red").count() + 1, "{}", said());
+    assert!(
+        said().matches(": say ").count() <= said().matches("say Red").count() + 1,
+        "{}",
+        said()
+    );
     assert!(until(|| simulator.truth().last_tone_hz.is_some()), "speech sounds");
     assert_eq!(program.interrupt().code(), Some(128 + 15));
 }
@@ -181,7 +188,10 @@ fn display(pace: &Pace, simulator: &Simulator, mut program: Foreign) {
     assert!(until(|| white(2, 2)), "the screen is white");
     assert!(!white(11, 21) && !white(58, 38), "the bar is black");
     assert!(white(9, 21) && white(61, 38), "beside it is nothing");
-    let words = (80..130).flat_map(|x| (58..75).map(move |y| (x, y))).filter(|(x, y)| !white(*x, *y)).count();
+    let words = (80..130)
+        .flat_map(|x| (58..75).map(move |y| (x, y)))
+        .filter(|(x, y)| !white(*x, *y))
+        .count();
     assert!(words > 20, "{words} dots of the words");
     simulator.order("press enter for 1");
     assert!(done(pace, program));
@@ -192,7 +202,9 @@ fn sound(pace: &Pace, simulator: &Simulator, program: Foreign) {
     let heard = std::cell::RefCell::new(std::collections::BTreeSet::new());
     let listen = || {
         heard.borrow_mut().extend(simulator.truth().tone_hz);
-        [294, 392, 800].iter().all(|hz| heard.borrow().iter().any(|tone: &u32| tone.abs_diff(*hz) <= hz / 20))
+        [294, 392, 800]
+            .iter()
+            .all(|hz| heard.borrow().iter().any(|tone: &u32| tone.abs_diff(*hz) <= hz / 20))
     };
     pace.ensure(until(listen), || format!("{:?} were heard", heard.borrow()));
     assert!(done(pace, program));

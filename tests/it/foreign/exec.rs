@@ -31,7 +31,11 @@ fn a_program_sees_the_brick_in_place_of_the_machine_and_its_exit_code_is_kept() 
         ("cat /sys/class/tacho-motor/motor0/address", 0, "ev3-ports:outA\n"),
         ("ls /dev/input", 0, "by-path\nevent0\nevent1\n"),
         ("wc -c < /dev/fb0", 0, "91136\n"),
-        ("echo > /dev/console; echo > /dev/tty1; echo x > /dev/null; head -c 1 /dev/zero | wc -c", 0, "1\n"),
+        (
+            "echo > /dev/console; echo > /dev/tty1; echo x > /dev/null; head -c 1 /dev/zero | wc -c",
+            0,
+            "1\n",
+        ),
         ("command -v beep", 0, "/dev/onbrick/bin/beep\n"),
         (
             "/usr/bin/beep -f 660 -l 30 && amixer -q set Playback 30% && amixer get Playback | tail -n1",
@@ -52,7 +56,11 @@ fn a_program_sees_the_brick_in_place_of_the_machine_and_its_exit_code_is_kept() 
             && !std::path::Path::new("/sys/class/tacho-motor").exists()
     );
     let wrong = shell("beep --what");
-    assert!(wrong.status.code() == Some(1) && said(&wrong).contains("knows no `--`"), "{}", said(&wrong));
+    assert!(
+        wrong.status.code() == Some(1) && said(&wrong).contains("knows no `--`"),
+        "{}",
+        said(&wrong)
+    );
     let absent = exec(&root, &["no-such-program"]);
     assert!(
         absent.status.code() == Some(1) && said(&absent).contains("cannot start no-such-program"),
@@ -72,20 +80,30 @@ fn an_ordinary_user_has_a_view_of_their_own() {
     // Where everybody may come, and not below this repository.
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
-    fs::set_permissions(simulator.root().parent().unwrap(), fs::Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(simulator.root().parent().unwrap(), fs::Permissions::from_mode(0o755))
+        .unwrap();
     let program = folder.path().join("onbrick");
     fs::copy(PROGRAM, &program).unwrap();
-    let script =
-        "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; aplay -q /dev/null";
+    let script = "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; aplay -q /dev/null";
     let mut command = Command::new("setpriv");
     command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]).arg(&program);
-    command.args(["sim", "exec"]).arg(simulator.root()).args(["--", "sh", "-c", script]).stdin(Stdio::null());
+    command
+        .args(["sim", "exec"])
+        .arg(simulator.root())
+        .args(["--", "sh", "-c", script])
+        .stdin(Stdio::null());
     let Ok(ended) = command.output() else { return pass_over("setpriv") };
-    if ended.status.code() == Some(3) && said(&ended).contains("lets an ordinary user have no private mounts")
+    if ended.status.code() == Some(3)
+        && said(&ended).contains("lets an ordinary user have no private mounts")
     {
         return pass_over("user namespaces for an ordinary user");
     }
-    assert_eq!(String::from_utf8_lossy(&ended.stdout), "65534\nev3-ports:outA\n", "{}", said(&ended));
+    assert_eq!(
+        String::from_utf8_lossy(&ended.stdout),
+        "65534\nev3-ports:outA\n",
+        "{}",
+        said(&ended)
+    );
     assert!(said(&ended).contains("aplay: /dev/null is not a WAV recording"), "{}", said(&ended));
     assert_eq!(simulator.truth().last_tone_hz, Some(770));
 }
@@ -97,7 +115,8 @@ fn where_no_brick_is_mounted_nothing_is_started() {
         let refused = exec(&place, &["true"]);
         let said = said(&refused);
         assert!(
-            refused.status.code() == Some(3) && said.contains("there is no simulated brick mounted"),
+            refused.status.code() == Some(3)
+                && said.contains("there is no simulated brick mounted"),
             "{said}"
         );
     }
@@ -127,5 +146,8 @@ fn where_namespaces_are_forbidden_the_setting_is_named() {
         return pass_over(&format!("unshare and setpriv, with user namespaces ({said})"));
     }
     assert_eq!(refused.status.code(), Some(3), "{said}");
-    assert!(said.contains("user.max_user_namespaces is 0") && said.contains("sudo sysctl -w"), "{said}");
+    assert!(
+        said.contains("user.max_user_namespaces is 0") && said.contains("sudo sysctl -w"),
+        "{said}"
+    );
 }

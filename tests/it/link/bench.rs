@@ -12,8 +12,8 @@ use onbrick::link::{
     Client, KeyPair, KnownBrick, KnownBricks, LinkState, Patience, PublicKey, Server, ServerConfig,
 };
 use onbrick::service::protocol::{
-    Answer, Caller, Disk, Done, Fetch, Fetched, Kind, LocalOnly, Missions, Name, Operations, Refusal,
-    Request, RunId, Runs, Started, State, Status, Stopped,
+    Answer, Caller, Disk, Done, Fetch, Fetched, Kind, LocalOnly, Missions, Name, Operations,
+    Refusal, Request, RunId, Runs, Started, State, Status, Stopped,
 };
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
@@ -101,7 +101,8 @@ impl Fake {
         let end = total.min(offset + usize::try_from(fetch.length).unwrap());
         let bytes = recording.bytes[offset..end].to_vec();
         let is_end = recording.complete && end == total;
-        let hash = || Sha256::digest(&recording.bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let hash =
+            || Sha256::digest(&recording.bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let fetched = Fetched {
             run: fetch.run.clone(),
             offset: fetch.offset,
@@ -135,7 +136,9 @@ impl Operations for Fake {
                 started.push(start.run.clone());
                 serde_json::to_value(Started { run: start.run.clone(), repeated })
             }
-            Request::Stop { run } => serde_json::to_value(Stopped { run: run.clone(), stopped: true }),
+            Request::Stop { run } => {
+                serde_json::to_value(Stopped { run: run.clone(), stopped: true })
+            }
             Request::Runs => serde_json::to_value(Runs { runs: Vec::new() }),
             Request::Identify => serde_json::to_value(Done {}),
             Request::Fetch(fetch) => return self.fetch(fetch),
@@ -262,7 +265,8 @@ impl Service {
         std::fs::write(folder.path().join("onbrick.toml"), config).unwrap();
         let place = place.iter().map(|&argument| argument.to_owned()).collect();
         let name = name.to_owned();
-        let mut service = Self { folder, address, name, place, environment: Vec::new(), child: None };
+        let mut service =
+            Self { folder, address, name, place, environment: Vec::new(), child: None };
         service.start();
         service
     }
@@ -341,7 +345,12 @@ impl Service {
     pub fn pc(&self, arguments: &[&str]) -> Output {
         let folder = self.path("out");
         std::fs::create_dir_all(&folder).unwrap();
-        onbrick().env("ONBRICK_KEYS", self.path("pc")).current_dir(folder).args(arguments).output().unwrap()
+        onbrick()
+            .env("ONBRICK_KEYS", self.path("pc"))
+            .current_dir(folder)
+            .args(arguments)
+            .output()
+            .unwrap()
     }
 
     /// The same, and it works out; its output.
@@ -349,7 +358,11 @@ impl Service {
     pub fn done(&self, arguments: &[&str]) -> String {
         let output = self.pc(arguments);
         let (said, error) = (text(&output.stdout), text(&output.stderr));
-        assert!(output.status.success(), "{arguments:?}: {said}{error}\nthe service: {}", self.log());
+        assert!(
+            output.status.success(),
+            "{arguments:?}: {said}{error}\nthe service: {}",
+            self.log()
+        );
         said
     }
 
@@ -361,12 +374,17 @@ impl Service {
         said
     }
 
-    /// Waits until the run that was started drives, of which it must not have ended before; the status.
+    /// Waits until the run that was started drives, of which it must not have ended before; the
+    /// status.
     #[track_caller]
     pub fn until_it_drives(&self) -> String {
         until("it drives", || {
             let status = self.done(&["status", &self.name]);
-            assert!(!status.contains("last: "), "over already: {status}\nthe service: {}", self.log());
+            assert!(
+                !status.contains("last: "),
+                "over already: {status}\nthe service: {}",
+                self.log()
+            );
             status.contains("running").then_some(status)
         })
     }

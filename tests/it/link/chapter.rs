@@ -1,4 +1,5 @@
-//! The README's chapter on the link, from one machine to another: two network namespaces with a cable that is pulled out while the robot drives.
+//! The README's chapter on the link, from one machine to another: two network namespaces with a
+//! cable that is pulled out while the robot drives.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
@@ -51,9 +52,12 @@ impl Apart {
     /// Starts the services and waits until they listen.
     pub fn serve(&mut self) {
         for (name, _) in self.bricks {
-            let log = std::fs::File::create(self.folder.path().join(format!("{name}.log"))).unwrap();
+            let log =
+                std::fs::File::create(self.folder.path().join(format!("{name}.log"))).unwrap();
             let mut service = self.network.brick(PROGRAM);
-            service.args(["-v", "serve", "--sim", self.world, "--config"]).arg(self.folder.path().join(name));
+            service
+                .args(["-v", "serve", "--sim", self.world, "--config"])
+                .arg(self.folder.path().join(name));
             service.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
             self.services.push(service.spawn().unwrap());
         }
@@ -98,10 +102,16 @@ impl Apart {
         std::fs::write(&yes, "yes\n").unwrap();
         for (name, address) in self.bricks {
             let mut there = self.network.brick(PROGRAM);
-            there.args(["pair", "--config"]).arg(self.folder.path().join(name)).arg("--answers").arg(&yes);
+            there
+                .args(["pair", "--config"])
+                .arg(self.folder.path().join(name))
+                .arg("--answers")
+                .arg(&yes);
             let mut there = there.stdout(Stdio::null()).spawn().unwrap();
-            let said =
-                self.done(&format!("pair {address} --name anna --answers {} --timeout 60", yes.display()));
+            let said = self.done(&format!(
+                "pair {address} --name anna --answers {} --timeout 60",
+                yes.display()
+            ));
             assert!(said.starts_with(&format!("{name} is known from now on")), "{said}");
             assert!(there.wait().unwrap().success());
         }
@@ -122,7 +132,8 @@ impl Apart {
 
     /// The files of a brick's runs.
     fn recordings(&self, name: &str) -> Vec<PathBuf> {
-        let runs = std::fs::read_dir(self.folder.path().join(name).join("runs")).into_iter().flatten();
+        let runs =
+            std::fs::read_dir(self.folder.path().join(name).join("runs")).into_iter().flatten();
         let files = runs.map(|entry| entry.unwrap().path().join("run.mcap"));
         files.filter(|file| file.exists()).collect()
     }
@@ -146,12 +157,17 @@ fn the_readmes_chapter() {
     assert!(apart.done("bricks").contains(BRICK));
     assert!(apart.done("missions blue").contains("blue  map  120 s"));
     assert!(apart.done("start map blue").starts_with("blue: started map-"));
-    let mut follow =
-        apart.pc("--json fetch blue --follow --timeout 120").stdout(Stdio::piped()).spawn().unwrap();
+    let mut follow = apart
+        .pc("--json fetch blue --follow --timeout 120")
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
     let mut lines = BufReader::new(follow.stdout.take().unwrap()).lines();
     let mut next = || serde_json::from_str::<Value>(&lines.next().unwrap().unwrap()).unwrap();
     assert!(next()["page"].is_string());
-    until("it is seen to drive", || next()["how"].as_str().filter(|how| how.contains("running")).map(drop));
+    until("it is seen to drive", || {
+        next()["how"].as_str().filter(|how| how.contains("running")).map(drop)
+    });
 
     apart.network.pull();
     let recording = apart.recording();
@@ -218,7 +234,9 @@ fn the_readmes_chapter_on_teams_works_with_the_cable_pulled_out_meanwhile() {
 }
 
 fn the_readmes_chapter_on_teams() {
-    let Some(apart) = Apart::of(&[("blue", BRICK), ("red", "10.77.0.3")], "two-arenas") else { return };
+    let Some(apart) = Apart::of(&[("blue", BRICK), ("red", "10.77.0.3")], "two-arenas") else {
+        return;
+    };
     apart.pair();
     let pc = apart.folder.path().join("pc");
     std::fs::write(pc.join("team.toml"), TEAM).unwrap();
@@ -232,7 +250,9 @@ fn the_readmes_chapter_on_teams() {
         })
     };
     let grown = |what: &str, from: [u64; 2]| {
-        until(what, || lengths().iter().zip(from).all(|(now, then)| *now > then + 30_000).then_some(()));
+        until(what, || {
+            lengths().iter().zip(from).all(|(now, then)| *now > then + 30_000).then_some(())
+        });
     };
     grown("both drive", [0; 2]);
     apart.network.pull();
@@ -248,7 +268,11 @@ fn the_readmes_chapter_on_teams() {
         let came = came.unwrap_or_else(|| panic!("{name}: {said}"));
         let ours = std::fs::read(pc.join(came["file"].as_str().unwrap())).unwrap();
         let [theirs] = apart.recordings(name).try_into().unwrap();
-        assert!(ours == std::fs::read(theirs).unwrap(), "{name}: {} bytes are not the brick's", ours.len());
+        assert!(
+            ours == std::fs::read(theirs).unwrap(),
+            "{name}: {} bytes are not the brick's",
+            ours.len()
+        );
         let run = Run::read(&ours).unwrap();
         assert!(run.senses.is_sorted_by(|a, b| a.tick + 1 == b.tick), "{name}: a tick is missing");
     }

@@ -54,8 +54,16 @@ fn from_pairing_to_the_map() {
         .spawn()
         .unwrap();
     let yes = service.path("yes").display().to_string();
-    let said =
-        service.done(&["pair", &service.address, "--name", "anna", "--answers", &yes, "--timeout", "60"]);
+    let said = service.done(&[
+        "pair",
+        &service.address,
+        "--name",
+        "anna",
+        "--answers",
+        &yes,
+        "--timeout",
+        "60",
+    ]);
     assert!(said.starts_with("sim is known from now on"), "{said}");
     assert!(there.wait().unwrap().success());
 
@@ -120,16 +128,23 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
         let service = Service::new();
         service.introduce();
         std::fs::create_dir_all(service.path("out")).unwrap();
-        std::fs::write(service.path("out").join("mine.toml"), SHORT.replace("\"short\"", "\"mine\""))
-            .unwrap();
+        std::fs::write(
+            service.path("out").join("mine.toml"),
+            SHORT.replace("\"short\"", "\"mine\""),
+        )
+        .unwrap();
         service.done(&["start", "./mine.toml", "sim"]);
         // The fetch follows the run to its end.
         let fetched = service.done(&["fetch", "sim"]);
         let file = fetched.split(' ').nth(1).unwrap().trim_end_matches(',').to_owned();
-        let recording = Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
+        let recording =
+            Run::open(&service.path("out").join(file.trim_start_matches("./"))).unwrap();
         assert_eq!(recording.info.as_ref().unwrap().mission, "mine");
         assert_eq!(recording.ending.unwrap().stop.to_string(), "the mission is finished");
-        assert!(!service.done(&["missions", "sim"]).contains("mine"), "kept with the run, and nowhere else");
+        assert!(
+            !service.done(&["missions", "sim"]).contains("mine"),
+            "kept with the run, and nowhere else"
+        );
     });
 }
 
@@ -179,15 +194,21 @@ fn a_page_that_grows() {
     assert!(last["bytes"].as_u64().unwrap() > 1000, "{last}");
 }
 
-/// Looks at the page in a real browser until it has grown there, and has points; before each look `goes_on` is asked whether it still can.
-/// `None` where this machine has no browser.
+/// Looks at the page in a real browser until it has grown there, and has points; before each look
+/// `goes_on` is asked whether it still can. `None` where this machine has no browser.
 fn browser(page: &str, mut goes_on: impl FnMut()) -> Option<()> {
     let begun = Instant::now();
     loop {
         goes_on();
         let profile = tempfile::tempdir().unwrap();
         let output = Command::new("chromium")
-            .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=4000"])
+            .args([
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--dump-dom",
+                "--virtual-time-budget=4000",
+            ])
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .arg(page)
             .output()
@@ -247,7 +268,8 @@ fn a_full_disk_of_the_pcs_ends_the_fetch_and_with_room_it_goes_on_from_there() {
     let whole = std::fs::read(service.path("out").join(format!("{run}.mcap"))).unwrap();
     assert!(whole.len() > 8192, "{} bytes", whole.len());
     std::fs::remove_file(service.path("out").join(format!("{run}.mcap"))).unwrap();
-    // A file system of one page, then the same with room; what came of both is brought out of the namespace.
+    // A file system of one page, then the same with room; what came of both is brought out of the
+    // namespace.
     let script = r#"mount -t tmpfs -o size=4k tmpfs small && cd small
         "$0" fetch sim; echo "code $?"; ls
         mount -o remount,size=16m . && "$0" fetch sim && cp *.mcap .."#;
@@ -260,7 +282,10 @@ fn a_full_disk_of_the_pcs_ends_the_fetch_and_with_room_it_goes_on_from_there() {
         .unwrap();
     let (said, error) = (text(&output.stdout), text(&output.stderr));
     assert!(output.status.success(), "{said}{error}");
-    assert!(said.contains("code 1\n") && said.contains(&format!("{run}.mcap.part")), "{said}{error}");
+    assert!(
+        said.contains("code 1\n") && said.contains(&format!("{run}.mcap.part")),
+        "{said}{error}"
+    );
     assert!(error.contains("No space left on device") && error.contains(".mcap.part"), "{error}");
     let again = std::fs::read(service.path("out").join(format!("{run}.mcap"))).unwrap();
     assert!(again == whole, "{} bytes of {}", again.len(), whole.len());
@@ -282,7 +307,8 @@ fn a_text_of_a_gigabyte_does_not_come_into_the_services_memory() {
     socket.set_rcvtimeo(200).unwrap();
     socket.set_sndtimeo(30_000).unwrap();
     socket.connect(&format!("tcp://{}:5670", service.address)).unwrap();
-    // 64 MB at a time, sixteen times, so that this machine has room for it; the door closes at each before it is read.
+    // 64 MB at a time, sixteen times, so that this machine has room for it; the door closes at each
+    // before it is read.
     let mut text = Vec::new();
     text.write_all(br#"{"version":1,"id":1,"op":"start","run":"r","mission":{"text":""#).unwrap();
     text.resize(64 << 20, b'x');
@@ -330,7 +356,8 @@ fn a_run_that_is_fetched_twice_at_once_or_has_anothers_name_is_never_spoilt() {
                     || *exit == Some(3) && said.contains("another fetch") && said.contains("try: ")
             };
             assert!(exits.iter().all(is_clear), "{exits:?}: {said}");
-            let came = std::fs::read(service.path("out").join(&folder).join(format!("{run}.mcap"))).unwrap();
+            let came = std::fs::read(service.path("out").join(&folder).join(format!("{run}.mcap")))
+                .unwrap();
             assert!(came == whole, "round {round}: not the same bytes: {said}");
         }
         // Another brick's run of the same name.

@@ -1,4 +1,5 @@
-//! Bricks that make themselves known: avahi with the package's own file, in a network of the test's own.
+//! Bricks that make themselves known: avahi with the package's own file, in a network of the test's
+//! own.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,8 +11,7 @@ use crate::foreign::bench::unshare;
 use crate::support::pass_over;
 
 /// As on ev3dev, without the system's bus, which is not there.
-const AVAHI: &str =
-    "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\nallow-interfaces=brick\nenable-dbus=no\n";
+const AVAHI: &str = "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\nallow-interfaces=brick\nenable-dbus=no\n";
 
 /// A network with one cable, a brick's avahi at it, and a PC that listens.
 const SCRIPT: &str = r#"
@@ -64,7 +64,14 @@ fn a_brick_whose_avahi_has_the_packages_file_is_found() {
         let output = unshare()
             .args(["--net", "sh", "-c", SCRIPT, "sh"])
             .arg(folder.path())
-            .args([env!("CARGO_BIN_EXE_onbrick"), "bricks", "--discover", "--json", "--listen", listen])
+            .args([
+                env!("CARGO_BIN_EXE_onbrick"),
+                "bricks",
+                "--discover",
+                "--json",
+                "--listen",
+                listen,
+            ])
             .env("ONBRICK_KEYS", folder.path().join("keys"))
             .output()
             .unwrap();
@@ -73,9 +80,15 @@ fn a_brick_whose_avahi_has_the_packages_file_is_found() {
         println!("{log}");
         text(&output.stdout)
     };
-    // Avahi looks for a second whether its name is free; a machine that has no time for it is given more.
-    let said = ["6", "20", "60"].into_iter().map(discover).find(|said| !said.is_empty()).unwrap_or_default();
-    let brick: Value = serde_json::from_str(said.lines().next().expect("nobody was heard")).unwrap();
+    // Avahi looks for a second whether its name is free; a machine that has no time for it is given
+    // more.
+    let said = ["6", "20", "60"]
+        .into_iter()
+        .map(discover)
+        .find(|said| !said.is_empty())
+        .unwrap_or_default();
+    let brick: Value =
+        serde_json::from_str(said.lines().next().expect("nobody was heard")).unwrap();
     assert_eq!(brick["brick"], "ev3-blue", "{brick}");
     assert_eq!(brick["address"], "ev3-blue.local", "{brick}");
     assert_eq!(brick["numbers"][0], "10.5.0.1", "{brick}");

@@ -28,7 +28,8 @@ fn bytes(length: usize, seed: u64) -> Vec<u8> {
     (0..length).map(|_| next()).collect()
 }
 
-/// A way to a brick that is cut after so many bytes, again and again, with another number of bytes each time.
+/// A way to a brick that is cut after so many bytes, again and again, with another number of bytes
+/// each time.
 struct CutWay {
     address: SocketAddr,
     cuts: Arc<AtomicU32>,
@@ -46,7 +47,11 @@ impl CutWay {
                 let Ok(far) = TcpStream::connect(&to) else { continue };
                 let cut = counted.load(Ordering::Relaxed);
                 // The handshake and at least a piece come through.
-                let left = if cut < most_cuts { 70_000 + cut as usize * 7919 % 90_000 } else { usize::MAX };
+                let left = if cut < most_cuts {
+                    70_000 + cut as usize * 7919 % 90_000
+                } else {
+                    usize::MAX
+                };
                 let up = (near.try_clone().unwrap(), far.try_clone().unwrap());
                 std::thread::spawn(move || carry(up.0, up.1, usize::MAX));
                 let counted = Arc::clone(&counted);
@@ -99,8 +104,10 @@ fn a_recording_comes_byte_for_byte_and_has_its_name_only_when_it_is_whole() {
         let sent = bytes(length, 1);
         bench.fake.record("r", sent.clone(), true);
         let mut last = None;
-        let whole =
-            bench.client().fetch(&run("r"), &home.file, &mut |progress| last = Some(*progress)).unwrap();
+        let whole = bench
+            .client()
+            .fetch(&run("r"), &home.file, &mut |progress| last = Some(*progress))
+            .unwrap();
         assert_eq!(std::fs::read(&home.file).unwrap(), sent, "{length}");
         assert!(whole.is_whole() && last == Some(whole), "{whole:?} {last:?}");
         assert!(!home.part.exists());
@@ -136,7 +143,8 @@ fn a_recording_that_grows_is_followed_to_its_end() {
 #[test]
 fn a_recording_comes_whole_over_a_way_that_is_cut_again_and_again() {
     // The long form: `ONBRICK_CUTS=100 cargo test --test it link::fetching -- --nocapture`.
-    let cuts: u32 = std::env::var("ONBRICK_CUTS").ok().and_then(|cuts| cuts.parse().ok()).unwrap_or(8);
+    let cuts: u32 =
+        std::env::var("ONBRICK_CUTS").ok().and_then(|cuts| cuts.parse().ok()).unwrap_or(8);
     let bench = Bench::new();
     let home = home();
     let sent = bytes(70_000 * cuts as usize + 300_000, 3);
@@ -174,7 +182,9 @@ fn a_fetch_goes_on_after_the_brick_or_the_pc_was_switched_off() {
     fake.record("r", sent.clone(), true);
     let mut first = None;
     let mut client = client_at(&format!("127.0.0.1:{}", server.port()), key, &pc);
-    client.fetch(&run("r"), &home.file, &mut |progress| first = first.or(Some(progress.bytes))).unwrap();
+    client
+        .fetch(&run("r"), &home.file, &mut |progress| first = first.or(Some(progress.bytes)))
+        .unwrap();
     assert!(first >= Some(200_000), "what was there is kept: {first:?}");
     assert_eq!(std::fs::read(&home.file).unwrap(), sent);
 }
@@ -205,7 +215,11 @@ fn a_slow_operation_holds_up_no_stop() {
         });
         let begun = std::time::Instant::now();
         bench.client().stop(None).unwrap();
-        assert!(begun.elapsed() < LONG && begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
+        assert!(
+            begun.elapsed() < LONG && begun.elapsed() < Duration::from_secs(5),
+            "{:?}",
+            begun.elapsed()
+        );
     });
 }
 
@@ -227,12 +241,17 @@ fn a_recording_that_never_ends_is_taken_up_to_a_limit_and_no_further() {
     let most = 3 << 20;
     std::thread::scope(|scope| {
         scope.spawn(|| endless(&bench, &over));
-        until("it has begun", || bench.fake.recordings.lock().unwrap().contains_key("r").then_some(()));
+        until("it has begun", || {
+            bench.fake.recordings.lock().unwrap().contains_key("r").then_some(())
+        });
         let mut client = bench.client();
         client.take_at_most(most);
         let ended = client.fetch(&run("r"), &home.file, &mut |_| {}).unwrap_err();
         over.store(true, Ordering::Relaxed);
-        assert!(matches!(ended, ClientError::TooLong { bytes, most: 0x30_0000 } if bytes > most), "{ended}");
+        assert!(
+            matches!(ended, ClientError::TooLong { bytes, most: 0x30_0000 } if bytes > most),
+            "{ended}"
+        );
     });
     assert!(std::fs::metadata(&home.part).unwrap().len() <= most);
     assert!(!home.file.exists());
@@ -280,7 +299,10 @@ fn two_that_fetch_the_same_run_at_once_never_write_one_file() {
             let fetch = || {
                 let fetched = bench.client().fetch(&run("r"), &home.file, &mut |_| {});
                 // Whatever has its final name is whole, at any time.
-                assert!(!home.file.exists() || std::fs::read(&home.file).unwrap() == sent, "round {round}");
+                assert!(
+                    !home.file.exists() || std::fs::read(&home.file).unwrap() == sent,
+                    "round {round}"
+                );
                 fetched.map(|progress| progress.was_there)
             };
             let both: Vec<_> = (0..3).map(|_| scope.spawn(fetch)).collect();
@@ -302,7 +324,10 @@ fn a_run_counts_as_fetched_once_its_hash_on_this_disk_was_told() {
     let home = home();
     let sent = bytes(100_000, 10);
     bench.fake.record("r", sent, true);
-    bench.client().fetch(&run("r"), &home.file, &mut |_| assert!(bench.fake.told().is_empty())).unwrap();
+    bench
+        .client()
+        .fetch(&run("r"), &home.file, &mut |_| assert!(bench.fake.told().is_empty()))
+        .unwrap();
     let hash = onbrick_hash(&std::fs::read(&home.file).unwrap());
     assert_eq!(bench.fake.told(), std::slice::from_ref(&hash));
     // A file that was spoilt on its way to the disk is nothing that the brick may forget about.

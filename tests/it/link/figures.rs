@@ -1,15 +1,20 @@
-//! What a bad network costs: our robots and the seed's under the same losses, and how fast a recording comes home.
+//! What a bad network costs: our robots and the seed's under the same losses, and how fast a
+//! recording comes home.
 //!
 //! ```sh
 //! ONBRICK_NETWORK=1 cargo test --release --test it link::figures -- --nocapture --test-threads=1
 //! ```
 //!
-//! prints the tables, in a quarter of an hour, and wants a machine that does nothing else; `ONBRICK_NETWORK="50 %"` takes only the cases whose names
-//! begin so. Without the variable the same is done for a few seconds a case, and only what does not depend on the machine's speed is judged.
+//! prints the tables, in a quarter of an hour, and wants a machine that does nothing else;
+//! `ONBRICK_NETWORK="50 %"` takes only the cases whose names begin so. Without the variable the
+//! same is done for a few seconds a case, and only what does not depend on the machine's speed is
+//! judged.
 //!
-//! Each case is a pair of bricks side by side, one whose network is as bad as the case says and one whose network is left alone, so that whatever else this
-//! machine does comes to both; in the first case both are left alone, and what differs there is noise. Beside them the seed's robot drives, its loop on
-//! the PC, over a third network that is treated as the first. Each has a PC that follows it.
+//! Each case is a pair of bricks side by side, one whose network is as bad as the case says and one
+//! whose network is left alone, so that whatever else this machine does comes to both; in the first
+//! case both are left alone, and what differs there is noise. Beside them the seed's robot drives,
+//! its loop on the PC, over a third network that is treated as the first. Each has a PC that
+//! follows it.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
@@ -29,7 +34,8 @@ use crate::support::pass_over;
 use crate::support::real_time::{Pace, alone, patiently};
 use crate::support::turning_brick::await_that;
 
-/// Poses of a path that are farther apart have a hole between them, metres; as the seed's program counts them.
+/// Poses of a path that are farther apart have a hole between them, metres; as the seed's program
+/// counts them.
 const HOLE_M: f64 = 0.02;
 
 /// The seed's server, as then.
@@ -56,7 +62,8 @@ impl Trouble {
             Self::Nothing => "quiet".to_owned(),
             Self::Losing(percent) => format!("{percent} % lost"),
             Self::Outages(times) => {
-                let times: Vec<String> = times.iter().map(|(_, seconds)| format!("{seconds:.0}")).collect();
+                let times: Vec<String> =
+                    times.iter().map(|(_, seconds)| format!("{seconds:.0}")).collect();
                 format!("outages {} s", times.join(", "))
             }
             Self::Flood => "flood".to_owned(),
@@ -89,7 +96,10 @@ impl Trouble {
                 String::new()
             }
             Self::Flood => {
-                let key = KeyPair::load(&ours.folder.path().join("brick/keys")).unwrap().public().to_string();
+                let key = KeyPair::load(&ours.folder.path().join("brick/keys"))
+                    .unwrap()
+                    .public()
+                    .to_string();
                 let flood = |network: &Network, port: u16| {
                     let mut command = network.pc(figures().unwrap().to_str().unwrap());
                     command.args(["flood", &format!("{BRICK}:{port}"), &key, &seconds.to_string()]);
@@ -179,7 +189,8 @@ impl Driving {
         apart.network.congestion();
         apart.pair();
         apart.done(&format!("start map blue --set time_limit_s={seconds}"));
-        // What happens to the network happens to a robot that drives: before that, its gyro is watched.
+        // What happens to the network happens to a robot that drives: before that, its gyro is
+        // watched.
         await_that("the robot drives", || apart.drives());
         let follow = apart.pc("fetch blue --timeout 600").stdout(Stdio::null()).spawn().unwrap();
         Some(Self { apart, follow })
@@ -189,7 +200,11 @@ impl Driving {
     fn come_home(mut self) -> (Run, bool) {
         let file = self.apart.recording();
         assert!(self.follow.wait().unwrap().success(), "{}", self.apart.log());
-        let home = std::fs::read_dir(self.apart.folder.path().join("pc")).unwrap().next().unwrap().unwrap();
+        let home = std::fs::read_dir(self.apart.folder.path().join("pc"))
+            .unwrap()
+            .next()
+            .unwrap()
+            .unwrap();
         let bytes = std::fs::read(file).unwrap();
         (Run::read(&bytes).unwrap(), std::fs::read(home.path()).unwrap() == bytes)
     }
@@ -197,8 +212,10 @@ impl Driving {
 
 /// One line of the table for a brick of ours.
 fn ours(name: &str, (run, is_same): &(Run, bool)) -> String {
-    let mut p50: Vec<i64> = run.statistics.iter().map(|of_second| of_second.lateness_p50_ns).collect();
-    let mut p99: Vec<i64> = run.statistics.iter().map(|of_second| of_second.lateness_p99_ns).collect();
+    let mut p50: Vec<i64> =
+        run.statistics.iter().map(|of_second| of_second.lateness_p50_ns).collect();
+    let mut p99: Vec<i64> =
+        run.statistics.iter().map(|of_second| of_second.lateness_p99_ns).collect();
     p50.sort_unstable();
     p99.sort_unstable();
     let middle = |all: &[i64]| all.get(all.len() / 2).copied().unwrap_or(0);
@@ -211,7 +228,8 @@ fn ours(name: &str, (run, is_same): &(Run, bool)) -> String {
     };
     let largest = steps().map(hole).fold(0.0, f64::max);
     let holes = steps().map(hole).filter(|hole| *hole > HOLE_M).count();
-    let ended = run.ending.as_ref().map_or_else(|| "cut off".to_owned(), |ending| ending.stop.to_string());
+    let ended =
+        run.ending.as_ref().map_or_else(|| "cut off".to_owned(), |ending| ending.stop.to_string());
     let ms = |ns: i64| onbrick::clock::seconds(ns) * 1000.0;
     let seconds = onbrick::clock::seconds(run.senses.last().map_or(1, |last| last.time_ns));
     let hz = f64::from(u32::try_from(run.senses.len()).unwrap()) / seconds;
@@ -233,7 +251,8 @@ fn lost(run: &Run) -> u64 {
 }
 
 fn seeds(output: &str) -> String {
-    let told: Value = serde_json::from_str(output.trim()).unwrap_or_else(|error| panic!("{error}: {output}"));
+    let told: Value =
+        serde_json::from_str(output.trim()).unwrap_or_else(|error| panic!("{error}: {output}"));
     format!(
         "| the seed's way | {} | | | | | | {:.1} | {:.2} | {:.3} | {} | |",
         told["turns"],
@@ -314,7 +333,8 @@ fn plant(apart: &mut Apart, bytes: usize) -> PathBuf {
     apart.stop();
     let runs = apart.folder.path().join("blue/runs");
     let of = apart.recording().parent().unwrap().to_owned();
-    let record: Value = serde_json::from_slice(&std::fs::read(of.join("run.json")).unwrap()).unwrap();
+    let record: Value =
+        serde_json::from_slice(&std::fs::read(of.join("run.json")).unwrap()).unwrap();
     let mut record = record.as_object().unwrap().clone();
     record.insert("run".to_owned(), "large".into());
     record.insert("number".to_owned(), 2.into());
@@ -358,7 +378,10 @@ fn a_recording_comes_over_a_slow_cable_nearly_as_fast_as_a_plain_copy() {
         fetching.push(begun.elapsed().as_secs_f64());
         line("onbrick fetch", begun.elapsed().as_secs_f64());
         let home = apart.folder.path().join("pc/large.mcap");
-        assert!(std::fs::read(&home).unwrap() == std::fs::read(&file).unwrap(), "not the same bytes");
+        assert!(
+            std::fs::read(&home).unwrap() == std::fs::read(&file).unwrap(),
+            "not the same bytes"
+        );
         std::fs::remove_file(home).unwrap();
     }
     let best = |all: &[f64]| all.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,5 @@
-//! What arrives that should not: each is refused or thrown away, memory stays bounded, and a friend is served all the while.
+//! What arrives that should not: each is refused or thrown away, memory stays bounded, and a friend
+//! is served all the while.
 
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -18,8 +19,10 @@ use crate::support::wall_clock::{replace, shim};
 fn ask(socket: &zmq::Socket, request: &[u8]) -> Value {
     socket.send(request, 0).unwrap();
     let shown = String::from_utf8_lossy(&request[..request.len().min(200)]);
-    let frames = socket.recv_multipart(0).unwrap_or_else(|error| panic!("no reply to `{shown}`: {error}"));
-    serde_json::from_slice(&frames[0]).unwrap_or_else(|error| panic!("{error} in the reply to `{shown}`"))
+    let frames =
+        socket.recv_multipart(0).unwrap_or_else(|error| panic!("no reply to `{shown}`: {error}"));
+    serde_json::from_slice(&frames[0])
+        .unwrap_or_else(|error| panic!("{error} in the reply to `{shown}`"))
 }
 
 #[test]
@@ -36,16 +39,28 @@ fn bad_requests_are_refused_each_under_its_own_name_and_the_next_is_answered() {
         (br#"{"id":1,"version":1,"op":"status","op":"stop"}"#.to_vec(), "bad_request"),
         (br#"{"id":1,"version":2,"op":"status"}"#.to_vec(), "version"),
         (br#"{"id":1,"version":1,"op":"reboot"}"#.to_vec(), "unknown_operation"),
-        (br#"{"id":1,"version":1,"op":"jog","port":"outA","percent":100}"#.to_vec(), "unknown_operation"),
+        (
+            br#"{"id":1,"version":1,"op":"jog","port":"outA","percent":100}"#.to_vec(),
+            "unknown_operation",
+        ),
         (br#"{"id":1,"version":1,"op":"delete","run":"r"}"#.to_vec(), "unknown_operation"),
         (
-            br#"{"id":1,"version":1,"op":"fetch","run":"../../etc/passwd","offset":0,"length":9}"#.to_vec(),
+            br#"{"id":1,"version":1,"op":"fetch","run":"../../etc/passwd","offset":0,"length":9}"#
+                .to_vec(),
             "bad_request",
         ),
-        (br#"{"id":1,"version":1,"op":"fetch","run":"r","offset":-1,"length":9}"#.to_vec(), "bad_request"),
-        (br#"{"id":1,"version":1,"op":"fetch","run":"r","offset":0,"length":9}"#.to_vec(), "unknown_run"),
         (
-            json!({"id": 1, "version": 1, "op": "stop", "run": long_mission}).to_string().into_bytes(),
+            br#"{"id":1,"version":1,"op":"fetch","run":"r","offset":-1,"length":9}"#.to_vec(),
+            "bad_request",
+        ),
+        (
+            br#"{"id":1,"version":1,"op":"fetch","run":"r","offset":0,"length":9}"#.to_vec(),
+            "unknown_run",
+        ),
+        (
+            json!({"id": 1, "version": 1, "op": "stop", "run": long_mission})
+                .to_string()
+                .into_bytes(),
             "bad_request",
         ),
     ];
@@ -55,7 +70,9 @@ fn bad_requests_are_refused_each_under_its_own_name_and_the_next_is_answered() {
         assert_eq!(reply["error"]["kind"], kind, "{shown}: {reply}");
         assert!(reply["id"].is_null() || reply["id"] == 1, "{shown}: {reply}");
         assert!(
-            reply["error"]["message"].as_str().is_some_and(|said| !said.is_empty() && said.len() < 400),
+            reply["error"]["message"]
+                .as_str()
+                .is_some_and(|said| !said.is_empty() && said.len() < 400),
             "{reply}"
         );
     }
@@ -94,9 +111,12 @@ fn more_requests_than_can_wait_are_refused_and_the_rest_is_answered() {
     let (_context, socket) = bench.raw(zmq::DEALER);
     const ASKED: u32 = 100;
     for id in 0..ASKED {
-        socket.send(json!({"id": id, "version": 1, "op": "missions"}).to_string().as_bytes(), 0).unwrap();
+        socket
+            .send(json!({"id": id, "version": 1, "op": "missions"}).to_string().as_bytes(), 0)
+            .unwrap();
     }
-    // So many replies at once are more than are kept for a client that does not read meanwhile: some are dropped, and it is free to ask again.
+    // So many replies at once are more than are kept for a client that does not read meanwhile:
+    // some are dropped, and it is free to ask again.
     let (mut answered, mut refused) = (0_u32, 0_u32);
     socket.set_rcvtimeo(2000).unwrap();
     while let Ok(bytes) = socket.recv_bytes(0) {
@@ -112,7 +132,8 @@ fn more_requests_than_can_wait_are_refused_and_the_rest_is_answered() {
         "{answered} answered, {refused} refused"
     );
     socket.set_rcvtimeo(30_000).unwrap();
-    let reply = ask(&socket, json!({"id": "again", "version": 1, "op": "missions"}).to_string().as_bytes());
+    let reply =
+        ask(&socket, json!({"id": "again", "version": 1, "op": "missions"}).to_string().as_bytes());
     assert_eq!(reply["id"], "again", "{reply}");
 }
 
@@ -134,7 +155,8 @@ fn random_request(chance: &mut Chance) -> Vec<u8> {
     request
 }
 
-/// How many over a socket. The long form: `ONBRICK_RANDOM=100000 cargo test --test it link::hostile -- --nocapture`; ten times as many in process.
+/// How many over a socket. The long form: `ONBRICK_RANDOM=100000 cargo test --test it link::hostile
+/// -- --nocapture`; ten times as many in process.
 fn random_count() -> u32 {
     std::env::var("ONBRICK_RANDOM").ok().and_then(|count| count.parse().ok()).unwrap_or(2000)
 }
@@ -168,7 +190,10 @@ fn random_requests_are_understood_or_refused_with_a_short_reason() {
             Err(error) => error.refusal.to_string(),
         };
         let shown = String::from_utf8_lossy(&request);
-        assert!(!said.is_empty() && said.len() < 1000 && !said.contains('\n'), "{said:?} of `{shown}`");
+        assert!(
+            !said.is_empty() && said.len() < 1000 && !said.contains('\n'),
+            "{said:?} of `{shown}`"
+        );
     }
     println!("{count} random requests in process: {understood} understood, the others refused");
     assert!(understood > 0 && understood < count);
@@ -212,7 +237,8 @@ fn garbage_and_half_open_connections_by_the_hundred_leave_room_for_a_friend() {
         (held <= 16).then_some(held)
     });
     println!("{} connections, {held} of them held", half_open.len());
-    // Everything came from one address, this machine's, and so does the friend: its turn comes when the flood is over.
+    // Everything came from one address, this machine's, and so does the friend: its turn comes when
+    // the flood is over.
     drop(half_open);
     bench.client().status().unwrap();
 }
@@ -239,7 +265,9 @@ fn a_request_with_lines_in_its_names_forges_none_in_the_log() {
     let (public, secret) = halves(&KeyPair::load(&service.path("pc")).unwrap());
     let context = zmq::Context::new();
     let socket = context.socket(zmq::DEALER).unwrap();
-    socket.set_curve_serverkey(KeyPair::load(&service.path("keys")).unwrap().public().as_bytes()).unwrap();
+    socket
+        .set_curve_serverkey(KeyPair::load(&service.path("keys")).unwrap().public().as_bytes())
+        .unwrap();
     socket.set_curve_publickey(&public).unwrap();
     socket.set_curve_secretkey(&secret).unwrap();
     socket.set_linger(0).unwrap();
@@ -261,7 +289,8 @@ fn a_request_with_lines_in_its_names_forges_none_in_the_log() {
     let log = service.log();
     let is_forged = |line: &str| line.starts_with("<3>") || line.starts_with("error: the brick");
     assert!(!log.lines().any(is_forged), "{log}");
-    let acts = |letter: char| letter != '\n' && letter.is_control() || "\u{202e}\u{2028}".contains(letter);
+    let acts =
+        |letter: char| letter != '\n' && letter.is_control() || "\u{202e}\u{2028}".contains(letter);
     assert!(!log.contains(acts), "{log:?}");
 }
 
@@ -292,7 +321,10 @@ fn carry_slowly(mut from: TcpStream, mut to: TcpStream) {
 }
 
 #[test]
-#[cfg_attr(target_arch = "arm", ignore = "QEMU's user mode knows no TCP_INFO, by which the service sees it")]
+#[cfg_attr(
+    target_arch = "arm",
+    ignore = "QEMU's user mode knows no TCP_INFO, by which the service sees it"
+)]
 fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
     const FRAME: usize = 64 << 10;
     const FRAMES: usize = 2000;
@@ -303,7 +335,9 @@ fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
     let (public, secret) = halves(&KeyPair::load(&service.path("pc")).unwrap());
     let context = zmq::Context::new();
     let socket = context.socket(zmq::DEALER).unwrap();
-    socket.set_curve_serverkey(KeyPair::load(&service.path("keys")).unwrap().public().as_bytes()).unwrap();
+    socket
+        .set_curve_serverkey(KeyPair::load(&service.path("keys")).unwrap().public().as_bytes())
+        .unwrap();
     socket.set_curve_publickey(&public).unwrap();
     socket.set_curve_secretkey(&secret).unwrap();
     socket.set_linger(0).unwrap();
@@ -316,10 +350,16 @@ fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
         socket.send(vec![b'x'; FRAME], zmq::SNDMORE).unwrap();
     }
     socket.send("the end", 0).unwrap();
-    until("the sender is shut out", || service.log().contains("sends much and asks nothing").then_some(()));
+    until("the sender is shut out", || {
+        service.log().contains("sends much and asks nothing").then_some(())
+    });
     let more = service.peak_kb() - before;
-    println!("{} MB in one message: the service's peak has grown by {more} kB", (FRAMES * FRAME) >> 20);
-    // The message has 125 MB. How much of it comes before it is looked at again depends on how busy this machine is.
+    println!(
+        "{} MB in one message: the service's peak has grown by {more} kB",
+        (FRAMES * FRAME) >> 20
+    );
+    // The message has 125 MB. How much of it comes before it is looked at again depends on how busy
+    // this machine is.
     assert!(more < 80 << 10, "{more} kB");
     service.done(&["status", "sim"]);
 }
@@ -355,7 +395,8 @@ fn jumping_wall_clock() {
     service.done(&["fetch", "sim", "--run", &first]);
     let home = std::fs::read(service.path("out").join(format!("{first}.mcap"))).unwrap();
     assert!(home == std::fs::read(service.path("runs").join(&first).join("run.mcap")).unwrap());
-    // A token of before the jump is as old as it is, and the newest run is the one that was started last.
+    // A token of before the jump is as old as it is, and the newest run is the one that was started
+    // last.
     replace(&now, "@1");
     service.done(&["start", "short", "sim"]);
     let second = newest(&service);

@@ -38,7 +38,8 @@ fn an_unknown_key_a_wrong_key_and_nobody_are_told_apart() {
 
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let silence = |address: &str| {
-        let client = client_at(address, bench.brick_key(), &bench.pc).with_patience(Patience::new(1.0));
+        let client =
+            client_at(address, bench.brick_key(), &bench.pc).with_patience(Patience::new(1.0));
         match { client }.status().unwrap_err() {
             ClientError::NoAnswer { silence, .. } => silence,
             other => panic!("{other}"),
@@ -59,8 +60,10 @@ fn a_key_that_begins_with_a_hyphen_is_an_argument_like_any_other() {
         let output = onbrick().args(arguments).arg("--keys").arg(folder.path()).output().unwrap();
         assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
     };
-    // Behind a hyphen each sign could be an option's letter, or mean the beginning of a long option.
-    let signs = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
+    // Behind a hyphen each sign could be an option's letter, or mean the beginning of a long
+    // option.
+    let signs =
+        "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
     for sign in signs.chars() {
         let public = format!("-{sign}]NE6H!s]g>!v&*Q@q{{DZ:B:6]9wV:)vVC.Dxz0");
         key(&["key", "authorise", &public, "--name", "anna"]);
@@ -77,8 +80,10 @@ fn root_puts_no_key_where_the_service_could_not_read_it() {
     let folder = tempfile::tempdir().unwrap();
     std::os::unix::fs::chown(folder.path(), Some(1000), None).unwrap();
     let public = KeyPair::generate().unwrap().public().to_string();
-    for arguments in [&["new"][..], &["authorise", &public, "--name", "anna"], &["revoke", "anna"]] {
-        let output = onbrick().arg("key").args(arguments).arg("--keys").arg(folder.path()).output().unwrap();
+    for arguments in [&["new"][..], &["authorise", &public, "--name", "anna"], &["revoke", "anna"]]
+    {
+        let output =
+            onbrick().arg("key").args(arguments).arg("--keys").arg(folder.path()).output().unwrap();
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
         assert!(said.contains("sudo -u onbrick onbrick key"), "{arguments:?}: {said}");
@@ -94,7 +99,10 @@ fn a_key_that_is_revoked_is_refused_on_the_connection_that_it_has() {
     bench.authorised().remove("pc").unwrap();
     let refused = client.stop(None).unwrap_err();
     assert!(matches!(refused, ClientError::NotAuthorised { .. }), "{refused}");
-    assert!(matches!(bench.client().status(), Err(ClientError::NotAuthorised { .. })), "nor on a new one");
+    assert!(
+        matches!(bench.client().status(), Err(ClientError::NotAuthorised { .. })),
+        "nor on a new one"
+    );
     bench.authorised().add(&bench.pc.public(), "pc-again").unwrap();
     client.status().unwrap();
     let asked = bench.fake.asked.lock().unwrap();
@@ -136,7 +144,8 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
     let bench = Bench::new();
     let anna = KeyPair::generate().unwrap();
     let at = |port: u16| format!("127.0.0.1:{port}");
-    let closed = pair(&at(1), &anna, &name("anna"), Patience::new(1.0), &mut |_, _| true).unwrap_err();
+    let closed =
+        pair(&at(1), &anna, &name("anna"), Patience::new(1.0), &mut |_, _| true).unwrap_err();
     assert!(matches!(closed, ClientError::NoAnswer { .. }), "{closed}");
 
     let desk = bench.server.desk();
@@ -157,10 +166,11 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
             code
         });
         let mut seen = String::new();
-        let introduced = pair(&at(port), &anna, &name("anna"), Patience::new(60.0), &mut |brick, code| {
-            seen = code.to_owned();
-            brick.name.as_str() == "fake"
-        });
+        let introduced =
+            pair(&at(port), &anna, &name("anna"), Patience::new(60.0), &mut |brick, code| {
+                seen = code.to_owned();
+                brick.name.as_str() == "fake"
+            });
         assert_eq!(person.join().unwrap(), (seen, "anna".to_owned()));
         introduced.unwrap()
     });
@@ -172,7 +182,9 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
     desk.open(0);
     let port = opened(60);
     let refused = until("the window takes a PC again", || {
-        match pair(&at(port), &eve, &name("eve"), Patience::new(10.0), &mut |_, _| false).unwrap_err() {
+        match pair(&at(port), &eve, &name("eve"), Patience::new(10.0), &mut |_, _| false)
+            .unwrap_err()
+        {
             ClientError::Refused(refusal) if refusal.kind == Kind::NotAuthorised => Some(refusal),
             _ => None,
         }

@@ -56,7 +56,10 @@ fn bricks_that_are_not_there_cost_a_list_two_seconds_all_together() {
             let said = text(&output.stdout);
             println!("`{list}` with four absent bricks took {took:?}");
             assert!(took < Duration::from_secs(4), "{took:?}: {said}");
-            assert!(said.contains("sim  ") && said.matches("no answer from").count() == 4, "{said}");
+            assert!(
+                said.contains("sim  ") && said.matches("no answer from").count() == 4,
+                "{said}"
+            );
         }
     });
 }
@@ -81,7 +84,8 @@ fn push_finds_a_brick_by_the_name_under_which_it_is_known() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let key = KeyPair::generate().unwrap().public();
-    let brick = KnownBrick { name: "ev3-blue".to_owned(), address: "10.1.2.3:5999".to_owned(), key };
+    let brick =
+        KnownBrick { name: "ev3-blue".to_owned(), address: "10.1.2.3:5999".to_owned(), key };
     KnownBricks::load(&path("keys")).unwrap().put(&brick, None).unwrap();
     // What would be asked of ssh.
     std::fs::create_dir(path("bin")).unwrap();

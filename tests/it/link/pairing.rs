@@ -39,7 +39,8 @@ fn code(pc: (&PublicKey, &[u8]), brick: (&PublicKey, &[u8])) -> String {
 #[track_caller]
 fn is_harmless(said: &str) {
     let acts = |letter: char| {
-        letter != '\n' && letter.is_control() || "\u{202e}\u{2066}\u{200b}\u{2028}\u{2029}".contains(letter)
+        letter != '\n' && letter.is_control()
+            || "\u{202e}\u{2066}\u{200b}\u{2028}\u{2029}".contains(letter)
     };
     assert!(!said.contains(acts), "{said:?}");
 }
@@ -52,7 +53,10 @@ fn code_before(said: &str, name: &str) -> String {
         signs.len() == 7
             && (0..7).all(|at| if at == 3 { signs[at] == ' ' } else { signs[at].is_ascii_digit() })
     };
-    let line = said.lines().find(is_code).unwrap_or_else(|| panic!("no code in a line of its own: {said:?}"));
+    let line = said
+        .lines()
+        .find(is_code)
+        .unwrap_or_else(|| panic!("no code in a line of its own: {said:?}"));
     let before = said.split(line).next().unwrap();
     assert!(!before.contains(name) && said.contains(name), "{name} before the code: {said:?}");
     line.trim().to_owned()
@@ -88,7 +92,11 @@ impl Impostor {
                 socket.send_multipart(frames, 0).unwrap();
             }
         });
-        Self { address: endpoint.trim_start_matches("tcp://").to_owned(), over, thread: Some(thread) }
+        Self {
+            address: endpoint.trim_start_matches("tcp://").to_owned(),
+            over,
+            thread: Some(thread),
+        }
     }
 
     /// One that keeps to the exchange, with a name and a last word of its own.
@@ -97,7 +105,9 @@ impl Impostor {
         let number = [7_u8; 32];
         let name = name.to_owned();
         let impostor = Self::new(move |asked| match asked["step"].as_str().unwrap() {
-            "commit" => json!({"ok": {"step": "commit", "commit": commitment(b"B", &key, &number)}}),
+            "commit" => {
+                json!({"ok": {"step": "commit", "commit": commitment(b"B", &key, &number)}})
+            }
             "reveal" => json!({"ok": {
                 "step": "reveal", "key": key.to_string(), "number": hexadecimal(&number), "name": name
             }}),
@@ -137,7 +147,10 @@ fn flood() -> (String, JoinHandle<zmq::Socket>) {
 }
 
 #[test]
-#[cfg_attr(target_arch = "arm", ignore = "QEMU's user mode knows no TCP_INFO, by which the PC sees it")]
+#[cfg_attr(
+    target_arch = "arm",
+    ignore = "QEMU's user mode knows no TCP_INFO, by which the PC sees it"
+)]
 fn an_answer_without_end_does_not_come_into_the_pcs_memory() {
     let (address, flood) = flood();
     let way = super::hostile::slow_way(address).to_string();
@@ -151,9 +164,11 @@ fn an_answer_without_end_does_not_come_into_the_pcs_memory() {
         .unwrap();
     let mut peak_kb = 0;
     until("it gives up", || {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let status =
+            std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
         let line = status.lines().find(|line| line.starts_with("VmHWM:"));
-        let now_kb = line.and_then(|line| line.split_whitespace().nth(1)).and_then(|kb| kb.parse().ok());
+        let now_kb =
+            line.and_then(|line| line.split_whitespace().nth(1)).and_then(|kb| kb.parse().ok());
         peak_kb = peak_kb.max(now_kb.unwrap_or(0));
         child.try_wait().unwrap()
     });
@@ -229,7 +244,10 @@ fn a_person_who_says_no_or_only_presses_enter_knows_nothing_new_whatever_the_bri
         let pc = Pc::new();
         let output = pc.pair(&brick.address, answers);
         let said = text(&output.stderr);
-        assert!(output.status.code() == Some(3) && said.contains("nothing was kept"), "{answers:?}: {said}");
+        assert!(
+            output.status.code() == Some(3) && said.contains("nothing was kept"),
+            "{answers:?}: {said}"
+        );
         assert_eq!(pc.known(), [], "{answers:?}");
     }
 }
@@ -285,7 +303,8 @@ fn a_brick_that_shows_another_number_or_key_than_it_committed_to_is_refused() {
 }
 
 #[test]
-fn a_brick_of_a_known_name_with_another_key_is_asked_about_and_stays_out_unless_a_person_says_yes() {
+fn a_brick_of_a_known_name_with_another_key_is_asked_about_and_stays_out_unless_a_person_says_yes()
+{
     let (brick, key) = Impostor::exchanging("ev3-blue", json!({"ok": {"step": "paired"}}));
     let pc = Pc::new();
     let old = KnownBrick {
@@ -300,7 +319,10 @@ fn a_brick_of_a_known_name_with_another_key_is_asked_about_and_stays_out_unless_
         assert_eq!(output.status.code(), Some(3), "{answers:?}: {said}");
         let fingerprints = [old.key.fingerprint(), key.fingerprint()];
         assert!(fingerprints.iter().all(|one| said.contains(one)), "{answers:?}: {said}");
-        assert!(said.contains("ev3-blue stays as it was known") && said.contains("try: "), "{said}");
+        assert!(
+            said.contains("ev3-blue stays as it was known") && said.contains("try: "),
+            "{said}"
+        );
         assert_eq!(pc.known(), std::slice::from_ref(&old), "{answers:?}");
     }
     let output = pc.pair(&brick.address, "yes\nyes\n");
@@ -311,12 +333,21 @@ fn a_brick_of_a_known_name_with_another_key_is_asked_about_and_stays_out_unless_
     let key = old.key.to_string();
     let know = |more: &[&str]| {
         let mut command = onbrick();
-        command.env("ONBRICK_KEYS", pc.keys()).args(["key", "know", "ev3-blue", "ev3-blue.local", &key]);
+        command.env("ONBRICK_KEYS", pc.keys()).args([
+            "key",
+            "know",
+            "ev3-blue",
+            "ev3-blue.local",
+            &key,
+        ]);
         let output = command.args(more).output().unwrap();
         (output.status.code(), text(&output.stderr))
     };
     let (exit, said) = know(&[]);
-    assert!(exit == Some(3) && said.contains("with another key") && said.contains("--replace"), "{said}");
+    assert!(
+        exit == Some(3) && said.contains("with another key") && said.contains("--replace"),
+        "{said}"
+    );
     assert_eq!(know(&["--replace"]).0, Some(0));
     assert_eq!(pc.known(), [old]);
 }
@@ -370,14 +401,15 @@ impl Window {
     fn exchange(&self, name: &str) -> String {
         let number = [3_u8; 32];
         let pc = self.own.public();
-        let reply =
-            self.ask(json!({"step": "commit", "name": name, "commit": commitment(b"P", &pc, &number)}));
+        let reply = self
+            .ask(json!({"step": "commit", "name": name, "commit": commitment(b"P", &pc, &number)}));
         assert_eq!(reply["ok"]["step"], "commit", "{reply}");
         let revealed = self.ask(json!({"step": "reveal", "number": hexadecimal(&number)}));
         let brick = PublicKey::parse(revealed["ok"]["key"].as_str().unwrap()).unwrap();
         let theirs = revealed["ok"]["number"].as_str().unwrap();
-        let theirs: Vec<u8> =
-            (0..32).map(|at| u8::from_str_radix(&theirs[at * 2..at * 2 + 2], 16).unwrap()).collect();
+        let theirs: Vec<u8> = (0..32)
+            .map(|at| u8::from_str_radix(&theirs[at * 2..at * 2 + 2], 16).unwrap())
+            .collect();
         assert_eq!(reply["ok"]["commit"], commitment(b"B", &brick, &theirs));
         code((&pc, &number), (&brick, &theirs))
     }
@@ -390,7 +422,8 @@ fn a_pc_whose_name_is_a_trick_of_the_terminal_is_refused_and_the_brick_shows_not
         let mut person = at_the_brick(&service, "yes\n");
         let window = Window::of(&service);
         let commit = "0".repeat(64);
-        for name in ["ev\u{1b}]0;il", "a\n<3>error: b", "\u{202e}anna", "", "a b", &"x".repeat(300)] {
+        for name in ["ev\u{1b}]0;il", "a\n<3>error: b", "\u{202e}anna", "", "a b", &"x".repeat(300)]
+        {
             let reply = window.ask(json!({"step": "commit", "name": name, "commit": commit}));
             assert_eq!(reply["error"]["kind"], "bad_request", "{name:?}: {reply}");
         }
@@ -409,7 +442,8 @@ fn a_pc_whose_name_is_a_trick_of_the_terminal_is_refused_and_the_brick_shows_not
         is_harmless(&said);
         is_harmless(&service.log());
         assert_eq!(code_before(&said, name), code);
-        let authorised = Authorised::below(&service.path("keys")).find(&window.own.public()).unwrap();
+        let authorised =
+            Authorised::below(&service.path("keys")).find(&window.own.public()).unwrap();
         assert_eq!(authorised.as_deref(), Some(name));
     });
 }
@@ -445,8 +479,16 @@ fn both_sides_show_the_code_alone_in_a_line_and_before_any_word_of_the_other() {
         let person = at_the_brick(&service, "yes\n");
         std::fs::write(service.path("yes"), "yes\n").unwrap();
         let yes = service.path("yes").display().to_string();
-        let output =
-            service.pc(&["pair", &service.address, "--name", "anna", "--answers", &yes, "--timeout", "60"]);
+        let output = service.pc(&[
+            "pair",
+            &service.address,
+            "--name",
+            "anna",
+            "--answers",
+            &yes,
+            "--timeout",
+            "60",
+        ]);
         let there = person.wait_with_output().unwrap();
         assert!(output.status.success() && there.status.success(), "{}", text(&output.stderr));
         let (here, there) = (text(&output.stderr), text(&there.stderr));

@@ -1,4 +1,5 @@
-//! Other languages are clients too: the Python example of the protocol's page, against the real service.
+//! Other languages are clients too: the Python example of the protocol's page, against the real
+//! service.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -14,7 +15,8 @@ use crate::support::real_time::{alone, patiently};
 
 /// True, and said, where Python or the library is missing.
 fn no_pyzmq() -> bool {
-    let has_zmq = Command::new("python3").args(["-c", "import zmq; assert zmq.has('curve')"]).output();
+    let has_zmq =
+        Command::new("python3").args(["-c", "import zmq; assert zmq.has('curve')"]).output();
     let has_zmq = has_zmq.is_ok_and(|output| output.status.success());
     if !has_zmq {
         pass_over("python3 with pyzmq");
@@ -25,7 +27,9 @@ fn no_pyzmq() -> bool {
 /// A script of the repository's with these arguments, and behind them the keys of a folder.
 fn python(script: &str, arguments: &[&str], keys: &Path) -> Command {
     let mut command = Command::new("python3");
-    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script)).args(arguments);
+    command
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script))
+        .args(arguments);
     let own = std::fs::read_to_string(keys.join("own.key")).unwrap();
     for half in ["public", "secret"] {
         let line = own.lines().find(|line| line.starts_with(half)).unwrap();
@@ -45,7 +49,9 @@ fn the_python_example_asks_a_brick_and_brings_a_run_home() {
         service.introduce();
         service.done(&["start", "short", "sim"]);
         let run = newest(&service);
-        until("the run is over", || (!service.done(&["runs", "sim"]).contains("going on")).then_some(()));
+        until("the run is over", || {
+            (!service.done(&["runs", "sim"]).contains("going on")).then_some(())
+        });
 
         let key = |folder: &str| KeyPair::load(&service.path(folder)).unwrap();
         let home = service.path("python.mcap");
@@ -85,8 +91,10 @@ fn a_pc_pairs_by_what_the_protocols_page_says_and_nothing_else() {
                 .unwrap();
             // The window's socket is there a moment after the person has opened it.
             let mut script = until("the window is open", || {
-                let connected = std::net::TcpStream::connect((service.address.as_str(), 5671)).is_ok();
-                connected.then(|| python("link_pair.py", &[&service.address, "annas-laptop"], &folder))
+                let connected =
+                    std::net::TcpStream::connect((service.address.as_str(), 5671)).is_ok();
+                connected
+                    .then(|| python("link_pair.py", &[&service.address, "annas-laptop"], &folder))
             });
             let mut script = script.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
             script.stdin.take().unwrap().write_all(answer.as_bytes()).unwrap();
@@ -105,7 +113,8 @@ fn a_pc_pairs_by_what_the_protocols_page_says_and_nothing_else() {
             if is_let_in {
                 let key = KeyPair::load(&service.path("keys")).unwrap().public();
                 assert_eq!(said.lines().nth(1), Some(format!("sim {key}").as_str()));
-                let mut asks = python("link_client.py", &[&service.address, &key.to_string()], &folder);
+                let mut asks =
+                    python("link_client.py", &[&service.address, &key.to_string()], &folder);
                 let output = asks.output().unwrap();
                 assert!(text(&output.stdout).starts_with("sim ready"), "{}", text(&output.stderr));
             }

@@ -65,7 +65,8 @@ impl Bricks {
     pub(super) fn write(&self, mission: &str, poses: &[(&str, f64, f64, f64)]) {
         let mut toml = format!("name = \"two\"\nmission = \"{mission}\"\n");
         for (name, x_m, y_m, heading_deg) in poses {
-            writeln!(toml, "[brick.{name}]\nx_m = {x_m}\ny_m = {y_m}\nheading_deg = {heading_deg}").unwrap();
+            writeln!(toml, "[brick.{name}]\nx_m = {x_m}\ny_m = {y_m}\nheading_deg = {heading_deg}")
+                .unwrap();
         }
         std::fs::write(self.path("team.toml"), toml).unwrap();
     }
@@ -147,7 +148,8 @@ const APART: [(&str, f64, f64, f64); 2] = [("blue", 0.0, 0.0, 0.0), ("red", 3.0,
 
 #[test]
 fn the_seeds_two_robots_map_two_arenas_in_one_picture() {
-    // As long as in the seed: `ONBRICK_TEAM_S=120 cargo test --test it link::team::the_seeds -- --nocapture`.
+    // As long as in the seed: `ONBRICK_TEAM_S=120 cargo test --test it link::team::the_seeds --
+    // --nocapture`.
     let seconds = figures::number("ONBRICK_TEAM_S").unwrap_or(10);
     let _alone = alone();
     in_real_time("the seed's two robots", |pace| {
@@ -174,7 +176,8 @@ fn the_seeds_two_robots_map_two_arenas_in_one_picture() {
     });
 }
 
-/// Both arenas are in the picture's data, each by its own robot, and the points lie on the walls that are truly there.
+/// Both arenas are in the picture's data, each by its own robot, and the points lie on the walls
+/// that are truly there.
 fn is_one_map(team: &Bricks, pace: &Pace) {
     let world = World::named("two-arenas").unwrap();
     let csv = text(&team.read("points.csv"));
@@ -193,7 +196,8 @@ fn is_one_map(team: &Bricks, pace: &Pace) {
     if errors_m.is_empty() {
         return;
     }
-    let (median_m, p90_m) = (quantile(&mut errors_m, 0.5).unwrap(), quantile(&mut errors_m, 0.9).unwrap());
+    let (median_m, p90_m) =
+        (quantile(&mut errors_m, 0.5).unwrap(), quantile(&mut errors_m, 0.9).unwrap());
     println!(
         "{} points of blue and {} of red: to the nearest true wall {:.1} cm (median), {:.1} cm (90th percentile)",
         counts[0],
@@ -201,7 +205,9 @@ fn is_one_map(team: &Bricks, pace: &Pace) {
         median_m * 100.0,
         p90_m * 100.0
     );
-    pace.ensure(strayed * 50 <= errors_m.len(), || format!("{strayed} points are in the other's arena"));
+    pace.ensure(strayed * 50 <= errors_m.len(), || {
+        format!("{strayed} points are in the other's arena")
+    });
     pace.ensure(median_m < 0.06 && p90_m < 0.25, || format!("{median_m} m, {p90_m} m"));
     let path = text(&team.read("path.csv"));
     assert!(path.contains(",blue\n") && path.contains(",red\n"), "{path}");
@@ -220,7 +226,8 @@ fn is_one_map(team: &Bricks, pace: &Pace) {
     }
 }
 
-/// Another reader finds a namespace a brick, all in one frame, and both beginning within seconds of each other.
+/// Another reader finds a namespace a brick, all in one frame, and both beginning within seconds of
+/// each other.
 fn is_on_one_clock(team: &Bricks, lines: &[Value], pace: &Pace) {
     let merged = team.read("team.mcap");
     let Some(found) = python(&merged, "indexed") else { return };
@@ -238,11 +245,16 @@ fn is_on_one_clock(team: &Bricks, lines: &[Value], pace: &Pace) {
         assert_eq!(found["attachments"][format!("{name}/mission.toml")], run.mission_toml.unwrap());
         let offset_ns = metadata[format!("{name}/onbrick")]["wall_offset_ns"].as_str().unwrap();
         begun_ns.push(offset_ns.parse::<i64>().unwrap());
-        let clock =
-            lines.iter().find(|line| line["brick"] == name && !line["clock_behind_s"].is_null()).unwrap();
+        let clock = lines
+            .iter()
+            .find(|line| line["brick"] == name && !line["clock_behind_s"].is_null())
+            .unwrap();
         // Brick and PC are one machine here, with one calendar.
         let behind_s = clock["clock_behind_s"].as_f64().unwrap();
-        println!("{name}: its clock is {behind_s:.3} s behind the PC's, within {}", clock["within_s"]);
+        println!(
+            "{name}: its clock is {behind_s:.3} s behind the PC's, within {}",
+            clock["within_s"]
+        );
         pace.near(&format!("{name}'s clock, s"), behind_s, 0.0, 0.25);
     }
     let apart_s = onbrick::clock::seconds(begun_ns[0] - begun_ns[1]);
@@ -256,9 +268,12 @@ fn a_team_of_which_one_is_not_ready_does_not_start_at_all_and_says_why() {
         team.brick(name).mission("short", SHORT);
     }
     let names = ["blue", "green", "other", "broken", "robot", "flat", "shut", "gone"];
-    let poses: Vec<_> = (0..).zip(names).map(|(at, name)| (name, 3.0 * f64::from(at), 0.0, 0.0)).collect();
-    team.add("other", &["--sim", "arena"]).mission("short", &SHORT.replace("time_s > 2", "time_s > 3"));
-    team.add("broken", &["--sim", "arena"]).mission("short", &SHORT.replace("left_dps", "left_dpz"));
+    let poses: Vec<_> =
+        (0..).zip(names).map(|(at, name)| (name, 3.0 * f64::from(at), 0.0, 0.0)).collect();
+    team.add("other", &["--sim", "arena"])
+        .mission("short", &SHORT.replace("time_s > 2", "time_s > 3"));
+    team.add("broken", &["--sim", "arena"])
+        .mission("short", &SHORT.replace("left_dps", "left_dpz"));
     let robot = team.add("robot", &["--sim", "arena"]);
     robot.mission("short", SHORT);
     std::fs::write(robot.path("robot.toml"), "name = 3\n").unwrap();
@@ -305,7 +320,10 @@ fn a_team_of_which_one_is_not_ready_does_not_start_at_all_and_says_why() {
     assert!(table.contains("another mission"), "{table}");
     team.write("short", &poses[..2]);
     let lines = team.lines(&team.pc(&["status", "--team", "team.toml", "--json"]), 0);
-    assert!(lines.iter().all(|line| line["ready"] == true && line["sha256"].is_string()), "{lines:?}");
+    assert!(
+        lines.iter().all(|line| line["ready"] == true && line["sha256"].is_string()),
+        "{lines:?}"
+    );
     team.write("short", &poses[7..]);
     team.said(&team.pc(&["team", "team.toml", "--timeout", "1"]), 4);
 }
@@ -313,7 +331,8 @@ fn a_team_of_which_one_is_not_ready_does_not_start_at_all_and_says_why() {
 #[test]
 fn a_brick_that_does_not_take_the_start_stops_the_others() {
     let team = Bricks::in_world("two-arenas", &["blue", "red"]);
-    // A mission that comes from the PC is checked by each brick for its own robot, and red's has no range sensor.
+    // A mission that comes from the PC is checked by each brick for its own robot, and red's has no
+    // range sensor.
     let robot = "name = \"r\"\n[drive]\nmax_dps = 360\nleft = { port = \"outB\" }\nright = { port = \"outD\" }\nwheel_circumference_m = 0.19\ntrack_width_m = 0.11\n";
     std::fs::write(team.brick("red").path("robot.toml"), robot).unwrap();
     let mission = SHORT.replace("time_s > 2", "range_m < 0.01");
@@ -338,7 +357,8 @@ fn a_brick_that_is_lost_in_the_middle_leaves_what_has_come_and_the_others_go_on(
             brick.mission("short", &SHORT.replace("time_s > 2", "time_s > 8"));
         }
         team.write("short", &APART);
-        let mut child = team.start(&["--json", "team", "team.toml", "--lost", "4", "--timeout", "2"]);
+        let mut child =
+            team.start(&["--json", "team", "team.toml", "--lost", "4", "--timeout", "2"]);
         until("something of red's has come, or all is over", || {
             (team.part_of("red") > 100_000 || child.try_wait().unwrap().is_some()).then_some(())
         });
@@ -415,9 +435,13 @@ fn a_teams_file_with_mistakes_is_refused_with_their_places_and_its_bricks_are_me
     let said = team.said(&team.pc(&["team", "team.toml"]), 3);
     assert!(said.contains("team.toml:7:8") && said.contains("did you mean `blue`?"), "{said}");
     team.write("map", &[("blue", 0.0, 0.0, 0.0)]);
-    assert!(team.said(&team.pc(&["stop", "--team", "team.toml"]), 0).contains("blue: nothing was running"));
+    assert!(
+        team.said(&team.pc(&["stop", "--team", "team.toml"]), 0)
+            .contains("blue: nothing was running")
+    );
     team.said(&team.pc(&["stop", "blue", "--team", "team.toml"]), 2);
-    let file = text(&std::fs::read(team.path("team.toml")).unwrap()).replace("mission = \"map\"\n", "");
+    let file =
+        text(&std::fs::read(team.path("team.toml")).unwrap()).replace("mission = \"map\"\n", "");
     std::fs::write(team.path("team.toml"), file).unwrap();
     assert!(team.said(&team.pc(&["team", "team.toml"]), 2).contains("which mission?"));
     let template = text(&team.pc(&["new", "team"]).stdout);

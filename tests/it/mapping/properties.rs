@@ -1,15 +1,20 @@
-//! What holds of the mapper for any inputs: from any start, in any steps, and for numbers that are none.
+//! What holds of the mapper for any inputs: from any start, in any steps, and for numbers that are
+//! none.
 
 use onbrick::mapping::{
-    Estimate, Estimator, EstimatorConfig, EstimatorState, GyroReading, Inputs, Map, Method, Pose, RangeMount,
-    RangeReading,
+    Estimate, Estimator, EstimatorConfig, EstimatorState, GyroReading, Inputs, Map, Method, Pose,
+    RangeMount, RangeReading,
 };
 use proptest::prelude::*;
 
 use super::{BOTH, Robot, config, drive};
 
 fn pose() -> impl Strategy<Value = Pose> {
-    (-3.0..3.0, -3.0..3.0, -7.0..7.0).prop_map(|(x_m, y_m, heading_rad)| Pose { x_m, y_m, heading_rad })
+    (-3.0..3.0, -3.0..3.0, -7.0..7.0).prop_map(|(x_m, y_m, heading_rad)| Pose {
+        x_m,
+        y_m,
+        heading_rad,
+    })
 }
 
 /// Steps of at most what a robot can do in a tick: metres and radians.
@@ -45,7 +50,15 @@ fn any_reading() -> impl Strategy<Value = Option<f64>> {
 
 fn any_inputs() -> impl Strategy<Value = Inputs> {
     let times = prop_oneof![any::<i64>(), 0..10_000_000_000_i64];
-    (times.clone(), times, any_reading(), any_reading(), any_reading(), any_reading(), any_reading())
+    (
+        times.clone(),
+        times,
+        any_reading(),
+        any_reading(),
+        any_reading(),
+        any_reading(),
+        any_reading(),
+    )
         .prop_map(|(time_ns, changed_ns, left_rad, right_rad, gyro, head_rad, range)| Inputs {
             time_ns,
             left_rad,

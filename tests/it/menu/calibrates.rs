@@ -1,5 +1,6 @@
-//! Calibrating on the brick's screen, from the first page to the new numbers: the real menu, the real questions, a simulated robot that drives, and
-//! a person who knows nothing but the screen and the robot before it.
+//! Calibrating on the brick's screen, from the first page to the new numbers: the real menu, the
+//! real questions, a simulated robot that drives, and a person who knows nothing but the screen and
+//! the robot before it.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -38,8 +39,12 @@ impl AtTheScreen {
         let (sender, told) = channel();
         let (answers, replies) = channel();
         let (pressed, flags) = (Arc::default(), StopFlags::default());
-        let dialogue =
-            ScreenDialogue { told: sender, replies, pressed: Arc::clone(&pressed), flags: flags.clone() };
+        let dialogue = ScreenDialogue {
+            told: sender,
+            replies,
+            pressed: Arc::clone(&pressed),
+            flags: flags.clone(),
+        };
         let replies = Replies { sender: answers, pressed, flags };
         Self { menu, person, dialogue, told, replies, pages: Vec::new() }
     }
@@ -110,8 +115,9 @@ impl AtTheScreen {
 
     /// Writes a text over the one that stands there, letter by letter.
     fn write(&mut self, text: &str) {
-        let written =
-            |page: &str| page.lines().last().unwrap_or_default().trim_start_matches("> ").to_owned();
+        let written = |page: &str| {
+            page.lines().last().unwrap_or_default().trim_start_matches("> ").to_owned()
+        };
         let before = written(&self.menu.menu.text()).replace(['[', ']'], "");
         let length = before.chars().count().max(text.chars().count());
         let wanted: Vec<char> = format!("{text:length$}").chars().collect();
@@ -140,7 +146,12 @@ impl Dialogue for AtTheScreen {
         self.person.say(text);
     }
 
-    fn choose(&mut self, question: &str, choices: &[&str], default: usize) -> Result<usize, NoAnswer> {
+    fn choose(
+        &mut self,
+        question: &str,
+        choices: &[&str],
+        default: usize,
+    ) -> Result<usize, NoAnswer> {
         self.ask(
             |dialogue| dialogue.choose(question, choices, default),
             |here| {
@@ -179,7 +190,8 @@ impl Dialogue for AtTheScreen {
     }
 }
 
-/// Calibrates a robot with wrong numbers at the screen; the questions and what was said, page by page.
+/// Calibrates a robot with wrong numbers at the screen; the questions and what was said, page by
+/// page.
 fn calibrated(what: &str, straight: Straight) -> Vec<String> {
     let bench = setup::Bench::new("", 1);
     if straight == Straight::Metre {
@@ -189,8 +201,10 @@ fn calibrated(what: &str, straight: Straight) -> Vec<String> {
     let mut screen = AtTheScreen::new(Measurer::new(&bench));
     let flags = screen.replies.flags.clone();
     let options = CalibrateOptions { straight: Some(straight), ..CalibrateOptions::default() };
-    let outcome = calibrate(&bench.tree, &*bench.clock, &flags, &mut screen, &load(&robot), &options);
-    let calibration = outcome.unwrap_or_else(|error| panic!("{error}\n{}", screen.pages.join("\n")));
+    let outcome =
+        calibrate(&bench.tree, &*bench.clock, &flags, &mut screen, &load(&robot), &options);
+    let calibration =
+        outcome.unwrap_or_else(|error| panic!("{error}\n{}", screen.pages.join("\n")));
     bench.assert_still();
     assert_near(what, &bench, &robot, &calibration);
     let done = "robot.toml is written.".to_owned();

@@ -1,6 +1,7 @@
 //! The real menu against a real service: `onbrick menu` and `onbrick serve --sim`, as processes.
 //!
-//! `ONBRICK_MENU_KILLS=1000 cargo test --test it menu::live -- --nocapture` kills the menu so many times; it prints how the runs ended.
+//! `ONBRICK_MENU_KILLS=1000 cargo test --test it menu::live -- --nocapture` kills the menu so many
+//! times; it prints how the runs ended.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
@@ -15,7 +16,9 @@ use nix::unistd::{Pid, mkfifo};
 use onbrick::clock::MonotonicClock;
 use onbrick::ev3dev::Button;
 use onbrick::service::client::Client;
-use onbrick::service::protocol::{Chosen, LocalOnly, Request, RunId, Start, Started, State, Status, Stopped};
+use onbrick::service::protocol::{
+    Chosen, LocalOnly, Request, RunId, Start, Started, State, Status, Stopped,
+};
 
 use crate::mount::bench::{Mounted, real_time};
 use crate::support::own_address;
@@ -54,7 +57,9 @@ pub(super) fn eventually<T>(what: &str, mut look: impl FnMut() -> Result<T, Stri
     loop {
         match look() {
             Ok(found) => return found,
-            Err(last) => assert!(began.elapsed() < DEADLINE, "{what}: not in {DEADLINE:?}; last:\n{last}"),
+            Err(last) => {
+                assert!(began.elapsed() < DEADLINE, "{what}: not in {DEADLINE:?}; last:\n{last}")
+            }
         }
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -88,8 +93,9 @@ impl Served {
     }
 
     fn begin(&mut self) {
-        let serve =
-            onbrick(&["serve", &self.place[0], &self.place[1], "--config", self.config()]).spawn().unwrap();
+        let serve = onbrick(&["serve", &self.place[0], &self.place[1], "--config", self.config()])
+            .spawn()
+            .unwrap();
         self.serve = Some(Running(serve));
         self.until("the service answers", |_| true);
     }
@@ -99,7 +105,9 @@ impl Served {
     }
 
     fn status(&self) -> Result<Status, String> {
-        self.client().ask(&Request::Status, Duration::from_secs(5)).map_err(|error| error.to_string())
+        self.client()
+            .ask(&Request::Status, Duration::from_secs(5))
+            .map_err(|error| error.to_string())
     }
 
     #[track_caller]
@@ -110,7 +118,8 @@ impl Served {
         })
     }
 
-    /// The machine had no time for the control loop, which ends the run as it should; nothing of the menu's can be seen then.
+    /// The machine had no time for the control loop, which ends the run as it should; nothing of
+    /// the menu's can be seen then.
     fn is_too_slow(&self) -> bool {
         let last = self.status().ok().and_then(|status| status.last);
         last.is_some_and(|last| ["late", "guard"].contains(&last.stop.reason.word().as_str()))
@@ -124,8 +133,13 @@ impl Served {
 
     fn start(&self, name: &str) {
         let run = RunId::new(name).unwrap();
-        let start =
-            Start { run, mission: Chosen::Name("map".to_owned()), token: None, pose: None, set: Vec::new() };
+        let start = Start {
+            run,
+            mission: Chosen::Name("map".to_owned()),
+            token: None,
+            pose: None,
+            set: Vec::new(),
+        };
         let asked = LocalOnly::StartHere(start);
         // The run before may just be letting go of the hardware.
         eventually("a run that is started", || {
@@ -183,7 +197,8 @@ impl Piped {
     }
 }
 
-/// Plays a scenario, and again where the machine was too slow for the run in it: what the scenario says by `None`.
+/// Plays a scenario, and again where the machine was too slow for the run in it: what the scenario
+/// says by `None`.
 fn played(name: &str, scenario: impl Fn() -> Option<()>) {
     in_real_time(name, |pace| {
         pace.ensure(scenario().is_some(), || "the control loop was late".to_owned());
@@ -217,7 +232,8 @@ fn a_mission_is_chosen_started_watched_and_stopped_from_the_menu() {
         grown?;
         menu.keys("e");
         menu.shows(&served, "> Show the map")?;
-        let last = served.until("the run is over", |status| status.state == State::Stopped).last.unwrap();
+        let last =
+            served.until("the run is over", |status| status.state == State::Stopped).last.unwrap();
         assert_eq!((last.mission.as_str(), last.is_wanted()), ("map", true), "{last:?}");
         menu.keys("e");
         menu.shows(&served, "[Run 1]")?;
@@ -250,7 +266,8 @@ fn setting_up_on_the_screen_writes_the_robots_file_by_the_commands_own_code() {
     menu.keys("rrr");
     menu.shows(&served, "> Set up the robot");
     menu.keys("e");
-    // Every question is answered by what stands there at first; Enter scrolls where it is not in view yet.
+    // Every question is answered by what stands there at first; Enter scrolls where it is not in
+    // view yet.
     let over = eventually("the end of the questions", || {
         let page = menu.page();
         if page.contains("robot.toml is written.") || page.contains("Nothing was written.") {
@@ -260,10 +277,9 @@ fn setting_up_on_the_screen_writes_the_robots_file_by_the_commands_own_code() {
             // The next press only when this one has shown, if only by scrolling.
             let before = menu.pictures();
             menu.keys("e");
-            eventually(
-                "another picture",
-                || if menu.pictures() > before { Ok(()) } else { Err(menu.page()) },
-            );
+            eventually("another picture", || {
+                if menu.pictures() > before { Ok(()) } else { Err(menu.page()) }
+            });
         }
         Err(page)
     });
@@ -284,7 +300,9 @@ impl Root {
         let folder = tempfile::tempdir().unwrap();
         let class = folder.path().join("sys/class/graphics/fb0");
         fs::create_dir_all(&class).unwrap();
-        for (name, text) in [("bits_per_pixel", "32\n"), ("virtual_size", "178,128\n"), ("stride", "712\n")] {
+        for (name, text) in
+            [("bits_per_pixel", "32\n"), ("virtual_size", "178,128\n"), ("stride", "712\n")]
+        {
             fs::write(class.join(name), text).unwrap();
         }
         let buttons = folder.path().join(onbrick::ev3dev::BUTTONS_PATH);
@@ -313,14 +331,19 @@ impl Root {
         fs::read(self.path().join("dev/fb0")).unwrap()
     }
 
-    /// The screen once the list of missions is on it: the one that is chosen is a black bar, as the head is.
+    /// The screen once the list of missions is on it: the one that is chosen is a black bar, as the
+    /// head is.
     #[track_caller]
     fn list(&self) -> Vec<u8> {
         eventually("a list of missions", || {
             let screen = self.screen();
             let black = screen.chunks_exact(4).filter(|pixel| pixel[..3] == [0; 3]).count();
             let is_there = screen.len() == 178 * 128 * 4 && black > 178 * 22;
-            if is_there { Ok(screen) } else { Err(format!("{} bytes, {black} black pixels", screen.len())) }
+            if is_there {
+                Ok(screen)
+            } else {
+                Err(format!("{} bytes, {black} black pixels", screen.len()))
+            }
         })
     }
 
@@ -340,7 +363,9 @@ fn the_bricks_buttons_turn_the_pages_on_its_screen() {
     let first = root.list();
     root.event(Button::Right, 1);
     root.event(Button::Right, 0);
-    eventually("another page", || if root.screen() == first { Err("the same".to_owned()) } else { Ok(()) });
+    eventually("another page", || {
+        if root.screen() == first { Err("the same".to_owned()) } else { Ok(()) }
+    });
     let proc = fs::read_to_string(format!("/proc/{}/status", menu.0.id())).unwrap();
     let resident = proc.lines().find(|line| line.starts_with("VmRSS")).unwrap_or_default();
     println!("the menu's memory on this machine: {resident}");
@@ -373,7 +398,10 @@ fn a_menu_of_brickmans_that_is_killed_takes_its_run_with_it_and_one_of_ours_does
     }
     println!("{kills} menus killed; the runs ended by {ends:?}");
     assert_eq!(ends.get("menu closed"), Some(&kills), "{ends:?}");
-    assert!(ends.keys().all(|word| ["menu closed", "late", "guard"].contains(&word.as_str())), "{ends:?}");
+    assert!(
+        ends.keys().all(|word| ["menu closed", "late", "guard"].contains(&word.as_str())),
+        "{ends:?}"
+    );
 
     played("a run that survives the menu", || {
         let menu = root.menu(&served, &["--at-boot"]);

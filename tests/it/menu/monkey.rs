@@ -1,7 +1,8 @@
-//! A monkey on the buttons: whatever is pressed, however late the answers are, nothing panics, nothing hangs, no motor is left on.
+//! A monkey on the buttons: whatever is pressed, however late the answers are, nothing panics,
+//! nothing hangs, no motor is left on.
 //!
-//! The short form runs with the others; `ONBRICK_MONKEY=1000000 cargo test --test it menu::monkey -- --nocapture` is the long one, and
-//! prints its figures.
+//! The short form runs with the others; `ONBRICK_MONKEY=1000000 cargo test --test it menu::monkey
+//! -- --nocapture` is the long one, and prints its figures.
 
 use onbrick::clock::MILLISECOND_NS;
 use onbrick::ev3dev::Button;
@@ -39,7 +40,10 @@ fn happens(bench: &mut Bench, chance: &mut Chance) {
             world.status.last = Some(last(StopReason::Lost(Channel::Gyro)));
             world.enter(State::Fault);
         }
-        7 => world.pairing = Pairing::Compare { code: "482 915".to_owned(), name: "ÄÖÜ".to_owned() },
+        7 => {
+            world.pairing =
+                Pairing::Compare { code: "482 915".to_owned(), name: "ÄÖÜ".to_owned() }
+        }
         8 => world.missions.missions.clear(),
         9 => world.missions.missions = vec![mission("map", None), mission("bump", Some("broken"))],
         10 => world.live.devices.truncate(2),
@@ -86,7 +90,10 @@ fn play(presses: u32, seed: u64, started_by: StartedBy) -> u64 {
             // Longer than a lease.
             bench.pass(400);
             let turning = bench.service.world().turning.clone();
-            assert!(turning.is_empty(), "no button is held, and these turn: {turning:?} (seed {seed})");
+            assert!(
+                turning.is_empty(),
+                "no button is held, and these turn: {turning:?} (seed {seed})"
+            );
         }
     }
     if let Some(button) = held {
@@ -115,7 +122,8 @@ fn play(presses: u32, seed: u64, started_by: StartedBy) -> u64 {
 
 #[test]
 fn whatever_is_pressed_the_menu_goes_on_and_no_motor_is_left_on() {
-    let presses = std::env::var("ONBRICK_MONKEY").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000);
+    let presses =
+        std::env::var("ONBRICK_MONKEY").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000);
     let games = [StartedBy::Boot, StartedBy::Brickman, StartedBy::Terminal];
     for (seed, started_by) in (1..).zip(games) {
         let frames = play(presses / 3 + 1, seed, started_by);

@@ -1,5 +1,6 @@
-//! Every page in every state as a picture that a person has looked at: `tests/data/menu/*.png`, compared pixel by pixel.
-//! `ONBRICK_BLESS=1 cargo test --test it menu::` writes them anew; look at what changed.
+//! Every page in every state as a picture that a person has looked at: `tests/data/menu/*.png`,
+//! compared pixel by pixel. `ONBRICK_BLESS=1 cargo test --test it menu::` writes them anew; look at
+//! what changed.
 
 use std::path::PathBuf;
 
@@ -19,7 +20,8 @@ fn path_of(name: &str) -> PathBuf {
 }
 
 fn read(name: &str) -> Option<Vec<u8>> {
-    let mut reader = png::Decoder::new(std::fs::File::open(path_of(name)).ok()?).read_info().ok()?;
+    let mut reader =
+        png::Decoder::new(std::fs::File::open(path_of(name)).ok()?).read_info().ok()?;
     let mut pixels = vec![0; reader.output_buffer_size()];
     reader.next_frame(&mut pixels).ok()?;
     Some(pixels)
@@ -27,7 +29,8 @@ fn read(name: &str) -> Option<Vec<u8>> {
 
 fn write(name: &str, canvas: &Canvas) {
     std::fs::create_dir_all(path_of(name).parent().unwrap()).unwrap();
-    let mut encoder = png::Encoder::new(std::fs::File::create(path_of(name)).unwrap(), WIDTH, HEIGHT);
+    let mut encoder =
+        png::Encoder::new(std::fs::File::create(path_of(name)).unwrap(), WIDTH, HEIGHT);
     encoder.set_color(png::ColorType::Grayscale);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.write_header().unwrap().write_image_data(canvas.pixels()).unwrap();
@@ -77,14 +80,16 @@ fn lists_may_be_empty_long_or_not_there_yet() {
     holds("runs-none", &mut bench);
     bench.keys("r");
     holds("ports-none", &mut bench);
-    let long = "Erkundungsfahrt durch das große Klassenzimmer der Ölmühle (Straßenseite) – äöü ñ é €";
+    let long =
+        "Erkundungsfahrt durch das große Klassenzimmer der Ölmühle (Straßenseite) – äöü ñ é €";
     bench.service.world().missions.missions =
         vec![mission(long, None), mission("мир", None), mission("map", None)];
     bench.keys("ll");
     bench.pass(4000);
     bench.keys("d");
     holds("missions-long-names", &mut bench);
-    bench.service.world().runs.runs = (0..60).map(|number| run_info(100 - number, "map", None)).collect();
+    bench.service.world().runs.runs =
+        (0..60).map(|number| run_info(100 - number, "map", None)).collect();
     bench.keys("r ddddddddd");
     holds("runs-many", &mut bench);
 }
@@ -118,7 +123,8 @@ fn a_run_shows_how_it_goes_and_its_map_grows() {
     bench.keys("dee");
     holds("preparing", &mut bench);
     bench.service.world().enter(State::Running);
-    bench.service.world().status.run.as_mut().unwrap().progress = Some(super::scripted::progress(37.0));
+    bench.service.world().status.run.as_mut().unwrap().progress =
+        Some(super::scripted::progress(37.0));
     bench.pass(1000);
     holds("running", &mut bench);
     // The map from nothing to half of it, the robot where the recording says that it was.
@@ -139,7 +145,8 @@ fn a_run_shows_how_it_goes_and_its_map_grows() {
     }
     bench.keys("l");
     bench.service.world().status.battery_v = Some(6.4);
-    bench.service.world().status.run.as_mut().unwrap().progress.as_mut().unwrap().battery_v = Some(6.4);
+    bench.service.world().status.run.as_mut().unwrap().progress.as_mut().unwrap().battery_v =
+        Some(6.4);
     bench.pass(1000);
     holds("running-flat-battery", &mut bench);
     bench.late_ns = 60 * 1_000_000_000;
@@ -222,7 +229,10 @@ fn settings_are_changed_and_a_pc_is_paired() {
         ),
         ("pairing-paired", Pairing::Paired { name: "Anna's laptop".to_owned() }),
         ("pairing-failed", Pairing::Failed { why: "the codes are not the same".to_owned() }),
-        ("pairing-no-link", Pairing::NoLink { why: "waits for entropy, which comes with use".to_owned() }),
+        (
+            "pairing-no-link",
+            Pairing::NoLink { why: "waits for entropy, which comes with use".to_owned() },
+        ),
     ] {
         bench.service.world().pairing = pairing;
         bench.pass(1000);
@@ -239,14 +249,18 @@ fn setting_up_asks_on_the_screen() {
     let mut bench = Bench::ready();
     bench.keys("rrr e");
     holds("talk-begins", &mut bench);
-    for line in
-        ["Plugged in:", "  outA   lego-ev3-m-motor", "  outB   lego-ev3-l-motor", "  outD   lego-ev3-l-motor"]
-    {
+    for line in [
+        "Plugged in:",
+        "  outA   lego-ev3-m-motor",
+        "  outB   lego-ev3-l-motor",
+        "  outD   lego-ev3-l-motor",
+    ] {
         bench.menu.told(Told::Said(line.to_owned()));
     }
-    bench
-        .menu
-        .told(Told::Write { question: "What is the robot called?".to_owned(), default: "mapper".to_owned() });
+    bench.menu.told(Told::Write {
+        question: "What is the robot called?".to_owned(),
+        default: "mapper".to_owned(),
+    });
     bench.turn();
     holds("talk-text", &mut bench);
     bench.keys("dd");
@@ -257,8 +271,12 @@ fn setting_up_asks_on_the_screen() {
     bench.menu.told(Told::Said("The motor on outB turns now.".to_owned()));
     bench.turn();
     holds("talk-said", &mut bench);
-    let choices =
-        ["the left wheel", "the right wheel", "the head that carries the range sensor", "something else"];
+    let choices = [
+        "the left wheel",
+        "the right wheel",
+        "the head that carries the range sensor",
+        "something else",
+    ];
     bench.menu.told(Told::Choose {
         question: "What did the motor on outB move?".to_owned(),
         choices: choices.map(str::to_owned).to_vec(),
@@ -291,7 +309,10 @@ fn nothing_is_drawn_while_nothing_changes_and_never_more_than_twenty_frames_a_se
     bench.menu.press(Button::Down);
     bench.pass(10_000);
     let moved = bench.frames - before;
-    assert!((2..=3).contains(&moved), "a list of three, gone through while Down was held: {moved} frames");
+    assert!(
+        (2..=3).contains(&moved),
+        "a list of three, gone through while Down was held: {moved} frames"
+    );
     bench.menu.release(Button::Down);
     bench.keys("uue e");
     bench.pass(2000);
@@ -306,7 +327,8 @@ fn nothing_is_drawn_while_nothing_changes_and_never_more_than_twenty_frames_a_se
 fn a_turn_without_a_change_costs_far_less_than_a_picture() {
     let mut bench = Bench::ready();
     // By the thread's own clock: the machine may be busy.
-    let spent = || std::time::Duration::from(clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).unwrap());
+    let spent =
+        || std::time::Duration::from(clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).unwrap());
     let cost_us = |turns: u32, bench: &mut Bench, turn: &mut dyn FnMut(&mut Bench)| {
         let before = spent();
         (0..turns).for_each(|_| turn(bench));
@@ -329,6 +351,8 @@ fn a_turn_without_a_change_costs_far_less_than_a_picture() {
         bench.menu.press(Button::Back);
         bench.turn();
     });
-    println!("a turn: {unchanged_us:.1} us unchanged, {list_us:.0} us a page, {map_us:.0} us a map");
+    println!(
+        "a turn: {unchanged_us:.1} us unchanged, {list_us:.0} us a page, {map_us:.0} us a map"
+    );
     assert!(10.0 * unchanged_us < list_us && list_us < map_us);
 }

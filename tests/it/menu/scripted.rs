@@ -8,9 +8,9 @@ use onbrick::mapping::{Pose, Range};
 use onbrick::recording;
 use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{
-    Answer, Caller, Chosen, Disk, Done, Fetch, Fetched, Kind, LastStop, Live, LiveDevice, LocalOnly,
-    MissionInfo, Missions, Operations, Pairing, Refusal, Request, RunId, RunInfo, RunStatus, Runs, Settings,
-    Start, Started, State, Status, Stopped,
+    Answer, Caller, Chosen, Disk, Done, Fetch, Fetched, Kind, LastStop, Live, LiveDevice,
+    LocalOnly, MissionInfo, Missions, Operations, Pairing, Refusal, Request, RunId, RunInfo,
+    RunStatus, Runs, Settings, Start, Started, State, Status, Stopped,
 };
 use serde::Serialize;
 
@@ -116,7 +116,11 @@ impl Default for Scripted {
             since_ns: 0,
             runs_by_itself: true,
             missions: Missions {
-                missions: vec![mission("bump", None), mission("map", None), mission("wall", Some(broken))],
+                missions: vec![
+                    mission("bump", None),
+                    mission("map", None),
+                    mission("wall", Some(broken)),
+                ],
             },
             runs: Runs {
                 runs: vec![
@@ -298,7 +302,9 @@ impl Operations for Scripted {
             Request::Runs => answer(&world.runs),
             Request::Stop { .. } => world.stop(StopReason::Remote),
             Request::Fetch(fetch) => world.fetch(fetch),
-            Request::Start(_) | Request::Identify => panic!("the menu does not ask for this: {request:?}"),
+            Request::Start(_) | Request::Identify => {
+                panic!("the menu does not ask for this: {request:?}")
+            }
         }
     }
 
@@ -343,8 +349,11 @@ impl Operations for Scripted {
             }
             LocalOnly::PairingWindow { seconds } => {
                 world.done.push(format!("pairing window {seconds} s"));
-                world.pairing =
-                    if *seconds > 0 { Pairing::Open { seconds: *seconds } } else { Pairing::Closed };
+                world.pairing = if *seconds > 0 {
+                    Pairing::Open { seconds: *seconds }
+                } else {
+                    Pairing::Closed
+                };
                 return answer(&world.pairing);
             }
             LocalOnly::PairingAnswer { same } => {

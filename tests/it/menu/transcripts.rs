@@ -1,5 +1,5 @@
-//! Buttons pressed, what the screen says and what the service was asked to do, as a transcript: `tests/data/menu-transcripts.txt`.
-//! `ONBRICK_BLESS=1` writes it anew; read what changed.
+//! Buttons pressed, what the screen says and what the service was asked to do, as a transcript:
+//! `tests/data/menu-transcripts.txt`. `ONBRICK_BLESS=1` writes it anew; read what changed.
 
 use std::fmt::Write as _;
 
@@ -90,25 +90,36 @@ fn sessions_at_the_brick_go_as_they_were_written_down() {
     .pass(3000)
     .keys("lb")
     .end(&mut text);
-    Session::begin(&mut text, "In a terminal the menu asks for the stop itself", StartedBy::Terminal)
-        .keys("ee")
-        .pass(2000)
-        .keys("b")
-        .pass(1000)
-        .keys("de")
-        .end(&mut text);
-    Session::begin(&mut text, "A mission that is refused, and one that is broken", StartedBy::Brickman)
-        .happens("the gyro is unplugged", |bench| {
-            bench.service.world().refuses = Some(
-                Refusal::new(Kind::NotReady, "the gyro on in4 is not plugged in").hint("onbrick doctor"),
-            );
-        })
-        .keys("eeelddee")
-        .end(&mut text);
+    Session::begin(
+        &mut text,
+        "In a terminal the menu asks for the stop itself",
+        StartedBy::Terminal,
+    )
+    .keys("ee")
+    .pass(2000)
+    .keys("b")
+    .pass(1000)
+    .keys("de")
+    .end(&mut text);
+    Session::begin(
+        &mut text,
+        "A mission that is refused, and one that is broken",
+        StartedBy::Brickman,
+    )
+    .happens("the gyro is unplugged", |bench| {
+        bench.service.world().refuses = Some(
+            Refusal::new(Kind::NotReady, "the gyro on in4 is not plugged in")
+                .hint("onbrick doctor"),
+        );
+    })
+    .keys("eeelddee")
+    .end(&mut text);
     Session::begin(&mut text, "A run is deleted, after another was kept", StartedBy::Boot)
         .keys("reeeede")
         .end(&mut text);
-    Session::begin(&mut text, "Settings and pairing", StartedBy::Boot).keys("ledeedde").end(&mut text);
+    Session::begin(&mut text, "Settings and pairing", StartedBy::Boot)
+        .keys("ledeedde")
+        .end(&mut text);
     Session::begin(&mut text, "A PC is paired", StartedBy::Boot)
         .keys("lddde")
         .keys("e")
@@ -145,7 +156,10 @@ fn a_motor_turns_as_long_as_a_button_is_held_and_no_longer() {
     bench.menu.press(Button::Up);
     bench.pass(1000);
     let jogs = bench.service.done();
-    assert!((9..=11).contains(&jogs.len()) && jogs.iter().all(|jog| jog == "jog outB 30"), "{jogs:?}");
+    assert!(
+        (9..=11).contains(&jogs.len()) && jogs.iter().all(|jog| jog == "jog outB 30"),
+        "{jogs:?}"
+    );
     assert!(bench.service.world().turning.contains_key("outB"));
     bench.menu.release(Button::Up);
     bench.pass(100);
@@ -165,10 +179,15 @@ fn a_motor_turns_as_long_as_a_button_is_held_and_no_longer() {
 fn a_refused_jog_says_so_once_and_is_not_repeated() {
     let mut bench = Bench::ready();
     bench.keys("rr ddde");
-    bench.service.world().refuses = Some(Refusal::new(Kind::Busy, "setting up at the menu has the motors"));
+    bench.service.world().refuses =
+        Some(Refusal::new(Kind::Busy, "setting up at the menu has the motors"));
     bench.menu.press(Button::Up);
     bench.pass(2000);
-    assert!(bench.menu.text().contains("setting up at the menu has the motors"), "{}", bench.menu.text());
+    assert!(
+        bench.menu.text().contains("setting up at the menu has the motors"),
+        "{}",
+        bench.menu.text()
+    );
     assert!(bench.service.world().turning.is_empty(), "{:?}", bench.service.done());
 }
 

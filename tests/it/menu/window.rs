@@ -1,4 +1,5 @@
-//! `onbrick menu --window` in a pseudo-terminal: what a person sees there, at every size, and what is left behind.
+//! `onbrick menu --window` in a pseudo-terminal: what a person sees there, at every size, and what
+//! is left behind.
 
 use std::fs::File;
 use std::io::{Read, Write as _};
@@ -32,7 +33,8 @@ impl Terminal {
         let written = Arc::new(Mutex::new(Vec::new()));
         let keyboard = File::from(pty.master);
         let (mut screen, seen) = (keyboard.try_clone().unwrap(), written.clone());
-        // It ends with the last descriptor of the other side, at the latest with the test's process.
+        // It ends with the last descriptor of the other side, at the latest with the test's
+        // process.
         std::thread::spawn(move || {
             let mut bytes = [0; 4096];
             while let Ok(count @ 1..) = screen.read(&mut bytes) {
@@ -49,7 +51,8 @@ impl Terminal {
     fn resize(&self, columns: u16, rows: u16) {
         let mut command = Command::new("stty");
         command.arg("-F").arg(ttyname(&self.line).unwrap());
-        let status = command.args(["cols", &columns.to_string(), "rows", &rows.to_string()]).status();
+        let status =
+            command.args(["cols", &columns.to_string(), "rows", &rows.to_string()]).status();
         assert!(status.unwrap().success());
     }
 
@@ -102,7 +105,8 @@ fn blocks(page: &str) -> Vec<Vec<bool>> {
     rows
 }
 
-/// Eight pixels a letter: Unicode counts the dots of a Braille cell down the left side, down the right, and the lowest row last.
+/// Eight pixels a letter: Unicode counts the dots of a Braille cell down the left side, down the
+/// right, and the lowest row last.
 fn dots(page: &str) -> Vec<Vec<bool>> {
     let is_dots = |letter: &char| ('\u{2800}'..='\u{28ff}').contains(letter);
     let mut rows = Vec::new();
@@ -131,12 +135,16 @@ fn the_window_shows_one_page_at_every_size_and_leaves_the_terminal_as_it_was() {
     terminal.resize(100, 40);
     assert_eq!(terminal.picture(dots), large, "the same pixels, eight a letter");
     let dark = large.iter().flatten().filter(|dark| **dark).count();
-    assert!((178 * 15..178 * 40).contains(&dark), "a black head and some words: {dark} dark pixels");
+    assert!(
+        (178 * 15..178 * 40).contains(&dark),
+        "a black head and some words: {dark} dark pixels"
+    );
     terminal.resize(40, 10);
     assert!(terminal.shows("[onbrick]").lines().count() <= 10, "{}", terminal.page());
     terminal.keys("q");
-    let end =
-        eventually("the window's end", || terminal.menu.0.try_wait().unwrap().ok_or_else(|| terminal.page()));
+    let end = eventually("the window's end", || {
+        terminal.menu.0.try_wait().unwrap().ok_or_else(|| terminal.page())
+    });
     assert_eq!(end.code(), Some(0));
     eventually("the other screen's end", || {
         let written = terminal.written();
@@ -159,9 +167,11 @@ fn arrows_enter_and_escape_lead_through_every_page_of_the_window() {
     terminal.keys("\x1b");
     terminal.shows("[Missions]");
     // Pages that are read from the service: each with something that only it knows.
-    for (keys, sees) in
-        [("\x1b[D", "> Lights: on"), ("\x1b[B\x1b[B\x1b[B", "> Pair a PC"), ("\r", "> Open for two minutes")]
-    {
+    for (keys, sees) in [
+        ("\x1b[D", "> Lights: on"),
+        ("\x1b[B\x1b[B\x1b[B", "> Pair a PC"),
+        ("\r", "> Open for two minutes"),
+    ] {
         terminal.keys(keys);
         terminal.shows(sees);
     }

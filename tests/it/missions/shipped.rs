@@ -47,7 +47,8 @@ fn pushing_s(played: &Played) -> f64 {
 #[test]
 fn missions_that_drive_about_end_as_intended_in_every_room_and_push_nothing_for_long() {
     for mission in ["map", "bump", "wall", "template"] {
-        // `wall` gets jammed in the passages of `rooms`, in one seed of twenty, and then says that a wheel is blocked.
+        // `wall` gets jammed in the passages of `rooms`, in one seed of twenty, and then says that
+        // a wheel is blocked.
         for world in ROOMS.into_iter().filter(|world| (mission, *world) != ("wall", "rooms")) {
             let pushing: Vec<f64> = seeds(20)
                 .map(|seed| {
@@ -61,7 +62,10 @@ fn missions_that_drive_about_end_as_intended_in_every_room_and_push_nothing_for_
                 })
                 .collect();
             let worst_s = pushing.iter().copied().fold(0.0, f64::max);
-            println!("{mission} in {world}: pushed for {worst_s:.1} s at most in {} seeds", pushing.len());
+            println!(
+                "{mission} in {world}: pushed for {worst_s:.1} s at most in {} seeds",
+                pushing.len()
+            );
             assert!(worst_s < 8.0, "{mission} in {world} pushed for {pushing:.1?} s");
         }
     }
@@ -100,7 +104,8 @@ fn map_looks_round_without_touching_a_wall() {
         let near = |point: &onbrick::mapping::MapPoint| {
             world.distance_to_nearest_surface(point.x_m, point.y_m) < 0.10
         };
-        let near = run.points.iter().filter(|point| near(point)).count() as f64 / run.points.len() as f64;
+        let near =
+            run.points.iter().filter(|point| near(point)).count() as f64 / run.points.len() as f64;
         let touching_s = played.share(|truth| truth.touching) * played.ended.time_s;
         println!(
             "map {seed}: {} points, {:.0} % within 10 cm of a wall, touching for {touching_s:.1} s",
@@ -121,8 +126,11 @@ fn bump_backs_off_each_time_and_gets_about() {
         let bumps = times(&played, |truth| truth.touching);
         let pushing_s = played.longest_s(|truth| truth.touching && truth.speed_mps.abs() < 0.01);
         let way_m = played.truths.last().unwrap().travelled_m;
-        let far_m =
-            played.truths.iter().map(|truth| distance_m(truth, &played.truths[0])).fold(0.0, f64::max);
+        let far_m = played
+            .truths
+            .iter()
+            .map(|truth| distance_m(truth, &played.truths[0]))
+            .fold(0.0, f64::max);
         println!(
             "bump {seed}: {bumps} bumps, pushing for {pushing_s:.2} s at most, {way_m:.2} m, {far_m:.2} m away"
         );
@@ -143,7 +151,8 @@ fn wall_keeps_near_its_wall() {
         let found_s = following.expect("it finds a wall").time_ns as f64 / 1e9;
         let found = played.tick_at(found_s);
         let followed = &played.truths[found..];
-        let near = followed.iter().filter(|truth| (0.10..0.40).contains(&wall_m(truth))).count() as f64
+        let near = followed.iter().filter(|truth| (0.10..0.40).contains(&wall_m(truth))).count()
+            as f64
             / followed.len() as f64;
         let touching_s = played.longest_s(|truth| truth.touching);
         let way_m = played.truths.last().unwrap().travelled_m;
@@ -155,7 +164,8 @@ fn wall_keeps_near_its_wall() {
         assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(near > 0.9, "{near} of the time");
         assert!(way_m > 4.0, "{way_m} m driven");
-        // The sensor does not see a wall ahead that the beam meets obliquely; blocked wheels are noticed within a second.
+        // The sensor does not see a wall ahead that the beam meets obliquely; blocked wheels are
+        // noticed within a second.
         assert!(touching_s < 2.2, "touching for {touching_s} s");
     }
 }
@@ -170,7 +180,8 @@ fn line_stays_on_its_edge_for_a_whole_lap() {
         let start = &played.truths[0];
         let settled = played.tick_at(3.0);
         let lap = played.truths.iter().position(|truth| {
-            (truth.heading_rad - start.heading_rad).abs() > 0.9 * TAU && distance_m(truth, start) < 0.06
+            (truth.heading_rad - start.heading_rad).abs() > 0.9 * TAU
+                && distance_m(truth, start) < 0.06
         });
         let Some(lap) = lap else {
             let last = played.truths.last().unwrap();
@@ -221,12 +232,17 @@ fn edge_never_falls_off_the_table() {
     let on_table = |[x, y]: [f64; 2]| (-0.5..=1.1).contains(&x) && (-0.5..=0.6).contains(&y);
     for seed in seeds(8) {
         let played = play_in("edge", "table", seed);
-        let wheels_on =
-            |truth: &Truth| [-0.057, 0.057].iter().all(|left_m| on_table(point(truth, 0.0, *left_m)));
+        let wheels_on = |truth: &Truth| {
+            [-0.057, 0.057].iter().all(|left_m| on_table(point(truth, 0.0, *left_m)))
+        };
         let edges = times(&played, |truth| !on_table(point(truth, 0.07, 0.0)));
         let off = played.truths.iter().position(|truth| truth.fallen || !wheels_on(truth));
         println!("edge {seed}: the sensor was over the edge {edges} times");
-        assert_eq!(off.map(|tick| tick as f64 * played.tick_s), None, "fell off, at so many seconds");
+        assert_eq!(
+            off.map(|tick| tick as f64 * played.tick_s),
+            None,
+            "fell off, at so many seconds"
+        );
         assert!(edges >= 3, "{edges} edges");
         assert_eq!(played.ended.stop.reason.word(), "finished");
     }
@@ -243,8 +259,10 @@ fn remote_drives_as_its_buttons_say() {
     for seed in seeds(3) {
         let played = play(|file| job("remote", &robot, ("remote", world), seed, file));
         assert_eq!(played.ended.stop.reason.word(), "finished");
-        // The first press moves the robot; from there on the buttons are at the times that the world's file says.
-        let first = played.truths.iter().position(|truth| truth.travelled_m > 0.002).expect("it drives");
+        // The first press moves the robot; from there on the buttons are at the times that the
+        // world's file says.
+        let first =
+            played.truths.iter().position(|truth| truth.travelled_m > 0.002).expect("it drives");
         let tick = |pressed_s: f64| first + played.tick_at(pressed_s - 5.0);
         let between = |from_s: f64, to_s: f64| {
             let (from, to) = (&played.truths[tick(from_s)], &played.truths[tick(to_s)]);
@@ -298,7 +316,8 @@ fn square_comes_back_to_its_start() {
         );
         assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(sides.iter().all(|side_m| (side_m - 1.0).abs() < 0.03), "{sides:?} m");
-        // What is left is the gyro's scale: with a deviation of 1 % whole turns come out 4 degrees wrong, and some 8.
+        // What is left is the gyro's scale: with a deviation of 1 % whole turns come out 4 degrees
+        // wrong, and some 8.
         assert!(off_m < 0.15, "ends {off_m} m off");
         assert!(off_deg.abs() < 9.0, "ends {off_deg} degrees off");
     }

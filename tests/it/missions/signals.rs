@@ -1,4 +1,5 @@
-//! Signals beyond those of the shipped missions: each decides how a mission goes on, on the simulated brick's own drivers.
+//! Signals beyond those of the shipped missions: each decides how a mission goes on, on the
+//! simulated brick's own drivers.
 
 use onbrick::robot::{BindError, Robot, RobotConfig};
 use onbrick::runtime::StopReason;
@@ -26,7 +27,8 @@ fn play_mission(mission: &str, robot: &str, world: &str) -> Played {
 /// A mission of one machine that goes through states on conditions.
 fn steps(steps: &[(&str, &str)]) -> String {
     let mut text =
-        "name = \"steps\"\ntime_limit_s = 20\n[machine.m]\nstart = \"s0\"\nfinal = \"end\"\n".to_owned();
+        "name = \"steps\"\ntime_limit_s = 20\n[machine.m]\nstart = \"s0\"\nfinal = \"end\"\n"
+            .to_owned();
     for (at, (doing, when)) in steps.iter().enumerate() {
         let go = if at + 1 == steps.len() { "end".to_owned() } else { format!("s{}", at + 1) };
         text.push_str(&format!(
@@ -84,14 +86,18 @@ fn a_beacon_is_turned_to_and_driven_to_and_none_is_infinitely_far() {
         ("turn_dps = 30", "beacon_heading < 1 and beacon_heading > -1"),
         ("forward_mps = 0.1, turn_dps = \"beacon_heading\"", "beacon_pct < 20"),
     ]);
-    let played =
-        play_mission(&mission, &robot, &room(&format!("[beacon]\nat = [1.2, 0.8]\nchannel = 1\n{infrared}")));
+    let played = play_mission(
+        &mission,
+        &robot,
+        &room(&format!("[beacon]\nat = [1.2, 0.8]\nchannel = 1\n{infrared}")),
+    );
     assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
     let end = played.truths.last().unwrap();
     let left_m = (1.2 - end.x_m).hypot(0.8 - end.y_m);
     assert!((0.3..0.6).contains(&left_m), "{left_m} m away");
 
-    let mission = steps(&[(STILL, "beacon_pct > 1000 and not (beacon_heading > 0) and state_s > 0.5")]);
+    let mission =
+        steps(&[(STILL, "beacon_pct > 1000 and not (beacon_heading > 0) and state_s > 0.5")]);
     let played = play_mission(&mission, &robot, &room(infrared));
     assert_eq!(
         played.ended.stop.reason,
@@ -111,8 +117,9 @@ fn the_bricks_buttons_steer_a_mission() {
         (STILL, "not button_left and button_down"),
     ]);
     mission = mission.replace("time_limit_s = 20", "time_limit_s = 12");
-    let press =
-        |at_s: f64, button: &str| format!("[[press]]\nat_s = {at_s}\nbutton = \"{button}\"\nfor_s = 0.3\n");
+    let press = |at_s: f64, button: &str| {
+        format!("[[press]]\nat_s = {at_s}\nbutton = \"{button}\"\nfor_s = 0.3\n")
+    };
     let scenario = [press(2.0, "up"), press(4.0, "left"), press(6.0, "down")].concat();
     let mut play = Play::of("square", "open", 1).scenario(&scenario);
     play.mission_toml = mission;
@@ -120,7 +127,10 @@ fn the_bricks_buttons_steer_a_mission() {
     assert_eq!(played.reason, StopReason::Finished);
     assert!((5.9..6.4).contains(&played.drove_s), "{} s", played.drove_s);
     let turned_rad = played.truth.heading_rad;
-    assert!((0.9..1.2).contains(&turned_rad), "30 degrees a second for 2 s, and turned {turned_rad}");
+    assert!(
+        (0.9..1.2).contains(&turned_rad),
+        "30 degrees a second for 2 s, and turned {turned_rad}"
+    );
 }
 
 #[test]
@@ -128,7 +138,8 @@ fn one_sensor_is_not_given_two_roles() {
     let (wheels, _) = ROBOT.split_once("[head]").unwrap();
     let robot = format!("{wheels}\n[range]\n[remote]\n");
     let (config, _) = RobotConfig::load("robot.toml", robot.as_bytes()).unwrap();
-    let world = room("[robot]\nhead = \"none\"\n[robot.ports]\nin1 = \"none\"\nin4 = \"infrared\"\n");
+    let world =
+        room("[robot]\nhead = \"none\"\n[robot.ports]\nin1 = \"none\"\nin4 = \"infrared\"\n");
     let (world, _) = onbrick::sim::World::parse("room", world.as_bytes()).unwrap();
     let physics = onbrick::sim::WorldPhysics::new(world, 1, 1).unwrap();
     let clock = std::sync::Arc::new(onbrick::clock::VirtualClock::default());

@@ -11,7 +11,8 @@ use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Access, AttributeFile, LocalTree, Tree};
 use onbrick::sim::{
-    Entry, EntryKind, Mount, MountOptions, Observer, Options, Physics, Port, Simulation, World, WorldPhysics,
+    Entry, EntryKind, Mount, MountOptions, Observer, Options, Physics, Port, Simulation, World,
+    WorldPhysics,
 };
 
 use crate::drivers_bench::{Bench, InProcess, Rig};
@@ -37,7 +38,9 @@ pub(crate) fn no_fuse() -> bool {
         let folder = tempfile::tempdir().unwrap();
         let clock = Arc::new(VirtualClock::default());
         let simulation = Simulation::new(clock, Box::new(Bench::as_recorded()), 1);
-        Mount::new(&simulation, folder.path(), MountOptions::default()).err().map(|error| error.to_string())
+        Mount::new(&simulation, folder.path(), MountOptions::default())
+            .err()
+            .map(|error| error.to_string())
     });
     if let Some(refused) = refused {
         pass_over(&format!("FUSE ({refused})"));
@@ -105,7 +108,10 @@ impl Mounted {
     }
 
     pub(crate) fn open(&self, path: &str, access: Access) -> io::Result<File> {
-        OpenOptions::new().read(access != Access::Write).write(access != Access::Read).open(self.path(path))
+        OpenOptions::new()
+            .read(access != Access::Write)
+            .write(access != Access::Read)
+            .open(self.path(path))
     }
 }
 
@@ -145,7 +151,8 @@ impl Control for Mounted {
 
 /// The names in a folder, sorted.
 pub(crate) fn names(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let entries =
+        fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let mut names: Vec<String> =
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();

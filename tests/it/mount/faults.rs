@@ -37,7 +37,8 @@ fn a_plug_is_pulled_and_put_back_by_the_command_and_the_file_tells_of_it() {
 
 /// How the robot truly is, as the file says it.
 fn truth(mounted: &Mounted) -> Value {
-    serde_json::from_str(&std::fs::read_to_string(mounted.root().join("sim/truth")).unwrap()).unwrap()
+    serde_json::from_str(&std::fs::read_to_string(mounted.root().join("sim/truth")).unwrap())
+        .unwrap()
 }
 
 #[test]
@@ -70,9 +71,10 @@ fn keys_are_pressed_by_the_command_and_by_the_file() {
     assert_eq!(truth(&mounted)["pressed"], json!(["left"]));
     let told = std::fs::read_to_string(mounted.root().join("sim/orders")).unwrap();
     assert!(told.starts_with("# ") && told.ends_with("press left for 2\n"), "{told}");
-    for (arguments, message) in
-        [(["entre", "--for=1s"], "the buttons are back, enter"), (["enter", "--for=soon"], "a time is 2ms")]
-    {
+    for (arguments, message) in [
+        (["entre", "--for=1s"], "the buttons are back, enter"),
+        (["enter", "--for=soon"], "a time is 2ms"),
+    ] {
         let wrong = press(&arguments);
         let said = String::from_utf8_lossy(&wrong.stderr).into_owned();
         assert!(wrong.status.code() == Some(2) && said.contains(message), "{said}");
@@ -84,7 +86,10 @@ fn keys_are_pressed_by_the_command_and_by_the_file() {
 /// A hand carries the robot, and what a person would see and hear of the brick can be read.
 #[test]
 fn the_robot_is_carried_and_put_back_but_not_into_a_wall() {
-    let Some(mounted) = Mounted::in_world("two-arenas", 2, Arc::new(VirtualClock::default())) else { return };
+    let Some(mounted) = Mounted::in_world("two-arenas", 2, Arc::new(VirtualClock::default()))
+    else {
+        return;
+    };
     let root = mounted.root();
     let order = |text: &str| std::fs::write(root.join("sim/orders"), text);
     let truth = || -> Value {
@@ -94,7 +99,10 @@ fn the_robot_is_carried_and_put_back_but_not_into_a_wall() {
     let start = pose();
     order("place 0.2 -0.3 90").unwrap();
     let moved = pose();
-    assert!((moved[0] - 0.2).abs() + (moved[1] + 0.3).abs() + (moved[2] - 90.0).abs() < 1e-9, "{moved:?}");
+    assert!(
+        (moved[0] - 0.2).abs() + (moved[1] + 0.3).abs() + (moved[2] - 90.0).abs() < 1e-9,
+        "{moved:?}"
+    );
     assert!(order("place 900 0 0\n").is_ok(), "outside of all walls there is room");
     order("reset").unwrap();
     assert_eq!(pose(), start);
@@ -115,7 +123,9 @@ fn the_robot_is_carried_and_put_back_but_not_into_a_wall() {
 
 #[test]
 fn an_order_that_makes_no_sense_does_nothing_and_says_why() {
-    let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(VirtualClock::default())) else { return };
+    let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(VirtualClock::default())) else {
+        return;
+    };
     let unknown = fault(&mounted, &["in1", "stukc"]);
     assert_eq!(unknown.status.code(), Some(2), "{}", String::from_utf8_lossy(&unknown.stderr));
     let unfit = fault(&mounted, &["in2", "block"]);

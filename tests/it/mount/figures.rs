@@ -50,7 +50,8 @@ fn reads_per_s(file: &File) -> f64 {
 fn drive(root: &Path) {
     for motor in ["motor1", "motor2"] {
         let write = |attribute: &str, value: &str| {
-            std::fs::write(root.join("sys/class/tacho-motor").join(motor).join(attribute), value).unwrap();
+            std::fs::write(root.join("sys/class/tacho-motor").join(motor).join(attribute), value)
+                .unwrap();
         };
         write("speed_sp", "200");
         write("command", "run-forever");
@@ -59,7 +60,8 @@ fn drive(root: &Path) {
 
 /// Reads what a control loop reads, 100 times a second, until told to stop; the number of rounds.
 fn read_at_100_hz(root: &Path, stop: &AtomicBool) -> u32 {
-    let open = |path: &str| OpenOptions::new().read(true).open(root.join("sys/class").join(path)).unwrap();
+    let open =
+        |path: &str| OpenOptions::new().read(true).open(root.join("sys/class").join(path)).unwrap();
     let files = [
         open("tacho-motor/motor0/position"),
         open("tacho-motor/motor1/position"),
@@ -99,8 +101,11 @@ fn load(robots: usize, drives: bool, reads: bool, for_s: f64) -> Option<Load> {
     }
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let readers: Vec<_> =
-            roots.iter().filter(|_| reads).map(|root| scope.spawn(|| read_at_100_hz(root, &stop))).collect();
+        let readers: Vec<_> = roots
+            .iter()
+            .filter(|_| reads)
+            .map(|root| scope.spawn(|| read_at_100_hz(root, &stop)))
+            .collect();
         let (started_ns, before_s) = (MonotonicClock.now_ns(), used_s());
         let offset_ns = started_ns - mounted.simulation.now_ns();
         let mut worst_lag_ns = 0;
@@ -131,7 +136,8 @@ fn figures_of_the_mounted_simulation() {
 fn figures(pace: &Pace) {
     let mounted = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)).unwrap();
     let attribute = File::open(mounted.path("sys/class/tacho-motor/motor1/position")).unwrap();
-    let folder = tempfile::Builder::new().tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
+    let folder =
+        tempfile::Builder::new().tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     std::fs::write(folder.path().join("plain"), "0\n").unwrap();
     let plain = File::open(folder.path().join("plain")).unwrap();
     let (through_mount, on_tmpfs) = (reads_per_s(&attribute), reads_per_s(&plain));

@@ -1,4 +1,5 @@
-//! A simulator's life: where it mounts and where not, how it ends, and what is left when it is killed.
+//! A simulator's life: where it mounts and where not, how it ends, and what is left when it is
+//! killed.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read};
@@ -30,11 +31,16 @@ struct Simulator {
 
 impl Simulator {
     fn start(point: &Path) -> Self {
-        let mut process = Command::new(PROGRAM).arg("sim").arg(point).stdout(Stdio::piped()).spawn().unwrap();
+        let mut process =
+            Command::new(PROGRAM).arg("sim").arg(point).stdout(Stdio::piped()).spawn().unwrap();
         let mut said = BufReader::new(process.stdout.take().unwrap());
         let mut greeting = String::new();
         while !greeting.contains("mounted a simulated brick") {
-            assert_ne!(said.read_line(&mut greeting).unwrap(), 0, "it ended and had said: {greeting}");
+            assert_ne!(
+                said.read_line(&mut greeting).unwrap(),
+                0,
+                "it ended and had said: {greeting}"
+            );
         }
         Self { process, said, greeting }
     }
@@ -57,7 +63,8 @@ fn is_mounted(point: &Path) -> bool {
 }
 
 fn refused(arguments: &[&str]) -> (Option<i32>, String) {
-    let Output { status, stderr, .. } = Command::new(PROGRAM).arg("sim").args(arguments).output().unwrap();
+    let Output { status, stderr, .. } =
+        Command::new(PROGRAM).arg("sim").args(arguments).output().unwrap();
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
@@ -71,8 +78,12 @@ fn a_folder_of_a_worlds_name_is_not_taken_for_the_world() {
     let folder = tempfile::tempdir().unwrap();
     for time in 1..=2 {
         let mut command = Command::new(PROGRAM);
-        let mut process =
-            command.args(["sim", "arena"]).current_dir(folder.path()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut process = command
+            .args(["sim", "arena"])
+            .current_dir(folder.path())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
         let mut said = BufReader::new(process.stdout.take().unwrap());
         let mut greeting = String::new();
         while !greeting.contains("mounted a simulated brick") {
@@ -160,7 +171,10 @@ fn what_a_killed_simulator_leaves_is_cleaned_up_by_the_next_one() {
 
     let second = Simulator::start(&point);
     assert!(second.greeting.contains("took away what a simulator had left"), "{}", second.greeting);
-    assert_eq!(fs::read_to_string(point.join("sys/class/tacho-motor/motor0/position")).unwrap(), "0\n");
+    assert_eq!(
+        fs::read_to_string(point.join("sys/class/tacho-motor/motor0/position")).unwrap(),
+        "0\n"
+    );
     second.signal(Signal::SIGTERM);
     assert_eq!(second.end().0, Some(0));
     assert!(!is_mounted(&point), "nothing is left of either");
@@ -183,7 +197,10 @@ fn a_place_that_is_no_mount_point_is_refused_before_anything_happens() {
     ] {
         let (code, said) = refused(&[&point]);
         assert_eq!(code, Some(3), "{said}");
-        assert!(said.contains(why) && said.contains(&point) && said.contains("try:"), "{point}: {said}");
+        assert!(
+            said.contains(why) && said.contains(&point) && said.contains("try:"),
+            "{point}: {said}"
+        );
     }
     assert_eq!(fs::read_to_string(path("full/file")).unwrap(), "mine");
     let (code, said) = refused(&[&path("new"), "--robots", "9"]);
@@ -200,18 +217,25 @@ fn a_place_that_is_no_mount_point_is_refused_before_anything_happens() {
 fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
     let Some(mounted) = Mounted::recorded() else { return };
     let point = mounted.mount().point();
-    let simulation = Simulation::new(Arc::new(VirtualClock::default()), Box::new(Bench::as_recorded()), 1);
+    let simulation =
+        Simulation::new(Arc::new(VirtualClock::default()), Box::new(Bench::as_recorded()), 1);
     match Mount::new(&simulation, point, MountOptions::default()) {
-        Err(MountError::Unfit { why: Unfit::Busy(source), .. }) => assert_eq!(source, "onbrick-sim"),
+        Err(MountError::Unfit { why: Unfit::Busy(source), .. }) => {
+            assert_eq!(source, "onbrick-sim")
+        }
         other => panic!("{other:?}"),
     }
-    assert_eq!(fs::read_to_string(point.join("sys/class/tacho-motor/motor0/position")).unwrap(), "0\n");
+    assert_eq!(
+        fs::read_to_string(point.join("sys/class/tacho-motor/motor0/position")).unwrap(),
+        "0\n"
+    );
 }
 
 /// Somebody who is nobody: `nobody`.
 const NOBODY: u32 = 65_534;
 
-/// Everybody's folder with a copy of the program: somebody else may not be let into the folder where it was built.
+/// Everybody's folder with a copy of the program: somebody else may not be let into the folder
+/// where it was built.
 fn open_house() -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
@@ -243,7 +267,10 @@ exec setpriv --reuid 65534 --regid 65534 --clear-groups "$@"
     };
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");
-    assert!(said.contains("fusermount3 is missing") && said.contains("apt install fuse3"), "{said}");
+    assert!(
+        said.contains("fusermount3 is missing") && said.contains("apt install fuse3"),
+        "{said}"
+    );
     assert!(!point.exists(), "nothing was made");
 }
 
@@ -252,7 +279,8 @@ fn an_ordinary_user_mounts_with_the_helper_and_nobody_else_gets_in() {
     if no_fuse() {
         return;
     }
-    let helper = ["/usr/bin/fusermount3", "/bin/fusermount3"].iter().any(|path| Path::new(path).exists());
+    let helper =
+        ["/usr/bin/fusermount3", "/bin/fusermount3"].iter().any(|path| Path::new(path).exists());
     if !nix::unistd::geteuid().is_root() || !helper {
         return pass_over("root, to become an ordinary user, and fusermount3 of the package fuse3");
     }
@@ -263,7 +291,8 @@ fn an_ordinary_user_mounts_with_the_helper_and_nobody_else_gets_in() {
         command.uid(NOBODY).gid(NOBODY);
         command
     };
-    let mut process = somebody(&program).arg("sim").arg(&point).stdout(Stdio::piped()).spawn().unwrap();
+    let mut process =
+        somebody(&program).arg("sim").arg(&point).stdout(Stdio::piped()).spawn().unwrap();
     let mut said = BufReader::new(process.stdout.take().unwrap());
     let mut greeting = String::new();
     while !greeting.contains("mounted a simulated brick") {
@@ -306,8 +335,13 @@ fn what_root_has_mounted_is_everybodys() {
 
 /// A simulator with more to do than to mount, until a line that it says.
 fn simulate(point: &Path, arguments: &[&str], until: &str) -> Simulator {
-    let mut process =
-        Command::new(PROGRAM).arg("sim").arg(point).args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+    let mut process = Command::new(PROGRAM)
+        .arg("sim")
+        .arg(point)
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
     let mut said = BufReader::new(process.stdout.take().unwrap());
     let mut greeting = String::new();
     while !greeting.contains(until) {
@@ -323,14 +357,17 @@ fn a_simulator_follows_a_scenario_shows_a_page_and_leaves_a_still() {
     }
     let folder = tempfile::tempdir().unwrap();
     let scenario = folder.path().join("loose.toml");
-    fs::write(&scenario, "[[fault]]\nat_s = 0.2\nport = \"outB\"\nkind = \"write speed_sp 77\"\n").unwrap();
+    fs::write(&scenario, "[[fault]]\nat_s = 0.2\nport = \"outB\"\nkind = \"write speed_sp 77\"\n")
+        .unwrap();
     let still = folder.path().join("end.svg");
-    let arguments = ["--page", "--scenario", scenario.to_str().unwrap(), "--show", still.to_str().unwrap()];
+    let arguments =
+        ["--page", "--scenario", scenario.to_str().unwrap(), "--show", still.to_str().unwrap()];
     let point = folder.path().join("brick");
     let simulator = simulate(&point, &arguments, "the room is at http://127.0.0.1:");
     await_or_fail("the other program's write", || {
         let set = |name: &str| {
-            fs::read_to_string(point.join("sys/class/tacho-motor").join(name).join("speed_sp")).unwrap()
+            fs::read_to_string(point.join("sys/class/tacho-motor").join(name).join("speed_sp"))
+                .unwrap()
         };
         names(&point.join("sys/class/tacho-motor")).iter().any(|name| set(name) == "77\n")
     });
@@ -339,7 +376,10 @@ fn a_simulator_follows_a_scenario_shows_a_page_and_leaves_a_still() {
     assert_eq!(code, Some(0), "{last}");
     assert!(last.contains("0.200 s, robot 1: outB write speed_sp 77"), "{last}");
     let picture = fs::read_to_string(still).unwrap();
-    assert!(picture.contains("class=\"robot\"") && picture.contains("done at 0.2 s: outB write speed_sp 77"));
+    assert!(
+        picture.contains("class=\"robot\"")
+            && picture.contains("done at 0.2 s: outB write speed_sp 77")
+    );
 }
 
 #[test]
@@ -347,8 +387,12 @@ fn a_scenario_with_a_mistake_is_refused_before_anything_is_mounted() {
     let folder = tempfile::tempdir().unwrap();
     let (scenario, point) = (folder.path().join("loose.toml"), folder.path().join("brick"));
     fs::write(&scenario, "[[fault]]\nat_s = 1\nport = \"outB\"\nkind = \"blok\"\n").unwrap();
-    let (code, said) = refused(&[point.to_str().unwrap(), "--scenario", scenario.to_str().unwrap()]);
+    let (code, said) =
+        refused(&[point.to_str().unwrap(), "--scenario", scenario.to_str().unwrap()]);
     assert_eq!(code, Some(3), "{said}");
-    assert!(said.contains("there is no fault `blok`") && said.contains("did you mean `block`?"), "{said}");
+    assert!(
+        said.contains("there is no fault `blok`") && said.contains("did you mean `block`?"),
+        "{said}"
+    );
     assert!(!point.exists());
 }

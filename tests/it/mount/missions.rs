@@ -15,12 +15,18 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 #[test]
 fn our_devices_command_finds_everything_on_a_mounted_brick() {
     let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
-    let output = Command::new(PROGRAM).args(["devices", "--brick"]).arg(mounted.root()).output().unwrap();
+    let output =
+        Command::new(PROGRAM).args(["devices", "--brick"]).arg(mounted.root()).output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    for device in
-        ["lego-ev3-l-motor", "lego-ev3-m-motor", "lego-ev3-us", "lego-ev3-gyro", "voltage", "ev3-output-port"]
-    {
+    for device in [
+        "lego-ev3-l-motor",
+        "lego-ev3-m-motor",
+        "lego-ev3-us",
+        "lego-ev3-gyro",
+        "voltage",
+        "ev3-output-port",
+    ] {
         assert!(said.contains(device), "{device} in: {said}");
     }
 }
@@ -76,5 +82,10 @@ fn check(pace: &Pace, mounted: &Mounted, out: &Path) {
         assert_eq!(std::fs::read_to_string(state).unwrap(), "\n", "{motor} was stopped");
     }
     MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 300 * MILLISECOND_NS);
-    pace.near("speed afterwards", mounted.observer.as_ref().unwrap().truth(0).unwrap().speed_mps, 0.0, 1e-3);
+    pace.near(
+        "speed afterwards",
+        mounted.observer.as_ref().unwrap().truth(0).unwrap().speed_mps,
+        0.0,
+        1e-3,
+    );
 }

@@ -26,7 +26,10 @@ fn our_own_buttons_and_sound_work_on_the_mount() {
     let simulation = &mounted.simulation;
     simulation.press(0, sim::Button::Left).unwrap();
     let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
-    assert!(buttons.held().contains(Button::Left), "held at the start, which only an ioctl can tell");
+    assert!(
+        buttons.held().contains(Button::Left),
+        "held at the start, which only an ioctl can tell"
+    );
     assert!(buttons.changes().unwrap().pressed.is_empty());
     simulation.press(0, sim::Button::Enter).unwrap();
     simulation.release(0, sim::Button::Left).unwrap();
@@ -56,14 +59,21 @@ fn our_own_buttons_and_sound_work_on_the_mount() {
     let length = EventLayout::NATIVE.length();
     let mut events = vec![0; 4 * length];
     heard.read_exact(&mut events).unwrap();
-    assert_eq!(events[length - 8..length], [0x12, 0, 2, 0, 0xb8, 1, 0, 0], "what was played can be read");
+    assert_eq!(
+        events[length - 8..length],
+        [0x12, 0, 2, 0, 0xb8, 1, 0, 0],
+        "what was played can be read"
+    );
 }
 
 #[test]
 fn a_reader_waits_for_a_button_and_one_that_may_not_wait_is_told_so() {
-    let Some(mounted) = Mounted::over(Bench::as_recorded(), Arc::new(MonotonicClock)) else { return };
+    let Some(mounted) = Mounted::over(Bench::as_recorded(), Arc::new(MonotonicClock)) else {
+        return;
+    };
     let path = mounted.path(BUTTONS_PATH);
-    let mut hasty = OpenOptions::new().read(true).custom_flags(nix::libc::O_NONBLOCK).open(&path).unwrap();
+    let mut hasty =
+        OpenOptions::new().read(true).custom_flags(nix::libc::O_NONBLOCK).open(&path).unwrap();
     let mut buffer = [0; 96];
     assert_eq!(hasty.read(&mut buffer).map_err(errno), Err(Errno::EAGAIN));
     std::thread::scope(|scope| {
@@ -101,8 +111,11 @@ fn a_reader_waits_for_a_button_and_one_that_may_not_wait_is_told_so() {
 
 #[test]
 fn a_reader_that_is_killed_while_it_waits_dies_and_leaves_the_mount_alive() {
-    let Some(mounted) = Mounted::over(Bench::as_recorded(), Arc::new(MonotonicClock)) else { return };
-    let mut cat = Command::new("cat").arg(mounted.path(BUTTONS_PATH)).stdout(Stdio::null()).spawn().unwrap();
+    let Some(mounted) = Mounted::over(Bench::as_recorded(), Arc::new(MonotonicClock)) else {
+        return;
+    };
+    let mut cat =
+        Command::new("cat").arg(mounted.path(BUTTONS_PATH)).stdout(Stdio::null()).spawn().unwrap();
     let status = format!("/proc/{}/wchan", cat.id());
     await_or_fail("a reader that waits", || {
         fs::read_to_string(&status)
@@ -115,10 +128,16 @@ fn a_reader_that_is_killed_while_it_waits_dies_and_leaves_the_mount_alive() {
         ended = cat.try_wait().unwrap();
         ended.is_some()
     });
-    println!("a killed reader was gone after {} ms", (MonotonicClock.now_ns() - started_ns) / MILLISECOND_NS);
+    println!(
+        "a killed reader was gone after {} ms",
+        (MonotonicClock.now_ns() - started_ns) / MILLISECOND_NS
+    );
     assert_eq!(ended.unwrap().signal(), Some(9));
     assert!(MonotonicClock.now_ns() - started_ns < SECOND_NS, "it hung");
-    assert_eq!(fs::read_to_string(mounted.path("sys/class/tacho-motor/motor0/position")).unwrap(), "0\n");
+    assert_eq!(
+        fs::read_to_string(mounted.path("sys/class/tacho-motor/motor0/position")).unwrap(),
+        "0\n"
+    );
 }
 
 #[test]
@@ -142,7 +161,8 @@ fn a_program_of_the_brick_reads_its_own_layout_of_events() {
     speaker.write_all(&[0, 0, 0, 0, 0, 0, 0, 0, 0x12, 0, 2, 0, 0xe8, 3, 0, 0]).unwrap();
     assert_eq!(simulation.tone_hz(0), Some(1000));
 
-    let screen = OpenOptions::new().read(true).write(true).open(folder.path().join("dev/fb0")).unwrap();
+    let screen =
+        OpenOptions::new().read(true).write(true).open(folder.path().join("dev/fb0")).unwrap();
     assert_eq!(screen.metadata().unwrap().len(), 3072);
     screen.write_all_at(&[0xaa; 24], 24).unwrap();
     assert_eq!(simulation.lcd(0)[23..49], [&[0], [0xaa; 24].as_slice(), &[0]].concat());

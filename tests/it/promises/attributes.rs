@@ -1,5 +1,6 @@
-//! Faults under the attribute files, call by call: one that fails is got over, one that takes too long ends the run, and behind one that
-//! never comes back (the process is dead) the motors stand still.
+//! Faults under the attribute files, call by call: one that fails is got over, one that takes too
+//! long ends the run, and behind one that never comes back (the process is dead) the motors stand
+//! still.
 
 use std::sync::Arc;
 
@@ -73,7 +74,9 @@ fn promise_2_a_call_that_takes_too_long_ends_the_run() {
         played.assert_at_rest("a late tick");
     }
     assert!(ended > 10, "{ended} runs ended");
-    promised(&format!("an attribute call of 300 ms at {ended} places of a run: the run ended each time"));
+    promised(&format!(
+        "an attribute call of 300 ms at {ended} places of a run: the run ended each time"
+    ));
 }
 
 /// The delay is on the run's own clock, which the stage hands over when it has made it.
@@ -92,7 +95,8 @@ fn promise_1_a_process_that_dies_at_any_call_leaves_motors_that_stop() {
     for nth in some_of(calls, 24) {
         let plan = Plan::once(&CALLS, nth, Trouble::Die(0));
         let played = play(&plan);
-        // Nothing of what control does behind that call reaches the brick, not even its own stopping.
+        // Nothing of what control does behind that call reaches the brick, not even its own
+        // stopping.
         played.assert_at_rest(&format!("dead at call {nth}"));
         tried += 1;
     }

@@ -1,4 +1,5 @@
-//! Promise 6: a battery that runs down warns, slows the robot down, and ends the run with its recording saved.
+//! Promise 6: a battery that runs down warns, slows the robot down, and ends the run with its
+//! recording saved.
 
 use std::process::Command;
 use std::sync::Arc;
@@ -44,10 +45,13 @@ fn fastest(played: &Played, from_s: f64, to_s: f64) -> i64 {
     let wheels = played.writes.iter().filter(|write| {
         let at_s = onbrick::clock::seconds(write.time_ns - first_ns);
         // The head's motor is the first one.
-        write.path.ends_with("/speed_sp") && !write.path.contains("motor0") && at_s >= from_s && at_s < to_s
+        write.path.ends_with("/speed_sp")
+            && !write.path.contains("motor0")
+            && at_s >= from_s
+            && at_s < to_s
     });
-    let speeds =
-        wheels.map(|write| String::from_utf8_lossy(&write.value).trim().parse::<i64>().unwrap().abs());
+    let speeds = wheels
+        .map(|write| String::from_utf8_lossy(&write.value).trim().parse::<i64>().unwrap().abs());
     speeds.max().unwrap()
 }
 
@@ -67,11 +71,18 @@ fn promise_6_a_battery_from_8_v_to_5_v_warns_slows_down_and_stops_in_time() {
         assert!(low_s < slow_s && slow_s < end_s, "{low_s} {slow_s} {end_s}");
         for (volts, limit_v) in [low_v, slow_v, end_v].into_iter().zip(limits) {
             // Three readings a second apart, at 0.05 V a second, and the sag of the motors.
-            assert!(volts < limit_v && volts > limit_v - 0.4, "{volts} V at the threshold of {limit_v} V");
+            assert!(
+                volts < limit_v && volts > limit_v - 0.4,
+                "{volts} V at the threshold of {limit_v} V"
+            );
         }
         assert!(end_v > 4.8, "{end_v} V: the kernel's least for AA cells");
-        let (before, after) = (fastest(&played, 0.0, slow_s - 0.01), fastest(&played, slow_s - 0.01, end_s));
-        assert!(after <= before / 2 + 1, "{cells}: {before}, and {after} counts a second when very low");
+        let (before, after) =
+            (fastest(&played, 0.0, slow_s - 0.01), fastest(&played, slow_s - 0.01, end_s));
+        assert!(
+            after <= before / 2 + 1,
+            "{cells}: {before}, and {after} counts a second when very low"
+        );
         // All is on the disk, and the replay thinks the same.
         assert!(played.ended.recording.is_none() && run.integrity.complete && run.ending.is_some());
         let replayed = replay(&run).unwrap();
@@ -89,7 +100,8 @@ fn promise_6_a_replay_after_a_gap_knows_how_low_the_battery_was() {
     let mut bytes = played.disk.bytes();
     let run = played.run();
     let (slow_s, _) = said(&run, "very low");
-    // One byte of the recording, a second after it got very low: what decides later is in the checkpoints only.
+    // One byte of the recording, a second after it got very low: what decides later is in the
+    // checkpoints only.
     let share = (slow_s + 1.0) / played.drove_s;
     let place = (0..bytes.len()).find(|at| *at as f64 >= bytes.len() as f64 * share).unwrap();
     bytes[place] ^= 0x20;

@@ -105,7 +105,13 @@ fn folder(port: &str) -> String {
 }
 
 /// A motor on a port, with any gear; what its section of the file says.
-fn motor(chance: &mut Chance, judge: &mut Judge, fake: &FakeTree, port: &str, max_dps: f64) -> String {
+fn motor(
+    chance: &mut Chance,
+    judge: &mut Judge,
+    fake: &FakeTree,
+    port: &str,
+    max_dps: f64,
+) -> String {
     let [mine, driven] = [1 + chance.below(1000), 1 + chance.below(1000)];
     let minus = *chance.of(&["", "-"]);
     let (driver, top) = *chance.of(&[("lego-ev3-l-motor\n", 1050), ("lego-ev3-m-motor\n", 1560)]);
@@ -120,21 +126,27 @@ fn motor(chance: &mut Chance, judge: &mut Judge, fake: &FakeTree, port: &str, ma
         ("state", "unknown\n"),
     ];
     fake.plug(&folder(port), &rotary_tables(), &texts);
-    // A count of these motors is a degree. The nearest whole number may be half a count beyond the limit.
+    // A count of these motors is a degree. The nearest whole number may be half a count beyond the
+    // limit.
     let counts = max_dps * driven as f64 / mine as f64;
     judge.most.insert(folder(port), counts.min(f64::from(top)) + 0.5);
-    format!("port = \"{port}\"|gear = [{minus}{mine}, {driven}]|inverted = {}", chance.below(2) == 0)
+    format!(
+        "port = \"{port}\"|gear = [{minus}{mine}, {driven}]|inverted = {}",
+        chance.below(2) == 0
+    )
 }
 
-/// A robot that the file's reader takes, however odd: gears of 1 to 1000 teeth, limits from 1 to 15600 degrees a second.
+/// A robot that the file's reader takes, however odd: gears of 1 to 1000 teeth, limits from 1 to
+/// 15600 degrees a second.
 fn robot(chance: &mut Chance, judge: &mut Judge) -> (RobotConfig, Arc<dyn Tree>) {
     let fake = FakeTree::default();
     let [wheels, head, arm] = [(); 3].map(|()| match chance.below(4) {
         0 => 1.0,
         _ => chance.between(1.0, 15_600.0),
     });
-    let mut section =
-        |port, max_dps, between: &str| motor(chance, judge, &fake, port, max_dps).replace('|', between);
+    let mut section = |port, max_dps, between: &str| {
+        motor(chance, judge, &fake, port, max_dps).replace('|', between)
+    };
     let text = format!(
         "name = \"odd\"\n[drive]\nleft = {{ {} }}\nright = {{ {} }}\nwheel_circumference_m = 0.2\ntrack_width_m = 0.1\n\
          max_dps = {wheels}\n[head]\n{}\nspeed_dps = {head}\n[motor.arm]\n{}\nmax_dps = {arm}\n",
@@ -160,7 +172,14 @@ fn robot(chance: &mut Chance, judge: &mut Judge) -> (RobotConfig, Arc<dyn Tree>)
 fn demands(chance: &mut Chance) -> (Demands, u64) {
     let (drive, count) = match chance.below(8) {
         0 => (None, 0),
-        1 => (Some(Drive::Stop(*chance.of(&[StopAction::Coast, StopAction::Brake, StopAction::Hold]))), 0),
+        1 => (
+            Some(Drive::Stop(*chance.of(&[
+                StopAction::Coast,
+                StopAction::Brake,
+                StopAction::Hold,
+            ]))),
+            0,
+        ),
         2..5 => (Some(Drive::Twist { forward_m_s: chance.float(), turn_rad_s: chance.float() }), 2),
         _ => (Some(Drive::Wheels { left_rad_s: chance.float(), right_rad_s: chance.float() }), 2),
     };
@@ -205,7 +224,10 @@ fn promise_5_nothing_outside_the_limits_reaches_a_file() {
             .count();
     }
     // The judge has seen the limits themselves, so they are not merely never approached.
-    assert!(at_the_limit > 3 * usize::try_from(robots).unwrap(), "{at_the_limit} motors at their limit");
+    assert!(
+        at_the_limit > 3 * usize::try_from(robots).unwrap(),
+        "{at_the_limit} motors at their limit"
+    );
     promised(&format!(
         "{demanded} demands to {robots} robots, NaN and infinities among them: {written} writes, {speeds} of them speeds, 0 outside the limits"
     ));

@@ -46,7 +46,8 @@ fn promise_7_a_disk_that_fails_at_the_nth_call_stops_the_run_cleanly_for_every_n
     for nth in 1.. {
         let mut failed = false;
         // In the short form one kind of failure at each place, in turn.
-        let kinds = troubles.iter().enumerate().filter(|(kind, _)| long() || nth % 4 == *kind as u64);
+        let kinds =
+            troubles.iter().enumerate().filter(|(kind, _)| long() || nth % 4 == *kind as u64);
         for (_, trouble) in kinds {
             let plan = Plan::once(&DISK, nth, trouble.clone());
             let disk = MemoryDisk::default();
@@ -60,7 +61,8 @@ fn promise_7_a_disk_that_fails_at_the_nth_call_stops_the_run_cleanly_for_every_n
                 }
                 Ok(played) => {
                     played.assert_at_rest("a failing disk");
-                    let ended = [StopReason::Recording, StopReason::Finished].contains(&played.reason);
+                    let ended =
+                        [StopReason::Recording, StopReason::Finished].contains(&played.reason);
                     assert!(ended, "call {nth}: {}", played.reason);
                     stopped += u32::from(played.ended.recording.is_some());
                     played.ended.recording
@@ -70,7 +72,10 @@ fn promise_7_a_disk_that_fails_at_the_nth_call_stops_the_run_cleanly_for_every_n
             let harmless = matches!(trouble, Trouble::Short(_)) && error.is_none();
             assert!(error.is_some() == failed || harmless, "call {nth} {trouble:?}");
             if let Some(text) = error {
-                assert!(text.contains("recording stopped: cannot ") && !text.contains('\n'), "{text}");
+                assert!(
+                    text.contains("recording stopped: cannot ") && !text.contains('\n'),
+                    "{text}"
+                );
             }
             most_lost = most_lost.max(judge_left(&disk, &whole, nth));
         }
@@ -84,7 +89,8 @@ fn promise_7_a_disk_that_fails_at_the_nth_call_stops_the_run_cleanly_for_every_n
     ));
 }
 
-/// What is on the disk is a beginning of the whole run, and what was synced is checked. How many ticks the sync had not reached.
+/// What is on the disk is a beginning of the whole run, and what was synced is checked. How many
+/// ticks the sync had not reached.
 fn judge_left(disk: &MemoryDisk, whole: &[Senses], nth: u64) -> usize {
     let bytes = disk.bytes();
     let Ok(all) = Run::read(&bytes) else { return 0 };
@@ -108,7 +114,8 @@ fn promise_7_a_power_cut_loses_at_most_what_came_since_the_last_sync() {
             break;
         }
         assert!(played.is_ok(), "who is dead learns of nothing");
-        // Of what was not synced a file system keeps all, some, or puts zeros or old bytes in its place.
+        // Of what was not synced a file system keeps all, some, or puts zeros or old bytes in its
+        // place.
         let (bytes, synced) = (disk.bytes(), disk.synced());
         let rest = bytes.len() - synced;
         for fate in 0..5 {
@@ -117,7 +124,9 @@ fn promise_7_a_power_cut_loses_at_most_what_came_since_the_last_sync() {
                 0 => {}
                 1 => left.truncate(synced + chance.below(rest + 1)),
                 2 => left[synced..].fill(0),
-                3 => left[synced..].iter_mut().for_each(|byte| *byte = chance.bits().to_le_bytes()[0]),
+                3 => left[synced..]
+                    .iter_mut()
+                    .for_each(|byte| *byte = chance.bits().to_le_bytes()[0]),
                 _ => left[synced..].reverse(),
             }
             cuts += 1;
@@ -126,7 +135,11 @@ fn promise_7_a_power_cut_loses_at_most_what_came_since_the_last_sync() {
                 continue;
             };
             let safe = Run::read(&bytes[..synced]).map_or(0, |run| run.senses.len());
-            assert!(run.senses.len() >= safe, "cut {nth}, fate {fate}: {} of {safe} ticks", run.senses.len());
+            assert!(
+                run.senses.len() >= safe,
+                "cut {nth}, fate {fate}: {} of {safe} ticks",
+                run.senses.len()
+            );
             assert_eq!(run.senses, whole[..run.senses.len()], "cut {nth}, fate {fate}");
             let _ = Run::read(&left).map(|run| replay(&run).map(|replayed| replayed.to_string()));
             let reached = Run::read(&bytes).map_or(0, |run| run.senses.len());
@@ -134,7 +147,8 @@ fn promise_7_a_power_cut_loses_at_most_what_came_since_the_last_sync() {
         }
     }
     let period = usize::try_from(SYNC_NS / 20_000_000).unwrap();
-    // A sync comes with the first tick behind its period, and the tick before may be in the buffer still.
+    // A sync comes with the first tick behind its period, and the tick before may be in the buffer
+    // still.
     assert!(most_lost <= period + 4, "{most_lost} ticks lost, {period} between two syncs");
     promised(&format!(
         "power cut at every call, {cuts} states of the disk: at most {most_lost} ticks lost of {period} between syncs, no wrong one read"
@@ -172,9 +186,11 @@ fn promise_7_a_sync_that_hangs_blocks_no_tick_and_the_gap_is_reported() {
     let disk = Stuck::default();
     let options = Options { sync_period_ns: 100_000_000, ring_entries: 64 };
     let (recorder, mut side) =
-        Recorder::start::<()>(Box::new(disk.clone()), start(Pace::Real), options, Box::new(|_| {})).unwrap();
+        Recorder::start::<()>(Box::new(disk.clone()), start(Pace::Real), options, Box::new(|_| {}))
+            .unwrap();
     disk.set(true);
-    // A minute of ticks while one sync hangs. They are put without waiting, or this would not come to its end.
+    // A minute of ticks while one sync hangs. They are put without waiting, or this would not come
+    // to its end.
     (0..3_000).for_each(|number| side.tick(&tick(number)));
     let dropped = side.dropped();
     assert!(dropped > 2_000 && !side.failed(), "{dropped} dropped");
@@ -192,7 +208,8 @@ fn promise_7_a_sync_that_hangs_blocks_no_tick_and_the_gap_is_reported() {
     recorder.finish(side, end(number)).unwrap();
     let run = Run::read(&disk.memory.bytes()).unwrap();
     let there: BTreeSet<u64> = run.senses.iter().map(|senses| senses.tick).collect();
-    let named: BTreeSet<u64> = run.gaps.iter().flat_map(|gap| gap.first_tick..=gap.last_tick).collect();
+    let named: BTreeSet<u64> =
+        run.gaps.iter().flat_map(|gap| gap.first_tick..=gap.last_tick).collect();
     assert_eq!(
         there.len() + named.len(),
         usize::try_from(number).unwrap(),
@@ -219,10 +236,12 @@ fn on_a_small_disk(kilobytes: u32, out: &Path) -> Option<Output> {
         kept = kept.display(),
         program = env!("CARGO_BIN_EXE_onbrick"),
     );
-    let user: &[&str] = if nix::unistd::geteuid().is_root() { &[] } else { &["--map-root-user", "--user"] };
+    let user: &[&str] =
+        if nix::unistd::geteuid().is_root() { &[] } else { &["--map-root-user", "--user"] };
     let output = Command::new("unshare").args(user).args(["--mount", "sh", "-c", &script]).output();
     let usable = output.as_ref().is_ok_and(|output| {
-        output.status.code() != Some(99) && !String::from_utf8_lossy(&output.stderr).starts_with("unshare:")
+        output.status.code() != Some(99)
+            && !String::from_utf8_lossy(&output.stderr).starts_with("unshare:")
     });
     if !usable {
         pass_over("mount namespaces (unshare --mount)");

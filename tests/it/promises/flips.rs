@@ -23,25 +23,30 @@ impl Whole {
     fn of(bytes: Vec<u8>) -> Self {
         let run = Run::read(&bytes).unwrap();
         let places = chunks(&bytes).into_iter().map(|(place, _)| place);
-        let chunks =
-            places.map(|place| (place.clone(), counts(&Run::read(&bytes[..place.end]).unwrap()))).collect();
+        let chunks = places
+            .map(|place| (place.clone(), counts(&Run::read(&bytes[..place.end]).unwrap())))
+            .collect();
         Self { bytes, run, chunks }
     }
 
-    /// The chunk that a byte is in; none where nothing of a tick is lost with it, as with the times that
-    /// a chunk begins with: others seek by them.
+    /// The chunk that a byte is in; none where nothing of a tick is lost with it, as with the times
+    /// that a chunk begins with: others seek by them.
     fn chunk(&self, place: usize) -> Option<usize> {
         let times = |chunk: &Range<usize>| chunk.start + 9..chunk.start + 25;
-        self.chunks.iter().position(|(chunk, _)| chunk.contains(&place) && !times(chunk).contains(&place))
+        self.chunks
+            .iter()
+            .position(|(chunk, _)| chunk.contains(&place) && !times(chunk).contains(&place))
     }
 
-    /// What must be read where these chunks are damaged: everything in all the others, to the last bit.
+    /// What must be read where these chunks are damaged: everything in all the others, to the last
+    /// bit.
     fn judge(&self, damaged: &[u8], hit: &[usize], what: &str) {
         let run = Run::read(damaged).unwrap_or_else(|error| panic!("{what}: {error}"));
         let kept = |of: usize, all: usize| -> Vec<usize> {
             let from = |chunk: usize| if chunk == 0 { 0 } else { self.chunks[chunk - 1].1[of] };
-            let lost =
-                |at: &usize| hit.iter().any(|&chunk| (from(chunk)..self.chunks[chunk].1[of]).contains(at));
+            let lost = |at: &usize| {
+                hit.iter().any(|&chunk| (from(chunk)..self.chunks[chunk].1[of]).contains(at))
+            };
             (0..all).filter(|at| !lost(at)).collect()
         };
         let senses: Vec<&Senses> =
@@ -50,8 +55,10 @@ impl Whole {
         let points: Vec<_> =
             kept(1, self.run.points.len()).into_iter().map(|at| self.run.points[at]).collect();
         assert_eq!(run.points, points, "{what}: points");
-        let taken: Vec<_> =
-            kept(2, self.run.transitions.len()).into_iter().map(|at| &self.run.transitions[at]).collect();
+        let taken: Vec<_> = kept(2, self.run.transitions.len())
+            .into_iter()
+            .map(|at| &self.run.transitions[at])
+            .collect();
         assert_eq!(run.transitions.iter().collect::<Vec<_>>(), taken, "{what}: transitions");
         assert!(hit.is_empty() || !run.warnings.is_empty(), "{what}: nobody is told");
     }
@@ -128,7 +135,8 @@ fn promise_7_random_flips_in_a_large_recording_cost_at_most_their_chunks() {
             let replayed = replay(&run).unwrap();
             assert!(replayed.is_same(), "seed {file}: {replayed}");
             let ticks = |chunk: usize| whole.chunks[chunk].1[0];
-            let inner = hit.iter().any(|&chunk| ticks(chunk) > 0 && ticks(chunk) < whole.run.senses.len());
+            let inner =
+                hit.iter().any(|&chunk| ticks(chunk) > 0 && ticks(chunk) < whole.run.senses.len());
             assert!(!inner || !replayed.gaps.is_empty(), "seed {file}: {replayed}");
         }
     });

@@ -1,8 +1,11 @@
-//! Promise 1, on the real binary and a mounted brick: whatever becomes of a run's processes, its motors stop.
+//! Promise 1, on the real binary and a mounted brick: whatever becomes of a run's processes, its
+//! motors stop.
 //!
-//! The fault's time is the simulation's just before the signal is sent; the ends are the simulation's, to a step of 2 ms. Where a bound is
-//! missed while this machine let a thread of ours wait for longer than [`STARVED_NS`], the case is done again: then it was the
-//! machine's miss. The long form (`ONBRICK_LONG=1`) is 1000 faults on twenty bricks; `ONBRICK_KILLS` and `ONBRICK_BRICKS` say otherwise.
+//! The fault's time is the simulation's just before the signal is sent; the ends are the
+//! simulation's, to a step of 2 ms. Where a bound is missed while this machine let a thread of ours
+//! wait for longer than [`STARVED_NS`], the case is done again: then it was the machine's miss. The
+//! long form (`ONBRICK_LONG=1`) is 1000 faults on twenty bricks; `ONBRICK_KILLS` and
+//! `ONBRICK_BRICKS` say otherwise.
 
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,8 +16,8 @@ use nix::sys::signal::{Signal, kill};
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 
 use self::bench::{
-    Asked, BOTH, Bench, Case, Measured, NEITHER, ONLY_GUARD, ONLY_LEASE, PROGRAM, Protection, Run, Trouble,
-    WATCH_NS, pass,
+    Asked, BOTH, Bench, Case, Measured, NEITHER, ONLY_GUARD, ONLY_LEASE, PROGRAM, Protection, Run,
+    Trouble, WATCH_NS, pass,
 };
 use crate::foreign::bench::example;
 use crate::mount::bench::{await_or_fail, no_fuse, real_time};
@@ -38,7 +41,8 @@ const ATTEMPTS: usize = 10;
 /// A machine that lets a thread wait for this long is starved.
 const STARVED_NS: i64 = 25 * MILLISECOND_NS;
 
-/// One of each, within a minute on a few bricks. A thread that panics stops the motors whoever else is there to do it.
+/// One of each, within a minute on a few bricks. A thread that panics stops the motors whoever else
+/// is there to do it.
 const CASES: [Case; 42] = [
     (Trouble::Killed, BOTH),
     (Trouble::StoppedAndContinued, BOTH),
@@ -83,7 +87,8 @@ const CASES: [Case; 42] = [
     (Trouble::Panic("mender"), NEITHER),
     (Trouble::Panic("orders"), NEITHER),
 ];
-/// Notes when this machine woke a thread of ours late; it has the same priority as what serves the mounts.
+/// Notes when this machine woke a thread of ours late; it has the same priority as what serves the
+/// mounts.
 struct Canary {
     /// When.
     late: Arc<Mutex<Vec<i64>>>,
@@ -122,7 +127,8 @@ fn number(variable: &str, default: usize) -> usize {
     std::env::var(variable).map_or(default, |text| text.parse().unwrap())
 }
 
-/// The same sequence at each run: multiplicative hashing spreads the moments over the dance's period of a second.
+/// The same sequence at each run: multiplicative hashing spreads the moments over the dance's
+/// period of a second.
 fn moment_ns(number: usize) -> i64 {
     let spread = u32::try_from(number).unwrap().wrapping_mul(2_654_435_769);
     i64::from(spread / 4_295) * 1000
@@ -179,8 +185,11 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
     });
     let results = results.into_inner().unwrap();
     for case in CASES {
-        let of_case: Vec<Measured> =
-            results.iter().filter(|(done, _)| *done == case).map(|(_, measured)| *measured).collect();
+        let of_case: Vec<Measured> = results
+            .iter()
+            .filter(|(done, _)| *done == case)
+            .map(|(_, measured)| *measured)
+            .collect();
         let (trouble, Protection { lease, guard }) = case;
         let what = format!("{trouble:?}, lease {lease}, guard {guard}");
         if !of_case.is_empty() {
@@ -193,7 +202,10 @@ fn promise_1_whatever_becomes_of_a_runs_processes_its_motors_stop() {
     }
     report("all: last command ended", results.iter().map(|(_, one)| one.commands_ns).collect());
     report("all: at rest", results.iter().map(|(_, one)| one.rest_ns).collect());
-    promised(&format!("done again because this machine was starved: {}", starved.into_inner().unwrap()));
+    promised(&format!(
+        "done again because this machine was starved: {}",
+        starved.into_inner().unwrap()
+    ));
     if results.len() < kills {
         pass_over(&format!(
             "a processor for {} of {kills} kills: it was starved each time",
@@ -240,11 +252,15 @@ fn promise_1_without_lease_and_guard_the_motors_would_go_on() {
     let measured = (0..ATTEMPTS).find_map(|_| bench.suffer((Trouble::Killed, NEITHER), 0));
     let measured = measured.expect("this machine is too busy for a control loop");
     assert!(measured.commands_ns > WATCH_NS / 2, "the harness sees what turns: {measured:?}");
-    let halt = Command::new(PROGRAM).args(["halt", "--brick"]).arg(bench.mounted.root()).output().unwrap();
+    let halt =
+        Command::new(PROGRAM).args(["halt", "--brick"]).arg(bench.mounted.root()).output().unwrap();
     assert!(halt.status.success(), "{}", String::from_utf8_lossy(&halt.stderr));
     std::thread::sleep(Duration::from_millis(20));
     let seen = bench.seen();
-    assert!(bench.now_ns() - seen.turned_ns > 500 * MILLISECOND_NS, "halt stopped what was left running");
+    assert!(
+        bench.now_ns() - seen.turned_ns > 500 * MILLISECOND_NS,
+        "halt stopped what was left running"
+    );
 }
 
 #[test]

@@ -1,5 +1,6 @@
-//! Promise 3: each fault of the simulated brick on each device of the robot, on the mapping mission: noticed or not, how soon, how far it
-//! was driven blind, and where the robot believes to be at the end.
+//! Promise 3: each fault of the simulated brick on each device of the robot, on the mapping
+//! mission: noticed or not, how soon, how far it was driven blind, and where the robot believes to
+//! be at the end.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -12,17 +13,22 @@ use onbrick::recording::Run;
 use onbrick::runtime::{StopReason, replay};
 use onbrick::sim::World;
 
-const FAULTS: [&str; 8] = ["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "jump"];
+const FAULTS: [&str; 8] =
+    ["off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "jump"];
 const DEVICES: [(&str, &str); 5] =
     [("outB", "left"), ("outD", "right"), ("outA", "head"), ("in1", "range"), ("in4", "gyro")];
 
 /// What may be driven after a fault that nothing shows, metres.
 const BLIND_M: f64 = 0.5;
 
-/// Cells that are driven blind, and why nothing in the readings shows them: `device fault: reason`, one a line.
+/// Cells that are driven blind, and why nothing in the readings shows them: `device fault: reason`,
+/// one a line.
 fn undetectable() -> String {
-    std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/undetectable-faults.txt"))
-        .unwrap()
+    std::fs::read_to_string(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/data/undetectable-faults.txt"
+    ))
+    .unwrap()
 }
 
 /// A minute of the mapping mission.
@@ -36,12 +42,13 @@ fn blind_m(ended: &Played) -> f64 {
     ended.truth.travelled_m - at_fault
 }
 
-/// What was doubted is doubted again in a replay, also in one that has a gap shortly before: then the evidence is in the checkpoint.
+/// What was doubted is doubted again in a replay, also in one that has a gap shortly before: then
+/// the evidence is in the checkpoint.
 fn assert_is_repeated(ended: &Played, what: &str) {
     let bytes = ended.disk.bytes();
     assert!(replay(&Run::read(&bytes).unwrap()).unwrap().is_same(), "{what}");
-    // Before the map at its end, and after the fault in runs that went on for a while. A flip in the
-    // indexes behind a chunk, some 5 kB, loses nothing: the next place is in a chunk.
+    // Before the map at its end, and after the fault in runs that went on for a while. A flip in
+    // the indexes behind a chunk, some 5 kB, loses nothing: the next place is in a chunk.
     let place = bytes.len() / 10 * 6;
     let damaged = (0..4).map(|step| {
         let mut bytes = bytes.clone();
@@ -103,7 +110,9 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
             );
         }
         let cell = format!("{device} {kind}:");
-        let known = undetectable.lines().any(|line| line.starts_with(&cell) && line.len() > cell.len() + 10);
+        let known = undetectable
+            .lines()
+            .any(|line| line.starts_with(&cell) && line.len() > cell.len() + 10);
         if blind_m > BLIND_M && !known {
             blind.push(format!("{cell} {blind_m:.2} m"));
         }
@@ -131,8 +140,11 @@ fn promise_3_no_reading_of_a_good_robot_is_called_implausible() {
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
             scope.spawn(|| {
-                while let Some(&(mission, world, seed)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let play = Play { robot_toml: missions::robot(), ..Play::of(mission, world, seed) };
+                while let Some(&(mission, world, seed)) =
+                    jobs.get(next.fetch_add(1, Ordering::Relaxed))
+                {
+                    let play =
+                        Play { robot_toml: missions::robot(), ..Play::of(mission, world, seed) };
                     let ended = play.seconds(60.0).play().unwrap();
                     let what = format!("{mission} in {world}, seed {seed}: {}", ended.reason);
                     assert!(!matches!(ended.reason, StopReason::Implausible(_)), "{what}");

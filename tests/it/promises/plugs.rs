@@ -1,4 +1,5 @@
-//! Promises 2, 3, 4 and 9 in virtual time: a loop that stalls, plugs that come loose, somebody else's hand on our motors.
+//! Promises 2, 3, 4 and 9 in virtual time: a loop that stalls, plugs that come loose, somebody
+//! else's hand on our motors.
 
 use std::sync::Arc;
 
@@ -29,16 +30,16 @@ fn mapping(seconds: f64) -> Play {
 fn pausing(seconds: f64) -> Play {
     let mut play = mapping(seconds);
     assert!(!play.mission_toml.contains("on_lost"), "it says itself what happens");
-    play.mission_toml = play.mission_toml.replacen("time_limit_s", "on_lost = \"pause\"\ntime_limit_s", 1);
+    play.mission_toml =
+        play.mission_toml.replacen("time_limit_s", "on_lost = \"pause\"\ntime_limit_s", 1);
     play
 }
 
 /// The furthest that a believed pose is from the one before, metres.
 fn largest_step_m(recorded: &Run) -> f64 {
-    let steps = recorded
-        .poses
-        .windows(2)
-        .map(|pair| libm::hypot(pair[1].pose.x_m - pair[0].pose.x_m, pair[1].pose.y_m - pair[0].pose.y_m));
+    let steps = recorded.poses.windows(2).map(|pair| {
+        libm::hypot(pair[1].pose.x_m - pair[0].pose.x_m, pair[1].pose.y_m - pair[0].pose.y_m)
+    });
     steps.fold(0.0, f64::max)
 }
 
@@ -56,9 +57,14 @@ fn travelled_m(truths: &[Truth], time_s: f64) -> f64 {
 #[test]
 fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
     let clean = pausing(60.0).play().unwrap();
-    promised(&format!("clean: {:.2} m, off by {:.3} m", clean.truth.travelled_m, clean.pose_error_m()));
+    promised(&format!(
+        "clean: {:.2} m, off by {:.3} m",
+        clean.truth.travelled_m,
+        clean.pose_error_m()
+    ));
     for (port, channel) in DEVICES {
-        let text = format!("[[fault]]\nat_s = 10\nuntil_s = 14\nport = \"{port}\"\nkind = \"unplug\"\n");
+        let text =
+            format!("[[fault]]\nat_s = 10\nuntil_s = 14\nport = \"{port}\"\nkind = \"unplug\"\n");
         let ended = pausing(60.0).scenario(&text).play().unwrap();
         let recorded = ended.run();
         let logs: Vec<&str> = recorded.logs.iter().map(|log| log.text.as_str()).collect();
@@ -72,7 +78,8 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
         assert!((10.0..10.6).contains(&lost_s), "{port}: lost at {lost_s} s");
         assert!((14.0..17.5).contains(&back_s), "{port}: back at {back_s} s");
         let waited_m = travelled_m(&ended.truths, 14.0) - travelled_m(&ended.truths, 11.0);
-        let afterwards_m = ended.truths.last().unwrap().travelled_m - travelled_m(&ended.truths, back_s);
+        let afterwards_m =
+            ended.truths.last().unwrap().travelled_m - travelled_m(&ended.truths, back_s);
         let step_m = largest_step_m(&recorded);
         promised(&format!(
             "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m driven then; largest step {step_m:.4} m; off by \
@@ -84,7 +91,11 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
         assert!(waited_m < 0.002, "{port}: it waits, and has driven {waited_m} m");
         assert!(afterwards_m > 0.3, "{port}: it really goes on: {afterwards_m} m");
         assert!(step_m < 0.01, "{port}: no jump: {step_m} m");
-        assert!(ended.pose_error_m() < clean.pose_error_m() + 0.1, "{port}: off by {}", ended.pose_error_m());
+        assert!(
+            ended.pose_error_m() < clean.pose_error_m() + 0.1,
+            "{port}: off by {}",
+            ended.pose_error_m()
+        );
         ended.assert_at_rest(port);
     }
 }
@@ -140,19 +151,23 @@ impl Clock for Hiccup {
 
 #[test]
 fn promise_2_a_loop_that_stalls_stops_and_one_that_is_late_is_counted_and_recorded() {
-    let late =
-        Play { seen_clock: |clock| Arc::new(Hiccup { clock, by_ns: 150 * MILLISECOND_NS }), ..mapping(20.0) }
-            .play()
-            .unwrap();
+    let late = Play {
+        seen_clock: |clock| Arc::new(Hiccup { clock, by_ns: 150 * MILLISECOND_NS }),
+        ..mapping(20.0)
+    }
+    .play()
+    .unwrap();
     assert_eq!(late.reason, StopReason::Finished);
     assert_eq!((late.ended.overruns, nanoseconds(late.ended.latest_s)), (1, 150 * MILLISECOND_NS));
     let recorded: u32 = late.run().statistics.iter().map(|window| window.overruns).sum();
     assert_eq!(recorded, 1, "it is in the recording");
 
-    let stalled =
-        Play { seen_clock: |clock| Arc::new(Hiccup { clock, by_ns: 201 * MILLISECOND_NS }), ..mapping(20.0) }
-            .play()
-            .unwrap();
+    let stalled = Play {
+        seen_clock: |clock| Arc::new(Hiccup { clock, by_ns: 201 * MILLISECOND_NS }),
+        ..mapping(20.0)
+    }
+    .play()
+    .unwrap();
     assert_eq!(stalled.reason, StopReason::Late);
     assert_eq!(nanoseconds(stalled.ended.latest_s), 201 * MILLISECOND_NS);
     assert!(stalled.drove_s < 10.5, "{} s", stalled.drove_s);
@@ -177,10 +192,14 @@ next = [{ when = "time_s > 25", go = "end" }]
 
 #[test]
 fn promise_9_another_programs_hand_on_a_motor_that_stands_is_noticed_too() {
-    for writes in [&["command reset"][..], &["speed_sp 77"], &["speed_sp 77", "command run-forever"]] {
+    for writes in
+        [&["command reset"][..], &["speed_sp 77"], &["speed_sp 77", "command run-forever"]]
+    {
         let orders: String = writes
             .iter()
-            .map(|write| format!("[[fault]]\nat_s = 10\nport = \"outB\"\nkind = \"write {write}\"\n"))
+            .map(|write| {
+                format!("[[fault]]\nat_s = 10\nport = \"outB\"\nkind = \"write {write}\"\n")
+            })
             .collect();
         let play = Play { mission_toml: STAND.to_owned(), ..mapping(30.0) };
         let ended = play.scenario(&orders).play().unwrap();
@@ -201,7 +220,8 @@ fn promise_9_a_setting_that_would_change_what_a_lease_does_ends_the_run_and_the_
             "ramp_down_sp 9000",
             "polarity inversed",
         ] {
-            let order = format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"write {write}\"\n");
+            let order =
+                format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"write {write}\"\n");
             let ended = mapping(60.0).scenario(&order).play().unwrap();
             let took_ms = (ended.drove_s - 10.0) * 1e3;
             promised(&format!("{port} {write}: {} after {took_ms:.0} ms", ended.reason));
@@ -215,8 +235,9 @@ fn promise_9_a_setting_that_would_change_what_a_lease_does_ends_the_run_and_the_
 #[test]
 fn promise_9_another_programs_hand_on_our_motors_ends_the_run_and_nothing_is_fought_over() {
     let orders = |port: &str, writes: &[&str]| -> String {
-        let order =
-            |write: &&str| format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"write {write}\"\n");
+        let order = |write: &&str| {
+            format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"write {write}\"\n")
+        };
         writes.iter().map(order).collect()
     };
     for (port, channel) in &DEVICES[..3] {
@@ -233,7 +254,8 @@ fn promise_9_another_programs_hand_on_our_motors_ends_the_run_and_nothing_is_fou
             assert_eq!(ended.reason, StopReason::Outside(*channel), "{port} {writes:?}");
             assert!(took_ms <= 120.0, "{port} {writes:?}: {took_ms} ms");
             // A second later the other program's command is still in force, and ours are not.
-            let states = ["outA", "outB", "outD"].map(|other| if other == *port { state } else { "" });
+            let states =
+                ["outA", "outB", "outD"].map(|other| if other == *port { state } else { "" });
             let running: Vec<&str> =
                 ended.states.iter().map(|state| state.split(' ').next().unwrap_or("")).collect();
             assert_eq!(running, states, "{port} {writes:?}: {:?}", ended.states);

@@ -1,5 +1,6 @@
-//! Promise 1: how long wheels roll on when their lease has run out, by how fast they turned. The lease and the kernel's timer end the command; the rest
-//! is the robot's own inertia against a motor whose windings are shorted, which nothing of ours can make shorter.
+//! Promise 1: how long wheels roll on when their lease has run out, by how fast they turned. The
+//! lease and the kernel's timer end the command; the rest is the robot's own inertia against a
+//! motor whose windings are shorted, which nothing of ours can make shorter.
 
 use std::sync::Arc;
 
@@ -16,9 +17,11 @@ use crate::support::promised::promised;
 /// Up to here the lease alone has the wheels at rest in time, degrees per second.
 const IN_TIME_DPS: f64 = 150.0;
 
-/// When the command ended and when the wheels stood, after the last renewal, nanoseconds: both wheels ahead.
+/// When the command ended and when the wheels stood, after the last renewal, nanoseconds: both
+/// wheels ahead.
 fn after_the_last_renewal(dps: f64) -> (i64, i64) {
-    let (world, seen) = Witness::new(WorldPhysics::new(World::named("open").unwrap(), 1, 1).unwrap());
+    let (world, seen) =
+        Witness::new(WorldPhysics::new(World::named("open").unwrap(), 1, 1).unwrap());
     let clock = Arc::new(VirtualClock::default());
     let simulation = Simulation::new(clock.clone(), Box::new(world), 1);
     let tree: Arc<dyn Tree> = simulation.brick(0);

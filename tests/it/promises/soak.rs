@@ -1,7 +1,8 @@
 //! Promise 11: hours of missions with random faults, faster than real time.
 //!
-//! Each stint is made by its seed alone, so one that fails comes again: `ONBRICK_SOAK_SEED=17 cargo test --test it promise_11`.
-//! Ten simulated minutes as a rule, 24 hours in the long form, or as many as `ONBRICK_SOAK_HOURS` says.
+//! Each stint is made by its seed alone, so one that fails comes again: `ONBRICK_SOAK_SEED=17 cargo
+//! test --test it promise_11`. Ten simulated minutes as a rule, 24 hours in the long form, or as
+//! many as `ONBRICK_SOAK_HOURS` says.
 
 use nix::errno::Errno;
 use onbrick::clock::SECOND_NS;
@@ -43,12 +44,17 @@ fn stint(seed: u64) -> Stint {
         play.mission_toml = if said { paused } else { format!("on_lost = \"pause\"\n{paused}") };
     }
     let orders = orders(&mut chance, seconds);
-    let told =
-        orders.iter().map(|(at_ns, order)| format!("{} s: {}", at_ns / SECOND_NS, order.act)).collect();
+    let told = orders
+        .iter()
+        .map(|(at_ns, order)| format!("{} s: {}", at_ns / SECOND_NS, order.act))
+        .collect();
     play.scenario = Scenario::new(orders);
     play.attributes = attributes(&mut chance);
     play.records = records(&mut chance);
-    Stint { played: play.play().unwrap_or_else(|error| panic!("seed {seed}: {error}")), orders: told }
+    Stint {
+        played: play.play().unwrap_or_else(|error| panic!("seed {seed}: {error}")),
+        orders: told,
+    }
 }
 
 /// Faults of devices, a few a minute, most of them for moments.
@@ -59,8 +65,11 @@ fn orders(chance: &mut Chance, seconds: f64) -> Vec<(i64, Order)> {
     while at_s < seconds {
         let port = *chance.of(&[Port::OutA, Port::OutB, Port::OutD, Port::In1, Port::In4]);
         let fault = chance.of(&faults).clone();
-        let lasts_s =
-            if chance.below(4) == 0 { chance.between(0.5, 20.0) } else { chance.between(0.004, 0.25) };
+        let lasts_s = if chance.below(4) == 0 {
+            chance.between(0.5, 20.0)
+        } else {
+            chance.between(0.004, 0.25)
+        };
         let text = if fault.is_momentary() {
             format!("{port} {fault}")
         } else {
@@ -77,7 +86,8 @@ fn orders(chance: &mut Chance, seconds: f64) -> Vec<(i64, Order)> {
 /// Attribute calls that fail now and then, one or a few in a row.
 fn attributes(chance: &mut Chance) -> Plan {
     let plan = Plan::counting(&[Kind::Read, Kind::Write]);
-    let errors = [Errno::EIO, Errno::ENODEV, Errno::EAGAIN, Errno::EINTR, Errno::EBUSY, Errno::ENXIO];
+    let errors =
+        [Errno::EIO, Errno::ENODEV, Errno::EAGAIN, Errno::EINTR, Errno::EBUSY, Errno::ENXIO];
     let mut nth = 0;
     for _ in 0..20 {
         nth += u64::try_from(1 + chance.below(20_000)).unwrap();
@@ -109,7 +119,8 @@ fn judge(seed: u64, stint: &Stint) {
         stint.played.reason, stint.orders, stint.played.faults
     );
     let played = &stint.played;
-    // A coasting wheel or one that a fault turned off may roll on for a while, but nothing drives it.
+    // A coasting wheel or one that a fault turned off may roll on for a while, but nothing drives
+    // it.
     assert!(
         played.truth.speed_mps.abs() < 0.05,
         "{what}: {} m/s a second after the end",
@@ -117,7 +128,10 @@ fn judge(seed: u64, stint: &Stint) {
     );
     for write in &played.writes {
         let text = String::from_utf8_lossy(&write.value);
-        let speed = write.path.ends_with("/speed_sp").then(|| text.trim().parse::<i64>().unwrap_or(i64::MAX));
+        let speed = write
+            .path
+            .ends_with("/speed_sp")
+            .then(|| text.trim().parse::<i64>().unwrap_or(i64::MAX));
         // `write` and `reset` of a fault are another program's and not in the journal.
         assert!(speed.is_none_or(|speed| speed.abs() <= 1560), "{what}: {} = {text}", write.path);
         let command = write.path.ends_with("/command").then(|| text.trim().to_owned());
@@ -137,8 +151,9 @@ fn judge(seed: u64, stint: &Stint) {
 /// This process' memory in use, kB, and its open descriptors.
 fn used() -> (u64, usize) {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
-    let kilobytes =
-        status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.split_whitespace().next()?.parse().ok());
+    let kilobytes = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:")?.split_whitespace().next()?.parse().ok());
     (kilobytes.unwrap(), std::fs::read_dir("/proc/self/fd").unwrap().count())
 }
 
@@ -146,10 +161,14 @@ fn used() -> (u64, usize) {
 fn promise_11_missions_with_random_faults_for_hours_leave_nothing_driving_and_nothing_behind() {
     if let Some(seed) = std::env::var("ONBRICK_SOAK_SEED").ok().and_then(|seed| seed.parse().ok()) {
         let stint = stint(seed);
-        println!("{} after {:.1} s; {:#?}", stint.played.reason, stint.played.drove_s, stint.orders);
+        println!(
+            "{} after {:.1} s; {:#?}",
+            stint.played.reason, stint.played.drove_s, stint.orders
+        );
         return judge(seed, &stint);
     }
-    let hours = std::env::var("ONBRICK_SOAK_HOURS").ok().and_then(|hours| hours.parse::<f64>().ok());
+    let hours =
+        std::env::var("ONBRICK_SOAK_HOURS").ok().and_then(|hours| hours.parse::<f64>().ok());
     let wanted_s = 3600.0 * hours.unwrap_or(if long() { 24.0 } else { 1.0 / 6.0 });
     let started = std::time::Instant::now();
     let (mut drove_s, mut metres, mut stints, mut faults) = (0.0, 0.0, 0_u64, 0);

@@ -38,7 +38,8 @@ fn read(output: &str) -> BTreeMap<usize, Vec<Told>> {
     let mut told: BTreeMap<usize, Vec<Told>> = BTreeMap::new();
     for line in output.lines() {
         let result = line.strip_prefix("test ").and_then(|line| line.split_once(" ... "));
-        let Some((test, result)) = result.or_else(|| line.rsplit_once(": test").map(|(test, _)| (test, "")))
+        let Some((test, result)) =
+            result.or_else(|| line.rsplit_once(": test").map(|(test, _)| (test, "")))
         else {
             continue;
         };
@@ -100,8 +101,12 @@ fn the_table_is_made_of_names_results_and_figures() {
                   ---- a::promise_5_x stdout ----\nchatter\npromised: 7 of 7\n\n\nfailures:\n---- b::promise_11_y stdout ----\npromised: seed 3\n";
     let told = read(output);
     assert_eq!(told.keys().copied().collect::<Vec<_>>(), [5, 11]);
-    let one = |number: usize| (told[&number][0].result.as_str(), told[&number][0].figures.join(";"));
+    let one =
+        |number: usize| (told[&number][0].result.as_str(), told[&number][0].figures.join(";"));
     assert_eq!(one(5), ("ok", "7 of 7".to_owned()));
     assert_eq!(one(11), ("FAILED", "seed 3".to_owned()));
-    assert!(read("a::promise_3_x: test\nb::c: test\n").contains_key(&3), "and a listing is read as well");
+    assert!(
+        read("a::promise_3_x: test\nb::c: test\n").contains_key(&3),
+        "and a listing is read as well"
+    );
 }

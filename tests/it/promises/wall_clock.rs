@@ -1,4 +1,5 @@
-//! Promise 8: the wall clock jumps, runs backwards, stands at 1970: control does not notice, and the order in the record is kept.
+//! Promise 8: the wall clock jumps, runs backwards, stands at 1970: control does not notice, and
+//! the order in the record is kept.
 
 use std::process::Command;
 
@@ -28,15 +29,22 @@ fn stamps(bytes: &[u8]) -> Vec<u64> {
     stamps
 }
 
-/// Messages of a topic are in order, and so is what different topics say of different ticks: none is more than a sync behind.
+/// Messages of a topic are in order, and so is what different topics say of different ticks: none
+/// is more than a sync behind.
 fn assert_in_order(bytes: &[u8], what: &str) {
     let run = Run::read(bytes).unwrap();
-    assert!(run.senses.is_sorted_by(|a, b| a.time_ns < b.time_ns && a.tick + 1 == b.tick), "{what}: ticks");
+    assert!(
+        run.senses.is_sorted_by(|a, b| a.time_ns < b.time_ns && a.tick + 1 == b.tick),
+        "{what}: ticks"
+    );
     assert!(run.poses.is_sorted_by(|a, b| a.time_ns < b.time_ns), "{what}: poses");
     assert!(run.logs.is_sorted_by(|a, b| a.time_ns <= b.time_ns), "{what}: log lines");
     let stamps = stamps(bytes);
     let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
-    assert!(stamps.iter().all(|stamp| (first..=last).contains(stamp)), "{what}: a stamp outside of the run");
+    assert!(
+        stamps.iter().all(|stamp| (first..=last).contains(stamp)),
+        "{what}: a stamp outside of the run"
+    );
     let took_ns = run.senses.last().unwrap().time_ns;
     assert!(
         last - first <= took_ns.unsigned_abs() + 1_000_000_000,
@@ -104,8 +112,10 @@ fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing()
             jumps += 1;
         }
         let output = child.wait_with_output().unwrap();
-        let said = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
-        if said.contains("stood still for more than 200 ms") || said.contains("a wheel is blocked") {
+        let said =
+            String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
+        if said.contains("stood still for more than 200 ms") || said.contains("a wheel is blocked")
+        {
             println!("attempt {attempt}: {said}");
             continue;
         }

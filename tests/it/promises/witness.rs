@@ -1,4 +1,5 @@
-//! A world that notes at each of its steps, to 2 ms, which bridges drive and which shafts turn: nobody's polling is in the figures.
+//! A world that notes at each of its steps, to 2 ms, which bridges drive and which shafts turn:
+//! nobody's polling is in the figures.
 
 use std::sync::{Arc, Mutex};
 
@@ -13,7 +14,8 @@ pub struct Seen {
     pub turned_ns: i64,
 }
 
-/// Slower than this a shaft is at rest, edges a step: a degree a second, which is half a millimetre a second at the wheel.
+/// Slower than this a shaft is at rest, edges a step: a degree a second, which is half a millimetre
+/// a second at the wheel.
 const REST_EDGES: f64 = 1.0 * 2.0 * 0.002;
 
 /// The world, and what it notes of its only robot.

@@ -76,7 +76,10 @@ fn an_independent_decoder_reads_every_message_by_its_own_definition() {
     let odometry = &topics["/odom"]["first"];
     assert_eq!(odometry["header"]["frame_id"], "odom");
     assert_eq!(odometry["child_frame_id"], "base_link");
-    assert_eq!(odometry["header"]["stamp"], serde_json::json!({"sec": 1_700_000_000, "nanosec": 1_000}));
+    assert_eq!(
+        odometry["header"]["stamp"],
+        serde_json::json!({"sec": 1_700_000_000, "nanosec": 1_000})
+    );
     // The estimator's own, and what a start 1 cm and 1° off makes of where it is by now.
     let rad2 = libm::pow(1_f64.to_radians(), 2.0);
     let covariance = |place: usize| odometry["pose"]["covariance"][place].as_f64().unwrap();

@@ -48,7 +48,8 @@ fn promise_7_a_slow_disk_never_holds_up_the_tick_and_its_gap_is_named() {
     )
     .unwrap();
     disk.set(false);
-    // The disk hangs at the first sync; far more is put than the ring holds. That this returns at all is the point.
+    // The disk hangs at the first sync; far more is put than the ring holds. That this returns at
+    // all is the point.
     (0..500).for_each(|number| side.tick(&tick(number)));
     assert!(side.dropped() > 400, "{} dropped", side.dropped());
     assert!(!side.failed());
@@ -58,7 +59,8 @@ fn promise_7_a_slow_disk_never_holds_up_the_tick_and_its_gap_is_named() {
     assert_eq!(summary.dropped, dropped);
     let run = Run::read(&disk.memory.bytes()).unwrap();
     let recorded: BTreeSet<u64> = run.senses.iter().map(|senses| senses.tick).collect();
-    let missing: BTreeSet<u64> = run.gaps.iter().flat_map(|gap| gap.first_tick..=gap.last_tick).collect();
+    let missing: BTreeSet<u64> =
+        run.gaps.iter().flat_map(|gap| gap.first_tick..=gap.last_tick).collect();
     let all: BTreeSet<u64> = recorded.union(&missing).copied().collect();
     assert_eq!(all, (0..500).collect(), "every tick is recorded or named");
     assert_eq!(recorded.intersection(&missing).count(), 0, "{:?}", run.gaps);
@@ -167,8 +169,12 @@ fn promise_7_a_disk_that_cannot_sync_is_seen_by_the_tick() {
 #[test]
 fn promise_7_a_disk_that_fails_at_once_is_known_before_anything_moves() {
     let disk = FailingDisk { memory: Memory::default(), room: 10, syncs: 9 };
-    let error =
-        Recorder::start::<()>(Box::new(disk), start(Pace::Real), Options::default(), Box::new(|_| {}))
-            .unwrap_err();
+    let error = Recorder::start::<()>(
+        Box::new(disk),
+        start(Pace::Real),
+        Options::default(),
+        Box::new(|_| {}),
+    )
+    .unwrap_err();
     assert_eq!(error.source.kind(), io::ErrorKind::StorageFull, "{error:?}");
 }

@@ -130,7 +130,9 @@ fn rerun_has_a_row_for_every_message_and_shows_those_of_ros() {
     let Some(found) = by_python("rerun", "rerun.chunk") else { return };
     assert_all_are_there(&found, mapped());
     let counted = counted(mapped());
-    let shown = |what: &str| found["shown"][what].as_u64().unwrap_or_else(|| panic!("no {what}: {found:#}"));
+    let shown = |what: &str| {
+        found["shown"][what].as_u64().unwrap_or_else(|| panic!("no {what}: {found:#}"))
+    };
     assert_eq!(shown("/map GridMap:data"), counted["/map"]);
     assert_eq!(shown("/points Points3D:positions"), counted["/points"]);
     assert_eq!(shown("/tf Transform3D:translation"), 2 * counted["/tf"], "two frames move");
@@ -158,7 +160,10 @@ fn foxgloves_reader_goes_through_it_in_the_order_of_log_time() {
     };
     assert_all_are_there(&found, mapped());
     assert_eq!(found["unordered"], 0);
-    assert_eq!(found["attachments"], serde_json::json!(["robot.toml", "mission.toml", "world.toml"]));
+    assert_eq!(
+        found["attachments"],
+        serde_json::json!(["robot.toml", "mission.toml", "world.toml"])
+    );
     assert_eq!(found["metadata"], serde_json::json!(["onbrick", "onbrick.end"]));
 }
 

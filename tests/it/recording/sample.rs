@@ -66,12 +66,16 @@ pub(crate) fn start(pace: Pace) -> Start {
         machines: vec![MachineNames {
             name: "drive".to_owned(),
             start: 0,
-            states: vec![state("forward", &["range_m < 0.25"]), state("turn", &["state_turn_deg > 90"])],
+            states: vec![
+                state("forward", &["range_m < 0.25"]),
+                state("turn", &["state_turn_deg > 90"]),
+            ],
         }],
     }
 }
 
-/// A drive on a circle in a square arena, looking around: each value moves, some are odd on purpose.
+/// A drive on a circle in a square arena, looking around: each value moves, some are odd on
+/// purpose.
 pub(crate) fn tick(number: u64) -> TickRecord {
     #[expect(clippy::cast_precision_loss, reason = "small numbers")]
     let seconds = number as f64 * 0.02;
@@ -159,8 +163,12 @@ pub(crate) fn put(side: &mut TickSide<PilotState>, number: u64) {
         let mut state = PilotState::default();
         state.machine_count = 1;
         state.estimator.pose = record.estimate.pose;
-        state.machines[0] =
-            MachineState { state: 1, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
+        state.machines[0] = MachineState {
+            state: 1,
+            entered_ns: time_ns,
+            entered_m: 0.5,
+            entered_heading_rad: 0.25,
+        };
         side.checkpoint(number, time_ns, &state);
     }
 }

@@ -1,4 +1,5 @@
-//! The service on files of a brick: plain ones with wheels that turn, and the mounted simulated brick.
+//! The service on files of a brick: plain ones with wheels that turn, and the mounted simulated
+//! brick.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -50,7 +51,10 @@ fn a_motor_is_jogged_between_runs_only_and_stops_when_nobody_asks_any_more() {
     });
     served.own::<serde_json::Value>(&jog("outA", -100));
     served.own::<serde_json::Value>(&jog("outA", 0));
-    assert_eq!((brick.read("tacho-motor/motor0", "command"), brick.owner()), ("stop".to_owned(), None));
+    assert_eq!(
+        (brick.read("tacho-motor/motor0", "command"), brick.owner()),
+        ("stop".to_owned(), None)
+    );
     refused_as(&served.own_refused(&jog("outC", 10)), Kind::NotReady, "outC");
     refused_as(&served.own_refused(&jog("out B", 10)), Kind::BadRequest, "out B");
     refused_as(&served.own_refused(&jog("outB", 101)), Kind::BadRequest, "101");
@@ -87,7 +91,10 @@ fn onbrick_run_goes_through_the_service_and_brings_the_recording() {
     assert_eq!((&last["event"], &last["word"]), (&"ended".into(), &"finished".into()), "{last}");
     let info = served.runs().remove(0);
     let copy = folder.path().join("o/run.mcap");
-    assert_eq!(Run::open(&copy).unwrap().ending.unwrap().stop.to_string(), "the mission is finished");
+    assert_eq!(
+        Run::open(&copy).unwrap().ending.unwrap().stop.to_string(),
+        "the mission is finished"
+    );
     let kept = served.path("runs").join(info.run.as_str()).join("run.mcap");
     assert!(std::fs::read(&copy).unwrap() == std::fs::read(kept).unwrap());
     assert_eq!(info.mission, "short");
@@ -128,7 +135,9 @@ fn on_the_mounted_brick_the_lights_follow_the_state_and_a_button_ends_the_run() 
         matches!(status.state, State::Running | State::Stopped | State::Fault)
     });
     if status.state == State::Running {
-        await_or_fail("a pulse's dark half", || !led("green") || served.status().state != State::Running);
+        await_or_fail("a pulse's dark half", || {
+            !led("green") || served.status().state != State::Running
+        });
     }
     let enter = onbrick::sim::Button::Enter;
     mounted.simulation.press(0, enter).unwrap();

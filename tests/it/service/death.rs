@@ -15,7 +15,10 @@ fn a_service_that_is_told_to_end_stops_the_run_first() {
     let run = served.drive("straight");
     assert_eq!(served.end(), Some(0));
     let recorded = Run::open(&served.path("runs").join(run.as_str()).join("run.mcap")).unwrap();
-    assert_eq!(recorded.ending.expect("its recording is whole").stop.to_string(), "stopped by a signal");
+    assert_eq!(
+        recorded.ending.expect("its recording is whole").stop.to_string(),
+        "stopped by a signal"
+    );
     assert!(!served.path("socket").exists(), "the door is closed");
 }
 
@@ -54,7 +57,9 @@ fn a_run_that_goes_on() {
     let mut seen = Vec::new();
     await_that("it tells how it goes, twice", || {
         let progress = served.status().run.and_then(|run| run.progress);
-        seen.extend(progress.filter(|now| seen.last().is_none_or(|last: &Status| last.tick < now.tick)));
+        seen.extend(
+            progress.filter(|now| seen.last().is_none_or(|last: &Status| last.tick < now.tick)),
+        );
         seen.len() >= 2
     });
     let now = seen.last().unwrap();
@@ -62,8 +67,12 @@ fn a_run_that_goes_on() {
         now.elapsed_ns > 0 && now.travelled_m > seen[0].travelled_m && now.battery_v.is_some(),
         "{now:?}"
     );
-    assert!(now.states.iter().any(|(machine, state)| machine == "drive" && !state.is_empty()), "{now:?}");
-    let other = served.own_refused(&onbrick::service::protocol::LocalOnly::StartHere(start("b", "short")));
+    assert!(
+        now.states.iter().any(|(machine, state)| machine == "drive" && !state.is_empty()),
+        "{now:?}"
+    );
+    let other =
+        served.own_refused(&onbrick::service::protocol::LocalOnly::StartHere(start("b", "short")));
     super::refused_as(&other, onbrick::service::protocol::Kind::Busy, run.as_str());
     assert_eq!(served.stop(), Stopped { run: Some(run.clone()), stopped: true });
     assert_eq!(writer(&file).unwrap(), None);

@@ -22,14 +22,19 @@ fn behind(script: &str, command: &Command) -> Command {
 #[test]
 fn a_disk_that_fills_up_ends_the_run_as_a_fault_that_says_so() {
     let _alone = alone();
-    // No file may have more than 100 kB, some seconds of a recording; the signal for it is ignored, so that writing fails.
+    // No file may have more than 100 kB, some seconds of a recording; the signal for it is ignored,
+    // so that writing fails.
     let mut served = Served::started(folder(""), &["--sim", "arena"], |command| {
         behind("trap '' XFSZ; ulimit -f 200", &command)
     });
     served.own::<serde_json::Value>(&LocalOnly::StartHere(start("r", "straight")));
     await_that("the fault is seen", || served.status().state == State::Fault);
     let last = served.status().last.unwrap();
-    assert_eq!((last.stop.reason.word().as_str(), last.is_wanted()), ("recording", false), "{last:?}");
+    assert_eq!(
+        (last.stop.reason.word().as_str(), last.is_wanted()),
+        ("recording", false),
+        "{last:?}"
+    );
     assert!(last.to_string().contains("File too large"), "{}", last.to_string());
     assert!(served.runs()[0].bytes > 10_000, "what was written before is kept");
 }

@@ -49,7 +49,8 @@ fn a_hundred_clients_are_answered_whatever_a_slow_and_a_silent_one_do() {
             scope.spawn(move || {
                 let mut client = Client::at(socket);
                 for _ in 0..5 {
-                    let status: Status = client.ask(&Request::Status, Duration::from_secs(30)).unwrap();
+                    let status: Status =
+                        client.ask(&Request::Status, Duration::from_secs(30)).unwrap();
                     assert_eq!(status.state, State::Ready, "client {at}");
                 }
             });
@@ -60,7 +61,8 @@ fn a_hundred_clients_are_answered_whatever_a_slow_and_a_silent_one_do() {
 #[test]
 fn a_stop_says_whether_it_was_the_menus_or_a_programs() {
     patiently("a stop of the menu's", || {
-        for (is_menu, who) in [(true, "stopped on the brick (menu)"), (false, "stopped on the brick (here)")]
+        for (is_menu, who) in
+            [(true, "stopped on the brick (menu)"), (false, "stopped on the brick (here)")]
         {
             let mut served = Served::simulated("");
             if is_menu {
@@ -74,7 +76,8 @@ fn a_stop_says_whether_it_was_the_menus_or_a_programs() {
                 (last.stop.reason.word().as_str(), last.is_wanted(), last.to_string().as_str()),
                 ("here", true, who)
             );
-            let recorded = Run::open(&served.path("runs").join(run.as_str()).join("run.mcap")).unwrap();
+            let recorded =
+                Run::open(&served.path("runs").join(run.as_str()).join("run.mcap")).unwrap();
             assert_eq!(recorded.ending.unwrap().stop.to_string(), "stopped on the brick");
         }
     });
@@ -109,7 +112,9 @@ fn garbage_gets_a_refusal_and_costs_nobody_else_anything() {
     ] {
         stream.write_all(line).unwrap();
         stream.write_all(b"\n").unwrap();
-        let Outcome::Error(refusal) = reply(&mut reader).outcome else { panic!("{line:?} was done") };
+        let Outcome::Error(refusal) = reply(&mut reader).outcome else {
+            panic!("{line:?} was done")
+        };
         assert!([Kind::BadRequest, Kind::UnknownOperation].contains(&refusal.kind), "{refusal}");
     }
     // After all of it the same connection is in order.
@@ -131,15 +136,19 @@ fn systemd_hears_that_it_is_ready_alive_and_about_to_end() {
     let systemd = UnixDatagram::bind(&path).unwrap();
     systemd.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     let mut served = Served::started(folder(""), &["--sim", "arena"], |mut command| {
-        command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "2000000").env("JOURNAL_STREAM", "1:2");
+        command
+            .env("NOTIFY_SOCKET", &path)
+            .env("WATCHDOG_USEC", "2000000")
+            .env("JOURNAL_STREAM", "1:2");
         command
     });
     let mut heard = Vec::new();
     let mut hear = |until: &str| {
         while !heard.iter().any(|word: &String| word.contains(until)) {
             let mut word = [0; 200];
-            let length =
-                systemd.recv(&mut word).unwrap_or_else(|error| panic!("{until} after {heard:?}: {error}"));
+            let length = systemd
+                .recv(&mut word)
+                .unwrap_or_else(|error| panic!("{until} after {heard:?}: {error}"));
             heard.push(String::from_utf8_lossy(&word[..length]).into_owned());
         }
     };
@@ -150,5 +159,8 @@ fn systemd_hears_that_it_is_ready_alive_and_about_to_end() {
     let log = std::fs::read_to_string(served.path("log")).unwrap();
     let levels = ["<3>", "<4>", "<6>", "<7>"];
     let has_level = |line: &str| levels.iter().any(|level| line.starts_with(level));
-    assert!(log.contains("<6>") && log.lines().all(has_level), "levels that the journal understands: {log}");
+    assert!(
+        log.contains("<6>") && log.lines().all(has_level),
+        "levels that the journal understands: {log}"
+    );
 }

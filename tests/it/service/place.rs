@@ -52,7 +52,9 @@ fn a_folder_that_is_named_is_made() {
         .spawn()
         .unwrap();
     let mut client = Client::at(own.join("socket"));
-    await_that("it answers", || client.ask::<Status>(&Request::Status, Duration::from_secs(1)).is_ok());
+    await_that("it answers", || {
+        client.ask::<Status>(&Request::Status, Duration::from_secs(1)).is_ok()
+    });
     service.kill().unwrap();
     service.wait().unwrap();
     // One that cannot be made says so.

@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 use onbrick::recording::Run;
 use onbrick::runtime::StopReason;
 use onbrick::service::protocol::{
-    Chosen, Done, Fetch, Kind, LocalOnly, Missions, Request, Settings, SettingsChange, Start, State, Stopped,
+    Chosen, Done, Fetch, Kind, LocalOnly, Missions, Request, Settings, SettingsChange, Start,
+    State, Stopped,
 };
 
 use super::{STRAIGHT, Served, id, refused_as, start};
@@ -21,11 +22,18 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     let other = Request::Start(Start { token: Some(token), ..start("other", "short") });
     refused_as(&served.refused(&other), Kind::Busy, run.as_str());
     refused_as(&served.own_refused(&LocalOnly::Live), Kind::Busy, run.as_str());
-    refused_as(&served.own_refused(&LocalOnly::Delete { run: run.clone() }), Kind::Busy, "going on");
+    refused_as(
+        &served.own_refused(&LocalOnly::Delete { run: run.clone() }),
+        Kind::Busy,
+        "going on",
+    );
     // A part of it, while it grows.
     let early = Fetch::part(&run, 0, 8);
     let (early, bytes) = served.client.fetch(&early, Duration::from_secs(5)).unwrap();
-    assert!(!early.complete && early.sha256.is_none() && bytes == b"\x89MCAP0\r\n", "{early:?} {bytes:?}");
+    assert!(
+        !early.complete && early.sha256.is_none() && bytes == b"\x89MCAP0\r\n",
+        "{early:?} {bytes:?}"
+    );
 
     let asked = Instant::now();
     let stopped = served.stop();
@@ -35,7 +43,10 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     assert!(took < Duration::from_secs(2), "the motors are told at the next tick: {took:?}");
     let status = served.await_state(State::Stopped);
     let last = status.last.unwrap();
-    assert_eq!((last.stop.reason, last.is_wanted(), last.run.as_ref()), (StopReason::Here, true, Some(&run)));
+    assert_eq!(
+        (last.stop.reason, last.is_wanted(), last.run.as_ref()),
+        (StopReason::Here, true, Some(&run))
+    );
     assert!(last.to_string().ends_with("(here)"), "it says who: {last}");
 
     let (bytes, hash) = served.fetch_all(&run);
@@ -54,7 +65,8 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
 }
 
 #[test]
-fn a_mission_finishes_by_itself_within_the_time_limit_that_was_set_and_its_identifier_is_remembered() {
+fn a_mission_finishes_by_itself_within_the_time_limit_that_was_set_and_its_identifier_is_remembered()
+ {
     let mut served = Served::simulated("");
     let limit = SettingsChange { time_limit_s: Some(1.0), ..SettingsChange::default() };
     assert_eq!(served.own::<Settings>(&LocalOnly::SetSettings(limit)).time_limit_s, Some(1.0));
@@ -85,7 +97,10 @@ fn a_mission_finishes_by_itself_within_the_time_limit_that_was_set_and_its_ident
 
     served.own::<Done>(&LocalOnly::Delete { run: id("carried") });
     assert!(!served.path("runs/carried").exists());
-    assert!(served.start("carried", "straight").repeated, "a late start of a deleted run does nothing");
+    assert!(
+        served.start("carried", "straight").repeated,
+        "a late start of a deleted run does nothing"
+    );
     assert_eq!(served.status().state, State::Stopped);
 }
 
@@ -95,7 +110,10 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     let missions: Missions = served.ask(&Request::Missions);
     let names: Vec<&str> = missions.missions.iter().map(|mission| mission.name.as_str()).collect();
     assert_eq!(names, ["broken", "short", "straight"]);
-    assert!(missions.missions[0].findings.as_ref().unwrap().contains("broken.toml"), "{missions:?}");
+    assert!(
+        missions.missions[0].findings.as_ref().unwrap().contains("broken.toml"),
+        "{missions:?}"
+    );
 
     let token = || Some(String::new());
     let stale = Request::Start(Start { token: token(), ..start("a", "short") });
@@ -111,7 +129,8 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     here(text("[[".to_owned()), Kind::BrokenMission, "mission.toml:1");
     here(text("#".repeat(70_000)), Kind::BrokenMission, "bytes");
     here(text(STRAIGHT.replace("time_s > 50", "touch")), Kind::BrokenMission, "mission.toml");
-    let set = |name: &str, value| Start { set: vec![(name.to_owned(), value)], ..start("a", "short") };
+    let set =
+        |name: &str, value| Start { set: vec![(name.to_owned(), value)], ..start("a", "short") };
     here(set("nothing", 1.0), Kind::BadRequest, "nothing");
     here(set("time_limit_s", -1.0), Kind::BadRequest, "time_limit_s");
     here(Start { pose: Some([1e9, 0.0, 0.0]), ..start("a", "short") }, Kind::BadRequest, "pose");
@@ -126,12 +145,16 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     std::fs::write(served.path("robot.toml"), b"name = 5\n").unwrap();
     let refusal = served.own_refused(&LocalOnly::StartHere(start("a", "short")));
     refused_as(&refusal, Kind::NotReady, "robot.toml:1");
-    crate::support::turning_brick::await_that("the fault is seen", || served.status().state == State::Fault);
+    crate::support::turning_brick::await_that("the fault is seen", || {
+        served.status().state == State::Fault
+    });
     let status = served.status();
     assert!(status.robot.unwrap().contains("robot.toml:1"));
     assert_eq!(status.last.unwrap().stop.reason.word(), "robot");
     std::fs::remove_file(served.path("robot.toml")).unwrap();
-    crate::support::turning_brick::await_that("it is over", || served.status().state == State::Ready);
+    crate::support::turning_brick::await_that("it is over", || {
+        served.status().state == State::Ready
+    });
 }
 
 #[test]

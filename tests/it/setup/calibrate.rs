@@ -40,7 +40,8 @@ impl Measurer {
         }
     }
 
-    /// How far the robot is from standing along its line after two whole turns, radians; positive where it has yet to turn on.
+    /// How far the robot is from standing along its line after two whole turns, radians; positive
+    /// where it has yet to turn on.
     fn missing_rad(&self) -> f64 {
         let turned_rad = self.way * (truth(&self.simulation).heading_rad - self.marked.heading_rad);
         4.0 * PI - turned_rad
@@ -61,7 +62,12 @@ impl Dialogue for Measurer {
         self.hear(text);
     }
 
-    fn choose(&mut self, question: &str, choices: &[&str], default: usize) -> Result<usize, NoAnswer> {
+    fn choose(
+        &mut self,
+        question: &str,
+        choices: &[&str],
+        default: usize,
+    ) -> Result<usize, NoAnswer> {
         if question.contains("along a line") {
             self.way = if question.contains("left") { 1.0 } else { -1.0 };
         }
@@ -100,16 +106,18 @@ impl Dialogue for Measurer {
 
 /// The shipped robot with both measures wrong by a share, and without the gyro where asked.
 pub(crate) fn wrong(circumference: f64, track: f64, gyro: bool) -> Source {
-    let text = DEFAULT_ROBOT.replacen("0.188976", &format!("{:.6}", 0.188_976 * circumference), 1).replacen(
-        "0.1143",
-        &format!("{:.6}", 0.1143 * track),
-        1,
-    );
+    let text = DEFAULT_ROBOT
+        .replacen("0.188976", &format!("{:.6}", 0.188_976 * circumference), 1)
+        .replacen("0.1143", &format!("{:.6}", 0.1143 * track), 1);
     let text = if gyro { text } else { text.replacen("[gyro]\nport = \"in4\"\n", "", 1) };
     Source { name: "robot.toml".to_owned(), text }
 }
 
-fn measure(bench: &Bench, robot: &Source, options: &CalibrateOptions) -> Result<Calibration, CalibrateError> {
+fn measure(
+    bench: &Bench,
+    robot: &Source,
+    options: &CalibrateOptions,
+) -> Result<Calibration, CalibrateError> {
     let mut person = Measurer::new(bench);
     measure_with(bench, robot, options, &mut person)
 }
@@ -120,14 +128,16 @@ fn measure_with(
     options: &CalibrateOptions,
     person: &mut Measurer,
 ) -> Result<Calibration, CalibrateError> {
-    let measured = calibrate(&bench.tree, &*bench.clock, &bench.flags, person, &load(robot), options);
+    let measured =
+        calibrate(&bench.tree, &*bench.clock, &bench.flags, person, &load(robot), options);
     bench.assert_still();
     measured
 }
 
 /// The file that comes out has both numbers within [`NEAR`] of the true ones.
 pub(crate) fn assert_near(what: &str, bench: &Bench, robot: &Source, calibration: &Calibration) {
-    let text = calibration.apply(robot).unwrap_or_else(|error| panic!("{what}: {error}\n{calibration:?}"));
+    let text =
+        calibration.apply(robot).unwrap_or_else(|error| panic!("{what}: {error}\n{calibration:?}"));
     let after = load(&Source { name: "robot.toml".to_owned(), text });
     let numbers = [
         ("circumference", after.wheel_circumference_m, bench.model.wheel_circumference_m),
@@ -185,7 +195,8 @@ fn wrong_numbers_end_near_the_true_ones_with_a_tape_and_marked_turns() {
             let bench = Bench::new("", seed);
             make_room(&bench);
             let robot = wrong(circumference, track, false);
-            let options = CalibrateOptions { straight: Some(Straight::Metre), ..CalibrateOptions::default() };
+            let options =
+                CalibrateOptions { straight: Some(Straight::Metre), ..CalibrateOptions::default() };
             let calibration = measure(&bench, &robot, &options).unwrap();
             assert_near(&format!("tape, marks, seed {seed}"), &bench, &robot, &calibration);
             assert_eq!(calibration.gyro_scale, None);
@@ -225,15 +236,21 @@ fn a_person_who_reads_the_tape_badly_is_told_and_nothing_is_written() {
     let bench = Bench::new("", 1);
     let mut person = Measurer::new(&bench);
     person.tape_errors_m = vec![0.08, -0.08, 0.0];
-    let options =
-        CalibrateOptions { straight: Some(Straight::Metre), track: false, ..CalibrateOptions::default() };
+    let options = CalibrateOptions {
+        straight: Some(Straight::Metre),
+        track: false,
+        ..CalibrateOptions::default()
+    };
     bench.simulation.inspect(|world: &mut WorldPhysics| {
         world.carry(0, onbrick::sim::StartPose { x_m: -1.5, y_m: 0.0, heading_rad: 0.0 });
     });
     let robot = wrong(1.0, 1.0, true);
     let calibration = measure_with(&bench, &robot, &options, &mut person).unwrap();
     let error = calibration.apply(&robot).unwrap_err();
-    assert!(matches!(error, ApplyError::Unsure { key: "drive.wheel_circumference_m", .. }), "{error}");
+    assert!(
+        matches!(error, ApplyError::Unsure { key: "drive.wheel_circumference_m", .. }),
+        "{error}"
+    );
     assert!(person.told.iter().any(|text| text.contains("not sure enough")), "{:?}", person.told);
 }
 
@@ -242,18 +259,29 @@ fn every_motion_is_a_lease() {
     let bench = Bench::new("", 1);
     bench.simulation.record_writes(true);
     measure(&bench, &wrong(1.0, 1.0, true), &CalibrateOptions::default()).unwrap();
-    for write in bench.simulation.take_writes().iter().filter(|write| write.path.ends_with("/command")) {
+    for write in
+        bench.simulation.take_writes().iter().filter(|write| write.path.ends_with("/command"))
+    {
         let command = String::from_utf8_lossy(&write.value).into_owned();
-        assert!(["reset", "run-timed", "stop"].contains(&command.trim()), "{} got {command}", write.path);
+        assert!(
+            ["reset", "run-timed", "stop"].contains(&command.trim()),
+            "{} got {command}",
+            write.path
+        );
     }
 }
 
 /// What a person does just before a motion begins, and what calibration says to it.
-fn ends_with(robot: &str, when: &'static str, mischief: impl Fn(&Simulation) + 'static) -> CalibrateError {
+fn ends_with(
+    robot: &str,
+    when: &'static str,
+    mischief: impl Fn(&Simulation) + 'static,
+) -> CalibrateError {
     let bench = Bench::new(robot, 1);
     let mut person = Measurer::new(&bench);
     person.mischief = Some((when, Box::new(mischief)));
-    measure_with(&bench, &wrong(1.0, 1.0, true), &CalibrateOptions::default(), &mut person).unwrap_err()
+    measure_with(&bench, &wrong(1.0, 1.0, true), &CalibrateOptions::default(), &mut person)
+        .unwrap_err()
 }
 
 #[test]
@@ -273,7 +301,8 @@ fn whatever_goes_wrong_on_the_way_is_said_and_the_robot_stands() {
     assert!(matches!(silent, CalibrateError::NoWall(_)), "{silent}");
     let drifts = ends_with("[robot.errors]\ngyro_drift_dps = 3.0\n", "never", |_| ());
     assert!(drifts.to_string().contains("not ready"), "{drifts}");
-    let pulled = ends_with("", "spin on the spot", |simulation| simulation.unplug(0, Port::In4).unwrap());
+    let pulled =
+        ends_with("", "spin on the spot", |simulation| simulation.unplug(0, Port::In4).unwrap());
     assert!(matches!(pulled, CalibrateError::Lost { .. }), "{pulled}");
     let away = ends_with("", "before a plain wall", |simulation| {
         simulation.inspect(|world: &mut WorldPhysics| {
@@ -345,7 +374,8 @@ fn a_button_and_a_signal_stop_it_within_a_tenth_of_a_second() {
         let mut person = Measurer::new(&bench);
         let robot = load(&wrong(1.0, 1.0, true));
         let options = CalibrateOptions::default();
-        let error = calibrate(&bench.tree, &clock, &bench.flags, &mut person, &robot, &options).unwrap_err();
+        let error = calibrate(&bench.tree, &clock, &bench.flags, &mut person, &robot, &options)
+            .unwrap_err();
         let late_ns = bench.clock.now_ns() - at_ns;
         assert!(matches!(error, CalibrateError::Stopped), "{error}");
         assert!(late_ns < SECOND_NS / 10, "{late_ns} ns after it was asked to stop");

@@ -6,7 +6,8 @@ use std::process::{Command, Output, Stdio};
 use super::*;
 use crate::support::brick::shipped_brick;
 
-/// What a person would type for the seed's robot on a brick where nothing moves: name, ready, three motors, measures.
+/// What a person would type for the seed's robot on a brick where nothing moves: name, ready, three
+/// motors, measures.
 const ANSWERS: &str = "tester\nyes\n1\nforwards\n\nback\n\n\n12 36\n0,2\n\n0.06\n";
 
 fn onbrick(folder: &Path, arguments: &[&str]) -> Output {
@@ -19,7 +20,11 @@ fn onbrick(folder: &Path, arguments: &[&str]) -> Output {
 }
 
 fn says(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
 }
 
 #[test]
@@ -31,7 +36,11 @@ fn setup_writes_a_file_from_answers_and_never_over_one_that_is_there() {
 
     let done = onbrick(folder.path(), &setup);
     assert_eq!(done.status.code(), Some(0), "{}", says(&done));
-    assert!(says(&done).contains("did not turn"), "a motor of plain files stands still: {}", says(&done));
+    assert!(
+        says(&done).contains("did not turn"),
+        "a motor of plain files stands still: {}",
+        says(&done)
+    );
     let path = folder.path().join("robot.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let robot = load(&Source { name: "robot.toml".to_owned(), text: text.clone() });
@@ -63,10 +72,15 @@ fn an_input_that_ends_refuses_and_writes_nothing() {
 fn calibrate_refuses_a_robot_that_is_not_ready_and_leaves_its_file() {
     let folder = tempfile::tempdir().unwrap();
     shipped_brick().write(&folder.path().join("brick"));
-    std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT.replace("outD", "outC")).unwrap();
+    std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT.replace("outD", "outC"))
+        .unwrap();
     let refused = onbrick(folder.path(), &["calibrate", "--brick", "brick"]);
     assert_eq!(refused.status.code(), Some(3), "{}", says(&refused));
-    assert!(says(&refused).contains("drive.right") && says(&refused).contains("outC"), "{}", says(&refused));
+    assert!(
+        says(&refused).contains("drive.right") && says(&refused).contains("outC"),
+        "{}",
+        says(&refused)
+    );
     let missing = onbrick(folder.path(), &["calibrate", "other.toml", "--brick", "brick"]);
     assert_eq!(missing.status.code(), Some(3), "{}", says(&missing));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing was written");
@@ -78,15 +92,22 @@ fn doctor_reports_for_people_and_for_programs_and_its_exit_code_tells() {
     shipped_brick().write(&folder.path().join("brick"));
     for motor in 0..3 {
         // Nothing is going to turn here, so the motors can say that they stand still.
-        std::fs::write(folder.path().join(format!("brick/sys/class/tacho-motor/motor{motor}/state")), "\n")
-            .unwrap();
+        std::fs::write(
+            folder.path().join(format!("brick/sys/class/tacho-motor/motor{motor}/state")),
+            "\n",
+        )
+        .unwrap();
     }
     std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT).unwrap();
     let people = onbrick(folder.path(), &["doctor", "--brick", "brick"]);
     // A brick of plain files has no buttons: nobody could stop it.
     assert_eq!(people.status.code(), Some(3), "{}", says(&people));
     assert!(says(&people).contains("failed   buttons"), "{}", says(&people));
-    assert!(says(&people).contains("ok       drive.left     lego-ev3-l-motor on outB"), "{}", says(&people));
+    assert!(
+        says(&people).contains("ok       drive.left     lego-ev3-l-motor on outB"),
+        "{}",
+        says(&people)
+    );
     let programs = onbrick(folder.path(), &["--json", "doctor", "--brick", "brick"]);
     let lines: Vec<serde_json::Value> = String::from_utf8_lossy(&programs.stdout)
         .lines()

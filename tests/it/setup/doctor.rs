@@ -134,7 +134,8 @@ fn a_taken_lock_says_who_has_it_and_no_mode_is_written_then() {
     // The ultrasonic sensor is in another mode: doctor would have to change it.
     let file = bench.tree.list("sys/class/lego-sensor").unwrap().into_iter().find_map(|name| {
         let path = format!("sys/class/lego-sensor/{name}");
-        let driver = bench.tree.open(&format!("{path}/driver_name"), onbrick::ev3dev::Access::Read).unwrap();
+        let driver =
+            bench.tree.open(&format!("{path}/driver_name"), onbrick::ev3dev::Access::Read).unwrap();
         let mut text = [0; 64];
         let count = driver.read(&mut text).unwrap();
         (&text[..count] == b"lego-ev3-us\n").then_some(format!("{path}/mode"))
@@ -167,7 +168,8 @@ fn a_motor_that_another_program_runs_is_seen_and_left_alone() {
     bench.pass(0.5);
     let diagnosis = look(&bench, |_| ());
     assert!(
-        line(&diagnosis, "drive.left", Verdict::Failed).contains("is running -> another program drives it")
+        line(&diagnosis, "drive.left", Verdict::Failed)
+            .contains("is running -> another program drives it")
     );
     let before = bench.truth();
     bench.pass(0.5);
@@ -222,7 +224,10 @@ fn a_robot_file_that_is_missing_or_wrong_is_said_and_the_rest_is_looked_at() {
     let wrong = robot_with("track_width_m", "track_widht_m");
     let diagnosis = look(&bench, |around| around.robot = Ok(wrong));
     let found = text(&diagnosis);
-    assert!(found.contains("did you mean `track_width_m`?") && found.contains("line 15"), "{found}");
+    assert!(
+        found.contains("did you mean `track_width_m`?") && found.contains("line 15"),
+        "{found}"
+    );
     line(&diagnosis, "battery", Verdict::Ok);
 }
 

@@ -1,4 +1,5 @@
-//! Every message of setting a robot up, printed for a person to read (`--nocapture`), and held to the house's style.
+//! Every message of setting a robot up, printed for a person to read (`--nocapture`), and held to
+//! the house's style.
 
 use std::error::Error;
 
@@ -9,7 +10,8 @@ use onbrick::senses::Channel;
 
 #[test]
 fn every_message_says_what_is_wrong_in_one_style() {
-    let doubts = [Doubt::TooFew(2), Doubt::Scatter(0.023), Doubt::Directions(0.051), Doubt::Far(3.2)];
+    let doubts =
+        [Doubt::TooFew(2), Doubt::Scatter(0.023), Doubt::Directions(0.051), Doubt::Far(3.2)];
     let mut messages: Vec<Box<dyn Error>> = vec![
         Box::new(NoAnswer::Closed),
         Box::new(NoAnswer::Stopped),
@@ -22,16 +24,25 @@ fn every_message_says_what_is_wrong_in_one_style() {
         Box::new(CalibrateError::Stopped),
         Box::new(CalibrateError::Lost { channel: Channel::Gyro, trouble: "no reading".to_owned() }),
         Box::new(CalibrateError::Blocked),
-        Box::new(EditError::Missing { file: "robot.toml".to_owned(), key: "drive.track_width_m".to_owned() }),
+        Box::new(EditError::Missing {
+            file: "robot.toml".to_owned(),
+            key: "drive.track_width_m".to_owned(),
+        }),
         Box::new(SaveError::Exists("robot.toml".into())),
-        Box::new(SaveError::Io { path: "robot.toml".into(), source: std::io::ErrorKind::StorageFull.into() }),
+        Box::new(SaveError::Io {
+            path: "robot.toml".into(),
+            source: std::io::ErrorKind::StorageFull.into(),
+        }),
     ];
     for doubt in doubts {
         messages.push(Box::new(ApplyError::Unsure { key: "drive.track_width_m", doubt }));
     }
     for message in messages {
         let text = message.to_string();
-        println!("{text}{}", message.source().map(|cause| format!(": {cause}")).unwrap_or_default());
+        println!(
+            "{text}{}",
+            message.source().map(|cause| format!(": {cause}")).unwrap_or_default()
+        );
         assert!(!text.ends_with('.'), "a full stop: {text}");
         assert!(text.starts_with(|first: char| !first.is_uppercase()), "a capital: {text}");
         assert!(text.len() < 200, "{} bytes are too many for a screen: {text}", text.len());

@@ -35,7 +35,8 @@ impl Onlooker {
         if self.asked.len() > self.patience { Err(NoAnswer::Closed) } else { Ok(()) }
     }
 
-    /// How the wheels and the head have turned since the motor was announced, as one sees it: forwards, and to the left, positive.
+    /// How the wheels and the head have turned since the motor was announced, as one sees it:
+    /// forwards, and to the left, positive.
     fn seen(&self) -> [f64; 3] {
         let now = truth(&self.simulation);
         let wheel = |side: usize| {
@@ -54,12 +55,18 @@ impl Dialogue for Onlooker {
         self.told.push(text.to_owned());
     }
 
-    fn choose(&mut self, question: &str, choices: &[&str], default: usize) -> Result<usize, NoAnswer> {
+    fn choose(
+        &mut self,
+        question: &str,
+        choices: &[&str],
+        default: usize,
+    ) -> Result<usize, NoAnswer> {
         self.answer(question)?;
         let [left, right, head] = self.seen();
         let place = |words: &str| choices.iter().position(|choice| choice.contains(words));
         let seen = if question.starts_with("What did the motor") {
-            // The other wheel may be dragged along a little: what turned most is what the motor moved.
+            // The other wheel may be dragged along a little: what turned most is what the motor
+            // moved.
             let parts = [("left wheel", left), ("right wheel", right), ("head", head)];
             let most = parts.into_iter().max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
             self.wheel_rad = if left.abs() > right.abs() { left } else { right };
@@ -104,7 +111,12 @@ fn the_seeds_robot_is_set_up_as_the_shipped_file_has_it() {
         shipped.sensors.insert(role, robot.sensors[&role].clone());
     }
     assert_eq!(robot, shipped);
-    assert!(person.asked.len() < 20, "{} questions are too many: {:?}", person.asked.len(), person.asked);
+    assert!(
+        person.asked.len() < 20,
+        "{} questions are too many: {:?}",
+        person.asked.len(),
+        person.asked
+    );
 }
 
 #[test]
@@ -120,8 +132,9 @@ fn ports_and_directions_come_out_right_however_the_robot_is_built() {
             port if port == head => "medium",
             _ => "none",
         };
-        let motors: String =
-            ["outA", "outB", "outC", "outD"].map(|port| format!("{port} = \"{}\"\n", motor(port))).concat();
+        let motors: String = ["outA", "outB", "outC", "outD"]
+            .map(|port| format!("{port} = \"{}\"\n", motor(port)))
+            .concat();
         let built = format!(
             "[robot]\nleft = \"{left}\"\nright = \"{right}\"\nleft_inverted = {left_inverted}\n\
              right_inverted = {right_inverted}\nhead = \"{head}\"\nhead_gear = {gear}\n[robot.ports]\n{motors}\
@@ -129,12 +142,16 @@ fn ports_and_directions_come_out_right_however_the_robot_is_built() {
         );
         let bench = Bench::new(&built, 7);
         let (robot, _) = set_up(&bench);
-        let port = |port: &Option<onbrick::ev3dev::PortAddress>| port.as_ref().map(ToString::to_string);
+        let port =
+            |port: &Option<onbrick::ev3dev::PortAddress>| port.as_ref().map(ToString::to_string);
         assert_eq!(
             (port(&robot.left.port), port(&robot.right.port)),
             (Some(left.to_owned()), Some(right.to_owned()))
         );
-        assert_eq!((robot.left.ratio < 0.0, robot.right.ratio < 0.0), (left_inverted, right_inverted));
+        assert_eq!(
+            (robot.left.ratio < 0.0, robot.right.ratio < 0.0),
+            (left_inverted, right_inverted)
+        );
         let found = robot.head.unwrap();
         assert_eq!(port(&found.motor.port), Some(head.to_owned()));
         assert!((found.motor.ratio - bench.model.head_ratio).abs() < 1e-9, "{}", found.motor.ratio);
@@ -151,11 +168,16 @@ fn every_motion_is_a_lease_and_small() {
     bench.simulation.record_writes(true);
     set_up(&bench);
     let writes = bench.simulation.take_writes();
-    let commands: Vec<&Written> = writes.iter().filter(|write| write.path.ends_with("/command")).collect();
+    let commands: Vec<&Written> =
+        writes.iter().filter(|write| write.path.ends_with("/command")).collect();
     assert!(commands.len() > 9, "{} commands for three motors", commands.len());
     for write in commands {
         let command = String::from_utf8_lossy(&write.value);
-        assert!(["reset", "run-timed", "stop"].contains(&command.trim()), "{} got {command}", write.path);
+        assert!(
+            ["reset", "run-timed", "stop"].contains(&command.trim()),
+            "{} got {command}",
+            write.path
+        );
     }
     let end = bench.truth();
     let moved_m = libm::hypot(end.x_m - start.x_m, end.y_m - start.y_m);
@@ -169,11 +191,15 @@ fn whoever_goes_away_or_stops_leaves_a_still_robot() {
         let mut person = Onlooker::new(&bench);
         person.patience = patience;
         let error = setup(&bench.tree, &*bench.clock, &bench.flags, &mut person).unwrap_err();
-        assert!(matches!(error, SetupError::NoAnswer(NoAnswer::Closed)), "after {patience} answers: {error}");
+        assert!(
+            matches!(error, SetupError::NoAnswer(NoAnswer::Closed)),
+            "after {patience} answers: {error}"
+        );
         bench.assert_still();
     }
     bench.flags.signal.store(true, Ordering::Relaxed);
-    let error = setup(&bench.tree, &*bench.clock, &bench.flags, &mut Onlooker::new(&bench)).unwrap_err();
+    let error =
+        setup(&bench.tree, &*bench.clock, &bench.flags, &mut Onlooker::new(&bench)).unwrap_err();
     assert!(matches!(error, SetupError::Stopped), "{error}");
     bench.assert_still();
 }

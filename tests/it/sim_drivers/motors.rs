@@ -41,7 +41,10 @@ fn a_dc_motor_latches_duty_and_polarity_and_ramps_by_signed_difference() {
     rig.write("dc:outB", "stop_action", "brake");
     rig.write("dc:outB", "command", "stop");
     rig.pass_ms(1000);
-    assert_eq!((rig.read("dc:outB", "state"), rig.number("dc:outB", "duty_cycle")), (String::new(), 0));
+    assert_eq!(
+        (rig.read("dc:outB", "state"), rig.number("dc:outB", "duty_cycle")),
+        (String::new(), 0)
+    );
     rig.write("dc:outB", "time_sp", "200");
     rig.write("dc:outB", "command", "run-timed");
     rig.pass_ms(190);
@@ -121,7 +124,10 @@ fn a_servo_exists_when_a_controller_is_added() {
     assert_eq!(rig.write_path(&path("min_pulse_sp"), b"1001"), Err(Errno::EINVAL));
     assert_eq!(rig.write_path(&path("command"), b"run"), Ok(3));
     assert_eq!(rig.write_path(&path("position_sp"), b"50"), Ok(2));
-    assert_eq!((rig.read_path(&path("state")), pulse_us()), (Ok("running\n".to_owned()), Some(2000)));
+    assert_eq!(
+        (rig.read_path(&path("state")), pulse_us()),
+        (Ok("running\n".to_owned()), Some(2000))
+    );
     assert_eq!(rig.write_path(&path("polarity"), b"inversed"), Ok(8));
     assert_eq!(pulse_us(), Some(1000), "polarity acts at once");
     assert_eq!(rig.write_path(&path("command"), b"float"), Ok(5));
@@ -241,7 +247,9 @@ fn a_move_with_ramp_down_slows_down_before_its_target() {
 #[test]
 fn a_relative_move_of_0_is_a_stop_that_is_remembered_as_a_move() {
     let rig = Rig::recorded();
-    rig.drive("speed_sp=400 position_sp=360 stop_action=hold run-to-rel-pos position_sp=0 run-to-rel-pos");
+    rig.drive(
+        "speed_sp=400 position_sp=360 stop_action=hold run-to-rel-pos position_sp=0 run-to-rel-pos",
+    );
     assert_eq!(rig.read("outB", "state"), "holding");
     rig.drive("position_sp=100 run-to-rel-pos");
     rig.pass_ms(3000);
@@ -257,7 +265,11 @@ fn a_hold_far_from_its_set_point_turns_round_by_overflow() {
         rig.drive("stop_action=hold stop");
         rig.write("outB", "position", &(-shift).to_string());
         rig.pass_ms(4);
-        assert_eq!(rig.number("outB", "duty_cycle"), 100 * toward, "{shift} counts below the set point");
+        assert_eq!(
+            rig.number("outB", "duty_cycle"),
+            100 * toward,
+            "{shift} counts below the set point"
+        );
         assert_eq!(rig.read("outB", "state"), "holding overloaded");
     }
 }
@@ -269,7 +281,9 @@ fn the_one_speed_that_slips_through_the_check_does_no_harm() {
         for ramp in ["0", "60000"] {
             rig.write("outB", "ramp_up_sp", ramp);
             rig.write("outB", "ramp_down_sp", ramp);
-            rig.drive("speed_sp=-2147483648 position_sp=2147483647 polarity=inversed time_sp=2147483647");
+            rig.drive(
+                "speed_sp=-2147483648 position_sp=2147483647 polarity=inversed time_sp=2147483647",
+            );
             rig.write("outB", "command", command);
             rig.pass_ms(500);
             assert!(rig.number("outB", "duty_cycle").abs() <= 100, "{command} with ramp {ramp}");

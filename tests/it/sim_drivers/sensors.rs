@@ -54,7 +54,11 @@ fn each_mode_of_a_sensor_has_a_frame_of_its_own() {
         assert_eq!(rig.number(device, "value0"), i64::from(two), "{device} {second}");
         rig.write(device, "mode", first);
         measures(input, 7);
-        assert_eq!(rig.number(device, "value0"), i64::from(one), "{device} {first}: as it was left");
+        assert_eq!(
+            rig.number(device, "value0"),
+            i64::from(one),
+            "{device} {first}: as it was left"
+        );
         rig.pass_ms(stale_ms + 104);
         assert_eq!(rig.number(device, "value0"), 7, "{device} {first}");
     }
@@ -89,7 +93,10 @@ fn a_second_mode_write_is_busy_while_the_first_one_waits() {
         }
         assert_eq!(second.write(b"COL-COLOR"), Err(Errno::EBUSY));
         let mut buffer = [0; 16];
-        assert_eq!((second.read(&mut buffer), &buffer[..12]), (Ok(12), b"COL-REFLECT\n".as_slice()));
+        assert_eq!(
+            (second.read(&mut buffer), &buffer[..12]),
+            (Ok(12), b"COL-REFLECT\n".as_slice())
+        );
         clock.move_to_ns(60 * MILLISECOND_NS);
         assert_eq!(writer.join().unwrap(), Ok(7));
         assert_eq!((second.read(&mut buffer), &buffer[..8]), (Ok(8), b"RGB-RAW\n".as_slice()));
@@ -108,7 +115,10 @@ fn a_sensor_that_does_not_answer_times_out_and_one_that_resynchronises_is_not_th
     assert_eq!(rig.try_write("in3", "mode", "COL-COLOR"), Err(Errno::ETIMEDOUT));
     let waited_ms = (rig.bench.clock.now_ns() - before_ns) / MILLISECOND_NS;
     assert!((500..510).contains(&waited_ms), "{waited_ms} ms");
-    assert_eq!((rig.read("in3", "mode").as_str(), rig.number("in3", "value0")), ("COL-REFLECT", 42));
+    assert_eq!(
+        (rig.read("in3", "mode").as_str(), rig.number("in3", "value0")),
+        ("COL-REFLECT", 42)
+    );
     set_line(SerialLine::Resynchronising);
     assert_eq!(rig.try_write("in3", "mode", "COL-COLOR"), Err(Errno::ENODEV));
     assert_eq!(rig.try_read("in3", "value0"), Err(Errno::ENXIO));
@@ -136,7 +146,10 @@ fn a_motor_port_in_another_mode_makes_what_the_mode_says() {
     assert_eq!(rig.try_write("port:outC", "set_device", "lego-ev3-us"), Err(Errno::EINVAL));
     rig.write("port:outC", "set_device", "act-l12-ev3-100");
     assert_eq!(rig.folder("outC").unwrap(), "sys/class/tacho-motor/linear6");
-    assert_eq!((rig.number("outC", "full_travel_count"), rig.number("outC", "count_per_m")), (200, 2000));
+    assert_eq!(
+        (rig.number("outC", "full_travel_count"), rig.number("outC", "count_per_m")),
+        (200, 2000)
+    );
     assert_eq!(rig.try_read("outC", "count_per_rot"), Err(Errno::ENOENT));
     assert_eq!(rig.read("port:outC", "status"), "tacho-motor");
     rig.write("port:outC", "mode", "led");
@@ -168,11 +181,15 @@ fn several_values_of_an_infrared_sensor_are_one_frame() {
     let rig = Rig::new(physics);
     rig.write("in1", "mode", "IR-SEEK");
     rig.pass_ms(200);
-    let values: Vec<i64> = (0..8).map(|index| rig.number("in1", &format!("value{index}"))).collect();
+    let values: Vec<i64> =
+        (0..8).map(|index| rig.number("in1", &format!("value{index}"))).collect();
     assert_eq!(values, [-25, 40, 0, -128, 3, 4, 5, 6]);
     let mut frame = [0xAA; 64];
     assert_eq!(rig.keep("in1", "bin_data", Access::Read).read(&mut frame), Ok(32));
-    assert_eq!(frame[..8].iter().map(|byte| i64::from(byte.cast_signed())).collect::<Vec<_>>(), values);
+    assert_eq!(
+        frame[..8].iter().map(|byte| i64::from(byte.cast_signed())).collect::<Vec<_>>(),
+        values
+    );
     assert_eq!(rig.read("in1", "bin_data_format"), "s8");
 }
 
@@ -190,5 +207,9 @@ fn a_touch_wakes_those_who_poll_it() {
     assert_eq!((file.read(&mut buffer), &buffer[..2]), (Ok(2), b"1\n".as_slice()));
     let other = rig.keep("outB", "position", Access::Read);
     other.read(&mut buffer).unwrap();
-    assert_eq!(other.wait_changed(Duration::from_millis(50)), Ok(false), "a position wakes no reader");
+    assert_eq!(
+        other.wait_changed(Duration::from_millis(50)),
+        Ok(false),
+        "a position wakes no reader"
+    );
 }

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use nix::errno::Errno;
 use onbrick::ev3dev::{
-    Access, AttributeFile, AttributeSpec, Battery, Direction, Legal, Linear, LinearActuator, LocalTree,
-    MotorKind, Rotary, Sensor, TachoMotor, Tree,
+    Access, AttributeFile, AttributeSpec, Battery, Direction, Legal, Linear, LinearActuator,
+    LocalTree, MotorKind, Rotary, Sensor, TachoMotor, Tree,
 };
 
 /// Calls that reached the fake kernel.
@@ -57,8 +57,12 @@ impl FakeTree {
     }
 
     pub fn file(&self, folder: &str, name: &str, direction: Direction, text: &str) {
-        let file =
-            FakeFile { text: text.as_bytes().to_vec(), direction, read_error: None, write_error: None };
+        let file = FakeFile {
+            text: text.as_bytes().to_vec(),
+            direction,
+            read_error: None,
+            write_error: None,
+        };
         self.0.lock().unwrap().files.insert(format!("{folder}/{name}"), file);
     }
 
@@ -100,14 +104,20 @@ impl FakeTree {
     pub fn written(&self, folder: &str, name: &str) -> Vec<String> {
         let path = format!("{folder}/{name}");
         let state = self.0.lock().unwrap();
-        state.log.iter().filter(|(written, _)| *written == path).map(|(_, text)| text.clone()).collect()
+        state
+            .log
+            .iter()
+            .filter(|(written, _)| *written == path)
+            .map(|(_, text)| text.clone())
+            .collect()
     }
 }
 
 impl Tree for FakeTree {
     fn list(&self, folder: &str) -> Result<Vec<String>, Errno> {
         let state = self.0.lock().unwrap();
-        let below = state.files.keys().filter_map(|path| path.strip_prefix(folder)?.strip_prefix('/'));
+        let below =
+            state.files.keys().filter_map(|path| path.strip_prefix(folder)?.strip_prefix('/'));
         let mut names: Vec<String> =
             below.filter_map(|rest| rest.split('/').next()).map(str::to_owned).collect();
         names.dedup();
@@ -220,13 +230,17 @@ pub fn plug_sensor(fake: &FakeTree, folder: &str, address: &str, driver: &str, m
 
 /// Folders of the shipped robot's devices; the motors are on outA, outB and outD, the sensors on
 /// in1 and in4.
-pub const MOTORS: [&str; 3] =
-    ["sys/class/tacho-motor/motor0", "sys/class/tacho-motor/motor1", "sys/class/tacho-motor/motor2"];
+pub const MOTORS: [&str; 3] = [
+    "sys/class/tacho-motor/motor0",
+    "sys/class/tacho-motor/motor1",
+    "sys/class/tacho-motor/motor2",
+];
 pub const SENSORS: [&str; 2] = ["sys/class/lego-sensor/sensor0", "sys/class/lego-sensor/sensor1"];
 pub const BATTERY: &str = "sys/class/power_supply/lego-ev3-battery";
 
 /// As the kernel's driver lists them (`tests/data/kernel-transcript.txt`).
-const COMMANDS: &str = "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop reset\n";
+const COMMANDS: &str =
+    "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop reset\n";
 
 /// The shipped robot at rest: three motors, an ultrasonic sensor that sees a wall at 1 m, a gyro, a
 /// battery of 7.5 V.
@@ -240,7 +254,13 @@ pub fn shipped_brick() -> FakeTree {
         fake.put(folder, "commands", COMMANDS.as_bytes());
     }
     fake.put(MOTORS[0], "driver_name", b"lego-ev3-m-motor\n");
-    plug_sensor(&fake, SENSORS[0], "ev3-ports:in1\n", "lego-ev3-us\n", "US-DIST-CM US-DIST-IN US-LISTEN\n");
+    plug_sensor(
+        &fake,
+        SENSORS[0],
+        "ev3-ports:in1\n",
+        "lego-ev3-us\n",
+        "US-DIST-CM US-DIST-IN US-LISTEN\n",
+    );
     fake.put(SENSORS[0], "value0", b"1000\n");
     plug_sensor(&fake, SENSORS[1], "ev3-ports:in4\n", "lego-ev3-gyro\n", "GYRO-ANG GYRO-RATE\n");
     fake.plug(BATTERY, &[Battery::ATTRIBUTES], &[("voltage_now", "7500000\n")]);

@@ -1,4 +1,5 @@
-//! Chance for tests: the same seed gives the same numbers on every machine (SplitMix64; Steele, Lea, Flood 2014).
+//! Chance for tests: the same seed gives the same numbers on every machine (SplitMix64; Steele,
+//! Lea, Flood 2014).
 
 #[derive(Debug, Clone)]
 pub struct Chance(u64);

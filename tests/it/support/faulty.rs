@@ -1,7 +1,9 @@
-//! Faults under all file access of a brick's path, attributes and records alike: one plan says which call goes wrong and how.
+//! Faults under all file access of a brick's path, attributes and records alike: one plan says
+//! which call goes wrong and how.
 //!
-//! A [`Plan`] counts the calls that pass through it. [`FaultyTree`] puts it under the attributes ([`Tree`]), [`FaultySink`] under a recording
-//! ([`Sink`]); one plan may be under both. What devices do by themselves belongs to the simulated brick's faults, not here.
+//! A [`Plan`] counts the calls that pass through it. [`FaultyTree`] puts it under the attributes
+//! ([`Tree`]), [`FaultySink`] under a recording ([`Sink`]); one plan may be under both. What
+//! devices do by themselves belongs to the simulated brick's faults, not here.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -22,7 +24,8 @@ pub enum Trouble {
     Short(usize),
     /// Late, by so many nanoseconds of a clock.
     Delay(Arc<dyn Clock>, i64),
-    /// Never: the process is dead or the power gone. Of a write so many bytes are still done; no later call reaches a file.
+    /// Never: the process is dead or the power gone. Of a write so many bytes are still done; no
+    /// later call reaches a file.
     Die(usize),
 }
 
@@ -175,7 +178,8 @@ impl AttributeFile for FaultyFile {
         match self.plan.next(Kind::Write) {
             Some(Trouble::Fail(errno)) => return Err(errno),
             Some(Trouble::Die(_)) => return Err(Errno::EIO),
-            // The kernel stores an attribute whole or not at all; what it takes of it is for the caller to look at.
+            // The kernel stores an attribute whole or not at all; what it takes of it is for the
+            // caller to look at.
             Some(Trouble::Short(bytes)) => return Ok(bytes.min(value.len())),
             Some(Trouble::Delay(clock, ns)) => clock.sleep_until_ns(clock.now_ns() + ns),
             None => {}
@@ -204,7 +208,9 @@ impl<S: Sink> Sink for FaultySink<S> {
                 return Err(Errno::ENOSPC.into());
             }
             // Whoever writes does not learn of it: he is gone as well.
-            Some(Trouble::Die(fit)) => return self.sink.write_all(bytes.get(..fit).unwrap_or(bytes)),
+            Some(Trouble::Die(fit)) => {
+                return self.sink.write_all(bytes.get(..fit).unwrap_or(bytes));
+            }
             Some(Trouble::Delay(clock, ns)) => clock.sleep_until_ns(clock.now_ns() + ns),
             None => {}
         }

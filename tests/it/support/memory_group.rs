@@ -1,5 +1,6 @@
-//! A control group of the kernel's with little memory, so that its out-of-memory killer kills what is in it (`cgroups(7)`; Linux,
-//! `Documentation/admin-guide/cgroup-v2.rst` and `cgroup-v1/memory.rst`). It needs root and a hierarchy that can be written to.
+//! A control group of the kernel's with little memory, so that its out-of-memory killer kills what
+//! is in it (`cgroups(7)`; Linux, `Documentation/admin-guide/cgroup-v2.rst` and
+//! `cgroup-v1/memory.rst`). It needs root and a hierarchy that can be written to.
 
 use std::fs;
 use std::io;
@@ -36,10 +37,15 @@ const VERSIONS: [Version; 3] = [
     Version { root: "/sys/fs/cgroup/unified", ..UNIFIED },
 ];
 
-const UNIFIED: Version =
-    Version { root: "", limit: "memory.max", swap: ("memory.swap.max", "0"), events: "memory.events" };
+const UNIFIED: Version = Version {
+    root: "",
+    limit: "memory.max",
+    swap: ("memory.swap.max", "0"),
+    events: "memory.events",
+};
 
-/// A group of its own; it is taken away when this is dropped, and its processes should be gone by then.
+/// A group of its own; it is taken away when this is dropped, and its processes should be gone by
+/// then.
 #[derive(Debug)]
 pub struct MemoryGroup {
     version: Version,

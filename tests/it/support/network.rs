@@ -1,12 +1,15 @@
-//! Two machines of our own and a cable between them: network namespaces, so that a packet is really lost and a cable really pulled.
+//! Two machines of our own and a cable between them: network namespaces, so that a packet is really
+//! lost and a cable really pulled.
 //!
-//! Nothing of it has a name on this machine, and all of it goes when the test does, however it ends: a namespace lives as long as the process that
-//! keeps it, and that ends with the pipe on which it waits.
+//! Nothing of it has a name on this machine, and all of it goes when the test does, however it
+//! ends: a namespace lives as long as the process that keeps it, and that ends with the pipe on
+//! which it waits.
 //!
 //! # What we count on
 //!
 //! - iproute2, and nftables where packets are lost; root's rights, or user namespaces.
-//! - These kernels have no netem. Loss is nft's random numbers at the receiver of either side; a slow cable is tc's token bucket.
+//! - These kernels have no netem. Loss is nft's random numbers at the receiver of either side; a
+//!   slow cable is tc's token bucket.
 
 use std::process::{Child, Command, Stdio};
 
@@ -132,7 +135,8 @@ impl Network {
         self.congestion();
     }
 
-    /// Loses so many packets of a hundred, each way. False, and said, where this machine has no nft.
+    /// Loses so many packets of a hundred, each way. False, and said, where this machine has no
+    /// nft.
     #[must_use]
     pub fn losing(&self, percent: u32) -> bool {
         let rules = [
@@ -153,11 +157,13 @@ impl Network {
         made.is_ok()
     }
 
-    /// What leaves the brick leaves at so many Mbit/s. False, and said, where the kernel has no token bucket.
+    /// What leaves the brick leaves at so many Mbit/s. False, and said, where the kernel has no
+    /// token bucket.
     #[must_use]
     pub fn shaped(&self, mbit_per_s: u32) -> bool {
-        let tbf =
-            format!("tc qdisc add dev {CABLE} root tbf rate {mbit_per_s}mbit burst 32kbit latency 50ms");
+        let tbf = format!(
+            "tc qdisc add dev {CABLE} root tbf rate {mbit_per_s}mbit burst 32kbit latency 50ms"
+        );
         let shaped = self.brick.run(&tbf);
         if let Err(error) = &shaped {
             pass_over(&format!("a token bucket ({error})"));

@@ -4,7 +4,10 @@
 //! The harness captures what a test prints and shows it only when the test fails, so a test that
 //! was passed over looks like one that held.
 
-#![allow(unsafe_code, reason = "only the C library runs something at this program's end, whatever ends it")]
+#![allow(
+    unsafe_code,
+    reason = "only the C library runs something at this program's end, whatever ends it"
+)]
 
 use std::collections::BTreeSet;
 use std::io::{Write as _, stderr};

@@ -80,8 +80,10 @@ pub fn come_first() -> bool {
 pub fn in_real_time(name: &str, scenario: impl Fn(&Pace)) {
     for attempt in 1..=ATTEMPTS {
         let (complaints, waited_ns) = play(&scenario);
-        let how =
-            format!("{name}, kept waiting for a processor for {} ms at worst", waited_ns / MILLISECOND_NS);
+        let how = format!(
+            "{name}, kept waiting for a processor for {} ms at worst",
+            waited_ns / MILLISECOND_NS
+        );
         let all = complaints.join("\n");
         match judge(&complaints, waited_ns) {
             Judgement::Passed => return println!("{how}: passed"),
@@ -246,7 +248,9 @@ fn with_children(mut family: Vec<u32>) -> Vec<u32> {
         fs::read_dir("/proc").into_iter().flatten().flatten().filter_map(parent).collect();
     let mut index = 0;
     while let Some(&process) = family.get(index) {
-        family.extend(parents.iter().filter(|(_, parent)| *parent == process).map(|(child, _)| child));
+        family.extend(
+            parents.iter().filter(|(_, parent)| *parent == process).map(|(child, _)| child),
+        );
         index += 1;
     }
     family
@@ -271,9 +275,12 @@ struct Counters {
 
 impl Counters {
     fn of(processes: &[u32]) -> Self {
-        let tasks = processes.iter().filter_map(|process| fs::read_dir(format!("/proc/{process}/task")).ok());
+        let tasks = processes
+            .iter()
+            .filter_map(|process| fs::read_dir(format!("/proc/{process}/task")).ok());
         let files = tasks.flatten().flatten().map(|task| task.path().join("schedstat"));
-        let threads = files.filter_map(|file| field(&file, 1).map(|waited_ns| (file, waited_ns))).collect();
+        let threads =
+            files.filter_map(|file| field(&file, 1).map(|waited_ns| (file, waited_ns))).collect();
         // user nice system idle iowait irq softirq steal, after the word `cpu` and two spaces.
         Self { threads, stolen_ns: field(Path::new("/proc/stat"), 9).unwrap_or(0) * STAT_TICK_NS }
     }
@@ -281,7 +288,8 @@ impl Counters {
     /// The longest wait since then. A thread that is new may have waited for all that it has
     /// counted.
     fn since(&self, before: &Self) -> i64 {
-        let waited = self.threads.iter().map(|(thread, ns)| ns - before.threads.get(thread).unwrap_or(&0));
+        let waited =
+            self.threads.iter().map(|(thread, ns)| ns - before.threads.get(thread).unwrap_or(&0));
         waited.max().unwrap_or(0).max(self.stolen_ns - before.stolen_ns)
     }
 }

@@ -1,5 +1,5 @@
-//! A whole run in this process, in virtual time, with every layer open to faults: the brick's devices (scenario), its files and the
-//! recording's (plans).
+//! A whole run in this process, in virtual time, with every layer open to faults: the brick's
+//! devices (scenario), its files and the recording's (plans).
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicI64, Ordering};
@@ -102,14 +102,17 @@ impl Play {
             pace: Pace::Virtual,
             wall_offset_ns: Some(self.wall_offset_ns),
             seed: Some(self.seed),
-            create: Box::new(move |_| Ok(Box::new(FaultySink { sink: sink.clone(), plan: plan.clone() }))),
+            create: Box::new(move |_| {
+                Ok(Box::new(FaultySink { sink: sink.clone(), plan: plan.clone() }))
+            }),
             ..Environment::new(tree, Arc::clone(&clock))
         };
         let job = self.job(Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
         let truths: Arc<Mutex<Vec<Truth>>> = Arc::default();
         let began_ns = Arc::new(AtomicI64::new(0));
         let ended = {
-            let (simulation, clock, began_ns) = (simulation.clone(), clock.clone(), Arc::clone(&began_ns));
+            let (simulation, clock, began_ns) =
+                (simulation.clone(), clock.clone(), Arc::clone(&began_ns));
             let (scenario, journal, attributes) =
                 (self.scenario.clone(), self.journal, self.attributes.clone());
             let report = move |event: &Event| {
@@ -141,11 +144,16 @@ impl Play {
     }
 
     fn job(&self, start: Pose) -> Job {
-        let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+        let source =
+            |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
         Job {
             mission: source("mission.toml", &self.mission_toml),
             robot: source("robot.toml", &self.robot_toml),
-            brick: Brick::Simulated { world: source(&self.world, ""), seed: self.seed, realtime: false },
+            brick: Brick::Simulated {
+                world: source(&self.world, ""),
+                seed: self.seed,
+                realtime: false,
+            },
             start,
             set: self.settings.clone(),
             // It goes to the disk in memory.
@@ -169,7 +177,8 @@ pub struct Played {
     pub truths: Vec<Truth>,
     /// A second after the end.
     pub truth: Truth,
-    /// What the motors' drivers say of the head, the left and the right wheel then; nothing for one that is not there.
+    /// What the motors' drivers say of the head, the left and the right wheel then; nothing for one
+    /// that is not there.
     pub states: [String; 3],
     pub writes: Vec<Written>,
     pub faults: Vec<String>,
@@ -223,6 +232,7 @@ fn state_of(tree: &dyn Tree, port: &str) -> String {
     };
     let names = tree.list("sys/class/tacho-motor").unwrap();
     let address = Some(format!("ev3-ports:{port}"));
-    let found = names.iter().find(|name| read(&format!("sys/class/tacho-motor/{name}/address")) == address);
+    let found =
+        names.iter().find(|name| read(&format!("sys/class/tacho-motor/{name}/address")) == address);
     found.and_then(|name| read(&format!("sys/class/tacho-motor/{name}/state"))).unwrap_or_default()
 }

@@ -5,8 +5,8 @@ use std::process::Command;
 
 use super::pass_over;
 
-/// What lets a program see another wall clock: `@12` stands at 12 s after 1970, `+5` and `-5` are seconds away from the true one. Monotonic
-/// time stays.
+/// What lets a program see another wall clock: `@12` stands at 12 s after 1970, `+5` and `-5` are
+/// seconds away from the true one. Monotonic time stays.
 const SHIM: &str = r#"
 #define _GNU_SOURCE
 #include <dlfcn.h>

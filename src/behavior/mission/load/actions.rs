@@ -68,9 +68,10 @@ impl<'d> Reader<'_, 'd, '_> {
                     item.key()
                 ));
             } else if !SIGNS.contains(&item.key()) {
-                let hint =
-                    nearest(item.key(), SIGNS).unwrap_or_else(|| format!("known here: {}", SIGNS.join(", ")));
-                item.error_at_key(format!("unknown key `{}` in [{}]", item.key(), table.path())).hint(hint);
+                let hint = nearest(item.key(), SIGNS)
+                    .unwrap_or_else(|| format!("known here: {}", SIGNS.join(", ")));
+                item.error_at_key(format!("unknown key `{}` in [{}]", item.key(), table.path()))
+                    .hint(hint);
             }
         }
         self.lights(table)
@@ -109,7 +110,9 @@ impl<'d> Reader<'_, 'd, '_> {
                 Some(DrivePlan::Twist { forward_mps: forward_mps?, turn_dps: turn_dps? })
             }
             _ => first
-                .word(&StopAction::ALL.iter().map(|stop| (stop.as_str(), *stop)).collect::<Vec<_>>())
+                .word(
+                    &StopAction::ALL.iter().map(|stop| (stop.as_str(), *stop)).collect::<Vec<_>>(),
+                )
                 .map(DrivePlan::Stop),
         }
     }
@@ -149,7 +152,8 @@ impl<'d> Reader<'_, 'd, '_> {
     fn moves(&mut self, role: Role, item: &Item<'d>, moves: &mut Moves) {
         moves.entry(role).or_insert_with(|| item.key_place());
         // What moves is sensed as well: the head, a named motor. Wheels always are.
-        let sensed = QUANTITIES.iter().filter(|quantity| quantity.role == role && role != Role::Wheels);
+        let sensed =
+            QUANTITIES.iter().filter(|quantity| quantity.role == role && role != Role::Wheels);
         self.uses.extend(sensed.map(|quantity| (quantity.channel, item.key_place())));
         if !self.vocabulary.capabilities().has(role) {
             item.error_at_key(format!(
@@ -166,13 +170,18 @@ impl<'d> Reader<'_, 'd, '_> {
 fn line(item: &Item<'_>) -> Option<ArrayString<SAY_BYTES>> {
     let text = item.text()?;
     if !text.chars().all(is_printable) {
-        item.error(format!("`{}` must be one line", item.path())).hint("a later state can say more");
+        item.error(format!("`{}` must be one line", item.path()))
+            .hint("a later state can say more");
         return None;
     }
     let line = ArrayString::from(text).ok();
     if line.is_none() {
-        item.error(format!("`{}` has {} bytes; at most {SAY_BYTES} fit the screen", item.path(), text.len()))
-            .hint("make it shorter");
+        item.error(format!(
+            "`{}` has {} bytes; at most {SAY_BYTES} fit the screen",
+            item.path(),
+            text.len()
+        ))
+        .hint("make it shorter");
     }
     line
 }

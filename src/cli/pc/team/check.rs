@@ -80,13 +80,15 @@ impl Checked {
                 Some(mission) => {
                     if let Some(findings) = &mission.findings {
                         let first = first_line(findings);
-                        self.problems.push(format!("mission {name}: {first}; onbrick missions shows all"));
+                        self.problems
+                            .push(format!("mission {name}: {first}; onbrick missions shows all"));
                     }
                     self.mission = Some(mission.clone());
                 }
                 None => {
                     let known = missions.missions.iter().map(|mission| mission.name.as_str());
-                    let near = nearest(&name, known).map(|hint| format!("; {hint}")).unwrap_or_default();
+                    let near =
+                        nearest(&name, known).map(|hint| format!("; {hint}")).unwrap_or_default();
                     self.problems.push(format!("it has no mission {name}{near}"));
                 }
             }
@@ -103,7 +105,9 @@ fn unready(status: &Status) -> Option<String> {
         State::Ready | State::Stopped => {
             status.robot.as_ref().map(|finding| format!("robot: {}", first_line(finding)))
         }
-        State::Fault => Some(format!("fault: {last}; Enter on the brick when somebody has seen to it")),
+        State::Fault => {
+            Some(format!("fault: {last}; Enter on the brick when somebody has seen to it"))
+        }
         State::Preparing | State::Running | State::Stopping => Some(match &status.run {
             Some(run) => format!("busy: {} ({}), started by {}", run.mission, run.run, run.by),
             None => word(status.state).to_owned(),
@@ -115,7 +119,8 @@ fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default().trim_start_matches("error: ")
 }
 
-/// What one brick has and most have otherwise; where two are as many, the one that comes first in the file is taken for most.
+/// What one brick has and most have otherwise; where two are as many, the one that comes first in
+/// the file is taken for most.
 fn compare(checked: &mut [Checked], what: &str, of: impl Fn(&Checked) -> Option<String>) {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     let found: Vec<Option<String>> = checked.iter().map(of).collect();
@@ -123,7 +128,9 @@ fn compare(checked: &mut [Checked], what: &str, of: impl Fn(&Checked) -> Option<
         *counts.entry(value.clone()).or_default() += 1;
     }
     let Some(most) = counts.values().max() else { return };
-    let Some(usual) = found.iter().flatten().find(|value| counts.get(*value) == Some(most)) else { return };
+    let Some(usual) = found.iter().flatten().find(|value| counts.get(*value) == Some(most)) else {
+        return;
+    };
     for (one, value) in checked.iter_mut().zip(&found) {
         if let Some(value) = value.as_ref().filter(|value| *value != usual) {
             one.problems.push(format!("another {what}: {value}, and the others have {usual}"));
@@ -172,7 +179,9 @@ fn table(checked: &[Checked]) -> String {
     let line = |row: &[String; 5]| {
         let [brick, battery, version, mission, ready] = row;
         let [a, b, c, d] = widths;
-        format!("{brick:a$}  {battery:>b$}  {version:c$}  {mission:d$}  {ready}").trim_end().to_owned()
+        format!("{brick:a$}  {battery:>b$}  {version:c$}  {mission:d$}  {ready}")
+            .trim_end()
+            .to_owned()
     };
     rows.iter().map(line).collect::<Vec<_>>().join("\n")
 }
@@ -260,11 +269,16 @@ mod tests {
     }
 
     fn team() -> Vec<Checked> {
-        let mut team: Vec<Checked> = ["blue", "red", "green", "grey"].map(|name| checked(name, "map")).into();
+        let mut team: Vec<Checked> =
+            ["blue", "red", "green", "grey"].map(|name| checked(name, "map")).into();
         team[0].note(status("1.0.0"), Some(mission("a", None)));
-        team[1].note(status("0.9.0"), Some(mission("b", Some("error: unknown key `x`\n  --> map.toml:1"))));
+        team[1].note(
+            status("0.9.0"),
+            Some(mission("b", Some("error: unknown key `x`\n  --> map.toml:1"))),
+        );
         team[2].note(status("1.0.0"), Some(mission("a", None)));
-        team[3].unheard(Failure::new(Exit::NoAnswer, "grey: no answer from grey").hint("is it on?"));
+        team[3]
+            .unheard(Failure::new(Exit::NoAnswer, "grey: no answer from grey").hint("is it on?"));
         compare(&mut team, "onbrick", |checked| Some(checked.status.as_ref()?.version.clone()));
         compare(&mut team, "mission", |checked| Some(short(checked.mission.as_ref()?).to_owned()));
         team
@@ -297,18 +311,29 @@ grey         ?  ?        ?             no answer from grey";
     #[test]
     fn a_brick_is_not_ready_for_what_its_status_says() {
         let last = |reason: StopReason| LastStop::new(None, "", reason.into());
-        let fault = Status { state: State::Fault, last: Some(last(StopReason::Stalled)), ..status("1") };
+        let fault =
+            Status { state: State::Fault, last: Some(last(StopReason::Stalled)), ..status("1") };
         assert!(unready(&fault).unwrap().starts_with("fault: a wheel is blocked; Enter"));
-        let robot = Status { robot: Some("error: unknown port\n --> robot.toml".to_owned()), ..status("1") };
+        let robot = Status {
+            robot: Some("error: unknown port\n --> robot.toml".to_owned()),
+            ..status("1")
+        };
         assert_eq!(unready(&robot).as_deref(), Some("robot: unknown port"));
         let running = Status { state: State::Running, ..status("1") };
         assert_eq!(unready(&running).as_deref(), Some("running"));
         assert_eq!(
-            unready(&Status { state: State::Stopped, last: Some(last(StopReason::Finished)), ..status("1") }),
+            unready(&Status {
+                state: State::Stopped,
+                last: Some(last(StopReason::Finished)),
+                ..status("1")
+            }),
             None
         );
         let mut low = checked("low", "mapp");
-        low.note(Status { battery: Some("charge it".to_owned()), ..status("1") }, Some(mission("a", None)));
+        low.note(
+            Status { battery: Some("charge it".to_owned()), ..status("1") },
+            Some(mission("a", None)),
+        );
         assert_eq!(low.problems, ["charge it", "it has no mission mapp; did you mean `map`?"]);
     }
 }

@@ -1,4 +1,5 @@
-//! The runs of a team: started at the same time, followed and brought home, each in a thread of its own.
+//! The runs of a team: started at the same time, followed and brought home, each in a thread of its
+//! own.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,7 +16,8 @@ use crate::link::team::Member;
 use crate::link::{Client, ClientError, KnownBrick};
 use crate::service::protocol::{Kind, LastStop, NoRunId, RunId};
 
-/// How often bars and signals are looked at, and how often a program is told how it goes, nanoseconds.
+/// How often bars and signals are looked at, and how often a program is told how it goes,
+/// nanoseconds.
 const LOOK_NS: i64 = 100 * MILLISECOND_NS;
 const TOLD_NS: i64 = SECOND_NS;
 
@@ -52,7 +54,10 @@ impl Halt {
     fn hear(&self) {
         let was_raised = self.stop.swap(true, Ordering::Relaxed);
         self.enough.fetch_or(was_raised, Ordering::Relaxed);
-        log::warn!("{}", if was_raised { "not waiting any longer" } else { "stopping every brick" });
+        log::warn!(
+            "{}",
+            if was_raised { "not waiting any longer" } else { "stopping every brick" }
+        );
     }
 }
 
@@ -116,7 +121,8 @@ impl Share<'_> {
                 return came;
             }
         }
-        // Who only looks says soon that a brick does not answer; who fetches does not give it up so soon.
+        // Who only looks says soon that a brick does not answer; who fetches does not give it up so
+        // soon.
         let asking = plan.asking.until(&halt.stop, 0.0);
         let following = plan.asking.until(&halt.stop, plan.lost_s);
         let brought = std::thread::scope(|scope| {
@@ -141,7 +147,8 @@ impl Share<'_> {
         self.plan.out.join(format!("{}.mcap", self.watch.run()))
     }
 
-    /// Follows the recording to its end; where all are to stop, stops the run and brings home what there is.
+    /// Follows the recording to its end; where all are to stop, stops the run and brings home what
+    /// there is.
     fn bring(&self, client: &mut Client) -> Result<(), ClientError> {
         let (run, file) = (self.watch.run(), self.file());
         let fetched = client.fetch(run, &file, &mut |_| {});
@@ -173,7 +180,8 @@ impl Share<'_> {
             Ok(()) => {
                 (came.file, came.whole) = (there(self.file()), true);
                 let runs = self.last().and_then(|mut client| client.runs());
-                let info = runs.ok().and_then(|runs| runs.runs.into_iter().find(|info| info.run == *run));
+                let info =
+                    runs.ok().and_then(|runs| runs.runs.into_iter().find(|info| info.run == *run));
                 came.end = info.and_then(|info| info.end);
             }
             Err(ClientError::Refused(refusal)) if refusal.kind == Kind::UnknownRun => {
@@ -181,9 +189,12 @@ impl Share<'_> {
                 let status = self.last().and_then(|mut client| client.status());
                 let last = status.ok().and_then(|status| status.last);
                 came.end = last.filter(|last| last.run.as_ref() == Some(run));
-                let why =
-                    came.end.as_ref().map_or_else(|| "it was not started".to_owned(), LastStop::to_string);
-                came.failure = Some(Failure::new(Exit::Failed, format!("{}: {why}", self.member.brick.name)));
+                let why = came
+                    .end
+                    .as_ref()
+                    .map_or_else(|| "it was not started".to_owned(), LastStop::to_string);
+                came.failure =
+                    Some(Failure::new(Exit::Failed, format!("{}: {why}", self.member.brick.name)));
             }
             Err(error) => {
                 came.file = there(part_of(&self.file()));

@@ -35,7 +35,9 @@ pub(super) fn report(came: &[Came], output: &mut Output) {
 fn said(one: &Came) -> String {
     let own = format!("{}: ", one.brick.name);
     match (&one.failure, &one.end) {
-        (Some(failure), _) => failure.message.strip_prefix(&own).unwrap_or(&failure.message).to_owned(),
+        (Some(failure), _) => {
+            failure.message.strip_prefix(&own).unwrap_or(&failure.message).to_owned()
+        }
         (None, Some(end)) => end.to_string(),
         (None, None) => "its recording has no end".to_owned(),
     }
@@ -52,7 +54,8 @@ pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
         return Ok(());
     }
     let names = bad.iter().map(|one| one.brick.name.as_str()).collect::<Vec<_>>().join(", ");
-    let exits = || bad.iter().map(|one| one.failure.as_ref().map_or(Exit::Failed, |failure| failure.exit));
+    let exits =
+        || bad.iter().map(|one| one.failure.as_ref().map_or(Exit::Failed, |failure| failure.exit));
     let first = exits().next().unwrap_or(Exit::Failed);
     let nothing_moved = came.iter().all(|one| one.file.is_none());
     let exit = match bad.len() == came.len() {
@@ -61,9 +64,11 @@ pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
         true => Exit::Failed,
         false => Exit::SomeFailed,
     };
-    let message = format!("{} of {} bricks did not come to a good end: {names}", bad.len(), came.len());
-    let lost =
-        bad.iter().find(|one| one.failure.as_ref().is_some_and(|failure| failure.exit == Exit::NoAnswer));
+    let message =
+        format!("{} of {} bricks did not come to a good end: {names}", bad.len(), came.len());
+    let lost = bad
+        .iter()
+        .find(|one| one.failure.as_ref().is_some_and(|failure| failure.exit == Exit::NoAnswer));
     let failure = Failure::new(exit, message);
     Err(match lost {
         Some(one) => failure.hint(format!(
@@ -132,14 +137,20 @@ fn merged(ones: &[&Came], runs: &[LoadedRun], output: &mut Output) -> Result<Vec
 fn shift_ns(one: &Came, info: &Info, output: &mut Output) -> i64 {
     let name = &one.brick.name;
     let Some(began) = one.began else {
-        log::warn!("{name}: nobody heard when it began to drive; its own calendar stands in team.mcap");
+        log::warn!(
+            "{name}: nobody heard when it began to drive; its own calendar stands in team.mcap"
+        );
         return 0;
     };
     if began.within_ns > SECOND_NS {
-        log::warn!("{name}: it was not heard while it drove; in team.mcap it begins when it was started");
+        log::warn!(
+            "{name}: it was not heard while it drove; in team.mcap it begins when it was started"
+        );
     }
     let shift_ns = began.at_ns.saturating_sub(info.wall_offset_ns.saturating_add(info.start_ns));
     let within_s = (began.within_ns <= SECOND_NS).then(|| seconds(began.within_ns));
-    output.value(&json!({ "brick": name, "clock_behind_s": seconds(shift_ns), "within_s": within_s }));
+    output.value(
+        &json!({ "brick": name, "clock_behind_s": seconds(shift_ns), "within_s": within_s }),
+    );
     shift_ns
 }

@@ -1,4 +1,5 @@
-//! The sensors there are, with their modes: the tables of `ev3_uart_sensor_defs.c` and `ev3_analog_sensor_defs.c`.
+//! The sensors there are, with their modes: the tables of `ev3_uart_sensor_defs.c` and
+//! `ev3_analog_sensor_defs.c`.
 
 use crate::sim::physics::SensorKind;
 
@@ -35,7 +36,8 @@ impl Format {
     pub(crate) fn decode(self, frame: &[u8], index: usize) -> i32 {
         let mut bytes = [0; 4];
         let start = index * self.size();
-        if let (Some(from), Some(to)) = (frame.get(start..start + self.size()), bytes.get_mut(..self.size()))
+        if let (Some(from), Some(to)) =
+            (frame.get(start..start + self.size()), bytes.get_mut(..self.size()))
         {
             to.copy_from_slice(from);
         }
@@ -66,7 +68,13 @@ pub(crate) struct Mode {
     pub(crate) decimals: u8,
 }
 
-const fn mode(name: &'static str, values: usize, format: Format, units: &'static str, decimals: u8) -> Mode {
+const fn mode(
+    name: &'static str,
+    values: usize,
+    format: Format,
+    units: &'static str,
+    decimals: u8,
+) -> Mode {
     Mode { name, values, format, units, decimals }
 }
 
@@ -77,7 +85,8 @@ pub(crate) struct Model {
     pub(crate) modes: &'static [Mode],
     /// It speaks over the serial line: modes are switched by message, frames come by themselves.
     pub(crate) uart: bool,
-    /// The time between really new values. Ultrasonic, infrared, colour and gyro are models: the drivers give no figure.
+    /// The time between really new values. Ultrasonic, infrared, colour and gyro are models: the
+    /// drivers give no figure.
     pub(crate) period_ns: i64,
 }
 

@@ -1,8 +1,9 @@
 //! The co-processor's counter: edges, and the speed from the times between them.
 //!
-//! It logs count and time of every edge in a ring, and every 50 ms without an edge. Speed is the difference from the newest entry back, four
-//! entries at a time until 20 ms are spanned or 64 entries: the mean over about the last 20 ms, stale for up to 50 ms after an
-//! abrupt stop, and 0 some 200 ms after it.
+//! It logs count and time of every edge in a ring, and every 50 ms without an edge. Speed is the
+//! difference from the newest entry back, four entries at a time until 20 ms are spanned or 64
+//! entries: the mean over about the last 20 ms, stale for up to 50 ms after an abrupt stop, and 0
+//! some 200 ms after it.
 
 const LENGTH: usize = 256;
 const STRIDE: usize = 4;
@@ -37,14 +38,15 @@ impl Encoder {
         self.speed
     }
 
-    /// Takes the count at the end of a step of `step_ns`; `exact` says where between two edges the motor is, so that each
-    /// edge in the step gets its own time.
+    /// Takes the count at the end of a step of `step_ns`; `exact` says where between two edges the
+    /// motor is, so that each edge in the step gets its own time.
     pub(crate) fn observe(&mut self, edges: i64, exact: f64, now_ns: i64, step_ns: i64) {
         let (before, exact_before) = (self.edges, self.exact);
         (self.edges, self.exact) = (edges, exact);
         let moved = edges - before;
         if moved == 0 {
-            let idle = self.ring.get(self.newest).is_none_or(|(_, at_ns)| now_ns - at_ns >= IDLE_NS);
+            let idle =
+                self.ring.get(self.newest).is_none_or(|(_, at_ns)| now_ns - at_ns >= IDLE_NS);
             if idle {
                 self.log(edges, now_ns);
             }
@@ -52,9 +54,13 @@ impl Encoder {
         }
         let skipped = (moved.abs() - 256).max(0);
         for nth in skipped + 1..=moved.abs() {
-            // Going up, edge k is where the exact position passes k; going down, where it leaves k + 1.
-            let (count, boundary) =
-                if moved > 0 { (before + nth, before + nth) } else { (before - nth, before - nth + 1) };
+            // Going up, edge k is where the exact position passes k; going down, where it leaves k
+            // + 1.
+            let (count, boundary) = if moved > 0 {
+                (before + nth, before + nth)
+            } else {
+                (before - nth, before - nth + 1)
+            };
             let at_ns = now_ns - step_ns + passed_ns(boundary, exact_before, exact, step_ns);
             self.log(count, at_ns);
         }
@@ -101,7 +107,11 @@ mod tests {
     const STEP_NS: i64 = 2_000_000;
 
     /// Turns at a speed for a time; returns where it is then.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small numbers")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "small numbers"
+    )]
     fn turn(encoder: &mut Encoder, from: f64, speed: f64, start_ns: i64, steps: i64) -> f64 {
         for step in 1..=steps {
             let exact = from + speed * (step * STEP_NS) as f64 / 1e9;

@@ -114,7 +114,8 @@ impl Motor {
         self.running && self.ramping_down
     }
 
-    /// Gives the present position a new number. Never refused: the driver's check for a running motor is wrong.
+    /// Gives the present position a new number. Never refused: the driver's check for a running
+    /// motor is wrong.
     pub(crate) fn set_position(&mut self, position: i32) {
         self.offset = position.wrapping_sub(self.raw_position);
         self.target = position;
@@ -145,7 +146,8 @@ impl Motor {
         self.regulated = true;
         self.holding = false;
         self.target = target;
-        self.speed_pid.setpoint = if self.position() > target { speed.wrapping_neg() } else { speed };
+        self.speed_pid.setpoint =
+            if self.position() > target { speed.wrapping_neg() } else { speed };
         self.running = true;
     }
 
@@ -182,8 +184,8 @@ impl Motor {
         self.hold_pid = hold_pid;
     }
 
-    /// One turn of the loop. `edges` and `exact` are the co-processor's count; `ramp_down_ms` and `max_speed` make the ramp
-    /// before a target.
+    /// One turn of the loop. `edges` and `exact` are the co-processor's count; `ramp_down_ms` and
+    /// `max_speed` make the ramp before a target.
     pub(crate) fn tick(
         &mut self,
         (edges, exact): (i64, f64),
@@ -226,7 +228,8 @@ impl Motor {
         }
     }
 
-    /// Writes the bridge only if the duty cycle differs from the last one: a regulated 0 on a coasting motor leaves it coasting.
+    /// Writes the bridge only if the duty cycle differs from the last one: a regulated 0 on a
+    /// coasting motor leaves it coasting.
     fn set_duty(&mut self, duty: i32) {
         let duty = duty.clamp(-100, 100);
         if duty != self.duty {
@@ -238,8 +241,11 @@ impl Motor {
     fn approach(&mut self, then: StopAction, ramp_down_ms: i32, max_speed: i32) -> Ticked {
         let position = self.position();
         let left = self.target.wrapping_sub(position);
-        let ramp_ms =
-            self.speed.wrapping_abs().wrapping_mul(ramp_down_ms).wrapping_div(max_speed.wrapping_add(1));
+        let ramp_ms = self
+            .speed
+            .wrapping_abs()
+            .wrapping_mul(ramp_down_ms)
+            .wrapping_div(max_speed.wrapping_add(1));
         let stops_at = position.wrapping_add(self.speed.wrapping_mul(ramp_ms) / 2000);
         let setpoint = self.speed_pid.setpoint;
         let (passes, there) = match setpoint {

@@ -26,8 +26,9 @@ impl Pid {
 
     /// One tick: the duty cycle for what was measured, in percent.
     ///
-    /// The difference has the sign of the driver, which is turned round against textbooks. An integral that would saturate the output is rolled
-    /// back. All terms wrap at 32 bits: a hold error of more than 26 843 counts turns the large motor's output round.
+    /// The difference has the sign of the driver, which is turned round against textbooks. An
+    /// integral that would saturate the output is rolled back. All terms wrap at 32 bits: a hold
+    /// error of more than 26 843 counts turns the large motor's output round.
     pub(crate) fn update(&mut self, value: i32) -> i32 {
         let error = self.setpoint.wrapping_sub(value);
         self.integral = self.integral.wrapping_add(error);

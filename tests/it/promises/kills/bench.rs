@@ -1,8 +1,10 @@
-//! The bench of the kills: a mounted brick that is watched, a run on it with the processes of its kind, and what can become of these.
+//! The bench of the kills: a mounted brick that is watched, a run on it with the processes of its
+//! kind, and what can become of these.
 //!
 //! # Not here
 //!
-//! Which cases there are, how often they are done, and whether this machine was there to see it: `kills.rs`.
+//! Which cases there are, how often they are done, and whether this machine was there to see it:
+//! `kills.rs`.
 
 use std::fs;
 use std::io::Write;
@@ -40,12 +42,15 @@ const PLUGGED_NS: i64 = 2500 * MILLISECOND_NS;
 /// How long a brick is watched after a fault.
 pub(super) const WATCH_NS: i64 = 1000 * MILLISECOND_NS;
 
-/// A robot whose bridges were last under a command longer ago does not drive: the dance has no pause.
+/// A robot whose bridges were last under a command longer ago does not drive: the dance has no
+/// pause.
 const DRIVES_NS: i64 = 20 * MILLISECOND_NS;
-/// How fast the wheels dance where a guard is there, degrees per second, and where only the lease is. That ends 0.3 s after a renewal that may have come
-/// just before the death, and up to 10 ms later, as the kernel's timer goes; what is left of half a second is the roll-out of a braked robot, 132 ms
-/// from 100 and 172 ms from 150 ([`super::roll`]). A wheel that has just been turned round overshoots 150 to 200, and was seen to rest after 506 ms.
-/// The shipped missions that drive by themselves go at 60 to 100.
+/// How fast the wheels dance where a guard is there, degrees per second, and where only the lease
+/// is. That ends 0.3 s after a renewal that may have come just before the death, and up to 10 ms
+/// later, as the kernel's timer goes; what is left of half a second is the roll-out of a braked
+/// robot, 132 ms from 100 and 172 ms from 150 ([`super::roll`]). A wheel that has just been turned
+/// round overshoots 150 to 200, and was seen to rest after 506 ms. The shipped missions that drive
+/// by themselves go at 60 to 100.
 const GUARDED_DPS: f64 = 150.0;
 const LEASED_DPS: f64 = 100.0;
 
@@ -59,7 +64,8 @@ fn dance(dps: f64) -> String {
         .replace("RIGHT", &speed(0.93))
 }
 
-/// Both wheels and the head always move, each now this way and now that, so that a fault hits every moment of a lease and of a change.
+/// Both wheels and the head always move, each now this way and now that, so that a fault hits every
+/// moment of a lease and of a change.
 const DANCE: &str = r#"
 name = "dance"
 time_limit_s = 60
@@ -109,7 +115,8 @@ pub(super) enum Trouble {
     /// Guard and control give no sign of life, and the starter is told to stop.
     BothHung,
     StarterKilled,
-    /// The service that the run was started through is killed, and was told that its runs are to end with it.
+    /// The service that the run was started through is killed, and was told that its runs are to
+    /// end with it.
     ServiceKilled,
     /// The kernel kills what drives because it wants more memory than there is.
     OutOfMemory,
@@ -166,7 +173,10 @@ impl Trouble {
 
     /// True for a run that is started through a service.
     fn is_served(self) -> bool {
-        matches!(self, Self::ServiceKilled | Self::GuardHung(Asked::Service(_) | Asked::ServiceStop))
+        matches!(
+            self,
+            Self::ServiceKilled | Self::GuardHung(Asked::Service(_) | Asked::ServiceStop)
+        )
     }
 }
 
@@ -193,7 +203,8 @@ pub(super) struct Bench {
 
 impl Bench {
     pub(super) fn new(seed: u64) -> Self {
-        let (world, seen) = Witness::new(WorldPhysics::new(World::named("open").unwrap(), 1, seed).unwrap());
+        let (world, seen) =
+            Witness::new(WorldPhysics::new(World::named("open").unwrap(), 1, seed).unwrap());
         let mounted = Mounted::over(world, Arc::new(MonotonicClock)).unwrap();
         Self { mounted, seen, folder: tempfile::tempdir().unwrap(), runs: 0 }
     }
@@ -235,14 +246,15 @@ impl Bench {
         run
     }
 
-    /// Lets one fault happen, and watches what the motors do; nothing where the run has ended by itself before, as it does where this
-    /// machine lets it wait for more than 200 ms.
+    /// Lets one fault happen, and watches what the motors do; nothing where the run has ended by
+    /// itself before, as it does where this machine lets it wait for more than 200 ms.
     pub(super) fn suffer(&mut self, case: Case, after_ns: i64) -> Option<Measured> {
         let mut run = self.start(case, after_ns);
         let processes = run.control().and_then(|control| Some((control, parent_of(control)?)));
         let group = (case.0 == Trouble::OutOfMemory).then(|| MemoryGroup::new().unwrap());
         let mut fault_ns = self.now_ns();
-        let Some((control, parent)) = processes.filter(|_| fault_ns - self.seen().driven_ns < DRIVES_NS)
+        let Some((control, parent)) =
+            processes.filter(|_| fault_ns - self.seen().driven_ns < DRIVES_NS)
         else {
             run.end();
             self.await_free();
@@ -254,7 +266,8 @@ impl Bench {
         }
         case.0.strike(&mut run, guard, control);
         if let Some(group) = &group {
-            // It drives on while it fills its memory: the fault is the kernel's, just before it is seen.
+            // It drives on while it fills its memory: the fault is the kernel's, just before it is
+            // seen.
             let deadline_ns = fault_ns + 3 * WATCH_NS;
             while group.kills() == 0 && fault_ns < deadline_ns {
                 fault_ns = self.now_ns();
@@ -293,7 +306,10 @@ impl Bench {
             self.mounted.simulation.control(0, "clear").unwrap();
             pass(PLUGGED_NS);
         }
-        Some(Measured { commands_ns: seen.driven_ns - fault_ns, rest_ns: seen.turned_ns - fault_ns })
+        Some(Measured {
+            commands_ns: seen.driven_ns - fault_ns,
+            rest_ns: seen.turned_ns - fault_ns,
+        })
     }
 }
 
@@ -368,7 +384,8 @@ impl Run {
             return Self::served("", root);
         }
         let guarded = protection.guard;
-        let dance = dance(if guarded && trouble != Trouble::AllKilled { GUARDED_DPS } else { LEASED_DPS });
+        let dance =
+            dance(if guarded && trouble != Trouble::AllKilled { GUARDED_DPS } else { LEASED_DPS });
         fs::create_dir(out).unwrap();
         let mission = out.join("dance.toml");
         fs::write(&mission, &dance).unwrap();
@@ -381,7 +398,8 @@ impl Run {
         }
         let mut child = command.spawn().unwrap();
         if !guarded {
-            let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+            let source =
+                |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
             let job = Job {
                 mission: source("dance.toml", &dance),
                 robot: source("robot.toml", DEFAULT_ROBOT),
@@ -405,7 +423,8 @@ impl Run {
     pub(super) fn served(config: &str, root: &Path) -> Self {
         let folder = service::folder(config);
         fs::write(folder.path().join("missions/dance.toml"), dance(GUARDED_DPS)).unwrap();
-        let mut served = Served::started(folder, &["--brick", root.to_str().unwrap()], |command| command);
+        let mut served =
+            Served::started(folder, &["--brick", root.to_str().unwrap()], |command| command);
         served.start("dance", "dance");
         Self { starter: Starter::Service(Box::new(served)), guarded: true, root: root.to_owned() }
     }
@@ -451,7 +470,9 @@ impl Run {
                 let mut client = Client::at(served.path("socket"));
                 let patience = std::time::Duration::from_secs(10);
                 std::thread::spawn(move || {
-                    client.ask::<Stopped>(&Request::Stop { run: None }, patience).expect("it is stopped")
+                    client
+                        .ask::<Stopped>(&Request::Stop { run: None }, patience)
+                        .expect("it is stopped")
                 });
             }
             (Asked::ServiceStop, Starter::Child(_)) => unreachable!("a run of a service"),
