@@ -13,7 +13,7 @@
 //!
 //! [machine.drive]
 //! start = "forward"
-//! final = "halt"          # may be left out: the mission then goes on until its time limit
+//! final = "halt"          # optional: without it the mission runs until its time limit
 //!
 //! [machine.drive.state.forward]
 //! do = { left_dps = 60, right_dps = 60 }

@@ -78,7 +78,7 @@ impl Signals {
         self.time_ns
     }
 
-    /// Goes on to another tick; what is known stays known.
+    /// Moves to another tick; known values are kept.
     pub fn set_time_ns(&mut self, time_ns: i64) {
         self.time_ns = time_ns;
         self.time_s = seconds(time_ns);

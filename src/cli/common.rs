@@ -335,7 +335,7 @@ pub(super) fn no_brick(root: &Path) -> Failure {
     .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick")
 }
 
-/// What a person sees of a run while it goes on.
+/// What a person sees of a run in progress.
 #[derive(Debug)]
 pub(super) struct Progress {
     #[cfg(feature = "host")]

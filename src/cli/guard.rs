@@ -102,7 +102,7 @@ fn signals() -> io::Result<UnixStream> {
     Ok(heard)
 }
 
-/// The pipes to whoever started us.
+/// The pipes to the starter.
 struct Starter {
     orders: Lines,
     /// What is still to be written.
@@ -256,7 +256,7 @@ impl Guard {
         stopped
     }
 
-    /// Waits until somebody says something or control's time is over.
+    /// Waits for a message from either side, or until control's time is over.
     fn wait(&mut self) {
         let deadline_ns = self.watch.deadline_ns();
         let look_ns = MonotonicClock.now_ns() + LOOK_NS;

@@ -213,7 +213,7 @@ pub(super) fn failure(error: &KeyError) -> Failure {
     match error {
         KeyError::Missing(_) => refused.hint("onbrick key new"),
         KeyError::Exists(_) => {
-            refused.hint("keep it: whoever knows this machine knows it by this key; or delete the file and introduce the machine anew")
+            refused.hint("keep it: other machines know this one by this key; or delete the file and pair this machine again")
         }
         KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
             refused.hint(AS_THE_SERVICE)

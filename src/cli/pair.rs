@@ -169,11 +169,11 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
                 return Ok(());
             }
             Pairing::Closed => {
-                return Err(Failure::new(Exit::NoAnswer, "nobody came before the window closed"));
+                return Err(Failure::new(Exit::NoAnswer, "no PC paired before the window closed"));
             }
             Pairing::Failed { why } => return Err(Failure::refused(why)),
             Pairing::NoLink { why } => {
-                return Err(Failure::refused(format!("nobody can come: {why}")));
+                return Err(Failure::refused(format!("no PC can pair: {why}")));
             }
             Pairing::Compare { code, name } if !answered => {
                 show_code(
@@ -205,7 +205,7 @@ fn show_code(terminal: &mut Terminal, code: &str, who: &str) {
     terminal.say(who);
 }
 
-/// Whoever only presses Enter has not compared.
+/// Enter alone is no answer: the codes have not been compared.
 fn confirmed(terminal: &mut Terminal, question: &str) -> bool {
     terminal.choose(question, &["yes", "no"], 1).is_ok_and(|choice| choice == 0)
 }

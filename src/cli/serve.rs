@@ -104,7 +104,7 @@ fn start_link(service: &Service) -> Option<Arc<Server>> {
     }
 }
 
-/// Whoever holds the door lets go of it; the last one closes it.
+/// The threads that use the door share it; the last one to drop it closes it.
 #[cfg(feature = "link")]
 fn close_link(service: &Service, link: Option<Arc<Server>>) {
     service.no_link("the service has ended");
@@ -119,7 +119,7 @@ fn start_link(service: &Service) {
     service.no_link("this onbrick was built without the link");
 }
 
-/// A service that systemd did not start has nobody to tell.
+/// A service that systemd did not start has no one to notify.
 fn tell_systemd(state: sd_notify::NotifyState<'_>) {
     if let Err(error) = sd_notify::notify(&[state]) {
         log::warn!("systemd was not told: {error}");

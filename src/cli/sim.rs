@@ -221,7 +221,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     } else {
         String::new()
     };
-    let by = if unmounted_by_others { " by somebody else" } else { "" };
+    let by = if unmounted_by_others { " by another program" } else { "" };
     let faults = done(&simulation);
     let told: String = faults
         .iter()

@@ -60,13 +60,13 @@ pub enum SetupError {
         /// How many there are, in words.
         found: String,
     },
-    /// Nobody said which motors turn the wheels.
+    /// The person named no motor for a wheel.
     #[error("no motor was named as the {0} wheel's: a robot needs both; start again")]
     NoWheel(&'static str),
     /// There was no answer.
     #[error(transparent)]
     NoAnswer(#[from] NoAnswer),
-    /// Somebody asked to stop.
+    /// The person asked to stop.
     #[error("stopped; nothing was written")]
     Stopped,
     /// The devices cannot be listed, or not be bound.

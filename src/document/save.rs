@@ -89,8 +89,8 @@ fn write_beside(
     })
 }
 
-/// Replaces a file and keeps what was there beside it, as `robot.toml.1` and so on; returns where.
-/// A file that is not there is created.
+/// Replaces a file and keeps the old one beside it, as `robot.toml.1` and so on; returns where. A
+/// missing file is created.
 ///
 /// # Errors
 ///

@@ -21,7 +21,7 @@ attributes! {
     LedFiles of [impl Led] {
         /// Brightness, 0 to [`Led::max_brightness`].
         pub readwriteable "brightness" => brightness / set_brightness: i32, Legal::Range(0, 255);
-        /// The highest brightness, read anew.
+        /// The highest brightness, read each time.
         pub readable "max_brightness" => read_max_brightness: i32;
         readwriteable "trigger" => triggers / write_trigger: Words;
         /// Time on, ms. The file is there only under the trigger `timer`.

@@ -1,9 +1,10 @@
 //! Introducing a PC to a brick, with a person who looks at both.
 //!
-//! Neither side knows the other's key yet, so anybody could stand between them. Both commit to a
-//! random number, then show their keys and the numbers; from all four each computes the same short
-//! code and shows it to the person. Somebody in between would have to show two different keys, and
-//! gets one guess at a code of six digits: one exchange for each time that the window is opened.
+//! Neither side knows the other's key yet, so a third machine could stand between them. Both commit
+//! to a random number, then show their keys and the numbers; from all four each computes the same
+//! short code and shows it to the person. A machine in between would have to show two different
+//! keys, and gets one guess at a code of six digits: one exchange for each time that the window is
+//! opened.
 //!
 //! ```text
 //!  PC                                                       brick (its window is open)
@@ -79,7 +80,7 @@
 //!
 //! # What we count on
 //!
-//! - The person compares. Whoever says "the same" without looking lets in whoever asked.
+//! - The person compares. A person who confirms without looking lets in any PC that asked.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

@@ -7,8 +7,7 @@
 //! # Not here
 //!
 //! No network: no fonts, scripts or styles from elsewhere, and the page's own policy forbids them.
-//! The page of a run that is going on ([`live`](super::live)) asks the server that it came from,
-//! and nobody else.
+//! The page of a run in progress ([`live`](super::live)) asks only the server that it came from.
 
 use serde_json::{Value, json};
 

@@ -2,9 +2,9 @@
 //! in its place.
 //!
 //! The leases stop the motors by themselves 0.3 s after the last renewal; the guard does not trust
-//! that. It listens to control's heartbeat, and when a beat is missed while the robot drives, or
-//! control's pipe closes, it kills control, so that nobody can renew a lease behind its back, and
-//! stops the run's motors itself ([`still`](crate::robot::still)).
+//! that. It listens to control's heartbeat. When a beat is missed while the robot drives, or
+//! control's pipe closes, it kills control, so that control cannot renew a lease, and stops the
+//! run's motors itself ([`still`](crate::robot::still)).
 //!
 //! ```text
 //! preparing ──driving──▶ driving ──stopped──▶ finishing ──last word──▶ over
@@ -309,7 +309,7 @@ mod tests {
         watch.hear(b"", 30);
         assert_eq!(watch.deadline_ns(), Some(30 + MISSED_NS), "a beat");
         watch.hear(b"garbage", 40);
-        assert_eq!(watch.deadline_ns(), Some(40 + MISSED_NS), "whoever says something is alive");
+        assert_eq!(watch.deadline_ns(), Some(40 + MISSED_NS), "any message counts as alive");
         watch.hear(&line(&stopped()), 50);
         assert_eq!(watch.deadline_ns(), Some(50 + FINISHING_NS));
         watch.hear(b"", 60);

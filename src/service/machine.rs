@@ -28,7 +28,7 @@ pub enum Happening {
     Driving,
     /// How its run is going.
     Progress(recording::Status),
-    /// Somebody asked its run to stop.
+    /// Its run was asked to stop.
     StopAsked,
     /// Its run has told the motors to stop.
     MotorsTold {

@@ -167,7 +167,7 @@ pub enum LocalOnly {
         /// Which.
         run: RunId,
     },
-    /// Hand a job over to be run; the same as `start` for somebody at the brick: no token. Answered
+    /// Hand a job over to be run; as `start`, but for a person at the brick: no token. Answered
     /// with [`Started`].
     StartHere(Start),
     /// This connection is the menu's: when it closes, however that happens, it is as if
@@ -319,8 +319,8 @@ pub enum Caller {
 
 /// What both doors ask the service for. It is shared between their threads.
 ///
-/// `stop` waits for the motors to be told, at most about a second; all others answer at once, so
-/// one slow client holds up nobody for long.
+/// `stop` waits for the motors to be told, at most about a second; all others answer at once, so a
+/// slow client never delays another for long.
 pub trait Operations: Send + Sync {
     /// Does what the network may ask.
     ///

@@ -65,7 +65,7 @@ impl Signs {
     ) -> (Option<LightColour>, Option<i32>) {
         let colour = shown.lights.then(|| colour(shown, now_ns)).flatten();
         let changed = colour.filter(|_| colour != self.colour);
-        // Lights that are not ours are set anew when they are.
+        // Lights that other programs had are set again once they are ours.
         self.colour = colour;
         let before = self.state.replace(shown.state);
         let tone_hz = match shown.state {
@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(
             signs.follow(shown(State::Stopped), 800 * MS).0,
             Some(LightColour::Green),
-            "and set anew after it"
+            "and set again after it"
         );
     }
 }

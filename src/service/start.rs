@@ -157,7 +157,7 @@ impl Service {
                 let mut now = inner.now();
                 let stop = Stop::Ours(process.stopper());
                 if let Some((by, _)) = now.stopped_by {
-                    // Somebody was faster than the process.
+                    // A stop came before the process was there.
                     stop.ask(by);
                 }
                 now.stop = Some(stop);

@@ -290,7 +290,7 @@ impl Brick {
     ///
     /// # Errors
     ///
-    /// EINVAL for a motor in an input port and the reverse, ENOENT for a port that is not there.
+    /// EINVAL for a motor in an input port and the reverse, ENOENT for a missing port.
     pub(crate) fn plug(
         &mut self,
         index: usize,

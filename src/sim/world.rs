@@ -91,7 +91,7 @@ built_in!("arena", "rooms", "cylinders", "corridor", "line", "table", "wall", "o
 impl World {
     /// The most walls, blocks, circles, marks, starts or presses that a file may have of each.
     pub const MAX_THINGS: usize = 2000;
-    /// A commented file for somebody who writes a world: every key with its unit and its default.
+    /// A commented file for authors of worlds: every key with its unit and its default.
     pub const TEMPLATE: &'static str = include_str!("worlds/template.toml");
 
     /// The names of the built-in worlds; the first is the default.

@@ -134,7 +134,7 @@ fn chosen(
     let all: Vec<KnownBrick> = known.iter().cloned().collect();
     if all.is_empty() {
         let message = format!("no brick is known yet in {}", known.path().display());
-        return Err(Failure::refused(message).hint("onbrick pair HOST, with somebody at the brick"));
+        return Err(Failure::refused(message).hint("onbrick pair HOST, with a person at the brick"));
     }
     let names = all.iter().map(|brick| brick.name.as_str()).collect::<Vec<_>>().join(", ");
     if hosts.is_empty() {
@@ -156,7 +156,7 @@ fn chosen(
 }
 
 impl Asking {
-    /// True once somebody has pressed Ctrl-C.
+    /// True once Ctrl-C was pressed.
     pub(super) fn interrupted(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.interrupted)
     }
@@ -237,7 +237,7 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
             Failure::refused(format!("{name}: {message}")).hint(format!("onbrick pair {}", brick.address))
         }
         ClientError::AnotherKey { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint(format!("onbrick pair {} once more, if it was set up anew", brick.address)),
+            .hint(format!("onbrick pair {} again, if it was set up from scratch", brick.address)),
         ClientError::Refused(refusal) => {
             let failure = Failure::refused(format!("{name}: {message}"));
             match (&refusal.hint, refusal.kind) {

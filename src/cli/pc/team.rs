@@ -47,8 +47,7 @@ pub(in crate::cli) struct Arguments {
     /// Give one of the mission's own numbers another value; can be repeated.
     #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
     set: Vec<(String, f64)>,
-    /// A brick that drives and has not been heard for so many seconds is given up; the others are
-    /// not.
+    /// A driving brick that is not heard for this many seconds is given up; the others continue.
     #[arg(long, default_value_t = 60.0, value_parser = super::remote::patience, value_name = "SECONDS")]
     lost: f64,
     #[command(flatten)]

@@ -185,7 +185,7 @@ fn marked_spin(
     let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad / SLACK, CREEP_RAD_S);
     if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow, dialogue)? == Ended::Limit {
         return Err(CalibrateError::TooFar(
-            "nobody pressed Enter in one and a half times the way: start again and watch the line"
+            "Enter was not pressed within one and a half times the way: start again and watch the line"
                 .to_owned(),
         ));
     }
@@ -193,7 +193,7 @@ fn marked_spin(
     Ok(Spin { from, to: stage.rest()?, way })
 }
 
-/// Step by step to the line: nobody presses a button at the right moment.
+/// Step by step to the line, because no person presses a button at the exact moment.
 fn align(
     stage: &mut Stage<'_>,
     dialogue: &mut dyn Dialogue,

@@ -132,7 +132,7 @@ impl Drop for DcMotor {
     fn drop(&mut self) {
         let file = &self.files.write_command;
         if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // Nobody is left to tell; a motor that is gone does not turn.
+            // An error cannot be reported from here; an unplugged motor does not turn.
             let _ = file.write(&self.node, &DcCommand::Stop);
         }
     }

@@ -77,7 +77,7 @@ attributes! {
         /// The commands that the driver takes.
         pub readable "commands" => commands: Words;
         writeable "command" => write_command: TachoCommand;
-        /// The highest `speed_sp`, counts per second, read anew.
+        /// The highest `speed_sp`, counts per second, read each time.
         pub readable "max_speed" => read_max_speed: i32;
         /// Position, counts. Writing moves the zero, not the motor; while it holds, the motor jumps
         /// by the difference.
@@ -239,7 +239,7 @@ impl<K: MotorKind> Drop for PositionMotor<K> {
     fn drop(&mut self) {
         let file = &self.files.write_command;
         if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // Nobody is left to tell; a motor that is gone does not turn.
+            // An error cannot be reported from here; an unplugged motor does not turn.
             let _ = file.write(&self.node, &TachoCommand::Stop);
         }
     }

@@ -109,7 +109,7 @@ impl Drop for ServoMotor {
     fn drop(&mut self) {
         let file = &self.files.write_command;
         if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // Nobody is left to tell; a servo that is gone does not push.
+            // An error cannot be reported from here; an unplugged servo does not push.
             let _ = file.write(&self.node, &ServoCommand::Float);
         }
     }

@@ -107,7 +107,7 @@ pub struct RemoteButtons {
 /// What IR-REM-A reads while nothing is pressed; its bit for blue down is set all the same.
 const REM_A_NOTHING: i32 = 384;
 
-/// What IR-SEEK reads as the distance of a beacon that is not there.
+/// What IR-SEEK reads as the distance if it sees no beacon.
 const NO_BEACON: i64 = -128;
 
 impl InfraredSensor {

@@ -17,8 +17,8 @@ const TOUCHED: i32 = 12;
 const TAN_AXIS: i32 = 90;
 const TAN_CONE: i32 = 218;
 
-/// So many cells beside an edge may be in the cone: half a cell that is granted, the tip's place in
-/// its cell, and what is rounded.
+/// The cone may include this many cells beside an edge: a tolerance of half a cell, the tip's place
+/// in its cell, and rounding.
 const BESIDE_EDGE: i32 = 3;
 
 /// Where a cell lies in a cone.

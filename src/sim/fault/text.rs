@@ -45,7 +45,7 @@ const HEADING_DEG: RangeInclusive<f64> = -360.0..=360.0;
 /// What to do.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Act {
-    /// Something goes wrong on a port, for so many nanoseconds or until it is cleared.
+    /// Something goes wrong on a port, for this many nanoseconds or until it is cleared.
     Inject(Port, DeviceFault, Option<i64>),
     /// A port is in order again, with what was in it; without one, the whole robot.
     Clear(Option<Port>),

@@ -139,7 +139,7 @@ fn a_simulator_that_somebody_else_unmounts_ends_and_says_so() {
     }
     let (code, last) = simulator.end();
     assert_eq!(code, Some(0));
-    assert!(last.contains("unmounted by somebody else"), "{last}");
+    assert!(last.contains("unmounted by another program"), "{last}");
 }
 
 #[test]

@@ -117,7 +117,7 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
 
     let token = || Some(String::new());
     let stale = Request::Start(Start { token: token(), ..start("a", "short") });
-    refused_as(&served.refused(&stale), Kind::StaleToken, "none of this brick's");
+    refused_as(&served.refused(&stale), Kind::StaleToken, "not this brick's");
     refused_as(&served.refused(&Request::Start(start("a", "short"))), Kind::StaleToken, "token");
     let text = |text: String| Start { mission: Chosen::Text(text), ..start("a", "") };
     let mut here = |start: Start, kind, part: &str| {

@@ -105,9 +105,7 @@ fn unready(status: &Status) -> Option<String> {
         State::Ready | State::Stopped => {
             status.robot.as_ref().map(|finding| format!("robot: {}", first_line(finding)))
         }
-        State::Fault => {
-            Some(format!("fault: {last}; Enter on the brick when somebody has seen to it"))
-        }
+        State::Fault => Some(format!("fault: {last}; press Enter on the brick once it is fixed")),
         State::Preparing | State::Running | State::Stopping => Some(match &status.run {
             Some(run) => format!("busy: {} ({}), started by {}", run.mission, run.run, run.by),
             None => word(status.state).to_owned(),

@@ -45,7 +45,7 @@ pub(super) struct Came {
 struct Halt {
     /// All are to be stopped, and what they have is to be brought home.
     stop: Arc<AtomicBool>,
-    /// Nobody wants to wait for that, either.
+    /// Raised at the second Ctrl-C: stop waiting for that, too.
     enough: Arc<AtomicBool>,
 }
 

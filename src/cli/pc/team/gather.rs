@@ -72,7 +72,7 @@ pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
     let failure = Failure::new(exit, message);
     Err(match lost {
         Some(one) => failure.hint(format!(
-            "onbrick fetch {} --run {} -o FOLDER, when it is there again: it goes on where it was cut",
+            "onbrick fetch {} --run {} -o FOLDER, once the brick is back: it resumes where it was cut",
             one.brick.name, one.run
         )),
         None => failure,
@@ -137,9 +137,7 @@ fn merged(ones: &[&Came], runs: &[LoadedRun], output: &mut Output) -> Result<Vec
 fn shift_ns(one: &Came, info: &Info, output: &mut Output) -> i64 {
     let name = &one.brick.name;
     let Some(began) = one.began else {
-        log::warn!(
-            "{name}: nobody heard when it began to drive; its own calendar stands in team.mcap"
-        );
+        log::warn!("{name}: its start was not heard; team.mcap has its own calendar");
         return 0;
     };
     if began.within_ns > SECOND_NS {
