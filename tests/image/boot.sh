@@ -119,7 +119,7 @@ stranger key new
 stranger key know red "127.0.0.1:$port" "$brick_key"
 check "a PC with another key is turned away" not stranger status red --timeout 5
 check "because its key is not authorised" says "$work/answer" "does not let this PC's key in"
-check "somebody at the brick opens the pairing window" wait_until 120 says "$work/first" "the pairing window is open"
+check "a person at the brick opens the pairing window" wait_until 120 says "$work/first" "the pairing window is open"
 check "the PC is introduced" stranger pair "127.0.0.1:$((port + 1))" --port "$port" --name stranger --answers "$work/yes" --timeout 60
 check "with the code that the brick shows" wait_until 30 same_code
 check "then it sees the brick" stranger status red

@@ -59,7 +59,7 @@ wait_until() {
   done
 }
 
-# What a run of ours looks like from outside: its lock, held for so many seconds.
+# What a run of ours looks like from outside: its lock, held for this many seconds.
 run_goes_on() {
   exec 9>>"$root/run/lock/onbrick.lock"
   flock 9

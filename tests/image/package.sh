@@ -88,5 +88,5 @@ in_root dpkg -P onbrick >"$work/said" 2>&1
 check "purged: nothing of ours is left" [ -z "$(find "$root" -xdev -path "$root/proc" -prune -o -name '*onbrick*' ! -path "$root/tmp/*" ! -name onbrick.lock -print)" ]
 check "purged: nor is the user" not in_root getent passwd onbrick
 check "purged: what robot edited is left" says "$root/home/robot/missions/map.toml" "# edited"
-check "purged: what nobody edited is gone" [ ! -e "$root/home/robot/missions/square.toml" ]
+check "purged: what was never edited is gone" [ ! -e "$root/home/robot/missions/square.toml" ]
 finish

@@ -250,7 +250,7 @@ fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     let pressed = Taken { transition: Some(0), ..taken[0] };
     assert_eq!(mission.named(pressed).unwrap().to_string(), "drive: forward → back (touch)");
     assert_eq!(mission.named(Taken { machine: 7, ..pressed }), None);
-    // The wheels still do not turn: it goes on backing off, and its time there goes on.
+    // The wheels still do not turn: the state stays, and its time keeps counting.
     assert!(program.stall());
     taken.clear();
     program.step(&free(40), &mut Demands::default(), |transition| taken.push(transition));

@@ -1,5 +1,5 @@
-//! Programs on libraries that nobody here wrote, over a mounted brick: PyPI's `python-ev3dev2` and
-//! crates.io's `ev3dev-lang-rust`, both unmodified.
+//! Programs on third-party libraries, over a mounted brick: PyPI's `python-ev3dev2` and crates.io's
+//! `ev3dev-lang-rust`, both unmodified.
 //!
 //! Each runs in a private view of the brick (`onbrick sim exec`), so that it takes this machine for
 //! an EV3. What it says it did is compared with where the robot truly is. `demos` are programs as

@@ -32,7 +32,7 @@ const SCENARIOS: [Scenario; 21] = [
     ("15: a ramp up to half speed takes half its time", GyroMake::Old, a_ramp_up_is_a_share),
     ("16: a timed run ramps down after its time", GyroMake::Old, a_timed_run_ramps_down),
     ("17: a replugged motor is another one, and old files are dead", GyroMake::Old, a_replugged_motor_is_another),
-    ("18: the same port mode again registers the device anew", GyroMake::Old, the_same_mode_registers_anew),
+    ("18: writing the same port mode registers the device again", GyroMake::Old, the_same_mode_registers_anew),
     ("19: an old gyro zeroes by a change of mode", GyroMake::Old, an_old_gyro_zeroes),
     ("19: a new gyro does not", GyroMake::New, a_new_gyro_does_not),
     ("20: an ultrasonic sensor has ten new values a second", GyroMake::Old, an_ultrasonic_sensor_is_slow),

@@ -246,7 +246,7 @@ fn number(dom: &str, name: &str) -> f64 {
 
 #[test]
 fn a_browser_sees_the_room_and_the_robot_drive_through_it() {
-    // The wall's own clock: nobody but the page lets time pass.
+    // The wall's own clock: only the page lets time pass.
     let driven = driven("arena", 1, Arc::new(MonotonicClock));
     let page = Page::serve(&driven.simulation, 0).unwrap();
     driven.simulation.control(0, "in4 stuck").unwrap();

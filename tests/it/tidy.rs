@@ -363,7 +363,7 @@ fn no_path_of_one_machine_is_in_the_repository() {
             }
         }
     }
-    none("paths of somebody's machine", &found);
+    none("paths of one machine", &found);
 }
 
 #[test]

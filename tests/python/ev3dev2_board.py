@@ -1,4 +1,4 @@
-"""The brick itself: lights, battery, buttons, what the speaker lacks. Somebody presses Enter and Left while it runs."""
+"""The brick itself: lights, battery, buttons, what the speaker lacks. A person presses Enter and Left while it runs."""
 import json
 import time
 from ev3dev2 import get_current_platform

@@ -4,7 +4,7 @@ import time
 from ev3dev2.sensor import INPUT_1
 from ev3dev2.sensor.lego import UltrasonicSensor
 
-# Between modes that are very different it goes on with old values for a second, some say two.
+# Between modes that are very different it repeats old values for a second, some say two.
 SETTLE_S = 1.3
 
 sonar = UltrasonicSensor(INPUT_1)

@@ -54,7 +54,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Nanoseconds of processor time that one of so many of these takes.
+    /// Nanoseconds of processor time that one of this many of these takes.
     fn print(
         &mut self,
         what: &str,

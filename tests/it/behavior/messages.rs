@@ -1,6 +1,5 @@
 //! Every message that a person can get about a mission, in one file to read:
-//! `tests/data/mission-messages.txt`. `ONBRICK_BLESS=1 cargo test` writes it anew; read what
-//! changed.
+//! `tests/data/mission-messages.txt`. `ONBRICK_BLESS=1 cargo test` rewrites it; read what changed.
 
 use super::*;
 
@@ -83,7 +82,7 @@ fn cases() -> Vec<(&'static str, String)> {
         ("two machines that move the same", second("other", "do = { stop = \"coast\", head_deg = 3, motor.arm = 1 }")),
         ("two modes of one sensor", when("colour == 5 or reflect_pct < 10")),
         ("a stall without a state for it", format!("on_stall = \"bakc\"\n{}", state("do = { stop = \"brake\" }").replace("state.b]", "state.b]\n[machine.drive.state.back]"))),
-        ("a stall with nobody at the wheel", format!("on_stall = \"a\"\n{}", state("do = { head_deg = 5 }"))),
+        ("a stall in a mission that drives no wheels", format!("on_stall = \"a\"\n{}", state("do = { head_deg = 5 }"))),
     ]
 }
 
@@ -132,7 +131,7 @@ fn every_message_is_as_a_person_read_it_last() {
     }
     let read = std::fs::read_to_string(path).unwrap();
     for (at, (now, read)) in now.lines().zip(read.lines()).enumerate() {
-        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 writes it anew", at + 1);
+        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 rewrites it", at + 1);
     }
     assert_eq!(now.lines().count(), read.lines().count(), "{path}");
 }

@@ -77,7 +77,7 @@ fn outside(folder: &Path, name: &str, features: &str, main: &str) -> String {
     {
         cargo.env_remove(key);
     }
-    // What is checked is that it compiles; nobody needs it to be fast or to have line numbers.
+    // The check is that it compiles; it need not be fast or have line numbers.
     let output = cargo
         .args(["run", "--quiet", "--offline"])
         .current_dir(&place)

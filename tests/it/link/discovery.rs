@@ -88,7 +88,7 @@ fn a_brick_whose_avahi_has_the_packages_file_is_found() {
         .find(|said| !said.is_empty())
         .unwrap_or_default();
     let brick: Value =
-        serde_json::from_str(said.lines().next().expect("nobody was heard")).unwrap();
+        serde_json::from_str(said.lines().next().expect("no brick was heard")).unwrap();
     assert_eq!(brick["brick"], "ev3-blue", "{brick}");
     assert_eq!(brick["address"], "ev3-blue.local", "{brick}");
     assert_eq!(brick["numbers"][0], "10.5.0.1", "{brick}");

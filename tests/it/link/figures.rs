@@ -51,7 +51,7 @@ fn long() -> Option<String> {
 enum Trouble {
     Nothing,
     Losing(u32),
-    /// The cable is pulled out at a second of the mission, for so many seconds.
+    /// The cable is pulled out at a second of the mission, for this many seconds.
     Outages(Vec<(f64, f64)>),
     Flood,
 }
@@ -293,7 +293,7 @@ fn control_does_not_notice_the_network_and_the_seeds_way_does() {
         println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
         troubles.iter().for_each(|trouble| case(trouble, seconds));
     };
-    // In the long form whoever reads it is the judge of how busy the machine was.
+    // In the long form the reader judges how busy the machine was.
     if long().is_some() { tables() } else { patiently("a bad network", tables) }
 }
 
@@ -326,7 +326,7 @@ fn case(trouble: &Trouble, seconds: f64) {
     }
 }
 
-/// A recording of so many bytes on the brick, as if it had come of a run.
+/// A recording of this many bytes on the brick, as if a run had written it.
 fn plant(apart: &mut Apart, bytes: usize) -> PathBuf {
     apart.done("start map blue --set time_limit_s=1");
     apart.done("fetch blue --timeout 60");

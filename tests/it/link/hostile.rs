@@ -115,7 +115,7 @@ fn more_requests_than_can_wait_are_refused_and_the_rest_is_answered() {
             .send(json!({"id": id, "version": 1, "op": "missions"}).to_string().as_bytes(), 0)
             .unwrap();
     }
-    // So many replies at once are more than are kept for a client that does not read meanwhile:
+    // This many replies at once are more than are kept for a client that does not read meanwhile:
     // some are dropped, and it is free to ask again.
     let (mut answered, mut refused) = (0_u32, 0_u32);
     socket.set_rcvtimeo(2000).unwrap();

@@ -345,7 +345,7 @@ fn a_brick_that_does_not_take_the_start_stops_the_others() {
     let said = team.said(&output, code);
     assert!(said.contains("red: ") && said.contains("range_m"), "{said}");
     let blue = team.last("blue");
-    assert!(blue.starts_with("blue  ") && !blue.contains("started by"), "it goes on: {blue}");
+    assert!(blue.starts_with("blue  ") && !blue.contains("started by"), "it continues: {blue}");
 }
 
 #[test]
@@ -422,7 +422,7 @@ fn ctrl_c_stops_every_brick_and_brings_home_what_they_have() {
             pace.same(name, &came["end"]["word"].as_str(), &Some("remote"));
             let recorded = Run::open(&team.path(came["file"].as_str().unwrap())).unwrap();
             assert!(recorded.ending.is_some(), "{came}");
-            assert!(!team.last(name).contains("started by"), "it goes on: {}", team.last(name));
+            assert!(!team.last(name).contains("started by"), "it continues: {}", team.last(name));
         }
         assert!(team.path("onbrick-team/map.png").exists());
     });

@@ -165,7 +165,7 @@ impl Scripted {
         self.world().gone
     }
 
-    /// The time goes on: a run comes from one state to the next, a lease ends.
+    /// Sets the time: a run comes from one state to the next, a lease ends.
     pub fn at(&self, now_ns: i64) {
         let mut world = self.world();
         world.now_ns = now_ns;
@@ -267,7 +267,7 @@ impl World {
         let offset = usize::try_from(fetch.offset).unwrap();
         let end = (offset + usize::try_from(fetch.length).unwrap()).min(total);
         let Some(bytes) = all.get(offset..end) else {
-            return Err(Refusal::new(Kind::BeyondEnd, "there are not so many bytes"));
+            return Err(Refusal::new(Kind::BeyondEnd, "there are fewer bytes"));
         };
         let fetched = Fetched {
             run: fetch.run.clone(),

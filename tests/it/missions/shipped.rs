@@ -241,7 +241,7 @@ fn edge_never_falls_off_the_table() {
         assert_eq!(
             off.map(|tick| tick as f64 * played.tick_s),
             None,
-            "fell off, at so many seconds"
+            "fell off, at this time in seconds"
         );
         assert!(edges >= 3, "{edges} edges");
         assert_eq!(played.ended.stop.reason.word(), "finished");

@@ -1,4 +1,4 @@
-//! Signals beyond those of the shipped missions: each decides how a mission goes on, on the
+//! Signals beyond those of the shipped missions: each decides how a mission continues, on the
 //! simulated brick's own drivers.
 
 use onbrick::robot::{BindError, Robot, RobotConfig};

@@ -13,7 +13,7 @@ use onbrick::sim::World;
 use super::bench::{Mounted, no_fuse, real_time};
 use crate::support::real_time::{Pace, in_real_time};
 
-/// A room with so many robots in it.
+/// A room with this many robots in it.
 fn room(robots: usize) -> World {
     let mut text = "name = \"hall\"\n[[wall]]\npoints = [[-1.0, -1.0], [13.0, -1.0], [13.0, 13.0], [-1.0, 13.0]]\nclosed = true\n".to_owned();
     for robot in 0..robots {

@@ -19,7 +19,7 @@ fn play(plan: &Plan) -> Played {
     play.play().unwrap()
 }
 
-/// So many calls of a run, spread over it evenly; all of them in the long form.
+/// This many calls of a run, spread over it evenly; all of them in the long form.
 fn some_of(calls: u64, some: u64) -> impl Iterator<Item = u64> {
     let step = if long() { 1 } else { (calls / some).max(1) };
     (1..=calls).step_by(usize::try_from(step).unwrap())
@@ -66,7 +66,7 @@ fn promise_2_a_call_that_takes_too_long_ends_the_run() {
     let mut ended = 0;
     for nth in some_of(calls, 12) {
         let played = delayed(nth);
-        // A call in the last tick delays nobody.
+        // A call in the last tick delays nothing.
         if played.reason != StopReason::Finished {
             assert_eq!(played.reason, StopReason::Late, "call {nth}");
             ended += 1;

@@ -23,7 +23,7 @@ fn run_down(pack: Pack) -> Played {
     play.scenario(RAMP).play().unwrap()
 }
 
-/// So often the real program is started anew where this machine made its loop late.
+/// How often the real program is restarted if this machine made its loop late.
 const ATTEMPTS: u32 = 8;
 
 /// When the recording's log says something, seconds, and the battery's voltage then.

@@ -122,7 +122,8 @@ fn motor(
         ("driver_name", driver),
         ("max_speed", max_speed.as_str()),
         ("count_per_rot", "360\n"),
-        // Nobody keeps the state here, and a motor that stands still would contradict each command.
+        // Nothing updates the state here, and a motor that stands still would contradict each
+        // command.
         ("state", "unknown\n"),
     ];
     fake.plug(&folder(port), &rotary_tables(), &texts);

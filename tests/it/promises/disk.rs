@@ -195,7 +195,7 @@ fn promise_7_a_sync_that_hangs_blocks_no_tick_and_the_gap_is_reported() {
     let dropped = side.dropped();
     assert!(dropped > 2_000 && !side.failed(), "{dropped} dropped");
     disk.set(false);
-    // When the disk is back, recording goes on: so many ticks in a row find room again.
+    // When the disk is back, recording continues: several ticks in a row find room again.
     let (mut number, mut fitting) = (3_000, 0);
     while fitting < 100 {
         assert!(number < 10_000, "the recorder does not come back");

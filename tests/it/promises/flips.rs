@@ -60,7 +60,7 @@ impl Whole {
             .map(|at| &self.run.transitions[at])
             .collect();
         assert_eq!(run.transitions.iter().collect::<Vec<_>>(), taken, "{what}: transitions");
-        assert!(hit.is_empty() || !run.warnings.is_empty(), "{what}: nobody is told");
+        assert!(hit.is_empty() || !run.warnings.is_empty(), "{what}: no warning");
     }
 }
 
@@ -129,7 +129,7 @@ fn promise_7_random_flips_in_a_large_recording_cost_at_most_their_chunks() {
         hit.sort_unstable();
         hit.dedup();
         whole.judge(&damaged, &hit, &format!("seed {file}"));
-        // Replay goes on behind every gap, and is right about all that it replays.
+        // Replay continues behind every gap, and is right about all that it replays.
         if file % 50 == 0 && !beginning {
             let run = Run::read(&damaged).unwrap();
             let replayed = replay(&run).unwrap();

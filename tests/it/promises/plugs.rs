@@ -1,5 +1,5 @@
-//! Promises 2, 3, 4 and 9 in virtual time: a loop that stalls, plugs that come loose, somebody
-//! else's hand on our motors.
+//! Promises 2, 3, 4 and 9 in virtual time: a loop that stalls, plugs that come loose, another
+//! program that commands our motors.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ const DEVICES: [(&str, Channel); 5] = [
     ("in4", Channel::Gyro),
 ];
 
-/// The mapping mission, so many seconds of it.
+/// The mapping mission, this many seconds of it.
 fn mapping(seconds: f64) -> Play {
     Play::of("map", "arena", 3).seconds(seconds)
 }
@@ -89,7 +89,7 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
             ended.pose_error_m()
         ));
         assert!(waited_m < 0.002, "{port}: it waits, and has driven {waited_m} m");
-        assert!(afterwards_m > 0.3, "{port}: it really goes on: {afterwards_m} m");
+        assert!(afterwards_m > 0.3, "{port}: it really continues: {afterwards_m} m");
         assert!(step_m < 0.01, "{port}: no jump: {step_m} m");
         assert!(
             ended.pose_error_m() < clean.pose_error_m() + 0.1,

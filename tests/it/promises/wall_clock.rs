@@ -15,7 +15,7 @@ use crate::support::wall_clock::{replace, shim};
 
 const YEARS_NS: i64 = 31_556_952_000_000_000;
 
-/// So often the real program is started anew where this machine made its loop late.
+/// How often the real program is restarted if this machine made its loop late.
 const ATTEMPTS: u32 = 8;
 
 /// The log times of all messages, in the order of the file.

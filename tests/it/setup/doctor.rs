@@ -208,7 +208,7 @@ fn recordings_that_cannot_be_written_are_said_before_a_run() {
             around.recordings = read_only
         });
     }
-    // A folder that is not there yet will be made, where its parent can be written to.
+    // A missing folder will be made, where its parent can be written to.
     let fresh = folder.path().join("not/there/yet");
     let diagnosis = look(&bench, |around| around.recordings = fresh);
     assert_eq!(diagnosis.count(Verdict::Failed), 0, "{}", text(&diagnosis));

@@ -131,12 +131,11 @@ impl Network {
     /// Plugs it in again.
     pub fn plug(&self) {
         self.brick.must(&format!("ip link set {CABLE} up"));
-        // The route is made anew by that.
+        // That has replaced the route: set its congestion control again.
         self.congestion();
     }
 
-    /// Loses so many packets of a hundred, each way. False, and said, where this machine has no
-    /// nft.
+    /// Loses this percentage of packets, each way. On a machine without nft: a message, and false.
     #[must_use]
     pub fn losing(&self, percent: u32) -> bool {
         let rules = [
@@ -157,8 +156,8 @@ impl Network {
         made.is_ok()
     }
 
-    /// What leaves the brick leaves at so many Mbit/s. False, and said, where the kernel has no
-    /// token bucket.
+    /// Limits the brick's uplink to this many Mbit/s. On a kernel without the token bucket: a
+    /// message, and false.
     #[must_use]
     pub fn shaped(&self, mbit_per_s: u32) -> bool {
         let tbf = format!(

@@ -1,4 +1,4 @@
-//! What a team costs this machine: so many simulated bricks at once, each in an arena of its own.
+//! What a team costs this machine: several simulated bricks at once, each in an arena of its own.
 //!
 //! `ONBRICK_TEAM=12 ONBRICK_TEAM_S=60 cargo test --test it link::team::figures -- --nocapture`
 //! prints the figures.
