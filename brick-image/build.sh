@@ -29,8 +29,8 @@ largest=6000000
 # The emulated processor, under the name of the brick's kernel.
 arm926=(qemu-arm -cpu arm926 -r 4.14.117-ev3dev-2.3.5-ev3)
 # System calls that a 4.14 kernel lacks, those from 398 on. The C library's calls for the time after
-# 2038 (clock_gettime64 and its like) are not among them: it asks for them first, and goes on with
-# the older ones; `emulate.sh old-kernel` refuses them all.
+# 2038 (clock_gettime64 and its like) are not among them: it tries them first, and falls back to the
+# older ones; `emulate.sh old-kernel` refuses them all.
 newer='rseq|io_pgetevents|migrate_pages|kexec_file_load|pidfd_[a-z_]*|io_uring_[a-z]*|open_tree|move_mount|fs(open|config|mount|pick)|clone3'
 newer+='|close_range|openat2|faccessat2|process_(madvise|mrelease)|epoll_pwait2|mount_setattr|quotactl_fd|landlock_[a-z_]*|memfd_secret'
 newer+='|futex_waitv|set_mempolicy_home_node|cachestat|fchmodat2'

@@ -22,7 +22,7 @@ brick, and what is left in /tmp/out comes out.
   --disk FILE       a raw disk image, /dev/vda inside
   --card            an ext4 image with the brick's file as that disk, for what depends on reading it
   --pid FILE        the emulator's process number goes there: killing it is a power cut
-  --timeout S       give up after so many seconds of real time (default 600)
+  --timeout S       give up after S seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
   --tools DIR       onbrick-sim, which measures as well, for the brick's processor (default: built into target/emulator)
   --image IMAGE     boot this SD card image with its own systemd instead; its console is this terminal

@@ -117,7 +117,7 @@ check_image() {
   release=$(debugfs -R 'cat /etc/ev3dev-release' "$image?offset=$offset" 2>/dev/null | head -n 1)
   [ -n "$release" ] || fail "$image is no ev3dev image: it has no /etc/ev3dev-release" "an ev3dev image, unpacked"
   e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 ||
-    fail "the Linux partition of $image is not in order" "unpack the image anew; or, if a brick ran from it, e2fsck it"
+    fail "the Linux partition of $image is not in order" "unpack the image again; or, if a brick ran from it, e2fsck it"
   # dpkg unpacks the package beside the old one, so that three times its size is enough.
   local free
   free=$(dumpe2fs -h "$image?offset=$offset" 2>/dev/null | awk -F: '/^Free blocks/ { blocks = $2 } /^Block size/ { size = $2 } END { print blocks * size }')
@@ -132,7 +132,7 @@ in_root() {
   said=$(debugfs -w -R "$*" "$image?offset=$offset" 2>&1 | sed '1{/^debugfs [0-9]/d}')
   case $said in
     '' | 'Allocated inode: '*) ;;
-    *) fail "debugfs, $*: $said" "unpack the image anew and try again" ;;
+    *) fail "debugfs, $*: $said" "unpack the image and try again" ;;
   esac
 }
 
@@ -224,7 +224,7 @@ put_package
 [ -z "$name" ] || put_name
 [ -z "$wifi" ] || put_wifi
 [ ${#keys[@]} = 0 ] || put_keys
-e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 || fail "$image came out damaged" "unpack the image anew and try again"
+e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 || fail "$image came out damaged" "unpack the image and try again"
 say "put $(basename "$deb") into $image; the brick installs it at its first start, which takes a minute longer"
 [ -z "$name" ] || say "it will be called $name: ssh robot@$name.local"
 [ ${#keys[@]} = 0 ] || say "${#keys[@]} PC(s) may talk to it"

@@ -99,9 +99,9 @@ on_brick "if cat >$file.part && echo '$sum  $file.part' | sha256sum --quiet -c -
   fail "the package did not arrive whole" "is there room on the card? ssh $host df -h"
 say "copied $(basename "$deb")"
 
-# What a power cut left is finished first; a version that cannot be installed is taken back for the
-# one before, or altogether. It writes into a file, and so goes on to its end when the connection is
-# lost.
+# First finishes what a power cut left; a version that cannot be installed is replaced by the one
+# before, or removed. The output goes to a file, so the installation continues to its end when the
+# connection is lost.
 install_package() {
   as_root "
     trap '' HUP PIPE
@@ -131,7 +131,7 @@ case $code in
   0) ;;
   1) fail "the package was not installed; the version before is still there" "look at what the brick said above" ;;
   2) fail "the package was not installed, and there is none on the brick" "look at what the brick said above" ;;
-  *) fail "the connection to the brick was lost; it goes on installing by itself" "this command again, in a minute" 4 ;;
+  *) fail "the connection to the brick was lost; the installation continues by itself" "this command again, in a minute" 4 ;;
 esac
 say "installed: $(on_brick onbrick --version </dev/null)"
 

@@ -49,8 +49,7 @@ wait_for() {
 }
 
 # brick_up [WORLD]: the simulated brick below /tmp/brick. The room is a plain one: casting rays at
-# the blocks of the world `arena` takes most of this processor, which nobody who simulates a brick
-# on a brick would be surprised at.
+# the blocks of the world `arena` takes most of this processor.
 brick_up() {
   mkdir -p /tmp/brick
   # It stands for hardware, which answers at once whatever else the processor is asked to do.
@@ -86,7 +85,7 @@ service_down() {
   wait "$service" || true
 }
 
-# linked: the service's link is open: somebody listens at port 5670.
+# linked: the service's link is open: a process listens at port 5670.
 linked() { grep -q ':1626 00000000:0000 0A' /proc/net/tcp; }
 
 # drive_through MISSION: a run by the service, in the background; its events are in /tmp/events.

@@ -33,8 +33,8 @@ wrong "a card that is read-only" "3" "read-only" $run --out /tmp/locked/run
 echo 'quta_mb = 5' >/tmp/config/onbrick.toml
 wrong "a configuration that this version does not know" "3" "quota_mb" onbrick serve --brick /tmp/brick --config /tmp/config
 
-# in_trouble NAME RUNS WORDS: a service that cannot record into RUNS goes on, so that its status can
-# be asked for, and at rest; it says why on its console, which on a brick is journal and console,
+# in_trouble NAME RUNS WORDS: a service that cannot record into RUNS stays up and at rest, so that
+# its status can be queried. It says why on its console, which on a brick is journal and console,
 # and in its status; and it refuses a run with the same words.
 in_trouble() {
   service=

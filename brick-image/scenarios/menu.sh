@@ -180,7 +180,7 @@ ends() {
   exec 3>&-
   buttons_up
   timeout 2 cat /dev/tty1 >/tmp/typed || true
-  expect "what the buttons typed is in nobody's shell" [ ! -s /tmp/typed ]
+  expect "what the buttons typed is in no shell" [ ! -s /tmp/typed ]
 }
 
 # Back, as brickman takes it: SIGKILL for the whole process group, and the console put back by
@@ -197,7 +197,7 @@ killed() {
   expect "its motors are still" wait_for 5 still
   figure "from SIGKILL to motors that are still, at most" $((($(probe now) - killed_at) / 1000000)) ms "<=" 2000
   expect "the run ended because the menu closed" wait_for 10 ended_by "menu"
-  expect "nobody of ours has put the console back" console_is graphics
+  expect "no process of ours has put the console back" console_is graphics
   menu_up --at-boot
   shows after-kill "[Missions"
   menu_down

@@ -16,7 +16,7 @@ if [ "$number" -gt 1 ]; then
   figure "cut $((number - 1)): the recording, with each record's checksum, goes to" "${synced_ms:-0}" ms ">=" "$least_ms"
   figure "cut $((number - 1)): damaged stretches" "$(field /tmp/figures damaged)" "" "==" 0
   echo "cut $((number - 1)): $(sed -n 's/.*"integrity":"\([^"]*\)".*/\1/p' /tmp/figures)"
-  # Nothing of ours starts anything: what a motor does after the next start is nobody's.
+  # No process of ours starts by itself: what a motor does after the next start is not ours.
   sleep 2
   for motor in /tmp/brick/sys/class/tacho-motor/motor*; do
     expect "after cut $((number - 1)): $(cat "$motor/address") is still" [ -z "$(cat "$motor/state")" ]
