@@ -2,8 +2,8 @@
 # Builds the emulated brick's kernel, once, and prints the folder that holds zImage and
 # versatile-pb.dtb.
 #
-# It is kept in the user's cache folder under a hash of its configuration and of this script, so
-# that a changed configuration builds anew and an unchanged one never does.
+# It is kept in the user's cache folder under a hash of its configuration and of this script: only a
+# changed one builds the kernel again.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -42,7 +42,7 @@ check_configuration() {
 }
 
 build() {
-  # Whoever waited for the lock finds it done.
+  # Another process may have built it while this one waited for the lock.
   [ -e "$kernel/zImage" ] && return
   needs make=make gcc=gcc bc=bc bison=bison flex=flex xz=xz-utils arm-linux-gnueabi-gcc=gcc-arm-linux-gnueabi
   local archive work started=$SECONDS
