@@ -201,7 +201,8 @@ impl std::fmt::Display for Ended {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{}, after {:.1} s: {:.2} m driven, {} points, {} ticks ({} overruns, the latest {:.1} ms late)",
+            "{}, after {:.1} s: {:.2} m driven, {} points, {} ticks ({} overruns, the latest {:.1} \
+             ms late)",
             self.stop,
             self.time_s,
             self.travelled_m,

@@ -212,14 +212,16 @@ pub(super) fn failure(error: &KeyError) -> Failure {
     let refused = Failure::refused(message);
     match error {
         KeyError::Missing(_) => refused.hint("onbrick key new"),
-        KeyError::Exists(_) => {
-            refused.hint("keep it: other machines know this one by this key; or delete the file and pair this machine again")
-        }
+        KeyError::Exists(_) => refused.hint(
+            "keep it: other machines know this one by this key; or delete the file and pair this \
+             machine again",
+        ),
         KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
             refused.hint(AS_THE_SERVICE)
         }
         KeyError::AnotherKey { .. } => refused.hint(
-            "--replace, if it was set up again; or give one of the two another name: `name` in its onbrick.toml",
+            "--replace, if it was set up again; or give one of the two another name: `name` in its \
+             onbrick.toml",
         ),
         KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
         _ => refused,

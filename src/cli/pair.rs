@@ -94,7 +94,8 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
         }
         let Some(other) = known.another(&brick.name, &brick.key) else { return true };
         terminal.say(&format!(
-            "{} is known already, at {}, with another key: {}\nthis one has the key {}: it was set up again, or it is \
+            "{} is known already, at {}, with another key: {}\n\
+             this one has the key {}: it was set up again, or it is \
              another brick of this name",
             other.name,
             other.address,
@@ -128,8 +129,10 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
 #[cfg(feature = "host")]
 fn stays(known: &KnownBrick) -> Failure {
     let message = format!("{} stays as it was known: {}", known.name, known.key.fingerprint());
-    Failure::refused(message)
-        .hint("give one of the two another name: `name` in its onbrick.toml, then `onbrick pair` once more")
+    Failure::refused(message).hint(
+        "give one of the two another name: `name` in its onbrick.toml, then `onbrick pair` \
+         once more",
+    )
 }
 
 #[cfg(feature = "host")]
@@ -215,6 +218,8 @@ fn no_service(error: &LocalError) -> Failure {
         LocalError::Refused(_) => Exit::Refused,
         _ => Exit::NoAnswer,
     };
-    Failure::from_error(exit, "the service on this machine", error)
-        .hint("is `onbrick serve` running here? --config with its folder; on a PC, name the brick: onbrick pair HOST")
+    Failure::from_error(exit, "the service on this machine", error).hint(
+        "is `onbrick serve` running here? --config with its folder; on a PC, name the brick: \
+         onbrick pair HOST",
+    )
 }

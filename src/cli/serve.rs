@@ -205,7 +205,8 @@ fn place(arguments: &Arguments) -> Result<Place, Failure> {
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot look at the devices", &error))?;
     if inventory.devices.is_empty() && inventory.battery.is_none() {
         return Err(no_brick(arguments.brick.root()).hint(
-            "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run this on the brick",
+            "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run \
+             this on the brick",
         ));
     }
     Ok(Place { brick: Brick::Local(arguments.brick.tree()), start: Pose::default() })

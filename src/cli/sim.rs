@@ -171,7 +171,8 @@ fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> 
     }
     std::fs::write(&file, order).map_err(|error| {
         Failure::from_error(Exit::Failed, &format!("`{order}` was not done"), &error).hint(
-            "a device that is there, and an order that fits it; onbrick devices shows what is plugged in",
+            "a device that is there, and an order that fits it; onbrick devices shows what is \
+             plugged in",
         )
     })?;
     output.show(format!("done: {order}"), &serde_json::json!({ "done": order }));

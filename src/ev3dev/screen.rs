@@ -64,7 +64,8 @@ pub enum ScreenError {
     },
     /// The kernel's description is not understood, or the memory is laid out otherwise.
     #[error(
-        "the screen {} is laid out as {found}; known is 32 bits a pixel, red 16, green 8, blue 0 (or blue 16, red 0): an image of ev3dev since April 2018 has that",
+        "the screen {} is laid out as {found}; known is 32 bits a pixel, red 16, green 8, blue 0 \
+         (or blue 16, red 0): an image of ev3dev since April 2018 has that",
         path.display()
     )]
     Layout {

@@ -85,7 +85,8 @@ pub enum ClientError {
     /// The key there is not the brick's known key: the brick was set up from scratch (pair again),
     /// or another machine answers.
     #[error(
-        "what answers at {address} does not have the key that is known for it: the brick was set up from scratch, another one has its address, or it is no brick"
+        "what answers at {address} does not have the key that is known for it: the brick was set \
+         up from scratch, another one has its address, or it is no brick"
     )]
     AnotherKey {
         /// Who was asked.

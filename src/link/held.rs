@@ -6,7 +6,8 @@
 
 #![allow(
     unsafe_code,
-    reason = "nothing of std, nix or rustix duplicates a descriptor that is only known by its number, or takes a TCP_INFO of any length"
+    reason = "nothing of std, nix or rustix duplicates a descriptor that is only known by its \
+              number, or takes a TCP_INFO of any length"
 )]
 
 use std::net::{IpAddr, SocketAddr};

@@ -245,7 +245,8 @@ impl KeyPair {
         let path = folder.join(OWN);
         let (public, secret) = (self.public, z85::encode(&self.secret));
         let text = format!(
-            "# The secret proves to be this machine. It stays here; the public half is for others (`onbrick key show`).\n\
+            "# The secret proves to be this machine. It stays here; the public half is for others \
+             (`onbrick key show`).\n\
              public = \"{public}\"\nsecret = \"{secret}\"\n"
         );
         make_folder(folder)?;

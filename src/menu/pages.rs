@@ -101,7 +101,8 @@ impl Menu {
         match &self.seen.gone {
             None => sheet.line("Waiting for the service..."),
             Some(why) => sheet.big("No service").line(why.clone()).line(
-                "Trying again. What was running stops by itself, or continues, as the brick is configured.",
+                "Trying again. What was running stops by itself, or continues, as the brick is \
+                 configured.",
             ),
         }
     }

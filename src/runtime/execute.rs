@@ -92,10 +92,12 @@ impl Refused {
         match self {
             Self::Lock(LockError::Taken(_)) => Some("wait until it is over, or onbrick halt"),
             Self::Lock(LockError::Io { .. }) => Some(
-                "look at the permissions of the lock file and its folder; no other program needs the file, so it can be deleted",
+                "look at the permissions of the lock file and its folder; no other program needs \
+                 the file, so it can be deleted",
             ),
             Self::Bind(_) => Some(
-                "onbrick devices shows what is plugged in; plug it in there, or change the robot's file",
+                "onbrick devices shows what is plugged in; plug it in there, or change the \
+                 robot's file",
             ),
             Self::Buttons(_) => Some("a user of the group input, or root"),
             Self::Record { .. } => {

@@ -110,7 +110,8 @@ impl Watch {
     fn too_busy(&self, now_ns: i64) -> Option<String> {
         let (_, away_ns) = self.away.filter(|(at_ns, _)| now_ns - at_ns < EXPLAINS_NS)?;
         Some(format!(
-            "this machine was too busy: the guard did not get a processor for {:.2} s either; close other programs, or run onbrick as root, which gives it real-time priority",
+            "this machine was too busy: the guard did not get a processor for {:.2} s either; \
+             close other programs, or run onbrick as root, which gives it real-time priority",
             seconds(away_ns)
         ))
     }

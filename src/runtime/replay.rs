@@ -448,7 +448,8 @@ impl fmt::Display for Replayed {
         if self.unrecorded > 0 {
             write!(
                 f,
-                "\n{} poses, points and transitions could not be compared: the file no longer has them",
+                "\n{} poses, points and transitions could not be compared: the file no longer \
+                 has them",
                 self.unrecorded
             )?;
         }

@@ -210,7 +210,8 @@ impl Guest {
                 Line::End => return Ok(()),
                 Line::TooLong => {
                     let message = format!(
-                        "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a line's end"
+                        "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a \
+                         line's end"
                     );
                     let outcome = Outcome::Error(Refusal::new(Kind::BadRequest, message));
                     // What follows in the stream cannot be told from the rest of it.

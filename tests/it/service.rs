@@ -229,7 +229,8 @@ pub fn folder(config: &str) -> tempfile::TempDir {
     put(
         "onbrick.toml",
         &format!(
-            "{config}\n[link]\naddress = \"127.0.0.1\"\nport = {port}\npairing_port = {pairing_port}\n"
+            "{config}\n[link]\naddress = \"127.0.0.1\"\nport = {port}\n\
+             pairing_port = {pairing_port}\n"
         ),
     );
     folder

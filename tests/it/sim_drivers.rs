@@ -22,7 +22,8 @@ fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer() {
     let tolerances = Tolerances { speed: 8, position: 10, duty: 8, moment_ms: 100 };
     let outcome = transcript::play(bench.brick.as_ref(), bench.clock.as_ref(), &bench, tolerances);
     println!(
-        "kernel transcript: {} operations with the same bytes, {} within {tolerances:?}, {} excepted, {} actions, {} entries of folders; \
+        "kernel transcript: {} operations with the same bytes, {} within {tolerances:?}, {} \
+         excepted, {} actions, {} entries of folders; \
          largest differences {:?}",
         outcome.exact,
         outcome.near,
@@ -336,8 +337,10 @@ fn writable(rig: &Rig) -> Vec<String> {
 
 /// What may be written: text near to what is legal, or anything.
 fn anything() -> impl Strategy<Value = Vec<u8>> {
-    let words: Vec<&str> = "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop reset hold brake \
-        coast inversed normal timer none auto raw led dc-motor tacho-motor GYRO-RATE US-LISTEN COL-COLOR run float"
+    let words: Vec<&str> = "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop \
+        reset hold brake \
+        coast inversed normal timer none auto raw led dc-motor tacho-motor GYRO-RATE US-LISTEN \
+        COL-COLOR run float"
         .split_whitespace()
         .collect();
     prop_oneof![

@@ -232,10 +232,12 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
     let (name, message) = (&brick.name, crate::printable::with_causes(error));
     match error {
         ClientError::NoAnswer { .. } => Failure::new(Exit::NoAnswer, format!("{name}: {message}"))
-            .hint("is it switched on, in this network, and serving? onbrick bricks shows who is there"),
-        ClientError::NotAuthorised { .. } => {
-            Failure::refused(format!("{name}: {message}")).hint(format!("onbrick pair {}", brick.address))
-        }
+            .hint(
+                "is it switched on, in this network, and serving? onbrick bricks shows who \
+                 is there",
+            ),
+        ClientError::NotAuthorised { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint(format!("onbrick pair {}", brick.address)),
         ClientError::AnotherKey { .. } => Failure::refused(format!("{name}: {message}"))
             .hint(format!("onbrick pair {} again, if it was set up from scratch", brick.address)),
         ClientError::Refused(refusal) => {
@@ -252,8 +254,9 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
             .hint("wait for the other one, or -o with another folder"),
         ClientError::OtherRecording { .. } => Failure::refused(format!("{name}: {message}"))
             .hint("-o with another folder, such as one for each brick; both are kept then"),
-        ClientError::TooLong { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint("onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more"),
+        ClientError::TooLong { .. } => Failure::refused(format!("{name}: {message}")).hint(
+            "onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more",
+        ),
         _ => Failure::new(Exit::Failed, format!("{name}: {message}")),
     }
 }

@@ -106,7 +106,8 @@ mod tests {
             differing,
             [
                 (
-                    "wheel_circumference_m = 0.188976        # metres driven in one turn of a wheel",
+                    "wheel_circumference_m = 0.188976        # metres driven in one turn \
+                     of a wheel",
                     "wheel_circumference_m = 0.19            # metres driven in one turn of a wheel"
                 ),
                 (

@@ -80,10 +80,14 @@ impl Draft {
         page.bare(
             "# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;",
         );
-        page.bare("# `onbrick calibrate` measures it by driving, `onbrick doctor` looks whether it fits what is plugged in.");
+        page.bare(
+            "# `onbrick calibrate` measures it by driving, `onbrick doctor` looks whether it fits \
+             what is plugged in.",
+        );
         page.bare("#");
         page.bare(
-            "# Every section but [drive] can be left out; a port can be left out where only one device fits.",
+            "# Every section but [drive] can be left out; a port can be left out where only one \
+             device fits.",
         );
         page.bare("");
         page.bare(&format!("name = {}", quoted(&self.name)));

@@ -224,7 +224,8 @@ fn make_room_for_descriptors() {
     let Ok((soft, hard)) = getrlimit(Resource::RLIMIT_NOFILE) else { return };
     if soft < wanted && setrlimit(Resource::RLIMIT_NOFILE, wanted.min(hard), hard).is_err() {
         log::warn!(
-            "this process may have only {soft} descriptors, and a flood of connections may take them all"
+            "this process may have only {soft} descriptors, and a flood of connections may take \
+             them all"
         );
     }
 }

@@ -91,12 +91,18 @@ impl MountError {
             }
             Self::Unfit { .. } => "an empty folder of your own".to_owned(),
             Self::NoFuse(Remedy::NoDevice) => {
-                "modprobe fuse, as root; in a container: docker run --device /dev/fuse --cap-add SYS_ADMIN".to_owned()
+                "modprobe fuse, as root; in a container: docker run --device /dev/fuse --cap-add \
+                 SYS_ADMIN"
+                    .to_owned()
             }
-            Self::NoFuse(Remedy::Forbidden) => "ls -l /dev/fuse: your user needs to read and write it".to_owned(),
+            Self::NoFuse(Remedy::Forbidden) => {
+                "ls -l /dev/fuse: your user needs to read and write it".to_owned()
+            }
             Self::NoFuse(Remedy::NoHelper) => "apt install fuse3, or run this as root".to_owned(),
             Self::Failed { .. } => {
-                "mounting as root; in a container with: --cap-add SYS_ADMIN --security-opt apparmor=unconfined".to_owned()
+                "mounting as root; in a container with: --cap-add SYS_ADMIN --security-opt \
+                 apparmor=unconfined"
+                    .to_owned()
             }
         }
     }

@@ -30,7 +30,9 @@ mod run;
 mod screen;
 mod stages;
 
-const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen FRAMEBUFFER COPY [PICTURE]";
+const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | \
+                     job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen \
+                     FRAMEBUFFER COPY [PICTURE]";
 
 fn main() -> ExitCode {
     let called = std::env::args_os().next().unwrap_or_default();

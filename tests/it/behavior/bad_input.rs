@@ -120,7 +120,8 @@ fn ten_thousand_states_with_a_mistake_in_each_are_refused_in_bounded_time() {
 fn enormous_parts_are_refused() {
     let when = |condition: &str| {
         format!(
-            "name = \"m\"\n[machine.m]\nstart = \"a\"\n[machine.m.state.a]\nnext = [{{ when = \"{condition}\", go = \"a\" }}]\n"
+            "name = \"m\"\n[machine.m]\nstart = \"a\"\n[machine.m.state.a]\n\
+             next = [{{ when = \"{condition}\", go = \"a\" }}]\n"
         )
     };
     let started = Instant::now();

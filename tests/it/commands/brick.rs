@@ -494,16 +494,18 @@ fn promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_wa
             running.brick.await_driving();
             let motor = running.brick.path("tacho-motor/motor1", "");
             let mut other = std::process::Command::new("sh")
-            .args([
-                "-c",
-                "exec 3>\"$0\"/state 4>\"$0\"/speed_sp; echo running >&3; echo 77 >&4; exec sleep 60",
-            ])
-            .arg(&motor)
-            .spawn()
-            .unwrap();
+                .args([
+                    "-c",
+                    "exec 3>\"$0\"/state 4>\"$0\"/speed_sp; echo running >&3; echo 77 >&4; exec \
+                     sleep 60",
+                ])
+                .arg(&motor)
+                .spawn()
+                .unwrap();
             let (brick, said, _) = running.finish();
             let expected = format!(
-                "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are open in sleep (process {})",
+                "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are \
+                 open in sleep (process {})",
                 other.id()
             );
             other.kill().unwrap();

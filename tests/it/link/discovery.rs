@@ -11,7 +11,8 @@ use crate::foreign::bench::unshare;
 use crate::support::pass_over;
 
 /// As on ev3dev, without the system's bus, which is not there.
-const AVAHI: &str = "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\nallow-interfaces=brick\nenable-dbus=no\n";
+const AVAHI: &str = "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\n\
+                     allow-interfaces=brick\nenable-dbus=no\n";
 
 /// A network with one cable, a brick's avahi at it, and a PC that listens.
 const SCRIPT: &str = r#"

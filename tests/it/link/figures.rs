@@ -234,7 +234,8 @@ fn ours(name: &str, (run, is_same): &(Run, bool)) -> String {
     let seconds = onbrick::clock::seconds(run.senses.last().map_or(1, |last| last.time_ns));
     let hz = f64::from(u32::try_from(run.senses.len()).unwrap()) / seconds;
     format!(
-        "| {name} | {} | {:.3} | {:.3} | {:.2} | {lost} | {} | {hz:.1} | {:.2} | {largest:.3} | {holes} | {ended} |",
+        "| {name} | {} | {:.3} | {:.3} | {:.2} | {lost} | {} | {hz:.1} | {:.2} | {largest:.3} | \
+         {holes} | {ended} |",
         run.senses.len(),
         ms(middle(&p50)),
         ms(middle(&p99)),
@@ -284,11 +285,13 @@ fn control_does_not_notice_the_network_and_the_seeds_way_does() {
     };
     let tables = || {
         println!(
-            "congestion control {}, missions of {seconds} s, late: of a second's ticks, in the median second",
+            "congestion control {}, missions of {seconds} s, late: of a second's ticks, in the \
+             median second",
             probe.congestion()
         );
         println!(
-            "| network | ticks | late p50, ms | p99, ms | max, ms | records lost | copy | turns/s | longest without control, s | largest hole, m | holes | ended |"
+            "| network | ticks | late p50, ms | p99, ms | max, ms | records lost | copy | turns/s \
+             | longest without control, s | largest hole, m | holes | ended |"
         );
         println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
         troubles.iter().for_each(|trouble| case(trouble, seconds));

@@ -199,7 +199,8 @@ fn is_one_map(team: &Bricks, pace: &Pace) {
     let (median_m, p90_m) =
         (quantile(&mut errors_m, 0.5).unwrap(), quantile(&mut errors_m, 0.9).unwrap());
     println!(
-        "{} points of blue and {} of red: to the nearest true wall {:.1} cm (median), {:.1} cm (90th percentile)",
+        "{} points of blue and {} of red: to the nearest true wall {:.1} cm (median), {:.1} cm \
+         (90th percentile)",
         counts[0],
         counts[1],
         median_m * 100.0,
@@ -333,7 +334,8 @@ fn a_brick_that_does_not_take_the_start_stops_the_others() {
     let team = Bricks::in_world("two-arenas", &["blue", "red"]);
     // A mission that comes from the PC is checked by each brick for its own robot, and red's has no
     // range sensor.
-    let robot = "name = \"r\"\n[drive]\nmax_dps = 360\nleft = { port = \"outB\" }\nright = { port = \"outD\" }\nwheel_circumference_m = 0.19\ntrack_width_m = 0.11\n";
+    let robot = "name = \"r\"\n[drive]\nmax_dps = 360\nleft = { port = \"outB\" }\n\
+                 right = { port = \"outD\" }\nwheel_circumference_m = 0.19\ntrack_width_m = 0.11\n";
     std::fs::write(team.brick("red").path("robot.toml"), robot).unwrap();
     let mission = SHORT.replace("time_s > 2", "range_m < 0.01");
     std::fs::write(team.path("near.toml"), mission).unwrap();

@@ -108,7 +108,9 @@ impl Default for Scripted {
             robot: None,
             clock: None,
         };
-        let broken = "wall.toml:14:12: there is no signal `rang_m`; did you mean `range_m`?\nwall.toml:21:1: the state `turn_back` can never be reached\nwall.toml:30:14: two machines drive `left_dps`: `drive` and `head`";
+        let broken = "wall.toml:14:12: there is no signal `rang_m`; did you mean `range_m`?\n\
+                      wall.toml:21:1: the state `turn_back` can never be reached\n\
+                      wall.toml:30:14: two machines drive `left_dps`: `drive` and `head`";
         Self(Mutex::new(World {
             now_ns: 0,
             gone: false,

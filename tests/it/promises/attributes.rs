@@ -56,7 +56,8 @@ fn promise_3_a_call_that_fails_once_or_comes_short_is_got_over() {
         assert!(played.ended.travelled_m > 0.1, "call {nth}: {} m", played.ended.travelled_m);
     }
     promised(&format!(
-        "{tried} of {calls} attribute calls of a run failed or came short, one a run: every run finished and replays bit for bit"
+        "{tried} of {calls} attribute calls of a run failed or came short, one a run: every run \
+         finished and replays bit for bit"
     ));
 }
 
@@ -101,6 +102,7 @@ fn promise_1_a_process_that_dies_at_any_call_leaves_motors_that_stop() {
         tried += 1;
     }
     promised(&format!(
-        "dead at {tried} of {calls} attribute calls: the wheels stand each time, by the leases alone"
+        "dead at {tried} of {calls} attribute calls: the wheels stand each time, by the \
+         leases alone"
     ));
 }

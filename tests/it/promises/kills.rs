@@ -294,7 +294,8 @@ fn promise_1_a_run_that_may_outlive_its_service_goes_on_under_its_guard() {
         }
         if measured.is_in_time(Trouble::ServiceKilled) {
             return promised(&format!(
-                "the service killed, the run continues; then control is killed: last command ended after {} ms, at rest after {} ms",
+                "the service killed, the run continues; then control is killed: last command ended \
+                 after {} ms, at rest after {} ms",
                 measured.commands_ns / MILLISECOND_NS,
                 measured.rest_ns / MILLISECOND_NS
             ));

@@ -82,7 +82,8 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
             ended.truths.last().unwrap().travelled_m - travelled_m(&ended.truths, back_s);
         let step_m = largest_step_m(&recorded);
         promised(&format!(
-            "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m driven then; largest step {step_m:.4} m; off by \
+            "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m \
+             driven then; largest step {step_m:.4} m; off by \
              {:.3} m at the end",
             lost_s - 10.0,
             back_s - 14.0,

@@ -142,7 +142,8 @@ impl Network {
             "nft add table ip losses",
             "nft add chain ip losses arriving { type filter hook input priority 0 ; }",
             &format!(
-                "nft add rule ip losses arriving iifname {CABLE} numgen random mod 100 < {percent} drop"
+                "nft add rule ip losses arriving iifname {CABLE} numgen random mod 100 < \
+                 {percent} drop"
             ),
         ];
         let made = [&self.brick, &self.pc].iter().try_for_each(|machine| {
