@@ -14,7 +14,8 @@
 //!    ev3dev files                                                                  ev3dev files
 //!   attributes ──▶ senses ──▶ estimate ──▶ map ──▶ behaviour machines ──▶ demands ──▶ attributes
 //!                     │           │          │             │
-//!                     └───────────┴──────────┴─────────────┴──▶ recorder ──▶ run.mcap ──▶ plot, export, replay
+//!                     └───────────┴──────────┴─────────────┴──▶ recorder ──▶ run.mcap
+//!                                                               run.mcap ──▶ plot, export, replay
 //! ```
 //!
 //! One turn of the loop is a *tick*: sense, estimate, map, decide, act, record, in this order, on

@@ -1,10 +1,10 @@
 //! A run: one execution of a mission, from the checks before anything moves to the recording that
 //! is left.
 //!
-//! [`execute()`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
-//! robot stands still and is in order (`prepare`), ticks (`control`), and leaves every motor
-//! stopped whichever way the run ends. The tick's thinking is the [`Pilot`]'s, which [`replay()`]
-//! drives with recorded senses.
+//! [`execute()`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles,
+//! opens the recording, makes sure that the robot stands still and is in order (`prepare`), ticks
+//! (`control`), and leaves every motor stopped whichever way the run ends. The tick's thinking is
+//! the [`Pilot`]'s, which [`replay()`] drives with recorded senses.
 //!
 //! ```text
 //! prepare ─▶ control: robot ─▶ pilot ─▶ robot        every tick

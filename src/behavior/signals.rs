@@ -189,7 +189,11 @@ const DERIVED: [Word; 8] = {
     }
     use Input as I;
     [
-        Word { is_truth: true, channel: Some(Channel::Range), ..word("echo", I::Signal(Signal::Echo), (0.0, 1.0)) },
+        Word {
+            is_truth: true,
+            channel: Some(Channel::Range),
+            ..word("echo", I::Signal(Signal::Echo), (0.0, 1.0))
+        },
         word("heading_deg",    I::Signal(Signal::Heading), (-180.0, 180.0)),
         word("x_m",            I::Signal(Signal::X),       ANY),
         word("y_m",            I::Signal(Signal::Y),       ANY),

@@ -17,7 +17,8 @@ use crate::service::protocol::Name;
 ///
 /// Examples:
 ///   onbrick key show
-///   sudo -u onbrick onbrick key authorise 'w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd' --name anna --keys /etc/onbrick/keys
+///   sudo -u onbrick onbrick key authorise 'w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd' \
+///     --name anna --keys /etc/onbrick/keys
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -140,8 +141,16 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             known.put(&brick, replaced).map_err(|error| failure(&error))?;
             let fingerprint = brick.key.fingerprint();
             output.show(
-                format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
-                &serde_json::json!({ "known": brick.name, "address": brick.address, "fingerprint": fingerprint }),
+                format!(
+                    "{} is known from now on: {} ({fingerprint})",
+                    brick.name,
+                    known.path().display(),
+                ),
+                &serde_json::json!({
+                    "known": brick.name,
+                    "address": brick.address,
+                    "fingerprint": fingerprint,
+                }),
             );
         }
     }

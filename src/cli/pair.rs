@@ -25,7 +25,7 @@ use crate::service::protocol::{LocalOnly, Pairing};
 ///
 /// Examples:
 ///   onbrick pair ev3-blue.local            on the PC
-///   onbrick pair                           on the brick, where there is no menu to open the window with
+///   onbrick pair                           on the brick, if no menu can open the window
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -120,7 +120,11 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     let fingerprint = brick.key.fingerprint();
     output.show(
         format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
-        &serde_json::json!({ "paired": brick.name, "address": brick.address, "fingerprint": fingerprint }),
+        &serde_json::json!({
+            "paired": brick.name,
+            "address": brick.address,
+            "fingerprint": fingerprint,
+        }),
     );
     Ok(())
 }

@@ -62,7 +62,13 @@ pub(super) struct Arguments {
     scenario: Option<PathBuf>,
     /// Show the room in a browser on this machine, at a port of your choice or any that is free.
     #[cfg(feature = "host")]
-    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    #[arg(
+        long,
+        value_name = "PORT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "0",
+    )]
     page: Option<u16>,
     /// At the end, draw the room, what the robots drove and what they saw.
     #[arg(long, value_name = "FILE.svg")]

@@ -17,7 +17,9 @@ pub struct UnknownWord {
 /// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its
 /// place among attribute values.
 macro_rules! words {
-    ($(#[$doc:meta])* $name:ident { $($(#[$word_doc:meta])* $variant:ident = $word:literal,)+ }) => {
+    ($(#[$doc:meta])* $name:ident {
+        $($(#[$word_doc:meta])* $variant:ident = $word:literal,)+
+    }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum $name { $($(#[$word_doc])* $variant,)+ }
@@ -42,7 +44,10 @@ macro_rules! words {
             fn from_str(word: &str) -> Result<Self, Self::Err> {
                 match word {
                     $($word => Ok(Self::$variant),)+
-                    _ => Err($crate::ev3dev::UnknownWord { word: word.to_owned(), known: Self::WORDS.join(" ") }),
+                    _ => Err($crate::ev3dev::UnknownWord {
+                        word: word.to_owned(),
+                        known: Self::WORDS.join(" "),
+                    }),
                 }
             }
         }

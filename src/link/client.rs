@@ -123,7 +123,10 @@ pub enum ClientError {
     },
     /// There is a file of this name, and it is not this recording: keep both, by fetching into
     /// another folder.
-    #[error("{} is there already, and it is not this recording: its hash is another", path.display())]
+    #[error(
+        "{} is there already, and it is not this recording: its hash is another",
+        path.display()
+    )]
     OtherRecording {
         /// The file.
         path: std::path::PathBuf,

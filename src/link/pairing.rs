@@ -10,7 +10,7 @@
 //!  PC                                                       brick (its window is open)
 //!   │── commit: name, H(key of the PC, number of the PC) ──▶│
 //!   │◀─ commit: H(key of the brick, number of the brick) ───│
-//!   │── reveal: number of the PC ──────────────────────────▶│   the PC's key is the one that its connection has
+//!   │── reveal: number of the PC ──────────────────────────▶│   the PC's key is its connection's
 //!   │◀─ reveal: key, number and name of the brick ──────────│
 //!   │       both show the code; a person says on both sides whether it is the same
 //!   │── answer: same ──────────────────────────────────────▶│
@@ -48,7 +48,8 @@
 //! {"version": 1, "id": 1, "op": "pair", "step": "commit", "name": "anna", "commit": "77b0…01bc"}
 //! {"id": 1, "ok": {"step": "commit", "commit": "5f0c…9d3e"}}
 //! {"version": 1, "id": 2, "op": "pair", "step": "reveal", "number": "0303…0303"}
-//! {"id": 2, "ok": {"step": "reveal", "key": "0S&A8…0S&A8", "number": "0404…0404", "name": "ev3-blue"}}
+//! {"id": 2, "ok": {"step": "reveal", "key": "0S&A8…0S&A8", "number": "0404…0404",
+//!  "name": "ev3-blue"}}
 //! {"version": 1, "id": 3, "op": "pair", "step": "answer", "same": true}
 //! {"id": 3, "ok": {"step": "waits"}}
 //! {"version": 1, "id": 4, "op": "pair", "step": "how"}

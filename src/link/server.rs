@@ -6,7 +6,7 @@
 //!        │
 //!        ▼ requests                                    jobs
 //!      front ── the key's name, looked up again ──▶ two workers ── Operations of the service
-//!        ▲  └── refusals at once                       │   `stop` has one of its own: it waits behind nothing
+//!        ▲  └── refusals at once                       │   `stop` has one of its own
 //!        └──────────────── replies ────────────────────┘
 //! ```
 //!

@@ -57,7 +57,12 @@ fn data(scene: &Scene) -> Value {
         "high": bounds.high,
         "duration": round(scene.duration_s(), 1e3),
         "outlines": scene.outlines.iter().map(|line| outline(line)).collect::<Vec<_>>(),
-        "tracks": scene.tracks.iter().enumerate().map(|(place, one)| track(one, place, scene)).collect::<Vec<_>>(),
+        "tracks": scene
+            .tracks
+            .iter()
+            .enumerate()
+            .map(|(place, one)| track(one, place, scene))
+            .collect::<Vec<_>>(),
         "warnings": warnings,
     })
 }
@@ -79,7 +84,10 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
         "name": track.name,
         "pathColour": hex(colours.path),
         "pointColour": hex(colours.points),
-        "path": thinned(&track.path, LEAST_STEP_M).into_iter().flat_map(of_path).collect::<Vec<_>>(),
+        "path": thinned(&track.path, LEAST_STEP_M)
+            .into_iter()
+            .flat_map(of_path)
+            .collect::<Vec<_>>(),
         "points": track
             .points
             .iter()

@@ -118,9 +118,10 @@ pub enum RunError {
         hint: Option<String>,
     },
     /// The run's first process ended without a last word.
-    #[error("{process} ended without a word ({status}){}", if *.forced { ", killed because the run \
-                                                                          did not stop when \
-                                                                          asked to" } else { "" })]
+    #[error(
+        "{process} ended without a word ({status}){}",
+        if *.forced { ", killed because the run did not stop when asked to" } else { "" }
+    )]
     Silent {
         /// Which: the guard, or, on a simulated brick, the process that drives.
         process: &'static str,

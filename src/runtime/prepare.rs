@@ -50,11 +50,16 @@ const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the rob
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotReady {
     /// A sensor or motor gave no reading.
-    #[error("no reading from the {0}{because}: unplug it, plug it in again, and wait three seconds", because = because(.1.as_ref()))]
+    #[error(
+        "no reading from the {0}{because}: unplug it, plug it in again, and wait three seconds",
+        because = because(.1.as_ref())
+    )]
     NoReading(Channel, Option<DeviceError>),
     /// The battery's voltage cannot be read.
-    #[error("no reading from the battery{because}: wait ten seconds after switching on, and \
-             try again", because = because(.0.as_ref()))]
+    #[error(
+        "no reading from the battery{because}: wait ten seconds after switching on, and try again",
+        because = because(.0.as_ref())
+    )]
     NoVoltage(Option<DeviceError>),
     /// The robot did not stand still.
     #[error(

@@ -2,9 +2,9 @@
 //! out.
 //!
 //! ```text
-//!  ready ──start──▶ preparing ──driving──▶ running ──told to stop──▶ stopping ──ended──▶ stopped | fault
-//!    ▲                  └───────────── ended, refused ─────────────────────────────────▶ stopped | fault
-//!    └── acknowledge ── fault                                       start is taken in ready, stopped, fault
+//!  ready ──start──▶ preparing ──driving──▶ running ──told to stop──▶ stopping ──ended──▶ stopped
+//!    ▲                  └───────────── ended, refused ─────────────────────────────────▶ or fault
+//!    └── acknowledge ── fault                             start is taken in ready, stopped, fault
 //! ```
 //!
 //! Beside the runs there is *trouble*: something that keeps any run from starting (a robot file

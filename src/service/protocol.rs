@@ -6,9 +6,11 @@
 //! brick; operations that are not known are refused with the list of known ones.
 //!
 //! ```json
-//! {"version": 1, "id": 7, "op": "start", "run": "a3f1", "mission": {"name": "map"}, "token": "k2-81734"}
+//! {"version": 1, "id": 7, "op": "start", "run": "a3f1", "mission": {"name": "map"},
+//!  "token": "k2-81734"}
 //! {"id": 7, "ok": {"run": "a3f1"}}
-//! {"id": 7, "error": {"kind": "stale_token", "message": "the token is 8.2 s old, and 5 s is the most", "hint": "ask for the status again"}}
+//! {"id": 7, "error": {"kind": "stale_token", "message": "the token is 8.2 s old",
+//!  "hint": "ask for the status again"}}
 //! ```
 //!
 //! The network offers the operations of [`Request`] and no others; the local socket those of

@@ -94,8 +94,13 @@ pub(super) enum StoreError {
     #[error("another service keeps the runs in {}", .0.display())]
     Kept(PathBuf),
     /// The disk is full and nothing can be deleted: make room on it.
-    #[error("no room for a run: {} MB are free in {}, {} MB are needed, and there is nothing more \
-             that may be deleted", free >> 20, folder.display(), RESERVE_BYTES >> 20)]
+    #[error(
+        "no room for a run: {} MB are free in {}, {} MB are needed, and there is nothing more \
+         that may be deleted",
+        free >> 20,
+        folder.display(),
+        RESERVE_BYTES >> 20
+    )]
     NoRoom {
         /// The folder of runs.
         folder: PathBuf,

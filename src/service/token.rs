@@ -40,7 +40,10 @@ pub(super) enum NotFresh {
     #[error("the token is not this brick's, or from before its service restarted")]
     Foreign,
     /// Made too long ago.
-    #[error("the token is {0:.1} s old, and {life:.0} s is the most", life = seconds(TOKEN_LIFE_NS))]
+    #[error(
+        "the token is {0:.1} s old, and {life:.0} s is the most",
+        life = seconds(TOKEN_LIFE_NS)
+    )]
     Old(f64),
 }
 

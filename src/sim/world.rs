@@ -83,7 +83,8 @@ pub(in crate::sim) struct Beacon {
 
 macro_rules! built_in {
     ($($name:literal),+) => {
-        const BUILT_IN: &[(&str, &str)] = &[$(($name, include_str!(concat!("worlds/", $name, ".toml")))),+];
+        const BUILT_IN: &[(&str, &str)] =
+            &[$(($name, include_str!(concat!("worlds/", $name, ".toml")))),+];
     };
 }
 built_in!("arena", "rooms", "cylinders", "corridor", "line", "table", "wall", "open", "two-arenas");

@@ -84,11 +84,11 @@ fn the_mapping_mission_is_the_seeds() {
         // ms      range m   head deg   drive         look
         (      0,  1.00,       0.0,     "forward",    "look_right"),
         (    100,  0.24,     -20.0,     "turn_right", "look_right"),    // nearer than 0.25 m
-        (    200,  0.40,     -46.0,     "turn_right", "look_left"),     // only 0.5 m end a turn; beyond -45 degrees
+        (    200,  0.40,     -46.0,     "turn_right", "look_left"),     // only 0.5 m end a turn
         (    300,  0.51,      44.0,     "forward",    "look_left"),
         (    400,  f64::INFINITY, 46.0, "forward",    "look_right"),
         (120_000,  0.51,       0.0,     "forward",    "look_right"),    // the time is not over yet
-        (120_001,  0.20,       0.0,     "turn_right", "halt"),          // the first condition that holds counts
+        (120_001,  0.20,       0.0,     "turn_right", "halt"),          // the first true condition
         (120_002,  0.20,       0.0,     "halt",       "halt"),
     ];
     for (ms, range_m, head_deg, drive, look) in transcript {

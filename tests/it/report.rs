@@ -172,11 +172,13 @@ slider.dispatchEvent(new Event('input'));
 const box = plot.getBoundingClientRect();
 const under = () => [(400 - box.left - view.x) / view.scale, (300 - box.top - view.y) / view.scale];
 const [scale, place] = [view.scale, under()];
-plot.dispatchEvent(new WheelEvent('wheel', { deltaY: -500, clientX: 400, clientY: 300, cancelable: true }));
+plot.dispatchEvent(
+    new WheelEvent('wheel', { deltaY: -500, clientX: 400, clientY: 300, cancelable: true }));
 plot.dataset.zoomed = (view.scale / scale).toFixed(4);
 plot.dataset.stayed = Math.hypot(under()[0] - place[0], under()[1] - place[1]).toFixed(6);
 const [x, y] = [view.x, view.y];
-const pointer = (name, clientX, clientY) => plot.dispatchEvent(new PointerEvent(name, { pointerId: 1, clientX, clientY }));
+const pointer = (name, clientX, clientY) =>
+    plot.dispatchEvent(new PointerEvent(name, { pointerId: 1, clientX, clientY }));
 pointer('pointerdown', 300, 300);
 pointer('pointermove', 340, 275);
 pointer('pointerup', 340, 275);

@@ -375,7 +375,10 @@ proptest! {
     }
 
     #[test]
-    fn an_echo_is_never_nearer_than_the_nearest_surface(world in random_world(), heading in -3.2..3.2) {
+    fn an_echo_is_never_nearer_than_the_nearest_surface(
+        world in random_world(),
+        heading in -3.2..3.2,
+    ) {
         let mut physics = WorldPhysics::new(world.without_errors(), 1, 0).unwrap();
         physics.carry(0, StartPose { x_m: 0.0, y_m: 0.0, heading_rad: heading });
         let (x, y) = (0.0508 * libm::cos(heading), 0.0508 * libm::sin(heading));

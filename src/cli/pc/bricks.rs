@@ -14,7 +14,7 @@ use crate::link::discover::{Announced, discover};
 /// Examples:
 ///   onbrick bricks
 ///   onbrick bricks --timeout 2 --json
-///   onbrick bricks --discover              also those that this PC does not know, where the network carries mDNS
+///   onbrick bricks --discover              also unknown ones, where the network carries mDNS
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
@@ -24,7 +24,13 @@ pub(in crate::cli) struct Arguments {
     #[arg(long, conflicts_with_all = ["hosts", "team"])]
     discover: bool,
     /// How long to listen, in seconds.
-    #[arg(long, default_value_t = 3.0, value_parser = super::remote::patience, value_name = "SECONDS", requires = "discover")]
+    #[arg(
+        long,
+        default_value_t = 3.0,
+        value_parser = super::remote::patience,
+        value_name = "SECONDS",
+        requires = "discover",
+    )]
     listen: f64,
 }
 

@@ -149,14 +149,19 @@ mod tests {
     fn running(state_s: f64, elapsed_s: Option<f64>) -> Status {
         let progress = elapsed_s.map(|elapsed_s| {
             serde_json::json!({
-                "tick": 1, "time_ns": 0, "elapsed_ns": nanoseconds(elapsed_s), "travelled_m": 0.0, "points": 0, "states": [],
-                "pose": { "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0 }, "battery_v": null, "overruns": 0, "latest_ns": 0, "dropped": 0,
+                "tick": 1, "time_ns": 0, "elapsed_ns": nanoseconds(elapsed_s), "travelled_m": 0.0,
+                "points": 0, "states": [],
+                "pose": { "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0 }, "battery_v": null,
+                "overruns": 0, "latest_ns": 0, "dropped": 0,
             })
         });
         serde_json::from_value(serde_json::json!({
-            "brick": "b", "version": "0", "protocol": 1, "state": "running", "state_s": state_s, "last": null, "battery_v": null,
-            "run": { "run": "r", "mission": "map", "time_limit_s": 9.0, "by": "pc", "waits": null, "progress": progress },
-            "token": "t", "link": "ready", "disk": { "used": 0, "quota": 0, "free": 0 }, "robot": null,
+            "brick": "b", "version": "0", "protocol": 1, "state": "running", "state_s": state_s,
+            "last": null, "battery_v": null,
+            "run": { "run": "r", "mission": "map", "time_limit_s": 9.0, "by": "pc", "waits": null,
+                "progress": progress },
+            "token": "t", "link": "ready", "disk": { "used": 0, "quota": 0, "free": 0 },
+            "robot": null,
         }))
         .unwrap()
     }

@@ -304,7 +304,9 @@ mod tests {
                 right: Some(DraftMotor { port: "outC".to_owned(), inverted: inverted[1] }),
                 wheel_circumference_m: circumference_m,
                 track_width_m: track_m,
-                head: there[0].then(|| DraftHead { port: "outA".to_owned(), gear: [sign * gear.0, gear.1] }),
+                head: there[0].then(
+                    || DraftHead { port: "outA".to_owned(), gear: [sign * gear.0, gear.1] },
+                ),
                 sensors: [
                     (Role::Range, port(there[1], "in1")),
                     (Role::Gyro, port(there[2], "in2")),
@@ -316,7 +318,10 @@ mod tests {
                 .collect(),
                 range_ahead_m: ahead_m,
                 range_max_m: 0.7,
-                motors: port(there[1], "outD").map(|port| ("arm".to_owned(), port)).into_iter().collect(),
+                motors: port(there[1], "outD")
+                    .map(|port| ("arm".to_owned(), port))
+                    .into_iter()
+                    .collect(),
             };
             let text = draft.to_toml();
             let (robot, findings) = RobotConfig::load("robot.toml", text.as_bytes())

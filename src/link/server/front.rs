@@ -74,7 +74,8 @@ impl<'s> Front<'s> {
     ///
     /// # Errors
     ///
-    /// [`ServerError::NoHandler`], [`ServerError::NoWorker`], [`ServerError::Socket`]: the sockets close.
+    /// [`ServerError::NoHandler`], [`ServerError::NoWorker`], [`ServerError::Socket`]: the sockets
+    /// close.
     pub(super) fn run(&mut self) -> Result<(), ServerError> {
         while !self.shared.is_stopped() {
             if self.handler.is_gone() {

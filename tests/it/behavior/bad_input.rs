@@ -240,7 +240,9 @@ proptest! {
             text.splice(at..end, put.into_bytes());
         }
         match Mission::parse("changed.toml", &text, &Capabilities::all()) {
-            Err(findings) => prop_assert!(findings.has_errors() && !findings.to_string().is_empty()),
+            Err(findings) => {
+                prop_assert!(findings.has_errors() && !findings.to_string().is_empty());
+            }
             Ok((mission, _)) => {
                 let mut program = mission.start().unwrap();
                 for tick in 0..200 {

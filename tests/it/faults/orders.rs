@@ -246,7 +246,9 @@ fn every_mistake_in_a_scenario_has_its_place() {
 
 proptest! {
     #[test]
-    fn any_text_is_an_order_or_a_message(text in "([a-z0-9.# -]|in1|outB|stuck|write|for|battery|robot|\n){0,60}") {
+    fn any_text_is_an_order_or_a_message(
+        text in "([a-z0-9.# -]|in1|outB|stuck|write|for|battery|robot|\n){0,60}",
+    ) {
         if let Err(error) = Order::parse(0, &text) {
             prop_assert!(!error.to_string().is_empty());
         }
@@ -259,7 +261,11 @@ proptest! {
     }
 
     #[test]
-    fn any_numbers_read_back(scale in -100.0..100.0_f64, offset in -1_000_000..1_000_000_i32, ms in 0..60_000_000_i64) {
+    fn any_numbers_read_back(
+        scale in -100.0..100.0_f64,
+        offset in -1_000_000..1_000_000_i32,
+        ms in 0..60_000_000_i64,
+    ) {
         for fault in [
             DeviceFault::Wrong { scale, offset },
             DeviceFault::Jump { by: offset },

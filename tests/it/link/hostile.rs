@@ -278,8 +278,22 @@ fn a_request_with_lines_in_its_names_forges_none_in_the_log() {
         json!({"id": 1, "version": 1, "op": forged}),
         json!({"id": 1, "version": 1, "op": "stop", "run": forged}),
         json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {forged: 1}}),
-        json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {"name": forged}, "token": "t"}),
-        json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {"name": "map"}, "set": [[forged, "x"]]}),
+        json!({
+            "id": 1,
+            "version": 1,
+            "op": "start",
+            "run": "r",
+            "mission": {"name": forged},
+            "token": "t",
+        }),
+        json!({
+            "id": 1,
+            "version": 1,
+            "op": "start",
+            "run": "r",
+            "mission": {"name": "map"},
+            "set": [[forged, "x"]],
+        }),
     ] {
         let reply = ask(&socket, request.to_string().as_bytes());
         let message = reply["error"]["message"].as_str().unwrap();

@@ -93,9 +93,16 @@ pub(super) fn merge(plan: &Plan<'_>, came: &[Came], output: &mut Output) -> Resu
     let points: usize = scene.tracks.iter().map(|track| track.points.len()).sum();
     let (count, out) = (runs.len(), plan.out.display());
     output.show(
-        format!("{points} points of {count} bricks: map.svg, map.png, points.csv, path.csv and \
-                 team.mcap in {out}"),
-        &json!({ "points": points, "bricks": count, "map": plan.out.join("map.svg"), "recording": plan.out.join("team.mcap") }),
+        format!(
+            "{points} points of {count} bricks: map.svg, map.png, points.csv, path.csv and \
+                 team.mcap in {out}"
+        ),
+        &json!({
+            "points": points,
+            "bricks": count,
+            "map": plan.out.join("map.svg"),
+            "recording": plan.out.join("team.mcap"),
+        }),
     );
     Ok(())
 }
