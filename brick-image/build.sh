@@ -43,7 +43,8 @@ unfit() {
 }
 
 install_tools() {
-  needs g++=g++ make=make dpkg-deb=dpkg arm-linux-gnueabi-g++=g++-arm-linux-gnueabi qemu-arm=qemu-user
+  needs g++=g++ make=make dpkg-deb=dpkg arm-linux-gnueabi-g++=g++-arm-linux-gnueabi \
+    qemu-arm=qemu-user
   [ -e /usr/arm-linux-gnueabi/lib/libc.a ] || install_packages libc6-dev-armel-cross
 }
 
@@ -61,12 +62,14 @@ install_rust() {
 }
 
 build_brick() {
-  arm_cargo build --release --no-default-features --features link || fail "the brick's program could not be built"
+  arm_cargo build --release --no-default-features --features link ||
+    fail "the brick's program could not be built"
   arm-linux-gnueabi-strip -o "$brick/onbrick" "$built/$target/release/onbrick"
 }
 
 build_tools() {
-  tools=$("$here/tools.sh") || fail "the brick's program with the simulated brick could not be built"
+  tools=$("$here/tools.sh") ||
+    fail "the brick's program with the simulated brick could not be built"
 }
 
 build_pc() {
@@ -80,9 +83,11 @@ check_file() {
   local header attributes dynamic segments size
   header=$(arm-linux-gnueabi-readelf -h "$brick/onbrick")
   grep -q 'Machine: *ARM$' <<<"$header" || unfit "it is not for ARM"
-  grep -q 'Flags:.*Version5 EABI.*soft-float ABI' <<<"$header" || unfit "it is not EABI 5 with soft float"
+  grep -q 'Flags:.*Version5 EABI.*soft-float ABI' <<<"$header" ||
+    unfit "it is not EABI 5 with soft float"
   attributes=$(arm-linux-gnueabi-readelf -A "$brick/onbrick")
-  grep -q 'Tag_CPU_arch: v5TE$' <<<"$attributes" || unfit "it is not for ARMv5TE: $(grep Tag_CPU_arch <<<"$attributes")"
+  grep -q 'Tag_CPU_arch: v5TE$' <<<"$attributes" ||
+    unfit "it is not for ARMv5TE: $(grep Tag_CPU_arch <<<"$attributes")"
   ! grep -q 'Tag_FP_arch' <<<"$attributes" || unfit "it wants a floating-point unit"
   dynamic=$(arm-linux-gnueabi-readelf -d "$brick/onbrick")
   grep -q 'no dynamic section' <<<"$dynamic" || unfit "it is linked dynamically"
@@ -99,7 +104,8 @@ check_file() {
 drive() {
   local file=$1 last
   shift
-  "${arm926[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" >"$work/job"
+  "${arm926[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" \
+    >"$work/job"
   last=$("$@" control <"$work/job" | grep -v '^$' | tail -n 1) || true
   case $last in
     *'"event":"ended"'*'"word":"finished"'* | *'"event":"ended"'*'"word":"time limit"'*) ;;

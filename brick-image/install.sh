@@ -53,15 +53,23 @@ esac
 if [ -n "$name" ] && ! [[ $name =~ ^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$ ]]; then
   fail "$name cannot be a brick's name" "small letters a to z, digits, and - in between; at most 63"
 fi
-if [ -z "$deb" ]; then deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1); fi
-if [ -z "$deb" ] || [ ! -f "$deb" ]; then fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"; fi
+if [ -z "$deb" ]; then
+  deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)
+fi
+if [ -z "$deb" ] || [ ! -f "$deb" ]; then
+  fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"
+fi
 
 if [ -z "$onbrick" ]; then
-  for file in "$here/../target/brick/onbrick-linux-$(uname -m)" "$here/../target/release/onbrick" "$(command -v onbrick || true)"; do
+  for file in "$here/../target/brick/onbrick-linux-$(uname -m)" "$here/../target/release/onbrick" \
+    "$(command -v onbrick || true)"; do
     if [ -x "$file" ]; then onbrick=$file && break; fi
   done
 fi
-if [ "$key" = yes ] && [ -z "$onbrick" ]; then fail "there is no onbrick for this PC, whose key the brick is to know" "cargo build --release, or --no-key"; fi
+if [ "$key" = yes ] && [ -z "$onbrick" ]; then
+  fail "there is no onbrick for this PC, whose key the brick is to know" \
+    "cargo build --release, or --no-key"
+fi
 
 # One connection for everything, so that ssh asks for the password once.
 work=$(mktemp -d)
@@ -71,7 +79,8 @@ trap 'ssh "${control[@]}" -O exit "$host" 2>/dev/null || true; rm -rf "$work"' E
 on_brick() { ssh "${control[@]}" "$host" "$@"; }
 
 say "connecting to $host"
-on_brick true </dev/null || fail "ssh did not get through to $host" "ssh $host; the password of a new ev3dev is maker" 4
+on_brick true </dev/null || fail "ssh did not get through to $host" \
+  "ssh $host; the password of a new ev3dev is maker" 4
 machine=$(on_brick 'uname -m; cat /etc/ev3dev-release 2>/dev/null || echo unknown' </dev/null)
 case $machine in
   armv5*) ;;
@@ -82,8 +91,13 @@ say "found ${machine##*$'\n'}"
 # The brick's sudo: without a password where it needs none, else with one that is asked for once.
 password=''
 if ! on_brick sudo -n true </dev/null 2>/dev/null; then
-  if [ -t 0 ]; then IFS= read -rsp "password of ${host%%@*} on the brick, for sudo: " password && echo; else IFS= read -r password || true; fi
-  printf '%s\n' "$password" | on_brick sudo -S -p "''" true 2>/dev/null || fail "the brick's sudo did not take that password" "the password of a new ev3dev is maker" 3
+  if [ -t 0 ]; then
+    IFS= read -rsp "password of ${host%%@*} on the brick, for sudo: " password && echo
+  else
+    IFS= read -r password || true
+  fi
+  printf '%s\n' "$password" | on_brick sudo -S -p "''" true 2>/dev/null ||
+    fail "the brick's sudo did not take that password" "the password of a new ev3dev is maker" 3
 fi
 # quoted WORD: for a shell on the other side, whichever it is.
 quoted() { printf "'%s'" "${1//\'/\'\\\'\'}"; }
@@ -129,9 +143,12 @@ code=0
 install_package || code=$?
 case $code in
   0) ;;
-  1) fail "the package was not installed; the version before is still there" "look at what the brick said above" ;;
-  2) fail "the package was not installed, and there is none on the brick" "look at what the brick said above" ;;
-  *) fail "the connection to the brick was lost; the installation continues by itself" "this command again, in a minute" 4 ;;
+  1) fail "the package was not installed; the version before is still there" \
+    "look at what the brick said above" ;;
+  2) fail "the package was not installed, and there is none on the brick" \
+    "look at what the brick said above" ;;
+  *) fail "the connection to the brick was lost; the installation continues by itself" \
+    "this command again, in a minute" 4 ;;
 esac
 say "installed: $(on_brick onbrick --version </dev/null)"
 
@@ -184,7 +201,8 @@ known_as=${name:-$(on_brick hostname </dev/null)}
 [ "$known_as" != ev3dev ] || known_as=$address
 
 if [ "$key" = yes ]; then
-  introduce >&2 || fail "the brick is installed, but this PC's key is not in it" "onbrick pair, on the brick and here"
+  introduce >&2 || fail "the brick is installed, but this PC's key is not in it" \
+    "onbrick pair, on the brick and here"
   say "this PC may talk to it: onbrick status $known_as"
 fi
 say "done"

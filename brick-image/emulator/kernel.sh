@@ -38,13 +38,15 @@ check_configuration() {
     esac
     grep -qxF "$line" "$1" || { say "the kernel's configuration did not take $line"; missing=1; }
   done <"$here/kernel.config"
-  [ "$missing" = 0 ] || fail "this kernel source does not fit kernel.config" "Debian's linux-source-6.1"
+  [ "$missing" = 0 ] || fail "this kernel source does not fit kernel.config" \
+    "Debian's linux-source-6.1"
 }
 
 build() {
   # Another process may have built it while this one waited for the lock.
   [ -e "$kernel/zImage" ] && return
-  needs make=make gcc=gcc bc=bc bison=bison flex=flex xz=xz-utils arm-linux-gnueabi-gcc=gcc-arm-linux-gnueabi
+  needs make=make gcc=gcc bc=bc bison=bison flex=flex xz=xz-utils \
+    arm-linux-gnueabi-gcc=gcc-arm-linux-gnueabi
   local archive work started=$SECONDS
   archive=$(source_archive)
   work=$(mktemp -d "$cache/kernel-build.XXXXXX")
@@ -55,7 +57,8 @@ build() {
   local log=$work/build.log
   (
     cd "$work"
-    export ARCH=arm CROSS_COMPILE=arm-linux-gnueabi- KBUILD_BUILD_TIMESTAMP='1 Jan 1970' KBUILD_BUILD_USER=onbrick KBUILD_BUILD_HOST=onbrick
+    export ARCH=arm CROSS_COMPILE=arm-linux-gnueabi- KBUILD_BUILD_TIMESTAMP='1 Jan 1970' \
+      KBUILD_BUILD_USER=onbrick KBUILD_BUILD_HOST=onbrick
     KCONFIG_ALLCONFIG=$here/kernel.config make -s allnoconfig
     check_configuration .config
     nice make -s -j"$(nproc)" zImage versatile-pb.dtb >"$log" 2>&1 || {

@@ -53,7 +53,8 @@ build() {
   trap "rm -rf '$work'" EXIT
   enable_emulation
   say "making a Debian armel root, once; a few minutes"
-  debootstrap --arch=armel --variant=minbase --include="$contents" "$suite" "$work/root" >"$work/log" 2>&1 || {
+  debootstrap --arch=armel --variant=minbase --include="$contents" "$suite" "$work/root" \
+    >"$work/log" 2>&1 || {
     tail -n 20 "$work/log" >&2
     fail "debootstrap did not make a root" "its last lines are above"
   }

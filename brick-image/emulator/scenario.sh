@@ -70,7 +70,8 @@ brick_down() {
 # service_up RUNS: the service, with its recordings in this folder.
 service_up() {
   mkdir -p /tmp/config
-  printf 'robot = "/etc/onbrick/robot.toml"\nruns = "%s"\n[socket]\npath = "/tmp/config/socket"\n' "$1" >/tmp/config/onbrick.toml
+  printf 'robot = "/etc/onbrick/robot.toml"\nruns = "%s"\n[socket]\npath = "/tmp/config/socket"\n' \
+    "$1" >/tmp/config/onbrick.toml
   onbrick serve --brick /tmp/brick --config /tmp/config >/tmp/serve.log 2>&1 &
   service=$!
   wait_for 60 test -S /tmp/config/socket || {
@@ -91,7 +92,8 @@ linked() { grep -q ':1626 00000000:0000 0A' /proc/net/tcp; }
 # drive_through MISSION: a run by the service, in the background; its events are in /tmp/events.
 # Returns when it drives.
 drive_through() {
-  (onbrick --json run "$1" --brick /tmp/brick --config /tmp/config 2>&1 && echo '{"exit":0}') >/tmp/events &
+  (onbrick --json run "$1" --brick /tmp/brick --config /tmp/config 2>&1 && echo '{"exit":0}') \
+    >/tmp/events &
   driving=$!
   wait_for 60 grep -q '"event":"status"' /tmp/events || {
     cat /tmp/events /tmp/serve.log
@@ -102,7 +104,8 @@ drive_through() {
 
 # mission NAME RATE SECONDS: the shipped mission of this name, at another rate and for another time.
 mission() {
-  sed -e "s/^rate_hz = .*/rate_hz = $2/" -e "s/^time_limit_s = .*/time_limit_s = $3/" "/etc/onbrick/missions/$1.toml" >"/tmp/$1.toml"
+  sed -e "s/^rate_hz = .*/rate_hz = $2/" -e "s/^time_limit_s = .*/time_limit_s = $3/" \
+    "/etc/onbrick/missions/$1.toml" >"/tmp/$1.toml"
   echo "/tmp/$1.toml"
 }
 

@@ -13,7 +13,8 @@ service_up /tmp/runs
 drive_through "$(mission map 50 3)"
 brick-figures status /tmp/config/socket >/tmp/status
 expect "nor when it drives through the service" none
-expect "whose status says what the link waits for" grep -q '"link":"waits for the kernel.s random numbers"' /tmp/status
+expect "whose status says what the link waits for" \
+  grep -q '"link":"waits for the kernel.s random numbers"' /tmp/status
 refuse "which is not open" linked
 arrive
 probe seed

@@ -44,7 +44,8 @@ start_brick() {
 install_onto() {
   local password=$1
   shift
-  printf '%s\n' "$password" | "$checkout/brick-image/install.sh" --deb "${with:-$deb}" --onbrick "$onbrick" "$@" "$host" >"$work/said" 2>&1
+  printf '%s\n' "$password" | "$checkout/brick-image/install.sh" --deb "${with:-$deb}" \
+    --onbrick "$onbrick" "$@" "$host" >"$work/said" 2>&1
 }
 # shellcheck disable=SC2016  # dpkg's own variables
 installed() { chroot "$root" dpkg-query -W -f '${Status} ${Version}' onbrick 2>/dev/null; }
@@ -81,16 +82,21 @@ check "the brick has its name" [ "$(cat "$root/etc/hostname")" = red ]
 check "at once" [ "$(ssh "$host" hostname </dev/null)" = red ]
 check "also among its hosts" grep -q $'^127.0.1.1\tred$' "$root/etc/hosts"
 check "the well-known password is warned of" says "$work/said" "is still the well-known one"
-check "the brick knows this PC" [ "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)-")" = 1 ]
-check "whose key is the service's alone to see" [ "$(chroot "$root" stat -c '%U %a' /etc/onbrick/keys/authorised)" = "onbrick 700" ]
+check "the brick knows this PC" [ \
+  "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)-")" = 1 ]
+check "whose key is the service's alone to see" [ \
+  "$(chroot "$root" stat -c '%U %a' /etc/onbrick/keys/authorised)" = "onbrick 700" ]
 check "this PC knows the brick" grep -qx '\["red"\]' "$work/keys/known_bricks"
-check "by the brick's own key" says "$work/keys/known_bricks" "$(chroot "$root" onbrick key show --keys /etc/onbrick/keys | sed -n 's/^key *//p')"
+check "by the brick's own key" says "$work/keys/known_bricks" \
+  "$(chroot "$root" onbrick key show --keys /etc/onbrick/keys | sed -n 's/^key *//p')"
 check "no copy is left in robot's folder" [ -z "$(find "$root/home/robot" -name '*.deb*')" ]
 echo robot:another | chroot "$root" chpasswd
 install_onto another || { cat "$work/said" && exit 1; }
-check "it can be run again, and another password is no longer warned of" not says "$work/said" "well-known"
+check "it can be run again, and another password is no longer warned of" not says "$work/said" \
+  "well-known"
 check "the name stays" [ "$(cat "$root/etc/hostname")" = red ]
-check "here as well, though it was not given again" [ "$(grep '^\[' "$work/keys/known_bricks")" = '["red"]' ]
+check "here as well, though it was not given again" [ \
+  "$(grep '^\[' "$work/keys/known_bricks")" = '["red"]' ]
 
 # As the first start of a card from inject.sh installs it.
 cp "$deb" "$root/var/cache/onbrick/onbrick.deb"
@@ -118,7 +124,8 @@ with=$work/next.deb
 install_onto another &
 installing=$!
 unset with
-check "an upgrade waits for a run" wait_until 120 says "$root/var/cache/onbrick/install.log" "waiting until it is over"
+check "an upgrade waits for a run" wait_until 120 says "$root/var/cache/onbrick/install.log" \
+  "waiting until it is over"
 pkill -KILL -f "ssh -F $work/ssh/config"
 wait "$installing" || true
 check "a connection that is lost is named" says "$work/said" "the connection to the brick was lost"
@@ -134,5 +141,6 @@ check "it is robot's" [ "$(chroot "$root" stat -c %U /home/robot/missions/mine.t
 echo 'name = 3' >"$work/bad.toml"
 check "a broken one is refused" not "$onbrick" push "$host" "$work/mine.toml" "$work/bad.toml"
 check "and nothing of it arrives" [ ! -e "$root/home/robot/missions/bad.toml" ]
-check "an unreachable brick is no answer" [ "$("$onbrick" push ssh://robot@127.0.0.1:1 "$work/mine.toml" >/dev/null 2>&1; echo $?)" = 4 ]
+check "an unreachable brick is no answer" [ \
+  "$("$onbrick" push ssh://robot@127.0.0.1:1 "$work/mine.toml" >/dev/null 2>&1; echo $?)" = 4 ]
 finish
