@@ -16,8 +16,9 @@ Builds, strips and checks onbrick for the EV3's processor, and puts into target/
   onbrick-linux-CPU           the program for a PC like this one
   SHA256SUMS                  their checksums
 
-Installs what is missing: a cross compiler, QEMU, and Rust's standard library for the brick's processor, from rustup if that can fetch
-it, else from Debian. Exit codes: 0 done; 1 something could not be built or installed; 3 what was built is not fit for a brick.
+Installs what is missing: a cross compiler, QEMU, and Rust's standard library for the brick's
+processor, from rustup if that can fetch it, else from Debian. Exit codes: 0 done; 1 something could
+not be built or installed; 3 what was built is not fit for a brick.
 END
 }
 
@@ -31,9 +32,10 @@ arm926=(qemu-arm -cpu arm926 -r 4.14.117-ev3dev-2.3.5-ev3)
 # System calls that a 4.14 kernel lacks, those from 398 on. The C library's calls for the time after
 # 2038 (clock_gettime64 and its like) are not among them: it tries them first, and falls back to the
 # older ones; `emulate.sh old-kernel` refuses them all.
-newer='rseq|io_pgetevents|migrate_pages|kexec_file_load|pidfd_[a-z_]*|io_uring_[a-z]*|open_tree|move_mount|fs(open|config|mount|pick)|clone3'
-newer+='|close_range|openat2|faccessat2|process_(madvise|mrelease)|epoll_pwait2|mount_setattr|quotactl_fd|landlock_[a-z_]*|memfd_secret'
-newer+='|futex_waitv|set_mempolicy_home_node|cachestat|fchmodat2'
+newer='rseq|io_pgetevents|migrate_pages|kexec_file_load|pidfd_[a-z_]*|io_uring_[a-z]*|open_tree'
+newer+='|move_mount|fs(open|config|mount|pick)|clone3|close_range|openat2|faccessat2'
+newer+='|process_(madvise|mrelease)|epoll_pwait2|mount_setattr|quotactl_fd|landlock_[a-z_]*'
+newer+='|memfd_secret|futex_waitv|set_mempolicy_home_node|cachestat|fchmodat2'
 
 say() { printf 'build: %s\n' "$*" >&2; }
 
@@ -122,7 +124,8 @@ check_mission() {
   drive "$work/pc.mcap" "$built/release/onbrick"
   drive "$work/arm.mcap" "${arm926[@]}" -strace -D "$work/calls" "$tools/onbrick-sim"
   cmp "$work/pc.mcap" "$work/arm.mcap" || unfit "it does not record what a PC records"
-  say "a mission on an ARM926EJ-S recorded the same $(stat -c %s "$work/pc.mcap") bytes as on this PC"
+  say "a mission on an ARM926EJ-S recorded the same" \
+    "$(stat -c %s "$work/pc.mcap") bytes as on this PC"
   grep -q 'fdatasync(' "$work/calls" || fail "QEMU did not list the system calls"
   # One that was answered with ENOSYS (38), after which the mission went on as on the PC, may be
   # refused by the brick as well.

@@ -11,9 +11,10 @@ Usage: brick-image/emulate.sh [OPTIONS] SCENARIO [ARGUMENT…]
        brick-image/emulate.sh --shell
        brick-image/emulate.sh --image IMAGE [--forward PORT]
 
-Boots 64 MB ARM926EJ-S (QEMU's versatilepb), as in the EV3, runs SCENARIO inside and ends with its exit code. SCENARIO is a shell
-script, or the name of one in brick-image/scenarios. Inside, onbrick is the brick's own file, onbrick-sim the same with the simulated
-brick, and what is left in /tmp/out comes out.
+Boots 64 MB ARM926EJ-S (QEMU's versatilepb), as in the EV3, runs SCENARIO inside and ends with its
+exit code. SCENARIO is a shell script, or the name of one in brick-image/scenarios. Inside, onbrick
+is the brick's own file, onbrick-sim the same with the simulated brick, and the files of /tmp/out
+are copied out at the end.
 
   --exact           time counts guest instructions, 250 million a second, so that figures repeat
   --shell           a prompt instead of a scenario
@@ -24,9 +25,11 @@ brick, and what is left in /tmp/out comes out.
   --pid FILE        the emulator's process number goes there: killing it is a power cut
   --timeout S       give up after S seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
-  --tools DIR       onbrick-sim, which measures as well, for the brick's processor (default: built into target/emulator)
-  --image IMAGE     boot this SD card image with its own systemd instead; its console is this terminal
-  --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670, the next one to its pairing window, 5671
+  --tools DIR       onbrick-sim, which measures as well, for the brick's processor
+                    (default: built into target/emulator)
+  --image IMAGE     boot this SD card image with its own systemd; its console is this terminal
+  --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670,
+                    and the next one to its pairing window, 5671
   -h, --help        this
 
 Exit codes: the scenario's own; 124 when the time is over; 1 when the emulator cannot start.
@@ -64,7 +67,8 @@ kernel=$("$here/kernel.sh")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-machine=(qemu-system-arm -M versatilepb -cpu arm926 -m 64M -kernel "$kernel/zImage" -dtb "$kernel/versatile-pb.dtb" -no-reboot -monitor none -display none)
+machine=(qemu-system-arm -M versatilepb -cpu arm926 -m 64M -kernel "$kernel/zImage"
+  -dtb "$kernel/versatile-pb.dtb" -no-reboot -monitor none -display none)
 # What the guest has written is in the image, or in this machine's memory on its way there: a power
 # cut is the emulator's death.
 virtio_disk() {
@@ -157,7 +161,8 @@ without_noise() { sed -u -e '/^vpb_sic_write: /d' -e '/^reboot: /d' -e 's/\r$//'
 
 run_scenario() {
   touch "$work/code" "$work/out.tgz"
-  machine+=(-initrd "$work/rd.gz" -append "$words rdinit=/init" -serial stdio -serial "file:$work/code" -serial "file:$work/out.tgz")
+  machine+=(-initrd "$work/rd.gz" -append "$words rdinit=/init" -serial stdio
+    -serial "file:$work/code" -serial "file:$work/out.tgz")
   local ended=0
   timeout --foreground "$timeout" "${machine[@]}" </dev/null 2>"$work/qemu.log" | without_noise ||
     ended=$?
@@ -182,7 +187,10 @@ if [ -n "$image" ]; then
   # programs run into their time limits; while it waits, for its disk or for a PC, time is
   # everybody's.
   [ "$exact" = yes ] || machine+=(-icount "shift=2")
-  [ -z "$forward" ] || machine+=(-netdev "user,id=n,hostfwd=tcp:127.0.0.1:$forward-:5670,hostfwd=tcp:127.0.0.1:$((forward + 1))-:5671" -device "virtio-net-pci,netdev=n,romfile=")
+  here_port=tcp:127.0.0.1
+  [ -z "$forward" ] || machine+=(
+    -netdev "user,id=n,hostfwd=$here_port:$forward-:5670,hostfwd=$here_port:$((forward + 1))-:5671"
+    -device "virtio-net-pci,netdev=n,romfile=")
   timeout --foreground "$timeout" "${machine[@]}" \
     -append "$words root=/dev/vda2 rw rootwait ip=10.0.2.15::10.0.2.2:255.255.255.0::eth0:off" \
     -serial mon:stdio 2>"$work/qemu.log"

@@ -7,14 +7,17 @@ usage() {
   cat <<'END'
 Usage: brick-image/inject.sh IMAGE [OPTIONS]
 
-Puts the package into IMAGE, an ev3dev SD card image (unpacked: a file that ends in .img). At its first start the brick installs it by
-itself. Needs no root. A dozen bricks are twelve commands:
-  brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" --key "$(onbrick key show)"
+Puts the package into IMAGE, an ev3dev SD card image (unpacked: a file that ends in .img). At its
+first start the brick installs it by itself. Needs no root. A dozen bricks are twelve commands:
+  brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" \
+    --key "$(onbrick key show)"
 
   --out NEW.img     leave IMAGE alone and make this one
   --name NAME       the brick's name on the network; without it all are called ev3dev
-  --wifi NAME       join this wireless network; the password is asked for, or the first line of standard input
-  --key KEY         let this PC in: what `onbrick key show` prints, or a file with that in it; can be repeated
+  --wifi NAME       join this wireless network; the password is asked for, or the first line of
+                    standard input
+  --key KEY         let this PC in: what `onbrick key show` prints, or a file with that in it;
+                    can be repeated
   --deb FILE        the package (default: target/brick/onbrick_*_armel.deb)
   -h, --help        this
 END
@@ -70,7 +73,8 @@ read_keys() {
   local place=0 key
   for key in ${keys[@]+"${keys[@]}"}; do
     if [ -f "$key" ]; then key=$(<"$key"); fi
-    key=$(tr -s ' ' '\n' <<<"$key" | grep -xE '[]0-9a-zA-Z.:+=^!/*?&<>()[{}@%$#-]{40}' | head -n 1) ||
+    key=$(tr -s ' ' '\n' <<<"$key" |
+      grep -xE '[]0-9a-zA-Z.:+=^!/*?&<>()[{}@%$#-]{40}' | head -n 1) ||
       fail "this is no key: ${keys[$place]}" "a key has 40 signs; onbrick key show prints this PC's"
     keys[place]=$key
     place=$((place + 1))
@@ -91,7 +95,9 @@ read_password() {
 }
 
 find_deb() {
-  [ -n "$deb" ] || deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)
+  [ -n "$deb" ] ||
+    deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null |
+      sort -V | tail -n 1)
   if [ -z "$deb" ] || [ ! -f "$deb" ]; then
     fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"
   fi
@@ -134,7 +140,8 @@ check_image() {
       "unpack the image again; or, if a brick ran from it, e2fsck it"
   # dpkg unpacks the package beside the old one, so that three times its size is enough.
   local free
-  free=$(dumpe2fs -h "$image?offset=$offset" 2>/dev/null | awk -F: '/^Free blocks/ { blocks = $2 } /^Block size/ { size = $2 } END { print blocks * size }')
+  free=$(dumpe2fs -h "$image?offset=$offset" 2>/dev/null |
+    awk -F: '/^Free blocks/ { n = $2 } /^Block size/ { size = $2 } END { print n * size }')
   [ "$free" -gt $((3 * $(stat -c %s "$deb") + (16 << 20))) ] ||
     fail "there is no room in $image" "an image that nothing else was put into"
   say "$image is $release"
@@ -178,8 +185,9 @@ put_package() {
   put "$here/package/install-first" /var/cache/onbrick/install-first 755
   put "$here/package/onbrick-install.service" /etc/systemd/system/onbrick-install.service 644
   make_folder /etc/systemd/system/multi-user.target.wants
-  exists /etc/systemd/system/multi-user.target.wants/onbrick-install.service ||
-    in_root "symlink /etc/systemd/system/multi-user.target.wants/onbrick-install.service /etc/systemd/system/onbrick-install.service"
+  local unit=onbrick-install.service units=/etc/systemd/system
+  exists $units/multi-user.target.wants/$unit ||
+    in_root "symlink $units/multi-user.target.wants/$unit $units/$unit"
 }
 
 put_name() {
@@ -242,7 +250,8 @@ put_package
 [ ${#keys[@]} = 0 ] || put_keys
 e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 ||
   fail "$image came out damaged" "unpack the image and try again"
-say "put $(basename "$deb") into $image; the brick installs it at its first start, which takes a minute longer"
+say "put $(basename "$deb") into $image; the brick installs it at its first start," \
+  "which takes a minute longer"
 [ -z "$name" ] || say "it will be called $name: ssh robot@$name.local"
 [ ${#keys[@]} = 0 ] || say "${#keys[@]} PC(s) may talk to it"
 say "flash it, for example with Etcher"

@@ -6,18 +6,20 @@ usage() {
   cat <<'END'
 Usage: brick-image/install.sh [OPTIONS] [USER@]HOST
 
-Copies the package to the brick and installs it. Can be run again, also to bring in a newer version; a mission that runs is waited for. HOST
-is anything that ssh takes, without a user robot's: ev3dev.local, ssh://robot@10.0.0.7:22.
+Copies the package to the brick and installs it. Can be run again, also to bring in a newer version;
+it waits for a mission that runs. HOST is anything that ssh takes, by default with the user robot:
+ev3dev.local, ssh://robot@10.0.0.7:22.
   brick-image/install.sh ev3dev.local --name red
 
   --name NAME    give the brick a name on the network; new ones are all called ev3dev
   --no-key       do not let this PC in; it can be paired later (onbrick pair)
   --deb FILE     the package (default: target/brick/onbrick_*_armel.deb)
-  --onbrick FILE this PC's onbrick (default: target/brick/onbrick-linux-CPU, target/release/onbrick or the one in PATH)
+  --onbrick FILE this PC's onbrick (default: target/brick/onbrick-linux-CPU, target/release/onbrick
+                 or the one in PATH)
   -h, --help     this
 
-ssh asks for the password of the brick's user, and so does sudo on the brick, once; without a terminal, the first line of standard
-input is taken for sudo.
+ssh asks for the password of the brick's user, and so does sudo on the brick, once; without a
+terminal, sudo gets the first line of standard input.
 END
 }
 
@@ -109,7 +111,13 @@ as_root() { printf '%s\n' "$password" | on_brick "sudo -S -p '' sh -c $(quoted "
 # changes over at once.
 sum=$(sha256sum <"$deb" | cut -d' ' -f1)
 file=onbrick-$sum.deb
-on_brick "if cat >$file.part && echo '$sum  $file.part' | sha256sum --quiet -c -; then mv $file.part $file; else rm -f $file.part; exit 1; fi" <"$deb" ||
+on_brick "
+  if cat >$file.part && echo '$sum  $file.part' | sha256sum --quiet -c -; then
+    mv $file.part $file
+  else
+    rm -f $file.part
+    exit 1
+  fi" <"$deb" ||
   fail "the package did not arrive whole" "is there room on the card? ssh $host df -h"
 say "copied $(basename "$deb")"
 
@@ -123,10 +131,14 @@ install_package() {
     home=\$(getent passwd ${user_on_brick} | cut -d: -f6)
     cache=/var/cache/onbrick
     mkdir -p \$cache && : >\$cache/install.log || exit 1
-    is_installed() { [ \"\$(dpkg-query -W -f '\${db:Status-Status}' onbrick 2>/dev/null)\" = installed ]; }
+    is_installed() {
+      [ \"\$(dpkg-query -W -f '\${db:Status-Status}' onbrick 2>/dev/null)\" = installed ]
+    }
     change_over() {
-      dpkg --configure -a || echo 'onbrick: dpkg cannot finish what was begun before; going on'
-      if dpkg -i --force-confold \$home/$file; then mv \$home/$file \$cache/installed.deb && return; fi
+      dpkg --configure -a || echo 'onbrick: dpkg cannot finish what was begun before'
+      if dpkg -i --force-confold \$home/$file; then
+        mv \$home/$file \$cache/installed.deb && return
+      fi
       rm -f \$home/$file
       # A package that refused, because of a run for example, has changed nothing.
       is_installed && return 1
@@ -156,7 +168,11 @@ if [ -n "$name" ]; then
   as_root "
     set -e
     echo $name >/etc/hostname
-    if grep -q '^127\\.0\\.1\\.1' /etc/hosts; then sed -i 's/^127\\.0\\.1\\.1.*/127.0.1.1\\t$name/' /etc/hosts; else printf '127.0.1.1\\t$name\\n' >>/etc/hosts; fi
+    if grep -q '^127\\.0\\.1\\.1' /etc/hosts; then
+      sed -i 's/^127\\.0\\.1\\.1.*/127.0.1.1\\t$name/' /etc/hosts
+    else
+      printf '127.0.1.1\\t$name\\n' >>/etc/hosts
+    fi
     hostname $name
     if [ -d /run/systemd/system ]; then
       systemctl try-restart avahi-daemon.service 2>/dev/null || true
@@ -167,7 +183,9 @@ fi
 
 # The image's password is in every handbook: with it, everybody on the network is this brick's
 # owner.
-if as_root "perl -e '\$hash = (getpwnam(q($user_on_brick)))[1]; exit(crypt(q(maker), \$hash) eq \$hash ? 0 : 1)'"; then
+if as_root "perl -e '
+  \$hash = (getpwnam(q($user_on_brick)))[1];
+  exit(crypt(q(maker), \$hash) eq \$hash ? 0 : 1)'"; then
   say "warning: the password of $user_on_brick is still the well-known one"
   say "  try: ssh -t $host passwd"
 fi
@@ -178,7 +196,8 @@ key_in() { sed -n 's/.*"key":"\([^"]*\)".*/\1/p' | grep .; }
 introduce() {
   local ours theirs this_pc
   # In the alphabet of names.
-  this_pc=$(printf %s "$(id -un)-$(hostname)" | tr -c 'A-Za-z0-9._-' - | sed 's/^[^A-Za-z0-9]*//' | cut -c1-64)
+  this_pc=$(printf %s "$(id -un)-$(hostname)" |
+    tr -c 'A-Za-z0-9._-' - | sed 's/^[^A-Za-z0-9]*//' | cut -c1-64)
   "$onbrick" key show >/dev/null 2>&1 || "$onbrick" key new >/dev/null || return 1
   ours=$("$onbrick" --json key show | key_in) || return 1
   as_root "

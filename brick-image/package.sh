@@ -7,7 +7,8 @@ usage() {
   cat <<'END'
 Usage: brick-image/package.sh BINARY VERSION DIR
 
-Makes DIR/onbrick_VERSION_armel.deb of the brick's BINARY, the service, the default configuration, robot.toml and the missions.
+Makes DIR/onbrick_VERSION_armel.deb of the brick's BINARY, the service, the default configuration,
+robot.toml and the missions.
 END
 }
 

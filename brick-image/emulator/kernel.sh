@@ -9,7 +9,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 if [ $# -gt 0 ]; then
-  echo "Usage: kernel.sh    builds the emulated brick's kernel if it is not there, and prints its folder"
+  echo "Usage: kernel.sh    builds the emulated brick's kernel if needed, and prints its folder"
   [ "$1" = --help ] && exit 0 || exit 2
 fi
 
@@ -21,7 +21,10 @@ source_archive() {
   local found
   found=$(find /usr/src -maxdepth 1 -name 'linux-source-*.tar.xz' | sort -V | tail -n 1)
   if [ -z "$found" ]; then
-    install_packages "$(apt-cache depends linux-source 2>/dev/null | sed -n 's/.*Depends: //p' | head -n 1 | grep . || echo linux-source)"
+    install_packages "$(
+      apt-cache depends linux-source 2>/dev/null | sed -n 's/.*Depends: //p' | head -n 1 |
+        grep . || echo linux-source
+    )"
     found=$(find /usr/src -maxdepth 1 -name 'linux-source-*.tar.xz' | sort -V | tail -n 1)
   fi
   [ -n "$found" ] || fail "no kernel source in /usr/src" "apt-get install linux-source"

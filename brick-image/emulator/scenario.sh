@@ -113,7 +113,8 @@ mission() {
 # are in /tmp/events. Returns when it drives.
 drive() {
   rm -rf /tmp/run /tmp/events
-  (onbrick --json run "$1" --brick "${2:-/tmp/brick}" --robot /etc/onbrick/robot.toml --out /tmp/run 2>&1 && echo '{"exit":0}') |
+  (onbrick --json run "$1" --brick "${2:-/tmp/brick}" --robot /etc/onbrick/robot.toml \
+    --out /tmp/run 2>&1 && echo '{"exit":0}') |
     probe stamp >/tmp/events &
   driving=$!
   wait_for 60 grep -q '"event":"driving"' /tmp/events || {

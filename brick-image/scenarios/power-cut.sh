@@ -12,7 +12,8 @@ if [ "$number" -gt 1 ]; then
     exit 1
   }
   synced_ms=$(field /tmp/figures last_synced_ms)
-  figure "cut $((number - 1)): reached when it was last seen, less the second between two syncs and half a second" "$least_ms" ms
+  figure "cut $((number - 1)): reached when last seen, less 1 s between two syncs and 0.5 s" \
+    "$least_ms" ms
   figure "cut $((number - 1)): the recording, with each record's checksum, goes to" \
     "${synced_ms:-0}" ms ">=" "$least_ms"
   figure "cut $((number - 1)): damaged stretches" "$(field /tmp/figures damaged)" "" "==" 0

@@ -32,8 +32,29 @@ add_room() {
 # It stands for hardware, which answers at once whatever else the processor is asked to do, and
 # which the service may write to.
 add_hardware() {
-  printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nCPUSchedulingPolicy=fifo\nCPUSchedulingPriority=60\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
-  printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nReadWritePaths=/run/brick\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\nExecStopPost=\nExecStopPost=/usr/bin/onbrick halt --orphaned --brick /run/brick\n' >"$work/drop-in"
+  cat >"$work/hardware" <<'END'
+[Unit]
+Description=simulated hardware
+Before=onbrick.service
+[Service]
+CPUSchedulingPolicy=fifo
+CPUSchedulingPriority=60
+ExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml
+ExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"
+[Install]
+WantedBy=multi-user.target
+END
+  cat >"$work/drop-in" <<'END'
+[Unit]
+Wants=hardware.service
+After=hardware.service
+[Service]
+ReadWritePaths=/run/brick
+ExecStart=
+ExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick
+ExecStopPost=
+ExecStopPost=/usr/bin/onbrick halt --orphaned --brick /run/brick
+END
   add "$tools/onbrick-sim" /usr/local/bin/onbrick-sim 755
   add "$checkout/brick-image/emulator/room.toml" /usr/local/lib/room.toml 644
   add "$work/hardware" /etc/systemd/system/hardware.service 644
@@ -69,9 +90,15 @@ add_hardware
 # compare when pairing.
 cat >"$work/report.sh" <<'END'
 #!/bin/sh
-motors() { awk '{ n++; if ($0 != "") run++ } END { print n + 0 " motors, " run + 0 " of them run" }' /run/brick/sys/class/tacho-motor/*/state; }
+motors() {
+  awk '{ n++; if ($0 != "") run++ } END { print n + 0 " motors, " run + 0 " of them run" }' \
+    /run/brick/sys/class/tacho-motor/*/state
+}
 while :; do
-  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' '), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null), $(motors)"
+  failed=$(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' ')
+  installed=$(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)
+  active="$(systemctl is-active onbrick), name $(hostname), failed units: $failed"
+  echo "report: $(cut -d. -f1 /proc/uptime) s: $active, onbrick $installed, $(motors)"
   onbrick key show --keys /etc/onbrick/keys 2>/dev/null | sed -n 's/^key/report: key/p'
   if systemctl -q is-failed onbrick; then
     journalctl -u onbrick -o cat -n 12 --no-pager | sed 's/^/report: journal: /'
@@ -93,15 +120,28 @@ printf '[Service]\nExecStart=/usr/local/bin/report\n[Install]\nWantedBy=multi-us
   >"$work/report"
 add "$work/report.sh" /usr/local/bin/report 755
 add "$work/report" /etc/systemd/system/report.service 644
-debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/report.service /etc/systemd/system/report.service' "$image?$linux" 2>/dev/null
+units=/etc/systemd/system
+debugfs -w -R "symlink $units/multi-user.target.wants/report.service $units/report.service" \
+  "$image?$linux" 2>/dev/null
 
 # A person at the brick, who opens the pairing window, looks at the code, and says yes; over and
 # over.
 echo yes >"$work/yes"
-printf '[Service]\nExecStart=/usr/bin/onbrick pair --answers /usr/local/lib/yes\nStandardOutput=journal+console\nRestart=always\nRestartSec=3\n[Unit]\nStartLimitIntervalSec=0\n[Install]\nWantedBy=multi-user.target\n' >"$work/person"
+cat >"$work/person" <<'END'
+[Service]
+ExecStart=/usr/bin/onbrick pair --answers /usr/local/lib/yes
+StandardOutput=journal+console
+Restart=always
+RestartSec=3
+[Unit]
+StartLimitIntervalSec=0
+[Install]
+WantedBy=multi-user.target
+END
 add "$work/yes" /usr/local/lib/yes 644
 add "$work/person" /etc/systemd/system/person.service 644
-debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/person.service /etc/systemd/system/person.service' "$image?$linux" 2>/dev/null
+debugfs -w -R "symlink $units/multi-user.target.wants/person.service $units/person.service" \
+  "$image?$linux" 2>/dev/null
 
 code() { tr -d '\r' <"$1" | sed -n 's/^\(.*: \)\? *\([0-9]\{3\} [0-9]\{3\}\)$/\2/p' | tail -n 1; }
 same_code() {

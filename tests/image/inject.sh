@@ -30,10 +30,12 @@ in_image() { debugfs -R "$1" "$2?$linux" 2>/dev/null; }
 # Everything in an image's root, with its mode, owner and target, and the content of plain files;
 # not what inject.sh is there to change.
 contents() {
-  local folder ours=(! -path './var/cache/onbrick*' ! -path ./etc/hostname ! -path ./etc/hosts ! -path './var/lib/connman*' ! -name onbrick-install.service)
+  local folder ours=(! -path './var/cache/onbrick*' ! -path ./etc/hostname ! -path ./etc/hosts
+    ! -path './var/lib/connman*' ! -name onbrick-install.service)
   folder=$(mktemp -d "$work/contents.XXXX")
   in_image "rdump / $folder" "$1"
-  (cd "$folder" && find . "${ours[@]}" -printf '%p %y %m %U %G %l\n' | sort && find . -type f "${ours[@]}" -print0 | sort -z | xargs -0 sha256sum)
+  (cd "$folder" && find . "${ours[@]}" -printf '%p %y %m %U %G %l\n' | sort &&
+    find . -type f "${ours[@]}" -print0 | sort -z | xargs -0 sha256sum)
   rm -rf "$folder"
 }
 
@@ -70,8 +72,8 @@ check "the password is nowhere in what is said" not says "$work/said" "secret"
 check "the package is in it" [ \
   "$(in_image 'cat /var/cache/onbrick/onbrick.deb' "$work/red.img" | sha256sum)" = \
   "$(sha256sum <"$deb")" ]
-check "it will be installed at the first start" [ -n \
-  "$(in_image 'stat /etc/systemd/system/multi-user.target.wants/onbrick-install.service' "$work/red.img")" ]
+wanted=/etc/systemd/system/multi-user.target.wants/onbrick-install.service
+check "it will be installed at the first start" [ -n "$(in_image "stat $wanted" "$work/red.img")" ]
 check "the name" [ "$(in_image 'cat /etc/hostname' "$work/red.img")" = red ]
 check "the name among the hosts" [ \
   "$(in_image 'cat /etc/hosts' "$work/red.img" | grep -c $'^127.0.1.1\tred$')" = 1 ]

@@ -23,10 +23,16 @@ start_brick() {
     hostname ev3dev
     mount -t proc proc '$root/proc'
     mount --rbind /dev '$root/dev'
-    exec chroot '$root' /usr/bin/env QEMU_CPU=arm926 /usr/sbin/sshd -D -e -p $port -o ListenAddress=127.0.0.1 -o PidFile=none" 2>"$work/sshd.log" &
+    exec chroot '$root' /usr/bin/env QEMU_CPU=arm926 /usr/sbin/sshd -D -e -p $port \
+      -o ListenAddress=127.0.0.1 -o PidFile=none" 2>"$work/sshd.log" &
   cleaning+=("kill $!")
-  printf 'Host 127.0.0.1\n  IdentityFile %s\n  UserKnownHostsFile %s\n  StrictHostKeyChecking accept-new\n  BatchMode yes\n' \
-    "$work/ssh/key" "$work/ssh/known_hosts" >"$work/ssh/config"
+  cat >"$work/ssh/config" <<END
+Host 127.0.0.1
+  IdentityFile $work/ssh/key
+  UserKnownHostsFile $work/ssh/known_hosts
+  StrictHostKeyChecking accept-new
+  BatchMode yes
+END
   # ssh as the person at the PC has it set up.
   mkdir "$work/bin"
   printf '#!/bin/sh\nexec /usr/bin/ssh -F %s "$@"\n' "$work/ssh/config" >"$work/bin/ssh"
@@ -134,7 +140,15 @@ check "nothing is put in the old version's place until then" not is_next
 kill "$running"
 check "it is finished without a connection" wait_until 120 is_next
 
-printf 'name = "mine"\ntime_limit_s = 5\n[machine.drive]\nstart = "halt"\nfinal = "halt"\n[machine.drive.state.halt]\ndo = { stop = "brake" }\n' >"$work/mine.toml"
+cat >"$work/mine.toml" <<'END'
+name = "mine"
+time_limit_s = 5
+[machine.drive]
+start = "halt"
+final = "halt"
+[machine.drive.state.halt]
+do = { stop = "brake" }
+END
 check "a mission is pushed" "$onbrick" push "$host" "$work/mine.toml"
 check "it is there" cmp "$work/mine.toml" "$root/home/robot/missions/mine.toml"
 check "it is robot's" [ "$(chroot "$root" stat -c %U /home/robot/missions/mine.toml)" = robot ]
