@@ -8,11 +8,13 @@ from ev3dev2.sensor.lego import UltrasonicSensor
 SETTLE_S = 1.3
 
 sonar = UltrasonicSensor(INPUT_1)
-said = {"address": sonar.address, "first_cm": [sonar.distance_centimeters for _ in range(5)], "modes": {}}
+first_cm = [sonar.distance_centimeters for _ in range(5)]
+said = {"address": sonar.address, "first_cm": first_cm, "modes": {}}
 for mode in sonar.modes:
     sonar.mode = mode
     time.sleep(SETTLE_S)
-    said["modes"][mode] = [[sonar.value(index) for index in range(sonar.num_values)], sonar.units, sonar.decimals]
+    values = [sonar.value(index) for index in range(sonar.num_values)]
+    said["modes"][mode] = [values, sonar.units, sonar.decimals]
 
 
 def settled(read):

@@ -81,8 +81,8 @@ impl Draft {
             "# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;",
         );
         page.bare(
-            "# `onbrick calibrate` measures it by driving, `onbrick doctor` looks whether it fits \
-             what is plugged in.",
+            "# `onbrick calibrate` measures it by driving, `onbrick doctor` checks it against what is \
+             plugged in.",
         );
         page.bare("#");
         page.bare(
@@ -118,10 +118,7 @@ impl Draft {
             "metres driven in one turn of a wheel",
         );
         page.line(&format!("track_width_m = {}", self.track_width_m), "metres between the wheels");
-        page.line(
-            "max_dps = 360",
-            "the fastest a wheel may turn, degrees per second; no mission may ask for more",
-        );
+        page.line("max_dps = 360", "the fastest that a wheel may turn, degrees per second");
     }
 
     fn head(&self, page: &mut Page) {
@@ -140,7 +137,7 @@ impl Draft {
         page.bare(&format!("port = {}", quoted(&head.port)));
         page.line(
             &format!("gear = [{motor}, {driven}]"),
-            "teeth on the motor, on the head; minus: turns the other way",
+            "teeth on the motor, on the head; minus: it reverses",
         );
         page.bare(&format!("speed_dps = {speed_dps}"));
         page.line("limit_deg = 90", "no further than this to either side, for the cable's sake");
@@ -153,7 +150,7 @@ impl Draft {
                 page.bare("\n[range]");
                 page.line(
                     &format!("port = {}", quoted(port)),
-                    "ultrasonic, or infrared with its own scale (infrared_m_per_pct)",
+                    "ultrasonic, or infrared (with infrared_m_per_pct)",
                 );
                 page.line(
                     &format!("ahead_m = {}", self.range_ahead_m),
