@@ -468,7 +468,13 @@ mod tests {
             Some(())
         })
         .unwrap_err();
-        let expected = "error: unknown key `track_widht_m` in [drive]\n  --> robot.toml:4:1\n   |\n 4 | track_widht_m = 0.1\n   | ^^^^^^^^^^^^^ did you mean `track_width_m`?\n";
+        let expected = "\
+error: unknown key `track_widht_m` in [drive]
+  --> robot.toml:4:1
+   |
+ 4 | track_widht_m = 0.1
+   | ^^^^^^^^^^^^^ did you mean `track_width_m`?
+";
         assert_eq!(error, expected);
     }
 

@@ -136,7 +136,8 @@ fn a_second_run_is_refused_whatever_path_leads_to_the_brick() {
             .args([
                 "sh",
                 "-c",
-                r#"mount --bind "$1" other && exec "$0" run mission.toml --brick other --out second"#,
+                "mount --bind \"$1\" other && \
+                 exec \"$0\" run mission.toml --brick other --out second",
             ])
             .arg(env!("CARGO_BIN_EXE_onbrick"))
             .arg(running.brick.root())

@@ -231,7 +231,7 @@ fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
     );
 }
 
-/// The user `nobody`.
+/// A user without rights: the kernel's overflow number.
 const NOBODY: u32 = 65_534;
 
 /// A folder open to all users, with a copy of the program: another user may have no access to the

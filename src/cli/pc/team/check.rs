@@ -287,7 +287,9 @@ mod tests {
         let expected = "\
 brick  battery  onbrick  mission
 blue     7.6 V  1.0.0    map aaaaaaaa  ready
-red      7.6 V  0.9.0    map bbbbbbbb  mission map: unknown key `x`; onbrick missions shows all; another onbrick: 0.9.0, and the others have 1.0.0; another mission: bbbbbbbb, and the others have aaaaaaaa
+red      7.6 V  0.9.0    map bbbbbbbb  mission map: unknown key `x`; onbrick missions shows all; \
+another onbrick: 0.9.0, and the others have 1.0.0; \
+another mission: bbbbbbbb, and the others have aaaaaaaa
 green    7.6 V  1.0.0    map aaaaaaaa  ready
 grey         ?  ?        ?             no answer from grey";
         assert_eq!(table(&team()), expected);
