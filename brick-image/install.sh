@@ -181,8 +181,7 @@ if [ -n "$name" ]; then
   say "it is called $name now: ssh robot@$name.local"
 fi
 
-# The image's password is in every handbook: with it, everybody on the network is this brick's
-# owner.
+# The image's password is in every handbook: with it, every user of the network controls this brick.
 if as_root "perl -e '
   \$hash = (getpwnam(q($user_on_brick)))[1];
   exit(crypt(q(maker), \$hash) eq \$hash ? 0 : 1)'"; then

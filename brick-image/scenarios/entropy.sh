@@ -1,7 +1,6 @@
 # shellcheck shell=dash
-# Right after power-on the kernel has no random numbers yet: a mission drives all the same, by
-# itself and through the service, whose status says what the link waits for; the link comes when it
-# can.
+# Right after power-on the kernel has no random numbers yet. A mission still drives, by itself and
+# through the service, whose status says what the link waits for; the link comes when it can.
 none() { [ "$(probe random)" != ready ]; }
 expect "the kernel has no random numbers yet" none
 brick_up

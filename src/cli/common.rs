@@ -161,7 +161,7 @@ pub(super) fn broken_mission(source: &Source, findings: &Findings) -> Failure {
     Failure::refused(findings.to_string()).hint(hint)
 }
 
-/// Puts warnings to the log: the file can be used all the same.
+/// Puts warnings to the log: the file is usable.
 pub(super) fn warn(findings: &Findings) {
     for finding in findings {
         log::warn!("{finding}");

@@ -285,7 +285,7 @@ impl Guard {
         let _ = poll(&mut waited, timeout(wake_ns));
     }
 
-    /// Takes in what everybody said; true if control will say nothing more.
+    /// Takes in all new messages; true if control will say nothing more.
     fn hear(&mut self, tree: &Arc<dyn Tree>) -> bool {
         let silent = take_in(self.said.as_fd(), &mut self.lines);
         let now_ns = MonotonicClock.now_ns();

@@ -83,7 +83,7 @@ fn write_beside(
         file.sync_all()
     });
     written.and_then(|()| take_name(&fresh)).map_err(|source| {
-        // What was begun is of no use to anybody.
+        // An incomplete file is useless.
         let _ = std::fs::remove_file(&fresh);
         SaveError::Io { path: path.to_owned(), source }
     })

@@ -262,8 +262,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`ClientError`]. After [`ClientError::NoAnswer`] the run may have been started all the same,
-    /// or may be within the next five seconds: a status tells.
+    /// [`ClientError`]. After [`ClientError::NoAnswer`] the run may still have been started, or may
+    /// start within the next five seconds: ask for the status.
     pub fn start(
         &mut self,
         mission: Chosen,

@@ -300,7 +300,7 @@ fn write_private(path: &Path, text: &str, replace: Replace) -> Result<(), KeyErr
         Replace::No => fs::hard_link(&fresh, path).and_then(|()| fs::remove_file(&fresh)),
     });
     placed.map_err(|error| {
-        // What was begun is of no use to anybody.
+        // An incomplete file is useless.
         let _ = fs::remove_file(&fresh);
         match error.kind() {
             io::ErrorKind::AlreadyExists => KeyError::Exists(path.to_owned()),

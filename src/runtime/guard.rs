@@ -225,8 +225,8 @@ impl Pulse {
 
     /// Looks once in a tick; true where the guard has been silent for [`MISSED_NS`].
     ///
-    /// A tick counts for two periods at most: where control itself was away, it cannot have heard
-    /// anybody.
+    /// A tick counts for two periods at most: while control itself was suspended it could not hear
+    /// the guard.
     pub fn is_silent(&mut self, now_ns: i64, period_ns: i64) -> bool {
         let beats = self.beats.load(Ordering::Relaxed);
         let passed_ns = now_ns - self.looked_ns.replace(now_ns).unwrap_or(now_ns);

@@ -158,7 +158,7 @@ impl HardwareLock {
         open_files::has_open(pid, &lock_path(root))
     }
 
-    /// Who holds the hardware below `root`, if anybody does.
+    /// The owner of the hardware below `root`, if any.
     ///
     /// # Errors
     ///
@@ -177,8 +177,8 @@ impl HardwareLock {
     }
 }
 
-/// Anybody who may drive may lock, so the file is writable for all; the sticky folder keeps others
-/// from replacing it.
+/// Every user that may drive may lock, so the file is writable for all; the sticky folder keeps
+/// others from replacing it.
 fn open(path: &Path) -> io::Result<File> {
     const EVERYBODY: u32 = 0o666;
     let file = OpenOptions::new()

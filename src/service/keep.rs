@@ -28,7 +28,7 @@ impl Service {
     /// Begins to keep, in threads of its own that last as long as the process.
     pub(super) fn keep(&self) -> io::Result<()> {
         let mut keeper = Keeper::new(Arc::clone(&self.inner));
-        // Once before anybody asks.
+        // Once before the first request.
         keeper.look();
         let thread = |name: &str| std::thread::Builder::new().name(name.to_owned());
         thread("keeper").spawn(move || keeper.keep())?;

@@ -254,8 +254,7 @@ pub struct Fetch {
     /// How long it may be, bytes; the brick brings at most [`MAX_FETCH_BYTES`].
     pub length: u32,
     /// SHA-256, in hexadecimal, of the whole recording as it lies on the client's disk: with the
-    /// brick's own hash, the run counts as fetched from now on. A client that leaves it out brings
-    /// the recording home all the same.
+    /// brick's own hash, the run counts as fetched from now on. It is optional.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
 }

@@ -7,9 +7,9 @@
 //! | running | green, pulsing; none of it where the mission switches the lights itself | |
 //! | fault | red | a low tone |
 //!
-//! Lights are written when they change and not otherwise, so that another program that wants them
-//! between runs has them. They fail in silence: a brick without lights, or a user who may not
-//! switch them, runs missions all the same.
+//! Lights are written only when they change, so that other programs can use them between runs.
+//! Errors are ignored: a brick without lights, or a user who may not switch them, still runs
+//! missions.
 //!
 //! # Not here
 //!

@@ -271,8 +271,8 @@ impl Service {
         }
     }
 
-    /// Whether anybody else has the hardware. The run itself takes it; asking first makes a better
-    /// answer.
+    /// Whether another program has the hardware. The run itself takes it; asking first makes a
+    /// better answer.
     fn is_free(&self) -> Result<(), Refusal> {
         let Some(tree) = self.inner.bench.machine() else { return Ok(()) };
         match HardwareLock::owner(tree.root()) {

@@ -155,8 +155,8 @@ impl From<StoreError> for Refusal {
 }
 
 impl Store {
-    /// Takes a folder of runs, which is made where there is none. A folder that cannot be written
-    /// to is taken all the same, for what is in it; [`Store::trouble`] says so.
+    /// Takes a folder of runs and creates it if needed. A read-only folder is taken for what is in
+    /// it; [`Store::trouble`] reports it.
     ///
     /// # Errors
     ///

@@ -507,8 +507,8 @@ impl Brick {
         Ok(Stored { taken, wait })
     }
 
-    /// Changes whenever those who poll this attribute are woken; none for attributes that never
-    /// wake anybody.
+    /// Changes whenever the pollers of this attribute are woken; `None` for attributes that never
+    /// wake one.
     pub(crate) fn notices(&self, id: u32, attribute: &str) -> Option<u32> {
         match (&self.node(id)?.device, attribute) {
             (Device::Tacho(_, motor), "state") => Some(motor.notices()),

@@ -108,7 +108,7 @@ impl Mount {
         let mut config = Config::default();
         config.mount_options =
             vec![MountOption::FSName(point::SOURCE.to_owned()), MountOption::NoAtime];
-        // As a brick's devices are everybody's; the kernel lets only root share a mount.
+        // A brick's devices are open to all users; the kernel lets only root share a mount.
         if geteuid().is_root() {
             config.acl = SessionACL::All;
         }

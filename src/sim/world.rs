@@ -100,13 +100,13 @@ impl World {
         BUILT_IN.iter().map(|(name, _)| *name)
     }
 
-    /// The file of a built-in world; `None` where there is none of that name.
+    /// The file of a built-in world; `None` for an unknown name.
     #[must_use]
     pub fn text(name: &str) -> Option<&'static str> {
         BUILT_IN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
     }
 
-    /// A built-in world; `None` where there is none of that name.
+    /// A built-in world; `None` for an unknown name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         // The files are part of this program, and a test reads each of them.

@@ -81,8 +81,8 @@ impl Draft {
             "# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;",
         );
         page.bare(
-            "# `onbrick calibrate` measures it by driving, `onbrick doctor` checks it against what is \
-             plugged in.",
+            "# `onbrick calibrate` measures it by driving, `onbrick doctor` checks it against what \
+             is plugged in.",
         );
         page.bare("#");
         page.bare(

@@ -86,7 +86,7 @@ pub(super) enum Over {
     NotLetIn,
     /// It was open, and broke.
     Lost,
-    /// It brings on and on what is no reply.
+    /// It keeps sending what is no reply.
     TooMuch,
 }
 

@@ -137,8 +137,8 @@ fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, C
     }
 }
 
-/// Tells the brick that all of a run is here, so that its room may go to others first. It is here
-/// all the same where the brick does not hear it.
+/// Tells the brick that all of a run is here, so that it may delete that run first. Without the
+/// brick's answer the recording is still complete.
 fn tell(line: &mut Line, run: &RunId, bytes: u64, sha256: String) {
     let whole = Fetch { sha256: Some(sha256), ..Fetch::part(run, bytes, 0) };
     if let Err(error) = line.ask(&Request::Fetch(whole)) {

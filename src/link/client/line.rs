@@ -224,8 +224,8 @@ impl Line {
             Ok(reply) => {
                 let id = match reply.id {
                     Some(Id::Number(id)) => id,
-                    // A request of ours that was not understood at all has no number; there is none
-                    // of anybody else.
+                    // A request of ours that the brick could not parse has no number; no other
+                    // client's reply comes here.
                     _ => self.next_id.saturating_sub(1),
                 };
                 Some((

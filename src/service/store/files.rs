@@ -101,7 +101,7 @@ pub(in crate::service) fn replace_file(path: &Path, bytes: &[u8], synced: bool) 
         if synced { file.sync_all() } else { Ok(()) }
     });
     written.and_then(|()| std::fs::rename(&fresh, path)).inspect_err(|_| {
-        // What was begun is of no use to anybody.
+        // An incomplete file is useless.
         let _ = std::fs::remove_file(&fresh);
     })
 }

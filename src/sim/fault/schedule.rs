@@ -21,8 +21,8 @@ pub struct FaultRecord {
     pub time_ns: i64,
     /// Whose, from 0.
     pub robot: usize,
-    /// What: an order's text; `… is over` at a fault's end; with the reason, what a scenario
-    /// ordered in vain.
+    /// What: an order's text; `… is over` at a fault's end; a failed order of a scenario with the
+    /// reason.
     pub what: String,
 }
 

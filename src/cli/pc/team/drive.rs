@@ -111,7 +111,7 @@ impl Share<'_> {
         };
         match self.start() {
             Ok(()) => came.began = Some(Began { at_ns: wall_ns(), within_ns: i64::MAX }),
-            // It may have been started all the same.
+            // The run may have started nevertheless.
             Err(ClientError::Interrupted | ClientError::NoAnswer { .. }) => {}
             Err(error) => {
                 came.failure = Some(failure(brick, &error));
