@@ -16,8 +16,9 @@ Builds, strips and checks onbrick for the EV3's processor, and puts into target/
   onbrick-linux-CPU           the program for a PC like this one
   SHA256SUMS                  their checksums
 
-Installs what is missing: a cross compiler, QEMU, and Rust's standard library for the brick's processor, from rustup if that can fetch
-it, else from Debian. Exit codes: 0 done; 1 something could not be built or installed; 3 what was built is not fit for a brick.
+Installs what is missing: a cross compiler, QEMU, and Rust's standard library for the brick's
+processor, from rustup if that can fetch it, else from Debian. Exit codes: 0 done; 1 something could
+not be built or installed; 3 what was built is not fit for a brick.
 END
 }
 
@@ -29,11 +30,12 @@ largest=6000000
 # The emulated processor, under the name of the brick's kernel.
 arm926=(qemu-arm -cpu arm926 -r 4.14.117-ev3dev-2.3.5-ev3)
 # System calls that a 4.14 kernel lacks, those from 398 on. The C library's calls for the time after
-# 2038 (clock_gettime64 and its like) are not among them: it asks for them first, and goes on with
-# the older ones; `emulate.sh old-kernel` refuses them all.
-newer='rseq|io_pgetevents|migrate_pages|kexec_file_load|pidfd_[a-z_]*|io_uring_[a-z]*|open_tree|move_mount|fs(open|config|mount|pick)|clone3'
-newer+='|close_range|openat2|faccessat2|process_(madvise|mrelease)|epoll_pwait2|mount_setattr|quotactl_fd|landlock_[a-z_]*|memfd_secret'
-newer+='|futex_waitv|set_mempolicy_home_node|cachestat|fchmodat2'
+# 2038 (clock_gettime64 and its like) are not among them: it tries them first, and falls back to the
+# older ones; `emulate.sh old-kernel` refuses them all.
+newer='rseq|io_pgetevents|migrate_pages|kexec_file_load|pidfd_[a-z_]*|io_uring_[a-z]*|open_tree'
+newer+='|move_mount|fs(open|config|mount|pick)|clone3|close_range|openat2|faccessat2'
+newer+='|process_(madvise|mrelease)|epoll_pwait2|mount_setattr|quotactl_fd|landlock_[a-z_]*'
+newer+='|memfd_secret|futex_waitv|set_mempolicy_home_node|cachestat|fchmodat2'
 
 say() { printf 'build: %s\n' "$*" >&2; }
 
@@ -43,7 +45,8 @@ unfit() {
 }
 
 install_tools() {
-  needs g++=g++ make=make dpkg-deb=dpkg arm-linux-gnueabi-g++=g++-arm-linux-gnueabi qemu-arm=qemu-user
+  needs g++=g++ make=make dpkg-deb=dpkg arm-linux-gnueabi-g++=g++-arm-linux-gnueabi \
+    qemu-arm=qemu-user
   [ -e /usr/arm-linux-gnueabi/lib/libc.a ] || install_packages libc6-dev-armel-cross
 }
 
@@ -61,12 +64,14 @@ install_rust() {
 }
 
 build_brick() {
-  arm_cargo build --release --no-default-features --features link || fail "the brick's program could not be built"
+  arm_cargo build --release --no-default-features --features link ||
+    fail "the brick's program could not be built"
   arm-linux-gnueabi-strip -o "$brick/onbrick" "$built/$target/release/onbrick"
 }
 
 build_tools() {
-  tools=$("$here/tools.sh") || fail "the brick's program with the simulated brick could not be built"
+  tools=$("$here/tools.sh") ||
+    fail "the brick's program with the simulated brick could not be built"
 }
 
 build_pc() {
@@ -80,9 +85,11 @@ check_file() {
   local header attributes dynamic segments size
   header=$(arm-linux-gnueabi-readelf -h "$brick/onbrick")
   grep -q 'Machine: *ARM$' <<<"$header" || unfit "it is not for ARM"
-  grep -q 'Flags:.*Version5 EABI.*soft-float ABI' <<<"$header" || unfit "it is not EABI 5 with soft float"
+  grep -q 'Flags:.*Version5 EABI.*soft-float ABI' <<<"$header" ||
+    unfit "it is not EABI 5 with soft float"
   attributes=$(arm-linux-gnueabi-readelf -A "$brick/onbrick")
-  grep -q 'Tag_CPU_arch: v5TE$' <<<"$attributes" || unfit "it is not for ARMv5TE: $(grep Tag_CPU_arch <<<"$attributes")"
+  grep -q 'Tag_CPU_arch: v5TE$' <<<"$attributes" ||
+    unfit "it is not for ARMv5TE: $(grep Tag_CPU_arch <<<"$attributes")"
   ! grep -q 'Tag_FP_arch' <<<"$attributes" || unfit "it wants a floating-point unit"
   dynamic=$(arm-linux-gnueabi-readelf -d "$brick/onbrick")
   grep -q 'no dynamic section' <<<"$dynamic" || unfit "it is linked dynamically"
@@ -99,7 +106,8 @@ check_file() {
 drive() {
   local file=$1 last
   shift
-  "${arm926[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" >"$work/job"
+  "${arm926[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" \
+    >"$work/job"
   last=$("$@" control <"$work/job" | grep -v '^$' | tail -n 1) || true
   case $last in
     *'"event":"ended"'*'"word":"finished"'* | *'"event":"ended"'*'"word":"time limit"'*) ;;
@@ -116,7 +124,8 @@ check_mission() {
   drive "$work/pc.mcap" "$built/release/onbrick"
   drive "$work/arm.mcap" "${arm926[@]}" -strace -D "$work/calls" "$tools/onbrick-sim"
   cmp "$work/pc.mcap" "$work/arm.mcap" || unfit "it does not record what a PC records"
-  say "a mission on an ARM926EJ-S recorded the same $(stat -c %s "$work/pc.mcap") bytes as on this PC"
+  say "a mission on an ARM926EJ-S recorded the same" \
+    "$(stat -c %s "$work/pc.mcap") bytes as on this PC"
   grep -q 'fdatasync(' "$work/calls" || fail "QEMU did not list the system calls"
   # One that was answered with ENOSYS (38), after which the mission went on as on the PC, may be
   # refused by the brick as well.

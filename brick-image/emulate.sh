@@ -11,9 +11,10 @@ Usage: brick-image/emulate.sh [OPTIONS] SCENARIO [ARGUMENT…]
        brick-image/emulate.sh --shell
        brick-image/emulate.sh --image IMAGE [--forward PORT]
 
-Boots 64 MB ARM926EJ-S (QEMU's versatilepb), as in the EV3, runs SCENARIO inside and ends with its exit code. SCENARIO is a shell
-script, or the name of one in brick-image/scenarios. Inside, onbrick is the brick's own file, onbrick-sim the same with the simulated
-brick, and what is left in /tmp/out comes out.
+Boots 64 MB ARM926EJ-S (QEMU's versatilepb), as in the EV3, runs SCENARIO inside and ends with its
+exit code. SCENARIO is a shell script, or the name of one in brick-image/scenarios. Inside, onbrick
+is the brick's own file, onbrick-sim the same with the simulated brick, and the files of /tmp/out
+are copied out at the end.
 
   --exact           time counts guest instructions, 250 million a second, so that figures repeat
   --shell           a prompt instead of a scenario
@@ -22,18 +23,21 @@ brick, and what is left in /tmp/out comes out.
   --disk FILE       a raw disk image, /dev/vda inside
   --card            an ext4 image with the brick's file as that disk, for what depends on reading it
   --pid FILE        the emulator's process number goes there: killing it is a power cut
-  --timeout S       give up after so many seconds of real time (default 600)
+  --timeout S       give up after S seconds of real time (default 600)
   --onbrick FILE    the brick's file (default target/brick/onbrick)
-  --tools DIR       onbrick-sim, which measures as well, for the brick's processor (default: built into target/emulator)
-  --image IMAGE     boot this SD card image with its own systemd instead; its console is this terminal
-  --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670, the next one to its pairing window, 5671
+  --tools DIR       onbrick-sim, which measures as well, for the brick's processor
+                    (default: built into target/emulator)
+  --image IMAGE     boot this SD card image with its own systemd; its console is this terminal
+  --forward PORT    with --image: this port of the loopback leads to the brick's link, 5670,
+                    and the next one to its pairing window, 5671
   -h, --help        this
 
 Exit codes: the scenario's own; 124 when the time is over; 1 when the emulator cannot start.
 END
 }
 
-exact=no card=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' machine_pid='' onbrick='' tools=''
+exact=no card=no shell=no out='' disk='' timeout=600 image='' forward='' scenario='' \
+  machine_pid='' onbrick='' tools=''
 added=() arguments=()
 while [ $# -gt 0 ]; do
   case $1 in
@@ -57,15 +61,19 @@ while [ $# -gt 0 ]; do
 done
 if [ "$shell$image$scenario" = no ]; then usage >&2 && exit 2; fi
 
-needs qemu-system-arm=qemu-system-arm cpio=cpio gzip=gzip arm-linux-gnueabi-gcc=gcc-arm-linux-gnueabi
+needs qemu-system-arm=qemu-system-arm cpio=cpio gzip=gzip \
+  arm-linux-gnueabi-gcc=gcc-arm-linux-gnueabi
 kernel=$("$here/kernel.sh")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-machine=(qemu-system-arm -M versatilepb -cpu arm926 -m 64M -kernel "$kernel/zImage" -dtb "$kernel/versatile-pb.dtb" -no-reboot -monitor none -display none)
+machine=(qemu-system-arm -M versatilepb -cpu arm926 -m 64M -kernel "$kernel/zImage"
+  -dtb "$kernel/versatile-pb.dtb" -no-reboot -monitor none -display none)
 # What the guest has written is in the image, or in this machine's memory on its way there: a power
 # cut is the emulator's death.
-virtio_disk() { machine+=(-drive "file=$1,format=raw,if=none,id=d" -device "virtio-blk-pci,drive=d"); }
+virtio_disk() {
+  machine+=(-drive "file=$1,format=raw,if=none,id=d" -device "virtio-blk-pci,drive=d")
+}
 [ -z "$machine_pid" ] || machine+=(-pidfile "$machine_pid")
 [ "$exact" = no ] || machine+=(-icount "shift=2,sleep=off")
 [ -z "$disk" ] || virtio_disk "$disk"
@@ -84,13 +92,15 @@ fetch_busybox() {
   local apt=$cache/apt-armel
   rm -rf "$apt" && mkdir -p "$apt/lists/partial" "$apt/archives/partial"
   touch "$apt/status"
-  printf '%s\n' 'APT::Architecture "armel";' 'APT::Architectures { "armel"; };' "Dir::State \"$apt\";" \
-    "Dir::State::status \"$apt/status\";" "Dir::Cache \"$apt\";" 'Acquire::Languages "none";' 'APT::Sandbox::User "root";' >"$apt/conf"
+  printf '%s\n' 'APT::Architecture "armel";' 'APT::Architectures { "armel"; };' \
+    "Dir::State \"$apt\";" "Dir::State::status \"$apt/status\";" \
+    "Dir::Cache \"$apt\";" 'Acquire::Languages "none";' 'APT::Sandbox::User "root";' >"$apt/conf"
   (
     cd "$apt"
     export APT_CONFIG=$apt/conf
     { apt-get -qq update && apt-get -qq download busybox-static; } >&2 ||
-      fail "cannot fetch busybox-static for armel" "a Debian mirror in /etc/apt/sources.list, or put the file into $cache/busybox-armel"
+      fail "cannot fetch busybox-static for armel" \
+        "a Debian mirror in /etc/apt/sources.list, or put the file into $cache/busybox-armel"
     dpkg-deb -x busybox-static_*.deb root
     mv root/bin/busybox "$1"
   )
@@ -117,7 +127,8 @@ first_file_system() {
   local missions
   missions=$(cd "$checkout/brick-image" && find missions -name '*.toml')
   for file in robot.toml $missions; do put "$checkout/brick-image/$file" "etc/onbrick/$file"; done
-  printf 'root:x:0:0:root:/root:/bin/sh\nrobot:x:1000:1000:robot:/home/robot:/bin/sh\n' >"$work/root/etc/passwd"
+  printf 'root:x:0:0:root:/root:/bin/sh\nrobot:x:1000:1000:robot:/home/robot:/bin/sh\n' \
+    >"$work/root/etc/passwd"
   printf 'root:x:0:\nrobot:x:1000:\n' >"$work/root/etc/group"
   if [ "$card" = yes ]; then
     needs mke2fs=e2fsprogs
@@ -140,7 +151,8 @@ scenario_file() {
   for file in "$scenario" "$checkout/brick-image/scenarios/$scenario.sh"; do
     [ -f "$file" ] && echo "$file" && return
   done
-  fail "there is no scenario $scenario" "one of: $(basename -s .sh "$checkout"/brick-image/scenarios/*.sh | tr "\n" " ")"
+  fail "there is no scenario $scenario" \
+      "one of: $(basename -s .sh "$checkout"/brick-image/scenarios/*.sh | tr "\n" " ")"
 }
 
 # QEMU's own word about a register that Linux writes and it does not model; and serial lines end as
@@ -149,16 +161,21 @@ without_noise() { sed -u -e '/^vpb_sic_write: /d' -e '/^reboot: /d' -e 's/\r$//'
 
 run_scenario() {
   touch "$work/code" "$work/out.tgz"
-  machine+=(-initrd "$work/rd.gz" -append "$words rdinit=/init" -serial stdio -serial "file:$work/code" -serial "file:$work/out.tgz")
+  machine+=(-initrd "$work/rd.gz" -append "$words rdinit=/init" -serial stdio
+    -serial "file:$work/code" -serial "file:$work/out.tgz")
   local ended=0
-  timeout --foreground "$timeout" "${machine[@]}" </dev/null 2>"$work/qemu.log" | without_noise || ended=$?
+  timeout --foreground "$timeout" "${machine[@]}" </dev/null 2>"$work/qemu.log" | without_noise ||
+    ended=$?
   [ "$ended" != 124 ] || { say "gave up after $timeout s" && exit 124; }
-  if [ -n "$out" ] && [ -s "$work/out.tgz" ]; then mkdir -p "$out" && tar xzf "$work/out.tgz" -C "$out"; fi
+  if [ -n "$out" ] && [ -s "$work/out.tgz" ]; then
+    mkdir -p "$out" && tar xzf "$work/out.tgz" -C "$out"
+  fi
   local code
   code=$(tr -d '\r\n' <"$work/code")
   # QEMU complains of missing sound cards and the like; that matters only where nothing came of it.
   [ -n "$code" ] || cat "$work/qemu.log" >&2
-  [ -n "$code" ] || fail "the emulated machine ended without saying how" "look at the last lines above"
+  [ -n "$code" ] || fail "the emulated machine ended without saying how" \
+    "look at the last lines above"
   exit "$code"
 }
 
@@ -170,11 +187,17 @@ if [ -n "$image" ]; then
   # programs run into their time limits; while it waits, for its disk or for a PC, time is
   # everybody's.
   [ "$exact" = yes ] || machine+=(-icount "shift=2")
-  [ -z "$forward" ] || machine+=(-netdev "user,id=n,hostfwd=tcp:127.0.0.1:$forward-:5670,hostfwd=tcp:127.0.0.1:$((forward + 1))-:5671" -device "virtio-net-pci,netdev=n,romfile=")
-  timeout --foreground "$timeout" "${machine[@]}" -append "$words root=/dev/vda2 rw rootwait ip=10.0.2.15::10.0.2.2:255.255.255.0::eth0:off" -serial mon:stdio 2>"$work/qemu.log"
+  here_port=tcp:127.0.0.1
+  [ -z "$forward" ] || machine+=(
+    -netdev "user,id=n,hostfwd=$here_port:$forward-:5670,hostfwd=$here_port:$((forward + 1))-:5671"
+    -device "virtio-net-pci,netdev=n,romfile=")
+  timeout --foreground "$timeout" "${machine[@]}" \
+    -append "$words root=/dev/vda2 rw rootwait ip=10.0.2.15::10.0.2.2:255.255.255.0::eth0:off" \
+    -serial mon:stdio 2>"$work/qemu.log"
 elif [ "$shell" = yes ]; then
   first_file_system
-  "${machine[@]}" -initrd "$work/rd.gz" -append "$words rdinit=/init" -serial mon:stdio -serial null -serial null 2>"$work/qemu.log"
+  "${machine[@]}" -initrd "$work/rd.gz" -append "$words rdinit=/init" -serial mon:stdio \
+    -serial null -serial null 2>"$work/qemu.log"
 else
   first_file_system
   run_scenario

@@ -7,14 +7,17 @@ usage() {
   cat <<'END'
 Usage: brick-image/inject.sh IMAGE [OPTIONS]
 
-Puts the package into IMAGE, an ev3dev SD card image (unpacked: a file that ends in .img). At its first start the brick installs it by
-itself. Needs no root. A dozen bricks are twelve commands:
-  brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" --key "$(onbrick key show)"
+Puts the package into IMAGE, an ev3dev SD card image (unpacked: a file that ends in .img). At its
+first start the brick installs it by itself. Needs no root. A dozen bricks are twelve commands:
+  brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" \
+    --key "$(onbrick key show)"
 
   --out NEW.img     leave IMAGE alone and make this one
   --name NAME       the brick's name on the network; without it all are called ev3dev
-  --wifi NAME       join this wireless network; the password is asked for, or the first line of standard input
-  --key KEY         let this PC in: what `onbrick key show` prints, or a file with that in it; can be repeated
+  --wifi NAME       join this wireless network; the password is asked for, or the first line of
+                    standard input
+  --key KEY         let this PC in: what `onbrick key show` prints, or a file with that in it;
+                    can be repeated
   --deb FILE        the package (default: target/brick/onbrick_*_armel.deb)
   -h, --help        this
 END
@@ -61,7 +64,8 @@ check_tools() {
 # As host names are (RFC 1123), so that it can be looked up as NAME.local.
 check_name() {
   [ -z "$name" ] || [[ $name =~ ^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$ ]] ||
-    fail "$name cannot be a brick's name" "small letters a to z, digits, and - in between; at most 63"
+    fail "$name cannot be a brick's name" \
+      "small letters a to z, digits, and - in between; at most 63"
 }
 
 # A key is 40 signs of Z85, alone or as `onbrick key show` prints it.
@@ -69,7 +73,8 @@ read_keys() {
   local place=0 key
   for key in ${keys[@]+"${keys[@]}"}; do
     if [ -f "$key" ]; then key=$(<"$key"); fi
-    key=$(tr -s ' ' '\n' <<<"$key" | grep -xE '[]0-9a-zA-Z.:+=^!/*?&<>()[{}@%$#-]{40}' | head -n 1) ||
+    key=$(tr -s ' ' '\n' <<<"$key" |
+      grep -xE '[]0-9a-zA-Z.:+=^!/*?&<>()[{}@%$#-]{40}' | head -n 1) ||
       fail "this is no key: ${keys[$place]}" "a key has 40 signs; onbrick key show prints this PC's"
     keys[place]=$key
     place=$((place + 1))
@@ -80,14 +85,24 @@ read_keys() {
 # written.
 read_password() {
   [ -n "$wifi" ] || return 0
-  if [ -t 0 ]; then IFS= read -rsp "password of $wifi: " password && echo; else IFS= read -r password || true; fi
-  [ ${#password} -ge 8 ] || [ -z "$password" ] || fail "a wireless password has at least 8 signs" "nothing for an open network"
+  if [ -t 0 ]; then
+    IFS= read -rsp "password of $wifi: " password && echo
+  else
+    IFS= read -r password || true
+  fi
+  [ ${#password} -ge 8 ] || [ -z "$password" ] ||
+    fail "a wireless password has at least 8 signs" "nothing for an open network"
 }
 
 find_deb() {
-  [ -n "$deb" ] || deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)
-  if [ -z "$deb" ] || [ ! -f "$deb" ]; then fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"; fi
-  [ "$(head -c 7 "$deb")" = '!<arch>' ] || fail "$deb is no Debian package" "brick-image/build.sh makes one"
+  [ -n "$deb" ] ||
+    deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null |
+      sort -V | tail -n 1)
+  if [ -z "$deb" ] || [ ! -f "$deb" ]; then
+    fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"
+  fi
+  [ "$(head -c 7 "$deb")" = '!<arch>' ] || fail "$deb is no Debian package" \
+    "brick-image/build.sh makes one"
 }
 
 # partition TYPE…: where the first partition of such a type begins, in bytes.
@@ -95,7 +110,8 @@ partition() {
   local type
   for type; do
     sfdisk -d "$image" 2>/dev/null |
-      sed -n "s/.*start= *\\([0-9]*\\), size= *[0-9]*, type=0*$type\\(,.*\\)\\{0,1\\}\$/\\1/p" | head -n 1 | grep . && return
+      sed -n "s/.*start= *\\([0-9]*\\), size= *[0-9]*, type=0*$type\\(,.*\\)\\{0,1\\}\$/\\1/p" |
+      head -n 1 | grep . && return
   done
 }
 
@@ -103,7 +119,8 @@ partition() {
 # file in it.
 check_image() {
   local fat_sector root_sector
-  [ -f "$image" ] || fail "there is no file $image" "unpack the image that ev3dev.org offers; it ends in .img"
+  [ -f "$image" ] || fail "there is no file $image" \
+    "unpack the image that ev3dev.org offers; it ends in .img"
   [ -w "$image" ] || [ -n "$out" ] || fail "$image cannot be written to" "--out NEW.img"
   fat_sector=$(partition c b e 6) || fat_sector=''
   root_sector=$(partition 83) || root_sector=''
@@ -112,16 +129,21 @@ check_image() {
   fi
   boot=$image@@$((fat_sector * 512))
   offset=$((root_sector * 512))
-  MTOOLS_SKIP_CHECK=1 mdir -b -i "$boot" ::uImage >/dev/null 2>&1 || fail "there is no kernel for an EV3 (uImage) in $image" "an image for the EV3"
+  MTOOLS_SKIP_CHECK=1 mdir -b -i "$boot" ::uImage >/dev/null 2>&1 ||
+    fail "there is no kernel for an EV3 (uImage) in $image" "an image for the EV3"
   local release
   release=$(debugfs -R 'cat /etc/ev3dev-release' "$image?offset=$offset" 2>/dev/null | head -n 1)
-  [ -n "$release" ] || fail "$image is no ev3dev image: it has no /etc/ev3dev-release" "an ev3dev image, unpacked"
+  [ -n "$release" ] || fail "$image is no ev3dev image: it has no /etc/ev3dev-release" \
+    "an ev3dev image, unpacked"
   e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 ||
-    fail "the Linux partition of $image is not in order" "unpack the image anew; or, if a brick ran from it, e2fsck it"
+    fail "the Linux partition of $image is not in order" \
+      "unpack the image again; or, if a brick ran from it, e2fsck it"
   # dpkg unpacks the package beside the old one, so that three times its size is enough.
   local free
-  free=$(dumpe2fs -h "$image?offset=$offset" 2>/dev/null | awk -F: '/^Free blocks/ { blocks = $2 } /^Block size/ { size = $2 } END { print blocks * size }')
-  [ "$free" -gt $((3 * $(stat -c %s "$deb") + (16 << 20))) ] || fail "there is no room in $image" "an image that nothing else was put into"
+  free=$(dumpe2fs -h "$image?offset=$offset" 2>/dev/null |
+    awk -F: '/^Free blocks/ { n = $2 } /^Block size/ { size = $2 } END { print n * size }')
+  [ "$free" -gt $((3 * $(stat -c %s "$deb") + (16 << 20))) ] ||
+    fail "there is no room in $image" "an image that nothing else was put into"
   say "$image is $release"
 }
 
@@ -132,7 +154,7 @@ in_root() {
   said=$(debugfs -w -R "$*" "$image?offset=$offset" 2>&1 | sed '1{/^debugfs [0-9]/d}')
   case $said in
     '' | 'Allocated inode: '*) ;;
-    *) fail "debugfs, $*: $said" "unpack the image anew and try again" ;;
+    *) fail "debugfs, $*: $said" "unpack the image and try again" ;;
   esac
 }
 
@@ -163,8 +185,9 @@ put_package() {
   put "$here/package/install-first" /var/cache/onbrick/install-first 755
   put "$here/package/onbrick-install.service" /etc/systemd/system/onbrick-install.service 644
   make_folder /etc/systemd/system/multi-user.target.wants
-  exists /etc/systemd/system/multi-user.target.wants/onbrick-install.service ||
-    in_root "symlink /etc/systemd/system/multi-user.target.wants/onbrick-install.service /etc/systemd/system/onbrick-install.service"
+  local unit=onbrick-install.service units=/etc/systemd/system
+  exists $units/multi-user.target.wants/$unit ||
+    in_root "symlink $units/multi-user.target.wants/$unit $units/$unit"
 }
 
 put_name() {
@@ -186,7 +209,8 @@ put_wifi() {
   put "$work/wifi" /var/lib/connman/onbrick.config 600
   get /var/lib/connman/settings >"$work/settings" || true
   if grep -qx '\[WiFi\]' "$work/settings"; then
-    sed -i -e '/^\[WiFi\]$/,/^\[/ { /^Enable=/d }' -e 's/^\[WiFi\]$/&\nEnable=true/' "$work/settings"
+    sed -i -e '/^\[WiFi\]$/,/^\[/ { /^Enable=/d }' -e 's/^\[WiFi\]$/&\nEnable=true/' \
+      "$work/settings"
   else
     printf '\n[WiFi]\nEnable=true\n' >>"$work/settings"
   fi
@@ -224,8 +248,10 @@ put_package
 [ -z "$name" ] || put_name
 [ -z "$wifi" ] || put_wifi
 [ ${#keys[@]} = 0 ] || put_keys
-e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 || fail "$image came out damaged" "unpack the image anew and try again"
-say "put $(basename "$deb") into $image; the brick installs it at its first start, which takes a minute longer"
+e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 ||
+  fail "$image came out damaged" "unpack the image and try again"
+say "put $(basename "$deb") into $image; the brick installs it at its first start," \
+  "which takes a minute longer"
 [ -z "$name" ] || say "it will be called $name: ssh robot@$name.local"
 [ ${#keys[@]} = 0 ] || say "${#keys[@]} PC(s) may talk to it"
 say "flash it, for example with Etcher"

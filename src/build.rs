@@ -1,10 +1,10 @@
 //! The build script: libzmq with CURVE, for the feature `link`.
 //!
-//! The crate `zmq` brings a libzmq that has no CURVE, and no option of it switches that on. So
-//! libzmq is built here, against the libsodium that `libsodium-sys-stable` has built, and a `links`
-//! override in Cargo's configuration (`.cargo/config.toml`, `cross.toml`) keeps zmq-sys from
-//! building its own. Where there is no such override - in a program of somebody else's that uses
-//! this crate - both are built, and `src/link/curve.rs` sees to it that this one is linked.
+//! The crate `zmq` brings a libzmq without CURVE, and no option of it switches CURVE on. So this
+//! script builds libzmq against the libsodium of `libsodium-sys-stable`, and a `links` override in
+//! Cargo's configuration (`.cargo/config.toml`, `cross.toml`) keeps zmq-sys from building its own.
+//! Without that override - in another package that uses this crate - both are built, and
+//! `src/link/curve.rs` makes sure that this one is linked.
 //!
 //! # Not here
 //!

@@ -75,7 +75,10 @@ macro_rules! commands {
         }
 
         impl $command {
-            $see fn run(&self, output: &mut $crate::cli::Output) -> Result<(), $crate::cli::Failure> {
+            $see fn run(
+                &self,
+                output: &mut $crate::cli::Output,
+            ) -> Result<(), $crate::cli::Failure> {
                 match self {
                     $($(#[cfg($when)])? Self::$name(arguments) => $module::run(arguments, output),)*
                 }

@@ -81,10 +81,9 @@ impl Clock for MonotonicClock {
     }
 }
 
-/// A clock that stands still until somebody sleeps on it: a mission's two minutes pass in two
-/// seconds.
+/// A clock that stands still until its sleeper sleeps: a mission's two minutes pass in two seconds.
 ///
-/// It is for one sleeper; everybody else just sees the time.
+/// It is for one sleeper; all other users only read the time.
 #[derive(Debug, Default)]
 pub struct VirtualClock {
     // A lock, because the brick's processor has no 64-bit atomics.

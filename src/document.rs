@@ -2,8 +2,8 @@
 //!
 //! `robot.toml`, `mission.toml`, `world.toml` and their like are TOML. A [`Document`] is parsed
 //! once; a builder then asks its [`Section`]s for the keys it knows and gets typed values or, for
-//! each thing that is wrong, a [`Finding`]: file, line, column, a caret under the place, a nearest
-//! name. Reading goes on after a mistake, so that one look shows them all.
+//! each mistake, a [`Finding`]: file, line, column, a caret under the place, a nearest name.
+//! Reading continues after a mistake, so one look shows them all.
 //!
 //! # Not here
 //!
@@ -468,7 +468,13 @@ mod tests {
             Some(())
         })
         .unwrap_err();
-        let expected = "error: unknown key `track_widht_m` in [drive]\n  --> robot.toml:4:1\n   |\n 4 | track_widht_m = 0.1\n   | ^^^^^^^^^^^^^ did you mean `track_width_m`?\n";
+        let expected = "\
+error: unknown key `track_widht_m` in [drive]
+  --> robot.toml:4:1
+   |
+ 4 | track_widht_m = 0.1
+   | ^^^^^^^^^^^^^ did you mean `track_width_m`?
+";
         assert_eq!(error, expected);
     }
 

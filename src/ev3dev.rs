@@ -56,7 +56,7 @@
 //!   sysfs in tests.
 //! - A pulled cable takes the folder with it, and a new number comes with the next:
 //!   [`Cause::Gone`], never a zero. Find the device again by its port.
-//! - Nobody else changes a sensor's mode: between programs anything may happen, so a mode is read
+//! - Other programs may change a sensor's mode between runs, but not during one: a mode is read
 //!   when a sensor is bound.
 //!
 //! # Troubleshooting
@@ -64,17 +64,17 @@
 //! | what it says | what it is on the machine | what to do |
 //! |---|---|---|
 //! | no … on in1; there is … on in3 | the cable is in another port, or the configuration names another | move the cable, or write the other port |
-//! | nothing of this kind is plugged in | a cable is loose; a UART sensor needs 1 to 3 s after it is plugged in; the port is not in the mode `auto` | wait, plug in anew, look at `onbrick devices` |
+//! | nothing of this kind is plugged in | a cable is loose; a UART sensor needs 1 to 3 s after it is plugged in; the port is not in the mode `auto` | wait, replug, look at `onbrick devices` |
 //! | more than one … fits | two such devices and no port named | name a port |
 //! | EACCES at the first write after plugging in | udev's helper makes the files group-writable some tens to hundreds of ms after they appear | try again for a second |
-//! | EACCES always | the user is in neither group: `ev3dev` for devices and LEDs, `input` for buttons and speaker | `sudo usermod -aG ev3dev,input USER`, log in anew |
+//! | EACCES always | the user is in neither group: `ev3dev` for devices and LEDs, `input` for buttons and speaker | `sudo usermod -aG ev3dev,input USER`, log in again |
 //! | gone (ENODEV) | cable pulled; port mode written; a UART sensor lost its connection and comes back within seconds | find it again by its port |
 //! | gone (ENXIO) of `value0` | a UART sensor is building its tables again | as above |
 //! | no such attribute (ENXIO) of `value1` and up | the mode has fewer values | set the mode that has them |
 //! | no such attribute (EOPNOTSUPP) | this driver lacks it: `poll_ms` of an EV3 sensor | do without |
 //! | refused, legal is … | the value; for `speed_sp` the motor's own `max_speed` | another value |
 //! | refused (EBUSY) of `mode` | another program is just setting a mode | stop that program |
-//! | ETIMEDOUT of `mode` | the sensor does not answer; some gyros hang in GYRO-G&A | write the port's mode ([`LegoPort::set_mode`]), or plug in anew |
+//! | ETIMEDOUT of `mode` | the sensor does not answer; some gyros hang in GYRO-G&A | write the port's mode ([`LegoPort::set_mode`]), or replug |
 //! | ENODATA, EAGAIN of the battery | nothing has been measured yet | try again |
 //! | a motor stops, or starts, by itself | another program: brickman resets all motors at a program's end | run one program at a time |
 //! | the program dies when Back is pressed | brickman's `brickrun` kills its whole process group | start it by a service or over ssh, or set `delay` in `/etc/brickrun.conf` |

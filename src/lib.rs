@@ -14,7 +14,8 @@
 //!    ev3dev files                                                                  ev3dev files
 //!   attributes ──▶ senses ──▶ estimate ──▶ map ──▶ behaviour machines ──▶ demands ──▶ attributes
 //!                     │           │          │             │
-//!                     └───────────┴──────────┴─────────────┴──▶ recorder ──▶ run.mcap ──▶ plot, export, replay
+//!                     └───────────┴──────────┴─────────────┴──▶ recorder ──▶ run.mcap
+//!                                                               run.mcap ──▶ plot, export, replay
 //! ```
 //!
 //! One turn of the loop is a *tick*: sense, estimate, map, decide, act, record, in this order, on
@@ -73,8 +74,8 @@
 //! s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
 //! inside control, and has no guard.
 //!
-//! `onbrick serve` starts the same processes for whoever asks at one of its doors ([`service`]);
-//! they do not need it, and one that is started anew finds a run that goes on.
+//! `onbrick serve` starts the same processes for the clients of its doors ([`service`]); the
+//! processes do not need it, and a restarted service finds a run in progress.
 //!
 //! # Words
 //!
@@ -108,13 +109,12 @@
 //! robot down and then ends the run. A lock that names its owner gives the hardware to one run at a
 //! time; between runs nothing of ours touches a motor.
 //!
-//! Each tick also looks at one aspect of one motor, each in its turn, and before each command
-//! everything of that motor is looked at: one that another program has commanded or reset, or whose
-//! settings it has changed, ends the run, and is left alone from then on. A device that was
-//! unplugged is looked for by its port, off the tick's path, and bound anew: angles go on where
-//! they were, modes are restored, a motion never. What the mission does meanwhile is its `on_lost`.
-//! A device that says something that cannot be true ends the run
-//! ([`runtime::StopReason::Implausible`]).
+//! Each tick also checks one aspect of one motor, in turn, and before each command everything of
+//! that motor is checked. A motor that another program has commanded or reset, or whose settings it
+//! has changed, ends the run and is left alone from then on. An unplugged device is looked for by
+//! its port, off the tick's path, and bound again: angles continue where they were, modes are
+//! restored, a motion never. What the mission does meanwhile is its `on_lost`. A device whose
+//! readings cannot be true ends the run ([`runtime::StopReason::Implausible`]).
 //!
 //! # What may never happen
 //!

@@ -50,8 +50,10 @@
 //! ```json
 //! {"version": 1, "id": 7, "op": "status"}
 //! {"id": 7, "ok": {"brick": "ev3-blue", "state": "ready", "token": "k2-81734", "battery_v": 7.8}}
-//! {"version": 1, "id": 8, "op": "start", "run": "map-1", "mission": {"name": "map"}, "token": "k2-81734"}
-//! {"id": 8, "error": {"kind": "stale_token", "message": "the token is 8.2 s old, and 5 s is the most", "hint": "ask for the status again"}}
+//! {"version": 1, "id": 8, "op": "start", "run": "map-1", "mission": {"name": "map"},
+//!  "token": "k2-81734"}
+//! {"id": 8, "error": {"kind": "stale_token", "message": "the token is 8.2 s old",
+//!  "hint": "ask for the status again"}}
 //! ```
 //!
 //! **Sockets.** A REQ socket is the simplest client: it sends the empty delimiter frame before the

@@ -1,7 +1,7 @@
 //! Where the robot is and what is around it: odometry, heading, point cloud, occupancy grid.
 //!
 //! Each tick an [`Estimator`] takes [`Inputs`] and gives an [`Estimate`]: the pose with its
-//! covariance, the range reading as it is to be understood, what was noticed ([`Events`]), and,
+//! covariance, the interpreted range reading, what was noticed ([`Events`]), and,
 //! when a range reading is new, a [`Sounding`]: the reading with the place and the direction it was
 //! taken from. A [`Map`] takes estimates and keeps points, path and grid.
 //!
@@ -103,8 +103,7 @@ pub struct Estimate {
     pub covariance: [f64; 6],
     /// Metres driven since the start, forwards and backwards both counting.
     pub travelled_m: f64,
-    /// The range reading as it is to be understood; `None` without a range sensor or while it is
-    /// lost.
+    /// The interpreted range reading; `None` without a range sensor or while it is lost.
     pub range: Option<Range>,
     /// The range reading in the world, in updates in which there is one to place.
     pub sounding: Option<Sounding>,

@@ -17,7 +17,7 @@
 //! ```text
 //!  level 1, Left and Right turn:   missions ─ runs ─ ports ─ set up ─ settings
 //!  level 2, Enter opens:           mission    map    port    talk     pairing, time limit
-//!  while a run goes on, instead:   running ─ map                  Enter or Back stops
+//!  during a run, instead:          running ─ map                  Enter or Back stops
 //!  after it:                       how it ended; a fault stays until it is acknowledged
 //! ```
 //!
@@ -35,8 +35,8 @@
 //! # Stopping by hand
 //!
 //! The run's own process listens to the brick's buttons, whatever is on the screen; the menu shows
-//! that it happened. Only if the run still goes on a second after the press, or where the keys are
-//! no brick's buttons, does the menu ask the service to stop it.
+//! that it happened. Only if the run is still in progress a second after the press, or where the
+//! keys are no brick's buttons, does the menu ask the service to stop it.
 //!
 //! # Not here
 //!
@@ -200,7 +200,7 @@ pub struct Menu {
     tab_views: [View; Tab::ALL.len()],
     page: Option<Page>,
     page_view: View,
-    /// While a run goes on: its map, or how it goes.
+    /// During a run: its map, or how it goes.
     shows_map: bool,
     run_view: View,
     /// How the last run ended, until a person has seen it.
@@ -271,9 +271,8 @@ impl Menu {
         menu
     }
 
-    /// A menu whose end ends the run says that it is there, each time that a connection has to be
-    /// made anew. It shows nothing before the service knows: whatever is seen and started on this
-    /// screen ends with it.
+    /// A menu whose end ends the run announces itself at each new connection. It shows nothing
+    /// before the service knows: what is seen and started on this screen ends with it.
     fn announce(&mut self) {
         self.is_known = self.options.started_by != StartedBy::Brickman;
         if !self.is_known {

@@ -8,10 +8,10 @@
 //!
 //! # What we count on
 //!
-//! Whoever may open a port of this machine may look. Questions by another host name than this
-//! machine's are refused, so that a foreign page in the same browser cannot ask. What is posted
-//! must carry a header of ours (`OWN`), which a foreign page may not send without asking first, and
-//! it is refused when it asks.
+//! Every user that may open a port of this machine may look. A request for another host name than
+//! this machine's is refused, so that a foreign page in the same browser cannot ask. A POST must
+//! carry a header of ours (`OWN`), which a foreign page may not send without a preflight request,
+//! and that is refused.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};

@@ -224,7 +224,10 @@ mod tests {
             let written = serde_json::to_string(&value).unwrap_or_default();
             let safe = json(&written).into_owned();
             proptest::prop_assert!(safe.chars().all(is_printable), "{safe:?}");
-            proptest::prop_assert_eq!(serde_json::from_str::<serde_json::Value>(&safe).ok(), Some(value));
+            proptest::prop_assert_eq!(
+                serde_json::from_str::<serde_json::Value>(&safe).ok(),
+                Some(value)
+            );
         }
     }
 }

@@ -5,7 +5,8 @@
 //! estimator and machines again.
 //!
 //! ```text
-//!  tick thread ── TickSide ──▶ ring (lock-free, fixed size) ──▶ recorder thread ── Sink ──▶ run.mcap ──▶ Run
+//!  tick thread ── TickSide ──▶ ring (lock-free, fixed size)
+//!                                └──▶ recorder thread ── Sink ──▶ run.mcap ──▶ Run
 //! ```
 //!
 //! # Topics

@@ -7,7 +7,7 @@
 //!
 //! # Not here
 //!
-//! No reading of worlds: whoever calls knows how a world becomes outlines. No files: everything is
+//! No reading of worlds: the caller knows how a world becomes outlines. No files: everything is
 //! made as text or bytes.
 //!
 //! # What we count on
@@ -170,7 +170,7 @@ const SEVERAL: [Colours; 12] = [
     Colours { path: [0x4a, 0x50, 0x58], points: [0x98, 0xa1, 0xab] },
 ];
 
-/// The colours of a track among so many.
+/// The colours of one of this many tracks.
 fn colours(place: usize, tracks: usize) -> Colours {
     if tracks <= 1 { SINGLE } else { SEVERAL[place % SEVERAL.len()] }
 }

@@ -161,8 +161,7 @@ impl Robot {
     /// and time the caller has set. True if Enter or Back was pressed.
     ///
     /// What cannot be read keeps its last reading. The battery is read about once a second. A
-    /// device that was plugged in again goes on from its last reading: its own count has begun
-    /// anew.
+    /// replugged device continues from its last reading, because its own count starts at 0 again.
     pub fn sense(&mut self, senses: &mut Senses) -> bool {
         while let Some(mended) = self.mender.next(senses.time_ns) {
             let old = self.put_back(mended, senses);
@@ -224,7 +223,7 @@ impl Robot {
         }
     }
 
-    /// Reads a sensor. What it turned while it was unplugged the gyro does not know: it goes on
+    /// Reads a sensor. The gyro does not know the turn that it made while unplugged: it continues
     /// from its last reading.
     fn read_sensor(
         &mut self,
@@ -272,12 +271,12 @@ impl Robot {
         }
     }
 
-    /// Puts a device that was bound anew in the place of the one that failed, which is given back.
+    /// Replaces a failed device with the one that was bound again; returns the failed one.
     fn put_back(&mut self, mut mended: Box<Mended>, senses: &Senses) -> Box<Mended> {
         let last = senses.get(mended.channel).map(|reading| reading.value);
         match &mut mended.bound {
             Bound::Motor(new) => {
-                // Its count began anew at 0.
+                // Its count restarts at 0.
                 new.set_zero_rad(last.unwrap_or(0.0));
                 if let Some(place) = self.motor_mut(mended.channel) {
                     std::mem::swap(place, new);
@@ -297,7 +296,7 @@ impl Robot {
         mended
     }
 
-    /// Carries out what is wanted, within the robot's limits. What nobody wants does not turn.
+    /// Carries out the demands, within the robot's limits. A motor without a demand does not turn.
     ///
     /// A write that fails is tried again at the next tick; the lease behind it runs out meanwhile.
     pub fn act(&mut self, demands: &Demands, now_ns: i64) {

@@ -1,10 +1,10 @@
 //! A run: one execution of a mission, from the checks before anything moves to the recording that
 //! is left.
 //!
-//! [`execute()`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles, opens the recording, makes sure that the
-//! robot stands still and is in order (`prepare`), ticks (`control`), and leaves every motor
-//! stopped whichever way the run ends. The tick's thinking is the [`Pilot`]'s, which [`replay()`]
-//! drives with recorded senses.
+//! [`execute()`] does a [`Job`]: it loads robot and mission, takes the hardware, binds the roles,
+//! opens the recording, makes sure that the robot stands still and is in order (`prepare`), ticks
+//! (`control`), and leaves every motor stopped whichever way the run ends. The tick's thinking is
+//! the [`Pilot`]'s, which [`replay()`] drives with recorded senses.
 //!
 //! ```text
 //! prepare ─▶ control: robot ─▶ pilot ─▶ robot        every tick
@@ -91,9 +91,9 @@ pub struct Job {
     /// same run has to give the same bytes. In real time it is the wall clock's time at the start.
     #[serde(default)]
     pub stamps_ns: i64,
-    /// The run's identifier, where whoever started it chose one; it goes into the recording.
+    /// The run's identifier, if its starter chose one; it goes into the recording.
     pub run: Option<String>,
-    /// What becomes of the run when whoever started it is gone.
+    /// What becomes of the run when its starter is gone.
     pub when_abandoned: WhenAbandoned,
     /// Who holds the hardware's lock.
     pub lock: Lock,
@@ -103,21 +103,21 @@ pub struct Job {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lock {
-    /// Nobody yet: whoever does the job takes it.
+    /// Not chosen yet: the runner of the job takes it.
     #[default]
     Take,
     /// The guard that started this process, which shares the lock by inheritance.
     Inherited,
 }
 
-/// What becomes of a run when whoever started it is gone: when the pipe of its orders closes.
+/// What becomes of a run when its starter is gone: when the pipe of its orders closes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WhenAbandoned {
     /// It stops.
     #[default]
     Stop,
-    /// It goes on to its own end.
+    /// It continues to its own end.
     GoOn,
 }
 
@@ -137,7 +137,7 @@ pub enum Brick {
     },
 }
 
-/// How a run is going, for whoever started it.
+/// How a run is going, for its starter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
@@ -205,7 +205,8 @@ impl std::fmt::Display for Ended {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{}, after {:.1} s: {:.2} m driven, {} points, {} ticks ({} overruns, the latest {:.1} ms late)",
+            "{}, after {:.1} s: {:.2} m driven, {} points, {} ticks ({} overruns, the latest {:.1} \
+             ms late)",
             self.stop,
             self.time_s,
             self.travelled_m,
@@ -230,7 +231,7 @@ pub trait Heartbeat: std::fmt::Debug + Send {
     fn beat(&mut self, now_ns: i64);
 }
 
-/// Nobody listens: for tests and for simulations that run in virtual time.
+/// No listener: for tests and for simulations that run in virtual time.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoHeartbeat;
 

@@ -247,7 +247,11 @@ impl Role {
 }
 
 macro_rules! quantities {
-    ($($(#[$doc:meta])* $channel:ident: $name:literal, $what:literal, $unit:ident, $domain:expr, $role:expr, $sources:expr;)+) => {
+    ($(
+        $(#[$doc:meta])*
+        $channel:ident: $name:literal, $what:literal, $unit:ident, $domain:expr, $role:expr,
+            $sources:expr;
+    )+) => {
         /// A quantity that the robot senses. Its discriminant is its place in [`Senses`] and in a
         /// recording.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -334,14 +338,19 @@ quantities! {
         infrared(InfraredMode::Proximity, (0, 100), 0.007).nothing(0, 100, f64::INFINITY),
     ];
     /// Heading of the gyro sensor, anticlockwise, with an arbitrary zero.
-    Gyro: "", "gyro", Radians, ANY, Role::Gyro, [gyro(GyroMode::Angle), gyro(GyroMode::AngleAndRate)];
+    Gyro: "", "gyro", Radians, ANY, Role::Gyro, [
+        gyro(GyroMode::Angle),
+        gyro(GyroMode::AngleAndRate),
+    ];
     /// 1 while the touch sensor is pressed, else 0.
     Touch: "touch", "touch sensor", Truth, TRUTH, Role::Touch, [
         Source::new(Driver::Touch, TouchMode::Touch.as_str(), (0, 1), 1.0),
     ];
     /// Number of the colour that the colour sensor sees: 0 none, 1 black, 2 blue, 3 green, 4
     /// yellow, 5 red, 6 white, 7 brown.
-    Colour: "colour", "colour sensor", Number, (0.0, 7.0), Role::Colour, [colour(ColourMode::Colour, 7, 1.0)];
+    Colour: "colour", "colour sensor", Number, (0.0, 7.0), Role::Colour, [
+        colour(ColourMode::Colour, 7, 1.0),
+    ];
     /// Reflected red light.
     Reflect: "reflect_pct", "colour sensor", Percent, PERCENT, Role::Colour, [
         colour(ColourMode::Reflect, 100, 1.0),
@@ -361,7 +370,9 @@ quantities! {
     /// Angle of the fourth named motor.
     Motor3: "", "fourth named motor", Radians, ANY, Role::Motor(3), [];
     /// How fast the gyro sensor turns, anticlockwise.
-    GyroRate: "gyro_dps", "gyro", RadiansPerSecond, ANY, Role::Gyro, [gyro(GyroMode::AngleAndRate).at(1)];
+    GyroRate: "gyro_dps", "gyro", RadiansPerSecond, ANY, Role::Gyro, [
+        gyro(GyroMode::AngleAndRate).at(1),
+    ];
     /// Light from elsewhere.
     Ambient: "ambient_pct", "colour sensor", Percent, PERCENT, Role::Colour, [
         colour(ColourMode::Ambient, 100, 1.0),

@@ -13,8 +13,8 @@
 //! [`Operations`](protocol::Operations), so that menu, link and log always tell the same story.
 //!
 //! [`Service`] is that one story: a pure state machine ([`Machine`]), the runs on disk (`store`),
-//! and a thread for each run that goes on. A run is processes of its own; the service dying costs
-//! it nothing, and a service that starts anew finds it by the lock on its recording.
+//! and a thread for each run in progress. A run has processes of its own: it survives the service's
+//! death, and a restarted service finds it by the lock on its recording.
 //!
 //! # Not here
 //!

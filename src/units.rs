@@ -25,7 +25,7 @@ impl Duty {
     /// All there is, backwards.
     pub const MIN: Self = Self(-100);
 
-    /// A duty cycle of so many percent.
+    /// A duty cycle of this many percent.
     ///
     /// # Errors
     ///

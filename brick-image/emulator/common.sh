@@ -39,7 +39,8 @@ install_packages() {
 # Another program may hold apt's locks for a while, as unattended upgrades do: it is waited for, ten
 # minutes at most. apt waits by itself for the lock of dpkg alone, not for that of the lists.
 install_now() {
-  local said end=$((SECONDS + 600)) apt_get=(env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600)
+  local said end=$((SECONDS + 600)) \
+    apt_get=(env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600)
   until said=$(as_root "${apt_get[@]}" update -qq 2>&1); do
     case $said in
       *"Could not get lock"*) [ $SECONDS -lt $end ] && sleep 2 && continue ;;
@@ -73,6 +74,7 @@ arm_cargo() {
     # the way.
     RUSTC_BOOTSTRAP=1 PATH=/usr/bin:/bin cargo "$@" --config "$checkout/cross.toml"
   else
-    fail "there is no Rust compiler for the brick's processor" "brick-image/build.sh, which installs one"
+    fail "there is no Rust compiler for the brick's processor" \
+      "brick-image/build.sh, which installs one"
   fi
 }

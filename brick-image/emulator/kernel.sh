@@ -2,14 +2,14 @@
 # Builds the emulated brick's kernel, once, and prints the folder that holds zImage and
 # versatile-pb.dtb.
 #
-# It is kept in the user's cache folder under a hash of its configuration and of this script, so
-# that a changed configuration builds anew and an unchanged one never does.
+# It is kept in the user's cache folder under a hash of its configuration and of this script: only a
+# changed one builds the kernel again.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 if [ $# -gt 0 ]; then
-  echo "Usage: kernel.sh    builds the emulated brick's kernel if it is not there, and prints its folder"
+  echo "Usage: kernel.sh    builds the emulated brick's kernel if needed, and prints its folder"
   [ "$1" = --help ] && exit 0 || exit 2
 fi
 
@@ -21,7 +21,10 @@ source_archive() {
   local found
   found=$(find /usr/src -maxdepth 1 -name 'linux-source-*.tar.xz' | sort -V | tail -n 1)
   if [ -z "$found" ]; then
-    install_packages "$(apt-cache depends linux-source 2>/dev/null | sed -n 's/.*Depends: //p' | head -n 1 | grep . || echo linux-source)"
+    install_packages "$(
+      apt-cache depends linux-source 2>/dev/null | sed -n 's/.*Depends: //p' | head -n 1 |
+        grep . || echo linux-source
+    )"
     found=$(find /usr/src -maxdepth 1 -name 'linux-source-*.tar.xz' | sort -V | tail -n 1)
   fi
   [ -n "$found" ] || fail "no kernel source in /usr/src" "apt-get install linux-source"
@@ -38,13 +41,15 @@ check_configuration() {
     esac
     grep -qxF "$line" "$1" || { say "the kernel's configuration did not take $line"; missing=1; }
   done <"$here/kernel.config"
-  [ "$missing" = 0 ] || fail "this kernel source does not fit kernel.config" "Debian's linux-source-6.1"
+  [ "$missing" = 0 ] || fail "this kernel source does not fit kernel.config" \
+    "Debian's linux-source-6.1"
 }
 
 build() {
-  # Whoever waited for the lock finds it done.
+  # Another process may have built it while this one waited for the lock.
   [ -e "$kernel/zImage" ] && return
-  needs make=make gcc=gcc bc=bc bison=bison flex=flex xz=xz-utils arm-linux-gnueabi-gcc=gcc-arm-linux-gnueabi
+  needs make=make gcc=gcc bc=bc bison=bison flex=flex xz=xz-utils \
+    arm-linux-gnueabi-gcc=gcc-arm-linux-gnueabi
   local archive work started=$SECONDS
   archive=$(source_archive)
   work=$(mktemp -d "$cache/kernel-build.XXXXXX")
@@ -55,7 +60,8 @@ build() {
   local log=$work/build.log
   (
     cd "$work"
-    export ARCH=arm CROSS_COMPILE=arm-linux-gnueabi- KBUILD_BUILD_TIMESTAMP='1 Jan 1970' KBUILD_BUILD_USER=onbrick KBUILD_BUILD_HOST=onbrick
+    export ARCH=arm CROSS_COMPILE=arm-linux-gnueabi- KBUILD_BUILD_TIMESTAMP='1 Jan 1970' \
+      KBUILD_BUILD_USER=onbrick KBUILD_BUILD_HOST=onbrick
     KCONFIG_ALLCONFIG=$here/kernel.config make -s allnoconfig
     check_configuration .config
     nice make -s -j"$(nproc)" zImage versatile-pb.dtb >"$log" 2>&1 || {

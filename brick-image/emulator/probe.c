@@ -1,18 +1,21 @@
-/* What the scenarios measure with, inside the emulated brick. Each form does one thing and prints one number.
+/* What the scenarios measure with, inside the emulated brick. Each form does one thing and prints
+ * one number.
  *
  *   probe read FILE COUNT     nanoseconds a reading of a bare loop of pread and atoi
  *   probe hog                 eats the processor until it is killed
- *   probe enosys FROM CMD...  runs CMD under a filter that answers ENOSYS to every system call from FROM on
+ *   probe enosys FROM CMD...  runs CMD under a filter: ENOSYS for every system call from FROM on
  *   probe call NUMBER         whether the kernel has a system call: exit code 0 or 1
- *   probe cpu PID             nanoseconds of processor time that a process has used, by its own processor clock
+ *   probe cpu PID             nanoseconds of processor time of a process, by its own clock
  *   probe split SECONDS PID.. samples processes; prints of each how many were user and kernel code
  *   probe now                 nanoseconds since boot
  *   probe stamp               copies lines, each with nanoseconds since boot before it
  *   probe fifo PRIORITY CMD.. runs CMD with a real-time priority
  *   probe random              how a request for random bytes that may not wait ends
  *   probe seed                tells the kernel that it has all the random numbers that it wants
- *   probe buttons             is the brick's buttons: types the letters u d l r e b of its input; a capital is held until a dot
- *   probe frame FILE CMD...   starts CMD; prints the nanoseconds until the last pixel of a white page is on the screen
+ *   probe buttons             is the brick's buttons: types the letters u d l r e b of its input; a
+ *                             capital is held until a dot
+ *   probe frame FILE CMD...   starts CMD; prints the nanoseconds until the last pixel of a white
+ *                             page is on the screen
  *   probe console FILE        whether a console shows text or graphics
  */
 #define _GNU_SOURCE
@@ -166,13 +169,17 @@ static int key(int device, int code, int value) {
 static int buttons(void) {
   static const char letters[] = "udlreb";
   static const int codes[] = {KEY_UP, KEY_DOWN, KEY_LEFT, KEY_RIGHT, KEY_ENTER, KEY_BACKSPACE};
-  struct uinput_setup setup = {.id = {.bustype = BUS_HOST, .vendor = 1, .product = 1, .version = 0x100}, .name = "EV3 Brick Buttons"};
+  struct uinput_setup setup = {
+    .id = {.bustype = BUS_HOST, .vendor = 1, .product = 1, .version = 0x100},
+    .name = "EV3 Brick Buttons",
+  };
   int device = open("/dev/uinput", O_WRONLY | O_CLOEXEC);
   if (device < 0) return fail("/dev/uinput");
   ioctl(device, UI_SET_PHYS, "gpio-keys/input0");
   ioctl(device, UI_SET_EVBIT, EV_KEY);
   for (size_t i = 0; i < sizeof codes / sizeof *codes; i++) ioctl(device, UI_SET_KEYBIT, codes[i]);
-  if (ioctl(device, UI_DEV_SETUP, &setup) != 0 || ioctl(device, UI_DEV_CREATE) != 0) return fail("uinput");
+  if (ioctl(device, UI_DEV_SETUP, &setup) != 0 || ioctl(device, UI_DEV_CREATE) != 0)
+    return fail("uinput");
   int held = 0;
   for (int letter; (letter = getchar()) != EOF;) {
     const char *known = strchr(letters, letter | 32);
@@ -204,7 +211,8 @@ static int frame(const char *path, char **command) {
     _exit(fail(command[0]));
   }
   while (screen[SIZE - 4] != 255) {
-    if (on(CLOCK_MONOTONIC) - started > 60000000000LL) return fprintf(stderr, "probe: no frame in a minute\n"), 1;
+    if (on(CLOCK_MONOTONIC) - started > 60000000000LL)
+      return fprintf(stderr, "probe: no frame in a minute\n"), 1;
     usleep(1000);
   }
   printf("%lld\n", on(CLOCK_MONOTONIC) - started);
@@ -225,7 +233,8 @@ int main(int count, char **words) {
   if (!strcmp(form, "enosys") && count > 3) return enosys(atoi(words[2]), words + 3);
   if (!strcmp(form, "cpu") && count == 3) return processor_time(atoi(words[2]));
   if (!strcmp(form, "split") && count > 3) return split(atof(words[2]), count - 3, words + 3);
-  if (!strcmp(form, "call") && count == 3) return syscall(atol(words[2]), -1, -1, -1, -1) < 0 && errno == ENOSYS;
+  if (!strcmp(form, "call") && count == 3)
+    return syscall(atol(words[2]), -1, -1, -1, -1) < 0 && errno == ENOSYS;
   if (!strcmp(form, "now")) return printf("%lld\n", on(CLOCK_MONOTONIC)) < 0;
   if (!strcmp(form, "stamp")) return stamp();
   if (!strcmp(form, "fifo") && count > 3) return fifo(atoi(words[2]), words + 3);
@@ -238,6 +247,9 @@ int main(int count, char **words) {
     puts(getrandom(&byte, 1, GRND_NONBLOCK) == 1 ? "ready" : strerror(errno));
     return 0;
   }
-  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | split SECONDS PID... | now | stamp | fifo PRIORITY COMMAND... | random | seed | buttons | frame FILE COMMAND... | console FILE\n", stderr);
+  fputs("usage: probe read FILE COUNT | hog | enosys FROM COMMAND... | call NUMBER | cpu PID | "
+        "split SECONDS PID... | now | stamp | fifo PRIORITY COMMAND... | random | seed | buttons "
+        "| frame FILE COMMAND... | console FILE\n",
+        stderr);
   return 2;
 }

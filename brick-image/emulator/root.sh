@@ -10,7 +10,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 if [ $# -gt 0 ]; then
-  echo "Usage: root.sh    makes a Debian armel root like ev3dev's if it is not there, and prints its archive"
+  echo "Usage: root.sh    makes a Debian armel root like ev3dev's if needed, and prints its archive"
   [ "$1" = --help ] && exit 0 || exit 2
 fi
 
@@ -28,8 +28,11 @@ enable_emulation() {
   [ ! -e $rules/onbrick-arm ] || return 0
   # A 32-bit little-endian ELF file for ARM: magic, mask, and F (opened now, so that it works in
   # other roots), O and C (as its own user).
-  printf '%s' ':onbrick-arm:M::\x7fELF\x01\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00\x28\x00:\xff\xff\xff\xff\xff\xff\xff\x00\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff:/usr/bin/qemu-arm-static:OCF' >$rules/register
-  say "from now on this kernel runs the brick's programs by QEMU, until it is started again; echo -1 >$rules/onbrick-arm ends it"
+  local magic='\x7fELF\x01\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00\x28\x00'
+  local mask='\xff\xff\xff\xff\xff\xff\xff\x00\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff'
+  printf '%s' ":onbrick-arm:M::$magic:$mask:/usr/bin/qemu-arm-static:OCF" >$rules/register
+  say "from now on this kernel runs the brick's programs by QEMU, until the next start;" \
+    "echo -1 >$rules/onbrick-arm ends it"
 }
 
 like_ev3dev() {
@@ -53,7 +56,8 @@ build() {
   trap "rm -rf '$work'" EXIT
   enable_emulation
   say "making a Debian armel root, once; a few minutes"
-  debootstrap --arch=armel --variant=minbase --include="$contents" "$suite" "$work/root" >"$work/log" 2>&1 || {
+  debootstrap --arch=armel --variant=minbase --include="$contents" "$suite" "$work/root" \
+    >"$work/log" 2>&1 || {
     tail -n 20 "$work/log" >&2
     fail "debootstrap did not make a root" "its last lines are above"
   }

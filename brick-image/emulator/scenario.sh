@@ -49,8 +49,7 @@ wait_for() {
 }
 
 # brick_up [WORLD]: the simulated brick below /tmp/brick. The room is a plain one: casting rays at
-# the blocks of the world `arena` takes most of this processor, which nobody who simulates a brick
-# on a brick would be surprised at.
+# the blocks of the world `arena` takes most of this processor.
 brick_up() {
   mkdir -p /tmp/brick
   # It stands for hardware, which answers at once whatever else the processor is asked to do.
@@ -71,7 +70,8 @@ brick_down() {
 # service_up RUNS: the service, with its recordings in this folder.
 service_up() {
   mkdir -p /tmp/config
-  printf 'robot = "/etc/onbrick/robot.toml"\nruns = "%s"\n[socket]\npath = "/tmp/config/socket"\n' "$1" >/tmp/config/onbrick.toml
+  printf 'robot = "/etc/onbrick/robot.toml"\nruns = "%s"\n[socket]\npath = "/tmp/config/socket"\n' \
+    "$1" >/tmp/config/onbrick.toml
   onbrick serve --brick /tmp/brick --config /tmp/config >/tmp/serve.log 2>&1 &
   service=$!
   wait_for 60 test -S /tmp/config/socket || {
@@ -86,13 +86,14 @@ service_down() {
   wait "$service" || true
 }
 
-# linked: the service's link is open: somebody listens at port 5670.
+# linked: the service's link is open: a process listens at port 5670.
 linked() { grep -q ':1626 00000000:0000 0A' /proc/net/tcp; }
 
 # drive_through MISSION: a run by the service, in the background; its events are in /tmp/events.
 # Returns when it drives.
 drive_through() {
-  (onbrick --json run "$1" --brick /tmp/brick --config /tmp/config 2>&1 && echo '{"exit":0}') >/tmp/events &
+  (onbrick --json run "$1" --brick /tmp/brick --config /tmp/config 2>&1 && echo '{"exit":0}') \
+    >/tmp/events &
   driving=$!
   wait_for 60 grep -q '"event":"status"' /tmp/events || {
     cat /tmp/events /tmp/serve.log
@@ -103,7 +104,8 @@ drive_through() {
 
 # mission NAME RATE SECONDS: the shipped mission of this name, at another rate and for another time.
 mission() {
-  sed -e "s/^rate_hz = .*/rate_hz = $2/" -e "s/^time_limit_s = .*/time_limit_s = $3/" "/etc/onbrick/missions/$1.toml" >"/tmp/$1.toml"
+  sed -e "s/^rate_hz = .*/rate_hz = $2/" -e "s/^time_limit_s = .*/time_limit_s = $3/" \
+    "/etc/onbrick/missions/$1.toml" >"/tmp/$1.toml"
   echo "/tmp/$1.toml"
 }
 
@@ -111,7 +113,8 @@ mission() {
 # are in /tmp/events. Returns when it drives.
 drive() {
   rm -rf /tmp/run /tmp/events
-  (onbrick --json run "$1" --brick "${2:-/tmp/brick}" --robot /etc/onbrick/robot.toml --out /tmp/run 2>&1 && echo '{"exit":0}') |
+  (onbrick --json run "$1" --brick "${2:-/tmp/brick}" --robot /etc/onbrick/robot.toml \
+    --out /tmp/run 2>&1 && echo '{"exit":0}') |
     probe stamp >/tmp/events &
   driving=$!
   wait_for 60 grep -q '"event":"driving"' /tmp/events || {

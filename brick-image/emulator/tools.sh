@@ -7,7 +7,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 if [ $# -gt 0 ]; then
-  echo "Usage: tools.sh    builds what the emulated brick has beside the brick's own file, and prints its folder"
+  echo "Usage: tools.sh    builds the emulated brick's further programs, and prints their folder"
   [ "$1" = --help ] && exit 0 || exit 2
 fi
 needs arm-linux-gnueabi-strip=binutils-arm-linux-gnueabi

@@ -31,10 +31,11 @@ wrong "no room on the card" "1 3" "no space\|full\|room" $run --out /tmp/full/ru
 # shellcheck disable=SC2086
 wrong "a card that is read-only" "3" "read-only" $run --out /tmp/locked/run
 echo 'quta_mb = 5' >/tmp/config/onbrick.toml
-wrong "a configuration that this version does not know" "3" "quota_mb" onbrick serve --brick /tmp/brick --config /tmp/config
+wrong "a configuration that this version does not know" "3" "quota_mb" \
+  onbrick serve --brick /tmp/brick --config /tmp/config
 
-# in_trouble NAME RUNS WORDS: a service that cannot record into RUNS goes on, so that its status can
-# be asked for, and at rest; it says why on its console, which on a brick is journal and console,
+# in_trouble NAME RUNS WORDS: a service that cannot record into RUNS stays up and at rest, so that
+# its status can be queried. It says why on its console, which on a brick is journal and console,
 # and in its status; and it refuses a run with the same words.
 in_trouble() {
   service=
@@ -46,7 +47,8 @@ in_trouble() {
   grep -i "$3" /tmp/serve.log | cut -c1-300
   expect "$1: the service says so" grep -qi "$3" /tmp/serve.log
   expect "$1: its status says so" grep -qi "$3" /tmp/status
-  figure "$1: the service at rest" "$(awk "BEGIN { print ($after - $before) / 1e8 }")" "% of the processor" "<" 2
+  figure "$1: the service at rest" "$(awk "BEGIN { print ($after - $before) / 1e8 }")" \
+    "% of the processor" "<" 2
   # shellcheck disable=SC2086  # words
   wrong "$1: a run through the service" "3" "$3" $run --config /tmp/config
   service_down
@@ -60,5 +62,6 @@ service_down
 in_trouble "a service on a card that is read-only" /tmp/locked/runs "read-only"
 in_trouble "a service on a card without room" /tmp/full/runs "no room"
 echo 'name = 3' >/tmp/robot.toml
-wrong "a robot.toml that is none" "3" "robot.toml:1" onbrick run map --brick /tmp/brick --robot /tmp/robot.toml --out /tmp/run
+wrong "a robot.toml that is none" "3" "robot.toml:1" \
+  onbrick run map --brick /tmp/brick --robot /tmp/robot.toml --out /tmp/run
 brick_down

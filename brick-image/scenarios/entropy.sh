@@ -1,7 +1,6 @@
 # shellcheck shell=dash
-# Right after power-on the kernel has no random numbers yet: a mission drives all the same, by
-# itself and through the service, whose status says what the link waits for; the link comes when it
-# can.
+# Right after power-on the kernel has no random numbers yet. A mission still drives, by itself and
+# through the service, whose status says what the link waits for; the link comes when it can.
 none() { [ "$(probe random)" != ready ]; }
 expect "the kernel has no random numbers yet" none
 brick_up
@@ -13,7 +12,8 @@ service_up /tmp/runs
 drive_through "$(mission map 50 3)"
 brick-figures status /tmp/config/socket >/tmp/status
 expect "nor when it drives through the service" none
-expect "whose status says what the link waits for" grep -q '"link":"waits for the kernel.s random numbers"' /tmp/status
+expect "whose status says what the link waits for" \
+  grep -q '"link":"waits for the kernel.s random numbers"' /tmp/status
 refuse "which is not open" linked
 arrive
 probe seed

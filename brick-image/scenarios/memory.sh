@@ -38,7 +38,8 @@ resident() {
 drive_through "$(mission map 100 "$seconds")"
 each() {
   for folder in $(ours); do
-    echo "$(tr '\0' ' ' <"$folder/cmdline" | cut -c1-40): $(awk '/^Rss/ { printf "%s %s kB  ", $1, $2 }' "$folder/status")"
+    echo "$(tr '\0' ' ' <"$folder/cmdline" | cut -c1-40):" \
+      "$(awk '/^Rss/ { printf "%s %s kB  ", $1, $2 }' "$folder/status")"
   done
 }
 started=$(probe now)

@@ -39,7 +39,8 @@ serve_up() {
 # menu_up WORDS…: the menu on the console, in a process group of its own as under brickman; how long
 # its first picture took is in /tmp/first.
 menu_up() {
-  setsid probe frame /dev/fb0 onbrick menu --config /tmp/config --brick /tmp/root "$@" </dev/tty1 >/tmp/first 2>/tmp/menu.log || cat /tmp/menu.log
+  setsid probe frame /dev/fb0 onbrick menu --config /tmp/config --brick /tmp/root "$@" </dev/tty1 \
+    >/tmp/first 2>/tmp/menu.log || cat /tmp/menu.log
   menu=$(process "onbrick menu")
 }
 
@@ -54,7 +55,10 @@ is_gone() { ! [ -e "/proc/$1" ]; }
 keys() { printf '%s' "$1" >&3; }
 
 # sees PICTURE WORDS: whether a person can read them. The picture goes to /tmp/out under its name.
-sees() { brick-figures screen /dev/fb0 "/tmp/out/$1.pgm" >"/tmp/out/$1.txt" && tr '\n' ' ' <"/tmp/out/$1.txt" | grep -qF "$2"; }
+sees() {
+  brick-figures screen /dev/fb0 "/tmp/out/$1.pgm" >"/tmp/out/$1.txt" &&
+    tr '\n' ' ' <"/tmp/out/$1.txt" | grep -qF "$2"
+}
 
 shows() {
   looks=40
@@ -180,7 +184,7 @@ ends() {
   exec 3>&-
   buttons_up
   timeout 2 cat /dev/tty1 >/tmp/typed || true
-  expect "what the buttons typed is in nobody's shell" [ ! -s /tmp/typed ]
+  expect "what the buttons typed is in no shell" [ ! -s /tmp/typed ]
 }
 
 # Back, as brickman takes it: SIGKILL for the whole process group, and the console put back by
@@ -195,9 +199,10 @@ killed() {
   kill -KILL -"$(awk '{ print $5 }' "/proc/$menu/stat")"
   killed_at=$(probe now)
   expect "its motors are still" wait_for 5 still
-  figure "from SIGKILL to motors that are still, at most" $((($(probe now) - killed_at) / 1000000)) ms "<=" 2000
+  figure "from SIGKILL to motors that are still, at most" \
+    $((($(probe now) - killed_at) / 1000000)) ms "<=" 2000
   expect "the run ended because the menu closed" wait_for 10 ended_by "menu"
-  expect "nobody of ours has put the console back" console_is graphics
+  expect "no process of ours has put the console back" console_is graphics
   menu_up --at-boot
   shows after-kill "[Missions"
   menu_down
@@ -207,7 +212,8 @@ killed() {
 # through_service NAME: a mission of twelve seconds, and its recording in /tmp/NAME.
 through_service() {
   sed -e 's/^time_limit_s = .*/time_limit_s = 12/' /etc/onbrick/missions/map.toml >/tmp/twelve.toml
-  onbrick run /tmp/twelve.toml --config /tmp/config --brick /tmp/root --out "/tmp/$1" >/tmp/run.log 2>&1 || cat /tmp/run.log
+  onbrick run /tmp/twelve.toml --config /tmp/config --brick /tmp/root --out "/tmp/$1" \
+    >/tmp/run.log 2>&1 || cat /tmp/run.log
 }
 
 costs() {
@@ -247,7 +253,8 @@ pairs() {
       for share in p50 p99 max; do
         figure "late $with the menu, pair $pair, $share" "$(field /tmp/figures late_${share}_us)" us
       done
-      figure "missed deadlines $with the menu, pair $pair" "$(field /tmp/figures missed)" ticks "==" 0
+      figure "missed deadlines $with the menu, pair $pair" "$(field /tmp/figures missed)" ticks \
+        "==" 0
     done
   done
 }

@@ -19,9 +19,12 @@ service_up /tmp/runs
 expect "the service's link opens" wait_for 60 linked
 drive_through "$(mission map 50 5)"
 arrive
-setsid onbrick menu --at-boot --config /tmp/config --brick /tmp/brick --screen /dev/fb0 </dev/tty1 >/tmp/menu.log 2>&1 &
+setsid onbrick menu --at-boot --config /tmp/config --brick /tmp/brick --screen /dev/fb0 </dev/tty1 \
+  >/tmp/menu.log 2>&1 &
 menu=$!
-shows_missions() { brick-figures screen /dev/fb0 /tmp/screen.pgm | tr '\n' ' ' | grep -qF '[Missions'; }
+shows_missions() {
+  brick-figures screen /dev/fb0 /tmp/screen.pgm | tr '\n' ' ' | grep -qF '[Missions'
+}
 expect "the menu draws" wait_for 30 shows_missions
 kill -TERM "$menu"
 cat /tmp/menu.log

@@ -12,18 +12,22 @@ if [ "$number" -gt 1 ]; then
     exit 1
   }
   synced_ms=$(field /tmp/figures last_synced_ms)
-  figure "cut $((number - 1)): reached when it was last seen, less the second between two syncs and half a second" "$least_ms" ms
-  figure "cut $((number - 1)): the recording, with each record's checksum, goes to" "${synced_ms:-0}" ms ">=" "$least_ms"
+  figure "cut $((number - 1)): reached when last seen, less 1 s between two syncs and 0.5 s" \
+    "$least_ms" ms
+  figure "cut $((number - 1)): the recording, with each record's checksum, goes to" \
+    "${synced_ms:-0}" ms ">=" "$least_ms"
   figure "cut $((number - 1)): damaged stretches" "$(field /tmp/figures damaged)" "" "==" 0
   echo "cut $((number - 1)): $(sed -n 's/.*"integrity":"\([^"]*\)".*/\1/p' /tmp/figures)"
-  # Nothing of ours starts anything: what a motor does after the next start is nobody's.
+  # No process of ours starts by itself: what a motor does after the next start is not ours.
   sleep 2
   for motor in /tmp/brick/sys/class/tacho-motor/motor*; do
-    expect "after cut $((number - 1)): $(cat "$motor/address") is still" [ -z "$(cat "$motor/state")" ]
+    expect "after cut $((number - 1)): $(cat "$motor/address") is still" \
+      [ -z "$(cat "$motor/state")" ]
   done
 fi
 if [ "${3:-}" != end ]; then
-  onbrick --json run "$(mission map 50 600)" --brick /tmp/brick --out "/mnt/run-$number" 2>&1 | while read -r line; do
+  onbrick --json run "$(mission map 50 600)" --brick /tmp/brick --out "/mnt/run-$number" 2>&1 |
+    while read -r line; do
     case $line in
       *'"event":"status"'*)
         elapsed_ns=${line#*'"elapsed_ns":'}

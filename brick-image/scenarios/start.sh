@@ -13,7 +13,9 @@ for node in /tmp/brick/sys/class/*/*; do
   plain=/tmp/plain/${node#/tmp/brick/}
   mkdir -p "$plain"
   for attribute in "$node"/*; do
-    if [ -f "$attribute" ]; then cp "$attribute" "$plain/" 2>/dev/null || : >"$plain/${attribute##*/}"; fi
+    if [ -f "$attribute" ]; then
+      cp "$attribute" "$plain/" 2>/dev/null || : >"$plain/${attribute##*/}"
+    fi
   done
 done
 brick_down
@@ -45,7 +47,10 @@ measure() {
   wait $starting || true
 }
 # at WORDS: milliseconds after the start, with three digits, at which they were first said.
-at() { awk -v began="$(cat /tmp/started)" -v words="$1" '$0 ~ words { printf "%.3f", ($1 - began) / 1e6; exit }' /tmp/said; }
+at() {
+  awk -v began="$(cat /tmp/started)" -v words="$1" \
+    '$0 ~ words { printf "%.3f", ($1 - began) / 1e6; exit }' /tmp/said
+}
 less() { awk "BEGIN { printf \"%.1f\", $1 - $2 }"; }
 
 # The first start reads the program from the card, as after power-on; the second finds it in memory.
@@ -54,10 +59,12 @@ for start in 1 2; do
   before_kb=$(card_kb)
   measure $start
   figure "start $start: read from the card" $(($(card_kb) - before_kb)) kB
-  bound=$(at "the robot is bound") announced=$(at "announced itself") driving=$(at '"driving"') beat=$(at '^[0-9]* $')
+  bound=$(at "the robot is bound") announced=$(at "announced itself") driving=$(at '"driving"') \
+    beat=$(at '^[0-9]* $')
   figure "start $start: files read, robot bound" "$bound" ms
   figure "start $start: by design, standing still and announcing" "$(less "$announced" "$bound")" ms
   figure "start $start: recording begun" "$(less "$driving" "$announced")" ms
   figure "start $start: the first tick" "$(less "$beat" "$driving")" ms
-  figure "start $start: start to the first tick, without standing still and announcing" "$(less "$(less "$beat" "$announced")" "-$bound")" ms "<=" 150
+  figure "start $start: start to the first tick, without standing still and announcing" \
+    "$(less "$(less "$beat" "$announced")" "-$bound")" ms "<=" 150
 done

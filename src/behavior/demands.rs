@@ -1,8 +1,8 @@
 //! What a mission's machines want of the actuators in one tick.
 //!
-//! Speeds and angles are in radians and metres. What is `None` nobody wants: a motor without a
-//! demand is not to turn, and its lease is not renewed; a light and a line of text stay as they
-//! are; a tone ends.
+//! Speeds and angles are in radians and metres. `None` demands nothing: a motor without a demand
+//! does not turn, and its lease is not renewed; a light and a line of text stay as they are; a tone
+//! ends.
 //!
 //! # Not here
 //!
@@ -17,8 +17,8 @@ use crate::ev3dev::StopAction;
 /// font, with room for letters of two bytes.
 pub const SAY_BYTES: usize = 40;
 
-/// How long a tone sounds that is demanded in one tick, as on entry to a state; demanded in every
-/// tick it goes on.
+/// The length of a tone that is demanded in one tick, as on entry to a state; one that is demanded
+/// in every tick continues.
 pub const TONE_S: f64 = 0.2;
 
 /// What the machines want in one tick.

@@ -421,7 +421,10 @@ pub enum Mistake {
     #[error("the expression has {0} bytes; at most {max} are read", max = Expression::MAX_BYTES)]
     TooLong(usize),
     /// It is nested deeper than [`Expression::MAX_NESTING`].
-    #[error("the expression is nested too deeply; at most {max} levels are read", max = Expression::MAX_NESTING)]
+    #[error(
+        "the expression is nested too deeply; at most {max} levels are read",
+        max = Expression::MAX_NESTING
+    )]
     TooDeep,
     /// A character that the language does not have.
     #[error("`{0}` has no meaning in an expression")]

@@ -67,8 +67,10 @@ mod tests {
 
     #[test]
     fn names_and_conditions_that_mermaid_would_misread_are_escaped() {
-        let text = "name = \"m\"\n[machine.\"a \\\"b\\\"; c\"]\nstart = \"<x>: {y}\"\nfinal = \"end\"\n\
-            [machine.\"a \\\"b\\\"; c\".state.\"<x>: {y}\"]\nnext = [{ when = \"range_m < 1\\nor x_m > 2\", go = \"end\" }]\n\
+        let text = "name = \"m\"\n[machine.\"a \\\"b\\\"; c\"]\nstart = \"<x>: {y}\"\n\
+            final = \"end\"\n\
+            [machine.\"a \\\"b\\\"; c\".state.\"<x>: {y}\"]\n\
+            next = [{ when = \"range_m < 1\\nor x_m > 2\", go = \"end\" }]\n\
             [machine.\"a \\\"b\\\"; c\".state.end]\n";
         let (mission, _) = Mission::parse("m.toml", text.as_bytes(), &Capabilities::all()).unwrap();
         let expected = "stateDiagram-v2

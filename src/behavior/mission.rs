@@ -4,16 +4,16 @@
 //! name = "map"
 //! rate_hz = 50            # ticks a second, 10 to 100; 50 if left out
 //! time_limit_s = 120      # the run ends here; a name for conditions too; 120 if left out
-//! finish = "all"          # or "any": which machines must be in their final state for the mission to end
-//! on_lost = "stop"        # a device is gone or a reading is stale: "stop", or "pause" until it is back
-//! on_stall = "stop"       # or the state to which the machine that drives the wheels goes when they are blocked
+//! finish = "all"          # or "any": which machines must be final for the mission to end
+//! on_lost = "stop"        # a device is gone or stale: "stop", or "pause" until it is back
+//! on_stall = "stop"       # or the state that the wheels' machine enters when they are blocked
 //!
 //! [numbers]               # names for conditions; `--set close_m=0.3` gives one another value
 //! close_m = 0.25
 //!
 //! [machine.drive]
 //! start = "forward"
-//! final = "halt"          # may be left out: the mission then goes on until its time limit
+//! final = "halt"          # optional: without it the mission runs until its time limit
 //!
 //! [machine.drive.state.forward]
 //! do = { left_dps = 60, right_dps = 60 }

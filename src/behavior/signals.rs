@@ -78,7 +78,7 @@ impl Signals {
         self.time_ns
     }
 
-    /// Goes on to another tick; what is known stays known.
+    /// Moves to another tick; known values are kept.
     pub fn set_time_ns(&mut self, time_ns: i64) {
         self.time_ns = time_ns;
         self.time_s = seconds(time_ns);
@@ -189,7 +189,11 @@ const DERIVED: [Word; 8] = {
     }
     use Input as I;
     [
-        Word { is_truth: true, channel: Some(Channel::Range), ..word("echo", I::Signal(Signal::Echo), (0.0, 1.0)) },
+        Word {
+            is_truth: true,
+            channel: Some(Channel::Range),
+            ..word("echo", I::Signal(Signal::Echo), (0.0, 1.0))
+        },
         word("heading_deg",    I::Signal(Signal::Heading), (-180.0, 180.0)),
         word("x_m",            I::Signal(Signal::X),       ANY),
         word("y_m",            I::Signal(Signal::Y),       ANY),

@@ -21,7 +21,7 @@ use crate::runtime::HardwareLock;
 ///
 /// Examples:
 ///   onbrick calibrate                      both, asking what is needed
-///   onbrick calibrate --only track --mark  by spins that you mark, which removes the gyro's own error
+///   onbrick calibrate --only track --mark  by spins that you mark, without the gyro's own error
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {

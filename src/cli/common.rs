@@ -161,7 +161,7 @@ pub(super) fn broken_mission(source: &Source, findings: &Findings) -> Failure {
     Failure::refused(findings.to_string()).hint(hint)
 }
 
-/// Puts warnings to the log: the file can be used all the same.
+/// Puts warnings to the log: the file is usable.
 pub(super) fn warn(findings: &Findings) {
     for finding in findings {
         log::warn!("{finding}");
@@ -335,7 +335,7 @@ pub(super) fn no_brick(root: &Path) -> Failure {
     .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick")
 }
 
-/// What a person sees of a run while it goes on.
+/// What a person sees of a run in progress.
 #[derive(Debug)]
 pub(super) struct Progress {
     #[cfg(feature = "host")]

@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             return Err(no_brick(&arguments.brick));
         }
         output.show(table(&inventory), &inventory);
-        // A watch that nobody reads any more ends.
+        // A watch whose reader has gone ends.
         if !arguments.watch || output.is_closed() {
             return Ok(());
         }

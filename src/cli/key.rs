@@ -17,7 +17,8 @@ use crate::service::protocol::Name;
 ///
 /// Examples:
 ///   onbrick key show
-///   sudo -u onbrick onbrick key authorise 'w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd' --name anna --keys /etc/onbrick/keys
+///   sudo -u onbrick onbrick key authorise 'w>il{Sx3&-W+P8nSMoe)b)!kpu3Q#g>4CE<ttSWd' \
+///     --name anna --keys /etc/onbrick/keys
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -140,8 +141,16 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             known.put(&brick, replaced).map_err(|error| failure(&error))?;
             let fingerprint = brick.key.fingerprint();
             output.show(
-                format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
-                &serde_json::json!({ "known": brick.name, "address": brick.address, "fingerprint": fingerprint }),
+                format!(
+                    "{} is known from now on: {} ({fingerprint})",
+                    brick.name,
+                    known.path().display(),
+                ),
+                &serde_json::json!({
+                    "known": brick.name,
+                    "address": brick.address,
+                    "fingerprint": fingerprint,
+                }),
             );
         }
     }
@@ -212,14 +221,16 @@ pub(super) fn failure(error: &KeyError) -> Failure {
     let refused = Failure::refused(message);
     match error {
         KeyError::Missing(_) => refused.hint("onbrick key new"),
-        KeyError::Exists(_) => {
-            refused.hint("keep it: whoever knows this machine knows it by this key; or delete the file and introduce the machine anew")
-        }
+        KeyError::Exists(_) => refused.hint(
+            "keep it: other machines know this one by this key; or delete the file and pair this \
+             machine again",
+        ),
         KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
             refused.hint(AS_THE_SERVICE)
         }
         KeyError::AnotherKey { .. } => refused.hint(
-            "--replace, if it was set up again; or give one of the two another name: `name` in its onbrick.toml",
+            "--replace, if it was set up again; or give one of the two another name: `name` in its \
+             onbrick.toml",
         ),
         KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
         _ => refused,

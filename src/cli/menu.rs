@@ -82,7 +82,8 @@ impl Arguments {
     /// one.
     fn no_talks(&self) -> Option<String> {
         (self.started_by() == StartedBy::Terminal && self.brick.tree().is_machine()).then(|| {
-            "The service's simulated brick is not in this machine's files. With a mounted one (onbrick sim), --brick names it."
+            "The service's simulated brick is not in this machine's files. With a mounted one \
+             (onbrick sim), --brick names it."
                 .to_owned()
         })
     }

@@ -20,7 +20,7 @@ pub enum Exit {
     Usage = 2,
     /// A check failed before anything moved.
     Refused = 3,
-    /// Nobody answered in time.
+    /// No brick answered in time.
     NoAnswer = 4,
     /// It worked on some bricks and not on others.
     SomeFailed = 5,
@@ -148,14 +148,13 @@ impl Output {
         }
     }
 
-    /// Prints the same thing to whoever reads it.
+    /// Prints the same content as text for a person and as JSON for a program.
     pub fn show(&mut self, text: impl AsRef<str>, value: &impl Serialize) {
         self.line(text);
         self.value(value);
     }
 
-    /// Prints the same thing to whoever reads it: a file's text as it is, for a program as the
-    /// value.
+    /// As [`Output::show`]: a person gets a file's text unchanged, a program gets the value.
     pub fn text(&mut self, text: &str, value: &impl Serialize) {
         self.show(text.trim_end_matches('\n'), value);
     }

@@ -25,7 +25,7 @@ use crate::service::protocol::{LocalOnly, Pairing};
 ///
 /// Examples:
 ///   onbrick pair ev3-blue.local            on the PC
-///   onbrick pair                           on the brick, where there is no menu to open the window with
+///   onbrick pair                           on the brick, if no menu can open the window
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -94,7 +94,8 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
         }
         let Some(other) = known.another(&brick.name, &brick.key) else { return true };
         terminal.say(&format!(
-            "{} is known already, at {}, with another key: {}\nthis one has the key {}: it was set up again, or it is \
+            "{} is known already, at {}, with another key: {}\n\
+             this one has the key {}: it was set up again, or it is \
              another brick of this name",
             other.name,
             other.address,
@@ -119,7 +120,11 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     let fingerprint = brick.key.fingerprint();
     output.show(
         format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),
-        &serde_json::json!({ "paired": brick.name, "address": brick.address, "fingerprint": fingerprint }),
+        &serde_json::json!({
+            "paired": brick.name,
+            "address": brick.address,
+            "fingerprint": fingerprint,
+        }),
     );
     Ok(())
 }
@@ -128,8 +133,10 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
 #[cfg(feature = "host")]
 fn stays(known: &KnownBrick) -> Failure {
     let message = format!("{} stays as it was known: {}", known.name, known.key.fingerprint());
-    Failure::refused(message)
-        .hint("give one of the two another name: `name` in its onbrick.toml, then `onbrick pair` once more")
+    Failure::refused(message).hint(
+        "give one of the two another name: `name` in its onbrick.toml, then `onbrick pair` \
+         once more",
+    )
 }
 
 #[cfg(feature = "host")]
@@ -169,11 +176,11 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
                 return Ok(());
             }
             Pairing::Closed => {
-                return Err(Failure::new(Exit::NoAnswer, "nobody came before the window closed"));
+                return Err(Failure::new(Exit::NoAnswer, "no PC paired before the window closed"));
             }
             Pairing::Failed { why } => return Err(Failure::refused(why)),
             Pairing::NoLink { why } => {
-                return Err(Failure::refused(format!("nobody can come: {why}")));
+                return Err(Failure::refused(format!("no PC can pair: {why}")));
             }
             Pairing::Compare { code, name } if !answered => {
                 show_code(
@@ -205,7 +212,7 @@ fn show_code(terminal: &mut Terminal, code: &str, who: &str) {
     terminal.say(who);
 }
 
-/// Whoever only presses Enter has not compared.
+/// Enter alone is no answer: the codes have not been compared.
 fn confirmed(terminal: &mut Terminal, question: &str) -> bool {
     terminal.choose(question, &["yes", "no"], 1).is_ok_and(|choice| choice == 0)
 }
@@ -215,6 +222,8 @@ fn no_service(error: &LocalError) -> Failure {
         LocalError::Refused(_) => Exit::Refused,
         _ => Exit::NoAnswer,
     };
-    Failure::from_error(exit, "the service on this machine", error)
-        .hint("is `onbrick serve` running here? --config with its folder; on a PC, name the brick: onbrick pair HOST")
+    Failure::from_error(exit, "the service on this machine", error).hint(
+        "is `onbrick serve` running here? --config with its folder; on a PC, name the brick: \
+         onbrick pair HOST",
+    )
 }

@@ -265,8 +265,8 @@ fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Fai
     })
 }
 
-/// Whoever stops us means the run. From a terminal control hears it as well, and hearing it twice
-/// does no harm.
+/// A signal to this process means the run. In a terminal, control gets the signal as well; hearing
+/// it twice does no harm.
 fn forward_signals(run: Stopper) -> Result<(), Failure> {
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;

@@ -104,7 +104,7 @@ fn start_link(service: &Service) -> Option<Arc<Server>> {
     }
 }
 
-/// Whoever holds the door lets go of it; the last one closes it.
+/// The threads that use the door share it; the last one to drop it closes it.
 #[cfg(feature = "link")]
 fn close_link(service: &Service, link: Option<Arc<Server>>) {
     service.no_link("the service has ended");
@@ -119,7 +119,7 @@ fn start_link(service: &Service) {
     service.no_link("this onbrick was built without the link");
 }
 
-/// A service that systemd did not start has nobody to tell.
+/// A service that systemd did not start has no one to notify.
 fn tell_systemd(state: sd_notify::NotifyState<'_>) {
     if let Err(error) = sd_notify::notify(&[state]) {
         log::warn!("systemd was not told: {error}");
@@ -205,7 +205,8 @@ fn place(arguments: &Arguments) -> Result<Place, Failure> {
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot look at the devices", &error))?;
     if inventory.devices.is_empty() && inventory.battery.is_none() {
         return Err(no_brick(arguments.brick.root()).hint(
-            "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run this on the brick",
+            "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run \
+             this on the brick",
         ));
     }
     Ok(Place { brick: Brick::Local(arguments.brick.tree()), start: Pose::default() })

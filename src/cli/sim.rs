@@ -62,7 +62,13 @@ pub(super) struct Arguments {
     scenario: Option<PathBuf>,
     /// Show the room in a browser on this machine, at a port of your choice or any that is free.
     #[cfg(feature = "host")]
-    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    #[arg(
+        long,
+        value_name = "PORT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "0",
+    )]
     page: Option<u16>,
     /// At the end, draw the room, what the robots drove and what they saw.
     #[arg(long, value_name = "FILE.svg")]
@@ -171,7 +177,8 @@ fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> 
     }
     std::fs::write(&file, order).map_err(|error| {
         Failure::from_error(Exit::Failed, &format!("`{order}` was not done"), &error).hint(
-            "a device that is there, and an order that fits it; onbrick devices shows what is plugged in",
+            "a device that is there, and an order that fits it; onbrick devices shows what is \
+             plugged in",
         )
     })?;
     output.show(format!("done: {order}"), &serde_json::json!({ "done": order }));
@@ -221,7 +228,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     } else {
         String::new()
     };
-    let by = if unmounted_by_others { " by somebody else" } else { "" };
+    let by = if unmounted_by_others { " by another program" } else { "" };
     let faults = done(&simulation);
     let told: String = faults
         .iter()

@@ -240,12 +240,14 @@ fn how_straight(
         .is_some_and(|port| UltrasonicSensor::find(tree, port.as_ref()).is_ok());
     match how {
         Straight::Wall if !sees_metres => Err(CalibrateError::NoWall(
-            "driving at a wall needs an ultrasonic sensor in the role [range]: measure a metre instead"
+            "driving at a wall needs an ultrasonic sensor in the role [range]: measure a \
+             metre instead"
                 .to_owned(),
         )),
         Straight::Ask if sees_metres => {
             let ways = ["by driving at a plain wall", "by driving a metre that I measure"];
-            let answer = dialogue.choose("How shall the wheel circumference be measured?", &ways, 0)?;
+            let answer =
+                dialogue.choose("How shall the wheel circumference be measured?", &ways, 0)?;
             Ok(if answer == 0 { Straight::Wall } else { Straight::Metre })
         }
         Straight::Ask => Ok(Straight::Metre),

@@ -1,14 +1,14 @@
 //! Talking with the person beside the robot: the same questions on a terminal, on the brick's
 //! screen and in a test.
 //!
-//! Setting up a robot needs somebody who looks: which wheel moved, where the wall is. What asks
-//! knows only this trait, so a terminal and the brick's menu are two ways to answer and not two
-//! programs.
+//! Setting up a robot needs a person who looks: which wheel moved, where the wall is. The code that
+//! asks knows only this trait, so a terminal and the brick's menu are two front ends of one
+//! program.
 //!
 //! # Not here
 //!
-//! No printing and no reading: that is done by whoever implements the trait. No motor turns while a
-//! question is open; the one exception is [`Dialogue::is_pressed`], which does not wait.
+//! No printing and no reading: the trait's implementations do both. No motor turns while a question
+//! is open; the one exception is [`Dialogue::is_pressed`], which does not wait.
 
 use std::ops::RangeInclusive;
 
@@ -18,7 +18,7 @@ const TRIES: usize = 5;
 /// Why there was no answer. Nothing turns then, and nothing was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoAnswer {
-    /// There is nobody to answer: the input has ended.
+    /// No answer can come: the input has ended.
     #[error("there is no answer: the input has ended")]
     Closed,
     /// Ctrl-C, or a signal.

@@ -1,8 +1,8 @@
 //! Every check before motion, as a report: what is in order, what is not, and what to do.
 //!
-//! A check is a function in a table; it looks at one thing and adds lines to the report. Checks go
-//! on after a failure, so that one look shows everything. Nothing is moved: no motor gets a
-//! command, and a sensor's mode is set only while nobody else has the hardware.
+//! A check is a function in a table; it looks at one thing and adds lines to the report. A failure
+//! does not end the checks, so one report shows everything. Nothing moves: no motor gets a command,
+//! and a sensor's mode is set only while no other program has the hardware.
 //!
 //! | what | where |
 //! |---|---|
@@ -144,7 +144,7 @@ struct Examination<'p> {
     patient: &'p Patient<'p>,
     platform: &'static Platform,
     config: Option<RobotConfig>,
-    /// Nobody else drives: sensors may be put into their modes.
+    /// No other program drives: sensors may be put into their modes.
     is_free: bool,
     _lock: Option<HardwareLock>,
 }

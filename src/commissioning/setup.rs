@@ -54,19 +54,20 @@ const TURNED_RAD: f64 = 0.2;
 pub enum SetupError {
     /// There are not enough motors: plug them in.
     #[error(
-        "a robot needs two motors with a position for its wheels; {found} plugged in: plug the wheels' motors in, wait a second, and look at onbrick devices"
+        "a robot needs two motors with a position for its wheels; {found} plugged in: plug the \
+         wheels' motors in, wait a second, and look at onbrick devices"
     )]
     TooFewMotors {
         /// How many there are, in words.
         found: String,
     },
-    /// Nobody said which motors turn the wheels.
+    /// The person named no motor for a wheel.
     #[error("no motor was named as the {0} wheel's: a robot needs both; start again")]
     NoWheel(&'static str),
     /// There was no answer.
     #[error(transparent)]
     NoAnswer(#[from] NoAnswer),
-    /// Somebody asked to stop.
+    /// The person asked to stop.
     #[error("stopped; nothing was written")]
     Stopped,
     /// The devices cannot be listed, or not be bound.
@@ -125,7 +126,8 @@ pub fn setup(
     }
     let mut draft = Draft { name: name(dialogue)?, ..Draft::default() };
     let ready = dialogue.confirm(
-        "Each motor will now turn for half a second. Put the robot on the floor with a hand's width of space around it, or hold it up. Is it ready?",
+        "Each motor will now turn for half a second. Put the robot on the floor with a hand's \
+         width of space around it, or hold it up. Is it ready?",
     )?;
     if !ready {
         return Err(NoAnswer::Declined.into());
@@ -178,10 +180,12 @@ fn name(dialogue: &mut dyn Dialogue) -> Result<String, NoAnswer> {
 
 fn measures(dialogue: &mut dyn Dialogue, draft: &mut Draft) -> Result<(), NoAnswer> {
     dialogue.say(
-        "Now the measures. A guess within a tenth is enough: onbrick calibrate measures them by driving.",
+        "Now the measures. A guess within a tenth is enough: onbrick calibrate measures them by \
+         driving.",
     );
     draft.wheel_circumference_m = dialogue.number(
-        "How far does the robot roll in one turn of a wheel, in metres (3.14 times the wheel's diameter)?",
+        "How far does the robot roll in one turn of a wheel, in metres (3.14 times the wheel's \
+         diameter)?",
         draft.wheel_circumference_m,
         Geometry::WHEEL_CIRCUMFERENCE_M,
     )?;
@@ -192,7 +196,8 @@ fn measures(dialogue: &mut dyn Dialogue, draft: &mut Draft) -> Result<(), NoAnsw
     )?;
     if draft.sensors.contains_key(&Role::Range) {
         draft.range_ahead_m = dialogue.number(
-            "How far ahead of the middle between the wheels is the range sensor, in metres (behind: negative)?",
+            "How far ahead of the middle between the wheels is the range sensor, in metres \
+             (behind: negative)?",
             draft.range_ahead_m,
             RangeMount::AHEAD_M,
         )?;
@@ -221,7 +226,8 @@ impl Look<'_> {
             let turned_rad = self.turn(&mut motor)?;
             if turned_rad < TURNED_RAD {
                 self.dialogue.say(&format!(
-                    "The motor on {port} did not turn: is something in its way, or is the battery flat?"
+                    "The motor on {port} did not turn: is something in its way, or is the \
+                     battery flat?"
                 ));
             }
             match self.part(&port, guess, draft)? {

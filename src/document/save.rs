@@ -83,14 +83,14 @@ fn write_beside(
         file.sync_all()
     });
     written.and_then(|()| take_name(&fresh)).map_err(|source| {
-        // What was begun is of no use to anybody.
+        // An incomplete file is useless.
         let _ = std::fs::remove_file(&fresh);
         SaveError::Io { path: path.to_owned(), source }
     })
 }
 
-/// Replaces a file and keeps what was there beside it, as `robot.toml.1` and so on; returns where.
-/// A file that is not there is created.
+/// Replaces a file and keeps the old one beside it, as `robot.toml.1` and so on; returns where. A
+/// missing file is created.
 ///
 /// # Errors
 ///

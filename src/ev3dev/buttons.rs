@@ -7,7 +7,7 @@
 //! # What we count on
 //!
 //! - The driver has debounced already (5 ms).
-//! - Everybody who reads the node gets every event; under brickman, Back also kills the program.
+//! - Every reader of the node gets every event; under brickman, Back also kills the program.
 
 use std::sync::Arc;
 

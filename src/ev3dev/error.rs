@@ -185,9 +185,7 @@ impl fmt::Display for Hinted {
             Errno::EACCES => f.write_str(
                 "; just plugged in, wait a second; else join the groups ev3dev and input",
             ),
-            Errno::ETIMEDOUT => {
-                f.write_str("; the sensor did not answer, try again or plug it in anew")
-            }
+            Errno::ETIMEDOUT => f.write_str("; the sensor did not answer, try again or replug it"),
             Errno::ENODATA | Errno::EAGAIN => f.write_str("; not measured yet, try again"),
             _ => Ok(()),
         }

@@ -35,7 +35,7 @@ words! {
 pub struct Identity {
     /// Its class.
     pub class: Class,
-    /// Its folder in the class, good until it is plugged in anew: `motor0`.
+    /// Its folder in the class, valid until it is replugged: `motor0`.
     pub name: String,
     /// Where it is plugged in.
     pub address: PortAddress,

@@ -262,7 +262,11 @@ fn kept(
 /// writer, type, legal values if the type does not say.
 macro_rules! attributes {
     ($(#[$doc:meta])* $files:ident of [$($owner:tt)+] {
-        $($(#[$row:meta])* $vis:vis $dir:ident $file:literal => $name:ident $(/ $setter:ident)?: $ty:ty $(, $legal:expr)?;)+
+        $(
+            $(#[$row:meta])*
+            $vis:vis $dir:ident $file:literal => $name:ident $(/ $setter:ident)?: $ty:ty
+            $(, $legal:expr)?;
+        )+
     }) => {
         $(#[$doc])*
         #[derive(Debug)]
@@ -276,12 +280,15 @@ macro_rules! attributes {
 
         $($owner)+ {
             /// The table's rows.
-            pub const ATTRIBUTES: &'static [AttributeSpec] = &[$(attributes!(@spec $dir $file $ty $(, $legal)?),)+];
+            pub const ATTRIBUTES: &'static [AttributeSpec] =
+                &[$(attributes!(@spec $dir $file $ty $(, $legal)?),)+];
 
             $(attributes!(@$dir [$(#[$row])* $vis] $name $name $($setter)?: $ty);)+
         }
     };
-    (@spec $dir:ident $file:literal $ty:ty) => { AttributeSpec::$dir($file, <$ty as Value>::LEGAL) };
+    (@spec $dir:ident $file:literal $ty:ty) => {
+        AttributeSpec::$dir($file, <$ty as Value>::LEGAL)
+    };
     (@spec $dir:ident $file:literal $ty:ty, $legal:expr) => { AttributeSpec::$dir($file, $legal) };
     (@readwriteable [$($head:tt)*] $field:ident $name:ident $setter:ident: $ty:ty) => {
         attributes!(@readable [$($head)*] $field $name: $ty);
@@ -302,7 +309,9 @@ macro_rules! attributes {
         ///
         /// [`Cause::Refused`](crate::ev3dev::Cause::Refused) for a value that is not legal, with
         /// what is; any other but `Malformed`.
-        $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> { self.files.$field.write(&self.node, &value) }
+        $vis fn $name(&self, value: $ty) -> Result<(), DeviceError> {
+            self.files.$field.write(&self.node, &value)
+        }
     };
 }
 

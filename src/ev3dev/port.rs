@@ -10,9 +10,9 @@ use super::tree::Tree;
 use super::value::{Legal, Value, Word, Words};
 use super::words::PortMode;
 
-/// A port. Writing its mode, also the mode that it has, makes the kernel find what is plugged in
-/// anew: with a new number, and with every set point lost. That is how a device that hangs is
-/// restarted without pulling its cable.
+/// A port. Writing its mode, even the same one, makes the kernel detect the device again: it gets a
+/// new number and loses every set point. That restarts a device that hangs without pulling its
+/// cable.
 #[derive(Debug)]
 pub struct LegoPort {
     node: Node,
@@ -28,7 +28,7 @@ attributes! {
         pub readable "address" => address: PortAddress;
         /// Input or output port, by its driver's name.
         pub readable "driver_name" => driver_name: Word;
-        /// The modes that this port has, read anew.
+        /// The modes that this port has, read each time.
         pub readable "modes" => read_modes: Words;
         readwriteable "mode" => mode_word / write_mode: Word;
         writeable "set_device" => write_set_device: Word;
@@ -81,7 +81,7 @@ impl LegoPort {
         self.mode_word()
     }
 
-    /// Sets the mode, and with it makes the kernel find what is plugged in anew.
+    /// Sets the mode, which makes the kernel detect the device again.
     ///
     /// # Errors
     ///

@@ -3,11 +3,10 @@
 //! A picture is one byte a pixel, 0 black to 255 white, row by row; [`Screen::show`] puts all of it
 //! on the panel. [`Console`] keeps the kernel's text off it meanwhile.
 //!
-//! The driver refreshes the panel some 50 ms after somebody wrote *through a memory map*; what is
-//! written to the file stays invisible until then (ev3dev issue 1357), so a frame buffer is mapped.
-//! A file that is no frame buffer (the mounted simulated brick, a test's) cannot be asked by ioctl
-//! and mostly not be mapped either: its layout comes from `sys/class/graphics/fb0`, and frames are
-//! written.
+//! The driver refreshes the panel some 50 ms after a write *through a memory map*; a write to the
+//! file stays invisible until then (ev3dev issue 1357), so a frame buffer is mapped. A file that is
+//! no frame buffer (the mounted simulated brick, a test's) has no ioctls and mostly cannot be
+//! mapped: its layout comes from `sys/class/graphics/fb0`, and frames are written.
 //!
 //! # Not here
 //!
@@ -59,7 +58,8 @@ pub enum ScreenError {
     },
     /// The kernel's description is not understood, or the memory is laid out otherwise.
     #[error(
-        "the screen {} is laid out as {found}; known is 32 bits a pixel, red 16, green 8, blue 0 (or blue 16, red 0): an image of ev3dev since April 2018 has that",
+        "the screen {} is laid out as {found}; known is 32 bits a pixel, red 16, green 8, blue 0 \
+         (or blue 16, red 0): an image of ev3dev since April 2018 has that",
         path.display()
     )]
     Layout {
@@ -73,7 +73,7 @@ pub enum ScreenError {
 fn hint(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::PermissionDenied => {
-            ": join the group video (sudo usermod -aG video USER, log in anew)"
+            ": join the group video (sudo usermod -aG video USER, log in again)"
         }
         _ => "",
     }

@@ -12,10 +12,9 @@
 //!
 //! # Not here
 //!
-//! The modes that nobody may use: COL-CAL and GYRO-CAL are the factory's, IR-CAL is too, and in
-//! COL-CAL and IR-S-ALT the sensor stops answering and starts again (section 6.3 of the interfaces'
-//! reference). The colour sensor's factory string is never written: it would overwrite its
-//! calibration for good.
+//! The factory's modes: COL-CAL, GYRO-CAL and IR-CAL; in COL-CAL and IR-S-ALT the sensor stops
+//! answering and restarts (section 6.3 of the interfaces' reference). The colour sensor's factory
+//! string is never written: it would overwrite its calibration for good.
 
 mod colour;
 mod frame;
@@ -80,7 +79,7 @@ attributes! {
         pub readable "address" => address: PortAddress;
         /// What the sensor is.
         pub readable "driver_name" => driver_name: Word;
-        /// The modes that the sensor says it has, read anew.
+        /// The modes that the sensor says it has, read each time.
         pub readable "modes" => read_modes: Words;
         readwriteable "mode" => mode_word / write_mode: Word;
         /// The commands that the driver takes; none for the sensors of the EV3.
@@ -178,7 +177,7 @@ impl Sensor {
         &self.modes
     }
 
-    /// The mode in force, as far as this program knows: nobody else should change it.
+    /// The mode in force, as far as this program knows: no other program should change it.
     #[must_use]
     pub fn mode(&self) -> &Mode {
         &self.mode
@@ -342,7 +341,7 @@ impl Sensor {
     }
 
     fn write_and_read_back(&mut self, mode: Word) -> Result<(), DeviceError> {
-        // Until it is read back nobody knows the mode, and whoever sets one again must write it.
+        // The mode is unknown until it is read back, so the next change of mode must write it.
         self.mode.name.clear();
         self.write_mode(mode)?;
         self.mode = self.mode_in_force()?;
@@ -384,8 +383,8 @@ impl Sensor {
 ///   two measuring modes two of its frames.
 /// - Infrared: two frames of up to 100 ms. Two polls of an I²C sensor, at the 100 ms they start
 ///   with.
-/// - Gyro: the older ones calibrate anew and nobody has written down how long that takes; 1 s is
-///   ours. Look whether it drifts besides.
+/// - Gyro: the older ones calibrate again, for a time that is not documented; 1 s is our choice.
+///   Check for drift as well.
 #[must_use]
 pub fn settle_ns(driver: Option<Driver>, from: &str, to: &str) -> i64 {
     let measures = |mode: &str| mode.starts_with("US-DIST") || mode.starts_with("US-DC");

@@ -84,7 +84,7 @@ impl Sound {
 impl Drop for Sound {
     fn drop(&mut self) {
         if self.sounding {
-            // Nobody is left to tell.
+            // An error cannot be reported from here.
             let _ = self.silence();
         }
     }

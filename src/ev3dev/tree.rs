@@ -6,7 +6,7 @@
 //!
 //! # What we count on
 //!
-//! - A read at offset 0 makes the driver produce the text anew; a write is one complete store, its
+//! - A read at offset 0 makes the driver produce the text again; a write is one complete store, its
 //!   offset ignored.
 //! - A kept file of a device that is gone answers ENODEV, and its path ENOENT.
 //! - Plain files are not sysfs: a short value leaves the tail of a longer one. [`LocalTree`]
@@ -70,7 +70,7 @@ pub trait Tree: Debug + Send + Sync {
 
 /// An open attribute: each call is one system call, and none allocates.
 pub trait AttributeFile: Debug + Send {
-    /// Reads the attribute anew, from offset 0; returns how many bytes there are.
+    /// Reads the attribute from offset 0; returns how many bytes there are.
     ///
     /// # Errors
     ///

@@ -222,7 +222,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bytes_are_a_number_or_refused(bytes in proptest::collection::vec(any::<u8>(), 0..80)) {
+        fn any_bytes_are_a_number_or_refused(
+            bytes in proptest::collection::vec(any::<u8>(), 0..80),
+        ) {
             let text = first_line(&bytes);
             if let Some(number) = i32::parse(text) {
                 let digits = std::str::from_utf8(text).unwrap();

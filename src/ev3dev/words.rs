@@ -17,7 +17,9 @@ pub struct UnknownWord {
 /// Makes an enum of a table of words, with `ALL`, `WORDS`, `as_str`, `FromStr`, `Display` and its
 /// place among attribute values.
 macro_rules! words {
-    ($(#[$doc:meta])* $name:ident { $($(#[$word_doc:meta])* $variant:ident = $word:literal,)+ }) => {
+    ($(#[$doc:meta])* $name:ident {
+        $($(#[$word_doc:meta])* $variant:ident = $word:literal,)+
+    }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum $name { $($(#[$word_doc])* $variant,)+ }
@@ -42,7 +44,10 @@ macro_rules! words {
             fn from_str(word: &str) -> Result<Self, Self::Err> {
                 match word {
                     $($word => Ok(Self::$variant),)+
-                    _ => Err($crate::ev3dev::UnknownWord { word: word.to_owned(), known: Self::WORDS.join(" ") }),
+                    _ => Err($crate::ev3dev::UnknownWord {
+                        word: word.to_owned(),
+                        known: Self::WORDS.join(" "),
+                    }),
                 }
             }
         }
@@ -82,8 +87,8 @@ words! {
 }
 
 words! {
-    /// Which way counts as positive. The kernel applies it to set points and to readings; nobody
-    /// else may apply it again.
+    /// Which way counts as positive. The kernel applies it to set points and to readings; no other
+    /// code may apply it again.
     Polarity {
         /// As the motor is built.
         Normal = "normal",
@@ -189,11 +194,11 @@ words! {
 words! {
     /// What kind of cells the brick runs on.
     Technology {
-        /// Not known: AA cells, alkaline unless somebody says otherwise.
+        /// Not known: AA cells, alkaline unless the user says otherwise.
         Unknown = "Unknown",
         /// LEGO's rechargeable pack, found by its switch.
         LiIon = "Li-ion",
-        /// Rechargeable AA cells, if somebody said so.
+        /// Rechargeable AA cells, if the user said so.
         NiMh = "NiMH",
     }
 }
@@ -256,7 +261,7 @@ words! {
         LargeMotor = "lego-ev3-l-motor",
         /// LEGO's medium motor.
         MediumMotor = "lego-ev3-m-motor",
-        /// The NXT's motor, if somebody said so.
+        /// The NXT's motor, if the user said so.
         NxtMotor = "lego-nxt-motor",
         /// A linear actuator of 50 mm.
         Linear50 = "act-l12-ev3-50",
@@ -278,7 +283,7 @@ words! {
         NxtTouch = "lego-nxt-touch",
         /// The NXT's light sensor.
         NxtLight = "lego-nxt-light",
-        /// The NXT's sound sensor, if somebody said so.
+        /// The NXT's sound sensor, if the user said so.
         NxtSound = "lego-nxt-sound",
         /// The NXT's ultrasonic sensor.
         NxtUltrasonic = "lego-nxt-us",

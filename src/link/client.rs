@@ -16,12 +16,12 @@
 //! # }
 //! ```
 //!
-//! A client keeps one connection and makes it anew whenever it breaks. Each request is repeated
-//! until it is answered or the patience is over; that is harmless, because a start carries its
-//! run's identifier, a stop stops what is stopped already, and the rest only reads. What was sent
-//! into an outage cannot come true later: nothing is queued while there is no connection, what was
-//! queued is thrown away with its socket, and a start that lay in some buffer for more than five
-//! seconds is refused by the brick.
+//! A client keeps one connection and reconnects whenever it breaks. Each request is repeated until
+//! it is answered or the patience is over. Repeating is harmless: a start carries its run's
+//! identifier, stopping a stopped run does nothing, and the other requests only read. A request
+//! sent into an outage has no late effect: nothing is queued without a connection, a socket's queue
+//! is thrown away with it, and the brick refuses a start that was delayed for more than five
+//! seconds.
 //!
 //! # Not here
 //!
@@ -65,7 +65,7 @@ pub const PATIENCE_S: f64 = 10.0;
 /// Why a brick did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// Nobody answered in time: look at the brick, its address and the network, and try again.
+    /// No answer in time: check the brick, its address and the network, and try again.
     #[error("no answer from {address} in {waited_s:.0} s: {silence}")]
     NoAnswer {
         /// Who was asked.
@@ -82,10 +82,11 @@ pub enum ClientError {
         /// Who was asked.
         address: String,
     },
-    /// What answers there has another key than the brick had: a brick that was set up anew (pair
-    /// again), or somebody else.
+    /// The key there is not the brick's known key: the brick was set up from scratch (pair again),
+    /// or another machine answers.
     #[error(
-        "what answers at {address} does not have the key that is known for it: the brick was set up anew, another one has its address, or it is none"
+        "what answers at {address} does not have the key that is known for it: the brick was set \
+         up from scratch, another one has its address, or it is no brick"
     )]
     AnotherKey {
         /// Who was asked.
@@ -102,7 +103,7 @@ pub enum ClientError {
         /// What is wrong with it.
         message: String,
     },
-    /// Somebody at this end does not want to wait any longer.
+    /// The caller does not want to wait any longer.
     #[error("interrupted")]
     Interrupted,
     /// The file that a run is fetched into.
@@ -122,7 +123,10 @@ pub enum ClientError {
     },
     /// There is a file of this name, and it is not this recording: keep both, by fetching into
     /// another folder.
-    #[error("{} is there already, and it is not this recording: its hash is another", path.display())]
+    #[error(
+        "{} is there already, and it is not this recording: its hash is another",
+        path.display()
+    )]
     OtherRecording {
         /// The file.
         path: std::path::PathBuf,
@@ -143,17 +147,17 @@ pub enum ClientError {
     Socket(zmq::Error),
 }
 
-/// What was seen where nobody answered.
+/// What was observed while no answer came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Silence {
-    /// The name is nobody's.
-    #[error("nobody has this name")]
+    /// No machine has the name.
+    #[error("no machine has this name")]
     NoSuchName,
     /// No connection was made: it is switched off, elsewhere, or does not serve.
-    #[error("nobody is there")]
+    #[error("no connection")]
     Nobody,
-    /// A connection was made, and nobody introduced itself.
-    #[error("somebody is there, but does not shake hands")]
+    /// A connection was made, but no handshake followed.
+    #[error("connected, but no handshake")]
     NoHandshake,
     /// It was there, and then it answered no more.
     #[error("it was there, and then said no more")]
@@ -167,7 +171,7 @@ pub struct Patience {
     pub(super) most_ns: i64,
     /// The same as long as there is no connection.
     pub(super) absent_ns: i64,
-    /// Raised by whoever does not want to wait any longer.
+    /// Raised by a caller that does not want to wait any longer.
     pub(super) cancelled: Option<Arc<AtomicBool>>,
 }
 
@@ -258,8 +262,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`ClientError`]. After [`ClientError::NoAnswer`] the run may have been started all the same,
-    /// or may be within the next five seconds: a status tells.
+    /// [`ClientError`]. After [`ClientError::NoAnswer`] the run may still have been started, or may
+    /// start within the next five seconds: ask for the status.
     pub fn start(
         &mut self,
         mission: Chosen,
@@ -364,8 +368,8 @@ pub(super) struct Envelope<'r, R> {
     pub(super) request: &'r R,
 }
 
-/// An identifier that sorts by time and that nobody else chooses: a name's first letters, the
-/// seconds of this PC's calendar, and chance.
+/// A unique identifier that sorts by time: a name's first letters, the seconds of this PC's
+/// calendar, and random digits.
 ///
 /// # Errors
 ///

@@ -1,10 +1,10 @@
 //! Whether the libzmq that is linked can encrypt, and that it is the one that can.
 //!
-//! In this package only the libzmq of `src/build.rs` is built. In a program of somebody else's,
-//! whose Cargo does not know our configuration, the crate zmq-sys builds one without CURVE as well,
-//! and the linker takes whichever comes first among what refers to it. So this file refers to
-//! libzmq itself: where this library is linked, its own libzmq comes along before zmq-sys's is
-//! looked at, and leaves it nothing to give.
+//! In this package only the libzmq of `src/build.rs` is built. In another package, whose Cargo does
+//! not know our configuration, the crate zmq-sys builds one without CURVE as well, and the linker
+//! takes whichever comes first among what refers to it. So this file refers to libzmq itself: where
+//! this library is linked, its own libzmq is linked before zmq-sys's, which then has no undefined
+//! symbols left to resolve.
 //!
 //! # Not here
 //!

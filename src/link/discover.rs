@@ -21,7 +21,7 @@ use crate::printable::line;
 /// What bricks are announced as: `brick-image/package/onbrick.avahi` says the same.
 pub const SERVICE: &str = "_onbrick._tcp.local.";
 
-/// Nobody who interrupts waits longer than this, milliseconds.
+/// An interrupt is noticed within this time, milliseconds.
 const NAP_MS: i64 = 100;
 
 /// No more are listed: a network that answers more is not one of bricks.
@@ -45,11 +45,11 @@ pub struct Announced {
 #[error("cannot listen to what is announced in this network")]
 pub struct NoDiscovery(#[from] mdns_sd::Error);
 
-/// Listens for so many seconds, or until it is interrupted; what was heard, by name.
+/// Listens for this many seconds, or until it is interrupted; returns what was heard, by name.
 ///
 /// # Errors
 ///
-/// [`NoDiscovery`]. A network that says nothing is none.
+/// [`NoDiscovery`]. A network without announcements is none.
 pub fn discover(seconds: f64, interrupted: &AtomicBool) -> Result<Vec<Announced>, NoDiscovery> {
     let daemon = ServiceDaemon::new()?;
     let events = daemon.browse(SERVICE)?;

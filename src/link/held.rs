@@ -6,7 +6,8 @@
 
 #![allow(
     unsafe_code,
-    reason = "nothing of std, nix or rustix duplicates a descriptor that is only known by its number, or takes a TCP_INFO of any length"
+    reason = "nothing of std, nix or rustix duplicates a descriptor that is only known by its \
+              number, or takes a TCP_INFO of any length"
 )]
 
 use std::net::{IpAddr, SocketAddr};
@@ -122,7 +123,7 @@ mod tests {
         assert!(Held::to(far.as_raw_fd(), address).is_none(), "that is the other end");
         held.shut();
         assert_eq!(near.read(&mut [0]).unwrap(), 0);
-        // The listener, the other end, a file, and numbers of nobody are none of ours.
+        // The listener, the other end, a file and unused numbers are none of ours.
         let file = std::fs::File::open("/proc/self/stat").unwrap();
         for other in [listener.as_raw_fd(), near.as_raw_fd(), file.as_raw_fd(), 1_000_000, -1] {
             assert!(Held::of(other, address.port()).is_none(), "{other}");

@@ -13,14 +13,14 @@
 //!
 //! # Not here
 //!
-//! No waiting that anybody else notices: making a pair ([`KeyPair::generate`]) may wait for the
-//! kernel's random numbers - minutes, on a brick that has just been switched on - so a brick does
-//! it on the link's own thread, and nothing that drives calls it.
+//! No waiting on any other thread: making a pair ([`KeyPair::generate`]) may wait for the kernel's
+//! random numbers - minutes, on a brick that has just been switched on - so a brick does it on the
+//! link's own thread, and nothing that drives calls it.
 //!
 //! # What we count on
 //!
-//! - Whoever can read `own.key` is this machine. A file that others can read is refused, as ssh
-//!   does.
+//! - A process that can read `own.key` can act as this machine. A file that others can read is
+//!   refused, as ssh does.
 
 use std::fmt::{self, Write as _};
 use std::fs::{self, DirBuilder, File, OpenOptions};
@@ -122,7 +122,7 @@ pub enum KeyError {
     /// Make one: `onbrick key new`.
     #[error("there is no key at {}", .0.display())]
     Missing(PathBuf),
-    /// There is one already: whoever knows it would no longer know this machine.
+    /// There is one already: the machines that know it would no longer know this one.
     #[error("{} is there already", .0.display())]
     Exists(PathBuf),
     /// Take the permissions away: `chmod 600`.
@@ -192,7 +192,7 @@ impl KeyPair {
         self.public
     }
 
-    /// The half that nobody else knows, for a socket.
+    /// The secret half, for a socket.
     pub(super) fn secret(&self) -> &[u8; 32] {
         &self.secret
     }
@@ -245,7 +245,8 @@ impl KeyPair {
         let path = folder.join(OWN);
         let (public, secret) = (self.public, z85::encode(&self.secret));
         let text = format!(
-            "# Whoever has the secret is this machine. It stays here; the public half is for others (`onbrick key show`).\n\
+            "# The secret proves to be this machine. It stays here; the public half is for others \
+             (`onbrick key show`).\n\
              public = \"{public}\"\nsecret = \"{secret}\"\n"
         );
         make_folder(folder)?;
@@ -264,7 +265,7 @@ impl KeyPair {
             loaded => return loaded,
         }
         match Self::generate()?.save(folder) {
-            // Somebody else was quicker, or we were: either way the file has it.
+            // Another process may have been faster: either way the file has it.
             Ok(_) | Err(KeyError::Exists(_)) => Self::load(folder),
             Err(error) => Err(error),
         }
@@ -299,7 +300,7 @@ fn write_private(path: &Path, text: &str, replace: Replace) -> Result<(), KeyErr
         Replace::No => fs::hard_link(&fresh, path).and_then(|()| fs::remove_file(&fresh)),
     });
     placed.map_err(|error| {
-        // What was begun is of no use to anybody.
+        // An incomplete file is useless.
         let _ = fs::remove_file(&fresh);
         match error.kind() {
             io::ErrorKind::AlreadyExists => KeyError::Exists(path.to_owned()),

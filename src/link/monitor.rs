@@ -2,11 +2,11 @@
 //!
 //! # What we count on
 //!
-//! - libzmq's own threads wait where a monitor's queue is full, so ours has no bound: whoever opens
-//!   one reads it often.
-//! - They wait as well, and for ever, where nobody is at the other end, and all sockets of a
-//!   context wait with them. A socket that is dropped goes on telling for a while, so whoever has
-//!   opened a monitor ends it with [`Monitor::stop`] before both are dropped.
+//! - libzmq's own threads block on a full monitor queue, so ours has no bound: the owner reads it
+//!   often.
+//! - They also block, for ever, if a monitor has no reader, and all sockets of a context block with
+//!   them. A dropped socket still reports for a while, so the owner of a monitor ends it with
+//!   [`Monitor::stop`] before both are dropped.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -33,9 +33,9 @@ pub(super) enum What {
     Connected,
     /// Making a connection failed or took too long, or a listener was closed.
     Closed,
-    /// Somebody connected to us; the value is the descriptor.
+    /// A peer connected to us; the value is the descriptor.
     Accepted,
-    /// Nobody more can connect to us: too many descriptors, mostly.
+    /// No further peer can connect to us: mostly for want of descriptors.
     AcceptFailed,
     /// Both sides have the keys that they should have.
     Greeted,

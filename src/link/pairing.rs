@@ -1,15 +1,16 @@
 //! Introducing a PC to a brick, with a person who looks at both.
 //!
-//! Neither side knows the other's key yet, so anybody could stand between them. Both commit to a
-//! random number, then show their keys and the numbers; from all four each computes the same short
-//! code and shows it to the person. Somebody in between would have to show two different keys, and
-//! gets one guess at a code of six digits: one exchange for each time that the window is opened.
+//! Neither side knows the other's key yet, so a third machine could stand between them. Both commit
+//! to a random number, then show their keys and the numbers; from all four each computes the same
+//! short code and shows it to the person. A machine in between would have to show two different
+//! keys, and gets one guess at a code of six digits: one exchange for each time that the window is
+//! opened.
 //!
 //! ```text
 //!  PC                                                       brick (its window is open)
 //!   │── commit: name, H(key of the PC, number of the PC) ──▶│
 //!   │◀─ commit: H(key of the brick, number of the brick) ───│
-//!   │── reveal: number of the PC ──────────────────────────▶│   the PC's key is the one that its connection has
+//!   │── reveal: number of the PC ──────────────────────────▶│   the PC's key is its connection's
 //!   │◀─ reveal: key, number and name of the brick ──────────│
 //!   │       both show the code; a person says on both sides whether it is the same
 //!   │── answer: same ──────────────────────────────────────▶│
@@ -47,7 +48,8 @@
 //! {"version": 1, "id": 1, "op": "pair", "step": "commit", "name": "anna", "commit": "77b0…01bc"}
 //! {"id": 1, "ok": {"step": "commit", "commit": "5f0c…9d3e"}}
 //! {"version": 1, "id": 2, "op": "pair", "step": "reveal", "number": "0303…0303"}
-//! {"id": 2, "ok": {"step": "reveal", "key": "0S&A8…0S&A8", "number": "0404…0404", "name": "ev3-blue"}}
+//! {"id": 2, "ok": {"step": "reveal", "key": "0S&A8…0S&A8", "number": "0404…0404",
+//!  "name": "ev3-blue"}}
 //! {"version": 1, "id": 3, "op": "pair", "step": "answer", "same": true}
 //! {"id": 3, "ok": {"step": "waits"}}
 //! {"version": 1, "id": 4, "op": "pair", "step": "how"}
@@ -79,7 +81,7 @@
 //!
 //! # What we count on
 //!
-//! - The person compares. Whoever says "the same" without looking lets in whoever asked.
+//! - The person compares. A person who confirms without looking lets in any PC that asked.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

@@ -1,19 +1,19 @@
-//! A brick's door to the network: one ROUTER socket with CURVE, and while somebody introduces a PC,
-//! a second one.
+//! A brick's door to the network: one ROUTER socket with CURVE, and a second one while a PC is
+//! being paired.
 //!
 //! ```text
 //!  libzmq's thread ── may this key in? ──▶ zap         one file looked at
 //!        │
 //!        ▼ requests                                    jobs
 //!      front ── the key's name, looked up again ──▶ two workers ── Operations of the service
-//!        ▲  └── refusals at once                       │   `stop` has one of its own: it waits behind nothing
+//!        ▲  └── refusals at once                       │   `stop` has one of its own
 //!        └──────────────── replies ────────────────────┘
 //! ```
 //!
-//! Everything here runs on threads of its own, niced, in the process of `onbrick serve`: it makes
-//! the brick's keys where there are none, which may wait for the kernel's random numbers, and
-//! nobody else waits for that. The server ends by itself when it can no longer ask who may come in;
-//! the service shows why ([`Server::state`]).
+//! Everything here runs on niced threads of its own in the process of `onbrick serve`. It makes the
+//! brick's keys if there are none, which may wait for the kernel's random numbers; no other thread
+//! waits for that. The server ends when its ZAP handler has ended; the service shows why
+//! ([`Server::state`]).
 //!
 //! # Limits
 //!
@@ -114,11 +114,11 @@ pub(crate) enum ServerError {
         /// What libzmq said.
         source: zmq::Error,
     },
-    /// Nobody looks any more at who may come in: the service has to be started again.
-    #[error("nobody can be asked any more who may come in")]
+    /// The ZAP handler has ended: restart the service.
+    #[error("the thread that checks keys has ended")]
     NoHandler,
-    /// A worker has died: the service has to be started again.
-    #[error("nobody does any more what is asked")]
+    /// A worker has died: restart the service.
+    #[error("a worker thread has ended")]
     NoWorker,
     /// libzmq has no socket or no memory left.
     #[error("sockets cannot be used: {0}")]

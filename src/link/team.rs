@@ -158,7 +158,8 @@ fn compare(root: &Section<'_>, item: &Item<'_>, member: &Member, other: &Member)
             .hint("measure where each robot stands: the maps are put together by it");
     } else if apart_m < CLOSE_M {
         let message = format!(
-            "{name} and {before} start {apart_m:.2} m apart: their ultrasonic sensors disturb each other within {CLOSE_M} m"
+            "{name} and {before} start {apart_m:.2} m apart: their ultrasonic sensors disturb each \
+             other within {CLOSE_M} m"
         );
         root.note(item.key_place(), Severity::Warning, message)
             .hint("walls between them, more room, or one after the other");
@@ -218,7 +219,8 @@ mod tests {
 
     #[test]
     fn every_mistake_has_its_place_and_a_way_out() {
-        let text = "misson = \"map\"\nmission = \"\"\n[brick.ev3-bleu]\nx_m = 0\ny_m = 0\n[brick.ev3-red]\nx_m = \"here\"\nheading = 5\nheading_deg = 400\n";
+        let text = "misson = \"map\"\nmission = \"\"\n[brick.ev3-bleu]\nx_m = 0\ny_m = 0\n\
+                    [brick.ev3-red]\nx_m = \"here\"\nheading = 5\nheading_deg = 400\n";
         let error = parse(text).unwrap_err();
         for part in [
             "team.toml:1:1",

@@ -10,7 +10,7 @@ use super::{MapPoint, Pose, room};
 pub(super) struct Thinned<T> {
     kept: Vec<T>,
     limit: usize,
-    /// Of so many offered one is kept.
+    /// One of this many offered points is kept.
     stride: u64,
     offered: u64,
 }

@@ -82,8 +82,7 @@ impl Estimator {
         self.state
     }
 
-    /// Goes on from a state: the same inputs then give the same bits as if nothing had come
-    /// between.
+    /// Continues from a state: the same inputs then give the same bits as without an interruption.
     pub fn restore(&mut self, state: EstimatorState) {
         self.state = state;
     }

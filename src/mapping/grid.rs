@@ -495,11 +495,15 @@ mod tests {
 
         #[test]
         fn any_numbers_at_all_are_survived(
-            x in any::<f64>(), y in any::<f64>(), range in any::<f64>(), cos in -1.0..1.0, sin in -1.0..1.0
+            x in any::<f64>(), y in any::<f64>(), range in any::<f64>(), cos in -1.0..1.0,
+            sin in -1.0..1.0
         ) {
             let mut grid = OccupancyGrid::around(&Pose { x_m: x, y_m: y, heading_rad: 0.0 });
             for range in [Range::Echo(range), Range::NoEcho, Range::TooNear] {
-                grid.add(&Sounding { time_ns: 0, x_m: x, y_m: y, beam: [cos, sin], echo: [cos, sin], range, fresh: true }, 2.0);
+                let (beam, echo) = ([cos, sin], [cos, sin]);
+                let sounding =
+                    Sounding { time_ns: 0, x_m: x, y_m: y, beam, echo, range, fresh: true };
+                grid.add(&sounding, 2.0);
             }
             prop_assert_eq!(grid.cells.len(), 40_000);
         }

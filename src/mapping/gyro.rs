@@ -7,7 +7,7 @@
 //!
 //! The window's centre is the sum of the gyro's changes less its bias. Where the gyro cannot be
 //! believed (a jump that no motion explains, a turn beyond ±440 °/s, the end of its 16 bits, no
-//! reading) the heading goes on by the encoders, and the window is put around it anew.
+//! reading) the heading follows the encoders, and the window is centred on it again.
 //!
 //! # Bias
 //!

@@ -61,8 +61,7 @@ impl Map {
         self.points.kept()
     }
 
-    /// Of so many points that were found one is kept: 1 until the cloud was full for the first
-    /// time.
+    /// One of this many points found is kept: 1 until the cloud was full for the first time.
     #[must_use]
     pub fn points_stride(&self) -> u64 {
         self.points.stride()

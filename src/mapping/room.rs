@@ -1,18 +1,17 @@
-//! Memory that is there from the start: the kernel gives a page when it is written to for the first
-//! time, which is not to be in a tick.
+//! Pre-faulted buffers: the kernel maps a page at its first write, which must not happen in a tick.
 
 use std::hint::black_box;
 
 /// As `vec![value; length]`, every page of it written to.
 pub(super) fn filled<T: Copy>(value: T, length: usize) -> Vec<T> {
-    // Hidden from the compiler, which else has zeros given by the kernel: these are pages that
-    // nobody has written to.
+    // `black_box` hides the zeros from the compiler, which would otherwise take zero pages from the
+    // kernel: untouched pages that fault at the first write.
     let mut room = black_box(Vec::with_capacity(length));
     room.resize(length, value);
     room
 }
 
-/// An empty list with room for so many entries.
+/// An empty list with room for this many entries.
 pub(super) fn reserved<T: Copy + Default>(length: usize) -> Vec<T> {
     let mut room = filled(T::default(), length);
     room.clear();

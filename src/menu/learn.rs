@@ -44,8 +44,8 @@ impl Menu {
     }
 
     fn gone(&mut self, lane: Lane, request: &LocalRequest, why: String) {
-        // What is looked at comes again by itself; an order does not, and nobody knows whether it
-        // was done.
+        // A query is repeated by itself; an order is not, and whether it was carried out is
+        // unknown.
         if lane == Lane::Order && *request != LocalRequest::Own(LocalOnly::MenuHere) {
             self.refuse(
                 "the service did not answer".to_owned(),
@@ -151,7 +151,7 @@ impl Menu {
         self.changed |= !looks_alike;
     }
 
-    /// A run shows itself, whoever started it and whatever was on the screen.
+    /// A run takes the screen, whatever started it and whatever was on the screen.
     fn run_began(&mut self) {
         self.let_go();
         self.shows_map = false;
@@ -162,7 +162,7 @@ impl Menu {
         self.dismissed = None;
     }
 
-    /// How a run ended is shown once, and a fault until somebody has seen it.
+    /// How a run ended is shown once, and a fault until a person has acknowledged it.
     fn run_is_over(&mut self, was_running: bool) {
         let Some(status) = &self.seen.status else { return };
         let is_fault = status.state == State::Fault;
@@ -170,7 +170,7 @@ impl Menu {
             (Some(last), _) if is_fault || was_running => last.clone(),
             (_, Some(finding)) if is_fault => not_in_order(finding),
             _ => {
-                // A fault that somebody else has acknowledged.
+                // A fault that was acknowledged elsewhere.
                 if !is_fault && self.ended.as_ref().is_some_and(|ended| !ended.is_wanted()) {
                     self.ended = None;
                     self.changed = true;

@@ -101,7 +101,8 @@ impl Menu {
         match &self.seen.gone {
             None => sheet.line("Waiting for the service..."),
             Some(why) => sheet.big("No service").line(why.clone()).line(
-                "Trying again. What was running stops by itself, or goes on, as the brick is configured.",
+                "Trying again. What was running stops by itself, or continues, as the brick is \
+                 configured.",
             ),
         }
     }
@@ -364,7 +365,7 @@ fn pairing(pairing: Option<&Pairing>) -> Sheet {
 /// A run in a list.
 fn run_line(run: &RunInfo) -> String {
     let end = match &run.end {
-        _ if run.going_on => "goes on".to_owned(),
+        _ if run.going_on => "running".to_owned(),
         Some(end) => end.stop.reason.word(),
         None => "was cut".to_owned(),
     };

@@ -175,7 +175,7 @@ impl Courier {
     }
 }
 
-/// The talk that goes on, if one does.
+/// The talk in progress, if any.
 #[derive(Default)]
 struct Talking {
     open: Option<(Receiver<Told>, Replies)>,

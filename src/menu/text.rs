@@ -137,9 +137,14 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn nothing_that_can_be_seen_is_lost_and_no_line_is_too_long(text: String, columns in 1_usize..40) {
+        fn nothing_that_can_be_seen_is_lost_and_no_line_is_too_long(
+            text: String,
+            columns in 1_usize..40,
+        ) {
             let lines = wrap(&text, columns);
-            let seen = |text: &str| text.chars().filter(|letter| !letter.is_whitespace()).collect::<String>();
+            let seen = |text: &str| {
+                text.chars().filter(|letter| !letter.is_whitespace()).collect::<String>()
+            };
             proptest::prop_assert_eq!(seen(&lines.concat()), seen(&plain(&text)));
             for line in lines {
                 proptest::prop_assert!(line.chars().count() <= columns, "`{}`", line);

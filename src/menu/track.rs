@@ -114,7 +114,7 @@ impl Track {
         }
     }
 
-    /// Draws the map; `pose` is newer than the recording's last where the run goes on.
+    /// Draws the map; `pose` is newer than the recording's last while the run is in progress.
     pub(super) fn draw(&self, canvas: &mut Canvas, title: &str, corner: &str, pose: Option<Pose>) {
         let Ok(()) = canvas.clear(PAPER);
         let pose = pose.or(self.last).filter(Pose::is_finite);

@@ -17,7 +17,7 @@ use crate::senses::QUANTITIES;
 /// What is known of a run when it starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
-    /// The run's identifier, where whoever started it chose one.
+    /// The run's identifier, if its starter chose one.
     pub run: Option<String>,
     /// The brick's name.
     pub brick: String,
@@ -115,7 +115,7 @@ pub struct End {
 pub struct Info {
     /// The version of onbrick that recorded it.
     pub version: String,
-    /// The run's identifier, where whoever started it chose one.
+    /// The run's identifier, if its starter chose one.
     pub run: Option<String>,
     /// The brick's name.
     pub brick: String,

@@ -5,7 +5,8 @@
 //! magic, header, metadata "onbrick", attachments,
 //! chunk, its message indexes, chunk, its message indexes, …       one or more a sync
 //! metadata "onbrick.end", data end,
-//! summary: schemas, channels, indexes of chunks, attachments and metadata, statistics; footer, magic
+//! summary: schemas, channels, indexes of chunks, attachments and metadata, statistics;
+//! footer, magic
 //! ```
 //!
 //! A chunk is in memory until it is closed and then written in one piece, so what is in the file is

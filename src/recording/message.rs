@@ -67,7 +67,7 @@ impl Time {
         Self { sec, nanosec }
     }
 
-    /// So many nanoseconds later; before 1970 it stays there.
+    /// This many nanoseconds later; before 1970 it stays there.
     #[must_use]
     pub fn later(self, by_ns: i64) -> Self {
         let stamp_ns = i64::from(self.sec) * 1_000_000_000 + i64::from(self.nanosec);

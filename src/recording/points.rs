@@ -92,9 +92,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn points_come_back_bit_for_bit(values in proptest::collection::vec((any::<i64>(), -1e6..1e6, -1e6..1e6), 0..50)) {
-            let all: Vec<MapPoint> =
-                values.into_iter().map(|(time_ns, x_m, y_m)| MapPoint { time_ns, x_m, y_m }).collect();
+        fn points_come_back_bit_for_bit(
+            values in proptest::collection::vec((any::<i64>(), -1e6..1e6, -1e6..1e6), 0..50),
+        ) {
+            let all: Vec<MapPoint> = values
+                .into_iter()
+                .map(|(time_ns, x_m, y_m)| MapPoint { time_ns, x_m, y_m })
+                .collect();
             let cloud = message(&all, Header::default());
             prop_assert_eq!(points(&cloud), Some(all));
         }

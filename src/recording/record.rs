@@ -215,7 +215,7 @@ impl<'a> Fields<'a> {
 mod tests {
     use super::*;
 
-    /// A string as a record has it, which says that it has so many bytes.
+    /// A string as in a record, with this many bytes as its declared length.
     fn said(length: u32, text: &str) -> Vec<u8> {
         [&length.to_le_bytes(), text.as_bytes()].concat()
     }

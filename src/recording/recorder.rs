@@ -1,7 +1,7 @@
 //! The recorder: a thread that empties the ring into the file.
 //!
 //! It looks at the ring every 50 ms, so a tick never has to wake it. When the disk fails it raises
-//! a flag that the tick sees, keeps the error for [`Recorder::finish`], and goes on emptying the
+//! a flag that the tick sees, keeps the error for [`Recorder::finish`], and continues to empty the
 //! ring, so that the tick runs as before.
 
 use std::sync::atomic::Ordering;

@@ -144,7 +144,7 @@ pub struct Run {
     pub gaps: Vec<Gap>,
     /// The map, where the run recorded one.
     pub map: Option<Grid>,
-    /// How the run ended; `None` where the file was cut before, or nobody said.
+    /// How the run ended; `None` where the file was cut before, or does not say.
     pub ending: Option<Ending>,
     /// How much of the file was whole.
     pub integrity: Integrity,

@@ -1,4 +1,4 @@
-//! How a run is going, for progress bars and whoever asks.
+//! How a run is going, for progress bars and status queries.
 
 use serde::{Deserialize, Serialize};
 

@@ -44,11 +44,11 @@ pub struct TickRecord {
 #[serde(rename_all = "lowercase")]
 #[repr(u8)]
 pub enum Level {
-    /// For whoever works on the program.
+    /// For developers of the program.
     Debug = 10,
     /// What happens.
     Info = 20,
-    /// The run goes on, but look at it.
+    /// The run continues, but look at it.
     Warn = 30,
     /// Something failed.
     Error = 40,

@@ -53,7 +53,8 @@ pub fn ply(tracks: &[Track]) -> String {
     }
     let _ = write!(
         text,
-        "element vertex {count}\nproperty double x\nproperty double y\nproperty double z\nproperty double time_s\n\
+        "element vertex {count}\nproperty double x\nproperty double y\nproperty double z\n\
+         property double time_s\n\
          property ushort robot\nend_header\n"
     );
     for (place, track) in tracks.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! A run that is going on, in a browser on this machine: the plot's page, which grows.
 //!
-//! The page asks for what there is each second; the recording is read anew for that, as far as it
+//! The page asks for the state each second; the server then reads the recording again, as far as it
 //! has come. At `#plot`, beside what every plot page says there, `data-grown` counts how often it
 //! has.
 

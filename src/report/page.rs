@@ -7,8 +7,7 @@
 //! # Not here
 //!
 //! No network: no fonts, scripts or styles from elsewhere, and the page's own policy forbids them.
-//! The page of a run that is going on ([`live`](super::live)) asks the server that it came from,
-//! and nobody else.
+//! The page of a run in progress ([`live`](super::live)) asks only the server that it came from.
 
 use serde_json::{Value, json};
 
@@ -58,7 +57,12 @@ fn data(scene: &Scene) -> Value {
         "high": bounds.high,
         "duration": round(scene.duration_s(), 1e3),
         "outlines": scene.outlines.iter().map(|line| outline(line)).collect::<Vec<_>>(),
-        "tracks": scene.tracks.iter().enumerate().map(|(place, one)| track(one, place, scene)).collect::<Vec<_>>(),
+        "tracks": scene
+            .tracks
+            .iter()
+            .enumerate()
+            .map(|(place, one)| track(one, place, scene))
+            .collect::<Vec<_>>(),
         "warnings": warnings,
     })
 }
@@ -80,7 +84,10 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
         "name": track.name,
         "pathColour": hex(colours.path),
         "pointColour": hex(colours.points),
-        "path": thinned(&track.path, LEAST_STEP_M).into_iter().flat_map(of_path).collect::<Vec<_>>(),
+        "path": thinned(&track.path, LEAST_STEP_M)
+            .into_iter()
+            .flat_map(of_path)
+            .collect::<Vec<_>>(),
         "points": track
             .points
             .iter()

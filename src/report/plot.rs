@@ -491,7 +491,8 @@ mod tests {
                 prop_assert!(x >= LEFT && x <= LEFT + layout.plot[0], "{x}");
                 prop_assert!(y >= TOP && y <= TOP + layout.plot[1], "{y}");
             }
-            let [a, b, c] = [layout.place(0.0, 0.0), layout.place(1.0, 0.0), layout.place(0.0, 1.0)];
+            let [a, b, c] =
+                [layout.place(0.0, 0.0), layout.place(1.0, 0.0), layout.place(0.0, 1.0)];
             prop_assert!(((b[0] - a[0]) - (a[1] - c[1])).abs() < 1e-6);
             for axis in [0, 1] {
                 let marks = layout.marks(axis).len();

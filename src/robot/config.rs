@@ -392,7 +392,8 @@ mod tests {
 
     #[test]
     fn every_role_but_the_wheels_may_be_missing() {
-        let text = "name = \"two wheels\"\n[drive]\nleft = { port = \"outB\" }\nright = { port = \"outC\", inverted = true }\n\
+        let text = "name = \"two wheels\"\n[drive]\nleft = { port = \"outB\" }\n\
+                    right = { port = \"outC\", inverted = true }\n\
                     wheel_circumference_m = 0.2\ntrack_width_m = 0.1\nmax_dps = 300\n";
         let (robot, _) = RobotConfig::load("robot.toml", text.as_bytes()).unwrap();
         assert!(robot.head.is_none() && robot.range.is_none() && robot.sensors.is_empty());

@@ -118,7 +118,10 @@ mod tests {
                 Drive::Wheels { left_rad_s, right_rad_s }
             };
             for speed in robot.wheel_speeds(Some(drive)) {
-                prop_assert!(speed.abs() <= robot.max_wheel_rad_s * (1.0 + 1e-12), "{drive:?} gave {speed}");
+                prop_assert!(
+                    speed.abs() <= robot.max_wheel_rad_s * (1.0 + 1e-12),
+                    "{drive:?} gave {speed}"
+                );
             }
         }
     }

@@ -3,8 +3,8 @@
 //!
 //! # What we count on
 //!
-//! - Motors are found anew by their ports each time: a replugged motor has a new name.
-//! - A motor that is not there any more does not turn.
+//! - Motors are looked up by their ports each time: a replugged motor has a new name.
+//! - An unplugged motor does not turn.
 
 use std::sync::Arc;
 
@@ -245,7 +245,7 @@ mod tests {
             self.clock.sleep_until_ns(self.clock.now_ns() + ns);
         }
 
-        /// A motor that somebody left running for ever.
+        /// A motor that another program left running for ever.
         fn left_running(&self, port: &str) -> TachoMotor {
             let motor = TachoMotor::at(&self.tree, &port.parse().unwrap()).unwrap();
             motor.set_speed_sp(300).unwrap();
@@ -274,7 +274,7 @@ mod tests {
         let took_ns = bench.clock.now_ns() - start_ns;
         assert_eq!((left.speed().unwrap(), right.speed().unwrap()), (0, 0));
         assert!(took_ns <= SECOND_NS / 2, "{took_ns} ns");
-        assert!(others.speed().unwrap() > 200, "somebody else's motor is not touched");
+        assert!(others.speed().unwrap() > 200, "another program's motor is not touched");
     }
 
     #[test]

@@ -1,16 +1,16 @@
 //! Motion as a lease: a motor turns for 300 ms at most unless it is told so again.
 //!
 //! Every motion is a `run-timed` of [`LEASE_MS`], renewed about every [`RENEW_NS`] while the loop
-//! is healthy; when nobody renews it, the kernel itself brakes the motor. Renewing leaves the speed
-//! steady (kernel transcript, scenario 21). Ramps stay 0, because a ramp would go on after the
-//! lease (`ev3dev-interfaces`, 2.4).
+//! is healthy. Without a renewal the kernel itself brakes the motor. Renewing leaves the speed
+//! steady (kernel transcript, scenario 21). Ramps stay 0, because a ramp would outlast the lease
+//! (`ev3dev-interfaces`, 2.4).
 //!
-//! Nothing keeps another program from commanding the same motor. What it does shows in what the
-//! driver says of itself: a motor under a lease of ours runs, one that we stopped does not, and the
-//! settings are as we left them. Settings are looked at because each of them can undo a lease: a
-//! `time_sp` makes the next one longer, a ramp goes on after it, a stop action lets the motor roll
-//! on, a polarity turns it round. A motor that two looks in a row find otherwise is another
-//! program's, and is left alone from then on.
+//! Nothing keeps another program from commanding the same motor, but its driver's attributes show
+//! it: a motor under a lease of ours runs, one that we stopped does not, and the settings are as we
+//! left them. Settings are checked because each of them can undo a lease: a `time_sp` makes the
+//! next one longer, a ramp outlasts it, a stop action lets the motor coast, a polarity reverses it.
+//! A motor that two looks in a row find otherwise is another program's, and is left alone from then
+//! on.
 
 use std::f64::consts::PI;
 
@@ -170,15 +170,15 @@ impl LeasedMotor {
         Ok(f64::from(self.motor.position()?) * self.axle_rad_per_count + self.zero_rad)
     }
 
-    /// Calls the place where the motor counts 0 by another angle, radians: a motor that was plugged
-    /// in again goes on where it was.
+    /// Sets another angle, radians, for the place where the motor counts 0: a replugged motor
+    /// continues where it was.
     pub fn set_zero_rad(&mut self, zero_rad: f64) {
         self.zero_rad = zero_rad;
     }
 
     /// Turns the axle at a speed, radians per second, for one lease: writes the speed where it
     /// changes, and the command where the speed changes or the lease is due. A speed that is not a
-    /// number, or rounds to nothing, stops the motor. A motor that may be somebody else's is not
+    /// number, or rounds to nothing, stops the motor. A motor that may be another program's is not
     /// written to.
     ///
     /// # Errors
@@ -218,8 +218,8 @@ impl LeasedMotor {
         Ok(())
     }
 
-    /// Ends a motion now; writes nothing where the motor was stopped like this before, or is
-    /// somebody else's.
+    /// Ends a motion now; writes nothing if the motor was stopped like this before, or is another
+    /// program's.
     ///
     /// # Errors
     ///
@@ -237,9 +237,9 @@ impl LeasedMotor {
         Ok(())
     }
 
-    /// Looks whether the motor is as we left it: true from the second look in a row on that finds
-    /// it otherwise; it is somebody else's from then on, and neither we nor dropping it writes to
-    /// it again. What cannot be read says nothing.
+    /// Checks whether the motor is as we left it: true from the second look in a row that finds it
+    /// otherwise. From then on it is another program's, and is never written again, even on drop. A
+    /// failed read proves nothing.
     pub fn is_taken(&mut self, aspect: Aspect, now_ns: i64) -> bool {
         let contradicts = self.contradicts(aspect, now_ns);
         match self.hand {

@@ -1,11 +1,11 @@
 //! Plugs come loose: a device that cannot be read any more is looked for by its port, and bound
-//! anew when it is back.
+//! again when it is back.
 //!
-//! Binding lists folders, opens files and writes modes, which a sensor takes up to half a second
-//! for; none of that belongs on the tick's path. In a run in real time a helper thread does it, and
-//! hands the ready device over through a ring without locks; the device that it takes the place of
-//! goes back to the helper, which closes its files. In virtual time, where nobody waits, the tick
-//! does it itself, so that a simulated run repeats to the bit.
+//! Binding lists folders, opens files and writes modes, which takes a sensor up to half a second;
+//! none of that belongs on the tick's path. In a run in real time a helper thread does it, and
+//! hands the ready device over through a lock-free ring; the replaced device goes back to the
+//! helper, which closes its files. In virtual time, where no thread waits, the tick does it itself,
+//! so that a simulated run repeats to the bit.
 //!
 //! - It is tried at once, and then after 0.1, 0.2, 0.4 and at last each 0.5 s: after a plug is put
 //!   in, the files cannot be opened for a moment (EACCES), and a serial sensor needs two seconds.
@@ -41,12 +41,12 @@ const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 
 const CHANNELS: usize = Channel::COUNT;
 
-/// A device that was bound anew.
+/// A device that was bound again.
 #[derive(Debug)]
 pub(super) struct Mended {
     pub(super) channel: Channel,
     pub(super) bound: Bound,
-    /// It was plugged in anew, so its count has begun anew too.
+    /// It was replugged, so its count has restarted.
     pub(super) replugged: bool,
 }
 
@@ -183,7 +183,7 @@ impl Search {
 
     /// Does what is due; a device that is ready.
     fn work(&mut self, wanted: u32, now_ns: i64) -> Option<Box<Mended>> {
-        // A run's clock begins anew when the robot starts to drive.
+        // A run's clock restarts when the robot starts to drive.
         let again = now_ns < self.last_ns;
         self.last_ns = now_ns;
         for (channel, work) in Channel::ALL.into_iter().zip(&mut self.jobs) {
@@ -198,7 +198,7 @@ impl Search {
                 work.attempt(&self.binder, channel, now_ns);
             }
             if let Some((mended, _)) = work.ready.take_if(|(_, ready_ns)| now_ns >= *ready_ns) {
-                // Should it fail at once, it is looked for anew.
+                // If it fails at once, it is looked for again.
                 work.due_ns = now_ns + LONGEST_PAUSE_NS;
                 return Some(mended);
             }

@@ -52,11 +52,11 @@ const LONGEST_JOB: u64 = 64 << 20;
 /// No order is longer, bytes.
 const LONGEST_ORDER: u64 = 4096;
 
-/// What may be asked of a run while it goes on.
+/// What may be asked of a run in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// Stop, on somebody's behalf.
+    /// Stop, on behalf of this requester.
     Stop(StopBy),
 }
 
@@ -64,15 +64,14 @@ pub enum Order {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopBy {
-    /// Somebody on the network: [`StopReason::Remote`](super::StopReason::Remote).
+    /// A client on the network: [`StopReason::Remote`](super::StopReason::Remote).
     Remote,
     /// A person in the brick's menu, or a program on the brick:
     /// [`StopReason::Here`](super::StopReason::Here).
     Here,
     /// The menu is gone: [`StopReason::MenuClosed`](super::StopReason::MenuClosed).
     MenuClosed,
-    /// Whoever started it was told to stop by a signal:
-    /// [`StopReason::Signal`](super::StopReason::Signal).
+    /// The starter was told to stop by a signal: [`StopReason::Signal`](super::StopReason::Signal).
     Terminal,
     /// The starter is gone, says the guard:
     /// [`StopReason::Abandoned`](super::StopReason::Abandoned).
@@ -119,7 +118,10 @@ pub enum RunError {
         hint: Option<String>,
     },
     /// The run's first process ended without a last word.
-    #[error("{process} ended without a word ({status}){}", if *.forced { ", killed because the run did not stop when asked to" } else { "" })]
+    #[error(
+        "{process} ended without a word ({status}){}",
+        if *.forced { ", killed because the run did not stop when asked to" } else { "" }
+    )]
     Silent {
         /// Which: the guard, or, on a simulated brick, the process that drives.
         process: &'static str,

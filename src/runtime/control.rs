@@ -35,9 +35,9 @@ const CHECKPOINT_NS: i64 = 1_000_000_000;
 pub struct StopFlags {
     /// SIGINT, SIGTERM or SIGHUP came.
     pub signal: Arc<AtomicBool>,
-    /// Whoever started the run is gone.
+    /// The starter is gone.
     pub abandoned: Arc<AtomicBool>,
-    /// Somebody asked over the network.
+    /// A client on the network asked.
     pub remote: Arc<AtomicBool>,
     /// A stop was asked for on the brick.
     pub here: Arc<AtomicBool>,
@@ -72,8 +72,8 @@ impl StopFlags {
     }
 
     /// From now on a panic in any thread of this process stops the run: a process that has lost a
-    /// thread no longer does all that it should, and nobody else would notice that it hears no
-    /// orders any more, or looks for no plug.
+    /// thread, for example the one that hears orders or looks for plugs, would otherwise continue
+    /// unnoticed.
     pub fn on_panic(&self) {
         let panicked = Arc::clone(&self.panicked);
         std::panic::set_hook(Box::new(move |panic| {
@@ -96,7 +96,7 @@ impl StopFlags {
         }
     }
 
-    /// Asks to stop on somebody's behalf.
+    /// Asks to stop on behalf of a requester.
     pub fn raise(&self, by: StopBy) {
         self.flag(by).store(true, Ordering::Relaxed);
     }
@@ -234,7 +234,7 @@ impl Control<'_> {
         }
     }
 
-    /// Sleeps until the deadline or until somebody asks to stop; the time it is then.
+    /// Sleeps until the deadline or a request to stop; returns the time it is then.
     fn wait(&mut self, deadline_ns: i64) -> i64 {
         loop {
             self.clock.sleep_until_ns(deadline_ns);
@@ -254,7 +254,7 @@ impl Control<'_> {
             let _ = taken.try_push(transition);
         });
         let outside = match step.end {
-            // A motor that somebody else resets or stops looks like a blocked one at first.
+            // A motor that another program resets or stops looks like a blocked one at first.
             Some(StopReason::Stalled) => self.robot.look_closely(time_ns),
             _ => self.robot.outside(),
         };

@@ -34,14 +34,14 @@ pub enum Refused {
     /// A number that the mission does not have, or not so.
     #[error("--set")]
     Setting(#[from] SetError),
-    /// Somebody else drives.
+    /// Another run drives.
     #[error("the robot is taken")]
     Lock(#[from] LockError),
     /// A role has no device.
     #[error("the robot is not as its file says")]
     Bind(#[from] BindError),
-    /// Nobody beside the robot could stop it.
-    #[error("the brick's buttons cannot be read, so nobody beside the robot could stop it")]
+    /// A person beside the robot could not stop it.
+    #[error("the brick's buttons cannot be read, so a person beside the robot could not stop it")]
     Buttons(#[source] DeviceError),
     /// There is no room for the thread that looks for devices that were unplugged.
     #[error("cannot start a thread")]
@@ -92,10 +92,12 @@ impl Refused {
         match self {
             Self::Lock(LockError::Taken(_)) => Some("wait until it is over, or onbrick halt"),
             Self::Lock(LockError::Io { .. }) => Some(
-                "look at the permissions of the lock file and its folder; nobody else needs the file, so it can be deleted",
+                "look at the permissions of the lock file and its folder; no other program needs \
+                 the file, so it can be deleted",
             ),
             Self::Bind(_) => Some(
-                "onbrick devices shows what is plugged in; plug it in there, or change the robot's file",
+                "onbrick devices shows what is plugged in; plug it in there, or change the \
+                 robot's file",
             ),
             Self::Buttons(_) => Some("a user of the group input, or root"),
             Self::Record { .. } => {
@@ -210,8 +212,8 @@ fn period_ns(mission: &Mission) -> i64 {
     SECOND_NS / i64::from(mission.rate_hz().max(1))
 }
 
-/// On a brick with buttons, Enter and Back must stop a run. A brick below another root is a bench,
-/// with a person at the keyboard.
+/// On a brick with buttons, Enter and Back must stop a run. A brick below another root is a test
+/// bench, with a person at the keyboard.
 fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
     match (&job.brick, robot.stop_button()) {
         (_, Ok(())) => Ok(()),

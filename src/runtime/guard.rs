@@ -2,9 +2,9 @@
 //! in its place.
 //!
 //! The leases stop the motors by themselves 0.3 s after the last renewal; the guard does not trust
-//! that. It listens to control's heartbeat, and when a beat is missed while the robot drives, or
-//! control's pipe closes, it kills control, so that nobody can renew a lease behind its back, and
-//! stops the run's motors itself ([`still`](crate::robot::still)).
+//! that. It listens to control's heartbeat. When a beat is missed while the robot drives, or
+//! control's pipe closes, it kills control, so that control cannot renew a lease, and stops the
+//! run's motors itself ([`still`](crate::robot::still)).
 //!
 //! ```text
 //! preparing ──driving──▶ driving ──stopped──▶ finishing ──last word──▶ over
@@ -110,7 +110,8 @@ impl Watch {
     fn too_busy(&self, now_ns: i64) -> Option<String> {
         let (_, away_ns) = self.away.filter(|(at_ns, _)| now_ns - at_ns < EXPLAINS_NS)?;
         Some(format!(
-            "this machine was too busy: the guard did not get a processor for {:.2} s either; close other programs, or run onbrick as root, which gives it real-time priority",
+            "this machine was too busy: the guard did not get a processor for {:.2} s either; \
+             close other programs, or run onbrick as root, which gives it real-time priority",
             seconds(away_ns)
         ))
     }
@@ -224,8 +225,8 @@ impl Pulse {
 
     /// Looks once in a tick; true where the guard has been silent for [`MISSED_NS`].
     ///
-    /// A tick counts for two periods at most: where control itself was away, it cannot have heard
-    /// anybody.
+    /// A tick counts for two periods at most: while control itself was suspended it could not hear
+    /// the guard.
     pub fn is_silent(&mut self, now_ns: i64, period_ns: i64) -> bool {
         let beats = self.beats.load(Ordering::Relaxed);
         let passed_ns = now_ns - self.looked_ns.replace(now_ns).unwrap_or(now_ns);
@@ -309,7 +310,7 @@ mod tests {
         watch.hear(b"", 30);
         assert_eq!(watch.deadline_ns(), Some(30 + MISSED_NS), "a beat");
         watch.hear(b"garbage", 40);
-        assert_eq!(watch.deadline_ns(), Some(40 + MISSED_NS), "whoever says something is alive");
+        assert_eq!(watch.deadline_ns(), Some(40 + MISSED_NS), "any message counts as alive");
         watch.hear(&line(&stopped()), 50);
         assert_eq!(watch.deadline_ns(), Some(50 + FINISHING_NS));
         watch.hear(b"", 60);

@@ -1,12 +1,12 @@
 //! One run owns the hardware at a time: a lock that names its owner.
 //!
 //! The lock is the kernel's advisory lock on a file beside other programs' locks. It ends with the
-//! process that holds it, however that process ends, so a lock left by the dead needs no clearing
-//! up. The file's text names the owner, for the message to whoever comes second. Between runs
-//! nothing is held: other people's programs have the motors.
+//! process that holds it, however that process ends, so a stale lock needs no clearing up. The
+//! file's text names the owner, for the message to the next run. Between runs nothing is held:
+//! other programs have the motors.
 //!
-//! The text also names the motors that a run has taken over, until it has stopped them. Where it
-//! still does when nobody holds the lock, all of the run's processes were killed at once, and these
+//! The text also names the motors that a run has taken over, until it has stopped them. If it still
+//! does while no process holds the lock, all of the run's processes were killed at once, and these
 //! motors, no others, are orphans ([`HardwareLock::take_orphans`]).
 
 use std::fs::{File, OpenOptions};
@@ -57,7 +57,7 @@ pub struct HardwareLock {
 /// Why the hardware could not be had.
 #[derive(Debug, thiserror::Error)]
 pub enum LockError {
-    /// Somebody else drives: wait, stop it (`onbrick halt`), or use another brick.
+    /// Another run drives: wait, stop it (`onbrick halt`), or use another brick.
     #[error("the motors belong to {} (process {})", .0.doing, .0.pid)]
     Taken(Owner),
     /// The lock file cannot be used: look at its folder's permissions.
@@ -91,9 +91,9 @@ impl HardwareLock {
         Ok(Self { file: held })
     }
 
-    /// Takes the hardware below `root` where a run was killed before it had stopped its motors,
-    /// which are then for the caller to stop; `None` where no run has left any. Whoever has stopped
-    /// them says so ([`HardwareLock::nothing_turns`]).
+    /// Takes the hardware below `root` if a run was killed before it had stopped its motors, which
+    /// the caller must then stop; `None` if no run has left any. The caller then confirms it
+    /// ([`HardwareLock::nothing_turns`]).
     ///
     /// # Errors
     ///
@@ -158,7 +158,7 @@ impl HardwareLock {
         open_files::has_open(pid, &lock_path(root))
     }
 
-    /// Who holds the hardware below `root`, if anybody does.
+    /// The owner of the hardware below `root`, if any.
     ///
     /// # Errors
     ///
@@ -177,8 +177,8 @@ impl HardwareLock {
     }
 }
 
-/// Anybody who may drive may lock, so the file is writable for all; the sticky folder keeps others
-/// from replacing it.
+/// Every user that may drive may lock, so the file is writable for all; the sticky folder keeps
+/// others from replacing it.
 fn open(path: &Path) -> io::Result<File> {
     const EVERYBODY: u32 = 0o666;
     let file = OpenOptions::new()
@@ -197,7 +197,7 @@ fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// `None` where nobody has ever held the lock.
+/// `None` if the lock has never been held.
 fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>> {
     match how.read(true).open(path) {
         Ok(file) => Ok(Some(file)),
@@ -206,8 +206,8 @@ fn open_existing(path: &Path, how: &mut OpenOptions) -> io::Result<Option<File>>
     }
 }
 
-/// One write of a line that ends, so that nobody reads half a name; what an earlier owner left
-/// behind it is then cut off.
+/// One write of a whole line, so that a reader never sees half a name; the rest of an earlier
+/// owner's text is then cut off.
 fn write_owner(file: &File, owner: &Owner) -> io::Result<()> {
     let mut text = serde_json::to_vec(owner)?;
     text.push(b'\n');
@@ -293,7 +293,7 @@ mod tests {
     fn motors_that_a_run_has_not_stopped_are_orphans_when_it_is_gone() {
         let folder = tempfile::tempdir().unwrap();
         let orphans = || HardwareLock::take_orphans(folder.path());
-        assert!(orphans().unwrap().is_none(), "nobody was ever here");
+        assert!(orphans().unwrap().is_none(), "no run was ever here");
         let run = HardwareLock::take(folder.path(), "mission map").unwrap();
         let motors = ["outB".to_owned(), "outD".to_owned()];
         let owner = Owner { motors: motors.to_vec(), ..Owner::here("mission map") };
@@ -309,7 +309,7 @@ mod tests {
             "no run begins meanwhile"
         );
         drop(held);
-        (held, _) = orphans().unwrap().expect("nobody has stopped them yet");
+        (held, _) = orphans().unwrap().expect("nothing has stopped them yet");
         held.nothing_turns().unwrap();
         drop(held);
         assert!(orphans().unwrap().is_none());

@@ -219,8 +219,8 @@ impl Pilot {
         state
     }
 
-    /// Goes on from what was carried out of a tick; the map keeps what it has. False, with nothing
-    /// changed, where it does not fit the mission.
+    /// Continues from the state of a tick; the map keeps what it has. Returns false, and changes
+    /// nothing, if the state does not fit the mission.
     pub fn restore(&mut self, state: &PilotState) -> bool {
         let machines = state.machines.get(..usize::from(state.machine_count)).unwrap_or_default();
         let fits = self.program.restore(machines);

@@ -1,8 +1,7 @@
 //! Readings that cannot be true: they stand still although they must move, or leap about.
 //!
-//! A device that is gone answers with an error and is *lost*. One that lies does not: a sensor
-//! whose line is dead goes on giving its last value. What shows it is that something else moves
-//! what it measures:
+//! A device that is gone answers with an error and is *lost*. A sensor whose line is dead repeats
+//! its last value instead. What shows it is that something else moves what it measures:
 //!
 //! | reading | must change | and has not |
 //! |---|---|---|
@@ -30,7 +29,7 @@
 //! - [`Reading::changed_ns`](crate::senses::Reading) is when the reading changed last, by whatever
 //!   little.
 //! - Wheels that turn a robot which cannot move, or in the air, are seen here as a gyro that stands
-//!   still. The run ends rightly then, too: nobody knows where the robot is.
+//!   still. The run ends rightly then, too: the robot's position is unknown.
 
 use std::f64::consts::PI;
 
@@ -61,7 +60,7 @@ const HEAD_NS: i64 = SECOND_NS;
 /// No head turns by this much from tick to tick, radians.
 const HEAD_LEAP_RAD: f64 = 1.0;
 
-/// So many leaps in such a time, nanoseconds, are no accident.
+/// This many leaps in such a time, nanoseconds, are no accident.
 const LEAPS: u8 = 8;
 const LEAPS_NS: i64 = 2 * SECOND_NS;
 
@@ -403,7 +402,7 @@ mod tests {
         assert_eq!(
             bench.play(|_| [0.0, 0.0, 0.2, f64::INFINITY, 0.0]),
             None,
-            "nobody told it anything"
+            "it was told nothing"
         );
     }
 

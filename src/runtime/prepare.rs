@@ -50,24 +50,33 @@ const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the rob
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotReady {
     /// A sensor or motor gave no reading.
-    #[error("no reading from the {0}{because}: unplug it, plug it in again, and wait three seconds", because = because(.1.as_ref()))]
+    #[error(
+        "no reading from the {0}{because}: unplug it, plug it in again, and wait three seconds",
+        because = because(.1.as_ref())
+    )]
     NoReading(Channel, Option<DeviceError>),
     /// The battery's voltage cannot be read.
-    #[error("no reading from the battery{because}: wait ten seconds after switching on, and try again", because = because(.0.as_ref()))]
+    #[error(
+        "no reading from the battery{because}: wait ten seconds after switching on, and try again",
+        because = because(.0.as_ref())
+    )]
     NoVoltage(Option<DeviceError>),
     /// The robot did not stand still.
     #[error(
-        "the robot does not stand still (the {0} moves): put it down and keep your hands off until it starts"
+        "the robot does not stand still (the {0} moves): put it down and keep your hands off until \
+         it starts"
     )]
     Moving(Channel),
     /// The gyro turns although the wheels stand.
     #[error(
-        "the gyro drifts ({0:.1} degrees a second): unplug it, hold the robot still, and plug it in again"
+        "the gyro drifts ({0:.1} degrees a second): unplug it, hold the robot still, and plug it \
+         in again"
     )]
     GyroDrifts(f64),
     /// The battery is flat, or its reading is nonsense.
     #[error(
-        "the battery has {volts:.1} V: charge it, or put in fresh cells (it takes {least_v} to {MOST_V} V)"
+        "the battery has {volts:.1} V: charge it, or put in fresh cells (it takes {least_v} to \
+         {MOST_V} V)"
     )]
     Battery {
         /// What was read, volts.

@@ -1,9 +1,9 @@
 //! The recorded senses through estimator and machines again.
 //!
 //! The senses alone are enough: they, the robot's and the mission's files and the start pose are
-//! all in the recording, and the [`Pilot`] is the one that drove. So a replay comes to the same
-//! poses, points and transitions bit for bit, on any machine; where it does not, it says at which
-//! tick. After a gap in the recording it goes on from the next checkpoint.
+//! all in the recording, and the [`Pilot`] is the one that drove. So a replay computes the same
+//! poses, points and transitions bit for bit, on any machine; otherwise it reports the first tick
+//! that differs. After a gap in the recording it continues from the next checkpoint.
 //!
 //! # Not here
 //!
@@ -448,7 +448,8 @@ impl fmt::Display for Replayed {
         if self.unrecorded > 0 {
             write!(
                 f,
-                "\n{} poses, points and transitions could not be compared: the file no longer has them",
+                "\n{} poses, points and transitions could not be compared: the file no longer \
+                 has them",
                 self.unrecorded
             )?;
         }

@@ -4,10 +4,10 @@
 //! a wheel that shakes against a wall is not stalled to it. Here a wheel counts as blocked when
 //! over a while it has turned much less than it was told to.
 //!
-//! One that gives not a count though it is told to turn both ways is [`Stall::Dead`]. So is one
-//! that gives little for long, and one that turns to and fro much faster than it was told to: no
-//! mission can back off from that. Its encoder may stand still or lie, and then its regulator gives
-//! all it has, and the robot does not know where it drives.
+//! A wheel without a single count though it was told to turn both ways is [`Stall::Dead`]. So is
+//! one with few counts for long, and one that oscillates much faster than it was told to turn: no
+//! mission can back off from that. Its encoder may stand still or lie; then its regulator gives
+//! full power, and the robot does not know where it drives.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +22,7 @@ const SHARE: f64 = 0.2;
 /// Slower demands than this are not judged, radians per second: friction alone may stop them.
 const SLOWEST_RAD_S: f64 = 0.17;
 
-/// A wheel whose way to and fro is more than this many times what it was told to turn at the most
+/// A wheel that oscillates over more than this many times the way that it was told to turn at most
 /// does not obey.
 const WILD_TIMES: f64 = 3.0;
 
@@ -58,7 +58,7 @@ struct WheelWatch {
     from_rad: f64,
     #[serde(default)]
     last_rad: f64,
-    /// What it turned to and fro.
+    /// What it turned, in both directions.
     #[serde(default)]
     way_rad: f64,
     watching: bool,

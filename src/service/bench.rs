@@ -4,8 +4,8 @@
 //! A motor turns as a lease that the kernel itself ends, and under the hardware's lock, which is
 //! let go right after: between runs other people's programs have the motors.
 //!
-//! A service on a simulated brick has one only during a run; for what is asked in between, a brick
-//! in the same world is made when it is asked for and forgotten when nobody has for a while.
+//! A service on a simulated brick has one only during a run. For requests in between, it makes a
+//! brick in the same world on demand and drops it after a while without requests.
 //!
 //! # Not here
 //!
@@ -28,8 +28,8 @@ use crate::runtime::{Brick, HardwareLock, LockError};
 /// that lags.
 const JOG_NS: i64 = 500 * MILLISECOND_NS;
 
-/// A simulated brick that nobody asks for is forgotten after this, nanoseconds; it would have all
-/// the time since to catch up with.
+/// A simulated brick without requests is dropped after this, nanoseconds; it would have to simulate
+/// all the time since.
 #[cfg(feature = "sim")]
 const FORGET_NS: i64 = 5 * SECOND_NS;
 
@@ -56,7 +56,7 @@ struct Jog {
     port: String,
     motor: LeasedMotor,
     renewed_ns: i64,
-    /// Nothing on a simulated brick, which nobody else can have.
+    /// Nothing on a simulated brick, which no other program can have.
     _lock: Option<HardwareLock>,
 }
 
@@ -218,7 +218,7 @@ impl Bench {
     }
 }
 
-/// Somebody has the hardware.
+/// The hardware is taken.
 pub(super) fn taken(error: LockError) -> Refusal {
     let kind = if matches!(error, LockError::Taken(_)) { Kind::Busy } else { Kind::Failed };
     Refusal::new(kind, crate::printable::with_causes(&error))

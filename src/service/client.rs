@@ -1,5 +1,5 @@
 //! A client of the local door, for the menu and for `onbrick run`: it asks, waits no longer than it
-//! is told to, and connects anew by itself.
+//! is told to, and reconnects by itself.
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -101,7 +101,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`ClientError`]; the next question connects anew where the connection is gone.
+    /// [`ClientError`]; the next question reconnects if the connection is gone.
     pub fn ask<T: DeserializeOwned>(
         &mut self,
         request: &Request,

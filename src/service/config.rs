@@ -267,7 +267,9 @@ mod tests {
 
     #[test]
     fn every_mistake_has_its_place() {
-        let text = "qouta_mb = 5\nname = \"anna's brick\"\nquota_mb = 0\nwhen_menu_closes = \"stopp\"\nmissions = 3\n[link]\nport = 70000\npairing_port = 5670\n[socket]\ngroup = \"\"\n";
+        let text = "qouta_mb = 5\nname = \"anna's brick\"\nquota_mb = 0\n\
+                    when_menu_closes = \"stopp\"\nmissions = 3\n[link]\nport = 70000\n\
+                    pairing_port = 5670\n[socket]\ngroup = \"\"\n";
         let findings =
             Config::load("onbrick.toml", text.as_bytes(), Path::new("/x")).unwrap_err().to_string();
         for part in [

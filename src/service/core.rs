@@ -87,8 +87,8 @@ enum Link {
 }
 
 impl Service {
-    /// Takes the folder of runs, finds a run that goes on since an earlier service, and begins to
-    /// keep state, lights and disk.
+    /// Takes the folder of runs, finds a run that an earlier service started, and begins to keep
+    /// state, lights and disk.
     ///
     /// - `program`: this program's file (`std::env::current_exe`).
     ///

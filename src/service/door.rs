@@ -5,8 +5,9 @@
 //! `fetch` come as many bytes as its `length` says. Requests of one connection are answered in
 //! their order.
 //!
-//! Each client has a thread, so a slow or silent one disturbs nobody. What a client can cost is
-//! bounded: so many connections, so long a line, and one *long* line at a time.
+//! Each client has a thread, so a slow or silent one does not delay the others. The cost of a
+//! client is bounded: the number of connections, the length of a line, and one *long* line at a
+//! time.
 //!
 //! # Not here
 //!
@@ -92,7 +93,7 @@ impl Door {
 
 impl Drop for Door {
     fn drop(&mut self) {
-        // Whoever comes now shall be told that there is no service.
+        // From now on a client shall be told that there is no service.
         let _ = std::fs::remove_file(&self.path);
     }
 }
@@ -148,8 +149,8 @@ impl Hall {
             match listener.accept() {
                 Ok((stream, _)) => self.show_in(stream),
                 Err(error) => {
-                    // Too many files, as a rule: those who are in will go.
-                    log::warn!("the local socket takes nobody in: {error}");
+                    // Too many open files, as a rule: clients leave in time.
+                    log::warn!("the local socket accepts no connection: {error}");
                     let clock = MonotonicClock;
                     clock.sleep_until_ns(clock.now_ns() + 100 * MILLISECOND_NS);
                 }
@@ -209,7 +210,8 @@ impl Guest {
                 Line::End => return Ok(()),
                 Line::TooLong => {
                     let message = format!(
-                        "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a line's end"
+                        "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a \
+                         line's end"
                     );
                     let outcome = Outcome::Error(Refusal::new(Kind::BadRequest, message));
                     // What follows in the stream cannot be told from the rest of it.

@@ -43,7 +43,7 @@ impl Service {
             match recording::writer(&file) {
                 Ok(Some(pid)) if self.inner.now().machine.run().is_none() => {
                     log::info!(
-                        "run {} goes on in process {pid} since an earlier service",
+                        "run {} of an earlier service is still in progress, process {pid}",
                         record.run
                     );
                     self.take_over(&record, file)?;
@@ -99,7 +99,7 @@ impl Service {
         Ok(())
     }
 
-    /// Notes how a run ended that nobody followed; one that was cut is left without an end.
+    /// Notes how a run ended that no thread followed; one that was cut is left without an end.
     fn note_found_end(&self, record: &Record, file: &std::path::Path) -> LastStop {
         let ending = recording::ending_of(file).ok().flatten();
         let stop = ending.map_or_else(|| StopReason::Cut.into(), |ending| ending.stop);

@@ -1,4 +1,4 @@
-//! What goes on by itself: lights and sounds, room for the run that grows, the look at disk and
+//! What runs in the background: lights and sounds, room for the growing run, the check of disk and
 //! robot, the hash of each run, the watchdog.
 
 use std::io;
@@ -28,7 +28,7 @@ impl Service {
     /// Begins to keep, in threads of its own that last as long as the process.
     pub(super) fn keep(&self) -> io::Result<()> {
         let mut keeper = Keeper::new(Arc::clone(&self.inner));
-        // Once before anybody asks.
+        // Once before the first request.
         keeper.look();
         let thread = |name: &str| std::thread::Builder::new().name(name.to_owned());
         thread("keeper").spawn(move || keeper.keep())?;
@@ -146,7 +146,7 @@ fn trouble(reason: StopReason, detail: String) -> LastStop {
 /// A sign of life for systemd, where it asks for one.
 fn watched() {
     if sd_notify::watchdog_enabled().is_some() {
-        // Whoever does not hear it restarts us.
+        // If this is not heard, systemd restarts us.
         let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
     }
 }

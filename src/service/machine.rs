@@ -2,9 +2,9 @@
 //! out.
 //!
 //! ```text
-//!  ready ──start──▶ preparing ──driving──▶ running ──told to stop──▶ stopping ──ended──▶ stopped | fault
-//!    ▲                  └───────────── ended, refused ─────────────────────────────────▶ stopped | fault
-//!    └── acknowledge ── fault                                       start is taken in ready, stopped, fault
+//!  ready ──start──▶ preparing ──driving──▶ running ──told to stop──▶ stopping ──ended──▶ stopped
+//!    ▲                  └───────────── ended, refused ─────────────────────────────────▶ or fault
+//!    └── acknowledge ── fault                             start is taken in ready, stopped, fault
 //! ```
 //!
 //! Beside the runs there is *trouble*: something that keeps any run from starting (a robot file
@@ -28,7 +28,7 @@ pub enum Happening {
     Driving,
     /// How its run is going.
     Progress(recording::Status),
-    /// Somebody asked its run to stop.
+    /// Its run was asked to stop.
     StopAsked,
     /// Its run has told the motors to stop.
     MotorsTold {

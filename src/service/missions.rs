@@ -1,5 +1,5 @@
-//! The missions that a brick offers, and its robot: files in folders that a person edits, read anew
-//! each time.
+//! The missions that a brick offers, and its robot: files in folders that a person edits, read each
+//! time.
 //!
 //! A mission goes by its file's name without the ending. Where there is no folder of missions, the
 //! shipped ones are offered.

@@ -6,9 +6,11 @@
 //! brick; operations that are not known are refused with the list of known ones.
 //!
 //! ```json
-//! {"version": 1, "id": 7, "op": "start", "run": "a3f1", "mission": {"name": "map"}, "token": "k2-81734"}
+//! {"version": 1, "id": 7, "op": "start", "run": "a3f1", "mission": {"name": "map"},
+//!  "token": "k2-81734"}
 //! {"id": 7, "ok": {"run": "a3f1"}}
-//! {"id": 7, "error": {"kind": "stale_token", "message": "the token is 8.2 s old, and 5 s is the most", "hint": "ask for the status again"}}
+//! {"id": 7, "error": {"kind": "stale_token", "message": "the token is 8.2 s old",
+//!  "hint": "ask for the status again"}}
 //! ```
 //!
 //! The network offers the operations of [`Request`] and no others; the local socket those of
@@ -167,7 +169,7 @@ pub enum LocalOnly {
         /// Which.
         run: RunId,
     },
-    /// Hand a job over to be run; the same as `start` for somebody at the brick: no token. Answered
+    /// Hand a job over to be run; as `start`, but for a person at the brick: no token. Answered
     /// with [`Started`].
     StartHere(Start),
     /// This connection is the menu's: when it closes, however that happens, it is as if
@@ -252,8 +254,7 @@ pub struct Fetch {
     /// How long it may be, bytes; the brick brings at most [`MAX_FETCH_BYTES`].
     pub length: u32,
     /// SHA-256, in hexadecimal, of the whole recording as it lies on the client's disk: with the
-    /// brick's own hash, the run counts as fetched from now on. A client that leaves it out brings
-    /// the recording home all the same.
+    /// brick's own hash, the run counts as fetched from now on. It is optional.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
 }
@@ -319,8 +320,8 @@ pub enum Caller {
 
 /// What both doors ask the service for. It is shared between their threads.
 ///
-/// `stop` waits for the motors to be told, at most about a second; all others answer at once, so
-/// one slow client holds up nobody for long.
+/// `stop` waits for the motors to be told, at most about a second; all others answer at once, so a
+/// slow client never delays another for long.
 pub trait Operations: Send + Sync {
     /// Does what the network may ask.
     ///

@@ -7,9 +7,9 @@
 //! | running | green, pulsing; none of it where the mission switches the lights itself | |
 //! | fault | red | a low tone |
 //!
-//! Lights are written when they change and not otherwise, so that another program that wants them
-//! between runs has them. They fail in silence: a brick without lights, or a user who may not
-//! switch them, runs missions all the same.
+//! Lights are written only when they change, so that other programs can use them between runs.
+//! Errors are ignored: a brick without lights, or a user who may not switch them, still runs
+//! missions.
 //!
 //! # Not here
 //!
@@ -65,7 +65,7 @@ impl Signs {
     ) -> (Option<LightColour>, Option<i32>) {
         let colour = shown.lights.then(|| colour(shown, now_ns)).flatten();
         let changed = colour.filter(|_| colour != self.colour);
-        // Lights that are not ours are set anew when they are.
+        // Lights that other programs had are set again once they are ours.
         self.colour = colour;
         let before = self.state.replace(shown.state);
         let tone_hz = match shown.state {
@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(
             signs.follow(shown(State::Stopped), 800 * MS).0,
             Some(LightColour::Green),
-            "and set anew after it"
+            "and set again after it"
         );
     }
 }

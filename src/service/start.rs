@@ -157,7 +157,7 @@ impl Service {
                 let mut now = inner.now();
                 let stop = Stop::Ours(process.stopper());
                 if let Some((by, _)) = now.stopped_by {
-                    // Somebody was faster than the process.
+                    // A stop came before the process was there.
                     stop.ask(by);
                 }
                 now.stop = Some(stop);
@@ -271,8 +271,8 @@ impl Service {
         }
     }
 
-    /// Whether anybody else has the hardware. The run itself takes it; asking first makes a better
-    /// answer.
+    /// Whether another program has the hardware. The run itself takes it; asking first makes a
+    /// better answer.
     fn is_free(&self) -> Result<(), Refusal> {
         let Some(tree) = self.inner.bench.machine() else { return Ok(()) };
         match HardwareLock::owner(tree.root()) {

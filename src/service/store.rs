@@ -8,9 +8,9 @@
 //! runs/service.lock             held by the service that keeps this folder
 //! ```
 //!
-//! Room is made by deleting: runs that somebody has fetched go first, oldest first, then the
-//! others, oldest first; the one that is going on never. A run counts as fetched when a client has
-//! named the hash of all of it, as it lies on that one's disk.
+//! Room is made by deleting: runs that a client has fetched go first, oldest first, then the
+//! others, oldest first; never the run in progress. A run counts as fetched when a client has named
+//! the hash of all of it, as it lies on that client's disk.
 //!
 //! # Not here
 //!
@@ -24,8 +24,8 @@
 //!
 //! # Costs
 //!
-//! The index is in memory, about 500 bytes a run; no disk is waited for while it is locked, except
-//! to write a `run.json`. A hash is computed once, piece by piece, by whoever calls
+//! The index is in memory, about 500 bytes a run. While it is locked, the only disk access is
+//! writing a `run.json`. A hash is computed once, piece by piece, by the caller of
 //! [`Store::hash_one`], with nothing locked.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,7 +62,7 @@ pub(super) struct Store {
     folder: PathBuf,
     quota: u64,
     index: Mutex<Index>,
-    /// Held by whoever writes a `run.json`: several threads note things of the same run.
+    /// Held while a `run.json` is written: several threads note things of the same run.
     saving: Mutex<()>,
     /// Nothing where the folder cannot be written to; then nothing is written.
     _lock: Option<Flock<File>>,
@@ -94,7 +94,13 @@ pub(super) enum StoreError {
     #[error("another service keeps the runs in {}", .0.display())]
     Kept(PathBuf),
     /// The disk is full and nothing can be deleted: make room on it.
-    #[error("no room for a run: {} MB are free in {}, {} MB are needed, and there is nothing more that may be deleted", free >> 20, folder.display(), RESERVE_BYTES >> 20)]
+    #[error(
+        "no room for a run: {} MB are free in {}, {} MB are needed, and there is nothing more \
+         that may be deleted",
+        free >> 20,
+        folder.display(),
+        RESERVE_BYTES >> 20
+    )]
     NoRoom {
         /// The folder of runs.
         folder: PathBuf,
@@ -149,8 +155,8 @@ impl From<StoreError> for Refusal {
 }
 
 impl Store {
-    /// Takes a folder of runs, which is made where there is none. A folder that cannot be written
-    /// to is taken all the same, for what is in it; [`Store::trouble`] says so.
+    /// Takes a folder of runs and creates it if needed. A read-only folder is taken for what is in
+    /// it; [`Store::trouble`] reports it.
     ///
     /// # Errors
     ///
@@ -289,7 +295,7 @@ impl Store {
         index.runs.values().rev().map(info).collect()
     }
 
-    /// Runs without an end that nobody has said to be going on: an earlier service died over them.
+    /// Runs without an end that are not known to be in progress: an earlier service died over them.
     pub(super) fn open_ended(&self) -> Vec<Record> {
         let index = self.index();
         let open =
@@ -371,7 +377,7 @@ impl Store {
             let wanted = |record: &&Record| {
                 record.sha256.is_none() && index.going_on.as_ref() != Some(&record.run)
             };
-            // The newest is what somebody waits for.
+            // The newest is what a client waits for.
             index
                 .runs
                 .values()

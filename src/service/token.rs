@@ -1,9 +1,8 @@
 //! Tokens: a proof that a start was asked for a moment ago, by this service's own clock.
 //!
 //! A command that was stuck in an outage must not drive a robot off later. Each status carries a
-//! token, the time it was made; a start brings it back. What signs it is drawn anew at each start
-//! of the service, so a token of yesterday's service is none today, and nobody can put another time
-//! on one.
+//! token, the time it was made; a start returns it. The signing key is drawn at random at each
+//! start of the service, so an old service's token is invalid, and a token's time cannot be forged.
 //!
 //! # Not here
 //!
@@ -38,10 +37,13 @@ impl std::fmt::Debug for Tokens {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum NotFresh {
     /// Not made by this service since it started.
-    #[error("the token is none of this brick's, or from before it started anew")]
+    #[error("the token is not this brick's, or from before its service restarted")]
     Foreign,
     /// Made too long ago.
-    #[error("the token is {0:.1} s old, and {life:.0} s is the most", life = seconds(TOKEN_LIFE_NS))]
+    #[error(
+        "the token is {0:.1} s old, and {life:.0} s is the most",
+        life = seconds(TOKEN_LIFE_NS)
+    )]
     Old(f64),
 }
 
@@ -103,7 +105,7 @@ mod tests {
         assert_eq!(
             Tokens::new(1, 2).check(&token, SECOND_NS),
             Err(NotFresh::Foreign),
-            "drawn anew"
+            "drawn again"
         );
         let tokens = Tokens::new(1, 2);
         let token = tokens.make(SECOND_NS);

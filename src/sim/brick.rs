@@ -290,7 +290,7 @@ impl Brick {
     ///
     /// # Errors
     ///
-    /// EINVAL for a motor in an input port and the reverse, ENOENT for a port that is not there.
+    /// EINVAL for a motor in an input port and the reverse, ENOENT for a missing port.
     pub(crate) fn plug(
         &mut self,
         index: usize,
@@ -507,8 +507,8 @@ impl Brick {
         Ok(Stored { taken, wait })
     }
 
-    /// Changes whenever those who poll this attribute are woken; none for attributes that never
-    /// wake anybody.
+    /// Changes whenever the pollers of this attribute are woken; `None` for attributes that never
+    /// wake one.
     pub(crate) fn notices(&self, id: u32, attribute: &str) -> Option<u32> {
         match (&self.node(id)?.device, attribute) {
             (Device::Tacho(_, motor), "state") => Some(motor.notices()),

@@ -28,7 +28,8 @@ use super::driver::input::EventLayout;
 use super::simulation::{Shared, State};
 use crate::ev3dev::{Access, AttributeFile, Tree};
 
-/// Those who wait look again this often: the period of the fastest worker that wakes anybody.
+/// The interval at which waiting readers look again: the period of the fastest worker that wakes
+/// any.
 pub(crate) const LOOK_NS: i64 = 10_000_000;
 
 /// One robot's brick.

@@ -151,7 +151,7 @@ pub(crate) trait Driver: Debug + Send {
     ///
     /// # Errors
     ///
-    /// The driver's; ENODEV for an attribute that is not there any more.
+    /// The driver's; ENODEV for an attribute that has gone.
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno>;
 
     /// Takes what one `write` brought, which is not empty.

@@ -3,8 +3,8 @@
 //!
 //! A mounted [`Simulation`] has the files of one brick, or, with several robots, of each in a
 //! folder: `1`, `2` and so on. All answers come through the same door as those of [`SimBrick`], so
-//! that nothing of a driver is written twice. Each read of an attribute at its beginning asks the
-//! driver anew, each `write` is one store, a poll for POLLPRI is woken within 10 ms.
+//! no driver behaviour is written twice. Each read of an attribute at its beginning asks the driver
+//! again, each `write` is one store, a poll for POLLPRI is woken within 10 ms.
 //!
 //! `point` looks after the mount point, `filesystem` answers the kernel with what `files` finds,
 //! `open` keeps what is open, `ticker` lets time pass and wakes who waits, `events` answers an
@@ -13,8 +13,9 @@
 //! # Not here
 //!
 //! - Ioctls of the frame buffer and inotify: they do not cross FUSE.
-//! - Owners as udev sets them: everything belongs to the user who mounted it; what root mounted is
-//!   everybody's, and else nobody gets in. Rights are as [`Options::udev`](super::Options) says.
+//! - Owners as udev sets them: everything belongs to the user who mounted it. A mount by root is
+//!   open to all users, any other only to its owner. Rights are as
+//!   [`Options::udev`](super::Options) says.
 //! - Private memory maps of attributes: sysfs refuses every map with ENODEV, FUSE only shared ones.
 //! - A screen that follows a map of `dev/fb0` at once: what is stored there arrives with `msync` or
 //!   `munmap`, or when the kernel gets round to it. What is written arrives at once.
@@ -107,7 +108,7 @@ impl Mount {
         let mut config = Config::default();
         config.mount_options =
             vec![MountOption::FSName(point::SOURCE.to_owned()), MountOption::NoAtime];
-        // As a brick's devices are everybody's; the kernel lets only root share a mount.
+        // A brick's devices are open to all users; the kernel lets only root share a mount.
         if geteuid().is_root() {
             config.acl = SessionACL::All;
         }
@@ -135,7 +136,7 @@ impl Mount {
         if self.robots == 1 { self.point.clone() } else { self.point.join((robot + 1).to_string()) }
     }
 
-    /// True if it was unmounted by somebody else.
+    /// True if it was unmounted by another program.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.session.as_ref().is_none_or(|session| session.guard.is_finished())
@@ -157,7 +158,7 @@ impl Mount {
             let _ = ticker.join();
         }
         let Some(session) = self.session.take() else { return Ok(()) };
-        // Somebody else may have unmounted it, and even have mounted something new.
+        // Another program may have unmounted it, and even have mounted something new.
         if self.identity.is_some() && point::identity(&self.point) == self.identity {
             point::detach(&self.point)
                 .map_err(|source| MountError::Failed { point: self.point.clone(), source })?;

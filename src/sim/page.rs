@@ -2,7 +2,7 @@
 //!
 //! The page is `page.html` with the room inside; it asks for [`View`](super::View)s as JSON at
 //! `/state?since=N` seven times a second. Each question lets the time pass that has gone by on the
-//! simulation's clock, so that a simulation in real time goes on although nobody reads a file.
+//! simulation's clock, so that a simulation in real time continues even if no program reads a file.
 //!
 //! The page draws on a canvas and says at it what it draws: `data-time`, `data-x`, `data-y`,
 //! `data-heading` of the first robot, `data-moved` since the page was opened, `data-walls`,

@@ -1,7 +1,7 @@
 //! A world with its robots, and the time in it.
 //!
-//! The simulation has no thread of its own: whoever touches a file first lets the time pass that
-//! has gone by on the clock, in steps of [`STEP_NS`]. With a
+//! The simulation has no thread of its own: an access to a file first lets the time pass that has
+//! gone by on the clock, in steps of [`STEP_NS`]. With a
 //! [`VirtualClock`](crate::clock::VirtualClock) a mission runs as fast as the machine allows.
 
 use std::any::Any;
@@ -142,7 +142,7 @@ impl Simulation {
         self.shared.now().bricks.len()
     }
 
-    /// The files of a robot's brick. A robot that is not there has none: every path answers ENOENT.
+    /// The files of a robot's brick. An unknown robot has none: every path answers ENOENT.
     #[must_use]
     pub fn brick(&self, robot: usize) -> Arc<SimBrick> {
         Arc::new(SimBrick::new(Arc::clone(&self.shared), robot))
@@ -241,7 +241,7 @@ impl Simulation {
         self.follow(&Order { robot, act: Act::Inject(port, fault, None) })
     }
 
-    /// As [`Simulation::inject`], for so many nanoseconds.
+    /// As [`Simulation::inject`], for this many nanoseconds.
     ///
     /// # Errors
     ///
@@ -409,8 +409,8 @@ impl Shared {
             state.step();
         }
         if behind_ns > most_ns {
-            // With what it took to get here, or whoever reads next would wait for that. Whole
-            // steps, so that moments stay where they were within a step.
+            // Includes the time that it took to get here, or the next reader would wait for it.
+            // Whole steps, so that moments stay where they were within a step.
             let lost_ns = (self.time_ns() - state.now_ns).div_euclid(STEP_NS) * STEP_NS;
             state.lost_ns += lost_ns;
             *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
@@ -420,7 +420,7 @@ impl Shared {
 
     /// Keeps the caller waiting until a time of the simulation.
     pub(crate) fn wait_until(&self, time_ns: i64) {
-        // A signal may end a sleep early, or time may have been lost; a driver's wait goes on.
+        // A signal may end a sleep early, or time may have been lost; a driver's wait continues.
         while self.time_ns() < time_ns {
             self.clock.sleep_until_ns(self.start_ns() + time_ns);
         }

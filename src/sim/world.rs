@@ -83,7 +83,8 @@ pub(in crate::sim) struct Beacon {
 
 macro_rules! built_in {
     ($($name:literal),+) => {
-        const BUILT_IN: &[(&str, &str)] = &[$(($name, include_str!(concat!("worlds/", $name, ".toml")))),+];
+        const BUILT_IN: &[(&str, &str)] =
+            &[$(($name, include_str!(concat!("worlds/", $name, ".toml")))),+];
     };
 }
 built_in!("arena", "rooms", "cylinders", "corridor", "line", "table", "wall", "open", "two-arenas");
@@ -91,7 +92,7 @@ built_in!("arena", "rooms", "cylinders", "corridor", "line", "table", "wall", "o
 impl World {
     /// The most walls, blocks, circles, marks, starts or presses that a file may have of each.
     pub const MAX_THINGS: usize = 2000;
-    /// A commented file for somebody who writes a world: every key with its unit and its default.
+    /// A commented file for authors of worlds: every key with its unit and its default.
     pub const TEMPLATE: &'static str = include_str!("worlds/template.toml");
 
     /// The names of the built-in worlds; the first is the default.
@@ -99,13 +100,13 @@ impl World {
         BUILT_IN.iter().map(|(name, _)| *name)
     }
 
-    /// The file of a built-in world; `None` where there is none of that name.
+    /// The file of a built-in world; `None` for an unknown name.
     #[must_use]
     pub fn text(name: &str) -> Option<&'static str> {
         BUILT_IN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
     }
 
-    /// A built-in world; `None` where there is none of that name.
+    /// A built-in world; `None` for an unknown name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         // The files are part of this program, and a test reads each of them.

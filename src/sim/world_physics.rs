@@ -1,8 +1,8 @@
 //! Robots in a world: motors, bodies and sensors under the drivers.
 //!
-//! [`WorldPhysics`] is the [`Physics`] of a [`World`]. Once it is inside the simulation nobody can
-//! ask it for more than the trait allows; an [`Observer`], taken before, still sees where the
-//! robots truly are, for scores and pictures.
+//! [`WorldPhysics`] is the [`Physics`] of a [`World`]. Inside the simulation it is reached only
+//! through the trait; an [`Observer`], taken before, still sees where the robots truly are, for
+//! scores and pictures.
 //!
 //! # Not here
 //!

@@ -48,7 +48,7 @@ fn main() -> Ev3Result<()> {
     right.stop()
 }
 
-/// Both wheels by so many degrees, until they stand.
+/// Turns the wheels by these degrees and waits until they stand still.
 fn go(left: &LargeMotor, right: &LargeMotor, degrees: [i32; 2]) -> Ev3Result<()> {
     for (motor, degrees) in [left, right].into_iter().zip(degrees) {
         motor.run_to_rel_pos(Some(degrees))?;

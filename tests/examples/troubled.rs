@@ -22,7 +22,8 @@ use signal_hook::consts::{SIGPROF, SIGVTALRM};
 
 #[allow(
     unsafe_code,
-    reason = "only a handler that never returns gets hold of a thread of a program that is not ours to change"
+    reason = "only a handler that never returns gets hold of a thread of a program that is not \
+              ours to change"
 )]
 fn main() -> ExitCode {
     // SAFETY: the handler calls nothing: it only spins.

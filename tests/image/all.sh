@@ -40,7 +40,8 @@ run() {
   local card=()
   [ "$name" != start ] || card=(--card)
   among "$name" "${parts[@]}" ||
-    command=("$checkout/brick-image/emulate.sh" --exact ${card[@]+"${card[@]}"} --timeout 3000 "$name")
+    command=("$checkout/brick-image/emulate.sh" --exact ${card[@]+"${card[@]}"}
+      --timeout 3000 "$name")
   if "${command[@]}" >"$said/$name" 2>&1 </dev/null; then touch "$said/$name.passed"; fi
   {
     flock 9

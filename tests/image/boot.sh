@@ -32,8 +32,29 @@ add_room() {
 # It stands for hardware, which answers at once whatever else the processor is asked to do, and
 # which the service may write to.
 add_hardware() {
-  printf '[Unit]\nDescription=simulated hardware\nBefore=onbrick.service\n[Service]\nCPUSchedulingPolicy=fifo\nCPUSchedulingPriority=60\nExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml\nExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"\n[Install]\nWantedBy=multi-user.target\n' >"$work/hardware"
-  printf '[Unit]\nWants=hardware.service\nAfter=hardware.service\n[Service]\nReadWritePaths=/run/brick\nExecStart=\nExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick\nExecStopPost=\nExecStopPost=/usr/bin/onbrick halt --orphaned --brick /run/brick\n' >"$work/drop-in"
+  cat >"$work/hardware" <<'END'
+[Unit]
+Description=simulated hardware
+Before=onbrick.service
+[Service]
+CPUSchedulingPolicy=fifo
+CPUSchedulingPriority=60
+ExecStart=/usr/local/bin/onbrick-sim sim /run/brick --world /usr/local/lib/room.toml
+ExecStartPost=/bin/sh -c "until [ -e /run/brick/sys/class/tacho-motor/motor0/position ]; do sleep 0.2; done"
+[Install]
+WantedBy=multi-user.target
+END
+  cat >"$work/drop-in" <<'END'
+[Unit]
+Wants=hardware.service
+After=hardware.service
+[Service]
+ReadWritePaths=/run/brick
+ExecStart=
+ExecStart=/usr/bin/onbrick serve --brick /run/brick --config /etc/onbrick
+ExecStopPost=
+ExecStopPost=/usr/bin/onbrick halt --orphaned --brick /run/brick
+END
   add "$tools/onbrick-sim" /usr/local/bin/onbrick-sim 755
   add "$checkout/brick-image/emulator/room.toml" /usr/local/lib/room.toml 644
   add "$work/hardware" /etc/systemd/system/hardware.service 644
@@ -43,7 +64,8 @@ add_hardware() {
 
 # start SAID: the brick is switched on.
 start() {
-  "$checkout/brick-image/emulate.sh" --timeout 1500 --image "$image" --forward "$port" --pid "$work/pid" >"$1" 2>&1 </dev/null &
+  "$checkout/brick-image/emulate.sh" --timeout 1500 --image "$image" --forward "$port" \
+    --pid "$work/pid" >"$1" 2>&1 </dev/null &
   emulator=$!
 }
 cut_power() {
@@ -59,16 +81,24 @@ key_of() { sed -n 's/^key *//p' | tail -n 1; }
 
 pc key new
 key=$(key_of <"$work/said")
-"$tests/inject.sh" --keep "$image" --key "$key" >"$work/injected" || { cat "$work/injected" && exit 1; }
+"$tests/inject.sh" --keep "$image" --key "$key" >"$work/injected" || {
+  cat "$work/injected" && exit 1
+}
 add_room
 add_hardware
 # What the brick says of itself, on its console; its public key as well, which a person would
 # compare when pairing.
 cat >"$work/report.sh" <<'END'
 #!/bin/sh
-motors() { awk '{ n++; if ($0 != "") run++ } END { print n + 0 " motors, " run + 0 " of them run" }' /run/brick/sys/class/tacho-motor/*/state; }
+motors() {
+  awk '{ n++; if ($0 != "") run++ } END { print n + 0 " motors, " run + 0 " of them run" }' \
+    /run/brick/sys/class/tacho-motor/*/state
+}
 while :; do
-  echo "report: $(cut -d. -f1 /proc/uptime) s: $(systemctl is-active onbrick), name $(hostname), failed units: $(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' '), onbrick $(dpkg-query -W -f '${Status}' onbrick 2>/dev/null), $(motors)"
+  failed=$(systemctl --failed --no-legend --plain | cut -d' ' -f1 | tr '\n' ' ')
+  installed=$(dpkg-query -W -f '${Status}' onbrick 2>/dev/null)
+  active="$(systemctl is-active onbrick), name $(hostname), failed units: $failed"
+  echo "report: $(cut -d. -f1 /proc/uptime) s: $active, onbrick $installed, $(motors)"
   onbrick key show --keys /etc/onbrick/keys 2>/dev/null | sed -n 's/^key/report: key/p'
   if systemctl -q is-failed onbrick; then
     journalctl -u onbrick -o cat -n 12 --no-pager | sed 's/^/report: journal: /'
@@ -86,26 +116,45 @@ while :; do
   sleep 5
 done >/dev/console
 END
-printf '[Service]\nExecStart=/usr/local/bin/report\n[Install]\nWantedBy=multi-user.target\n' >"$work/report"
+printf '[Service]\nExecStart=/usr/local/bin/report\n[Install]\nWantedBy=multi-user.target\n' \
+  >"$work/report"
 add "$work/report.sh" /usr/local/bin/report 755
 add "$work/report" /etc/systemd/system/report.service 644
-debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/report.service /etc/systemd/system/report.service' "$image?$linux" 2>/dev/null
+units=/etc/systemd/system
+debugfs -w -R "symlink $units/multi-user.target.wants/report.service $units/report.service" \
+  "$image?$linux" 2>/dev/null
 
 # A person at the brick, who opens the pairing window, looks at the code, and says yes; over and
 # over.
 echo yes >"$work/yes"
-printf '[Service]\nExecStart=/usr/bin/onbrick pair --answers /usr/local/lib/yes\nStandardOutput=journal+console\nRestart=always\nRestartSec=3\n[Unit]\nStartLimitIntervalSec=0\n[Install]\nWantedBy=multi-user.target\n' >"$work/person"
+cat >"$work/person" <<'END'
+[Service]
+ExecStart=/usr/bin/onbrick pair --answers /usr/local/lib/yes
+StandardOutput=journal+console
+Restart=always
+RestartSec=3
+[Unit]
+StartLimitIntervalSec=0
+[Install]
+WantedBy=multi-user.target
+END
 add "$work/yes" /usr/local/lib/yes 644
 add "$work/person" /etc/systemd/system/person.service 644
-debugfs -w -R 'symlink /etc/systemd/system/multi-user.target.wants/person.service /etc/systemd/system/person.service' "$image?$linux" 2>/dev/null
+debugfs -w -R "symlink $units/multi-user.target.wants/person.service $units/person.service" \
+  "$image?$linux" 2>/dev/null
 
 code() { tr -d '\r' <"$1" | sed -n 's/^\(.*: \)\? *\([0-9]\{3\} [0-9]\{3\}\)$/\2/p' | tail -n 1; }
-same_code() { [ -n "$(code "$work/answer")" ] && [ "$(code "$work/answer")" = "$(code "$work/first")" ]; }
+same_code() {
+  [ -n "$(code "$work/answer")" ] && [ "$(code "$work/answer")" = "$(code "$work/first")" ]
+}
 pc_has_run() { pc runs red && grep -q " finished" "$work/said"; }
-active() { grep -q 'report: .*: active, name red, failed units: , onbrick install ok installed' "$1"; }
+active() {
+  grep -q 'report: .*: active, name red, failed units: , onbrick install ok installed' "$1"
+}
 
 start "$work/first"
-check "the package installs itself at the first start and the service comes up" wait_until 1200 active "$work/first"
+check "the package installs itself at the first start and the service comes up" \
+  wait_until 1200 active "$work/first"
 check "it says so on the console" says "$work/first" "onbrick: installed"
 check "and nothing of it went wrong" not grep -q "did not take\|did not start" "$work/first"
 check "the brick made its own key" wait_until 600 grep -q 'report: key ' "$work/first"
@@ -119,8 +168,10 @@ stranger key new
 stranger key know red "127.0.0.1:$port" "$brick_key"
 check "a PC with another key is turned away" not stranger status red --timeout 5
 check "because its key is not authorised" says "$work/answer" "does not let this PC's key in"
-check "somebody at the brick opens the pairing window" wait_until 120 says "$work/first" "the pairing window is open"
-check "the PC is introduced" stranger pair "127.0.0.1:$((port + 1))" --port "$port" --name stranger --answers "$work/yes" --timeout 60
+check "a person at the brick opens the pairing window" wait_until 120 says "$work/first" \
+  "the pairing window is open"
+check "the PC is introduced" stranger pair "127.0.0.1:$((port + 1))" --port "$port" \
+  --name stranger --answers "$work/yes" --timeout 60
 check "with the code that the brick shows" wait_until 30 same_code
 check "then it sees the brick" stranger status red
 check "the first PC starts a mission" pc start map red --set time_limit_s=10
@@ -130,9 +181,12 @@ check "and fetches the run" pc fetch red -o "$work/maps"
 run=$(find "$work/maps" -name '*.mcap' | head -n 1)
 check "which is a whole recording" "$pc" replay "$run"
 check "another mission is started" pc start square red
-check "and all of the service's processes are killed while it drives" wait_until 300 says "$work/first" "report: killed all of the"
-check "systemd has its motors stopped, and says which" wait_until 120 grep -q 'stopped what mission square (process [0-9]*) left behind: outB, outD' "$work/first"
-check "no motor runs then" wait_until 120 says "$work/first" "report: after that, 3 motors, 0 of them run"
+check "and all of the service's processes are killed while it drives" wait_until 300 \
+  says "$work/first" "report: killed all of the"
+check "systemd has its motors stopped, and says which" wait_until 120 \
+  grep -q 'stopped what mission square (process [0-9]*) left behind: outB, outD' "$work/first"
+check "no motor runs then" wait_until 120 says "$work/first" \
+  "report: after that, 3 motors, 0 of them run"
 check "the service is back by itself" wait_until 120 pc status red
 cat "$work/said"
 check "and knows that the run was cut" says "$work/said" "last: square"
@@ -162,7 +216,10 @@ stays_down() {
   tr -d '\r' <"$1" | grep 'report: journal: \|report: down' | sort -u | head -n 8
   cut_power
 }
-stays_as_it_is() { tr -d '\r' <"$1" | grep 'report: down after ' | uniq -c | awk '$1 >= 3 { found = 1 } END { exit !found }'; }
+stays_as_it_is() {
+  tr -d '\r' <"$1" | grep 'report: down after ' | uniq -c |
+    awk '$1 >= 3 { found = 1 } END { exit !found }'
+}
 
 # What was not yet in its place when the power was cut would else be put there over what is changed
 # now. e2fsck does not get to the end of that in a part of a file: it forgets the offset, and so

@@ -8,7 +8,8 @@ work=$(mktemp -d)
 root=$work/root
 failures=0
 # shellcheck disable=SC2034  # for the tests that source this
-deb=${ONBRICK_DEB:-$(find "$checkout/target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)}
+deb=${ONBRICK_DEB:-$(find "$checkout/target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null |
+  sort -V | tail -n 1)}
 
 # The card that inject.sh makes has ev3dev's layout: 48 MB of FAT, then Linux, from these sectors
 # on; the second as mke2fs and debugfs want it.
@@ -59,7 +60,7 @@ wait_until() {
   done
 }
 
-# What a run of ours looks like from outside: its lock, held for so many seconds.
+# What a run of ours looks like from outside: its lock, held for this many seconds.
 run_goes_on() {
   exec 9>>"$root/run/lock/onbrick.lock"
   flock 9

@@ -23,10 +23,16 @@ start_brick() {
     hostname ev3dev
     mount -t proc proc '$root/proc'
     mount --rbind /dev '$root/dev'
-    exec chroot '$root' /usr/bin/env QEMU_CPU=arm926 /usr/sbin/sshd -D -e -p $port -o ListenAddress=127.0.0.1 -o PidFile=none" 2>"$work/sshd.log" &
+    exec chroot '$root' /usr/bin/env QEMU_CPU=arm926 /usr/sbin/sshd -D -e -p $port \
+      -o ListenAddress=127.0.0.1 -o PidFile=none" 2>"$work/sshd.log" &
   cleaning+=("kill $!")
-  printf 'Host 127.0.0.1\n  IdentityFile %s\n  UserKnownHostsFile %s\n  StrictHostKeyChecking accept-new\n  BatchMode yes\n' \
-    "$work/ssh/key" "$work/ssh/known_hosts" >"$work/ssh/config"
+  cat >"$work/ssh/config" <<END
+Host 127.0.0.1
+  IdentityFile $work/ssh/key
+  UserKnownHostsFile $work/ssh/known_hosts
+  StrictHostKeyChecking accept-new
+  BatchMode yes
+END
   # ssh as the person at the PC has it set up.
   mkdir "$work/bin"
   printf '#!/bin/sh\nexec /usr/bin/ssh -F %s "$@"\n' "$work/ssh/config" >"$work/bin/ssh"
@@ -44,7 +50,8 @@ start_brick() {
 install_onto() {
   local password=$1
   shift
-  printf '%s\n' "$password" | "$checkout/brick-image/install.sh" --deb "${with:-$deb}" --onbrick "$onbrick" "$@" "$host" >"$work/said" 2>&1
+  printf '%s\n' "$password" | "$checkout/brick-image/install.sh" --deb "${with:-$deb}" \
+    --onbrick "$onbrick" "$@" "$host" >"$work/said" 2>&1
 }
 # shellcheck disable=SC2016  # dpkg's own variables
 installed() { chroot "$root" dpkg-query -W -f '${Status} ${Version}' onbrick 2>/dev/null; }
@@ -81,16 +88,21 @@ check "the brick has its name" [ "$(cat "$root/etc/hostname")" = red ]
 check "at once" [ "$(ssh "$host" hostname </dev/null)" = red ]
 check "also among its hosts" grep -q $'^127.0.1.1\tred$' "$root/etc/hosts"
 check "the well-known password is warned of" says "$work/said" "is still the well-known one"
-check "the brick knows this PC" [ "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)-")" = 1 ]
-check "whose key is the service's alone to see" [ "$(chroot "$root" stat -c '%U %a' /etc/onbrick/keys/authorised)" = "onbrick 700" ]
+check "the brick knows this PC" [ \
+  "$(chroot "$root" onbrick key list --keys /etc/onbrick/keys | grep -c "$(id -un)-")" = 1 ]
+check "whose key is the service's alone to see" [ \
+  "$(chroot "$root" stat -c '%U %a' /etc/onbrick/keys/authorised)" = "onbrick 700" ]
 check "this PC knows the brick" grep -qx '\["red"\]' "$work/keys/known_bricks"
-check "by the brick's own key" says "$work/keys/known_bricks" "$(chroot "$root" onbrick key show --keys /etc/onbrick/keys | sed -n 's/^key *//p')"
+check "by the brick's own key" says "$work/keys/known_bricks" \
+  "$(chroot "$root" onbrick key show --keys /etc/onbrick/keys | sed -n 's/^key *//p')"
 check "no copy is left in robot's folder" [ -z "$(find "$root/home/robot" -name '*.deb*')" ]
 echo robot:another | chroot "$root" chpasswd
 install_onto another || { cat "$work/said" && exit 1; }
-check "it can be run again, and another password is no longer warned of" not says "$work/said" "well-known"
+check "it can be run again, and another password is no longer warned of" not says "$work/said" \
+  "well-known"
 check "the name stays" [ "$(cat "$root/etc/hostname")" = red ]
-check "here as well, though it was not given again" [ "$(grep '^\[' "$work/keys/known_bricks")" = '["red"]' ]
+check "here as well, though it was not given again" [ \
+  "$(grep '^\[' "$work/keys/known_bricks")" = '["red"]' ]
 
 # As the first start of a card from inject.sh installs it.
 cp "$deb" "$root/var/cache/onbrick/onbrick.deb"
@@ -118,21 +130,31 @@ with=$work/next.deb
 install_onto another &
 installing=$!
 unset with
-check "an upgrade waits for a run" wait_until 120 says "$root/var/cache/onbrick/install.log" "waiting until it is over"
+check "an upgrade waits for a run" wait_until 120 says "$root/var/cache/onbrick/install.log" \
+  "waiting until it is over"
 pkill -KILL -f "ssh -F $work/ssh/config"
 wait "$installing" || true
 check "a connection that is lost is named" says "$work/said" "the connection to the brick was lost"
 is_next() { [ "$(installed)" = "install ok installed 9.9.8" ]; }
 check "nothing is put in the old version's place until then" not is_next
 kill "$running"
-check "it is finished though nobody is connected any more" wait_until 120 is_next
+check "it is finished without a connection" wait_until 120 is_next
 
-printf 'name = "mine"\ntime_limit_s = 5\n[machine.drive]\nstart = "halt"\nfinal = "halt"\n[machine.drive.state.halt]\ndo = { stop = "brake" }\n' >"$work/mine.toml"
+cat >"$work/mine.toml" <<'END'
+name = "mine"
+time_limit_s = 5
+[machine.drive]
+start = "halt"
+final = "halt"
+[machine.drive.state.halt]
+do = { stop = "brake" }
+END
 check "a mission is pushed" "$onbrick" push "$host" "$work/mine.toml"
 check "it is there" cmp "$work/mine.toml" "$root/home/robot/missions/mine.toml"
 check "it is robot's" [ "$(chroot "$root" stat -c %U /home/robot/missions/mine.toml)" = robot ]
 echo 'name = 3' >"$work/bad.toml"
 check "a broken one is refused" not "$onbrick" push "$host" "$work/mine.toml" "$work/bad.toml"
 check "and nothing of it arrives" [ ! -e "$root/home/robot/missions/bad.toml" ]
-check "a brick that is not there is no answer" [ "$("$onbrick" push ssh://robot@127.0.0.1:1 "$work/mine.toml" >/dev/null 2>&1; echo $?)" = 4 ]
+check "an unreachable brick is no answer" [ \
+  "$("$onbrick" push ssh://robot@127.0.0.1:1 "$work/mine.toml" >/dev/null 2>&1; echo $?)" = 4 ]
 finish

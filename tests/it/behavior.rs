@@ -84,11 +84,11 @@ fn the_mapping_mission_is_the_seeds() {
         // ms      range m   head deg   drive         look
         (      0,  1.00,       0.0,     "forward",    "look_right"),
         (    100,  0.24,     -20.0,     "turn_right", "look_right"),    // nearer than 0.25 m
-        (    200,  0.40,     -46.0,     "turn_right", "look_left"),     // only 0.5 m end a turn; beyond -45 degrees
+        (    200,  0.40,     -46.0,     "turn_right", "look_left"),     // only 0.5 m end a turn
         (    300,  0.51,      44.0,     "forward",    "look_left"),
         (    400,  f64::INFINITY, 46.0, "forward",    "look_right"),
         (120_000,  0.51,       0.0,     "forward",    "look_right"),    // the time is not over yet
-        (120_001,  0.20,       0.0,     "turn_right", "halt"),          // the first condition that holds counts
+        (120_001,  0.20,       0.0,     "turn_right", "halt"),          // the first true condition
         (120_002,  0.20,       0.0,     "halt",       "halt"),
     ];
     for (ms, range_m, head_deg, drive, look) in transcript {
@@ -152,7 +152,8 @@ fn a_square_has_four_sides_and_four_corners() {
 fn one_state(numbers: &str, state: &str) -> Mission {
     load(&format!(
         "name = \"m\"\n[numbers]\n{numbers}\n[machine.m]\nstart = \"a\"\nfinal = \"b\"\n\
-         [machine.m.state.a]\n{state}\nnext = [{{ when = \"time_s > 10\", go = \"b\" }}]\n[machine.m.state.b]\n"
+         [machine.m.state.a]\n{state}\nnext = [{{ when = \"time_s > 10\", go = \"b\" }}]\n\
+         [machine.m.state.b]\n"
     ))
 }
 
@@ -160,7 +161,8 @@ fn one_state(numbers: &str, state: &str) -> Mission {
 fn demands_are_in_si_units() {
     let mission = one_state(
         "fast = 90",
-        "do = { forward_mps = 0.2, turn_dps = \"fast * 2\", head_deg = 45, motor.arm = \"-fast\", motor.jaw = 0, tone_hz = \"400 + 40\", led = \"yellow\", say = \"hej\" }",
+        "do = { forward_mps = 0.2, turn_dps = \"fast * 2\", head_deg = 45, motor.arm = \"-fast\", \
+         motor.jaw = 0, tone_hz = \"400 + 40\", led = \"yellow\", say = \"hej\" }",
     );
     assert_eq!(mission.motors(), ["arm", "jaw"]);
     let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[]));
@@ -178,7 +180,8 @@ fn demands_are_in_si_units() {
 fn a_number_that_is_not_finite_or_not_known_stops_its_actuator_and_no_other() {
     let mission = one_state(
         "zero = 0",
-        "do = { left_dps = \"1 / zero\", right_dps = 50, head_deg = \"range_m\", motor.arm = \"x_m\", motor.jaw = 9 }",
+        "do = { left_dps = \"1 / zero\", right_dps = 50, head_deg = \"range_m\", motor.arm = \
+         \"x_m\", motor.jaw = 9 }",
     );
     for range_m in [f64::INFINITY, f64::NAN] {
         let (demands, _) = step(
@@ -212,7 +215,8 @@ fn what_is_done_on_entry_and_on_exit_is_done_once() {
 
 #[test]
 fn the_last_machine_in_the_file_has_the_lights() {
-    let text = "name = \"m\"\n[machine.z]\nstart = \"a\"\nfinal = \"a\"\n[machine.z.state.a]\ndo = { led = \"red\", tone_hz = 100 }\n\
+    let text = "name = \"m\"\n[machine.z]\nstart = \"a\"\nfinal = \"a\"\n[machine.z.state.a]\n\
+        do = { led = \"red\", tone_hz = 100 }\n\
         [machine.a]\nstart = \"a\"\nfinal = \"a\"\n[machine.a.state.a]\ndo = { led = \"green\" }\n";
     let mission = load(text);
     assert_eq!(
@@ -250,7 +254,7 @@ fn a_stall_leads_to_the_state_that_the_mission_names_and_nowhere_without_one() {
     let pressed = Taken { transition: Some(0), ..taken[0] };
     assert_eq!(mission.named(pressed).unwrap().to_string(), "drive: forward → back (touch)");
     assert_eq!(mission.named(Taken { machine: 7, ..pressed }), None);
-    // The wheels still do not turn: it goes on backing off, and its time there goes on.
+    // The wheels still do not turn: the state stays, and its time keeps counting.
     assert!(program.stall());
     taken.clear();
     program.step(&free(40), &mut Demands::default(), |transition| taken.push(transition));

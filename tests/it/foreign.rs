@@ -1,5 +1,5 @@
-//! Programs on libraries that nobody here wrote, over a mounted brick: PyPI's `python-ev3dev2` and
-//! crates.io's `ev3dev-lang-rust`, both unmodified.
+//! Programs on third-party libraries, over a mounted brick: PyPI's `python-ev3dev2` and crates.io's
+//! `ev3dev-lang-rust`, both unmodified.
 //!
 //! Each runs in a private view of the brick (`onbrick sim exec`), so that it takes this machine for
 //! an EV3. What it says it did is compared with where the robot truly is. `demos` are programs as
@@ -324,7 +324,12 @@ fn press_and_look(pace: &Pace) {
         [2, 3, 4, 5].map(|part| battery[part].clone()),
         [json!(90_000_000), json!(48_000_000), json!("Unknown"), json!("Battery")]
     );
-    let lights = |red_left: i64, green_left: i64, red_right: i64, green_right: i64| json!({ "red_left": red_left, "green_left": green_left, "red_right": red_right, "green_right": green_right });
+    let lights = |red_left: i64, green_left: i64, red_right: i64, green_right: i64| {
+        json!({
+            "red_left": red_left, "green_left": green_left,
+            "red_right": red_right, "green_right": green_right,
+        })
+    };
     assert_eq!(said["lights_at_first"], lights(0, 255, 0, 255));
     assert_eq!(said["RED"], lights(255, 0, 0, 255));
     assert_eq!(said["AMBER"], lights(255, 255, 0, 255));

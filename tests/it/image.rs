@@ -285,9 +285,11 @@ fn scripts_wait_for_apts_lock_and_name_what_could_not_be_installed() {
     // The lists are locked twice; what is installed is noted.
     script(
         "apt-get",
-        "cd \"$HOME\"\nif [[ $* == *update* ]]; then\n  echo x >>tried\n  [ \"$(wc -l <tried)\" -gt 2 ] || \
+        "cd \"$HOME\"\nif [[ $* == *update* ]]; then\n  echo x >>tried\n  [ \"$(wc -l <tried)\" \
+         -gt 2 ] || \
          { echo 'E: Could not get lock /var/lib/apt/lists/lock' >&2; exit 100; }\n\
-         elif [[ $* == *no-such-package* ]]; then\n  echo 'E: Unable to locate package' >&2; exit 100\n\
+         elif [[ $* == *no-such-package* ]]; then\n  echo 'E: Unable to locate package' >&2; exit \
+         100\n\
          else echo \"$*\" >installed\nfi",
     );
     script("sudo", "exec \"$@\"");

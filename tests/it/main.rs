@@ -8,7 +8,8 @@
     clippy::print_stderr,
     clippy::float_cmp,
     unreachable_pub,
-    reason = "tests stop by panicking, print what they measured, compare bits, and share helpers between modules"
+    reason = "tests stop by panicking, print what they measured, compare bits, and share helpers \
+              between modules"
 )]
 
 mod arm;

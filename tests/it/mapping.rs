@@ -333,7 +333,7 @@ fn the_maps_memory_is_bounded_over_ten_hours_and_keeps_first_and_last() {
     }
     let kept = map.points();
     assert_eq!(found, 36_000);
-    assert_eq!((map.points().as_ptr(), map.path().as_ptr()), memory, "nothing was allocated anew");
+    assert_eq!((map.points().as_ptr(), map.path().as_ptr()), memory, "nothing was reallocated");
     assert!(kept.len() <= 20_000 && kept.len() >= 10_000, "{} points", kept.len());
     assert_eq!(map.points_stride(), 2);
     assert_eq!(kept[0].time_ns, 0);

@@ -1,5 +1,5 @@
 //! Every message that a person can get, in files to read: `tests/data/*-messages.txt`. A mission's
-//! are collected in `behavior`. `ONBRICK_BLESS=1 cargo test` writes them anew; read what changed.
+//! are collected in `behavior`. `ONBRICK_BLESS=1 cargo test` rewrites them; read what changed.
 #![cfg(feature = "host")]
 
 use std::fmt::Write as _;
@@ -21,9 +21,9 @@ fn compare(name: &str, now: &str) {
     }
     let read = std::fs::read_to_string(&path).unwrap_or_default();
     for (at, (now, read)) in now.lines().zip(read.lines()).enumerate() {
-        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 writes it anew", at + 1);
+        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 rewrites it", at + 1);
     }
-    assert_eq!(now.lines().count(), read.lines().count(), "{path}; ONBRICK_BLESS=1 writes it anew");
+    assert_eq!(now.lines().count(), read.lines().count(), "{path}; ONBRICK_BLESS=1 rewrites it");
 }
 
 fn replaced(text: &str, from: &str, to: &str) -> String {
@@ -190,7 +190,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         writeln!(out, "## {title}\n\n{}\n", causes(&why)).unwrap();
     }
     let owner = Owner { pid: 4711, ..Owner::here("mission map") };
-    writeln!(out, "## somebody else drives\n\n{}\n", causes(&LockError::Taken(owner))).unwrap();
+    writeln!(out, "## another run drives\n\n{}\n", causes(&LockError::Taken(owner))).unwrap();
     writeln!(out, "## why a run ends\n").unwrap();
     for reason in [
         StopReason::Finished,

@@ -25,7 +25,7 @@ pub struct Played {
     pub truths: Vec<Truth>,
     pub tick_s: f64,
     pub bytes: Vec<u8>,
-    /// Holds the recording for as long as somebody looks at it.
+    /// Keeps the recording until the test has read it.
     pub folder: tempfile::TempDir,
 }
 

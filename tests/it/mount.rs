@@ -37,7 +37,8 @@ fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer_through_the_
     let outcome =
         transcript::play(rig.tree.as_ref(), rig.bench.clock.as_ref(), &mounted, tolerances);
     println!(
-        "kernel transcript through the mount: {} operations with the same bytes, {} within {tolerances:?}, {} excepted, {} actions, \
+        "kernel transcript through the mount: {} operations with the same bytes, {} within \
+         {tolerances:?}, {} excepted, {} actions, \
          {} entries of folders; largest differences {:?}",
         outcome.exact,
         outcome.near,
@@ -132,7 +133,8 @@ fn a_plugged_device_is_on_the_bus_and_bound_to_a_driver() {
         let folder = format!("sys/class/{device}/device");
         assert_eq!(read(&format!("{folder}/modalias")), Ok(format!("lego:{driver}\n")));
         let uevent = format!(
-            "DEVTYPE={driver}\nDRIVER={driver}\nLEGO_DRIVER_NAME={name}\nLEGO_ADDRESS={address}\nMODALIAS=lego:{driver}\n"
+            "DEVTYPE={driver}\nDRIVER={driver}\nLEGO_DRIVER_NAME={name}\nLEGO_ADDRESS={address}\n\
+             MODALIAS=lego:{driver}\n"
         );
         assert_eq!(read(&format!("{folder}/uevent")), Ok(uevent));
         let real = |path: &str| mounted.path(path).canonicalize().unwrap();

@@ -172,11 +172,13 @@ slider.dispatchEvent(new Event('input'));
 const box = plot.getBoundingClientRect();
 const under = () => [(400 - box.left - view.x) / view.scale, (300 - box.top - view.y) / view.scale];
 const [scale, place] = [view.scale, under()];
-plot.dispatchEvent(new WheelEvent('wheel', { deltaY: -500, clientX: 400, clientY: 300, cancelable: true }));
+plot.dispatchEvent(
+    new WheelEvent('wheel', { deltaY: -500, clientX: 400, clientY: 300, cancelable: true }));
 plot.dataset.zoomed = (view.scale / scale).toFixed(4);
 plot.dataset.stayed = Math.hypot(under()[0] - place[0], under()[1] - place[1]).toFixed(6);
 const [x, y] = [view.x, view.y];
-const pointer = (name, clientX, clientY) => plot.dispatchEvent(new PointerEvent(name, { pointerId: 1, clientX, clientY }));
+const pointer = (name, clientX, clientY) =>
+    plot.dispatchEvent(new PointerEvent(name, { pointerId: 1, clientX, clientY }));
 pointer('pointerdown', 300, 300);
 pointer('pointermove', 340, 275);
 pointer('pointerup', 340, 275);
@@ -229,7 +231,9 @@ fn a_grid_is_a_picture_with_the_highest_row_first() {
     let pgm = export::pgm(&grid);
     assert_eq!(pgm, [b"P5\n3 2\n255\n".as_slice(), &[205, 254, 205, 205, 254, 0]].concat());
     let yaml = export::nav2_yaml(&grid, "map.pgm");
-    let expected = "image: \"map.pgm\"\nmode: trinary\nresolution: 0.05\norigin: [-1.0, -0.5, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    let expected = "image: \"map.pgm\"\nmode: trinary\nresolution: 0.05\n\
+                    origin: [-1.0, -0.5, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n\
+                    free_thresh: 0.196\n";
     assert_eq!(yaml, expected);
     let empty = Grid { resolution_m: 0.05, ..Grid::default() };
     assert_eq!(export::pgm(&empty), b"P5\n0 0\n255\n");

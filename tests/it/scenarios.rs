@@ -13,29 +13,64 @@ use crate::mount::bench::Mounted;
 type Scenario = (&'static str, GyroMake, fn(&Rig));
 
 /// In the order of the reference; 19 is two of them, one for each make of gyro.
-#[rustfmt::skip]
 const SCENARIOS: [Scenario; 21] = [
     ("1: a new speed waits for the next command", GyroMake::Old, a_new_speed_waits),
     ("2: a new duty cycle acts at once in run-direct", GyroMake::Old, a_new_duty_acts),
     ("3: a move ignores the sign of its speed", GyroMake::Old, a_move_ignores_the_sign),
     ("4: a second relative move starts from the first one's target", GyroMake::Old, moves_add_up),
-    ("5: a relative move after a stop starts from where it is", GyroMake::Old, a_stop_forgets_the_target),
-    ("6: a timed run keeps the stop action of its beginning", GyroMake::Old, the_stop_action_is_latched),
+    (
+        "5: a relative move after a stop starts from where it is",
+        GyroMake::Old,
+        a_stop_forgets_the_target,
+    ),
+    (
+        "6: a timed run keeps the stop action of its beginning",
+        GyroMake::Old,
+        the_stop_action_is_latched,
+    ),
     ("7: a stop takes the stop action of the file", GyroMake::Old, a_stop_reads_the_file),
-    ("8: polarity turns readings round, not the motion", GyroMake::Old, polarity_turns_readings_round),
-    ("9: a hold keeps its set point where the scale is shifted", GyroMake::Old, a_hold_keeps_its_number),
+    (
+        "8: polarity turns readings round, not the motion",
+        GyroMake::Old,
+        polarity_turns_readings_round,
+    ),
+    (
+        "9: a hold keeps its set point where the scale is shifted",
+        GyroMake::Old,
+        a_hold_keeps_its_number,
+    ),
     ("10: a new position ends a move", GyroMake::Old, a_new_position_ends_a_move),
     ("11: a move to where it is ends within a tick", GyroMake::Old, a_move_to_here_is_over),
-    ("12: standing still while running is a stall after 100 ms", GyroMake::Old, standing_still_is_a_stall),
-    ("13: a blocked rotor overloads, and stalls some 300 ms later", GyroMake::Old, a_blocked_rotor_overloads),
+    (
+        "12: standing still while running is a stall after 100 ms",
+        GyroMake::Old,
+        standing_still_is_a_stall,
+    ),
+    (
+        "13: a blocked rotor overloads, and stalls some 300 ms later",
+        GyroMake::Old,
+        a_blocked_rotor_overloads,
+    ),
     ("14: a stop with hold holds", GyroMake::Old, a_stop_can_hold),
     ("15: a ramp up to half speed takes half its time", GyroMake::Old, a_ramp_up_is_a_share),
     ("16: a timed run ramps down after its time", GyroMake::Old, a_timed_run_ramps_down),
-    ("17: a replugged motor is another one, and old files are dead", GyroMake::Old, a_replugged_motor_is_another),
-    ("18: the same port mode again registers the device anew", GyroMake::Old, the_same_mode_registers_anew),
+    (
+        "17: a replugged motor is another one, and old files are dead",
+        GyroMake::Old,
+        a_replugged_motor_is_another,
+    ),
+    (
+        "18: writing the same port mode registers the device again",
+        GyroMake::Old,
+        the_same_mode_registers_anew,
+    ),
     ("19: an old gyro zeroes by a change of mode", GyroMake::Old, an_old_gyro_zeroes),
     ("19: a new gyro does not", GyroMake::New, a_new_gyro_does_not),
-    ("20: an ultrasonic sensor has ten new values a second", GyroMake::Old, an_ultrasonic_sensor_is_slow),
+    (
+        "20: an ultrasonic sensor has ten new values a second",
+        GyroMake::Old,
+        an_ultrasonic_sensor_is_slow,
+    ),
 ];
 
 #[test]

@@ -86,7 +86,7 @@ impl Served {
         Self { folder, child, client, arguments, alone: None }
     }
 
-    /// Killed without a word, and started anew.
+    /// Killed without a word, and restarted.
     pub fn killed_and_started_anew(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -127,7 +127,7 @@ impl Served {
         self.ask::<Runs>(&Request::Runs).runs
     }
 
-    /// Starts a mission of the folder as somebody on the network would.
+    /// Starts a mission of the folder as a client on the network would.
     #[track_caller]
     pub fn start(&mut self, run: &str, mission: &str) -> Started {
         let token = self.status().token;
@@ -154,7 +154,7 @@ impl Served {
     }
 
     /// Starts a mission and waits until the robot drives; its identifier. A machine under load may
-    /// make a run late, which then ends: that is no matter of these tests, and it is begun anew.
+    /// make a run late, which then ends: these tests do not judge that, and start another.
     #[track_caller]
     pub fn drive(&mut self, mission: &str) -> RunId {
         for attempt in 1..=5 {
@@ -229,7 +229,8 @@ pub fn folder(config: &str) -> tempfile::TempDir {
     put(
         "onbrick.toml",
         &format!(
-            "{config}\n[link]\naddress = \"127.0.0.1\"\nport = {port}\npairing_port = {pairing_port}\n"
+            "{config}\n[link]\naddress = \"127.0.0.1\"\nport = {port}\n\
+             pairing_port = {pairing_port}\n"
         ),
     );
     folder

@@ -32,7 +32,8 @@ impl Bench {
     /// else the world's file says of it.
     pub(crate) fn new(robot: &str, seed: u64) -> Self {
         let text = format!(
-            "name = \"bench\"\n[[start]]\nat = [0.0, 0.0]\n[[wall]]\npoints = [[0.6, -2.0], [0.6, 2.0]]\n{robot}"
+            "name = \"bench\"\n[[start]]\nat = [0.0, 0.0]\n[[wall]]\n\
+             points = [[0.6, -2.0], [0.6, 2.0]]\n{robot}"
         );
         let (world, _) =
             World::parse("bench", text.as_bytes()).unwrap_or_else(|findings| panic!("{findings}"));

@@ -22,7 +22,8 @@ fn every_operation_of_the_kernel_transcript_gets_the_kernels_answer() {
     let tolerances = Tolerances { speed: 8, position: 10, duty: 8, moment_ms: 100 };
     let outcome = transcript::play(bench.brick.as_ref(), bench.clock.as_ref(), &bench, tolerances);
     println!(
-        "kernel transcript: {} operations with the same bytes, {} within {tolerances:?}, {} excepted, {} actions, {} entries of folders; \
+        "kernel transcript: {} operations with the same bytes, {} within {tolerances:?}, {} \
+         excepted, {} actions, {} entries of folders; \
          largest differences {:?}",
         outcome.exact,
         outcome.near,
@@ -336,8 +337,10 @@ fn writable(rig: &Rig) -> Vec<String> {
 
 /// What may be written: text near to what is legal, or anything.
 fn anything() -> impl Strategy<Value = Vec<u8>> {
-    let words: Vec<&str> = "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop reset hold brake \
-        coast inversed normal timer none auto raw led dc-motor tacho-motor GYRO-RATE US-LISTEN COL-COLOR run float"
+    let words: Vec<&str> = "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop \
+        reset hold brake \
+        coast inversed normal timer none auto raw led dc-motor tacho-motor GYRO-RATE US-LISTEN \
+        COL-COLOR run float"
         .split_whitespace()
         .collect();
     prop_oneof![
@@ -354,7 +357,10 @@ proptest! {
 
     #[test]
     fn whatever_is_written_leaves_every_driver_in_a_legal_state(
-        writes in proptest::collection::vec((any::<proptest::sample::Index>(), anything(), 0_i64..300), 1..25),
+        writes in proptest::collection::vec(
+            (any::<proptest::sample::Index>(), anything(), 0_i64..300),
+            1..25,
+        ),
     ) {
         let rig = Rig::recorded();
         rig.bench.simulation.add_servo(0, "ev3-ports:in1:i2c88:sv1", true).unwrap();
@@ -364,28 +370,44 @@ proptest! {
             match rig.write_path(path, &value) {
                 Ok(taken) => prop_assert_eq!(taken, value.len().min(4096), "{}", path),
                 Err(error) => prop_assert!(
-                    [Errno::EINVAL, Errno::ERANGE, Errno::EOPNOTSUPP, Errno::ENODEV, Errno::EIO].contains(&error),
+                    [
+                        Errno::EINVAL,
+                        Errno::ERANGE,
+                        Errno::EOPNOTSUPP,
+                        Errno::ENODEV,
+                        Errno::EIO,
+                    ]
+                    .contains(&error),
                     "{path}: {error}"
                 ),
             }
             rig.pass_ms(ms);
         }
         for name in rig.tree.list("sys/class/tacho-motor").unwrap() {
-            let read = |attribute: &str| rig.read_path(&format!("sys/class/tacho-motor/{name}/{attribute}")).unwrap();
+            let read = |attribute: &str| {
+                rig.read_path(&format!("sys/class/tacho-motor/{name}/{attribute}")).unwrap()
+            };
             let number = |attribute: &str| -> i64 { read(attribute).trim_end().parse().unwrap() };
             prop_assert!((-100..=100).contains(&number("duty_cycle")));
             prop_assert!((-100..=100).contains(&number("duty_cycle_sp")));
             prop_assert!(number("time_sp") >= 0 && (0..=60_000).contains(&number("ramp_up_sp")));
             let speed = number("speed_sp");
-            prop_assert!(speed.abs() <= number("max_speed") || speed == i64::from(i32::MIN), "{speed}");
+            prop_assert!(
+                speed.abs() <= number("max_speed") || speed == i64::from(i32::MIN),
+                "{speed}"
+            );
             let state = read("state");
             let words: Vec<&str> = state.split_whitespace().collect();
             let order = ["running", "ramping", "holding", "overloaded", "stalled"];
-            let places: Vec<usize> = words.iter().map(|word| order.iter().position(|known| known == word).unwrap()).collect();
+            let places: Vec<usize> = words
+                .iter()
+                .map(|word| order.iter().position(|known| known == word).unwrap())
+                .collect();
             prop_assert!(places.is_sorted(), "{state}");
             prop_assert!(!(state.contains("running") && state.contains("holding")), "{state}");
         }
-        let bridges_are_legal = rig.world(|bench| bench.motors.iter().all(|motor| motor.speed.abs() <= 1100.0));
+        let bridges_are_legal =
+            rig.world(|bench| bench.motors.iter().all(|motor| motor.speed.abs() <= 1100.0));
         prop_assert!(bridges_are_legal);
     }
 }

@@ -111,7 +111,8 @@ fn a_page_is_for_this_machine_and_changes_nothing_else() {
     for (request, status) in [
         ("GET /../etc HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", "404"),
         (
-            "POST /state HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\nConnection: close\r\n\r\n",
+            "POST /state HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\n\
+             Connection: close\r\n\r\n",
             "405",
         ),
         ("GET /state HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n", "403"),
@@ -246,7 +247,7 @@ fn number(dom: &str, name: &str) -> f64 {
 
 #[test]
 fn a_browser_sees_the_room_and_the_robot_drive_through_it() {
-    // The wall's own clock: nobody but the page lets time pass.
+    // The wall's own clock: only the page lets time pass.
     let driven = driven("arena", 1, Arc::new(MonotonicClock));
     let page = Page::serve(&driven.simulation, 0).unwrap();
     driven.simulation.control(0, "in4 stuck").unwrap();
@@ -300,7 +301,8 @@ fn with_script(page: &Page, script: &'static str) -> String {
             let own =
                 value("x-onbrick:").map_or(String::new(), |own| format!("X-Onbrick: {own}\r\n"));
             let head = format!(
-                "{first}\r\nHost: {served}\r\n{own}Content-Length: {length}\r\nConnection: close\r\n\r\n"
+                "{first}\r\nHost: {served}\r\n{own}Content-Length: {length}\r\n\
+                 Connection: close\r\n\r\n"
             );
             let Ok(mut to) = TcpStream::connect(&served) else { return };
             to.write_all(&[head.as_bytes(), &body].concat()).unwrap();
@@ -310,7 +312,8 @@ fn with_script(page: &Page, script: &'static str) -> String {
                 let (_, page) = answer.split_once("\r\n\r\n").unwrap();
                 let page = page.replace("</body>", &format!("<script>{script}</script></body>"));
                 answer = format!(
-                    "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\nConnection: close\r\n\r\n{page}"
+                    "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
+                     Connection: close\r\n\r\n{page}"
                 );
             }
             let _ = stream.write_all(answer.as_bytes());

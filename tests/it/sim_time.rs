@@ -19,7 +19,7 @@ fn time_that_a_machine_was_too_slow_for_is_lost_and_not_waited_for() {
     assert_eq!(simulation.now_ns(), 90 * MILLISECOND_NS);
     assert_eq!(simulation.lost_ns(), 10 * SECOND_NS - 90 * MILLISECOND_NS);
     clock.sleep_until_ns(10 * SECOND_NS + 20 * MILLISECOND_NS);
-    assert_eq!(simulation.now_ns(), 110 * MILLISECOND_NS, "and then it goes on");
+    assert_eq!(simulation.now_ns(), 110 * MILLISECOND_NS, "and then it continues");
 }
 
 /// An empty world whose time takes ten times as long to simulate.

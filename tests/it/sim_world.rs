@@ -201,8 +201,10 @@ fn a_coasting_robot_rolls_out_and_never_gains_speed() {
 
 #[test]
 fn the_colour_sensor_sees_the_line_blend_at_its_edge_and_the_table_end() {
-    let text = "name = \"t\"\n[floor]\ncolour = \"white\"\ntable = [[-1, -1], [1, -1], [1, 1], [-1, 1]]\n\
-                [[line]]\npoints = [[0.17, -0.5], [0.17, 0.5]]\nwidth_m = 0.04\ncolour = \"black\"\n";
+    let text = "name = \"t\"\n[floor]\ncolour = \"white\"\ntable = [[-1, -1], [1, -1], [1, 1], \
+                [-1, 1]]\n\
+                [[line]]\npoints = [[0.17, -0.5], [0.17, 0.5]]\nwidth_m = 0.04\n\
+                colour = \"black\"\n";
     let mut physics = ideal(text);
     let mut look = |x_m: f64| {
         physics.carry(0, StartPose { x_m, y_m: 0.0, heading_rad: 0.0 });
@@ -217,7 +219,8 @@ fn the_colour_sensor_sees_the_line_blend_at_its_edge_and_the_table_end() {
 
 #[test]
 fn the_infrared_sensor_has_its_own_scale_a_remote_and_a_beacon() {
-    let text = "name = \"t\"\n[robot.ports]\nin1 = \"infrared\"\n[beacon]\nat = [0.4, 0.4]\nchannel = 2\n\
+    let text = "name = \"t\"\n[robot.ports]\nin1 = \"infrared\"\n[beacon]\nat = [0.4, 0.4]\n\
+                channel = 2\n\
                 [[remote]]\nat_s = 1.0\nfor_s = 1.0\nchannel = 3\ncode = 5\n\
                 [[wall]]\npoints = [[0.5, -2.0], [0.5, 2.0]]\n";
     let mut physics = ideal(text);
@@ -372,7 +375,10 @@ proptest! {
     }
 
     #[test]
-    fn an_echo_is_never_nearer_than_the_nearest_surface(world in random_world(), heading in -3.2..3.2) {
+    fn an_echo_is_never_nearer_than_the_nearest_surface(
+        world in random_world(),
+        heading in -3.2..3.2,
+    ) {
         let mut physics = WorldPhysics::new(world.without_errors(), 1, 0).unwrap();
         physics.carry(0, StartPose { x_m: 0.0, y_m: 0.0, heading_rad: heading });
         let (x, y) = (0.0508 * libm::cos(heading), 0.0508 * libm::sin(heading));

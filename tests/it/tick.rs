@@ -252,8 +252,10 @@ pub(crate) fn start(mission: &Mission) -> Start {
 
 #[test]
 fn a_trace_is_cut_into_ticks_at_heartbeats() {
-    let trace = "7 clock_nanosleep(1) = 0\n7 pread64(3, \"0\\n\", 64, 0) = 2\n8 futex(1) = 0\n7 write(1, \"\\n\", 1) = 1\n\
-                 7 clock_nanosleep(1 <unfinished ...>\n8 write(5, \"x\", 1) = 1\n7 <... clock_nanosleep resumed>) = 0\n7 write(1, \"\\n\", 1) = 1\n7 exit(0)\n";
+    let trace = "7 clock_nanosleep(1) = 0\n7 pread64(3, \"0\\n\", 64, 0) = 2\n8 futex(1) = 0\n\
+                 7 write(1, \"\\n\", 1) = 1\n\
+                 7 clock_nanosleep(1 <unfinished ...>\n8 write(5, \"x\", 1) = 1\n\
+                 7 <... clock_nanosleep resumed>) = 0\n7 write(1, \"\\n\", 1) = 1\n7 exit(0)\n";
     let ticks = ticks_of(trace);
     assert_eq!(ticks.len(), 2);
     assert_eq!(ticks[0].values().sum::<u32>(), 3);

@@ -285,6 +285,115 @@ fn files_are_short_enough_to_be_read() {
     none("long files", &found);
 }
 
+/// What people write here by hand: sources, scripts, configuration, README; not test data.
+fn written() -> Vec<(String, String)> {
+    const ENDINGS: [&str; 11] =
+        ["rs", "sh", "toml", "md", "py", "c", "config", "service", "run", "avahi", ""];
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut paths: Vec<PathBuf> =
+        ["README.md", "Cargo.toml", "cross.toml"].iter().map(|name| root.join(name)).collect();
+    let mut folders: Vec<PathBuf> =
+        ["src", "tests", "brick-image", ".ci"].iter().map(|name| root.join(name)).collect();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap().map(Result::unwrap) {
+            let (path, name) = (entry.path(), entry.file_name());
+            if !path.is_dir() {
+                let ending = path.extension().unwrap_or_default();
+                paths.extend(ENDINGS.iter().any(|known| *known == ending).then_some(path));
+            } else if !["data", "seeds", "corpus", "target"].iter().any(|no| *no == name) {
+                folders.push(path);
+            }
+        }
+    }
+    paths.sort();
+    let relative = |path: &PathBuf| path.strip_prefix(root).unwrap().display().to_string();
+    paths.iter().map(|path| (relative(path), std::fs::read_to_string(path).unwrap())).collect()
+}
+
+/// A line's text behind its indentation and the sign of a comment.
+fn behind_comment(line: &str) -> &str {
+    line.trim_start().trim_start_matches(['/', '!', '#', '*']).trim_start()
+}
+
+/// The longest part of a line that cannot go onto two: a word, such as a URL, a path or a name, or
+/// a string, except in Rust, where `\` at a line's end breaks one.
+fn longest_part(path: &str, line: &str) -> usize {
+    let length = |part: &str| part.chars().count();
+    let word = line.split_whitespace().map(length).max().unwrap_or_default();
+    if path.ends_with(".rs") {
+        return word;
+    }
+    word.max(line.split('"').skip(1).step_by(2).map(length).max().unwrap_or_default())
+}
+
+#[test]
+fn lines_have_100_columns() {
+    /// A part of more characters than this excuses its line.
+    const UNBREAKABLE: usize = 60;
+    let mut found = Vec::new();
+    for (path, text) in written() {
+        for (at, line) in text.lines().enumerate() {
+            let is_table = behind_comment(line).starts_with('|');
+            let is_long = line.chars().count() > 100;
+            if is_long && !is_table && longest_part(&path, line) <= UNBREAKABLE {
+                found.push(format!("{path}:{}: {line}", at + 1));
+            }
+        }
+    }
+    none("lines of more than 100 columns", &found);
+}
+
+/// Whether a word stands in a line of Rust as a name of the program and not as English.
+fn is_a_name(line: &str, word: &str) -> bool {
+    let parts = [
+        format!("::{word}"),
+        format!(".{word}("),
+        format!("fn {word}("),
+        format!("let {word} "),
+        format!("const {word}:"),
+        format!("{word}("),
+        format!("({word})"),
+        format!("&{word})"),
+        format!("\"{word}\""),
+    ];
+    parts.iter().any(|part| line.contains(part)) || line.trim() == format!("{word},")
+}
+
+#[test]
+fn words_to_do_without() {
+    // Written apart, so that this file does not find itself.
+    let words = [
+        ["no", "body"],
+        ["some", "body"],
+        ["who", "ever"],
+        ["an", "ew"],
+        ["so m", "any"],
+        ["goes", " on"],
+        ["that is not", " there"],
+        ["by and", " by"],
+    ]
+    .map(|parts| parts.concat());
+    let is_of_a_word = |letter: char| letter.is_alphanumeric() || "-_".contains(letter);
+    let mut found = Vec::new();
+    for (path, text) in written() {
+        for (at, line) in text.lines().enumerate() {
+            let line = line.to_lowercase();
+            let plain: String = format!(" {line} ")
+                .chars()
+                .map(|letter| if is_of_a_word(letter) { letter } else { ' ' })
+                .collect();
+            let is_found = |word: &&String| {
+                plain.contains(&format!(" {word} "))
+                    && !(path.ends_with(".rs") && is_a_name(&line, word))
+            };
+            if let Some(word) = words.iter().find(is_found) {
+                found.push(format!("{path}:{}: `{word}` in: {}", at + 1, line.trim()));
+            }
+        }
+    }
+    none("words to do without", &found);
+}
+
 #[test]
 fn nothing_is_left_undone() {
     // Written apart, so that this file does not find itself.
@@ -364,7 +473,7 @@ fn no_path_of_one_machine_is_in_the_repository() {
             }
         }
     }
-    none("paths of somebody's machine", &found);
+    none("paths of one machine", &found);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-"""Decodes every message of an MCAP file by the definition inside it, and prints what it found as JSON.
+"""Decodes every message of an MCAP file by the definition inside it; prints the result as JSON.
 
 An independent reader: the packages mcap and mcap-ros2-support know nothing of onbrick.
 """
@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 
 def plain(value):
-    """A decoded message as JSON: floats that JSON has no form for become text, long lists their length."""
+    """A decoded message as JSON: NaN and infinities become text, long lists their length."""
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
     if isinstance(value, (bytes, bytearray, list, tuple)):
@@ -31,10 +31,12 @@ def main(path, indexed):
             found["chunks"] = len(summary.chunk_indexes)
             found["counted"] = summary.statistics.message_count
         else:
-            reader = NonSeekingReader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+            factories = [DecoderFactory()]
+            reader = NonSeekingReader(stream, validate_crcs=True, decoder_factories=factories)
         header = make_reader(open(path, "rb")).get_header()
         found["profile"], found["library"] = header.profile, header.library
-        for schema, channel, message, decoded in reader.iter_decoded_messages(log_time_order=indexed):
+        messages = reader.iter_decoded_messages(log_time_order=indexed)
+        for schema, channel, message, decoded in messages:
             topic = found["topics"].setdefault(channel.topic, {"schema": schema.name, "count": 0})
             topic["count"] += 1
             topic.setdefault("first", plain(decoded))

@@ -1,4 +1,4 @@
-"""The medium motor turns the head: by degrees, by rotations, by time; then it is inversed and let go."""
+"""The medium motor turns the head: by degrees, rotations and time; then inversed, and let go."""
 from time import sleep
 
 from ev3dev2.motor import OUTPUT_A, MediumMotor, SpeedDPS, SpeedPercent

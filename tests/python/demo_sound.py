@@ -17,7 +17,8 @@ with tempfile.TemporaryDirectory() as folder:
         file.setsampwidth(2)
         file.setframerate(8000)
         # 800 Hz for half a second.
-        file.writeframes(b"".join(struct.pack("<h", 9000 if n // 5 % 2 else -9000) for n in range(4000)))
+        samples = (9000 if n // 5 % 2 else -9000 for n in range(4000))
+        file.writeframes(b"".join(struct.pack("<h", sample) for sample in samples))
     sound.play_file(path, volume=40)
 sound.speak("I am a robot")
 print("done")

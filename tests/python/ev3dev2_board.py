@@ -1,4 +1,7 @@
-"""The brick itself: lights, battery, buttons, what the speaker lacks. Somebody presses Enter and Left while it runs."""
+"""The brick itself: lights, battery, buttons, what the speaker lacks.
+
+A person presses Enter and Left while it runs.
+"""
 import json
 import time
 from ev3dev2 import get_current_platform
@@ -10,7 +13,10 @@ from ev3dev2.power import PowerSupply
 said = {"platform": get_current_platform()}
 
 power = PowerSupply()
-said["battery"] = [power.measured_volts, power.measured_amps, power.max_voltage, power.min_voltage, power.technology, power.type]
+said["battery"] = [
+    power.measured_volts, power.measured_amps, power.max_voltage, power.min_voltage,
+    power.technology, power.type,
+]
 
 leds = Leds()
 

@@ -1,4 +1,4 @@
-"""Drives with MoveDifferential and its odometry as the documentation of python-ev3dev2 does; prints where it believes to be."""
+"""Drives with MoveDifferential and its odometry as python-ev3dev2 documents; prints its pose."""
 import json
 import math
 from ev3dev2.motor import OUTPUT_B, OUTPUT_D, MoveDifferential, SpeedRPM

@@ -18,7 +18,8 @@ said = {"address": eye.address, "modes": {}}
 for mode in eye.modes:
     eye.mode = mode
     time.sleep(SETTLE_S)
-    said["modes"][mode] = [[eye.value(index) for index in range(eye.num_values)], eye.units, eye.bin_data_format]
+    values = [eye.value(index) for index in range(eye.num_values)]
+    said["modes"][mode] = [values, eye.units, eye.bin_data_format]
 said["proximity"] = settled(lambda: eye.proximity)
 said["heading"] = settled(lambda: eye.heading(channel=2))
 said["distance"] = eye.distance(channel=2)

@@ -1,8 +1,9 @@
-"""One motor at a time, in every way that the documentation of python-ev3dev2 shows; prints what came of it."""
+"""One motor at a time, in every way that python-ev3dev2 documents; prints the results."""
 import json
 import time
 from ev3dev2 import DeviceNotFound
-from ev3dev2.motor import (OUTPUT_A, OUTPUT_C, LargeMotor, MediumMotor, SpeedDPS, SpeedNativeUnits, SpeedPercent, SpeedRPM, SpeedRPS,
+from ev3dev2.motor import (OUTPUT_A, OUTPUT_C, LargeMotor, MediumMotor, SpeedDPS, SpeedNativeUnits,
+                          SpeedPercent, SpeedRPM, SpeedRPS,
                            list_motors)
 
 said = {"motors": sorted([motor.address, motor.driver_name] for motor in list_motors())}
@@ -12,7 +13,10 @@ except DeviceNotFound as error:
     said["nothing_in_c"] = str(error)
 
 motor = MediumMotor()
-said["found"] = [motor.address, motor.count_per_rot, motor.max_speed, motor.commands, motor.stop_actions, motor.polarity]
+said["found"] = [
+    motor.address, motor.count_per_rot, motor.max_speed, motor.commands, motor.stop_actions,
+    motor.polarity,
+]
 
 
 def timed(action):

@@ -1,4 +1,4 @@
-"""Touch, colour and gyro in every mode, then turning by the gyro, driving to a line by colour and to a wall by touch."""
+"""Touch, colour and gyro in every mode; then turns by the gyro, drives to a line and to a wall."""
 import json
 import time
 from ev3dev2.motor import OUTPUT_B, OUTPUT_D, MoveTank, SpeedPercent
@@ -18,7 +18,8 @@ def modes(sensor):
         sensor.mode = mode
         time.sleep(SETTLE_S)
         values = [sensor.value(index) for index in range(sensor.num_values)]
-        found[mode] = [values, sensor.units, sensor.decimals, sensor.bin_data_format, list(sensor.bin_data())]
+        data = list(sensor.bin_data())
+        found[mode] = [values, sensor.units, sensor.decimals, sensor.bin_data_format, data]
     return found
 
 

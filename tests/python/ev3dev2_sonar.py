@@ -4,15 +4,17 @@ import time
 from ev3dev2.sensor import INPUT_1
 from ev3dev2.sensor.lego import UltrasonicSensor
 
-# Between modes that are very different it goes on with old values for a second, some say two.
+# Between modes that are very different it repeats old values for a second, some say two.
 SETTLE_S = 1.3
 
 sonar = UltrasonicSensor(INPUT_1)
-said = {"address": sonar.address, "first_cm": [sonar.distance_centimeters for _ in range(5)], "modes": {}}
+first_cm = [sonar.distance_centimeters for _ in range(5)]
+said = {"address": sonar.address, "first_cm": first_cm, "modes": {}}
 for mode in sonar.modes:
     sonar.mode = mode
     time.sleep(SETTLE_S)
-    said["modes"][mode] = [[sonar.value(index) for index in range(sonar.num_values)], sonar.units, sonar.decimals]
+    values = [sonar.value(index) for index in range(sonar.num_values)]
+    said["modes"][mode] = [values, sonar.units, sonar.decimals]
 
 
 def settled(read):

@@ -1,4 +1,4 @@
-"""Drives with MoveTank and MoveSteering as the documentation of python-ev3dev2 does; prints what the motors say."""
+"""Drives with MoveTank and MoveSteering as python-ev3dev2 documents; prints the motors' reports."""
 import json
 import time
 from ev3dev2.motor import OUTPUT_B, OUTPUT_D, MoveSteering, MoveTank, SpeedDPS, SpeedPercent
@@ -21,7 +21,8 @@ said = {"start": positions()}
 tank.on_for_rotations(SpeedPercent(40), SpeedPercent(40), 2)
 said["ahead"] = positions()
 
-# A quarter turn to the right on the spot: as far as the wheels roll on a quarter of the circle between them.
+# A quarter turn to the right on the spot: as far as the wheels roll on a quarter of the circle
+# between them.
 quarter_deg = 360 * (3.141592653589793 * TRACK_MM / 4) / WHEEL_MM
 steering.on_for_degrees(steering=100, speed=SpeedPercent(25), degrees=quarter_deg)
 said["turned"] = positions()

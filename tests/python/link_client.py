@@ -1,4 +1,4 @@
-"""A brick asked from Python with nothing but pyzmq: how it is, what it can do, and a run brought home.
+"""A PC asks a brick with nothing but pyzmq: its state, its missions, and a recording.
 
     python3 link_client.py ADDRESS BRICK_KEY OWN_PUBLIC_KEY OWN_SECRET_KEY [RUN FILE]
 """
@@ -6,7 +6,9 @@ import hashlib, json, sys, time, zmq
 
 address, brick_key, public_key, secret_key = sys.argv[1:5]
 brick = zmq.Context.instance().socket(zmq.REQ)
-brick.curve_serverkey, brick.curve_publickey, brick.curve_secretkey = (k.encode() for k in (brick_key, public_key, secret_key))
+brick.curve_serverkey = brick_key.encode()
+brick.curve_publickey = public_key.encode()
+brick.curve_secretkey = secret_key.encode()
 brick.rcvtimeo, brick.linger = 10_000, 0
 brick.connect(f"tcp://{address}:5670")
 
@@ -17,7 +19,8 @@ def ask(op, **fields):
     return (reply["ok"], *data) if "ok" in reply else sys.exit(reply["error"]["message"])
 
 status = ask("status")[0]
-print(status["brick"], status["state"], [mission["name"] for mission in ask("missions")[0]["missions"]])
+missions = ask("missions")[0]["missions"]
+print(status["brick"], status["state"], [mission["name"] for mission in missions])
 if sys.argv[5:]:
     run, file = sys.argv[5:7]
     with open(file, "wb+") as recording:

@@ -1,4 +1,4 @@
-"""Opens an MCAP file with other people's readers, and prints how many messages each topic has as JSON.
+"""Opens an MCAP file with third-party readers; prints the number of messages by topic as JSON.
 
 None of them knows of onbrick: `readers.py FILE mcap|rosbags|rerun`.
 """
@@ -10,7 +10,7 @@ import sys
 
 
 def by_mcap(path):
-    """The reader of the format's own project, through the indexes: in order of time, and from the middle on."""
+    """The format's own reader, through the indexes: in order of time, and from the middle on."""
     from mcap.reader import SeekingReader, make_reader
 
     with open(path, "rb") as stream:
@@ -24,7 +24,8 @@ def by_mcap(path):
             unordered += message.log_time < last
             last = message.log_time
         late = list(reader.iter_messages(topics=["/pose"], starting_at=middle))
-        back = [message.log_time for _, _, message in reader.iter_messages(topics=["/pose"], reverse=True)]
+        poses = reader.iter_messages(topics=["/pose"], reverse=True)
+        back = [message.log_time for _, _, message in poses]
     return {
         "topics": topics,
         "unordered": unordered,
@@ -35,7 +36,7 @@ def by_mcap(path):
 
 
 def by_rosbags(path):
-    """Rosbags, which reads ROS 2's bags without ROS: every message by the definition in the file."""
+    """Rosbags reads ROS 2's bags without ROS: every message by the definition in the file."""
     from rosbags.highlevel import AnyReader
 
     topics, unordered, last = collections.Counter(), 0, 0

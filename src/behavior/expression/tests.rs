@@ -459,14 +459,16 @@ proptest! {
     #[test]
     fn evaluation_agrees_with_the_reference(tree in number(), signals in some_signals()) {
         let expression = parse(&tree.render(), Kind::Number).unwrap();
-        let (value, expected) = (expression.evaluate(&signals, &MachineState::default()), tree.value(&signals));
+        let (value, expected) =
+            (expression.evaluate(&signals, &MachineState::default()), tree.value(&signals));
         prop_assert!(same(value, expected), "{} is {value:?}, not {expected:?}", tree.render());
     }
 
     #[test]
     fn conditions_agree_with_the_reference(tree in truth(), signals in some_signals()) {
         let expression = condition(&tree.render());
-        let (value, expected) = (expression.evaluate(&signals, &MachineState::default()), tree.value(&signals));
+        let (value, expected) =
+            (expression.evaluate(&signals, &MachineState::default()), tree.value(&signals));
         prop_assert!(same(value, expected), "{} is {value:?}, not {expected:?}", tree.render());
     }
 
@@ -488,7 +490,10 @@ proptest! {
         let since = MachineState::default();
         for signals in &all_signals {
             let holds = (earlier.evaluate(signals, &since), later.evaluate(signals, &since));
-            prop_assert!(!second.implies(&first) || holds.1 != Some(1.0) || holds.0 == Some(1.0), "{earlier} / {later}");
+            prop_assert!(
+                !second.implies(&first) || holds.1 != Some(1.0) || holds.0 == Some(1.0),
+                "{earlier} / {later}"
+            );
             prop_assert!(!second.is_never() || holds.1 != Some(1.0), "{later} is not never");
             prop_assert!(!second.is_always() || holds.1 != Some(0.0), "{later} is not always");
         }
@@ -509,7 +514,10 @@ proptest! {
         words in prop::collection::vec(
             prop::sample::select(
                 words().map(|word| word.name)
-                    .chain(["and", "or", "not", "true", "(", ")", "+", "-", "*", "/", "<", "==", "1", "0.5", "motor.arm", "foo"])
+                    .chain([
+                        "and", "or", "not", "true", "(", ")", "+", "-", "*", "/", "<", "==", "1",
+                        "0.5", "motor.arm", "foo",
+                    ])
                     .collect::<Vec<_>>()
             ),
             0..20,

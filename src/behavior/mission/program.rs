@@ -90,8 +90,8 @@ impl Program {
         self.turn.since.get(..self.states.len()).unwrap_or_default()
     }
 
-    /// Goes on from a checkpoint of the same mission. False, with nothing changed, where it does
-    /// not fit the mission.
+    /// Continues from a checkpoint of the same mission. Returns false, and changes nothing, if the
+    /// checkpoint does not fit the mission.
     pub fn restore(&mut self, checkpoint: &[MachineState]) -> bool {
         let fits = checkpoint.len() == self.states.len()
             && checkpoint

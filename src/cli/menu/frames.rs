@@ -27,7 +27,7 @@ impl Display for Frames {
         self.count += 1;
         let path = self.folder.join(format!("{:04}.png", self.count));
         write_png(&path, picture)?;
-        // Whole or not at all: somebody is reading it.
+        // Written in one piece: another process may be reading it.
         let page = self.folder.join("page.txt");
         let fresh = self.folder.join("page.new");
         std::fs::write(&fresh, menu.text())?;

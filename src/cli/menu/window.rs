@@ -42,7 +42,7 @@ impl Size {
         )
     }
 
-    /// Whether letters of so many pixels show all of the picture, with a row left for the keys.
+    /// Whether letters of this many pixels show all of the picture, with a row left for the keys.
     fn has_room(self, across: u32, down: u32) -> bool {
         self.columns >= WIDTH / across && self.rows > HEIGHT / down
     }
@@ -91,7 +91,7 @@ impl Display for Window {
         Ok(put(&format!("\x1b[H{page}"))?)
     }
 
-    /// A terminal of another size has broken the lines anew.
+    /// A terminal of another size has broken the lines differently.
     fn has_lost_it(&mut self) -> bool {
         let size = Size::now();
         let has_lost_it = size != std::mem::replace(&mut self.size, size);
@@ -237,8 +237,8 @@ impl TerminalKeys {
 }
 
 impl Keys for TerminalKeys {
-    /// One key a turn; the same key again is held on if it comes soon enough, and pressed anew for
-    /// whatever counts presses.
+    /// One key a turn. The same key again continues the hold if it comes soon enough, and is a new
+    /// press for what counts presses.
     fn look(&mut self) -> Result<Option<(ButtonChanges, ButtonSet)>, MenuError> {
         self.read()?;
         let mut changes = ButtonChanges::default();

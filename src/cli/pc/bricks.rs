@@ -14,7 +14,7 @@ use crate::link::discover::{Announced, discover};
 /// Examples:
 ///   onbrick bricks
 ///   onbrick bricks --timeout 2 --json
-///   onbrick bricks --discover              also those that this PC does not know, where the network carries mDNS
+///   onbrick bricks --discover              also unknown ones, where the network carries mDNS
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
@@ -23,8 +23,14 @@ pub(in crate::cli) struct Arguments {
     /// Listen for bricks that make themselves known (mDNS); many networks do not carry that.
     #[arg(long, conflicts_with_all = ["hosts", "team"])]
     discover: bool,
-    /// For so many seconds.
-    #[arg(long, default_value_t = 3.0, value_parser = super::remote::patience, value_name = "SECONDS", requires = "discover")]
+    /// How long to listen, in seconds.
+    #[arg(
+        long,
+        default_value_t = 3.0,
+        value_parser = super::remote::patience,
+        value_name = "SECONDS",
+        requires = "discover",
+    )]
     listen: f64,
 }
 
@@ -63,7 +69,7 @@ fn heard(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let heard = discover(arguments.listen, &interrupted)
         .map_err(|error| Failure::from_error(Exit::Failed, "no discovery", &error))?;
     if heard.is_empty() {
-        output.line("nobody made itself known; by name or number a brick is found all the same");
+        output.line("no brick announced itself; a name or an address still finds one");
     }
     for brick in &heard {
         let numbers = brick.addresses.iter().map(ToString::to_string).collect::<Vec<_>>();

@@ -88,7 +88,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         let mut brought = Vec::new();
         for run in runs(client, arguments)? {
             let one = match bring(client, &run, &arguments.out.out, left, &mut |_| {}) {
-                // The other runs come home all the same.
+                // The other runs are fetched nevertheless.
                 Err(error @ (ClientError::OtherRecording { .. } | ClientError::Taken { .. })) => {
                     Err(failure(brick, &error))
                 }

@@ -117,7 +117,8 @@ fn script(parcels: &[Parcel]) -> String {
         let bytes = text.len();
         // A connection that broke leaves a short file behind, which never becomes the mission.
         script += &format!(
-            "; head -c {bytes} >.{name}.new; test $(wc -c <.{name}.new) -eq {bytes}; sync .{name}.new; mv .{name}.new {name}"
+            "; head -c {bytes} >.{name}.new; test $(wc -c <.{name}.new) -eq {bytes}; sync \
+             .{name}.new; mv .{name}.new {name}"
         );
     }
     script

@@ -134,7 +134,7 @@ fn chosen(
     let all: Vec<KnownBrick> = known.iter().cloned().collect();
     if all.is_empty() {
         let message = format!("no brick is known yet in {}", known.path().display());
-        return Err(Failure::refused(message).hint("onbrick pair HOST, with somebody at the brick"));
+        return Err(Failure::refused(message).hint("onbrick pair HOST, with a person at the brick"));
     }
     let names = all.iter().map(|brick| brick.name.as_str()).collect::<Vec<_>>().join(", ");
     if hosts.is_empty() {
@@ -156,7 +156,7 @@ fn chosen(
 }
 
 impl Asking {
-    /// True once somebody has pressed Ctrl-C.
+    /// True once Ctrl-C was pressed.
     pub(super) fn interrupted(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.interrupted)
     }
@@ -232,12 +232,14 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
     let (name, message) = (&brick.name, crate::printable::with_causes(error));
     match error {
         ClientError::NoAnswer { .. } => Failure::new(Exit::NoAnswer, format!("{name}: {message}"))
-            .hint("is it switched on, in this network, and serving? onbrick bricks shows who is there"),
-        ClientError::NotAuthorised { .. } => {
-            Failure::refused(format!("{name}: {message}")).hint(format!("onbrick pair {}", brick.address))
-        }
+            .hint(
+                "is it switched on, in this network, and serving? onbrick bricks shows who \
+                 is there",
+            ),
+        ClientError::NotAuthorised { .. } => Failure::refused(format!("{name}: {message}"))
+            .hint(format!("onbrick pair {}", brick.address)),
         ClientError::AnotherKey { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint(format!("onbrick pair {} once more, if it was set up anew", brick.address)),
+            .hint(format!("onbrick pair {} again, if it was set up from scratch", brick.address)),
         ClientError::Refused(refusal) => {
             let failure = Failure::refused(format!("{name}: {message}"));
             match (&refusal.hint, refusal.kind) {
@@ -252,8 +254,9 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
             .hint("wait for the other one, or -o with another folder"),
         ClientError::OtherRecording { .. } => Failure::refused(format!("{name}: {message}"))
             .hint("-o with another folder, such as one for each brick; both are kept then"),
-        ClientError::TooLong { .. } => Failure::refused(format!("{name}: {message}"))
-            .hint("onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more"),
+        ClientError::TooLong { .. } => Failure::refused(format!("{name}: {message}")).hint(
+            "onbrick runs, which tells how long its runs are; onbrick fetch --most-mb takes more",
+        ),
         _ => Failure::new(Exit::Failed, format!("{name}: {message}")),
     }
 }

@@ -57,7 +57,8 @@ pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
     let shown = mission.display();
     if bytes.len() > MAX_MISSION_BYTES {
         let message = format!(
-            "{shown} has more than the {MAX_MISSION_BYTES} bytes that a brick takes over the network"
+            "{shown} has more than the {MAX_MISSION_BYTES} bytes that a brick takes over \
+             the network"
         );
         return Err(Failure::refused(message).hint("copy it into the brick's folder of missions"));
     }

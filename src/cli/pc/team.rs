@@ -1,7 +1,7 @@
 //! `onbrick team`: one mission on several bricks at the same time, and one map of what they found.
 //!
 //! ```text
-//! check every brick ──▶ start all ──▶ follow and fetch, a thread a brick ──▶ one picture, one recording
+//! check every brick ──▶ start all ──▶ follow and fetch, a thread a brick ──▶ one picture
 //!   │ something is wrong                │ refused, Ctrl-C        │ lost
 //!   └▶ a table; nothing moves           └▶ stop all, collect     └▶ the others go on
 //! ```
@@ -47,9 +47,13 @@ pub(in crate::cli) struct Arguments {
     /// Give one of the mission's own numbers another value; can be repeated.
     #[arg(long, value_parser = setting, value_name = "NAME=VALUE")]
     set: Vec<(String, f64)>,
-    /// A brick that drives and has not been heard for so many seconds is given up; the others are
-    /// not.
-    #[arg(long, default_value_t = 60.0, value_parser = super::remote::patience, value_name = "SECONDS")]
+    /// A driving brick that is not heard for this many seconds is given up; the others continue.
+    #[arg(
+        long,
+        default_value_t = 60.0,
+        value_parser = super::remote::patience,
+        value_name = "SECONDS",
+    )]
     lost: f64,
     #[command(flatten)]
     how: How,

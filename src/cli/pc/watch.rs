@@ -12,9 +12,8 @@ use crate::service::protocol::{RunId, State, Status};
 /// How often the brick is asked, nanoseconds.
 const PACE_NS: i64 = SECOND_NS;
 
-/// A run is said to have driven for less than the brick has been driving; where it is the other way
-/// round by more than this, seconds, the service was started anew meanwhile and has counted from
-/// there.
+/// A run cannot have driven for longer than the brick has been driving. If it has, by more than
+/// this many seconds, the service was restarted meanwhile and counts from there.
 const MOST_AHEAD_S: f64 = 0.1;
 
 /// A run that is watched.
@@ -27,7 +26,7 @@ pub(super) struct Watch {
 
 #[derive(Debug, Default)]
 struct Seen {
-    /// Somebody has looked at all.
+    /// A status has arrived at all.
     looked: bool,
     status: Option<Status>,
     began: Option<Began>,
@@ -64,7 +63,7 @@ impl Watch {
         Self { run: run.clone(), seen: Mutex::default(), over: AtomicBool::new(false) }
     }
 
-    /// Asks again and again until [`Watch::end`], or somebody interrupts it.
+    /// Polls until [`Watch::end`] or an interrupt.
     pub(super) fn look(&self, asking: &Asking, brick: &KnownBrick) {
         let Ok(mut client) = asking.client(brick) else { return };
         let is_over =
@@ -96,7 +95,7 @@ impl Watch {
         seen.began = [seen.began, began].into_iter().flatten().min_by_key(|began| began.within_ns);
     }
 
-    /// Nobody asks any more.
+    /// The caller asks no more.
     pub(super) fn end(&self) {
         self.over.store(true, Ordering::Relaxed);
     }
@@ -150,14 +149,19 @@ mod tests {
     fn running(state_s: f64, elapsed_s: Option<f64>) -> Status {
         let progress = elapsed_s.map(|elapsed_s| {
             serde_json::json!({
-                "tick": 1, "time_ns": 0, "elapsed_ns": nanoseconds(elapsed_s), "travelled_m": 0.0, "points": 0, "states": [],
-                "pose": { "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0 }, "battery_v": null, "overruns": 0, "latest_ns": 0, "dropped": 0,
+                "tick": 1, "time_ns": 0, "elapsed_ns": nanoseconds(elapsed_s), "travelled_m": 0.0,
+                "points": 0, "states": [],
+                "pose": { "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0 }, "battery_v": null,
+                "overruns": 0, "latest_ns": 0, "dropped": 0,
             })
         });
         serde_json::from_value(serde_json::json!({
-            "brick": "b", "version": "0", "protocol": 1, "state": "running", "state_s": state_s, "last": null, "battery_v": null,
-            "run": { "run": "r", "mission": "map", "time_limit_s": 9.0, "by": "pc", "waits": null, "progress": progress },
-            "token": "t", "link": "ready", "disk": { "used": 0, "quota": 0, "free": 0 }, "robot": null,
+            "brick": "b", "version": "0", "protocol": 1, "state": "running", "state_s": state_s,
+            "last": null, "battery_v": null,
+            "run": { "run": "r", "mission": "map", "time_limit_s": 9.0, "by": "pc", "waits": null,
+                "progress": progress },
+            "token": "t", "link": "ready", "disk": { "used": 0, "quota": 0, "free": 0 },
+            "robot": null,
         }))
         .unwrap()
     }
@@ -173,8 +177,8 @@ mod tests {
         watch.note(None, 0, 0);
         let best = Some(Began { at_ns: 9 * SECOND_NS + 5, within_ns: 5 });
         assert_eq!(watch.began(), best);
-        // A service that was started anew, another run, a run that does not drive yet: none of them
-        // says anything.
+        // A restarted service, another run, a run that does not drive yet: none of them says
+        // anything about the clock.
         watch.note(Some(running(0.5, Some(3.0))), 12 * SECOND_NS, 12 * SECOND_NS + 2);
         watch.note(Some(Status { state: State::Preparing, ..running(0.5, None) }), 0, 2);
         assert_eq!(watch.began(), best);

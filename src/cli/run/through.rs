@@ -28,7 +28,7 @@ use crate::service::protocol::{
 /// How long one answer may take.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// How long a service may be gone, nanoseconds: systemd starts it anew.
+/// How long a service may be gone, nanoseconds: systemd restarts it.
 const ABSENCE_NS: i64 = 10 * SECOND_NS;
 
 /// How often the state is looked at, nanoseconds.
@@ -90,7 +90,7 @@ pub(super) fn run(
             source.name
         )));
     }
-    // Before anything starts: whoever stops us means the run.
+    // Before anything starts: a signal to this process means the run.
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
     let run = new_id()?;
@@ -208,7 +208,7 @@ fn follow(
         let Some(going_on) = status.run.filter(|going_on| &going_on.run == run) else {
             let last = status.last.filter(|last| last.run.as_ref() == Some(run));
             return last
-                .ok_or_else(|| Failure::new(Exit::Failed, "nobody knows how the run ended"));
+                .ok_or_else(|| Failure::new(Exit::Failed, "how the run ended is not known"));
         };
         if let Some(what) = going_on.waits.clone().filter(|_| waits != going_on.waits) {
             show(&Event::Preparing { what });

@@ -123,7 +123,8 @@ impl PrivateError {
             }
             Self::Forbidden { setting: None, .. } => {
                 format!(
-                    "{AS_ROOT}; in a container: docker run --cap-add SYS_ADMIN --security-opt apparmor=unconfined"
+                    "{AS_ROOT}; in a container: docker run --cap-add SYS_ADMIN --security-opt \
+                     apparmor=unconfined"
                 )
             }
             Self::Failed { .. } => AS_ROOT.to_owned(),

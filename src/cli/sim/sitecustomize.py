@@ -1,8 +1,8 @@
 """What a plain file cannot do for python programs in a simulated brick's private view.
 
 /dev/fb0 is a file there: the two ioctls by which a program learns the screen's layout are answered
-from /sys/class/graphics/fb0. Input devices are files of FUSE: evdev looks for character devices, and
-finds these.
+from /sys/class/graphics/fb0. Input devices are files of FUSE: evdev looks for character devices,
+and finds these.
 """
 import fcntl
 import importlib.machinery

@@ -106,7 +106,8 @@ mod tests {
             differing,
             [
                 (
-                    "wheel_circumference_m = 0.188976        # metres driven in one turn of a wheel",
+                    "wheel_circumference_m = 0.188976        # metres driven in one turn \
+                     of a wheel",
                     "wheel_circumference_m = 0.19            # metres driven in one turn of a wheel"
                 ),
                 (
@@ -145,8 +146,17 @@ mod tests {
             track_m in Geometry::TRACK_WIDTH_M,
             gap in 0..30_usize,
         ) {
-            let gapped = DEFAULT_ROBOT.replacen("0.1143                  #", &format!("0.1143{}#", " ".repeat(gap)), 1);
-            let numbers = [("drive.wheel_circumference_m", circumference_m), ("drive.track_width_m", track_m)];
+            let gapped =
+                DEFAULT_ROBOT.replacen(
+                    "0.1143                  #",
+                    &format!("0.1143{}#", " ".repeat(gap)),
+                    1,
+                );
+            let numbers =
+                [
+                    ("drive.wheel_circumference_m", circumference_m),
+                    ("drive.track_width_m", track_m),
+                ];
             let text = set_numbers(&source(&gapped), &numbers).unwrap();
             let (before, _) = RobotConfig::load("before", gapped.as_bytes()).unwrap();
             let (mut after, _) = RobotConfig::load("after", text.as_bytes())

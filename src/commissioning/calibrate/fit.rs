@@ -44,24 +44,28 @@ pub struct Measured {
 pub enum Doubt {
     /// There are not enough measurements.
     #[error(
-        "only {0} measurements were good; {FEWEST} are needed: more space, a plainer wall, and try again"
+        "only {0} measurements were good; {FEWEST} are needed: more space, a plainer wall, and \
+         try again"
     )]
     TooFew(usize),
     /// The measurements scatter.
     #[error(
-        "the measurements scatter: the mean is unsure by {percent:.1} %, at most {limit:.0} % will do; a firmer floor, a plainer wall, more repeats (--pairs)",
+        "the measurements scatter: the mean is unsure by {percent:.1} %, at most {limit:.0} % will \
+         do; a firmer floor, a plainer wall, more repeats (--pairs)",
         percent = .0 * 100.0, limit = MOST_ERROR * 100.0
     )]
     Scatter(f64),
     /// The two directions do not agree.
     #[error(
-        "the two directions differ by {percent:.1} %: a wheel slips, the gyro drifts, or the caster binds; look at the robot and try again",
+        "the two directions differ by {percent:.1} %: a wheel slips, the gyro drifts, or the \
+         caster binds; look at the robot and try again",
         percent = .0 * 100.0
     )]
     Directions(f64),
     /// The number is far from the old one.
     #[error(
-        "it is {0:.2} times what the file says: look at ports and gears in robot.toml first (onbrick setup)"
+        "it is {0:.2} times what the file says: look at ports and gears in robot.toml first \
+         (onbrick setup)"
     )]
     Far(f64),
 }
@@ -138,7 +142,8 @@ impl fmt::Display for Measured {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{:.4} m ± {:.4} (was {:.4}; {} measurements, {:.4} from the smallest to the largest, {:.4} and {:.4} in the two directions)",
+            "{:.4} m ± {:.4} (was {:.4}; {} measurements, {:.4} from the smallest to the largest, \
+             {:.4} and {:.4} in the two directions)",
             self.after,
             self.standard_error,
             self.before,

@@ -47,7 +47,8 @@ pub(super) fn by_wall(
     pairs: Option<u32>,
 ) -> Result<Measured, CalibrateError> {
     let ready = dialogue.confirm(
-        "Put the robot half a metre before a plain wall, square to it, its head straight ahead, with a metre of floor behind it. It will drive back and forth. Is it ready?",
+        "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
+         with a metre of floor behind it. It will drive back and forth. Is it ready?",
     )?;
     if !ready {
         return Err(NoAnswer::Declined.into());
@@ -90,13 +91,15 @@ fn leg(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Option<f64>, Ca
     let ended = stage.drive(forward(way), limit(stage, length_m), |senses| echoes.look(senses))?;
     if echoes.lost {
         return Err(CalibrateError::NoWall(
-            "the wall is lost from sight: a plain, hard wall, square to the robot's way, and nothing in between"
+            "the wall is lost from sight: a plain, hard wall, square to the robot's way, and \
+             nothing in between"
                 .to_owned(),
         ));
     }
     if ended == Ended::Limit {
         return Err(CalibrateError::TooFar(format!(
-            "the range did not come to {:.1} m within {SLACK} times the way: does the head look straight ahead, are ports and gears as robot.toml says?",
+            "the range did not come to {:.1} m within {SLACK} times the way: does the head look \
+             straight ahead, are ports and gears as robot.toml says?",
             if way > 0.0 { NEAR_M } else { FAR_M }
         )));
     }
@@ -170,7 +173,8 @@ pub(super) fn by_metre(
     pairs: Option<u32>,
 ) -> Result<Measured, CalibrateError> {
     let ready = dialogue.confirm(
-        "The robot will drive about a metre, ahead and back, several times; have a measuring tape at hand. Does it have a metre and a half of floor ahead?",
+        "The robot will drive about a metre, ahead and back, several times; have a measuring tape \
+         at hand. Does it have a metre and a half of floor ahead?",
     )?;
     if !ready {
         return Err(NoAnswer::Declined.into());

@@ -58,7 +58,8 @@ pub(super) fn track_width(
         return Ok((Measured::of(before_m, [&left, &right]), None));
     }
     let ready = dialogue.confirm(
-        "The robot will now spin on the spot, to the left and to the right. Does it have a hand's width of space all around?",
+        "The robot will now spin on the spot, to the left and to the right. Does it have a hand's \
+         width of space all around?",
     )?;
     if !ready {
         return Err(NoAnswer::Declined.into());
@@ -89,7 +90,8 @@ fn is_marked(dialogue: &mut dyn Dialogue, options: &CalibrateOptions) -> Result<
     match options.mark {
         Some(mark) => Ok(mark),
         None => dialogue.confirm(
-            "A gyro counts 1 to 4 % too much or too little, and only your eyes can tell. Mark two spins by a line on the floor?",
+            "A gyro counts 1 to 4 % too much or too little, and only your eyes can tell. Mark two \
+             spins by a line on the floor?",
         ),
     }
 }
@@ -143,7 +145,8 @@ fn spin_by_gyro(stage: &mut Stage<'_>, way: f64, turns: f64) -> Result<Spin, Cal
         let config = stage.config();
         let wheels_rad = width_m(&spin, config.wheel_circumference_m, config.track_width_m);
         return Err(CalibrateError::TooFar(format!(
-            "the wheels say {:.0} degrees, the gyro {:.0}: are the wheels on the floor, is the gyro fixed to the robot, flat, and its port right in robot.toml?",
+            "the wheels say {:.0} degrees, the gyro {:.0}: are the wheels on the floor, is the \
+             gyro fixed to the robot, flat, and its port right in robot.toml?",
             degrees(wheels_rad),
             degrees(spin.gyro_rad())
         )));
@@ -172,7 +175,8 @@ fn marked_spin(
 ) -> Result<Spin, CalibrateError> {
     let side = if way > 0.0 { "left" } else { "right" };
     let ready = dialogue.confirm(&format!(
-        "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
+        "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns \
+         to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
     ))?;
     if !ready {
         return Err(NoAnswer::Declined.into());
@@ -185,7 +189,8 @@ fn marked_spin(
     let slow = limit(stage, (SLACK - FAST_SHARE) * marked_rad / SLACK, CREEP_RAD_S);
     if stage.drive_until_pressed(spinning(way * CREEP_RAD_S), slow, dialogue)? == Ended::Limit {
         return Err(CalibrateError::TooFar(
-            "nobody pressed Enter in one and a half times the way: start again and watch the line"
+            "Enter was not pressed within one and a half times the way: start again and watch \
+             the line"
                 .to_owned(),
         ));
     }
@@ -193,7 +198,7 @@ fn marked_spin(
     Ok(Spin { from, to: stage.rest()?, way })
 }
 
-/// Step by step to the line: nobody presses a button at the right moment.
+/// Step by step to the line, because no person presses a button at the exact moment.
 fn align(
     stage: &mut Stage<'_>,
     dialogue: &mut dyn Dialogue,

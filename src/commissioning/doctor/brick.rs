@@ -7,7 +7,7 @@ use crate::runtime::{HardwareLock, LockError, MOST_V};
 use super::{Diagnosis, Examination, with_causes};
 
 /// What to do about EACCES on buttons and speaker.
-const INPUT_GROUP: &str = "sudo usermod -aG input USER, then log in anew";
+const INPUT_GROUP: &str = "sudo usermod -aG input USER, then log in again";
 
 pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     let root = examination.patient.tree.root().display();
@@ -36,7 +36,7 @@ pub(super) fn lock(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
         Ok(lock) => {
             examination.is_free = true;
             examination._lock = Some(lock);
-            diagnosis.ok("lock", "nobody else drives");
+            diagnosis.ok("lock", "no other program drives");
         }
         Err(error @ LockError::Taken(_)) => {
             diagnosis.fail("lock", error.to_string(), "wait until it is done, or onbrick halt");
@@ -95,7 +95,7 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         Err(error) => {
             diagnosis.fail(
                 CHECK,
-                format!("nobody could stop a run by hand: {}", with_causes(&error)),
+                format!("a run could not be stopped by hand: {}", with_causes(&error)),
                 advice(&error),
             );
         }

@@ -43,7 +43,7 @@ pub(super) fn groups(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
         let group = groups::number_of(name).ok().flatten();
         if !group.is_some_and(|group| mine.contains(&group)) {
             all = false;
-            let to_do = format!("sudo usermod -aG {name} USER, then log in anew");
+            let to_do = format!("sudo usermod -aG {name} USER, then log in again");
             diagnosis.add(
                 CHECK,
                 verdict,
@@ -123,7 +123,7 @@ pub(super) fn priority(_examination: &mut Examination<'_>, diagnosis: &mut Diagn
         Ok(_) => diagnosis.warn(
             CHECK,
             "no real-time priority: ticks come late while the brick is busy",
-            "a line `USER - rtprio 50` in /etc/security/limits.conf, then log in anew",
+            "a line `USER - rtprio 50` in /etc/security/limits.conf, then log in again",
         ),
         Err(errno) => {
             diagnosis.warn(CHECK, errno.to_string(), "a run goes without real-time priority")

@@ -23,7 +23,7 @@ const SETTLE_NS: i64 = SECOND_NS / 2;
 
 /// What to do about a device that is not where the file says.
 const REPLUG: &str =
-    "plug it in there and wait three seconds, or let onbrick setup write robot.toml anew";
+    "plug it in there and wait three seconds, or let onbrick setup rewrite robot.toml";
 
 /// What to do about a device that is there and does not answer.
 const LOOSE: &str = "unplug it, plug it in again, and wait three seconds";
@@ -98,14 +98,14 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
         diagnosis.fail(
             role,
             format!("{what}: {}", with_causes(&error)),
-            "sudo usermod -aG ev3dev USER, then log in anew",
+            "sudo usermod -aG ev3dev USER, then log in again",
         );
     } else {
         diagnosis.ok(role, format!("{what}, at {position}"));
     }
 }
 
-/// Puts sensors into their modes where nobody else has them, and watches them all for a second.
+/// Puts sensors into their modes if no other program has them, and watches them all for a second.
 pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     let Some(config) = &examination.config else { return };
     let tree = examination.patient.tree;

@@ -80,10 +80,14 @@ impl Draft {
         page.bare(
             "# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;",
         );
-        page.bare("# `onbrick calibrate` measures it by driving, `onbrick doctor` looks whether it fits what is plugged in.");
+        page.bare(
+            "# `onbrick calibrate` measures it by driving, `onbrick doctor` checks it against what \
+             is plugged in.",
+        );
         page.bare("#");
         page.bare(
-            "# Every section but [drive] can be left out; a port can be left out where only one device fits.",
+            "# Every section but [drive] can be left out; a port can be left out where only one \
+             device fits.",
         );
         page.bare("");
         page.bare(&format!("name = {}", quoted(&self.name)));
@@ -114,10 +118,7 @@ impl Draft {
             "metres driven in one turn of a wheel",
         );
         page.line(&format!("track_width_m = {}", self.track_width_m), "metres between the wheels");
-        page.line(
-            "max_dps = 360",
-            "the fastest a wheel may turn, degrees per second; no mission may ask for more",
-        );
+        page.line("max_dps = 360", "the fastest that a wheel may turn, degrees per second");
     }
 
     fn head(&self, page: &mut Page) {
@@ -136,7 +137,7 @@ impl Draft {
         page.bare(&format!("port = {}", quoted(&head.port)));
         page.line(
             &format!("gear = [{motor}, {driven}]"),
-            "teeth on the motor, on the head; minus: turns the other way",
+            "teeth on the motor, on the head; minus: it reverses",
         );
         page.bare(&format!("speed_dps = {speed_dps}"));
         page.line("limit_deg = 90", "no further than this to either side, for the cable's sake");
@@ -149,7 +150,7 @@ impl Draft {
                 page.bare("\n[range]");
                 page.line(
                     &format!("port = {}", quoted(port)),
-                    "ultrasonic, or infrared with its own scale (infrared_m_per_pct)",
+                    "ultrasonic, or infrared (with infrared_m_per_pct)",
                 );
                 page.line(
                     &format!("ahead_m = {}", self.range_ahead_m),
@@ -300,7 +301,9 @@ mod tests {
                 right: Some(DraftMotor { port: "outC".to_owned(), inverted: inverted[1] }),
                 wheel_circumference_m: circumference_m,
                 track_width_m: track_m,
-                head: there[0].then(|| DraftHead { port: "outA".to_owned(), gear: [sign * gear.0, gear.1] }),
+                head: there[0].then(
+                    || DraftHead { port: "outA".to_owned(), gear: [sign * gear.0, gear.1] },
+                ),
                 sensors: [
                     (Role::Range, port(there[1], "in1")),
                     (Role::Gyro, port(there[2], "in2")),
@@ -312,7 +315,10 @@ mod tests {
                 .collect(),
                 range_ahead_m: ahead_m,
                 range_max_m: 0.7,
-                motors: port(there[1], "outD").map(|port| ("arm".to_owned(), port)).into_iter().collect(),
+                motors: port(there[1], "outD")
+                    .map(|port| ("arm".to_owned(), port))
+                    .into_iter()
+                    .collect(),
             };
             let text = draft.to_toml();
             let (robot, findings) = RobotConfig::load("robot.toml", text.as_bytes())

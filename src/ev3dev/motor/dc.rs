@@ -47,14 +47,17 @@ attributes! {
         /// Which way counts as positive, from the next command on.
         pub readwriteable "polarity" => polarity / set_polarity: Polarity;
         /// Time from 0 to 100 %, ms.
-        pub readwriteable "ramp_up_sp" => ramp_up_sp / set_ramp_up_sp: i32, Legal::Range(0, MAX_RAMP_MS);
+        pub readwriteable "ramp_up_sp" => ramp_up_sp / set_ramp_up_sp: i32,
+            Legal::Range(0, MAX_RAMP_MS);
         /// Time from 100 % to 0, ms.
-        pub readwriteable "ramp_down_sp" => ramp_down_sp / set_ramp_down_sp: i32, Legal::Range(0, MAX_RAMP_MS);
+        pub readwriteable "ramp_down_sp" => ramp_down_sp / set_ramp_down_sp: i32,
+            Legal::Range(0, MAX_RAMP_MS);
         /// What the motor is doing: running, ramping or nothing. This class never wakes a sleeper.
         pub readable "state" => state: MotorState;
         /// What happens at the end of a command, or at `stop`: coast or brake. It cannot be read
         /// back.
-        pub writeable "stop_action" => set_stop_action: StopAction, Legal::Words(&["coast", "brake"]);
+        pub writeable "stop_action" => set_stop_action: StopAction,
+            Legal::Words(&["coast", "brake"]);
         /// The stop actions that the driver takes.
         pub readable "stop_actions" => stop_actions: Words;
         /// How long `run-timed` runs, ms.
@@ -132,7 +135,7 @@ impl Drop for DcMotor {
     fn drop(&mut self) {
         let file = &self.files.write_command;
         if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // Nobody is left to tell; a motor that is gone does not turn.
+            // An error cannot be reported from here; an unplugged motor does not turn.
             let _ = file.write(&self.node, &DcCommand::Stop);
         }
     }

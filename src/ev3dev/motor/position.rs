@@ -77,7 +77,7 @@ attributes! {
         /// The commands that the driver takes.
         pub readable "commands" => commands: Words;
         writeable "command" => write_command: TachoCommand;
-        /// The highest `speed_sp`, counts per second, read anew.
+        /// The highest `speed_sp`, counts per second, read each time.
         pub readable "max_speed" => read_max_speed: i32;
         /// Position, counts. Writing moves the zero, not the motor; while it holds, the motor jumps
         /// by the difference.
@@ -95,9 +95,11 @@ attributes! {
         /// How long `run-timed` runs, ms from its command.
         pub readwriteable "time_sp" => time_sp / set_time_sp: i32, Legal::Range(0, i32::MAX as i64);
         /// Time from rest to `max_speed`, ms.
-        pub readwriteable "ramp_up_sp" => ramp_up_sp / set_ramp_up_sp: i32, Legal::Range(0, MAX_RAMP_MS);
+        pub readwriteable "ramp_up_sp" => ramp_up_sp / set_ramp_up_sp: i32,
+            Legal::Range(0, MAX_RAMP_MS);
         /// Time from `max_speed` to rest, ms.
-        pub readwriteable "ramp_down_sp" => ramp_down_sp / set_ramp_down_sp: i32, Legal::Range(0, MAX_RAMP_MS);
+        pub readwriteable "ramp_down_sp" => ramp_down_sp / set_ramp_down_sp: i32,
+            Legal::Range(0, MAX_RAMP_MS);
         /// Which way counts as positive. Set it before the set points.
         pub readwriteable "polarity" => polarity / set_polarity: Polarity;
         /// The stop actions that the driver takes.
@@ -107,17 +109,23 @@ attributes! {
         /// What the motor is doing, not older than 2 ms.
         pub readable "state" => state: MotorState;
         /// Proportional gain of the speed regulator; acts at once.
-        pub readwriteable "speed_pid/Kp" => speed_kp / set_speed_kp: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "speed_pid/Kp" => speed_kp / set_speed_kp: i32,
+            Legal::Range(0, i32::MAX as i64);
         /// Integral gain of the speed regulator; acts at once.
-        pub readwriteable "speed_pid/Ki" => speed_ki / set_speed_ki: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "speed_pid/Ki" => speed_ki / set_speed_ki: i32,
+            Legal::Range(0, i32::MAX as i64);
         /// Derivative gain of the speed regulator; acts at once.
-        pub readwriteable "speed_pid/Kd" => speed_kd / set_speed_kd: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "speed_pid/Kd" => speed_kd / set_speed_kd: i32,
+            Legal::Range(0, i32::MAX as i64);
         /// Proportional gain of the hold regulator; acts at once.
-        pub readwriteable "hold_pid/Kp" => hold_kp / set_hold_kp: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "hold_pid/Kp" => hold_kp / set_hold_kp: i32,
+            Legal::Range(0, i32::MAX as i64);
         /// Integral gain of the hold regulator; acts at once.
-        pub readwriteable "hold_pid/Ki" => hold_ki / set_hold_ki: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "hold_pid/Ki" => hold_ki / set_hold_ki: i32,
+            Legal::Range(0, i32::MAX as i64);
         /// Derivative gain of the hold regulator; acts at once.
-        pub readwriteable "hold_pid/Kd" => hold_kd / set_hold_kd: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "hold_pid/Kd" => hold_kd / set_hold_kd: i32,
+            Legal::Range(0, i32::MAX as i64);
     }
 }
 
@@ -239,7 +247,7 @@ impl<K: MotorKind> Drop for PositionMotor<K> {
     fn drop(&mut self) {
         let file = &self.files.write_command;
         if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // Nobody is left to tell; a motor that is gone does not turn.
+            // An error cannot be reported from here; an unplugged motor does not turn.
             let _ = file.write(&self.node, &TachoCommand::Stop);
         }
     }

@@ -32,15 +32,19 @@ attributes! {
         pub readable "driver_name" => driver_name: Word;
         writeable "command" => write_command: ServoCommand;
         /// Pulse for `position_sp` −100, µs.
-        pub readwriteable "min_pulse_sp" => min_pulse_sp / set_min_pulse_sp: i32, Legal::Range(0, 1000);
+        pub readwriteable "min_pulse_sp" => min_pulse_sp / set_min_pulse_sp: i32,
+            Legal::Range(0, 1000);
         /// Pulse for `position_sp` 0, µs.
-        pub readwriteable "mid_pulse_sp" => mid_pulse_sp / set_mid_pulse_sp: i32, Legal::Range(1000, 2000);
+        pub readwriteable "mid_pulse_sp" => mid_pulse_sp / set_mid_pulse_sp: i32,
+            Legal::Range(1000, 2000);
         /// Pulse for `position_sp` 100, µs.
-        pub readwriteable "max_pulse_sp" => max_pulse_sp / set_max_pulse_sp: i32, Legal::Range(2000, 3000);
+        pub readwriteable "max_pulse_sp" => max_pulse_sp / set_max_pulse_sp: i32,
+            Legal::Range(2000, 3000);
         /// Which way counts as positive; acts at once while running.
         pub readwriteable "polarity" => polarity / set_polarity: Polarity;
         /// Where to go, percent of the way from the middle to an end; acts at once while running.
-        pub readwriteable "position_sp" => position_sp / set_position_sp: i32, Legal::Range(-100, 100);
+        pub readwriteable "position_sp" => position_sp / set_position_sp: i32,
+            Legal::Range(-100, 100);
         /// Time for the whole way, ms. Some controllers have none.
         pub readwriteable "rate_sp" => rate_sp / set_rate_sp: i32, Legal::Range(0, i32::MAX as i64);
         /// Running or nothing.
@@ -109,7 +113,7 @@ impl Drop for ServoMotor {
     fn drop(&mut self) {
         let file = &self.files.write_command;
         if self.commanded.is_to_be_ended() && file.is_open_for_writing() {
-            // Nobody is left to tell; a servo that is gone does not push.
+            // An error cannot be reported from here; an unplugged servo does not push.
             let _ = file.write(&self.node, &ServoCommand::Float);
         }
     }

@@ -7,9 +7,8 @@
 //!
 //! # What we count on
 //!
-//! - Dropping a [`Console`] puts everything back; a panic and a signal that ends a loop both come
-//!   by there. After SIGKILL nobody of ours does: brickman's console server and systemd's
-//!   `TTYReset=yes` do it then.
+//! - Dropping a [`Console`] restores everything, also on a panic and on a signal that ends a loop.
+//!   After SIGKILL, brickman's console server and systemd's `TTYReset=yes` restore it.
 
 use std::fs::{File, OpenOptions};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -63,7 +62,7 @@ impl Drop for Console {
     fn drop(&mut self) {
         let fd = self.file.as_fd();
         if let Some(typed) = &self.typed {
-            // What the buttons typed meanwhile is for nobody.
+            // Discards what the buttons typed meanwhile.
             let _ = termios::tcflush(fd, FlushArg::TCIFLUSH);
             let _ = termios::tcsetattr(fd, SetArg::TCSANOW, typed);
         }

@@ -77,7 +77,8 @@ nix::ioctl_write_int_bad!(set_console_mode, 0x4B3A);
 /// A layout that this program cannot draw in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{width}x{height}, {bits} bits a pixel (red {red}, green {green}, blue {blue}), {line_length} bytes a row"
+    "{width}x{height}, {bits} bits a pixel (red {red}, green {green}, blue {blue}), {line_length} \
+     bytes a row"
 )]
 pub(super) struct OtherLayout {
     width: u32,

@@ -113,7 +113,8 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_are_a_frame_or_none(
-            bytes in any::<[u8; 32]>(), length in 0_usize..40, count in 0_usize..300, format in 0..BinFormat::ALL.len()
+            bytes in any::<[u8; 32]>(), length in 0_usize..40, count in 0_usize..300,
+            format in 0..BinFormat::ALL.len()
         ) {
             let _ = Frame::new(bytes, length, BinFormat::ALL[format], count);
         }

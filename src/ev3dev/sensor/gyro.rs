@@ -1,5 +1,5 @@
 //! The gyro sensor. **Clockwise is positive here**, seen from the side with the arrows, as the
-//! sensor has it: `robot` turns it round, and nobody else.
+//! sensor has it: only `robot` reverses the sign.
 //!
 //! # What we count on
 //!
@@ -53,7 +53,7 @@ pub struct AngleAndRate {
 pub enum GyroReset {
     /// The present angle becomes 0, after about 25 ms.
     Zero,
-    /// It calibrates anew, and must stand still.
+    /// It calibrates again, and must stand still.
     Calibrate,
 }
 

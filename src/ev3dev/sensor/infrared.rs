@@ -104,10 +104,10 @@ pub struct RemoteButtons {
     pub blue_down: bool,
 }
 
-/// What IR-REM-A reads while nothing is pressed; its bit for blue down is set all the same.
+/// What IR-REM-A reads while nothing is pressed, though its bit for blue down is set.
 const REM_A_NOTHING: i32 = 384;
 
-/// What IR-SEEK reads as the distance of a beacon that is not there.
+/// What IR-SEEK reads as the distance if it sees no beacon.
 const NO_BEACON: i64 = -128;
 
 impl InfraredSensor {

@@ -14,13 +14,13 @@ use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
 const CONNECT_MS: i32 = 5000;
 const HANDSHAKE_MS: i32 = 5000;
 
-/// So much after those times a connection that libzmq has said no more of is given up,
-/// milliseconds: where it gets no socket of the system's, or cannot read the address, it tells
-/// nobody and never tries again (4.3.5, `tcp_connecter_t::open`).
+/// A connection that libzmq reports nothing about is given up this long after those times,
+/// milliseconds: if libzmq gets no socket from the system, or cannot parse the address, it reports
+/// nothing and never tries again (4.3.5, `tcp_connecter_t::open`).
 const SILENCE_MS: i32 = 1000;
 
-/// Whoever closes a connection because of what was said on it does so at once; what is closed later
-/// than this was waited for in vain, milliseconds.
+/// A peer that closes a connection because of what was said on it does so at once. A connection
+/// closed later than this was closed by a timeout, milliseconds.
 const AT_ONCE_MS: i32 = 4000;
 const _: () = assert!(AT_ONCE_MS < HANDSHAKE_MS);
 
@@ -86,7 +86,7 @@ pub(super) enum Over {
     NotLetIn,
     /// It was open, and broke.
     Lost,
-    /// It brings on and on what is no reply.
+    /// It keeps sending what is no reply.
     TooMuch,
 }
 
@@ -164,7 +164,7 @@ impl Connection {
         self.stage
     }
 
-    /// Waits until something happens, at most so many milliseconds.
+    /// Waits until something happens, at most this many milliseconds.
     pub(super) fn wait(&self, most_ms: i64) -> zmq::Result<()> {
         let mut items = [self.socket.as_poll_item(zmq::POLLIN), self.monitor.poll_item()];
         match zmq::poll(&mut items, most_ms) {

@@ -23,7 +23,7 @@ const UNDER_WAY: usize = 6;
 const GROWING_NS: i64 = 400 * MILLISECOND_NS;
 const TOLD_NS: i64 = 500 * MILLISECOND_NS;
 
-/// A piece that has not come after this long is asked for anew, nanoseconds.
+/// A piece that has not come after this long is requested again, nanoseconds.
 const PIECE_NS: i64 = 5000 * MILLISECOND_NS;
 
 /// How far a fetch is.
@@ -88,7 +88,7 @@ pub(super) fn fetch(
             // power.
             End::Other if !had_to_start_over => {
                 log::warn!(
-                    "{}: what was there already is not of this run; fetching all of it anew",
+                    "{}: what was there already is not of this run; fetching all of it again",
                     file.display()
                 );
                 had_to_start_over = true;
@@ -137,8 +137,8 @@ fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, C
     }
 }
 
-/// Tells the brick that all of a run is here, so that its room may go to others first. It is here
-/// all the same where the brick does not hear it.
+/// Tells the brick that all of a run is here, so that it may delete that run first. Without the
+/// brick's answer the recording is still complete.
 fn tell(line: &mut Line, run: &RunId, bytes: u64, sha256: String) {
     let whole = Fetch { sha256: Some(sha256), ..Fetch::part(run, bytes, 0) };
     if let Err(error) = line.ask(&Request::Fetch(whole)) {
@@ -262,7 +262,7 @@ impl<'l> Fetching<'l> {
         Ok(())
     }
 
-    /// What was under way is asked for anew.
+    /// Requests the pending pieces again.
     fn again(&mut self) {
         self.under_way.clear();
         self.next = self.part.length;
@@ -272,7 +272,7 @@ impl<'l> Fetching<'l> {
     fn take(&mut self, id: u64, answer: Answered) -> Result<Option<End>, ClientError> {
         let Some((_, offset)) = self.under_way.front().copied().filter(|(first, _)| *first == id)
         else {
-            // Of a connection before this one, or out of turn: then the rest is asked for anew.
+            // From an earlier connection, or out of order: request the rest again.
             if self.under_way.iter().any(|(waited, _)| *waited == id) {
                 self.again();
             }

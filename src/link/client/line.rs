@@ -31,7 +31,7 @@ const LAST_WAIT_NS: i64 = 10 * SECOND_NS;
 /// brick that is flooded breaks off now and then.
 const BREAK_OFFS: u32 = 4;
 
-/// Nobody who interrupts waits longer than this, milliseconds.
+/// An interrupt is noticed within this time, milliseconds.
 const NAP_MS: i64 = 100;
 const NAP: Duration = Duration::from_millis(NAP_MS as u64);
 
@@ -122,7 +122,7 @@ impl Line {
         MonotonicClock.now_ns()
     }
 
-    /// The end of the patience of somebody who begins to wait now.
+    /// The deadline of a caller that begins to wait now.
     pub(super) fn deadline_ns(&self) -> i64 {
         self.now_ns().saturating_add(self.patience.most_ns)
     }
@@ -140,7 +140,7 @@ impl Line {
             loop {
                 match self.receive(until_ns)? {
                     Waited::Reply(of, answer) if of == id => return answer,
-                    // An answer to what nobody waits for any more.
+                    // A late answer: its caller has given up.
                     Waited::Reply(..) => {}
                     Waited::Broken => break,
                     Waited::Nothing => {
@@ -153,7 +153,7 @@ impl Line {
         }
     }
 
-    /// The patience begins anew.
+    /// The patience begins from scratch.
     pub(super) fn begin(&mut self) {
         self.heard_ns = self.now_ns();
         self.was_there = self.connection.is_some();
@@ -224,8 +224,8 @@ impl Line {
             Ok(reply) => {
                 let id = match reply.id {
                     Some(Id::Number(id)) => id,
-                    // A request of ours that was not understood at all has no number; there is none
-                    // of anybody else.
+                    // A request of ours that the brick could not parse has no number; no other
+                    // client's reply comes here.
                     _ => self.next_id.saturating_sub(1),
                 };
                 Some((
@@ -357,7 +357,7 @@ impl Line {
         self.connection = None;
     }
 
-    /// Ends the waiting where it has lasted too long, or somebody has interrupted it.
+    /// Ends the waiting where it has lasted too long, or was interrupted.
     pub(super) fn check_patience(&mut self) -> Result<(), ClientError> {
         if self.patience.cancelled.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed)) {
             self.connection = None;

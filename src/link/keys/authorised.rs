@@ -6,8 +6,8 @@
 //!
 //! # What we count on
 //!
-//! - Whoever may write into the folder decides who may start this machine's motors: it is its
-//!   owner's alone (0700, files 0600).
+//! - Write access to the folder decides who may start this machine's motors: only its owner has it
+//!   (0700, files 0600).
 
 use std::fs;
 use std::io;

@@ -99,11 +99,11 @@ impl KnownBricks {
         self.iter().find(|known| known.name == name.as_str() && known.key != *key)
     }
 
-    /// Adds a brick to what the file holds by now, in place of one of the same key, and writes it.
-    /// One of the same name with another key gives way only where that key is `replaced`: a person
-    /// has said so.
+    /// Adds a brick to what the file holds by now, in place of one with the same key, and writes
+    /// it. An entry of the same name with another key is replaced only if that key is `replaced`: a
+    /// person has confirmed it.
     ///
-    /// Whoever else adds one waits, so that none is lost.
+    /// Other writers wait meanwhile, so no entry is lost.
     ///
     /// # Errors
     ///

@@ -35,7 +35,7 @@ struct Inner {
 enum Stage {
     /// There is no link, because of this.
     NoLink(String),
-    /// Nobody can pair.
+    /// Pairing is closed.
     Closed(PublicKey),
     /// It waits for a PC.
     Open(PublicKey),
@@ -115,7 +115,7 @@ impl Desk {
         })
     }
 
-    /// Answers a request that came to the window's socket, from whoever has this key.
+    /// Answers a request that came to the window's socket from this key.
     pub(in crate::link) fn answer_request(
         &self,
         key: Option<PublicKey>,
@@ -186,7 +186,7 @@ impl Desk {
     }
 }
 
-/// Whoever asks out of turn.
+/// The refusal of a request out of turn.
 fn not_now(what: &str) -> Refusal {
     Refusal::new(Kind::Busy, what)
         .hint("open the pairing window at the brick, then `onbrick pair` again")

@@ -37,7 +37,7 @@ pub(super) struct Arrived {
     /// The frames that its reply begins with: whose it is and, for a REQ socket, the empty
     /// delimiter.
     pub(super) envelope: Vec<Vec<u8>>,
-    /// The key that ZAP has let in; nothing where nobody was asked.
+    /// The key that ZAP has let in; `None` without ZAP.
     pub(super) key: Option<PublicKey>,
     /// The request's one frame; `None` where there were more, or none.
     pub(super) payload: Option<zmq::Message>,

@@ -1,5 +1,5 @@
-//! The thread between the sockets and the workers: it lets nobody ask without a name, and answers
-//! at once what can be.
+//! The thread between the sockets and the workers: it refuses requests without a name, and answers
+//! at once what it can.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -74,7 +74,8 @@ impl<'s> Front<'s> {
     ///
     /// # Errors
     ///
-    /// [`ServerError::NoHandler`], [`ServerError::NoWorker`], [`ServerError::Socket`]: the sockets close.
+    /// [`ServerError::NoHandler`], [`ServerError::NoWorker`], [`ServerError::Socket`]: the sockets
+    /// close.
     pub(super) fn run(&mut self) -> Result<(), ServerError> {
         while !self.shared.is_stopped() {
             if self.handler.is_gone() {
@@ -137,7 +138,7 @@ impl<'s> Front<'s> {
             nameless(Refusal::new(Kind::BadRequest, "a request is one frame of JSON"))
         })?;
         let asked = parse(&payload);
-        // Whoever may not ask learns nothing more than that, under the name of the request.
+        // A peer that may not ask learns only that, under the name of the request.
         let id = || match &asked {
             Ok(asked) => Some(asked.id.clone()),
             Err(error) => error.id.clone(),
@@ -154,8 +155,7 @@ impl<'s> Front<'s> {
         Ok((name, asked?))
     }
 
-    /// The name of a key, looked up for each request: one that was revoked a moment ago is
-    /// nobody's.
+    /// The name of a key, looked up for each request: a key that was just revoked has none.
     fn name_of(&self, key: Option<PublicKey>) -> Result<String, Refusal> {
         let unknown =
             || Refusal::new(Kind::NotAuthorised, "this key is not, or no longer, authorised here");
@@ -164,7 +164,7 @@ impl<'s> Front<'s> {
             log::warn!("a key is not let in: {error}");
             unknown()
         })?;
-        found.ok_or_else(|| unknown().hint("onbrick pair, with somebody at the brick"))
+        found.ok_or_else(|| unknown().hint("onbrick pair, with a person at the brick"))
     }
 
     fn forget(&mut self, frames: &[Vec<u8>]) {
@@ -225,7 +225,8 @@ fn make_room_for_descriptors() {
     let Ok((soft, hard)) = getrlimit(Resource::RLIMIT_NOFILE) else { return };
     if soft < wanted && setrlimit(Resource::RLIMIT_NOFILE, wanted.min(hard), hard).is_err() {
         log::warn!(
-            "this process may have only {soft} descriptors, and a flood of connections may take them all"
+            "this process may have only {soft} descriptors, and a flood of connections may take \
+             them all"
         );
     }
 }

@@ -131,7 +131,7 @@ impl Limits {
         if !has_room {
             return Err(TooMuch::Open);
         }
-        // Whoever is over its own rate takes nothing from the others.
+        // A peer over its own rate takes nothing from the others.
         if !(own_has && all_has) {
             return Err(TooMuch::Rate);
         }
@@ -152,7 +152,7 @@ impl Limits {
         }
     }
 
-    /// A request of so many frames and bytes was taken from an address.
+    /// A request of this many frames and bytes was taken from an address.
     pub(super) fn took(&mut self, peer: IpAddr, frames: u64, bytes: u64) {
         // An address that has no connection any more is not remembered.
         if self.open.values().any(|open| open.peer == peer) {
@@ -167,7 +167,7 @@ impl Limits {
         self.open.keys().copied().collect()
     }
 
-    /// So many bytes have come over a connection by now.
+    /// The number of bytes that have come over a connection by now.
     pub(super) fn received(&mut self, descriptor: i32, bytes: u64) {
         if let Some(open) = self.open.get_mut(&descriptor) {
             open.received = bytes;

@@ -1,8 +1,8 @@
 //! Who may connect: libzmq asks this thread (ZAP, rfc.zeromq.org/spec/27) before it lets a key in.
 //!
-//! libzmq lets everyone in while nobody is there to be asked. So the handler is bound before the
-//! first socket is, and the server closes its sockets when the handler has gone; and even then a
-//! connection without a name from here is asked nothing ([`front`](super::front)).
+//! libzmq accepts every peer while no handler is bound. So the handler is bound before the first
+//! socket, and the server closes its sockets when the handler has ended; even then a connection
+//! without a name from here is asked nothing ([`front`](super::front)).
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -55,7 +55,7 @@ impl Handler {
         Ok(Self { gone: told, stop, thread: Some(thread) })
     }
 
-    /// True once nobody is there to be asked any more.
+    /// True once the handler has ended.
     pub(super) fn is_gone(&self) -> bool {
         self.gone.load(Ordering::Acquire)
     }
@@ -103,7 +103,7 @@ impl Asked {
         self.socket.send_multipart(answer, 0).is_ok()
     }
 
-    /// The key that may come in; nobody where the question is not as it should be.
+    /// The key that may come in; `None` if the question is malformed.
     ///
     /// Frames: version, id, domain, address, identity, mechanism, the key's 32 bytes.
     fn user(&self, question: &[Vec<u8>]) -> Option<PublicKey> {

@@ -17,8 +17,8 @@ const TOUCHED: i32 = 12;
 const TAN_AXIS: i32 = 90;
 const TAN_CONE: i32 = 218;
 
-/// So many cells beside an edge may be in the cone: half a cell that is granted, the tip's place in
-/// its cell, and what is rounded.
+/// The cone may include this many cells beside an edge: a tolerance of half a cell, the tip's place
+/// in its cell, and rounding.
 const BESIDE_EDGE: i32 = 3;
 
 /// Where a cell lies in a cone.
@@ -185,13 +185,15 @@ mod tests {
         fn a_box_holds_all_of_its_cone_and_an_update_is_cheap(
             x in -1.0..1.0, y in -1.0..1.0, direction in -7.0..7.0, range in 0.0..2.6
         ) {
-            let cone = Cone::of(&sounding(x, y, direction, Range::NoEcho), range).expect("on the lattice");
+            let cone =
+                Cone::of(&sounding(x, y, direction, Range::NoEcho), range).expect("on the lattice");
             let (low, high) = cone.bounds();
             let visited = (high[0] - low[0] + 1) * (high[1] - low[1] + 1);
             prop_assert!(visited <= 2_600, "{visited} cells visited");
             for cell_y in cone.tip[1] - 60..=cone.tip[1] + 60 {
                 for cell_x in cone.tip[0] - 60..=cone.tip[0] + 60 {
-                    let inside = (low[0]..=high[0]).contains(&cell_x) && (low[1]..=high[1]).contains(&cell_y);
+                    let inside = (low[0]..=high[0]).contains(&cell_x)
+                        && (low[1]..=high[1]).contains(&cell_y);
                     prop_assert!(
                         inside || cone.part_of(&cone.place(cell_x, cell_y)) == Part::Outside,
                         "({cell_x}, {cell_y}) is in the cone and not in {low:?} to {high:?}"

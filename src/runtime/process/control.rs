@@ -103,7 +103,7 @@ fn end_hung_guard(flags: &StopFlags, guard: Pid) {
 /// Standard output as a pipe that never makes the tick wait.
 #[derive(Debug, Clone)]
 struct Pipe {
-    /// Raised when nobody reads any more.
+    /// Raised when the reader has gone.
     gone: Arc<AtomicBool>,
 }
 

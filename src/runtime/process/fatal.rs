@@ -1,8 +1,8 @@
 //! Faults end guard and control at once; `unsafe` is kept in this file.
 //!
-//! Rust's runtime handles SIGSEGV and SIGBUS to say that a stack has overflowed: one that another
-//! process sent is swallowed, and the program goes on. A core dump keeps a dead process for
-//! seconds, and with it its pipes, on a slow card.
+//! Rust's runtime handles SIGSEGV and SIGBUS to report a stack overflow: such a signal from another
+//! process is swallowed, and the program continues. A core dump to a slow card keeps a dead
+//! process, and with it its pipes, for seconds.
 
 #![allow(
     unsafe_code,

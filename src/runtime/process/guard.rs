@@ -89,7 +89,7 @@ fn signals() -> io::Result<UnixStream> {
     Ok(heard)
 }
 
-/// The pipes to whoever started us.
+/// The pipes to the starter.
 struct Starter {
     orders: Lines,
     /// What is still to be written.
@@ -243,7 +243,7 @@ impl Guard {
         stopped
     }
 
-    /// Waits until somebody says something or control's time is over.
+    /// Waits for a message from either side, or until control's time is over.
     fn wait(&mut self) {
         let deadline_ns = self.watch.deadline_ns();
         let look_ns = MonotonicClock.now_ns() + LOOK_NS;
@@ -272,7 +272,7 @@ impl Guard {
         let _ = poll(&mut waited, timeout(wake_ns));
     }
 
-    /// Takes in what everybody said; true if control will say nothing more.
+    /// Takes in all new messages; true if control will say nothing more.
     fn hear(&mut self, tree: &Arc<dyn Tree>) -> bool {
         let silent = take_in(self.said.as_fd(), &mut self.lines);
         let now_ns = MonotonicClock.now_ns();

@@ -2,7 +2,7 @@
 //! everything else.
 //!
 //! It needs root or CAP_SYS_NICE, which the service on the brick has. Where it is not permitted, as
-//! on most PCs, a run goes on without and a line in the log says so (`-v`).
+//! on most PCs, the run continues without it and the log says so (`-v`).
 
 use nix::sys::mman::{MlockAllFlags, mlockall};
 use nix::sys::resource::{Resource, setrlimit};

@@ -82,7 +82,7 @@ pub struct Status {
 pub struct Disk {
     /// Bytes of runs.
     pub used: u64,
-    /// At most so many.
+    /// The upper limit.
     pub quota: u64,
     /// Free on the file system.
     pub free: u64,
@@ -264,7 +264,7 @@ pub struct LiveDevice {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "pairing", rename_all = "snake_case")]
 pub enum Pairing {
-    /// Nobody can pair.
+    /// Pairing is closed.
     Closed,
     /// It waits for a PC.
     Open {

@@ -42,7 +42,7 @@ pub enum Kind {
     NotAuthorised,
     /// The token is too old, or not of this brick.
     StaleToken,
-    /// Something runs already, here or by somebody else's hand.
+    /// Something runs already, started here or by another program.
     Busy,
     /// The robot is not in order.
     NotReady,

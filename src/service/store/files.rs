@@ -20,7 +20,7 @@ const DELETED: &str = "deleted";
 /// Held by the service that keeps the folder.
 const LOCK: &str = "service.lock";
 
-/// Of runs that are gone, the last so many are remembered: the file is read at each start.
+/// How many of the deleted runs are remembered: the file is read at each start.
 const REMEMBERED: usize = 10_000;
 
 /// No `run.json` is longer.
@@ -49,7 +49,7 @@ pub(super) fn look(folder: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Bytes that are free for us; 0 where nobody can say.
+/// Bytes that are free for us; 0 if that is not known.
 #[allow(
     clippy::useless_conversion,
     reason = "the kernel's numbers have 32 bits on the brick and 64 on a PC"
@@ -81,7 +81,7 @@ pub(super) fn remove(folder: &Path) {
     }
 }
 
-/// The length of a file; one that is not there has none.
+/// The length of a file; 0 if it does not exist.
 pub(super) fn length(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |metadata| metadata.len())
 }
@@ -101,7 +101,7 @@ pub(in crate::service) fn replace_file(path: &Path, bytes: &[u8], synced: bool) 
         if synced { file.sync_all() } else { Ok(()) }
     });
     written.and_then(|()| std::fs::rename(&fresh, path)).inspect_err(|_| {
-        // What was begun is of no use to anybody.
+        // An incomplete file is useless.
         let _ = std::fs::remove_file(&fresh);
     })
 }

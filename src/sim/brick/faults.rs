@@ -101,7 +101,7 @@ impl Brick {
         if spec.permissions & 0o222 == 0 {
             return Err(Errno::EACCES);
         }
-        // Whoever waits for the end of the write is not in this program.
+        // The program that waits for the end of the write is another one.
         self.store(id, spec.name, value.as_bytes(), now_ns).map(|_| ())
     }
 }

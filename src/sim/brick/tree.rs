@@ -186,7 +186,7 @@ impl Brick {
         Ok(names.iter().map(|name| Entry::folder(name)).collect())
     }
 
-    /// A file in `dev`, as long as the picture, or of no length; or the truth, which nobody writes.
+    /// A file in `dev`, as long as the picture, or of no length; or the truth, which is read-only.
     fn other_file(&self, name: &str) -> Entry {
         if TRUTH.ends_with(name) {
             return Entry { name: name.to_owned(), size: 0, ..Entry::file(&readable("")) };

@@ -29,7 +29,7 @@ pub(crate) struct SimFile {
 /// What a write came to.
 #[derive(Debug)]
 pub(crate) enum Write {
-    /// So many bytes were taken.
+    /// This many bytes were taken.
     Done(usize),
     /// The writer has to wait.
     Waits(Waiting),
@@ -109,7 +109,7 @@ impl SimFile {
         self.spec.size != super::super::driver::TEXT_SIZE
     }
 
-    /// The attribute anew, in place of what is in `text`.
+    /// Reads the attribute again, in place of what is in `text`.
     ///
     /// # Errors
     ///
@@ -169,10 +169,10 @@ impl SimFile {
         self.notices().is_none_or(|notices| self.seen.get() != Some(notices))
     }
 
-    /// True if a poll that sleeps is to be woken: the removal of a device wakes nobody.
+    /// True if a poll that sleeps is to be woken. The removal of a device wakes no poll.
     pub(crate) fn wakes(&self) -> bool {
-        // A file that was never read has changed, whatever it is; one that wakes nobody never does
-        // after that.
+        // A file that was never read counts as changed, whatever it is. One that cannot wake a poll
+        // never does after that.
         self.notices().is_some_and(|notices| self.seen.get() != Some(notices))
     }
 

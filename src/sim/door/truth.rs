@@ -2,8 +2,8 @@
 //! beginning. Where it is, and what a person would see of its brick and hear: lights, tone, buttons
 //! that are down.
 //!
-//! No brick has it. A test reads it after somebody's program has driven, to see whether the robot
-//! is where that program meant it to go.
+//! No real brick has it. A test reads it after another program has driven, to check whether the
+//! robot is where that program meant it to go.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -70,7 +70,7 @@ impl TruthFile {
     ///
     /// # Errors
     ///
-    /// ENODATA where the physics is no world's: nobody knows the truth there.
+    /// ENODATA where the physics is no world's: the truth is unknown there.
     pub(crate) fn read_into(&self, text: &mut Vec<u8>) -> Result<(), Errno> {
         let line = self.line().ok_or(Errno::ENODATA)?;
         text.clear();

@@ -126,7 +126,8 @@ impl Driver for Battery {
         let (max, min) = self.pack.design_uv();
         let _ = writeln!(
             out,
-            "POWER_SUPPLY_NAME=lego-ev3-battery\nPOWER_SUPPLY_TYPE=Battery\nPOWER_SUPPLY_TECHNOLOGY={}\n\
+            "POWER_SUPPLY_NAME=lego-ev3-battery\nPOWER_SUPPLY_TYPE=Battery\n\
+             POWER_SUPPLY_TECHNOLOGY={}\n\
              POWER_SUPPLY_VOLTAGE_MAX_DESIGN={max}\nPOWER_SUPPLY_VOLTAGE_MIN_DESIGN={min}\n\
              POWER_SUPPLY_VOLTAGE_NOW={}\nPOWER_SUPPLY_CURRENT_NOW={}\nPOWER_SUPPLY_SCOPE=System",
             self.pack.technology(),

@@ -69,7 +69,7 @@ const SYN_DROPPED: u16 = 3;
 const SND_BELL: u16 = 1;
 const SND_TONE: u16 = 2;
 
-/// How wide the time before an event is: two C longs of whoever reads it.
+/// The width of the time before an event: two C longs of the reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventLayout {
     /// 16 bytes an event: the brick's own, and what a 32-bit program reads, also one that an

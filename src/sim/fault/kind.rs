@@ -35,7 +35,7 @@ pub enum DeviceFault {
         /// Counts, added after scaling.
         offset: i32,
     },
-    /// `slow [TIMES]`: new values come so many times more seldom. A motor is counted each 2 ms
+    /// `slow [TIMES]`: new values come this many times more seldom. A motor is counted each 2 ms
     /// times this.
     Slow {
         /// How many times the usual period.

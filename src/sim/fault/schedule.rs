@@ -21,8 +21,8 @@ pub struct FaultRecord {
     pub time_ns: i64,
     /// Whose, from 0.
     pub robot: usize,
-    /// What: an order's text; `… is over` at a fault's end; with the reason, what a scenario
-    /// ordered in vain.
+    /// What: an order's text; `… is over` at a fault's end; a failed order of a scenario with the
+    /// reason.
     pub what: String,
 }
 
@@ -74,7 +74,7 @@ impl Faults {
         self.let_go(now_ns, bricks, |held| held.until_ns <= now_ns);
         while self.pending.front().is_some_and(|(at_ns, _)| *at_ns <= now_ns) {
             let Some((_, order)) = self.pending.pop_front() else { break };
-            // A scenario's order that does not fit is recorded; nobody waits for its answer.
+            // A scenario's order that does not fit is recorded; no caller waits for its answer.
             if let Err(error) = self.perform(&order, now_ns, bricks, physics) {
                 let why = std::error::Error::source(&error)
                     .map_or(String::new(), |cause| format!(" ({cause})"));

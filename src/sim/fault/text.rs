@@ -45,7 +45,7 @@ const HEADING_DEG: RangeInclusive<f64> = -360.0..=360.0;
 /// What to do.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Act {
-    /// Something goes wrong on a port, for so many nanoseconds or until it is cleared.
+    /// Something goes wrong on a port, for this many nanoseconds or until it is cleared.
     Inject(Port, DeviceFault, Option<i64>),
     /// A port is in order again, with what was in it; without one, the whole robot.
     Clear(Option<Port>),
@@ -216,20 +216,21 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
             y_m: number(y, PLACE_M)?,
             heading_deg: number(heading, HEADING_DEG)?,
         }),
-        ["release" | "tone" | "say" | "place", ..] => Err(Misread::new(format!(
-            "`{}` does not say it all",
-            shown(&words.join(" "))
-        ))
-        .hint(
-            "`release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres and degrees",
-        )),
+        ["release" | "tone" | "say" | "place", ..] => {
+            Err(Misread::new(format!("`{}` does not say it all", shown(&words.join(" ")))).hint(
+                "`release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres \
+                 and degrees",
+            ))
+        }
         [name, "clear"] => Ok(Act::Clear(Some(port(name)?))),
         [name, rest @ ..] => {
             let port = port(name)?;
             let (words, for_ns) = duration(rest)?;
             let fault = DeviceFault::from_words(words)?;
             if for_ns.is_some() && fault.is_momentary() {
-                return Err(Misread::new(format!("`{fault}` is done at once")).hint("leave out `for`"));
+                return Err(
+                    Misread::new(format!("`{fault}` is done at once")).hint("leave out `for`")
+                );
             }
             Ok(Act::Inject(port, fault, for_ns))
         }
@@ -239,8 +240,10 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
 /// A port by its name.
 pub(super) fn port(name: &str) -> Result<Port, Misread> {
     Port::named(name).ok_or_else(|| {
-        Misread::new(format!("there is no port `{}`", shown(name)))
-            .hint("there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, `press`, `release`, `place` and `reset`")
+        Misread::new(format!("there is no port `{}`", shown(name))).hint(
+            "there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, \
+             `press`, `release`, `place` and `reset`",
+        )
     })
 }
 

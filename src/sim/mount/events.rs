@@ -30,7 +30,7 @@ const SMALL_BYTES: usize = 8;
 ///
 /// # Errors
 ///
-/// ENOTTY for any other, ENOENT for a name that there is none of.
+/// ENOTTY for any other, ENOENT for an unknown name.
 pub(super) fn ioctl(file: &StreamFile, command: u32, room: usize) -> Result<(i32, Vec<u8>), Errno> {
     if (command >> 8) & 0xff != TYPE {
         return Err(Errno::ENOTTY);

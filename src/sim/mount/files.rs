@@ -21,7 +21,7 @@ use crate::sim::{Entry, EntryKind, SimBrick};
 /// The kernel need not ask again for folders that are always there.
 const LASTING: Duration = Duration::from_secs(3600);
 
-/// Folders with so many parts are ports,
+/// Folders with this many parts are ports,
 /// `sys/devices/platform/ev3-ports/ev3-ports:outA/lego-port/port4`, or lie above them. What comes
 /// and goes lies in them.
 const LASTING_PARTS: usize = 7;

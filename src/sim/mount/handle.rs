@@ -36,7 +36,7 @@ pub(super) struct Listed {
     pub(super) name: String,
 }
 
-/// Somebody who waits for an event.
+/// A thread that waits for an event.
 #[derive(Debug)]
 pub(super) struct Reader {
     reply: ReplyData,
@@ -142,8 +142,8 @@ impl Handle {
         }
     }
 
-    /// Wakes who waits and has something to be woken for, or, where `interrupts` is set, was
-    /// interrupted; false if nobody waits any more.
+    /// Wakes the waiter if there is something to be woken for, or, with `interrupts`, if it was
+    /// interrupted; false if it waits no more.
     pub(super) fn wake(&mut self, interrupts: bool) -> bool {
         match self {
             Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Orders { .. } => false,
@@ -213,7 +213,7 @@ fn part(text: &[u8], offset: usize, room: usize) -> &[u8] {
 
 fn notify(poller: &mut Option<PollNotifier>) {
     if let Some(poller) = poller.take() {
-        // It fails where the file was closed meanwhile, and then nobody waits.
+        // It fails if the file was closed meanwhile, and then no thread waits.
         let _ = poller.notify();
     }
 }
@@ -238,8 +238,8 @@ fn answer(
 
 /// True if a thread has a signal to take, or is gone.
 ///
-/// The kernel would tell us by FUSE_INTERRUPT, but `fuser` hands that on to nobody, and a process
-/// that is killed cannot die before its read is answered.
+/// The kernel would report it by FUSE_INTERRUPT, but `fuser` does not pass that on, and a killed
+/// process cannot die before its read is answered.
 fn is_interrupted(thread: u32) -> bool {
     if thread == 0 {
         // In another namespace: we cannot see its signals.

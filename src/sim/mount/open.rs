@@ -1,4 +1,4 @@
-//! All that is open, by the numbers that the kernel keeps for us, and which of it somebody waits
+//! All open files, by the numbers that the kernel keeps for us, and which of them a thread waits
 //! for.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -32,7 +32,7 @@ pub enum MountError {
         why: Unfit,
     },
     /// The machine is not ready for FUSE: install or allow something.
-    #[error("this machine lets nobody mount a file system of their own: {0}")]
+    #[error("users of this machine cannot mount file systems: {0}")]
     NoFuse(Remedy),
     /// Anything else.
     #[error("cannot mount or unmount at {}", point.display())]
@@ -53,7 +53,7 @@ pub enum Unfit {
     /// A file.
     #[error("it is not a folder")]
     NotAFolder,
-    /// Somebody keeps files there.
+    /// It holds files of other programs.
     #[error("it is not empty")]
     NotEmpty,
     /// Something is mounted there.
@@ -63,7 +63,7 @@ pub enum Unfit {
     #[error("the program behind what is mounted there is gone, and it was no simulator")]
     Stale,
     /// No right to look at it.
-    #[error("its owner lets nobody else use it")]
+    #[error("its owner lets no other user use it")]
     Forbidden,
 }
 
@@ -91,12 +91,18 @@ impl MountError {
             }
             Self::Unfit { .. } => "an empty folder of your own".to_owned(),
             Self::NoFuse(Remedy::NoDevice) => {
-                "modprobe fuse, as root; in a container: docker run --device /dev/fuse --cap-add SYS_ADMIN".to_owned()
+                "modprobe fuse, as root; in a container: docker run --device /dev/fuse --cap-add \
+                 SYS_ADMIN"
+                    .to_owned()
             }
-            Self::NoFuse(Remedy::Forbidden) => "ls -l /dev/fuse: your user needs to read and write it".to_owned(),
+            Self::NoFuse(Remedy::Forbidden) => {
+                "ls -l /dev/fuse: your user needs to read and write it".to_owned()
+            }
             Self::NoFuse(Remedy::NoHelper) => "apt install fuse3, or run this as root".to_owned(),
             Self::Failed { .. } => {
-                "mounting as root; in a container with: --cap-add SYS_ADMIN --security-opt apparmor=unconfined".to_owned()
+                "mounting as root; in a container with: --cap-add SYS_ADMIN --security-opt \
+                 apparmor=unconfined"
+                    .to_owned()
             }
         }
     }

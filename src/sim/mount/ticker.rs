@@ -1,5 +1,5 @@
-//! The thread that lets the simulation's time pass while nobody touches a file, and that wakes
-//! those who wait.
+//! The thread that lets the simulation's time pass while no program touches a file, and that wakes
+//! waiting readers.
 
 use std::io;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::clock::{Clock, MonotonicClock};
 use crate::sim::Simulation;
 use crate::sim::door::LOOK_NS;
 
-/// Whether a waiting reader was interrupted is looked at once in so many ticks.
+/// A waiting reader is checked for an interrupt once in this many ticks.
 const INTERRUPT_TICKS: u32 = 5;
 
 /// Starts it; it ends when `stop` is set.

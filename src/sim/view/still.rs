@@ -72,9 +72,11 @@ impl Picture {
         let title = format!("{}, after {:.1} s", self.room.name, self.view.time_s);
         self.put(format_args!(
             "<svg width=\"{WIDTH}\" height=\"{height:.0}\" viewBox=\"0 0 {WIDTH} {height:.0}\" \
-             xmlns=\"http://www.w3.org/2000/svg\" font-family=\"system-ui, Ubuntu, DejaVu Sans, sans-serif\">\n\
+             xmlns=\"http://www.w3.org/2000/svg\" font-family=\"system-ui, Ubuntu, DejaVu Sans, \
+             sans-serif\">\n\
              <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n\
-             <text x=\"{PAD}\" y=\"29\" font-size=\"20\" font-weight=\"600\" fill=\"#22262b\">{}</text>\n",
+             <text x=\"{PAD}\" y=\"29\" font-size=\"20\" font-weight=\"600\" \
+             fill=\"#22262b\">{}</text>\n",
             escaped(&title)
         ));
         self.draw_room();
@@ -85,7 +87,8 @@ impl Picture {
         for (index, (line, colour)) in lines.iter().enumerate() {
             let y = bottom + PAD + LINE * (whole(index) + 0.7);
             self.put(format_args!(
-                "<text x=\"{PAD}\" y=\"{y:.0}\" font-size=\"14\" fill=\"{colour}\" xml:space=\"preserve\">{}</text>\n",
+                "<text x=\"{PAD}\" y=\"{y:.0}\" font-size=\"14\" fill=\"{colour}\" \
+                 xml:space=\"preserve\">{}</text>\n",
                 escaped(line)
             ));
         }
@@ -100,7 +103,8 @@ impl Picture {
                 Some(width_m) => {
                     let width = width_m * self.scale;
                     self.put(format_args!(
-                        "<path class=\"floor\" d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\"/>\n"
+                        "<path class=\"floor\" d=\"{path}\" fill=\"none\" stroke=\"{colour}\" \
+                         stroke-width=\"{width:.1}\"/>\n"
                     ));
                 }
                 None => self.put(format_args!(
@@ -113,7 +117,8 @@ impl Picture {
             let path = self.path(wall.into_iter(), closed);
             let fill = if closed { "#e3e6ea" } else { "none" };
             self.put(format_args!(
-                "<path class=\"wall\" d=\"{path}\" fill=\"{fill}\" stroke=\"#8b939c\" stroke-width=\"2.5\" stroke-linejoin=\"round\"/>\n"
+                "<path class=\"wall\" d=\"{path}\" fill=\"{fill}\" stroke=\"#8b939c\" \
+                 stroke-width=\"2.5\" stroke-linejoin=\"round\"/>\n"
             ));
         }
     }
@@ -131,9 +136,11 @@ impl Picture {
             }
             let path = self.path(of(MarkKind::Path), false);
             self.put(format_args!(
-                "<path class=\"echoes\" d=\"{dots}\" fill=\"none\" stroke=\"{echo_colour}\" stroke-opacity=\"0.75\" \
+                "<path class=\"echoes\" d=\"{dots}\" fill=\"none\" stroke=\"{echo_colour}\" \
+                 stroke-opacity=\"0.75\" \
                  stroke-width=\"3.6\" stroke-linecap=\"round\"/>\n\
-                 <path class=\"path\" d=\"{path}\" fill=\"none\" stroke=\"{path_colour}\" stroke-width=\"2.2\"/>\n"
+                 <path class=\"path\" d=\"{path}\" fill=\"none\" stroke=\"{path_colour}\" \
+                 stroke-width=\"2.2\"/>\n"
             ));
         }
     }
@@ -158,7 +165,8 @@ impl Picture {
         let body = self.path(robot.outline.into_iter(), true);
         let stroke = if robot.faults.is_empty() { "#ffffff" } else { "#d62a2f" };
         self.put(format_args!(
-            "<path class=\"robot\" d=\"{body}\" fill=\"{colour}\" stroke=\"{stroke}\" stroke-width=\"2\" stroke-linejoin=\"round\"/>\n"
+            "<path class=\"robot\" d=\"{body}\" fill=\"{colour}\" stroke=\"{stroke}\" \
+             stroke-width=\"2\" stroke-linejoin=\"round\"/>\n"
         ));
         let nose = |along: f64, aside: f64| {
             let (sin, cos) = libm::sincos(radians(robot.heading_deg));
@@ -171,7 +179,8 @@ impl Picture {
         if self.view.robots.len() > 1 {
             let label = number + 1;
             self.put(format_args!(
-                "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"13\" font-weight=\"600\" fill=\"#22262b\">{label}</text>\n",
+                "<text x=\"{x:.1}\" y=\"{:.1}\" font-size=\"13\" font-weight=\"600\" \
+                 fill=\"#22262b\">{label}</text>\n",
                 y - 0.13 * self.scale
             ));
         }
@@ -183,7 +192,8 @@ impl Picture {
         for (number, robot) in self.view.robots.iter().enumerate() {
             lines.push((
                 format!(
-                    "robot {}: x {:.2} m, y {:.2} m, heading {:.0}°, head {:.0}°, {:.2} m driven, battery {:.2} V{}{}",
+                    "robot {}: x {:.2} m, y {:.2} m, heading {:.0}°, head {:.0}°, {:.2} m driven, \
+                     battery {:.2} V{}{}",
                     number + 1,
                     robot.x_m,
                     robot.y_m,

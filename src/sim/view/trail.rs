@@ -15,7 +15,7 @@ const LOOK_NS: i64 = 100 * MILLISECOND_NS;
 /// A path's points are so far apart, metres.
 const STEP_M: f64 = 0.01;
 
-/// So many marks are kept; of more, the oldest go.
+/// This many marks are kept; beyond that, the oldest go.
 const MOST: usize = 50_000;
 
 /// What a mark is.

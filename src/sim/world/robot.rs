@@ -92,7 +92,10 @@ impl Default for RobotModel {
 }
 
 macro_rules! errors {
-    ($($(#[$doc:meta])* $name:ident = $default:literal, $low:literal to $high:literal, none $none:literal;)+) => {
+    ($(
+        $(#[$doc:meta])*
+        $name:ident = $default:literal, $low:literal to $high:literal, none $none:literal;
+    )+) => {
         /// Imperfections. Those that end in `_sd` are deviations, drawn once for each robot or each
         /// reading from the seed.
         #[derive(Debug, Clone, Copy, PartialEq)]

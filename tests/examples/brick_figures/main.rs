@@ -6,11 +6,13 @@
 //! brick-figures reading BRICK COUNT     nanoseconds a typed reading, and one by ev3dev-lang-rust
 //! brick-figures stages BRICK SECONDS    nanoseconds of each stage of a tick at 100 Hz
 //! brick-figures run FILE                what a recording says of itself, as JSON
-//! brick-figures job MISSION BRICK FILE  the job of a run into FILE, for `onbrick control`; BRICK is a folder, or `simulated`
+//! brick-figures job MISSION BRICK FILE  the job of a run into FILE, for `onbrick control`;
+//!                                       BRICK is a folder, or `simulated`
 //! brick-figures status SOCKET           what the service says of itself at its local door, as JSON
 //! brick-figures menu RUN FRAMEBUFFER    nanoseconds of each kind of the menu's pictures
 //! brick-figures screen FRAMEBUFFER COPY [PICTURE]
-//!                                       what a person reads on a screen; and whether it is one of the golden pictures
+//!                                       what a person reads on a screen; and whether it is one of
+//!                                       the golden pictures
 //! ```
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "what it prints is its result")]
@@ -30,7 +32,9 @@ mod run;
 mod screen;
 mod stages;
 
-const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen FRAMEBUFFER COPY [PICTURE]";
+const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | \
+                     job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen \
+                     FRAMEBUFFER COPY [PICTURE]";
 
 fn main() -> ExitCode {
     let called = std::env::args_os().next().unwrap_or_default();

@@ -54,7 +54,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Nanoseconds of processor time that one of so many of these takes.
+    /// Nanoseconds of processor time that one of this many of these takes.
     fn print(
         &mut self,
         what: &str,
@@ -109,17 +109,21 @@ impl Bench {
                 let end = (offset + fetch.length as usize).min(self.recording.len());
                 let bytes = self.recording[offset..end].to_vec();
                 let value = json!({
-                    "run": fetch.run, "offset": offset, "length": bytes.len(), "total": self.recording.len(),
+                    "run": fetch.run, "offset": offset, "length": bytes.len(),
+                    "total": self.recording.len(),
                     "complete": end == self.recording.len(), "sha256": null,
                 });
                 return Answer { value, bytes: Some(bytes) };
             }
             LocalRequest::Own(LocalOnly::Live) => json!({ "devices": [
-                { "port": "in1", "driver": "lego-ev3-us", "role": "range", "reading": "82.4 cm", "motor": false },
-                { "port": "outB", "driver": "lego-ev3-l-motor", "role": "left wheel", "reading": "120", "motor": true },
+                { "port": "in1", "driver": "lego-ev3-us", "role": "range", "reading": "82.4 cm",
+                  "motor": false },
+                { "port": "outB", "driver": "lego-ev3-l-motor", "role": "left wheel",
+                  "reading": "120", "motor": true },
             ]}),
             LocalRequest::Own(LocalOnly::Settings) => json!({
-                "brick": "ev3dev", "version": "0.1.0", "addresses": ["192.168.1.17"], "fingerprint": null,
+                "brick": "ev3dev", "version": "0.1.0", "addresses": ["192.168.1.17"],
+                "fingerprint": null,
                 "lights": true, "sounds": true, "time_limit_s": null,
             }),
             _ => json!({}),
@@ -130,8 +134,10 @@ impl Bench {
 
 fn status() -> Value {
     json!({
-        "brick": "ev3dev", "version": "0.1.0", "protocol": 1, "state": "ready", "state_s": 0.0, "run": null, "last": null,
-        "battery_v": 7.9, "token": "", "link": "ready", "disk": { "used": 0, "quota": 1, "free": 1 }, "robot": null,
+        "brick": "ev3dev", "version": "0.1.0", "protocol": 1, "state": "ready", "state_s": 0.0,
+        "run": null, "last": null,
+        "battery_v": 7.9, "token": "", "link": "ready",
+        "disk": { "used": 0, "quota": 1, "free": 1 }, "robot": null,
     })
 }
 
@@ -141,7 +147,8 @@ fn mission(name: &str) -> Value {
 
 fn run(recording: &[u8]) -> Value {
     json!({
-        "run": "r-1", "mission": "map", "number": 1, "bytes": recording.len(), "going_on": false, "fetched": false,
+        "run": "r-1", "mission": "map", "number": 1, "bytes": recording.len(), "going_on": false,
+        "fetched": false,
         "end": null, "travelled_m": null, "points": null,
     })
 }

@@ -23,7 +23,12 @@ pub(crate) fn run(path: &str) -> Result<(), Box<dyn std::error::Error>> {
         "missed": run.statistics.iter().map(|second| u64::from(second.overruns)).sum::<u64>(),
         "late_p50_us": share(50).map(|ns| ns / 1000),
         "late_p99_us": share(99).map(|ns| ns / 1000),
-        "late_max_us": run.statistics.iter().map(|second| second.lateness_max_ns).max().map(|ns| ns / 1000),
+        "late_max_us": run
+            .statistics
+            .iter()
+            .map(|second| second.lateness_max_ns)
+            .max()
+            .map(|ns| ns / 1000),
         "points": run.points.len(),
         "ended": run.ending.map(|ending| ending.stop.to_string()),
         "integrity": format!("{:?}", run.integrity),

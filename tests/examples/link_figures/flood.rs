@@ -12,7 +12,7 @@ const STRANGERS: usize = 4;
 /// A stranger who has got nowhere by then tries again.
 const PATIENCE_MS: i64 = 40;
 
-/// The first bytes of ZMTP 3 (rfc.zeromq.org/spec/23): whoever gets these waits for more.
+/// The first bytes of ZMTP 3 (rfc.zeromq.org/spec/23): a peer that gets these waits for more.
 const GREETING: [u8; 12] = [0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
 
 /// Floods a door; `key` is the brick's own, which is no secret.
@@ -55,6 +55,6 @@ fn handshake(context: &zmq::Context, address: &str, key: &[u8]) -> zmq::Result<(
     socket.set_curve_publickey(&stranger.public_key)?;
     socket.set_curve_secretkey(&stranger.secret_key)?;
     socket.connect(&format!("tcp://{address}"))?;
-    // Nobody is let in, so this is only waited for.
+    // No key is let in, so this only waits out the patience.
     socket.poll(zmq::POLLOUT, PATIENCE_MS).map(drop)
 }

@@ -2,8 +2,8 @@
 //! `link::figures`. One program, because each takes long to link.
 //!
 //! ```text
-//! link-figures seed-server BRICK ADDRESS   the seed's server: any file of a brick to anybody who asks
-//! link-figures seed-loop ADDRESS SECONDS   the seed's mapping robot: its loop here, its brick there
+//! link-figures seed-server BRICK ADDRESS   the seed's server: any file of a brick to any client
+//! link-figures seed-loop ADDRESS SECONDS   the seed's mapping robot: loop here, brick there
 //! link-figures send FILE ADDRESS           a file over plain TCP, once
 //! link-figures receive ADDRESS             takes it, and says how long that took
 //! link-figures flood ADDRESS KEY SECONDS   handshakes of strangers, as fast as they go

@@ -14,8 +14,11 @@ fuzz_target!(|text: &str| {
     let escaped: String =
         text.chars().map(|letter| format!("\\U{:08X}", u32::from(letter))).collect();
     let mission = format!(
-        "name = \"f\"\ntime_limit_s = 9\nnear_m = 0.3\n[machine.drive]\nstart = \"on\"\nfinal = \"halt\"\n[machine.drive.state.on]\n\
-         do = {{ left_dps = \"{escaped}\", right_dps = 60 }}\nnext = [{{ when = \"{escaped}\", go = \"halt\" }}, {{ when = \"time_s > 5\", go = \"halt\" }}]\n\
+        "name = \"f\"\ntime_limit_s = 9\nnear_m = 0.3\n[machine.drive]\nstart = \"on\"\n\
+         final = \"halt\"\n[machine.drive.state.on]\n\
+         do = {{ left_dps = \"{escaped}\", right_dps = 60 }}\n\
+         next = [{{ when = \"{escaped}\", go = \"halt\" }}, {{ when = \"time_s > 5\", go = \
+         \"halt\" }}]\n\
          [machine.drive.state.halt]\n"
     );
     let read = Mission::parse("mission.toml", mission.as_bytes(), &robot.capabilities());

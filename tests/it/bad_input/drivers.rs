@@ -192,7 +192,7 @@ fn what_turns_bad_while_driving_is_never_taken_for_a_reading() {
     ] {
         for text in [&b""[..], b"fly\n", b"99999999999\n", b"\xff\n"] {
             let fake = shipped_brick();
-            // Nobody keeps the state here, and a motor that stands still would contradict each
+            // Nothing updates the state here, and a motor that stands still would contradict each
             // command.
             MOTORS.iter().for_each(|motor| fake.put(motor, "state", b"unknown\n"));
             let mut robot = ready(&fake.tree(), &shipped()).unwrap();

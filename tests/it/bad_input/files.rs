@@ -305,10 +305,15 @@ fn mutate(text: &str, mutations: &[Mutation]) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(
+        ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() }
+    )]
 
     #[test]
-    fn a_mutated_file_is_read_or_refused(which in any::<prop::sample::Index>(), mutations in prop::collection::vec(mutation(), 1..6)) {
+    fn a_mutated_file_is_read_or_refused(
+        which in any::<prop::sample::Index>(),
+        mutations in prop::collection::vec(mutation(), 1..6),
+    ) {
         let (kind, text) = *which.get(&texts());
         kind.judge(&mutate(text, &mutations));
     }

@@ -120,7 +120,8 @@ fn ten_thousand_states_with_a_mistake_in_each_are_refused_in_bounded_time() {
 fn enormous_parts_are_refused() {
     let when = |condition: &str| {
         format!(
-            "name = \"m\"\n[machine.m]\nstart = \"a\"\n[machine.m.state.a]\nnext = [{{ when = \"{condition}\", go = \"a\" }}]\n"
+            "name = \"m\"\n[machine.m]\nstart = \"a\"\n[machine.m.state.a]\n\
+             next = [{{ when = \"{condition}\", go = \"a\" }}]\n"
         )
     };
     let started = Instant::now();
@@ -239,7 +240,9 @@ proptest! {
             text.splice(at..end, put.into_bytes());
         }
         match Mission::parse("changed.toml", &text, &Capabilities::all()) {
-            Err(findings) => prop_assert!(findings.has_errors() && !findings.to_string().is_empty()),
+            Err(findings) => {
+                prop_assert!(findings.has_errors() && !findings.to_string().is_empty());
+            }
             Ok((mission, _)) => {
                 let mut program = mission.start().unwrap();
                 for tick in 0..200 {

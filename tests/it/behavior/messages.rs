@@ -1,6 +1,5 @@
 //! Every message that a person can get about a mission, in one file to read:
-//! `tests/data/mission-messages.txt`. `ONBRICK_BLESS=1 cargo test` writes it anew; read what
-//! changed.
+//! `tests/data/mission-messages.txt`. `ONBRICK_BLESS=1 cargo test` rewrites it; read what changed.
 
 use super::*;
 
@@ -15,7 +14,8 @@ fn state(lines: &str) -> String {
     mission(
         "[numbers]\nclose_m = 0.25",
         &format!(
-            "[machine.drive.state.a]\n{lines}\nnext = [{{ when = \"time_s > 5\", go = \"b\" }}]\n[machine.drive.state.b]"
+            "[machine.drive.state.a]\n{lines}\nnext = [{{ when = \"time_s > 5\", go = \"b\" }}]\n\
+             [machine.drive.state.b]"
         ),
     )
 }
@@ -33,66 +33,220 @@ fn when(condition: &str) -> String {
     next(&format!("{{ when = \"{condition}\", go = \"b\" }}"))
 }
 
-#[rustfmt::skip]
 fn cases() -> Vec<(&'static str, String)> {
-    let second = |name: &str, lines: &str| format!(
-        "{}[machine.{name}]\nstart = \"a\"\nfinal = \"a\"\n[machine.{name}.state.a]\n{lines}\n",
-        state("do = { left_dps = 1, right_dps = 1, head_deg = 0, motor.arm = 5 }"));
-    let nine: String = (0..9).map(|at| format!("[machine.m{at}]\nstart = \"a\"\nfinal = \"a\"\n[machine.m{at}.state.a]\n")).collect();
+    let second = |name: &str, lines: &str| {
+        format!(
+            "{}[machine.{name}]\nstart = \"a\"\nfinal = \"a\"\n[machine.{name}.state.a]\n{lines}\n",
+            state("do = { left_dps = 1, right_dps = 1, head_deg = 0, motor.arm = 5 }")
+        )
+    };
+    let nine: String = (0..9)
+        .map(|at| {
+            format!("[machine.m{at}]\nstart = \"a\"\nfinal = \"a\"\n[machine.m{at}.state.a]\n")
+        })
+        .collect();
     let many = vec!["{ when = \"touch\", go = \"b\" }"; 33].join(",\n");
     vec![
         ("nothing in it", String::new()),
         ("not TOML", "name = \"m\n".to_owned()),
         ("a key twice", "name = \"m\"\nname = \"n\"\n".to_owned()),
-        ("unknown keys", mission("tiem_limit_s = 5\ncolour = 1", "start_ = 1\n[machine.drive.state.a]\nnetx = []\n[machine.drive.state.b]")),
-        ("wrong kinds of value", "name = 5\nrate_hz = \"fast\"\ntime_limit_s = true\nfinish = 1\nmachine = 3\n".to_owned()),
-        ("values out of range", mission("rate_hz = 500\ntime_limit_s = 0", "[machine.drive.state.a]\ndo = { head_deg = 5000, tone_hz = 5, motor.arm = nan }\nnext = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]")),
-        ("unknown words", mission("finish = \"both\"\non_lost = \"wait\"", "[machine.drive.state.a]\ndo = { stop = \"break\", led = \"blue\" }\nnext = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]")),
-        ("a name that is none", mission("", "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]").replace("\"m\"", "\"\"")),
-        ("numbers that cannot be named so", mission("[numbers]\nrange_m = 1\n\"far away\" = 2\ntime_limit_s = 3\nok = \"5\"", "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]")),
+        (
+            "unknown keys",
+            mission(
+                "tiem_limit_s = 5\ncolour = 1",
+                "start_ = 1\n[machine.drive.state.a]\nnetx = []\n[machine.drive.state.b]",
+            ),
+        ),
+        (
+            "wrong kinds of value",
+            "name = 5\nrate_hz = \"fast\"\ntime_limit_s = true\nfinish = 1\nmachine = 3\n"
+                .to_owned(),
+        ),
+        (
+            "values out of range",
+            mission(
+                "rate_hz = 500\ntime_limit_s = 0",
+                "[machine.drive.state.a]\ndo = { head_deg = 5000, tone_hz = 5, motor.arm = nan }\n\
+                 next = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]",
+            ),
+        ),
+        (
+            "unknown words",
+            mission(
+                "finish = \"both\"\non_lost = \"wait\"",
+                "[machine.drive.state.a]\ndo = { stop = \"break\", led = \"blue\" }\n\
+                 next = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]",
+            ),
+        ),
+        (
+            "a name that is none",
+            mission(
+                "",
+                "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }]\n\
+                 [machine.drive.state.b]",
+            )
+            .replace("\"m\"", "\"\""),
+        ),
+        (
+            "numbers that cannot be named so",
+            mission(
+                "[numbers]\nrange_m = 1\n\"far away\" = 2\ntime_limit_s = 3\nok = \"5\"",
+                "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }]\n\
+                 [machine.drive.state.b]",
+            ),
+        ),
         ("no machine", "name = \"m\"\n[machine]\n".to_owned()),
         ("nine machines", format!("name = \"m\"\n{nine}")),
         ("a machine without states", "name = \"m\"\n[machine.drive]\n".to_owned()),
         ("too many transitions", next(&many)),
-        ("unknown states", mission("", "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"forwrd\" }]\n[machine.drive.state.forward]").replace("start = \"a\"", "start = \"strat\"")),
-        ("a transition without condition or destination", next("{ when = \"touch\" }, { go = \"b\" }, { when = true, go = \"b\" }, {}")),
+        (
+            "unknown states",
+            mission(
+                "",
+                "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"forwrd\" }]\n\
+                 [machine.drive.state.forward]",
+            )
+            .replace("start = \"a\"", "start = \"strat\""),
+        ),
+        (
+            "a transition without condition or destination",
+            next("{ when = \"touch\" }, { go = \"b\" }, { when = true, go = \"b\" }, {}"),
+        ),
         ("one wheel", state("do = { left_dps = 10 }")),
-        ("two ways to say what the wheels do", state("do = { left_dps = 10, right_dps = 10, stop = \"brake\" }")),
-        ("actions that belong elsewhere", state("on_entry = { left_dps = 10, right_dps = 10 }\non_exit = { sya = \"x\" }\ndo = { forward = 1 }")),
-        ("too long a line for the screen", state("do = { say = \"a line that is far too long for the screen of the brick\" }")),
+        (
+            "two ways to say what the wheels do",
+            state("do = { left_dps = 10, right_dps = 10, stop = \"brake\" }"),
+        ),
+        (
+            "actions that belong elsewhere",
+            state(
+                "on_entry = { left_dps = 10, right_dps = 10 }\non_exit = { sya = \"x\" }\n\
+                 do = { forward = 1 }",
+            ),
+        ),
+        (
+            "too long a line for the screen",
+            state("do = { say = \"a line that is far too long for the screen of the brick\" }"),
+        ),
         ("two lines for the screen", state("do = { say = \"a\\nb\" }")),
-        ("an expression where it does not fit", state("do = { forward_mps = \"range_m < 1\", turn_dps = \"touch\" }")),
+        (
+            "an expression where it does not fit",
+            state("do = { forward_mps = \"range_m < 1\", turn_dps = \"touch\" }"),
+        ),
         ("an empty condition", when("")),
         ("a condition that is a number", when("range_m")),
         ("unknown names", when("rangem < close_n or tuch")),
         ("a condition that breaks off", when("range_m <")),
         ("operands side by side", when("range_m close_m")),
-        ("parentheses", next("{ when = \"(range_m < 1\", go = \"b\" }, { when = \"range_m < 1)\", go = \"b\" }, { when = \"(touch echo)\", go = \"b\" }")),
+        (
+            "parentheses",
+            next(
+                "{ when = \"(range_m < 1\", go = \"b\" }, { when = \"range_m < 1)\", go = \"b\" }, \
+                 { when = \"(touch echo)\", go = \"b\" }",
+            ),
+        ),
         ("a chain of comparisons", when("0 < range_m < 1")),
-        ("signs of other languages", next("{ when = \"touch && echo\", go = \"b\" }, { when = \"range_m = 1\", go = \"b\" }, { when = \"!touch\", go = \"b\" }, { when = \"range_m ≤ 1\", go = \"b\" }, { when = \"x_m^2 > 1\", go = \"b\" }")),
-        ("numbers that are none", next("{ when = \"range_m < 25cm\", go = \"b\" }, { when = \"range_m < 1.2.3\", go = \"b\" }, { when = \"range_m < 1e999\", go = \"b\" }")),
-        ("numbers and truths mixed", next("{ when = \"touch < 1\", go = \"b\" }, { when = \"touch == 1\", go = \"b\" }, { when = \"not range_m\", go = \"b\" }, { when = \"-echo > 0\", go = \"b\" }, { when = \"range_m and touch\", go = \"b\" }")),
+        (
+            "signs of other languages",
+            next(
+                "{ when = \"touch && echo\", go = \"b\" }, { when = \"range_m = 1\", go = \"b\" }, \
+                 { when = \"!touch\", go = \"b\" }, { when = \"range_m ≤ 1\", go = \"b\" }, { when \
+                 = \"x_m^2 > 1\", go = \"b\" }",
+            ),
+        ),
+        (
+            "numbers that are none",
+            next(
+                "{ when = \"range_m < 25cm\", go = \"b\" }, { when = \"range_m < 1.2.3\", go = \
+                 \"b\" }, { when = \"range_m < 1e999\", go = \"b\" }",
+            ),
+        ),
+        (
+            "numbers and truths mixed",
+            next(
+                "{ when = \"touch < 1\", go = \"b\" }, { when = \"touch == 1\", go = \"b\" }, { \
+                 when = \"not range_m\", go = \"b\" }, { when = \"-echo > 0\", go = \"b\" }, { \
+                 when = \"range_m and touch\", go = \"b\" }",
+            ),
+        ),
         ("nested too deeply", when(&"(".repeat(70))),
         ("too long an expression", when(&"1 + ".repeat(1500))),
         ("too many motors", when("motor.a + motor.b + motor.c + motor.d + motor.e > 0")),
-        ("a state that cannot be reached", mission("", "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }]\n[machine.drive.state.b]\n[machine.drive.state.c]\nnext = [{ when = \"touch\", go = \"b\" }]")),
-        ("states that cannot be left", mission("", "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"c\" }, { when = \"echo\", go = \"d\" }, { when = \"time_s > 9\", go = \"b\" }]\n[machine.drive.state.b]\n[machine.drive.state.c]\n[machine.drive.state.d]\nnext = [{ when = \"touch\", go = \"d\" }]")),
-        ("no way to the end", mission("", "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }, { when = \"echo\", go = \"c\" }]\n[machine.drive.state.b]\n[machine.drive.state.c]\nnext = [{ when = \"touch\", go = \"d\" }]\n[machine.drive.state.d]\nnext = [{ when = \"touch\", go = \"c\" }]")),
-        ("a transition that comes too late", next("{ when = \"range_m < 0.5\", go = \"b\" }, { when = \"range_m < close_m and touch\", go = \"b\" }")),
-        ("conditions that never or always hold", next("{ when = \"range_m < 0\", go = \"b\" }, { when = \"heading_deg > 180 or colour == 8\", go = \"b\" }, { when = \"range_m >= 0\", go = \"b\" }")),
-        ("two machines that move the same", second("other", "do = { stop = \"coast\", head_deg = 3, motor.arm = 1 }")),
+        (
+            "a state that cannot be reached",
+            mission(
+                "",
+                "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }]\n\
+                 [machine.drive.state.b]\n[machine.drive.state.c]\n\
+                 next = [{ when = \"touch\", go = \"b\" }]",
+            ),
+        ),
+        (
+            "states that cannot be left",
+            mission(
+                "",
+                "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"c\" }, { when = \
+                 \"echo\", go = \"d\" }, { when = \"time_s > 9\", go = \"b\" }]\n\
+                 [machine.drive.state.b]\n[machine.drive.state.c]\n[machine.drive.state.d]\n\
+                 next = [{ when = \"touch\", go = \"d\" }]",
+            ),
+        ),
+        (
+            "no way to the end",
+            mission(
+                "",
+                "[machine.drive.state.a]\nnext = [{ when = \"touch\", go = \"b\" }, { when = \
+                 \"echo\", go = \"c\" }]\n[machine.drive.state.b]\n[machine.drive.state.c]\n\
+                 next = [{ when = \"touch\", go = \"d\" }]\n[machine.drive.state.d]\n\
+                 next = [{ when = \"touch\", go = \"c\" }]",
+            ),
+        ),
+        (
+            "a transition that comes too late",
+            next(
+                "{ when = \"range_m < 0.5\", go = \"b\" }, { when = \"range_m < close_m and \
+                 touch\", go = \"b\" }",
+            ),
+        ),
+        (
+            "conditions that never or always hold",
+            next(
+                "{ when = \"range_m < 0\", go = \"b\" }, { when = \"heading_deg > 180 or colour == \
+                 8\", go = \"b\" }, { when = \"range_m >= 0\", go = \"b\" }",
+            ),
+        ),
+        (
+            "two machines that move the same",
+            second("other", "do = { stop = \"coast\", head_deg = 3, motor.arm = 1 }"),
+        ),
         ("two modes of one sensor", when("colour == 5 or reflect_pct < 10")),
-        ("a stall without a state for it", format!("on_stall = \"bakc\"\n{}", state("do = { stop = \"brake\" }").replace("state.b]", "state.b]\n[machine.drive.state.back]"))),
-        ("a stall with nobody at the wheel", format!("on_stall = \"a\"\n{}", state("do = { head_deg = 5 }"))),
+        (
+            "a stall without a state for it",
+            format!(
+                "on_stall = \"bakc\"\n{}",
+                state("do = { stop = \"brake\" }")
+                    .replace("state.b]", "state.b]\n[machine.drive.state.back]")
+            ),
+        ),
+        (
+            "a stall in a mission that drives no wheels",
+            format!("on_stall = \"a\"\n{}", state("do = { head_deg = 5 }")),
+        ),
     ]
 }
 
 /// What a robot with two wheels, an infrared range sensor and one named motor says.
-#[rustfmt::skip]
 fn robot_cases() -> Vec<(&'static str, String)> {
     vec![
-        ("parts that the robot lacks", next("{ when = \"touch or head_deg > 5 or reflect_pct > 5\", go = \"b\" }").replace("next =", "do = { head_deg = 5 }\nnext =")),
-        ("motors that the robot lacks", when("motor.griper > 0").replace("next =", "do = { motor.leg = 5 }\nnext =")),
+        (
+            "parts that the robot lacks",
+            next("{ when = \"touch or head_deg > 5 or reflect_pct > 5\", go = \"b\" }")
+                .replace("next =", "do = { head_deg = 5 }\nnext ="),
+        ),
+        (
+            "motors that the robot lacks",
+            when("motor.griper > 0").replace("next =", "do = { motor.leg = 5 }\nnext ="),
+        ),
     ]
 }
 
@@ -132,7 +286,7 @@ fn every_message_is_as_a_person_read_it_last() {
     }
     let read = std::fs::read_to_string(path).unwrap();
     for (at, (now, read)) in now.lines().zip(read.lines()).enumerate() {
-        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 writes it anew", at + 1);
+        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 rewrites it", at + 1);
     }
     assert_eq!(now.lines().count(), read.lines().count(), "{path}");
 }

@@ -136,7 +136,8 @@ fn a_second_run_is_refused_whatever_path_leads_to_the_brick() {
             .args([
                 "sh",
                 "-c",
-                r#"mount --bind "$1" other && exec "$0" run mission.toml --brick other --out second"#,
+                "mount --bind \"$1\" other && \
+                 exec \"$0\" run mission.toml --brick other --out second",
             ])
             .arg(env!("CARGO_BIN_EXE_onbrick"))
             .arg(running.brick.root())
@@ -189,7 +190,7 @@ fn buttons_and_a_speaker_with_other_names_stop_the_run_and_beep() {
         let (buttons, speaker) = (folder.path().join("keyboard"), folder.path().join("beeper"));
         nix::unistd::mkfifo(&buttons, nix::sys::stat::Mode::S_IRWXU).unwrap();
         std::fs::write(&speaker, "").unwrap();
-        // Held open in both directions, so that whoever reads it finds somebody at the other end.
+        // Held open in both directions, so that its reader always has a writer.
         let mut keyboard =
             std::fs::OpenOptions::new().read(true).write(true).open(&buttons).unwrap();
         let options = ["--buttons", "keyboard", "--speaker", "beeper"];
@@ -262,7 +263,7 @@ fn promise_1_when_control_is_killed_the_guard_stops_the_motors_and_the_starter_s
                         "{name}: it was under a lease"
                     );
                 }
-                assert!(recorded.ending.is_none(), "nobody was there to end it");
+                assert!(recorded.ending.is_none(), "no process was left to end it");
             }
         },
     );
@@ -467,7 +468,7 @@ fn promise_1_motors_that_a_killed_run_left_are_stopped_and_nobody_elses() {
         assert_eq!(
             running.brick.read("tacho-motor/motor1", "command"),
             "run-timed",
-            "its run goes on"
+            "its run continues"
         );
         kill_all(&running);
         let (brick, _, _) = running.finish();
@@ -494,16 +495,18 @@ fn promise_9_a_foreign_command_is_said_with_the_motor_and_the_program_and_the_wa
             running.brick.await_driving();
             let motor = running.brick.path("tacho-motor/motor1", "");
             let mut other = std::process::Command::new("sh")
-            .args([
-                "-c",
-                "exec 3>\"$0\"/state 4>\"$0\"/speed_sp; echo running >&3; echo 77 >&4; exec sleep 60",
-            ])
-            .arg(&motor)
-            .spawn()
-            .unwrap();
+                .args([
+                    "-c",
+                    "exec 3>\"$0\"/state 4>\"$0\"/speed_sp; echo running >&3; echo 77 >&4; exec \
+                     sleep 60",
+                ])
+                .arg(&motor)
+                .spawn()
+                .unwrap();
             let (brick, said, _) = running.finish();
             let expected = format!(
-                "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are open in sleep (process {})",
+                "left wheel: outB (speed_sp), which turns; onbrick halt stops it; its files are \
+                 open in sleep (process {})",
                 other.id()
             );
             other.kill().unwrap();
@@ -535,7 +538,7 @@ fn promise_1_when_guard_and_control_are_killed_the_starter_stops_the_motors() {
         );
         assert!(said.err.contains("its motors were stopped"), "{}", said.err);
         assert_eq!(brick.commands(), ["stop"; 3]);
-        assert!(recorded.ending.is_none(), "nobody was there to end it");
+        assert!(recorded.ending.is_none(), "no process was left to end it");
     });
 }
 
@@ -555,7 +558,7 @@ fn promise_1_when_all_are_killed_the_leases_end_by_themselves() {
                 "{name}"
             );
         }
-        assert!(recorded.ending.is_none(), "nobody was there to end it");
+        assert!(recorded.ending.is_none(), "no process was left to end it");
         let root = text(brick.root().to_owned());
         let folder = tempfile::tempdir().unwrap();
         run(folder.path(), &["halt", "--brick", &root]).expect(0);
@@ -770,7 +773,7 @@ fn devices_shows_what_is_plugged_in_and_what_it_reads() {
     let lines = BufReader::new(watching.stdout.take().unwrap()).lines();
     let tables = lines.map(Result::unwrap).filter(|line| line.starts_with("outA")).take(2).count();
     assert_eq!(tables, 2, "it looks again");
-    // The reader is gone now, and nobody is left to watch for.
+    // The reader is gone now, so the watch has no purpose.
     assert_eq!(watching.wait().unwrap().code(), Some(0));
 }
 

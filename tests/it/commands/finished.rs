@@ -130,9 +130,12 @@ fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
 #[test]
 fn the_exported_grid_has_all_that_the_robot_has_seen() {
     let folder = tempfile::tempdir().unwrap();
-    let world = "name = \"long\"\n[[wall]]\npoints = [[-1, 0.5], [20, 0.5], [20, -0.5], [-1, -0.5]]\nclosed = true\n";
-    let mission = "name = \"ahead\"\ntime_limit_s = 90\n[machine.drive]\nstart = \"on\"\nfinal = \"off\"\n\
-                   [machine.drive.state.on]\ndo = { left_dps = 340, right_dps = 340, head_deg = 90 }\n\
+    let world = "name = \"long\"\n[[wall]]\npoints = [[-1, 0.5], [20, 0.5], [20, -0.5], [-1, \
+                 -0.5]]\nclosed = true\n";
+    let mission = "name = \"ahead\"\ntime_limit_s = 90\n[machine.drive]\nstart = \"on\"\n\
+                   final = \"off\"\n\
+                   [machine.drive.state.on]\ndo = { left_dps = 340, right_dps = 340, head_deg = 90 \
+                   }\n\
                    next = [{ when = \"time_s > 60\", go = \"off\" }]\n[machine.drive.state.off]\n";
     std::fs::write(folder.path().join("long.toml"), world).unwrap();
     std::fs::write(folder.path().join("ahead.toml"), mission).unwrap();

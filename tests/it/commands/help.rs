@@ -20,7 +20,7 @@ fn every_command_has_help_with_an_example() {
             line.strip_prefix("  ")?.split(' ').next().filter(|name| !name.is_empty())
         })
         .collect();
-    assert!(!listed.contains(&"control"), "nobody starts control by hand: {overview}");
+    assert!(!listed.contains(&"control"), "control is not started by hand: {overview}");
     for command in COMMANDS {
         assert!(listed.contains(&command), "`{command}` is not in\n{overview}");
     }

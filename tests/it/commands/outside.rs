@@ -77,7 +77,7 @@ fn outside(folder: &Path, name: &str, features: &str, main: &str) -> String {
     {
         cargo.env_remove(key);
     }
-    // What is checked is that it compiles; nobody needs it to be fast or to have line numbers.
+    // The check is that it compiles; it need not be fast or have line numbers.
     let output = cargo
         .args(["run", "--quiet", "--offline"])
         .current_dir(&place)
@@ -98,15 +98,19 @@ fn crates_outside_the_repository_compile_and_run() {
         return pass_over("cargo, for crates outside the repository");
     }
     let folder = tempfile::tempdir().unwrap();
-    let bare = "use onbrick::mapping::{Estimator, EstimatorConfig, Geometry, Inputs, Method, Pose};\n\
+    let bare = "use onbrick::mapping::{Estimator, EstimatorConfig, Geometry, Inputs, Method, \
+        Pose};\n\
         fn main() {\n    let geometry = Geometry::new(0.189, 0.114).unwrap();\n\
-        \x20   let mut estimator = Estimator::new(EstimatorConfig { geometry, method: Method::Default }, Pose::default());\n\
+        \x20   let mut estimator = Estimator::new(EstimatorConfig { geometry, method: \
+        Method::Default }, Pose::default());\n\
         \x20   for (time_ns, rad) in [(0, 0.0), (20_000_000, 0.1)] {\n\
-        \x20       let inputs = Inputs { time_ns, left_rad: Some(rad), right_rad: Some(rad), ..Inputs::default() };\n\
+        \x20       let inputs = Inputs { time_ns, left_rad: Some(rad), right_rad: Some(rad), \
+        ..Inputs::default() };\n\
         \x20       println!(\"{:.6}\", estimator.update(&inputs).pose.x_m);\n    }\n}\n";
     let printed = outside(folder.path(), "bare", ", default-features = false", bare);
     assert_eq!(printed, "0.000000\n0.003008\n", "a tenth of a radian of a wheel of 0.189 m");
-    let whole = "fn main() {\n    let names: Vec<&str> = onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n\
+    let whole = "fn main() {\n    let names: Vec<&str> = \
+        onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n\
         \x20   // Without libzmq's CURVE there is no key.\n\
         \x20   println!(\"key {}\", onbrick::link::KeyPair::generate().unwrap().public());\n}\n";
     let printed = outside(folder.path(), "whole", "", whole);

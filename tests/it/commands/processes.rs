@@ -110,7 +110,7 @@ fn a_run_whose_starter_leaves_it_stops_or_goes_on_as_its_job_says() {
             let run = start(&job);
             let stopper = run.stopper();
             drop(run);
-            stopper.stop(StopBy::Remote).expect("nobody is asked any more");
+            stopper.stop(StopBy::Remote).expect("no answer is waited for");
             let mut reason = None;
             await_that("the recording is finished", || {
                 let ending = Run::open(&job.file).ok().and_then(|run| run.ending);
@@ -135,8 +135,8 @@ fn a_job_that_cannot_be_done_is_refused_with_a_hint_and_a_program_that_is_none_i
     assert!(matches!(&refused, RunError::Refused { .. }), "{refused}");
     assert!(refused.to_string().contains("map.toml"), "{refused}");
     if let Ok(nothing) = RunProcess::start(Path::new("/nowhere/onbrick"), &broken) {
-        // QEMU's user mode tells of a program that is not there only by the end of the process that
-        // should have been it.
+        // QEMU's user mode reports a missing program only by the end of the process that should
+        // have run it.
         assert!(cfg!(target_arch = "arm") && nothing.wait().is_err());
     }
     let silent = RunProcess::start(Path::new("/bin/false"), &broken).map(RunProcess::wait);

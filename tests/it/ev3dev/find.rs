@@ -102,7 +102,8 @@ fn what_was_not_found_says_what_there_is() {
         format!("no ultrasonic sensor on in2; {sensors}"),
         format!("no gyro sensor on in3, but lego-ev3-us; {sensors}"),
         format!("no gyro sensor; {sensors}"),
-        "more than one motor, name a port; there is lego-ev3-l-motor on outB, lego-ev3-m-motor on outA"
+        "more than one motor, name a port; there is lego-ev3-l-motor on outB, \
+         lego-ev3-m-motor on outA"
             .to_owned(),
         format!("no motor on outC, but act-l12-ev3-50; {motors}"),
         "no motor on outC; nothing of this kind is plugged in".to_owned(),

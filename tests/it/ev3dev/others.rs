@@ -254,7 +254,8 @@ fn the_main_board_says_which_brick_it_is() {
         "BOARD_INFO_TYPE=aux\n",
     );
     assert_eq!(BoardInfo::read(&fake.tree()).unwrap(), None);
-    let text = "BOARD_INFO_HW_REV=7\nBOARD_INFO_MODEL=LEGO MINDSTORMS EV3\nBOARD_INFO_ROM_REV=6\nBOARD_INFO_SERIAL_NUM=0016535A1B2C\nBOARD_INFO_TYPE=main\n";
+    let text = "BOARD_INFO_HW_REV=7\nBOARD_INFO_MODEL=LEGO MINDSTORMS EV3\nBOARD_INFO_ROM_REV=6\n\
+                BOARD_INFO_SERIAL_NUM=0016535A1B2C\nBOARD_INFO_TYPE=main\n";
     fake.file("sys/class/board-info/board1", "uevent", Direction::Readwriteable, text);
     let board = BoardInfo::read(&fake.tree()).unwrap().unwrap();
     assert_eq!(board.model.as_deref(), Some("LEGO MINDSTORMS EV3"));

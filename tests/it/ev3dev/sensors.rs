@@ -255,7 +255,8 @@ fn infrared_buttons_each_by_itself() {
     #[rustfmt::skip]
     let cases = [
         // value             red up  red down  blue up  blue down
-        (384,                [false, false,    false,   false]),    // nothing, though the bit for blue down is set
+        // 384 is nothing, though the bit for blue down is set.
+        (384,                [false, false,    false,   false]),
         (262,                [false, false,    false,   false]),
         (270,                [false, false,    false,   false]),
         (256 + 0x10,         [true,  false,    false,   false]),
@@ -460,7 +461,9 @@ fn a_sensors_reading_is_one_call_and_allocates_nothing_after_the_first() {
 
 proptest! {
     #[test]
-    fn whatever_a_driver_says_is_a_value_or_malformed(bytes in proptest::collection::vec(any::<u8>(), 0..90)) {
+    fn whatever_a_driver_says_is_a_value_or_malformed(
+        bytes in proptest::collection::vec(any::<u8>(), 0..90),
+    ) {
         let (fake, sensor) = typed::<UltrasonicMode>(ULTRASONIC_MODES);
         fake.put(SENSOR, "value0", &bytes);
         if let Err(error) = sensor.distance_m() {

@@ -42,7 +42,7 @@ fn measure(rig: &Rig, port: Port, reading: i32) {
     rig.world(|bench| bench.readings[port as usize][0] = reading);
 }
 
-/// Turns a motor's shaft by so many counts.
+/// Turns a motor's shaft by this many counts.
 fn turn(rig: &Rig, port: Port, counts: f64) {
     rig.world(|bench| bench.motors[port as usize - Port::OutA as usize].edges += 2.0 * counts);
 }

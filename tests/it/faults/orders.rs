@@ -8,19 +8,37 @@ use crate::drivers_bench::Rig;
 
 #[test]
 fn an_order_is_a_line_of_text() {
-    let text = "in1 stuck\n\n# nothing\nrobot 2 outB block for 2.5  # a child's hand\nbattery 6.2\nbattery 8 5 60\nin4 clear\nclear\n\
-                ev3-ports:outA write speed_sp 500\nin3 wrong 1.5 -20\noutD reset\nin2 garbage text\n\
-                press enter\nrobot 3 press back for 1.5\nrelease enter\nplace 0.5 -0.2 90\nreset\ntone 440\nsay Hello  robot";
+    let text = "in1 stuck\n\n# nothing\nrobot 2 outB block for 2.5  # a child's hand\nbattery 6.2\n\
+                battery 8 5 60\nin4 clear\nclear\n\
+                ev3-ports:outA write speed_sp 500\nin3 wrong 1.5 -20\noutD reset\n\
+                in2 garbage text\n\
+                press enter\nrobot 3 press back for 1.5\nrelease enter\nplace 0.5 -0.2 90\nreset\n\
+                tone 440\nsay Hello  robot";
     let orders = Order::parse(0, text).unwrap();
     let shown: Vec<String> =
         orders.iter().map(|order| format!("{} {}", order.robot, order.act)).collect();
-    #[rustfmt::skip]
-    assert_eq!(shown, [
-        "0 in1 stuck", "1 outB block for 2.5", "0 battery 6.2", "0 battery 8 5 60", "0 in4 clear", "0 clear",
-        "0 outA write speed_sp 500", "0 in3 wrong 1.5 -20", "0 outD reset", "0 in2 garbage text",
-        "0 press enter for 0.2", "2 press back for 1.5", "0 release enter", "0 place 0.5 -0.2 90", "0 reset",
-        "0 tone 440", "0 say Hello robot",
-    ]);
+    assert_eq!(
+        shown,
+        [
+            "0 in1 stuck",
+            "1 outB block for 2.5",
+            "0 battery 6.2",
+            "0 battery 8 5 60",
+            "0 in4 clear",
+            "0 clear",
+            "0 outA write speed_sp 500",
+            "0 in3 wrong 1.5 -20",
+            "0 outD reset",
+            "0 in2 garbage text",
+            "0 press enter for 0.2",
+            "2 press back for 1.5",
+            "0 release enter",
+            "0 place 0.5 -0.2 90",
+            "0 reset",
+            "0 tone 440",
+            "0 say Hello robot",
+        ]
+    );
     assert_eq!(orders[1].act, Act::Inject(Port::OutB, DeviceFault::Block, Some(5 * SECOND_NS / 2)));
     assert!(Order::parse(0, "").unwrap().is_empty());
 }
@@ -40,12 +58,24 @@ fn each_fault_reads_back_from_its_own_text() {
 
 #[test]
 fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
-    #[rustfmt::skip]
     let cases = [
-        ("in9 stuck", "line 1: there is no port `in9`; there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, `press`, `release`, `place` and `reset`"),
-        ("\nmotor stuck", "line 2: there is no port `motor`; there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, `press`, `release`, `place` and `reset`"),
+        (
+            "in9 stuck",
+            "line 1: there is no port `in9`; there are in1 to in4, outA to outD, and for the whole \
+             robot `battery`, `clear`, `press`, `release`, `place` and `reset`",
+        ),
+        (
+            "\nmotor stuck",
+            "line 2: there is no port `motor`; there are in1 to in4, outA to outD, and for the \
+             whole robot `battery`, `clear`, `press`, `release`, `place` and `reset`",
+        ),
         ("in1 stuk", "line 1: there is no fault `stuk`; did you mean `stuck`?"),
-        ("in1", "line 1: no fault is named; there are unplug, plug, off, stuck, garbage, wrong, slow, delayed, intermittent, jump, enxio, eio, denied, block, endless, resync, stale, write, reset"),
+        (
+            "in1",
+            "line 1: no fault is named; there are unplug, plug, off, stuck, garbage, wrong, slow, \
+             delayed, intermittent, jump, enxio, eio, denied, block, endless, resync, stale, \
+             write, reset",
+        ),
         ("in1 delayed soon", "line 1: `soon` is not a number"),
         ("in1 delayed -5", "line 1: -5 is out of range; it can be 0 to 10000"),
         ("in1 wrong nan", "line 1: nan is out of range; it can be -100 to 100"),
@@ -55,12 +85,23 @@ fn what_is_not_an_order_says_what_is_wrong_and_the_way_out() {
         ("in1 stuck for ever", "line 1: `ever` is not a number"),
         ("outA reset for 5", "line 1: `reset` is done at once; leave out `for`"),
         ("outA write speed_sp", "line 1: `write` takes an attribute and a value"),
-        ("battery", "line 1: `battery` takes one number or three; `battery 6.2`, or `battery 8 5 60`: from 8 V to 5 V in 60 s"),
+        (
+            "battery",
+            "line 1: `battery` takes one number or three; `battery 6.2`, or `battery 8 5 60`: from \
+             8 V to 5 V in 60 s",
+        ),
         ("battery 230", "line 1: 230 is out of range; it can be 0 to 12"),
         ("press entre", "line 1: there is no button `entre`; did you mean `enter`?"),
         ("press", "line 1: `press` takes one button; `press enter`, or `press enter for 1.5`"),
-        ("press enter left", "line 1: `press` takes one button; `press enter`, or `press enter for 1.5`"),
-        ("place 1 2", "line 1: `place 1 2` does not say it all; `release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres and degrees"),
+        (
+            "press enter left",
+            "line 1: `press` takes one button; `press enter`, or `press enter for 1.5`",
+        ),
+        (
+            "place 1 2",
+            "line 1: `place 1 2` does not say it all; `release enter`, `tone 440`, `say WORDS`, or \
+             `place 0.5 -0.2 90`: metres, metres and degrees",
+        ),
         ("place 1 2 400", "line 1: 400 is out of range; it can be -360 to 360"),
         ("robot 0 clear", "line 1: `robot 0` is no robot; robots count from 1"),
         ("robot 1", "line 1: there is no order; write for example `in1 stuck`"),
@@ -163,7 +204,8 @@ fn a_button_is_down_for_as_long_as_the_last_press_says() {
 
 #[test]
 fn what_a_scenario_orders_in_vain_is_recorded_with_the_reason() {
-    let text = "[[fault]]\nat_s = 0\nport = \"outC\"\nkind = \"reset\"\n[[fault]]\nat_s = 0\nrobot = 3\nport = \"in1\"\nkind = \"stuck\"\n";
+    let text = "[[fault]]\nat_s = 0\nport = \"outC\"\nkind = \"reset\"\n[[fault]]\nat_s = 0\n\
+                robot = 3\nport = \"in1\"\nkind = \"stuck\"\n";
     let rig = Rig::recorded();
     rig.bench.simulation.play(&Scenario::parse("vain.toml", text.as_bytes()).unwrap().0);
     let done: Vec<String> =
@@ -175,8 +217,11 @@ fn what_a_scenario_orders_in_vain_is_recorded_with_the_reason() {
 
 #[test]
 fn every_mistake_in_a_scenario_has_its_place() {
-    let text = "[[fault]]\nat_s = -1\nport = \"in7\"\nkind = \"stuk\"\n\n[[fault]]\nat_s = 5\nuntil_s = 4\nprot = 1\nport = \"in1\"\nkind = \"stuck\"\n\n\
-                [[fault]]\nat_s = 1\nuntil_s = 2\nport = \"outA\"\nkind = \"reset\"\n\n[[battery]]\nat_s = 0\nfrom_v = 99\nrobot = 0\n\n[[press]]\nat_s = 0\nbutton = \"entre\"\nfor_s = 0\n\n[wind]\n";
+    let text = "[[fault]]\nat_s = -1\nport = \"in7\"\nkind = \"stuk\"\n\n[[fault]]\nat_s = 5\n\
+                until_s = 4\nprot = 1\nport = \"in1\"\nkind = \"stuck\"\n\n\
+                [[fault]]\nat_s = 1\nuntil_s = 2\nport = \"outA\"\nkind = \"reset\"\n\n\
+                [[battery]]\nat_s = 0\nfrom_v = 99\nrobot = 0\n\n[[press]]\nat_s = 0\n\
+                button = \"entre\"\nfor_s = 0\n\n[wind]\n";
     let found = Scenario::parse("loose.toml", text.as_bytes()).unwrap_err().to_string();
     for expected in [
         "error: `fault[0].at_s` is -1; it can be 0 to 86400\n  --> loose.toml:2:8",
@@ -201,7 +246,9 @@ fn every_mistake_in_a_scenario_has_its_place() {
 
 proptest! {
     #[test]
-    fn any_text_is_an_order_or_a_message(text in "([a-z0-9.# -]|in1|outB|stuck|write|for|battery|robot|\n){0,60}") {
+    fn any_text_is_an_order_or_a_message(
+        text in "([a-z0-9.# -]|in1|outB|stuck|write|for|battery|robot|\n){0,60}",
+    ) {
         if let Err(error) = Order::parse(0, &text) {
             prop_assert!(!error.to_string().is_empty());
         }
@@ -214,7 +261,11 @@ proptest! {
     }
 
     #[test]
-    fn any_numbers_read_back(scale in -100.0..100.0_f64, offset in -1_000_000..1_000_000_i32, ms in 0..60_000_000_i64) {
+    fn any_numbers_read_back(
+        scale in -100.0..100.0_f64,
+        offset in -1_000_000..1_000_000_i32,
+        ms in 0..60_000_000_i64,
+    ) {
         for fault in [
             DeviceFault::Wrong { scale, offset },
             DeviceFault::Jump { by: offset },

@@ -43,7 +43,8 @@ fn odometry_without_a_gyro_is_as_far_from_the_camera_as_a_plain_script_says() {
         let (last, most) =
             (errors.last().expect("a last one"), errors.iter().fold(0.0, |a: f64, b| a.max(*b)));
         println!(
-            "  track {track_mm}: RMSE {rmse:.0} (script {expected_mm}), most {most:.0}, last {last:.0}"
+            "  track {track_mm}: RMSE {rmse:.0} (script {expected_mm}), most {most:.0}, last \
+             {last:.0}"
         );
         let allowed_mm = f64::max(0.05 * expected_mm, MATCHING_MM);
         assert!((rmse - expected_mm).abs() < allowed_mm, "{rmse} mm, expected {expected_mm} mm");

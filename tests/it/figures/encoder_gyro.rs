@@ -47,7 +47,8 @@ fn the_gyros_heading_is_better_than_the_encoders() {
     };
     let gyro = rms_mm(TRACK_M, true);
     println!(
-        "ev3-encoder-gyro, position at the ends of segments, RMS (mm; a plain script found 160 and 208 to 375):"
+        "ev3-encoder-gyro, position at the ends of segments, RMS (mm; a plain script found 160 and \
+         208 to 375):"
     );
     println!("  heading by gyro {gyro:.0}");
     assert!((144.0..176.0).contains(&gyro), "{gyro} mm");
@@ -74,7 +75,8 @@ fn slip_is_noticed_where_the_wheels_turn_against_each_other_and_not_on_a_straigh
             let turned_deg = segment.after.gyro_deg - gyro_deg;
             let found = turns_disagree(radians(encoder_deg), radians(turned_deg));
             println!(
-                "  run {number} {name:8}: encoders {encoder_deg:6.1}, gyro {turned_deg:6.1}, slip: {found}"
+                "  run {number} {name:8}: encoders {encoder_deg:6.1}, gyro {turned_deg:6.1}, \
+                 slip: {found}"
             );
             assert_eq!(found, slips, "run {number}, {name}");
         }

@@ -79,11 +79,13 @@ fn print(name: &str, [points, median, p90, pose, heading, travelled]: [f64; 6]) 
 #[test]
 #[cfg_attr(
     target_arch = "arm",
-    ignore = "forty long runs, the same bits as on a PC: a quarter of an hour where floats are software"
+    ignore = "forty long runs, the same bits as on a PC: a quarter of an hour where floats are \
+              software"
 )]
 fn maps_of_ten_seeds_in_four_worlds() {
     println!(
-        "demo's mission, 120 s: points; point to wall, cm: median, p90; final pose: cm, degrees; metres driven"
+        "demo's mission, 120 s: points; point to wall, cm: median, p90; final pose: cm, degrees; \
+         metres driven"
     );
     // Bounds of the default's median and p90 over all points of a run, in cm: of the median seed.
     for (name, median_cm, p90_cm) in [

@@ -93,7 +93,8 @@ fn the_simulated_large_motor_follows_the_recorded_steps() {
     let shipped = [fitted[0], built_in.friction_nm, built_in.j_kg_m2, fitted[3]];
     let [volts, friction_nm, j_kg_m2, dead_s] = fitted;
     println!(
-        "ev3-motor-steps, fitted on 60, -60, 100 %: {volts:.2} V at the motor, friction {friction_nm:.4} N.m,"
+        "ev3-motor-steps, fitted on 60, -60, 100 %: {volts:.2} V at the motor, friction \
+         {friction_nm:.4} N.m,"
     );
     println!(
         "  inertia {j_kg_m2:.5} kg.m2, dead time {:.0} ms; Kt, Ke, R as given",

@@ -90,7 +90,8 @@ fn print(name: &str, errors: &mut [f64]) -> [f64; 5] {
     .map(|figure| figure.expect("there are points"));
     let [median, mean, p90, below_5, above_10] = figures.map(|figure| figure * 100.0);
     println!(
-        "  {name:15} {:6} points: median {median:.1}, mean {mean:.1}, p90 {p90:.1}; {below_5:.0} %, {above_10:.0} %",
+        "  {name:15} {:6} points: median {median:.1}, mean {mean:.1}, p90 {p90:.1}; {below_5:.0} \
+         %, {above_10:.0} %",
         errors.len()
     );
     figures

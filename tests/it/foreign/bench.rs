@@ -52,7 +52,7 @@ impl Truth {
     }
 }
 
-/// Somebody's program, running in its namespace.
+/// A foreign program, running in its namespace.
 pub(crate) struct Foreign {
     name: String,
     process: Child,

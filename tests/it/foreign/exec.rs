@@ -32,13 +32,15 @@ fn a_program_sees_the_brick_in_place_of_the_machine_and_its_exit_code_is_kept() 
         ("ls /dev/input", 0, "by-path\nevent0\nevent1\n"),
         ("wc -c < /dev/fb0", 0, "91136\n"),
         (
-            "echo > /dev/console; echo > /dev/tty1; echo x > /dev/null; head -c 1 /dev/zero | wc -c",
+            "echo > /dev/console; echo > /dev/tty1; echo x > /dev/null; head -c 1 \
+             /dev/zero | wc -c",
             0,
             "1\n",
         ),
         ("command -v beep", 0, "/dev/onbrick/bin/beep\n"),
         (
-            "/usr/bin/beep -f 660 -l 30 && amixer -q set Playback 30% && amixer get Playback | tail -n1",
+            "/usr/bin/beep -f 660 -l 30 && amixer -q set Playback 30% && amixer get Playback | \
+             tail -n1",
             0,
             "  Mono: Playback [30%] [on]\n",
         ),
@@ -84,7 +86,8 @@ fn an_ordinary_user_has_a_view_of_their_own() {
         .unwrap();
     let program = folder.path().join("onbrick");
     fs::copy(PROGRAM, &program).unwrap();
-    let script = "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; aplay -q /dev/null";
+    let script = "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; \
+                  aplay -q /dev/null";
     let mut command = Command::new("setpriv");
     command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]).arg(&program);
     command

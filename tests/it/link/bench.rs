@@ -49,9 +49,9 @@ pub struct Recording {
 pub struct Fake {
     pub asked: Mutex<Vec<(String, Caller)>>,
     pub recordings: Mutex<BTreeMap<String, Recording>>,
-    /// So many starts are refused for a stale token.
+    /// How many starts are refused for a stale token.
     pub stale: AtomicU32,
-    /// A mission's list takes so many milliseconds.
+    /// How long a mission's list takes, milliseconds.
     pub slow_ms: AtomicU32,
     pub started: Mutex<Vec<RunId>>,
     /// The hashes that clients have named.
@@ -252,7 +252,7 @@ pub struct Service {
 }
 
 impl Service {
-    /// Serves at a loopback address that nobody else of this machine has.
+    /// Serves at a loopback address that no other process of this machine has.
     pub fn new() -> Self {
         Self::of("sim", &["--sim", "arena"])
     }

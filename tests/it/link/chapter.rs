@@ -178,7 +178,7 @@ fn the_readmes_chapter() {
     until("it records on by itself", || (length() > before + 50_000).then_some(()));
     apart.network.plug();
 
-    // Nobody started it again: it has been driving all the while.
+    // No client started it again: it has been driving all the while.
     assert!(apart.done("status blue --timeout 60").contains("running"));
     assert!(apart.done("stop blue").contains("stopped map-"));
     let last = loop {

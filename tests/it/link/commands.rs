@@ -151,7 +151,8 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
 #[test]
 #[cfg_attr(
     target_arch = "arm",
-    ignore = "the page is a PC's, and beside a browser QEMU's user mode is late, which ends the run as it should"
+    ignore = "the page is a PC's, and beside a browser QEMU's user mode is late, which ends the \
+              run as it should"
 )]
 fn a_run_is_followed_on_a_page_that_grows() {
     let _alone = alone();

@@ -11,7 +11,8 @@ use crate::foreign::bench::unshare;
 use crate::support::pass_over;
 
 /// As on ev3dev, without the system's bus, which is not there.
-const AVAHI: &str = "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\nallow-interfaces=brick\nenable-dbus=no\n";
+const AVAHI: &str = "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\n\
+                     allow-interfaces=brick\nenable-dbus=no\n";
 
 /// A network with one cable, a brick's avahi at it, and a PC that listens.
 const SCRIPT: &str = r#"
@@ -88,7 +89,7 @@ fn a_brick_whose_avahi_has_the_packages_file_is_found() {
         .find(|said| !said.is_empty())
         .unwrap_or_default();
     let brick: Value =
-        serde_json::from_str(said.lines().next().expect("nobody was heard")).unwrap();
+        serde_json::from_str(said.lines().next().expect("no brick was heard")).unwrap();
     assert_eq!(brick["brick"], "ev3-blue", "{brick}");
     assert_eq!(brick["address"], "ev3-blue.local", "{brick}");
     assert_eq!(brick["numbers"][0], "10.5.0.1", "{brick}");

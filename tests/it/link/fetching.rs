@@ -28,8 +28,7 @@ fn bytes(length: usize, seed: u64) -> Vec<u8> {
     (0..length).map(|_| next()).collect()
 }
 
-/// A way to a brick that is cut after so many bytes, again and again, with another number of bytes
-/// each time.
+/// A connection to a brick that is cut again and again, after another number of bytes each time.
 struct CutWay {
     address: SocketAddr,
     cuts: Arc<AtomicU32>,
@@ -66,7 +65,7 @@ impl CutWay {
     }
 }
 
-/// Carries so many bytes; true where it was this that ended it.
+/// Carries this many bytes; true if this limit ended it.
 fn carry(mut from: TcpStream, mut to: TcpStream, mut left: usize) -> bool {
     let mut piece = [0; 4096];
     let mut ran_out = false;

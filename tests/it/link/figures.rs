@@ -51,7 +51,7 @@ fn long() -> Option<String> {
 enum Trouble {
     Nothing,
     Losing(u32),
-    /// The cable is pulled out at a second of the mission, for so many seconds.
+    /// The cable is pulled out at a second of the mission, for this many seconds.
     Outages(Vec<(f64, f64)>),
     Flood,
 }
@@ -234,7 +234,8 @@ fn ours(name: &str, (run, is_same): &(Run, bool)) -> String {
     let seconds = onbrick::clock::seconds(run.senses.last().map_or(1, |last| last.time_ns));
     let hz = f64::from(u32::try_from(run.senses.len()).unwrap()) / seconds;
     format!(
-        "| {name} | {} | {:.3} | {:.3} | {:.2} | {lost} | {} | {hz:.1} | {:.2} | {largest:.3} | {holes} | {ended} |",
+        "| {name} | {} | {:.3} | {:.3} | {:.2} | {lost} | {} | {hz:.1} | {:.2} | {largest:.3} | \
+         {holes} | {ended} |",
         run.senses.len(),
         ms(middle(&p50)),
         ms(middle(&p99)),
@@ -284,16 +285,18 @@ fn control_does_not_notice_the_network_and_the_seeds_way_does() {
     };
     let tables = || {
         println!(
-            "congestion control {}, missions of {seconds} s, late: of a second's ticks, in the median second",
+            "congestion control {}, missions of {seconds} s, late: of a second's ticks, in the \
+             median second",
             probe.congestion()
         );
         println!(
-            "| network | ticks | late p50, ms | p99, ms | max, ms | records lost | copy | turns/s | longest without control, s | largest hole, m | holes | ended |"
+            "| network | ticks | late p50, ms | p99, ms | max, ms | records lost | copy | turns/s \
+             | longest without control, s | largest hole, m | holes | ended |"
         );
         println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
         troubles.iter().for_each(|trouble| case(trouble, seconds));
     };
-    // In the long form whoever reads it is the judge of how busy the machine was.
+    // In the long form the reader judges how busy the machine was.
     if long().is_some() { tables() } else { patiently("a bad network", tables) }
 }
 
@@ -326,7 +329,7 @@ fn case(trouble: &Trouble, seconds: f64) {
     }
 }
 
-/// A recording of so many bytes on the brick, as if it had come of a run.
+/// A recording of this many bytes on the brick, as if a run had written it.
 fn plant(apart: &mut Apart, bytes: usize) -> PathBuf {
     apart.done("start map blue --set time_limit_s=1");
     apart.done("fetch blue --timeout 60");

@@ -115,7 +115,7 @@ fn more_requests_than_can_wait_are_refused_and_the_rest_is_answered() {
             .send(json!({"id": id, "version": 1, "op": "missions"}).to_string().as_bytes(), 0)
             .unwrap();
     }
-    // So many replies at once are more than are kept for a client that does not read meanwhile:
+    // This many replies at once are more than are kept for a client that does not read meanwhile:
     // some are dropped, and it is free to ask again.
     let (mut answered, mut refused) = (0_u32, 0_u32);
     socket.set_rcvtimeo(2000).unwrap();
@@ -278,8 +278,22 @@ fn a_request_with_lines_in_its_names_forges_none_in_the_log() {
         json!({"id": 1, "version": 1, "op": forged}),
         json!({"id": 1, "version": 1, "op": "stop", "run": forged}),
         json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {forged: 1}}),
-        json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {"name": forged}, "token": "t"}),
-        json!({"id": 1, "version": 1, "op": "start", "run": "r", "mission": {"name": "map"}, "set": [[forged, "x"]]}),
+        json!({
+            "id": 1,
+            "version": 1,
+            "op": "start",
+            "run": "r",
+            "mission": {"name": forged},
+            "token": "t",
+        }),
+        json!({
+            "id": 1,
+            "version": 1,
+            "op": "start",
+            "run": "r",
+            "mission": {"name": "map"},
+            "set": [[forged, "x"]],
+        }),
     ] {
         let reply = ask(&socket, request.to_string().as_bytes());
         let message = reply["error"]["message"].as_str().unwrap();

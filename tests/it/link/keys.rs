@@ -47,7 +47,7 @@ fn an_unknown_key_a_wrong_key_and_nobody_are_told_apart() {
     };
     assert_eq!(silence(&free.to_string()), Silence::Nobody);
     assert_eq!(silence("no.such.name.invalid"), Silence::NoSuchName);
-    // Somebody who accepts and says nothing.
+    // A listener that accepts and says nothing.
     let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     assert_eq!(silence(&mute.local_addr().unwrap().to_string()), Silence::NoHandshake);
     assert!(bench.fake.asked.lock().unwrap().is_empty());
@@ -153,7 +153,7 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
         desk.open(seconds);
         until("the window is open", || Some(bench.server.pairing_port()).filter(|port| *port != 0))
     };
-    // Nobody comes in while only one side has agreed; both see one code.
+    // No PC comes in while only one side has agreed; both see one code.
     let port = opened(60);
     let introduced = std::thread::scope(|scope| {
         let person = scope.spawn(|| {

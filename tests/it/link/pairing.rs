@@ -109,7 +109,8 @@ impl Impostor {
                 json!({"ok": {"step": "commit", "commit": commitment(b"B", &key, &number)}})
             }
             "reveal" => json!({"ok": {
-                "step": "reveal", "key": key.to_string(), "number": hexadecimal(&number), "name": name
+                "step": "reveal", "key": key.to_string(), "number": hexadecimal(&number),
+                "name": name
             }}),
             _ => last.clone(),
         });
@@ -291,7 +292,8 @@ fn a_brick_that_shows_another_number_or_key_than_it_committed_to_is_refused() {
         let brick = Impostor::new(move |asked| match asked["step"].as_str().unwrap() {
             "commit" => json!({"ok": {"step": "commit", "commit": committed}}),
             _ => json!({"ok": {
-                "step": "reveal", "key": key.to_string(), "number": hexadecimal(&number), "name": "ev3"
+                "step": "reveal", "key": key.to_string(), "number": hexadecimal(&number),
+                "name": "ev3"
             }}),
         });
         let pc = Pc::new();

@@ -199,7 +199,8 @@ fn is_one_map(team: &Bricks, pace: &Pace) {
     let (median_m, p90_m) =
         (quantile(&mut errors_m, 0.5).unwrap(), quantile(&mut errors_m, 0.9).unwrap());
     println!(
-        "{} points of blue and {} of red: to the nearest true wall {:.1} cm (median), {:.1} cm (90th percentile)",
+        "{} points of blue and {} of red: to the nearest true wall {:.1} cm (median), {:.1} cm \
+         (90th percentile)",
         counts[0],
         counts[1],
         median_m * 100.0,
@@ -333,7 +334,8 @@ fn a_brick_that_does_not_take_the_start_stops_the_others() {
     let team = Bricks::in_world("two-arenas", &["blue", "red"]);
     // A mission that comes from the PC is checked by each brick for its own robot, and red's has no
     // range sensor.
-    let robot = "name = \"r\"\n[drive]\nmax_dps = 360\nleft = { port = \"outB\" }\nright = { port = \"outD\" }\nwheel_circumference_m = 0.19\ntrack_width_m = 0.11\n";
+    let robot = "name = \"r\"\n[drive]\nmax_dps = 360\nleft = { port = \"outB\" }\n\
+                 right = { port = \"outD\" }\nwheel_circumference_m = 0.19\ntrack_width_m = 0.11\n";
     std::fs::write(team.brick("red").path("robot.toml"), robot).unwrap();
     let mission = SHORT.replace("time_s > 2", "range_m < 0.01");
     std::fs::write(team.path("near.toml"), mission).unwrap();
@@ -345,7 +347,7 @@ fn a_brick_that_does_not_take_the_start_stops_the_others() {
     let said = team.said(&output, code);
     assert!(said.contains("red: ") && said.contains("range_m"), "{said}");
     let blue = team.last("blue");
-    assert!(blue.starts_with("blue  ") && !blue.contains("started by"), "it goes on: {blue}");
+    assert!(blue.starts_with("blue  ") && !blue.contains("started by"), "it continues: {blue}");
 }
 
 #[test]
@@ -422,7 +424,7 @@ fn ctrl_c_stops_every_brick_and_brings_home_what_they_have() {
             pace.same(name, &came["end"]["word"].as_str(), &Some("remote"));
             let recorded = Run::open(&team.path(came["file"].as_str().unwrap())).unwrap();
             assert!(recorded.ending.is_some(), "{came}");
-            assert!(!team.last(name).contains("started by"), "it goes on: {}", team.last(name));
+            assert!(!team.last(name).contains("started by"), "it continues: {}", team.last(name));
         }
         assert!(team.path("onbrick-team/map.png").exists());
     });

@@ -82,13 +82,20 @@ proptest! {
             prop_assert_eq!(map_at_origin.points().len(), map_moved.points().len());
             for (point, there) in map_at_origin.points().iter().zip(map_moved.points()) {
                 let [x_m, y_m] = start.place(point.x_m, point.y_m);
-                prop_assert!((x_m - there.x_m).abs() < 1e-8 && (y_m - there.y_m).abs() < 1e-8, "{point:?} {there:?}");
+                prop_assert!(
+                    (x_m - there.x_m).abs() < 1e-8 && (y_m - there.y_m).abs() < 1e-8,
+                    "{point:?} {there:?}"
+                );
             }
         }
     }
 
     #[test]
-    fn an_arc_in_more_and_smaller_steps_ends_at_the_same_place(forward in -0.5..0.5, turn in -3.0..3.0, parts in 2_u32..6) {
+    fn an_arc_in_more_and_smaller_steps_ends_at_the_same_place(
+        forward in -0.5..0.5,
+        turn in -3.0..3.0,
+        parts in 2_u32..6,
+    ) {
         let end = |ticks| {
             let mut estimator = Estimator::new(config(Method::Default), Pose::default());
             drive(&mut Robot::new(false), &mut estimator, ticks, forward, turn).pose
@@ -100,7 +107,8 @@ proptest! {
 
     #[test]
     fn going_on_from_a_recorded_state_gives_the_same_bits(
-        steps in prop::collection::vec(any_inputs(), 2..60), cut in 0_usize..60, seed in any::<bool>()
+        steps in prop::collection::vec(any_inputs(), 2..60), cut in 0_usize..60,
+        seed in any::<bool>()
     ) {
         let config = config(if seed { Method::Seed } else { Method::Default });
         let mut whole = Estimator::new(config, Pose::default());
@@ -119,7 +127,10 @@ proptest! {
     }
 
     #[test]
-    fn no_input_at_all_poisons_the_pose(steps in prop::collection::vec(any_inputs(), 1..80), start in any::<(f64, f64, f64)>()) {
+    fn no_input_at_all_poisons_the_pose(
+        steps in prop::collection::vec(any_inputs(), 1..80),
+        start in any::<(f64, f64, f64)>(),
+    ) {
         let start = Pose { x_m: start.0, y_m: start.1, heading_rad: start.2 };
         for method in BOTH {
             let mut estimator = Estimator::new(config(method), Pose::default());
@@ -128,12 +139,19 @@ proptest! {
             for inputs in &steps {
                 let estimate = estimator.update(inputs);
                 prop_assert!(estimate.pose.is_finite(), "{estimate:?}");
-                prop_assert!(estimate.covariance.iter().all(|number| number.is_finite()), "{estimate:?}");
-                prop_assert!(estimate.forward_m_s.is_finite() && estimate.turn_rad_s.is_finite(), "{estimate:?}");
+                prop_assert!(
+                    estimate.covariance.iter().all(|number| number.is_finite()),
+                    "{estimate:?}"
+                );
+                prop_assert!(
+                    estimate.forward_m_s.is_finite() && estimate.turn_rad_s.is_finite(),
+                    "{estimate:?}"
+                );
                 prop_assert!(estimate.travelled_m.is_finite());
                 map.add(&anywhere.update(inputs));
             }
-            prop_assert!(map.points().iter().all(|point| point.x_m.is_finite() && point.y_m.is_finite()));
+            let mut points = map.points().iter();
+            prop_assert!(points.all(|point| point.x_m.is_finite() && point.y_m.is_finite()));
         }
     }
 }

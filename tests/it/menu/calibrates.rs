@@ -27,7 +27,7 @@ struct AtTheScreen {
     /// What the screen gets of it, and where its answers go.
     told: Receiver<Told>,
     replies: Replies,
-    /// What stood on the screen, for whoever reads a failure.
+    /// The pages that were shown, to explain a failure.
     pages: Vec<String>,
 }
 

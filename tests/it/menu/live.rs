@@ -1,7 +1,7 @@
 //! The real menu against a real service: `onbrick menu` and `onbrick serve --sim`, as processes.
 //!
-//! `ONBRICK_MENU_KILLS=1000 cargo test --test it menu::live -- --nocapture` kills the menu so many
-//! times; it prints how the runs ended.
+//! `ONBRICK_MENU_KILLS=1000 cargo test --test it menu::live -- --nocapture` kills the menu that
+//! many times; it prints how the runs ended.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;

@@ -1,5 +1,5 @@
 //! Every page in every state as a picture that a person has looked at: `tests/data/menu/*.png`,
-//! compared pixel by pixel. `ONBRICK_BLESS=1 cargo test --test it menu::` writes them anew; look at
+//! compared pixel by pixel. `ONBRICK_BLESS=1 cargo test --test it menu::` rewrites them; look at
 //! what changed.
 
 use std::path::PathBuf;
@@ -47,7 +47,7 @@ fn holds(name: &str, bench: &mut Bench) {
     let text = bench.menu.text();
     assert!(
         kept.len() == canvas.pixels().len() && differ == 0,
-        "{differ} pixels of {name}.png are not as they were; ONBRICK_BLESS=1 writes it anew. The page:\n{text}"
+        "{differ} pixels of {name}.png have changed; ONBRICK_BLESS=1 rewrites it. The page:\n{text}"
     );
 }
 

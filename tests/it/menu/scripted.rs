@@ -108,7 +108,9 @@ impl Default for Scripted {
             robot: None,
             clock: None,
         };
-        let broken = "wall.toml:14:12: there is no signal `rang_m`; did you mean `range_m`?\nwall.toml:21:1: the state `turn_back` can never be reached\nwall.toml:30:14: two machines drive `left_dps`: `drive` and `head`";
+        let broken = "wall.toml:14:12: there is no signal `rang_m`; did you mean `range_m`?\n\
+                      wall.toml:21:1: the state `turn_back` can never be reached\n\
+                      wall.toml:30:14: two machines drive `left_dps`: `drive` and `head`";
         Self(Mutex::new(World {
             now_ns: 0,
             gone: false,
@@ -165,7 +167,7 @@ impl Scripted {
         self.world().gone
     }
 
-    /// The time goes on: a run comes from one state to the next, a lease ends.
+    /// Sets the time: a run comes from one state to the next, a lease ends.
     pub fn at(&self, now_ns: i64) {
         let mut world = self.world();
         world.now_ns = now_ns;
@@ -267,7 +269,7 @@ impl World {
         let offset = usize::try_from(fetch.offset).unwrap();
         let end = (offset + usize::try_from(fetch.length).unwrap()).min(total);
         let Some(bytes) = all.get(offset..end) else {
-            return Err(Refusal::new(Kind::BeyondEnd, "there are not so many bytes"));
+            return Err(Refusal::new(Kind::BeyondEnd, "there are fewer bytes"));
         };
         let fetched = Fetched {
             run: fetch.run.clone(),

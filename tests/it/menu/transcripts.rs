@@ -1,5 +1,5 @@
 //! Buttons pressed, what the screen says and what the service was asked to do, as a transcript:
-//! `tests/data/menu-transcripts.txt`. `ONBRICK_BLESS=1` writes it anew; read what changed.
+//! `tests/data/menu-transcripts.txt`. `ONBRICK_BLESS=1` rewrites it; read what changed.
 
 use std::fmt::Write as _;
 
@@ -69,9 +69,9 @@ fn compare(now: &str) {
     }
     let read = std::fs::read_to_string(&path).unwrap_or_default();
     for (at, (now, read)) in now.lines().zip(read.lines()).enumerate() {
-        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 writes it anew", at + 1);
+        assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 rewrites it", at + 1);
     }
-    assert_eq!(now.lines().count(), read.lines().count(), "{path}; ONBRICK_BLESS=1 writes it anew");
+    assert_eq!(now.lines().count(), read.lines().count(), "{path}; ONBRICK_BLESS=1 rewrites it");
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn a_motor_turns_as_long_as_a_button_is_held_and_no_longer() {
     bench.pass(100);
     assert_eq!(bench.service.done(), ["jog outB 0"]);
     assert!(bench.service.world().turning.is_empty());
-    // Somebody else starts a run while it is held.
+    // Another client starts a run while it is held.
     bench.menu.press(Button::Down);
     bench.pass(200);
     bench.service.world().begin("map", "laptop");

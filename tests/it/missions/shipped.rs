@@ -83,7 +83,8 @@ fn map_drives_for_ten_minutes_and_is_never_stuck() {
             let pushing_s = pushing_s(&played);
             let way_m = played.truths.last().unwrap().travelled_m;
             println!(
-                "map in {world}, seed {seed}: {way_m:.1} m, pushed for {pushing_s:.1} s at most; {}",
+                "map in {world}, seed {seed}: {way_m:.1} m, pushed for {pushing_s:.1} s at \
+                 most; {}",
                 played.ended.stop
             );
             assert!(played.ended.stop.reason.is_wanted(), "{world}, seed {seed}: {}", played.ended);
@@ -132,7 +133,8 @@ fn bump_backs_off_each_time_and_gets_about() {
             .map(|truth| distance_m(truth, &played.truths[0]))
             .fold(0.0, f64::max);
         println!(
-            "bump {seed}: {bumps} bumps, pushing for {pushing_s:.2} s at most, {way_m:.2} m, {far_m:.2} m away"
+            "bump {seed}: {bumps} bumps, pushing for {pushing_s:.2} s at most, {way_m:.2} m, \
+             {far_m:.2} m away"
         );
         assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(bumps >= 3, "{bumps} bumps");
@@ -157,7 +159,8 @@ fn wall_keeps_near_its_wall() {
         let touching_s = played.longest_s(|truth| truth.touching);
         let way_m = played.truths.last().unwrap().travelled_m;
         println!(
-            "wall {seed}: within 10 to 40 cm for {:.0} % of the time from {:.1} s on, {way_m:.2} m, touching for {touching_s:.2} s at most",
+            "wall {seed}: within 10 to 40 cm for {:.0} % of the time from {:.1} s on, {way_m:.2} \
+             m, touching for {touching_s:.2} s at most",
             near * 100.0,
             found_s
         );
@@ -241,7 +244,7 @@ fn edge_never_falls_off_the_table() {
         assert_eq!(
             off.map(|tick| tick as f64 * played.tick_s),
             None,
-            "fell off, at so many seconds"
+            "fell off, at this time in seconds"
         );
         assert!(edges >= 3, "{edges} edges");
         assert_eq!(played.ended.stop.reason.word(), "finished");
@@ -310,7 +313,8 @@ fn square_comes_back_to_its_start() {
         let (off_m, off_deg) =
             (distance_m(start, end), degrees(wrap_rad(end.heading_rad - start.heading_rad)));
         println!(
-            "square {seed}: sides {sides:.3?} m, ends {:.1} cm and {off_deg:.1} degrees off, after {:.1} s",
+            "square {seed}: sides {sides:.3?} m, ends {:.1} cm and {off_deg:.1} degrees off, \
+             after {:.1} s",
             off_m * 100.0,
             played.ended.time_s
         );

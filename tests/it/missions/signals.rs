@@ -1,4 +1,4 @@
-//! Signals beyond those of the shipped missions: each decides how a mission goes on, on the
+//! Signals beyond those of the shipped missions: each decides how a mission continues, on the
 //! simulated brick's own drivers.
 
 use onbrick::robot::{BindError, Robot, RobotConfig};
@@ -32,7 +32,8 @@ fn steps(steps: &[(&str, &str)]) -> String {
     for (at, (doing, when)) in steps.iter().enumerate() {
         let go = if at + 1 == steps.len() { "end".to_owned() } else { format!("s{}", at + 1) };
         text.push_str(&format!(
-            "[machine.m.state.s{at}]\ndo = {{ {doing} }}\nnext = [{{ when = \"{when}\", go = \"{go}\" }}]\n"
+            "[machine.m.state.s{at}]\ndo = {{ {doing} }}\n\
+             next = [{{ when = \"{when}\", go = \"{go}\" }}]\n"
         ));
     }
     text + "[machine.m.state.end]\n"
@@ -58,7 +59,8 @@ fn the_gyros_rate_says_how_fast_the_robot_turns_and_leaves_the_heading_as_good()
 
 #[test]
 fn red_green_blue_and_the_light_around_tell_floors_apart() {
-    let patch = "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, -0.5], [1, -0.5], [1, 0.5], [0.3, 0.5]]\n\
+    let patch = "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, -0.5], [1, -0.5], [1, \
+                 0.5], [0.3, 0.5]]\n\
                  colour = \"red\"\n";
     let drive = "forward_mps = 0.1";
     let mission = steps(&[

@@ -49,7 +49,7 @@ pub(crate) fn no_fuse() -> bool {
 }
 
 impl Mounted {
-    /// The bench of the transcript, over a clock that moves when somebody sleeps on it.
+    /// The bench of the transcript, over a clock that moves when a thread sleeps on it.
     pub(crate) fn recorded() -> Option<Self> {
         Self::with_options(Options::default())
     }
@@ -172,7 +172,7 @@ pub(crate) fn await_or_fail(what: &str, mut is_there: impl FnMut() -> bool) {
     }
 }
 
-/// Files of this machine, with a clock that nobody moves but those who wait on them.
+/// Files of this machine, with a clock that moves only for those who wait on it.
 #[derive(Debug)]
 struct MovingTree {
     tree: LocalTree,

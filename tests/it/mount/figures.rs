@@ -13,9 +13,12 @@ use onbrick::sim::World;
 use super::bench::{Mounted, no_fuse, real_time};
 use crate::support::real_time::{Pace, in_real_time};
 
-/// A room with so many robots in it.
+/// A room with this many robots in it.
 fn room(robots: usize) -> World {
-    let mut text = "name = \"hall\"\n[[wall]]\npoints = [[-1.0, -1.0], [13.0, -1.0], [13.0, 13.0], [-1.0, 13.0]]\nclosed = true\n".to_owned();
+    let mut text =
+        "name = \"hall\"\n[[wall]]\npoints = [[-1.0, -1.0], [13.0, -1.0], [13.0, 13.0], [-1.0, \
+         13.0]]\nclosed = true\n"
+            .to_owned();
     for robot in 0..robots {
         text.push_str(&format!(
             "[[start]]\nat = [{}.0, {}.0]\nheading_deg = {}\n",
@@ -142,14 +145,16 @@ fn figures(pace: &Pace) {
     let plain = File::open(folder.path().join("plain")).unwrap();
     let (through_mount, on_tmpfs) = (reads_per_s(&attribute), reads_per_s(&plain));
     println!(
-        "reads a second of one attribute: {through_mount:.0} through the mount, {on_tmpfs:.0} of a plain file on tmpfs"
+        "reads a second of one attribute: {through_mount:.0} through the mount, {on_tmpfs:.0} of a \
+         plain file on tmpfs"
     );
     drop((attribute, mounted));
 
     let idle = load(1, false, false, 1.0).unwrap();
     let driving = load(1, true, true, 1.0).unwrap();
     println!(
-        "share of one processor: idle {:.1} %, driving and read at {:.0} Hz {:.1} % (readers included)",
+        "share of one processor: idle {:.1} %, driving and read at {:.0} Hz {:.1} % (readers \
+         included)",
         idle.share * 100.0,
         driving.rounds_per_s,
         driving.share * 100.0
@@ -158,7 +163,8 @@ fn figures(pace: &Pace) {
     for robots in [2, 5, 10, 20, 40, 80, 160] {
         let load = load(robots, true, true, 1.0).unwrap();
         println!(
-            "{robots} robots driving, each read at 100 Hz: {:.0} Hz came, simulated time at most {:.1} ms behind, {:.0} % of one processor",
+            "{robots} robots driving, each read at 100 Hz: {:.0} Hz came, simulated time at most \
+             {:.1} ms behind, {:.0} % of one processor",
             load.rounds_per_s,
             load.worst_lag_ms,
             load.share * 100.0

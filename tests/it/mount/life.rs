@@ -139,7 +139,7 @@ fn a_simulator_that_somebody_else_unmounts_ends_and_says_so() {
     }
     let (code, last) = simulator.end();
     assert_eq!(code, Some(0));
-    assert!(last.contains("unmounted by somebody else"), "{last}");
+    assert!(last.contains("unmounted by another program"), "{last}");
 }
 
 #[test]
@@ -231,11 +231,11 @@ fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
     );
 }
 
-/// Somebody who is nobody: `nobody`.
+/// A user without rights: the kernel's overflow number.
 const NOBODY: u32 = 65_534;
 
-/// Everybody's folder with a copy of the program: somebody else may not be let into the folder
-/// where it was built.
+/// A folder open to all users, with a copy of the program: another user may have no access to the
+/// folder where it was built.
 fn open_house() -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
@@ -263,7 +263,7 @@ exec setpriv --reuid 65534 --regid 65534 --clear-groups "$@"
         .args([program.as_os_str(), "sim".as_ref(), point.as_os_str()])
         .output();
     let Some(output) = output.ok().filter(|_| nix::unistd::geteuid().is_root()) else {
-        return pass_over("root with unshare, to become somebody who cannot mount");
+        return pass_over("root with unshare, to become a user who cannot mount");
     };
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");

@@ -19,7 +19,7 @@ fn play(plan: &Plan) -> Played {
     play.play().unwrap()
 }
 
-/// So many calls of a run, spread over it evenly; all of them in the long form.
+/// This many calls of a run, spread over it evenly; all of them in the long form.
 fn some_of(calls: u64, some: u64) -> impl Iterator<Item = u64> {
     let step = if long() { 1 } else { (calls / some).max(1) };
     (1..=calls).step_by(usize::try_from(step).unwrap())
@@ -56,7 +56,8 @@ fn promise_3_a_call_that_fails_once_or_comes_short_is_got_over() {
         assert!(played.ended.travelled_m > 0.1, "call {nth}: {} m", played.ended.travelled_m);
     }
     promised(&format!(
-        "{tried} of {calls} attribute calls of a run failed or came short, one a run: every run finished and replays bit for bit"
+        "{tried} of {calls} attribute calls of a run failed or came short, one a run: every run \
+         finished and replays bit for bit"
     ));
 }
 
@@ -66,7 +67,7 @@ fn promise_2_a_call_that_takes_too_long_ends_the_run() {
     let mut ended = 0;
     for nth in some_of(calls, 12) {
         let played = delayed(nth);
-        // A call in the last tick delays nobody.
+        // A call in the last tick delays nothing.
         if played.reason != StopReason::Finished {
             assert_eq!(played.reason, StopReason::Late, "call {nth}");
             ended += 1;
@@ -101,6 +102,7 @@ fn promise_1_a_process_that_dies_at_any_call_leaves_motors_that_stop() {
         tried += 1;
     }
     promised(&format!(
-        "dead at {tried} of {calls} attribute calls: the wheels stand each time, by the leases alone"
+        "dead at {tried} of {calls} attribute calls: the wheels stand each time, by the \
+         leases alone"
     ));
 }

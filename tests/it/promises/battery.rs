@@ -23,7 +23,7 @@ fn run_down(pack: Pack) -> Played {
     play.scenario(RAMP).play().unwrap()
 }
 
-/// So often the real program is started anew where this machine made its loop late.
+/// How often the real program is restarted if this machine made its loop late.
 const ATTEMPTS: u32 = 8;
 
 /// When the recording's log says something, seconds, and the battery's voltage then.
@@ -88,7 +88,8 @@ fn promise_6_a_battery_from_8_v_to_5_v_warns_slows_down_and_stops_in_time() {
         let replayed = replay(&run).unwrap();
         assert!(replayed.is_same() && replayed.ticks == played.ended.ticks, "{replayed}");
         promised(&format!(
-            "{cells}: warned at {low_v:.2} V, slowed from {before} to {after} counts/s at {slow_v:.2} V, stopped at {end_v:.2} V, {} ticks replayed bit for bit",
+            "{cells}: warned at {low_v:.2} V, slowed from {before} to {after} counts/s at \
+             {slow_v:.2} V, stopped at {end_v:.2} V, {} ticks replayed bit for bit",
             replayed.ticks
         ));
     }
@@ -151,7 +152,8 @@ fn promise_6_the_program_on_a_brick_stops_before_its_battery_is_flat() {
         let speed_mps = || mounted.observer.as_ref().unwrap().truth(0).unwrap().speed_mps.abs();
         await_or_fail("a standstill", || speed_mps() < 1e-3);
         return promised(&format!(
-            "real program on the mounted brick: stopped {end_s:.1} s after the start at {end_v:.2} V, recording complete"
+            "real program on the mounted brick: stopped {end_s:.1} s after the start at {end_v:.2} \
+             V, recording complete"
         ));
     }
     // The same is shown in virtual time above.

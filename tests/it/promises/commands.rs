@@ -122,7 +122,8 @@ fn motor(
         ("driver_name", driver),
         ("max_speed", max_speed.as_str()),
         ("count_per_rot", "360\n"),
-        // Nobody keeps the state here, and a motor that stands still would contradict each command.
+        // Nothing updates the state here, and a motor that stands still would contradict each
+        // command.
         ("state", "unknown\n"),
     ];
     fake.plug(&folder(port), &rotary_tables(), &texts);
@@ -148,7 +149,8 @@ fn robot(chance: &mut Chance, judge: &mut Judge) -> (RobotConfig, Arc<dyn Tree>)
         motor(chance, judge, &fake, port, max_dps).replace('|', between)
     };
     let text = format!(
-        "name = \"odd\"\n[drive]\nleft = {{ {} }}\nright = {{ {} }}\nwheel_circumference_m = 0.2\ntrack_width_m = 0.1\n\
+        "name = \"odd\"\n[drive]\nleft = {{ {} }}\nright = {{ {} }}\nwheel_circumference_m = 0.2\n\
+         track_width_m = 0.1\n\
          max_dps = {wheels}\n[head]\n{}\nspeed_dps = {head}\n[motor.arm]\n{}\nmax_dps = {arm}\n",
         section("outB", wheels, ", "),
         section("outD", wheels, ", "),
@@ -229,6 +231,7 @@ fn promise_5_nothing_outside_the_limits_reaches_a_file() {
         "{at_the_limit} motors at their limit"
     );
     promised(&format!(
-        "{demanded} demands to {robots} robots, NaN and infinities among them: {written} writes, {speeds} of them speeds, 0 outside the limits"
+        "{demanded} demands to {robots} robots, NaN and infinities among them: {written} writes, \
+         {speeds} of them speeds, 0 outside the limits"
     ));
 }

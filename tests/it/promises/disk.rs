@@ -84,7 +84,8 @@ fn promise_7_a_disk_that_fails_at_the_nth_call_stops_the_run_cleanly_for_every_n
         }
     }
     promised(&format!(
-        "ENOSPC, EIO, EROFS and short writes at the nth call, n = 1, 2, …: {refused} runs refused before anything moved, {stopped} stopped, \
+        "ENOSPC, EIO, EROFS and short writes at the nth call, n = 1, 2, …: {refused} runs refused \
+         before anything moved, {stopped} stopped, \
          at most {most_lost} ticks unsynced"
     ));
 }
@@ -151,7 +152,8 @@ fn promise_7_a_power_cut_loses_at_most_what_came_since_the_last_sync() {
     // still.
     assert!(most_lost <= period + 4, "{most_lost} ticks lost, {period} between two syncs");
     promised(&format!(
-        "power cut at every call, {cuts} states of the disk: at most {most_lost} ticks lost of {period} between syncs, no wrong one read"
+        "power cut at every call, {cuts} states of the disk: at most {most_lost} ticks lost of \
+         {period} between syncs, no wrong one read"
     ));
 }
 
@@ -195,7 +197,7 @@ fn promise_7_a_sync_that_hangs_blocks_no_tick_and_the_gap_is_reported() {
     let dropped = side.dropped();
     assert!(dropped > 2_000 && !side.failed(), "{dropped} dropped");
     disk.set(false);
-    // When the disk is back, recording goes on: so many ticks in a row find room again.
+    // When the disk is back, recording continues: several ticks in a row find room again.
     let (mut number, mut fitting) = (3_000, 0);
     while fitting < 100 {
         assert!(number < 10_000, "the recorder does not come back");
@@ -231,7 +233,8 @@ fn on_a_small_disk(kilobytes: u32, out: &Path) -> Option<Output> {
     std::fs::create_dir_all(&kept).unwrap();
     let script = format!(
         "mount -t tmpfs -o size={kilobytes}k none {disk} || exit 99; \
-         {program} run map --sim arena --set time_limit_s=60 --out {disk}/run; code=$?; cp {disk}/run/run.mcap {kept}; exit $code",
+         {program} run map --sim arena --set time_limit_s=60 --out {disk}/run; code=$?; cp \
+         {disk}/run/run.mcap {kept}; exit $code",
         disk = disk.display(),
         kept = kept.display(),
         program = env!("CARGO_BIN_EXE_onbrick"),

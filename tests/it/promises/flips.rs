@@ -60,7 +60,7 @@ impl Whole {
             .map(|at| &self.run.transitions[at])
             .collect();
         assert_eq!(run.transitions.iter().collect::<Vec<_>>(), taken, "{what}: transitions");
-        assert!(hit.is_empty() || !run.warnings.is_empty(), "{what}: nobody is told");
+        assert!(hit.is_empty() || !run.warnings.is_empty(), "{what}: no warning");
     }
 }
 
@@ -98,7 +98,8 @@ fn promise_7_every_single_flipped_bit_of_a_small_recording_costs_at_most_its_chu
     });
     let flips = flips.into_inner();
     promised(&format!(
-        "{flips} single bits of {} bytes flipped: the other chunks are read to the last bit, 0 wrong records",
+        "{flips} single bits of {} bytes flipped: the other chunks are read to the last bit, 0 \
+         wrong records",
         whole.bytes.len()
     ));
 }
@@ -129,7 +130,7 @@ fn promise_7_random_flips_in_a_large_recording_cost_at_most_their_chunks() {
         hit.sort_unstable();
         hit.dedup();
         whole.judge(&damaged, &hit, &format!("seed {file}"));
-        // Replay goes on behind every gap, and is right about all that it replays.
+        // Replay continues behind every gap, and is right about all that it replays.
         if file % 50 == 0 && !beginning {
             let run = Run::read(&damaged).unwrap();
             let replayed = replay(&run).unwrap();
@@ -141,7 +142,8 @@ fn promise_7_random_flips_in_a_large_recording_cost_at_most_their_chunks() {
         }
     });
     promised(&format!(
-        "{} random bits of {} kB in {} chunks flipped, in {files} files: 0 wrong records, replays go on behind the gaps",
+        "{} random bits of {} kB in {} chunks flipped, in {files} files: 0 wrong records, replays \
+         go on behind the gaps",
         flips.into_inner(),
         whole.bytes.len() / 1000,
         whole.chunks.len()

@@ -41,8 +41,8 @@ const ATTEMPTS: usize = 10;
 /// A machine that lets a thread wait for this long is starved.
 const STARVED_NS: i64 = 25 * MILLISECOND_NS;
 
-/// One of each, within a minute on a few bricks. A thread that panics stops the motors whoever else
-/// is there to do it.
+/// One of each, within a minute on a few bricks. A thread that panics stops the motors, even if
+/// another process could do it.
 const CASES: [Case; 42] = [
     (Trouble::Killed, BOTH),
     (Trouble::StoppedAndContinued, BOTH),
@@ -294,7 +294,8 @@ fn promise_1_a_run_that_may_outlive_its_service_goes_on_under_its_guard() {
         }
         if measured.is_in_time(Trouble::ServiceKilled) {
             return promised(&format!(
-                "the service killed, the run goes on; then control is killed: last command ended after {} ms, at rest after {} ms",
+                "the service killed, the run continues; then control is killed: last command ended \
+                 after {} ms, at rest after {} ms",
                 measured.commands_ns / MILLISECOND_NS,
                 measured.rest_ns / MILLISECOND_NS
             ));

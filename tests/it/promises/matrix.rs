@@ -124,7 +124,8 @@ fn promise_3_each_fault_on_each_device_is_noticed_in_time_or_known_to_be_undetec
 #[test]
 #[cfg_attr(
     target_arch = "arm",
-    ignore = "each mission in each world, the same bits as on a PC: an hour where floats are software"
+    ignore = "each mission in each world, the same bits as on a PC: an hour where floats are \
+              software"
 )]
 fn promise_3_no_reading_of_a_good_robot_is_called_implausible() {
     let seeds = if long() { 50 } else { 2 };
@@ -156,7 +157,8 @@ fn promise_3_no_reading_of_a_good_robot_is_called_implausible() {
     });
     let (ends, metres) = (ends.into_inner().unwrap(), metres.into_inner().unwrap());
     promised(&format!(
-        "{} runs of the shipped missions in the built-in worlds, {metres:.0} m: none implausible; {ends:?}",
+        "{} runs of the shipped missions in the built-in worlds, {metres:.0} m: none implausible; \
+         {ends:?}",
         jobs.len()
     ));
 }

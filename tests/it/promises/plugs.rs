@@ -1,5 +1,5 @@
-//! Promises 2, 3, 4 and 9 in virtual time: a loop that stalls, plugs that come loose, somebody
-//! else's hand on our motors.
+//! Promises 2, 3, 4 and 9 in virtual time: a loop that stalls, plugs that come loose, another
+//! program that commands our motors.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ const DEVICES: [(&str, Channel); 5] = [
     ("in4", Channel::Gyro),
 ];
 
-/// The mapping mission, so many seconds of it.
+/// The mapping mission, this many seconds of it.
 fn mapping(seconds: f64) -> Play {
     Play::of("map", "arena", 3).seconds(seconds)
 }
@@ -82,14 +82,15 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
             ended.truths.last().unwrap().travelled_m - travelled_m(&ended.truths, back_s);
         let step_m = largest_step_m(&recorded);
         promised(&format!(
-            "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m driven then; largest step {step_m:.4} m; off by \
+            "{port}: lost after {:.2} s, back {:.2} s after it was put in; {afterwards_m:.2} m \
+             driven then; largest step {step_m:.4} m; off by \
              {:.3} m at the end",
             lost_s - 10.0,
             back_s - 14.0,
             ended.pose_error_m()
         ));
         assert!(waited_m < 0.002, "{port}: it waits, and has driven {waited_m} m");
-        assert!(afterwards_m > 0.3, "{port}: it really goes on: {afterwards_m} m");
+        assert!(afterwards_m > 0.3, "{port}: it really continues: {afterwards_m} m");
         assert!(step_m < 0.01, "{port}: no jump: {step_m} m");
         assert!(
             ended.pose_error_m() < clean.pose_error_m() + 0.1,

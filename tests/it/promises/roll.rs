@@ -52,7 +52,8 @@ fn promise_1_how_long_wheels_roll_on_after_the_last_lease_is_known() {
         let (commands_ns, rest_ns) = after_the_last_renewal(dps);
         let ms = |ns: i64| ns / MILLISECOND_NS;
         promised(&format!(
-            "lease alone, wheels at {dps} deg/s: last command ended after {} ms, at rest after {} ms, of which {} ms roll-out",
+            "lease alone, wheels at {dps} deg/s: last command ended after {} ms, at rest after {} \
+             ms, of which {} ms roll-out",
             ms(commands_ns),
             ms(rest_ns),
             ms(rest_ns - commands_ns)

@@ -194,7 +194,8 @@ fn promise_11_missions_with_random_faults_for_hours_leave_nothing_driving_and_no
         assert!(after.0 < before.0 + 50_000, "memory: {} kB, then {} kB", before.0, after.0);
     }
     promised(&format!(
-        "{:.2} simulated hours in {:.0} s: {stints} runs, {metres:.0} m, {faults} faults of devices; ended {ends:?}; memory {} then {} kB, descriptors {} then {}",
+        "{:.2} simulated hours in {:.0} s: {stints} runs, {metres:.0} m, {faults} faults of \
+         devices; ended {ends:?}; memory {} then {} kB, descriptors {} then {}",
         drove_s / 3600.0,
         started.elapsed().as_secs_f64(),
         before.0,

@@ -97,8 +97,10 @@ fn table_of_promises() {
 
 #[test]
 fn the_table_is_made_of_names_results_and_figures() {
-    let output = "running 2 tests\ntest a::promise_5_x ... ok\ntest b::promise_11_y ... FAILED\ntest other ... ok\n\nsuccesses:\n\n\
-                  ---- a::promise_5_x stdout ----\nchatter\npromised: 7 of 7\n\n\nfailures:\n---- b::promise_11_y stdout ----\npromised: seed 3\n";
+    let output = "running 2 tests\ntest a::promise_5_x ... ok\ntest b::promise_11_y ... FAILED\n\
+                  test other ... ok\n\nsuccesses:\n\n\
+                  ---- a::promise_5_x stdout ----\nchatter\npromised: 7 of 7\n\n\nfailures:\n\
+                  ---- b::promise_11_y stdout ----\npromised: seed 3\n";
     let told = read(output);
     assert_eq!(told.keys().copied().collect::<Vec<_>>(), [5, 11]);
     let one =

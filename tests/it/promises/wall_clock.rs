@@ -15,7 +15,7 @@ use crate::support::wall_clock::{replace, shim};
 
 const YEARS_NS: i64 = 31_556_952_000_000_000;
 
-/// So often the real program is started anew where this machine made its loop late.
+/// How often the real program is restarted if this machine made its loop late.
 const ATTEMPTS: u32 = 8;
 
 /// The log times of all messages, in the order of the file.
@@ -70,13 +70,16 @@ fn promise_8_whatever_the_wall_clock_says_at_the_start_the_run_is_the_same() {
         assert!(replay(&other.run()).unwrap().is_same());
     }
     promised(&format!(
-        "{} wall clocks from 1970 on at the start: the same ticks, poses and transitions to the last bit",
+        "{} wall clocks from 1970 on at the start: the same ticks, poses and transitions to the \
+         last bit",
         offsets.len() + 1
     ));
 }
 
-const STRAIGHT_ON: &str = "name = \"on\"\ntime_limit_s = 4\n[machine.drive]\nstart = \"on\"\nfinal = \"halt\"\n[machine.drive.state.on]\n\
-    do = { left_dps = 60, right_dps = 60 }\nnext = [{ when = \"time_s > 3.5\", go = \"halt\" }]\n[machine.drive.state.halt]\n";
+const STRAIGHT_ON: &str = "name = \"on\"\ntime_limit_s = 4\n[machine.drive]\nstart = \"on\"\n\
+    final = \"halt\"\n[machine.drive.state.on]\n\
+    do = { left_dps = 60, right_dps = 60 }\nnext = [{ when = \"time_s > 3.5\", go = \"halt\" }]\n\
+    [machine.drive.state.halt]\n";
 
 #[test]
 #[cfg_attr(target_arch = "arm", ignore = "a static program takes no LD_PRELOAD")]
@@ -137,7 +140,8 @@ fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing()
         let replayed = replay(&run).unwrap();
         assert!(replayed.is_same(), "{replayed}");
         return promised(&format!(
-            "real program, wall clock from 1970, {jumps} jumps by ±262 s, an hour and 56 years: {} ticks in order",
+            "real program, wall clock from 1970, {jumps} jumps by ±262 s, an hour and 56 years: {} \
+             ticks in order",
             run.senses.len()
         ));
     }

@@ -1,5 +1,5 @@
-//! A world that notes at each of its steps, to 2 ms, which bridges drive and which shafts turn:
-//! nobody's polling is in the figures.
+//! A world that notes at each of its steps, to 2 ms, which bridges drive and which shafts turn: the
+//! figures include no polling.
 
 use std::sync::{Arc, Mutex};
 

@@ -1,4 +1,4 @@
-//! Somebody else's decoder reads what is recorded, by the definitions that the file brings along.
+//! A third-party decoder reads what is recorded, by the definitions in the file itself.
 
 use std::process::Command;
 

@@ -88,7 +88,7 @@ fn promise_7_what_no_tick_follows_is_synced_all_the_same() {
     recorder.finish(side, end(5)).unwrap();
 }
 
-/// A disk that is full after so many bytes, or that cannot sync any more.
+/// A disk that is full after this many bytes, or that cannot sync any more.
 #[derive(Debug, Clone)]
 struct FailingDisk {
     memory: Memory,

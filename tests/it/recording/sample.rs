@@ -196,7 +196,7 @@ pub(crate) fn options(sync_period_ns: i64, ring_entries: usize) -> Options {
     Options { sync_period_ns, ring_entries }
 }
 
-/// A finished recording of so many ticks.
+/// A finished recording of this many ticks.
 pub(crate) fn sample(ticks: u64, sync_period_ns: i64) -> Vec<u8> {
     let memory = Memory::default();
     let (recorder, mut side) = Recorder::start(

@@ -64,11 +64,11 @@ fn a_motor_is_jogged_between_runs_only_and_stops_when_nobody_asks_any_more() {
     assert_eq!((device("outB").role.as_deref(), device("outB").motor), (Some("left wheel"), true));
     assert!(device("in1").reading.contains("1000"), "{live:?}");
 
-    // Somebody else's program has the hardware: nothing of ours touches it.
-    let other = HardwareLock::take(brick.root(), "somebody's program").unwrap();
-    refused_as(&served.own_refused(&jog("outB", 50)), Kind::Busy, "somebody's program");
+    // Another program has the hardware: nothing of ours touches it.
+    let other = HardwareLock::take(brick.root(), "another program").unwrap();
+    refused_as(&served.own_refused(&jog("outB", 50)), Kind::Busy, "another program");
     let refusal = served.own_refused(&LocalOnly::StartHere(start("r", "short")));
-    refused_as(&refusal, Kind::Busy, "somebody's program");
+    refused_as(&refusal, Kind::Busy, "another program");
     assert!(served.runs().is_empty());
     drop(other);
 }

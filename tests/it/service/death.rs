@@ -41,7 +41,7 @@ fn a_killed_services_run_stops_and_the_next_service_knows_how() {
 
 #[test]
 fn where_configured_a_killed_services_run_goes_on_and_the_next_service_finds_it_and_stops_it() {
-    patiently("a run that goes on without its service", a_run_that_goes_on);
+    patiently("a run that continues without its service", a_run_that_goes_on);
 }
 
 fn a_run_that_goes_on() {

@@ -117,7 +117,7 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
 
     let token = || Some(String::new());
     let stale = Request::Start(Start { token: token(), ..start("a", "short") });
-    refused_as(&served.refused(&stale), Kind::StaleToken, "none of this brick's");
+    refused_as(&served.refused(&stale), Kind::StaleToken, "not this brick's");
     refused_as(&served.refused(&Request::Start(start("a", "short"))), Kind::StaleToken, "token");
     let text = |text: String| Start { mission: Chosen::Text(text), ..start("a", "") };
     let mut here = |start: Start, kind, part: &str| {
@@ -141,7 +141,7 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     refused_as(&served.own_refused(&LocalOnly::Delete { run: id("a") }), Kind::UnknownRun, "`a`");
     let status = served.status();
     assert_eq!((status.state, status.run, served.runs().len()), (State::Ready, None, 0));
-    // The robot's file is read anew: what is wrong with it is a fault until it is in order again.
+    // The robot's file is read each time: a mistake in it is a fault until it is corrected.
     std::fs::write(served.path("robot.toml"), b"name = 5\n").unwrap();
     let refusal = served.own_refused(&LocalOnly::StartHere(start("a", "short")));
     refused_as(&refusal, Kind::NotReady, "robot.toml:1");

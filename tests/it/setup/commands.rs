@@ -100,7 +100,7 @@ fn doctor_reports_for_people_and_for_programs_and_its_exit_code_tells() {
     }
     std::fs::write(folder.path().join("robot.toml"), DEFAULT_ROBOT).unwrap();
     let people = onbrick(folder.path(), &["doctor", "--brick", "brick"]);
-    // A brick of plain files has no buttons: nobody could stop it.
+    // A brick of plain files has no buttons, so a run could not be stopped by hand.
     assert_eq!(people.status.code(), Some(3), "{}", says(&people));
     assert!(says(&people).contains("failed   buttons"), "{}", says(&people));
     assert!(

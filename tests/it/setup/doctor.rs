@@ -208,7 +208,7 @@ fn recordings_that_cannot_be_written_are_said_before_a_run() {
             around.recordings = read_only
         });
     }
-    // A folder that is not there yet will be made, where its parent can be written to.
+    // A missing folder will be made, where its parent can be written to.
     let fresh = folder.path().join("not/there/yet");
     let diagnosis = look(&bench, |around| around.recordings = fresh);
     assert_eq!(diagnosis.count(Verdict::Failed), 0, "{}", text(&diagnosis));
@@ -273,7 +273,7 @@ fn no_brick_at_all_is_said_with_the_way_out() {
     };
     let diagnosis = examine(&patient);
     assert!(line(&diagnosis, "brick", Verdict::Failed).contains("--brick"), "{}", text(&diagnosis));
-    assert!(line(&diagnosis, "buttons", Verdict::Failed).contains("nobody could stop a run"));
+    assert!(line(&diagnosis, "buttons", Verdict::Failed).contains("a run could not be stopped"));
     bench.flags.signal.store(true, Ordering::Relaxed);
     let stopped = examine(&patient);
     assert_eq!(stopped.checks.len(), 1, "{}", text(&stopped));

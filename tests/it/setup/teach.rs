@@ -137,7 +137,8 @@ fn ports_and_directions_come_out_right_however_the_robot_is_built() {
             .concat();
         let built = format!(
             "[robot]\nleft = \"{left}\"\nright = \"{right}\"\nleft_inverted = {left_inverted}\n\
-             right_inverted = {right_inverted}\nhead = \"{head}\"\nhead_gear = {gear}\n[robot.ports]\n{motors}\
+             right_inverted = {right_inverted}\nhead = \"{head}\"\nhead_gear = {gear}\n\
+             [robot.ports]\n{motors}\
              in1 = \"gyro\"\nin2 = \"ultrasonic\"\nin3 = \"none\"\nin4 = \"infrared\"\n"
         );
         let bench = Bench::new(&built, 7);

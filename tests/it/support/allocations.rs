@@ -30,7 +30,7 @@ pub fn so_far() -> u64 {
 }
 
 fn count() {
-    // A thread that is ending has no counter any more, and nobody asks for it.
+    // A thread that is ending has no counter any more, and no test asks for it.
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));
 }
 

@@ -20,12 +20,13 @@ use onbrick::recording::Sink;
 pub enum Trouble {
     /// With an error, and nothing done.
     Fail(Errno),
-    /// After so many bytes: a read gives no more, a write takes no more and then fails with ENOSPC.
+    /// After this many bytes: a read gives no more, a write takes no more and then fails with
+    /// ENOSPC.
     Short(usize),
-    /// Late, by so many nanoseconds of a clock.
+    /// Late, by this many nanoseconds of a clock.
     Delay(Arc<dyn Clock>, i64),
-    /// Never: the process is dead or the power gone. Of a write so many bytes are still done; no
-    /// later call reaches a file.
+    /// Never: the process is dead or the power gone. A write still stores this many bytes; no later
+    /// call reaches a file.
     Die(usize),
 }
 
@@ -207,7 +208,7 @@ impl<S: Sink> Sink for FaultySink<S> {
                 self.sink.write_all(bytes.get(..fit).unwrap_or(bytes))?;
                 return Err(Errno::ENOSPC.into());
             }
-            // Whoever writes does not learn of it: he is gone as well.
+            // The writer does not learn of it: its process is dead as well.
             Some(Trouble::Die(fit)) => {
                 return self.sink.write_all(bytes.get(..fit).unwrap_or(bytes));
             }

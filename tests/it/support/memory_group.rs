@@ -100,7 +100,7 @@ impl MemoryGroup {
 
 impl Drop for MemoryGroup {
     fn drop(&mut self) {
-        // One that is not empty stays behind, and harms nobody.
+        // A group that is not empty stays behind, and does no harm.
         let _ = fs::remove_dir(&self.folder);
     }
 }

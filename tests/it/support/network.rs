@@ -131,19 +131,19 @@ impl Network {
     /// Plugs it in again.
     pub fn plug(&self) {
         self.brick.must(&format!("ip link set {CABLE} up"));
-        // The route is made anew by that.
+        // That has replaced the route: set its congestion control again.
         self.congestion();
     }
 
-    /// Loses so many packets of a hundred, each way. False, and said, where this machine has no
-    /// nft.
+    /// Loses this percentage of packets, each way. On a machine without nft: a message, and false.
     #[must_use]
     pub fn losing(&self, percent: u32) -> bool {
         let rules = [
             "nft add table ip losses",
             "nft add chain ip losses arriving { type filter hook input priority 0 ; }",
             &format!(
-                "nft add rule ip losses arriving iifname {CABLE} numgen random mod 100 < {percent} drop"
+                "nft add rule ip losses arriving iifname {CABLE} numgen random mod 100 < \
+                 {percent} drop"
             ),
         ];
         let made = [&self.brick, &self.pc].iter().try_for_each(|machine| {
@@ -157,8 +157,8 @@ impl Network {
         made.is_ok()
     }
 
-    /// What leaves the brick leaves at so many Mbit/s. False, and said, where the kernel has no
-    /// token bucket.
+    /// Limits the brick's uplink to this many Mbit/s. On a kernel without the token bucket: a
+    /// message, and false.
     #[must_use]
     pub fn shaped(&self, mbit_per_s: u32) -> bool {
         let tbf = format!(

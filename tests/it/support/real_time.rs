@@ -1,11 +1,11 @@
 //! Scenarios in real time: one test at a time, ahead of others at the processor, and judged only by
 //! a machine that kept time.
 //!
-//! A program that sleeps, polls and drives on the wall's clock is late where the machine gives the
-//! processor to others, and a robot goes on rolling meanwhile. So what depends on time is not
-//! asserted but said to a [`Pace`], which takes it as a failure only if neither the scenario nor
-//! its processes had to wait for a processor. Otherwise the scenario is played again, and in the
-//! end passed over ([`pass_over`]).
+//! A program that sleeps, polls and drives on the wall's clock is late if the machine gives the
+//! processor to others, and a robot keeps rolling meanwhile. So what depends on time is not
+//! asserted but reported to a [`Pace`], which takes it as a failure only if neither the scenario
+//! nor its processes had to wait for a processor. Otherwise the scenario is played again, and in
+//! the end passed over ([`pass_over`]).
 //!
 //! What does not depend on time is asserted as everywhere, and fails at once. A test whose every
 //! assertion depends on processes that keep time is played [`patiently`].
@@ -40,7 +40,7 @@ use super::pass_over;
 const MOST_WAIT_NS: i64 = 20 * MILLISECOND_NS;
 const WINDOW_NS: i64 = 100 * MILLISECOND_NS;
 
-/// Once in so many windows it is looked who was started meanwhile by those that are watched.
+/// Once in this many windows, the children of the watched processes are looked up again.
 const FAMILY_WINDOWS: u32 = 5;
 
 /// How long the watch sleeps at a time, to find out by how much it oversleeps.

@@ -65,7 +65,7 @@ impl Play {
         }
     }
 
-    /// At most so many seconds of the run's time.
+    /// At most this many seconds of the run's time.
     pub fn seconds(mut self, seconds: f64) -> Self {
         self.settings.push(("time_limit_s".to_owned(), seconds));
         self
@@ -177,8 +177,8 @@ pub struct Played {
     pub truths: Vec<Truth>,
     /// A second after the end.
     pub truth: Truth,
-    /// What the motors' drivers say of the head, the left and the right wheel then; nothing for one
-    /// that is not there.
+    /// What the motors' drivers then report for the head, the left and the right wheel; empty for
+    /// an unplugged one.
     pub states: [String; 3],
     pub writes: Vec<Written>,
     pub faults: Vec<String>,
@@ -223,7 +223,7 @@ pub fn fault(port: &str, kind: &str) -> String {
     format!("[[fault]]\nat_s = 10\nport = \"{port}\"\nkind = \"{kind}\"\n")
 }
 
-/// What a motor's driver says that it does; nothing for one that is not there.
+/// What a motor's driver says that it does; empty for an unplugged one.
 fn state_of(tree: &dyn Tree, port: &str) -> String {
     let read = |path: &str| {
         let mut buffer = [0; 256];

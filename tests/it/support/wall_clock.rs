@@ -44,7 +44,7 @@ pub fn shim(folder: &Path) -> Option<PathBuf> {
     Some(library)
 }
 
-/// Writes what the clock shows from now on, in one step, so that nobody reads half of it.
+/// Writes what the clock shows from now on, in one step, so that no reader sees half of it.
 pub fn replace(path: &Path, text: &str) {
     let fresh = path.with_extension("new");
     std::fs::write(&fresh, text).unwrap();

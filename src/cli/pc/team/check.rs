@@ -105,9 +105,7 @@ fn unready(status: &Status) -> Option<String> {
         State::Ready | State::Stopped => {
             status.robot.as_ref().map(|finding| format!("robot: {}", first_line(finding)))
         }
-        State::Fault => {
-            Some(format!("fault: {last}; Enter on the brick when somebody has seen to it"))
-        }
+        State::Fault => Some(format!("fault: {last}; press Enter on the brick once it is fixed")),
         State::Preparing | State::Running | State::Stopping => Some(match &status.run {
             Some(run) => format!("busy: {} ({}), started by {}", run.mission, run.run, run.by),
             None => word(status.state).to_owned(),
@@ -289,7 +287,9 @@ mod tests {
         let expected = "\
 brick  battery  onbrick  mission
 blue     7.6 V  1.0.0    map aaaaaaaa  ready
-red      7.6 V  0.9.0    map bbbbbbbb  mission map: unknown key `x`; onbrick missions shows all; another onbrick: 0.9.0, and the others have 1.0.0; another mission: bbbbbbbb, and the others have aaaaaaaa
+red      7.6 V  0.9.0    map bbbbbbbb  mission map: unknown key `x`; onbrick missions shows all; \
+another onbrick: 0.9.0, and the others have 1.0.0; \
+another mission: bbbbbbbb, and the others have aaaaaaaa
 green    7.6 V  1.0.0    map aaaaaaaa  ready
 grey         ?  ?        ?             no answer from grey";
         assert_eq!(table(&team()), expected);

@@ -45,7 +45,7 @@ pub(super) struct Came {
 struct Halt {
     /// All are to be stopped, and what they have is to be brought home.
     stop: Arc<AtomicBool>,
-    /// Nobody wants to wait for that, either.
+    /// Raised at the second Ctrl-C: stop waiting for that, too.
     enough: Arc<AtomicBool>,
 }
 
@@ -111,7 +111,7 @@ impl Share<'_> {
         };
         match self.start() {
             Ok(()) => came.began = Some(Began { at_ns: wall_ns(), within_ns: i64::MAX }),
-            // It may have been started all the same.
+            // The run may have started nevertheless.
             Err(ClientError::Interrupted | ClientError::NoAnswer { .. }) => {}
             Err(error) => {
                 came.failure = Some(failure(brick, &error));

@@ -72,7 +72,8 @@ pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
     let failure = Failure::new(exit, message);
     Err(match lost {
         Some(one) => failure.hint(format!(
-            "onbrick fetch {} --run {} -o FOLDER, when it is there again: it goes on where it was cut",
+            "onbrick fetch {} --run {} -o FOLDER, once the brick is back: it resumes where \
+             it was cut",
             one.brick.name, one.run
         )),
         None => failure,
@@ -92,8 +93,16 @@ pub(super) fn merge(plan: &Plan<'_>, came: &[Came], output: &mut Output) -> Resu
     let points: usize = scene.tracks.iter().map(|track| track.points.len()).sum();
     let (count, out) = (runs.len(), plan.out.display());
     output.show(
-        format!("{points} points of {count} bricks: map.svg, map.png, points.csv, path.csv and team.mcap in {out}"),
-        &json!({ "points": points, "bricks": count, "map": plan.out.join("map.svg"), "recording": plan.out.join("team.mcap") }),
+        format!(
+            "{points} points of {count} bricks: map.svg, map.png, points.csv, path.csv and \
+                 team.mcap in {out}"
+        ),
+        &json!({
+            "points": points,
+            "bricks": count,
+            "map": plan.out.join("map.svg"),
+            "recording": plan.out.join("team.mcap"),
+        }),
     );
     Ok(())
 }
@@ -137,9 +146,7 @@ fn merged(ones: &[&Came], runs: &[LoadedRun], output: &mut Output) -> Result<Vec
 fn shift_ns(one: &Came, info: &Info, output: &mut Output) -> i64 {
     let name = &one.brick.name;
     let Some(began) = one.began else {
-        log::warn!(
-            "{name}: nobody heard when it began to drive; its own calendar stands in team.mcap"
-        );
+        log::warn!("{name}: its start was not heard; team.mcap has its own calendar");
         return 0;
     };
     if began.within_ns > SECOND_NS {

@@ -40,7 +40,9 @@ proptest! {
                 let port = Port::ALL[*port];
                 // What does not fit is refused, and that is an answer too.
                 let answer = match for_ns {
-                    Some(for_ns) => rig.bench.simulation.inject_for(0, port, fault.clone(), *for_ns),
+                    Some(for_ns) => {
+                        rig.bench.simulation.inject_for(0, port, fault.clone(), *for_ns)
+                    }
                     None => rig.bench.simulation.inject(0, port, fault.clone()),
                 };
                 seen.push(format!("{answer:?}"));
@@ -63,7 +65,12 @@ proptest! {
             rig.write(name, "speed_sp", "200");
             rig.write(name, "command", "run-forever");
             rig.pass_ms(1500);
-            prop_assert!((rig.number(name, "speed") - 200).abs() < 30, "{} does {}", port, rig.read(name, "speed"));
+            prop_assert!(
+                (rig.number(name, "speed") - 200).abs() < 30,
+                "{} does {}",
+                port,
+                rig.read(name, "speed")
+            );
         }
         prop_assert_eq!(play().1, seen);
     }

@@ -1,4 +1,4 @@
-//! What a team costs this machine: so many simulated bricks at once, each in an arena of its own.
+//! What a team costs this machine: several simulated bricks at once, each in an arena of its own.
 //!
 //! `ONBRICK_TEAM=12 ONBRICK_TEAM_S=60 cargo test --test it link::team::figures -- --nocapture`
 //! prints the figures.
@@ -137,7 +137,8 @@ fn play(count: u32, seconds: u32, pace: &Pace) {
     }
 
     println!(
-        "{count} bricks for {seconds} s, exit code {code}, all over after {took_s:.1} s; the PC's command: {:.1} MB",
+        "{count} bricks for {seconds} s, exit code {code}, all over after {took_s:.1} s; the PC's \
+         command: {:.1} MB",
         mb(pc_kb)
     );
     println!(
@@ -173,7 +174,8 @@ fn play(count: u32, seconds: u32, pace: &Pace) {
         );
     }
     println!(
-        "{punctual} of {count} kept real time: their missions came to their ends with at most 1 % of the ticks late by a period"
+        "{punctual} of {count} kept real time: their missions came to their ends with at most 1 % \
+         of the ticks late by a period"
     );
 }
 
