@@ -11,7 +11,6 @@ use nix::errno::Errno;
 
 use super::brick::Brick;
 pub use super::brick::Plugged;
-use super::door::SimBrick;
 use super::driver::Stored;
 use super::driver::board::Pack;
 use super::driver::input::Button;
@@ -20,6 +19,7 @@ use super::driver::sensor::{GyroMake, SerialLine};
 use super::fault::{
     Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario,
 };
+use super::files::SimBrick;
 use super::physics::{Bridge, Physics, STEP_NS};
 use super::ports::Port;
 use super::view::Trail;
