@@ -186,6 +186,17 @@ impl<'d> Section<'d> {
         found
     }
 
+    /// What `read` makes of a key's value; `default` where the key is not there, `None` where its value
+    /// is wrong.
+    pub fn value_or<T>(
+        &self,
+        key: &str,
+        default: T,
+        read: impl FnOnce(&Item<'d>) -> Option<T>,
+    ) -> Option<T> {
+        self.get(key).map_or(Some(default), |item| read(&item))
+    }
+
     /// The table under a key, if it is there.
     pub fn section(&self, key: &str) -> Option<Section<'d>> {
         self.get(key)?.section()

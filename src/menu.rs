@@ -70,7 +70,7 @@ use crate::service::protocol::{
 pub use asks::Lane;
 pub use canvas::{Canvas, HEIGHT, WIDTH};
 pub use learn::Trouble;
-pub use shell::{Display, Door, Keys, MenuError, Parts, attend};
+pub use shell::{Display, Keys, MenuError, Parts, ServiceConnection, attend};
 pub use talk::{Replies, ScreenDialogue, TalkKind, TalkReply, Talker, Told};
 
 use crate::runtime::Stop;

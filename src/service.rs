@@ -27,31 +27,31 @@
 use crate::mapping::Pose;
 use crate::runtime::Brick;
 
-mod bench;
 pub mod client;
 pub mod config;
 mod core;
 pub(crate) mod digest;
-pub mod door;
 mod follow;
+mod hardware;
 mod keep;
 pub mod machine;
 mod missions;
 pub mod protocol;
 mod settings;
 mod signs;
+pub mod socket;
 mod start;
 mod store;
 mod token;
 
 pub use self::config::Config;
 pub use self::core::{OpenError, Service};
-pub use self::door::Door;
 pub use self::machine::Machine;
+pub use self::socket::LocalSocket;
 
 /// Where the service's robot is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Place {
+pub struct RobotSite {
     /// Its files.
     pub brick: Brick,
     /// Its pose at the start of a run that says no other.
@@ -59,7 +59,7 @@ pub struct Place {
 }
 
 /// What the service asks the network's door, once there is one.
-pub trait NetworkDoor: std::fmt::Debug + Send + Sync {
+pub trait NetworkLink: std::fmt::Debug + Send + Sync {
     /// `ready`, or what it waits for.
     fn state(&self) -> String;
 

@@ -16,9 +16,9 @@
 mod body;
 mod brick;
 mod chance;
-mod door;
 mod driver;
 mod fault;
+mod files;
 mod motor;
 mod mount;
 #[cfg(feature = "host")]
@@ -31,7 +31,6 @@ mod view;
 mod world;
 mod world_physics;
 
-pub use door::SimBrick;
 pub use driver::board::Pack;
 pub use driver::input::{Button, EventLayout};
 pub use driver::lcd::{BadGeometry, LcdGeometry};
@@ -40,6 +39,7 @@ pub use driver::{Entry, EntryKind};
 pub use fault::{
     Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario,
 };
+pub use files::SimBrick;
 pub use motor::{Motor, MotorConstants};
 pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
 #[cfg(feature = "host")]

@@ -14,8 +14,8 @@ use crate::commissioning::CalibrateOptions;
 use crate::document::save;
 use crate::ev3dev::{Buttons, Console, LocalTree, Platform, Screen, Tree};
 use crate::menu::{
-    Canvas, Display, Door, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue,
-    StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
+    Canvas, Display, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue,
+    ServiceConnection, StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
 };
 use crate::robot::RobotConfig;
 use crate::runtime::{HardwareLock, Source, StopFlags};
@@ -97,9 +97,9 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
     let mut menu =
         Menu::new(MenuOptions { started_by, no_talks: arguments.no_talks(), seed: wall_ns() });
     let socket = &config.socket.path;
-    let doors: [Box<dyn Door>; 2] = [
-        Box::new(ServiceDoor { client: Client::at(socket), patience: LOOK_PATIENCE }),
-        Box::new(ServiceDoor {
+    let connections: [Box<dyn ServiceConnection>; 2] = [
+        Box::new(SocketConnection { client: Client::at(socket), patience: LOOK_PATIENCE }),
+        Box::new(SocketConnection {
             client: order_client(socket, started_by),
             patience: ORDER_PATIENCE,
         }),
@@ -110,7 +110,7 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
             clock: &MonotonicClock,
             keys,
             display,
-            doors,
+            connections,
             talker: &mut talker,
             stop: &flags.signal,
         };
@@ -179,12 +179,12 @@ impl Display for Screen {
 
 /// The service's local socket.
 #[derive(Debug)]
-struct ServiceDoor {
+struct SocketConnection {
     client: Client,
     patience: Duration,
 }
 
-impl Door for ServiceDoor {
+impl ServiceConnection for SocketConnection {
     fn ask(&mut self, request: &LocalRequest) -> Result<Answer, Trouble> {
         let answered = match request {
             LocalRequest::Shared(Request::Fetch(fetch)) => {

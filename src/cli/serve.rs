@@ -13,9 +13,9 @@ use crate::link::{Server, ServerConfig};
 use crate::mapping::Pose;
 use crate::runtime::Brick;
 #[cfg(feature = "link")]
-use crate::service::NetworkDoor;
+use crate::service::NetworkLink;
 use crate::service::config::{BRICK_FOLDER, CONFIG_FILE};
-use crate::service::{Config, Door, Place, Service};
+use crate::service::{Config, LocalSocket, RobotSite, Service};
 
 /// Serve a brick: missions are started and stopped, and runs kept, for the menu and for PCs.
 ///
@@ -56,7 +56,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
     let service = Service::open(config, place, program)
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
-    let door = Door::open(&service.config().socket, Arc::new(service.clone()))
+    let door = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
     let link = start_link(&service);
     let socket = service.config().socket.path.display().to_string();
@@ -94,7 +94,7 @@ fn start_link(service: &Service) -> Option<Arc<Server>> {
     match Server::start(config, Arc::new(service.clone())) {
         Ok(server) => {
             let server = Arc::new(server);
-            service.attach_link(Arc::clone(&server) as Arc<dyn NetworkDoor>);
+            service.attach_link(Arc::clone(&server) as Arc<dyn NetworkLink>);
             Some(server)
         }
         Err(error) => {
@@ -191,11 +191,11 @@ pub(super) fn load_config(folder: &Path, named: bool) -> Result<Config, Failure>
 }
 
 /// Where the robot is; a simulated one keeps step with the clock, because people watch.
-fn place(arguments: &Arguments) -> Result<Place, Failure> {
+fn place(arguments: &Arguments) -> Result<RobotSite, Failure> {
     #[cfg(feature = "sim")]
     if let Some(path) = &arguments.sim {
         let (world, start) = super::common::load_world(path)?;
-        return Ok(Place {
+        return Ok(RobotSite {
             brick: Brick::Simulated { world, seed: arguments.seed, realtime: true },
             start,
         });
@@ -209,5 +209,5 @@ fn place(arguments: &Arguments) -> Result<Place, Failure> {
              this on the brick",
         ));
     }
-    Ok(Place { brick: Brick::Local(arguments.brick.tree()), start: Pose::default() })
+    Ok(RobotSite { brick: Brick::Local(arguments.brick.tree()), start: Pose::default() })
 }

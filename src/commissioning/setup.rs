@@ -83,7 +83,7 @@ pub enum SetupError {
 
 /// What a person says a motor turns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum MotorUse {
     Left,
     Right,
     Head,
@@ -92,7 +92,7 @@ enum Part {
     Nothing,
 }
 
-impl Part {
+impl MotorUse {
     const fn words(self) -> &'static str {
         match self {
             Self::Left => "the left wheel",
@@ -217,7 +217,7 @@ impl Look<'_> {
     /// Turns a motor until the person has seen what it moves, and notes it.
     fn motor(&mut self, identity: Identity, draft: &mut Draft) -> Result<(), SetupError> {
         let port = identity.address.short().to_owned();
-        let guess = if is_large(&identity) { Part::Left } else { Part::Head };
+        let guess = if is_large(&identity) { MotorUse::Left } else { MotorUse::Head };
         let motor = TachoMotor::bind(self.tree, identity)?;
         // Everything here is in the shaft's own direction; the answers say which way that is.
         let mut motor = LeasedMotor::take(motor, 1.0, LOOK_RAD_S)?;
@@ -231,21 +231,21 @@ impl Look<'_> {
                 ));
             }
             match self.part(&port, guess, draft)? {
-                Part::Again => {}
-                Part::Nothing => return Ok(()),
-                Part::Left => {
+                MotorUse::Again => {}
+                MotorUse::Nothing => return Ok(()),
+                MotorUse::Left => {
                     draft.left = Some(self.wheel(port)?);
                     return Ok(());
                 }
-                Part::Right => {
+                MotorUse::Right => {
                     draft.right = Some(self.wheel(port)?);
                     return Ok(());
                 }
-                Part::Head => {
+                MotorUse::Head => {
                     draft.head = Some(self.head(port)?);
                     return Ok(());
                 }
-                Part::Other => {
+                MotorUse::Other => {
                     let name = self.motor_name(draft)?;
                     draft.motors.push((name, port));
                     return Ok(());
@@ -277,22 +277,28 @@ impl Look<'_> {
         Ok(motor.angle_rad()? - before_rad)
     }
 
-    fn part(&mut self, port: &str, guess: Part, draft: &Draft) -> Result<Part, NoAnswer> {
-        let mut parts =
-            vec![Part::Left, Part::Right, Part::Head, Part::Other, Part::Again, Part::Nothing];
+    fn part(&mut self, port: &str, guess: MotorUse, draft: &Draft) -> Result<MotorUse, NoAnswer> {
+        let mut parts = vec![
+            MotorUse::Left,
+            MotorUse::Right,
+            MotorUse::Head,
+            MotorUse::Other,
+            MotorUse::Again,
+            MotorUse::Nothing,
+        ];
         parts.retain(|part| match part {
-            Part::Left => draft.left.is_none(),
-            Part::Right => draft.right.is_none(),
-            Part::Head => draft.head.is_none(),
-            Part::Other => draft.motors.len() < RobotConfig::MAX_MOTORS,
-            Part::Again | Part::Nothing => true,
+            MotorUse::Left => draft.left.is_none(),
+            MotorUse::Right => draft.right.is_none(),
+            MotorUse::Head => draft.head.is_none(),
+            MotorUse::Other => draft.motors.len() < RobotConfig::MAX_MOTORS,
+            MotorUse::Again | MotorUse::Nothing => true,
         });
         let words: Vec<&str> = parts.iter().map(|part| part.words()).collect();
         // Where the guess is taken, the first that is left is the next best: left, then right.
         let default = parts.iter().position(|part| *part == guess).unwrap_or(0);
         let question = format!("What did the motor on {port} move?");
         let answer = self.dialogue.choose(&question, &words, default)?;
-        Ok(parts.get(answer).copied().unwrap_or(Part::Again))
+        Ok(parts.get(answer).copied().unwrap_or(MotorUse::Again))
     }
 
     fn wheel(&mut self, port: String) -> Result<DraftMotor, NoAnswer> {

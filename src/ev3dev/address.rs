@@ -10,7 +10,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use super::platform::Platform;
-use super::value::{Legal, Line, Value};
+use super::value::{AttributeText, Legal, Value};
 
 /// Where a device is plugged in, as a person or the kernel writes it.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -86,7 +86,7 @@ impl Value for PortAddress {
         std::str::from_utf8(text).ok()?.parse().ok()
     }
 
-    fn render(&self, line: &mut Line) -> fmt::Result {
+    fn render(&self, line: &mut AttributeText) -> fmt::Result {
         line.try_push_str(&self.0).map_err(|_| fmt::Error)
     }
 }

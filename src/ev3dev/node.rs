@@ -19,7 +19,7 @@ use nix::errno::Errno;
 use super::address::PortAddress;
 use super::error::{Cause, DeviceError, excerpt};
 use super::tree::{Access, AttributeFile, Tree};
-use super::value::{Legal, Line, SHORT, Value, first_line};
+use super::value::{AttributeText, Legal, SHORT, Value, first_line};
 
 /// Which way an attribute can be used: the seed's words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -232,7 +232,7 @@ impl<T: Value> Attribute<T> {
 
     /// Checks a value and writes it as one store that ends with a newline.
     pub(crate) fn write(&self, node: &Node, value: &T) -> Result<(), DeviceError> {
-        let mut line = Line::new();
+        let mut line = AttributeText::new();
         let fits = value.render(&mut line).is_ok() && !line.contains('\n');
         let legal = self.legal();
         let allowed =

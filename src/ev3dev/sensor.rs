@@ -41,7 +41,7 @@ use super::error::{Cause, DeviceError, FindError};
 use super::find::{Class, Identity, find, find_where};
 use super::node::{Attribute, AttributeSpec, Node, attributes};
 use super::tree::Tree;
-use super::value::{Legal, Line, Value, Word, Words};
+use super::value::{AttributeText, Legal, Value, Word, Words};
 use super::words::{BinFormat, Driver};
 use crate::clock::MILLISECOND_NS;
 
@@ -333,7 +333,7 @@ impl Sensor {
     }
 
     pub(super) fn illegal(&self, value: i32, first: i32, last: i32) -> DeviceError {
-        let mut text = Line::new();
+        let mut text = AttributeText::new();
         // Eleven digits fit.
         let _ = fmt::Write::write_fmt(&mut text, format_args!("{value}"));
         let cause = Cause::Malformed(Legal::Range(first.into(), last.into()));

@@ -14,7 +14,7 @@ use crate::units::Duty;
 
 /// Room for a value on its way to the kernel. The longest are trigger names, of about 45
 /// characters.
-pub(crate) type Line = ArrayString<64>;
+pub(crate) type AttributeText = ArrayString<64>;
 
 /// A single word of the kernel that is no enum: a driver's name, a sensor's mode.
 pub type Word = ArrayString<48>;
@@ -93,7 +93,7 @@ pub(crate) trait Value: Sized {
     fn parse(text: &[u8]) -> Option<Self>;
 
     /// Writes the value as the kernel expects it, without a newline.
-    fn render(&self, line: &mut Line) -> fmt::Result;
+    fn render(&self, line: &mut AttributeText) -> fmt::Result;
 
     /// The value as a number, for attributes with a range.
     fn number(&self) -> Option<i64> {
@@ -137,7 +137,7 @@ impl Value for i32 {
         short(text).or_else(|| std::str::from_utf8(text).ok()?.parse().ok())
     }
 
-    fn render(&self, line: &mut Line) -> fmt::Result {
+    fn render(&self, line: &mut AttributeText) -> fmt::Result {
         write!(line, "{self}")
     }
 
@@ -153,7 +153,7 @@ impl Value for Duty {
         Self::new(i32::parse(text)?).ok()
     }
 
-    fn render(&self, line: &mut Line) -> fmt::Result {
+    fn render(&self, line: &mut AttributeText) -> fmt::Result {
         write!(line, "{}", self.percent())
     }
 
@@ -169,7 +169,7 @@ impl Value for Word {
         Self::from(std::str::from_utf8(text).ok()?).ok()
     }
 
-    fn render(&self, line: &mut Line) -> fmt::Result {
+    fn render(&self, line: &mut AttributeText) -> fmt::Result {
         line.write_str(self)
     }
 }
@@ -203,7 +203,7 @@ impl Value for Words {
         Some(Self(std::str::from_utf8(text).ok()?.into()))
     }
 
-    fn render(&self, line: &mut Line) -> fmt::Result {
+    fn render(&self, line: &mut AttributeText) -> fmt::Result {
         line.try_push_str(&self.0).map_err(|_| fmt::Error)
     }
 }
@@ -214,8 +214,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn rendered(value: &impl Value) -> Line {
-        let mut line = Line::new();
+    fn rendered(value: &impl Value) -> AttributeText {
+        let mut line = AttributeText::new();
         value.render(&mut line).unwrap();
         line
     }

@@ -65,7 +65,7 @@ macro_rules! words {
                 Self::ALL.iter().copied().find(|word| word.as_str().as_bytes() == text)
             }
 
-            fn render(&self, line: &mut $crate::ev3dev::value::Line) -> std::fmt::Result {
+            fn render(&self, line: &mut $crate::ev3dev::value::AttributeText) -> std::fmt::Result {
                 std::fmt::Write::write_str(line, self.as_str())
             }
         }

@@ -46,11 +46,11 @@ use crate::service::protocol::{
 mod address;
 mod connection;
 mod fetch;
-mod line;
+mod session;
 
 pub(super) use address::Address;
 pub use fetch::{FetchProgress, part_of};
-pub(super) use line::Line;
+pub(super) use session::Session;
 
 /// The port that bricks listen at.
 pub const PORT: u16 = 5670;
@@ -202,7 +202,7 @@ impl Patience {
 /// One brick.
 #[derive(Debug)]
 pub struct Client {
-    line: Line,
+    line: Session,
     most_bytes: u64,
 }
 
@@ -215,7 +215,7 @@ impl Client {
     /// [`ClientError::NoCurve`].
     pub fn new(address: &str, key: PublicKey, own: &KeyPair) -> Result<Self, ClientError> {
         Ok(Self {
-            line: Line::new(address, PORT, key, own, Patience::new(PATIENCE_S))?,
+            line: Session::new(address, PORT, key, own, Patience::new(PATIENCE_S))?,
             most_bytes: MOST_BYTES,
         })
     }

@@ -89,11 +89,11 @@ use sha2::{Digest, Sha256};
 use super::keys::{KeyPair, PublicKey};
 use crate::service::protocol::Name;
 
-mod desk;
 mod pc;
+mod window;
 
-pub use desk::Desk;
 pub use pc::{Introduced, pair};
+pub use window::PairingWindow;
 
 /// The port of the pairing window, where nothing else is said.
 pub const PAIRING_PORT: u16 = 5671;

@@ -39,15 +39,15 @@ use std::thread::JoinHandle;
 
 use super::curve::NoCurve;
 use super::keys::{Authorised, KeyError, KeyPair};
-use super::pairing::Desk;
-use crate::service::NetworkDoor;
+use super::pairing::PairingWindow;
+use crate::service::NetworkLink;
 #[cfg(doc)]
 use crate::service::protocol::MAX_REQUEST_BYTES;
 use crate::service::protocol::{Name, Operations, Pairing};
 
-mod door;
 mod front;
 mod limits;
+mod router;
 mod workers;
 mod zap;
 
@@ -156,7 +156,7 @@ struct Shared {
     stop: AtomicBool,
     port: AtomicU16,
     pairing_port: AtomicU16,
-    desk: Arc<Desk>,
+    window: Arc<PairingWindow>,
 }
 
 impl Shared {
@@ -176,13 +176,14 @@ impl Server {
     ///
     /// Only where the system gives no thread.
     pub fn start(config: ServerConfig, operations: Arc<dyn Operations>) -> std::io::Result<Self> {
-        let desk = Arc::new(Desk::new(Authorised::below(&config.keys), config.name.clone()));
+        let window =
+            Arc::new(PairingWindow::new(Authorised::below(&config.keys), config.name.clone()));
         let shared = Arc::new(Shared {
             state: Mutex::new(LinkState::Waits("its thread")),
             stop: AtomicBool::new(false),
             port: AtomicU16::new(config.port),
             pairing_port: AtomicU16::new(config.pairing_port),
-            desk,
+            window,
         });
         let ours = Arc::clone(&shared);
         let serve = move || {
@@ -193,7 +194,7 @@ impl Server {
                     error.to_string()
                 }
             };
-            ours.desk.close(&why);
+            ours.window.close(&why);
             ours.set(LinkState::Ended(why));
         };
         let thread = std::thread::Builder::new().name("link".to_owned()).spawn(serve)?;
@@ -208,8 +209,8 @@ impl Server {
 
     /// The pairing window.
     #[must_use]
-    pub fn desk(&self) -> &Arc<Desk> {
-        &self.shared.desk
+    pub fn window(&self) -> &Arc<PairingWindow> {
+        &self.shared.window
     }
 
     /// The port, once it is ready.
@@ -225,7 +226,7 @@ impl Server {
     }
 }
 
-impl NetworkDoor for Server {
+impl NetworkLink for Server {
     fn state(&self) -> String {
         Self::state(self).to_string()
     }
@@ -238,15 +239,15 @@ impl NetworkDoor for Server {
     }
 
     fn pairing(&self) -> Pairing {
-        self.desk().state()
+        self.window().state()
     }
 
     fn open_pairing(&self, seconds: u32) -> Pairing {
-        self.desk().open(seconds)
+        self.window().open(seconds)
     }
 
     fn answer_pairing(&self, same: bool) -> Pairing {
-        self.desk().answer(same)
+        self.window().answer(same)
     }
 }
 
@@ -279,7 +280,7 @@ fn serve(
     let own = KeyPair::load_or_make(&config.keys)?;
     // libsodium is made ready here, which waits in the same way.
     let context = zmq::Context::new();
-    shared.desk.ready(own.public());
+    shared.window.ready(own.public());
     let mut front = front::Front::open(shared, config, own, &context, operations)?;
     front.run()
 }

@@ -21,7 +21,7 @@
 mod cone;
 
 use super::{Pose, Range, Sounding, room};
-use cone::{Cone, Part, integer};
+use cone::{Cone, Zone, integer};
 
 /// A cell's size: the sensor's own error is a centimetre or two, its cone at 1 m is 35 cm wide.
 const CELL_M: f64 = 0.05;
@@ -246,9 +246,9 @@ impl OccupancyGrid {
     }
 
     /// The cells of one y of the lattice, by x.
-    fn row_at(&mut self, y: i32) -> Line<'_> {
+    fn row_at(&mut self, y: i32) -> GridLine<'_> {
         let row = usize::try_from(y - self.first[1]).ok().filter(|row| *row < self.rows);
-        Line {
+        GridLine {
             first: self.first[0],
             count: row.map_or(0, |_| self.columns),
             start: row.map_or(0, |row| row * self.columns),
@@ -259,10 +259,10 @@ impl OccupancyGrid {
     }
 
     /// The cells of one x of the lattice, by y.
-    fn column_at(&mut self, x: i32) -> Line<'_> {
+    fn column_at(&mut self, x: i32) -> GridLine<'_> {
         let column =
             usize::try_from(x - self.first[0]).ok().filter(|column| *column < self.columns);
-        Line {
+        GridLine {
             first: self.first[1],
             count: column.map_or(0, |_| self.rows),
             start: column.unwrap_or(0),
@@ -275,7 +275,7 @@ impl OccupancyGrid {
 
 /// A row or a column of a grid.
 #[derive(Debug)]
-struct Line<'a> {
+struct GridLine<'a> {
     /// The lattice's place of its first cell.
     first: i32,
     /// How many cells it has; none where the grid has no such line.
@@ -287,7 +287,7 @@ struct Line<'a> {
     outside: &'a mut u64,
 }
 
-impl Line<'_> {
+impl GridLine<'_> {
     /// Adds to the log-odds of those cells of a cone that are in row `y` between two places, in the
     /// cone's own x and y.
     fn weigh_cone(
@@ -304,16 +304,16 @@ impl Line<'_> {
         while x <= last {
             match cone.part_of(&place) {
                 // The cone is convex: a row that has left it does not meet it again.
-                Part::Outside if met => return,
-                Part::Outside => {}
+                Zone::Outside if met => return,
+                Zone::Outside => {}
                 part => {
                     met = true;
                     self.weigh(
                         x,
                         match part {
-                            Part::Before { axis: true } => before[0],
-                            Part::Before { axis: false } => before[1],
-                            Part::Arc { axis: true } => at[0],
+                            Zone::Before { axis: true } => before[0],
+                            Zone::Before { axis: false } => before[1],
+                            Zone::Arc { axis: true } => at[0],
                             _ => at[1],
                         },
                     );
@@ -411,7 +411,7 @@ mod tests {
         let mut grid = OccupancyGrid::around(&Pose::default());
         let cone = Cone::of(&sounding(0.0, 0.0, 0.0, Range::NoEcho), 2.0).expect("on the lattice");
         for (y, x) in (-60..60).flat_map(|y| (-60..60).map(move |x| (y, x))) {
-            if let Part::Before { axis } = cone.part_of(&cone.place(x, y)) {
+            if let Zone::Before { axis } = cone.part_of(&cone.place(x, y)) {
                 grid.row_at(y).weigh(x, 4 * if axis { at_axis } else { beside });
             }
         }
@@ -466,11 +466,11 @@ mod tests {
             let cone = Cone::of(&one, range).expect("on the lattice");
             for (cell_y, cell_x) in (-99..99).flat_map(|y| (-99..99).map(move |x| (y, x))) {
                 let expected = match cone.part_of(&cone.place(cell_x, cell_y)) {
-                    Part::Outside => 0,
-                    Part::Before { axis: true } => FREE_AXIS,
-                    Part::Before { axis: false } => FREE_CONE,
-                    Part::Arc { axis: true } => HIT_AXIS,
-                    Part::Arc { axis: false } => HIT_CONE,
+                    Zone::Outside => 0,
+                    Zone::Before { axis: true } => FREE_AXIS,
+                    Zone::Before { axis: false } => FREE_CONE,
+                    Zone::Arc { axis: true } => HIT_AXIS,
+                    Zone::Arc { axis: false } => HIT_CONE,
                 };
                 let (column, row) = (cell_x - grid.first[0], cell_y - grid.first[1]);
                 let found = grid.log_odds(column.try_into().unwrap(), row.try_into().unwrap());

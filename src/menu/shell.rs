@@ -48,7 +48,7 @@ pub trait Display {
 }
 
 /// A connection to the service. Each lane's thread has one of its own.
-pub trait Door: Send {
+pub trait ServiceConnection: Send {
     /// Asks, waits for the answer, and connects first where that is needed.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ pub struct Parts<'p> {
     /// The screen.
     pub display: &'p mut dyn Display,
     /// A connection for each lane.
-    pub doors: [Box<dyn Door>; 2],
+    pub connections: [Box<dyn ServiceConnection>; 2],
     /// Sets up and calibrates.
     pub talker: &'p mut dyn Talker,
     /// Raised by a signal: ends the menu.
@@ -99,8 +99,8 @@ impl std::fmt::Debug for Parts<'_> {
 ///
 /// [`MenuError`].
 pub fn attend(menu: &mut Menu, parts: Parts<'_>) -> Result<(), MenuError> {
-    let Parts { clock, keys, display, doors, talker, stop } = parts;
-    let mut couriers = doors.map(Courier::start);
+    let Parts { clock, keys, display, connections, talker, stop } = parts;
+    let mut couriers = connections.map(Courier::start);
     let mut talk = Talking::default();
     let mut next_ns = clock.now_ns();
     while !stop.load(Ordering::Relaxed) {
@@ -150,7 +150,7 @@ struct Courier {
 }
 
 impl Courier {
-    fn start(mut door: Box<dyn Door>) -> Self {
+    fn start(mut door: Box<dyn ServiceConnection>) -> Self {
         let (requests, inbox) = channel::<LocalRequest>();
         let (outbox, answers) = channel();
         std::thread::spawn(move || {

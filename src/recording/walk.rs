@@ -99,7 +99,7 @@ pub(super) struct Walk {
 /// What stands at a place.
 enum At<'a> {
     /// A record whose checksum holds.
-    Checked(Frame<'a>, Part<'a>),
+    Checked(Frame<'a>, Content<'a>),
     /// A record without one that is in order.
     Other(Frame<'a>),
     End,
@@ -107,7 +107,7 @@ enum At<'a> {
     Broken,
 }
 
-enum Part<'a> {
+enum Content<'a> {
     Records(&'a [u8]),
     Found(Found<'a>),
 }
@@ -153,10 +153,10 @@ impl Walk {
         }
     }
 
-    fn part<'a>(&mut self, part: Part<'a>, found: &mut dyn FnMut(Found<'a>)) {
+    fn part<'a>(&mut self, part: Content<'a>, found: &mut dyn FnMut(Found<'a>)) {
         let records = match part {
-            Part::Records(records) => records,
-            Part::Found(thing) => return found(thing),
+            Content::Records(records) => records,
+            Content::Found(thing) => return found(thing),
         };
         for record in frames(records) {
             match record.opcode {
@@ -198,15 +198,15 @@ fn look(bytes: &[u8], at: usize) -> At<'_> {
     if in_order { At::Other(record) } else { At::Broken }
 }
 
-fn checked<'a>(record: &Frame<'a>) -> Option<Part<'a>> {
+fn checked<'a>(record: &Frame<'a>) -> Option<Content<'a>> {
     match record.opcode {
-        op::CHUNK => record::chunk(record.body).map(Part::Records),
+        op::CHUNK => record::chunk(record.body).map(Content::Records),
         op::METADATA => {
-            record::metadata(record.body).map(|metadata| Part::Found(Found::Metadata(metadata)))
+            record::metadata(record.body).map(|metadata| Content::Found(Found::Metadata(metadata)))
         }
         op::ATTACHMENT => {
             let (name, media_type, data) = record::attachment(record.body)?;
-            Some(Part::Found(Found::Attachment { name, media_type, data }))
+            Some(Content::Found(Found::Attachment { name, media_type, data }))
         }
         _ => None,
     }

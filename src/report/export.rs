@@ -9,7 +9,7 @@ use crate::printable;
 use crate::recording::Grid;
 use crate::units::degrees;
 
-pub use indexed::{ExportError, Part, mcap};
+pub use indexed::{ExportError, NamedRecording, mcap};
 
 /// The points of all tracks: `time_s,x_m,y_m,robot`.
 #[must_use]

@@ -145,13 +145,13 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     keys.extend(["battery", "motor"]);
     root.allow(&keys);
     let name = root.require("name").and_then(|item| name_of(&item));
-    let max_age_s = root.get("max_age_s").map_or(Some(0.3), |item| item.number(0.05..=10.0));
+    let max_age_s = root.value_or("max_age_s", 0.3, |item| item.number(0.05..=10.0));
     let drive =
         root.require("drive").and_then(|item| item.section()).and_then(|section| drive(&section));
-    let head = optional(root, "head", head);
-    let range = optional(root, "range", range);
+    let head = root.value_or("head", None, |item| head(&item.section()?).map(Some));
+    let range = root.value_or("range", None, |item| range(&item.section()?).map(Some));
     let sensors = sensors(root);
-    let battery = optional(root, "battery", battery);
+    let battery = root.value_or("battery", None, |item| battery(&item.section()?).map(Some));
     let motors = named_motors(root);
     let drive = drive?;
     let config = RobotConfig {
@@ -170,19 +170,6 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     };
     ports_are_taken_once(root, &config);
     Some(config)
-}
-
-/// `Some(None)` where the section is not there, `None` where it is wrong.
-#[expect(clippy::option_option, reason = "absent and wrong are different")]
-fn optional<T>(
-    root: &Section<'_>,
-    key: &str,
-    read: impl FnOnce(&Section<'_>) -> Option<T>,
-) -> Option<Option<T>> {
-    match root.get(key) {
-        None => Some(None),
-        Some(item) => read(&item.section()?).map(Some),
-    }
 }
 
 fn name_of(item: &Item<'_>) -> Option<String> {
@@ -231,8 +218,8 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
 
 fn motor_role(section: &Section<'_>) -> Option<MotorRole> {
     let port = port(section);
-    let inverted = section.get("inverted").map_or(Some(false), |item| item.flag());
-    let gear = section.get("gear").map_or(Some(1.0), |item| gear(&item));
+    let inverted = section.value_or("inverted", false, |item| item.flag());
+    let gear = section.value_or("gear", 1.0, gear);
     let direction = if inverted? { -1.0 } else { 1.0 };
     Some(MotorRole { port: port?, ratio: gear? * direction })
 }
@@ -265,7 +252,7 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
     section.allow(&["port", "inverted", "gear", "speed_dps", "limit_deg"]);
     let motor = motor_role(section);
     let speed_dps = section.require("speed_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
-    let limit_deg = section.get("limit_deg").map_or(Some(90.0), |item| item.number(1.0..=360.0));
+    let limit_deg = section.value_or("limit_deg", 90.0, |item| item.number(1.0..=360.0));
     Some(HeadRole {
         motor: motor?,
         speed_rad_s: radians(speed_dps?),
@@ -275,13 +262,11 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
 
 fn range(section: &Section<'_>) -> Option<RangeRole> {
     section.allow(&["port", "ahead_m", "max_m", "infrared_m_per_pct"]);
-    let ahead_m = section.get("ahead_m").map_or(Some(0.0), |item| item.number(RangeMount::AHEAD_M));
+    let ahead_m = section.value_or("ahead_m", 0.0, |item| item.number(RangeMount::AHEAD_M));
     // The sensor's own end.
-    let max_m = section
-        .get("max_m")
-        .map_or(Some(2.0), |item| item.number(*RangeMount::MAX_M.start()..=2.55));
-    let infrared =
-        section.get("infrared_m_per_pct").map_or(Some(0.007), |item| item.number(0.0001..=0.1));
+    let max_m =
+        section.value_or("max_m", 2.0, |item| item.number(*RangeMount::MAX_M.start()..=2.55));
+    let infrared = section.value_or("infrared_m_per_pct", 0.007, |item| item.number(0.0001..=0.1));
     Some(RangeRole { ahead_m: ahead_m?, max_m: max_m?, infrared_m_per_pct: infrared? })
 }
 

@@ -1,12 +1,12 @@
-//! The service itself: what the doors ask, answered from the state, the store and the bench.
+//! The service itself: what the doors ask, answered from the state, the store and the hardware.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
 
-use super::bench::Bench;
 use super::config::Config;
+use super::hardware::Hardware;
 use super::machine::{Happening, Machine};
 use super::protocol::{
     Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
@@ -16,7 +16,7 @@ use super::settings::{Kept, addresses, host_name};
 use super::start::Stop;
 use super::store::{Store, StoreError};
 use super::token::Tokens;
-use super::{NetworkDoor, Place, missions};
+use super::{NetworkLink, RobotSite, missions};
 use crate::behavior::Capabilities;
 use crate::clock::{Clock, MonotonicClock, wall_ns, wrong_year};
 use crate::robot::BatteryConfig;
@@ -42,13 +42,13 @@ pub struct Service {
 #[derive(Debug)]
 pub(super) struct Inner {
     pub(super) config: Config,
-    pub(super) place: Place,
+    pub(super) place: RobotSite,
     pub(super) name: Name,
     /// This program, which is started again for each run.
     pub(super) program: PathBuf,
     pub(super) tokens: Tokens,
     pub(super) store: Store,
-    pub(super) bench: Bench,
+    pub(super) hardware: Hardware,
     pub(super) now: Mutex<Now>,
     /// The state has changed.
     pub(super) changed: Condvar,
@@ -79,11 +79,11 @@ pub(super) struct Now {
     pub(super) closing: bool,
 }
 
-/// The network's door, or why there is none.
+/// The network's link, or why there is none.
 #[derive(Debug)]
 enum Link {
     Waits(String),
-    Door(Arc<dyn NetworkDoor>),
+    Up(Arc<dyn NetworkLink>),
 }
 
 impl Service {
@@ -95,7 +95,7 @@ impl Service {
     /// # Errors
     ///
     /// [`OpenError`]. A disk or a robot that is not in order is none: the state tells.
-    pub fn open(config: Config, place: Place, program: PathBuf) -> Result<Self, OpenError> {
+    pub fn open(config: Config, place: RobotSite, program: PathBuf) -> Result<Self, OpenError> {
         let store = Store::open(&config.runs, config.quota_bytes)
             .map_err(|error| OpenError::Kept(error.to_string()))?;
         let now_ns = MonotonicClock.now_ns();
@@ -111,7 +111,7 @@ impl Service {
         };
         let inner = Arc::new(Inner {
             name: config.name.clone().unwrap_or_else(host_name),
-            bench: Bench::new(place.clone()),
+            hardware: Hardware::new(place.clone()),
             config,
             place,
             program,
@@ -143,12 +143,12 @@ impl Service {
         &self.inner.name
     }
 
-    /// The network's door is there: from now on it tells its own state.
-    pub fn attach_link(&self, door: Arc<dyn NetworkDoor>) {
-        *self.inner.link() = Link::Door(door);
+    /// The network's link is there: from now on it tells its own state.
+    pub fn attach_link(&self, link: Arc<dyn NetworkLink>) {
+        *self.inner.link() = Link::Up(link);
     }
 
-    /// There is no network's door, or not yet: why.
+    /// There is no network's link, or not yet: why.
     pub fn no_link(&self, why: &str) {
         *self.inner.link() = Link::Waits(why.to_owned());
     }
@@ -159,7 +159,7 @@ impl Service {
         let disk = inner.store.disk();
         let link = match &*inner.link() {
             Link::Waits(why) => why.clone(),
-            Link::Door(door) => door.state(),
+            Link::Up(link) => link.state(),
         };
         let now = inner.now();
         let progress = now.machine.run().and_then(|run| run.progress.as_ref());
@@ -173,7 +173,7 @@ impl Service {
             run: now.machine.run().cloned(),
             last: now.machine.last().cloned(),
             battery_v: sensed_v,
-            simulated: inner.bench.machine().is_none(),
+            simulated: inner.hardware.machine().is_none(),
             battery: None,
             token: inner.tokens.make(now_ns),
             link,
@@ -183,7 +183,7 @@ impl Service {
         };
         let wanted = now.battery;
         drop(now);
-        let Some(charge) = inner.bench.battery(now_ns).filter(|_| sensed_v.is_none()) else {
+        let Some(charge) = inner.hardware.battery(now_ns).filter(|_| sensed_v.is_none()) else {
             return status;
         };
         let least_v = BatteryConfig { cells: charge.cells, ..wanted }.limits().slow_v;
@@ -228,7 +228,7 @@ impl Service {
         let kept = self.inner.now().kept.clone();
         let fingerprint = match &*self.inner.link() {
             Link::Waits(_) => None,
-            Link::Door(door) => door.fingerprint(),
+            Link::Up(link) => link.fingerprint(),
         };
         Settings {
             brick: self.inner.name.to_string(),
@@ -252,12 +252,12 @@ impl Service {
         Ok(self.settings())
     }
 
-    fn pairing(&self, ask: impl FnOnce(&dyn NetworkDoor) -> Pairing) -> Pairing {
-        let door = match &*self.inner.link() {
+    fn pairing(&self, ask: impl FnOnce(&dyn NetworkLink) -> Pairing) -> Pairing {
+        let link = match &*self.inner.link() {
             Link::Waits(why) => return Pairing::NoLink { why: why.clone() },
-            Link::Door(door) => Arc::clone(door),
+            Link::Up(link) => Arc::clone(link),
         };
-        ask(&*door)
+        ask(&*link)
     }
 
     fn menu_closed(&self, asker: &str) -> Result<Answer, Refusal> {
@@ -316,13 +316,13 @@ impl Operations for Service {
                 self.between_runs()?;
                 let robot =
                     missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
-                answer(&self.inner.bench.live(robot.as_ref(), now_ns)?)
+                answer(&self.inner.hardware.live(robot.as_ref(), now_ns)?)
             }
             LocalOnly::Jog { port, percent } => {
                 // A start waits until this turn of the motor is on its way, and then takes it back.
                 let _no_start = self.inner.starting();
                 self.between_runs()?;
-                self.inner.bench.jog(port, *percent, now_ns)?;
+                self.inner.hardware.jog(port, *percent, now_ns)?;
                 answer(&Done {})
             }
             LocalOnly::Delete { run } => answer(&self.delete(run)?),
@@ -334,11 +334,11 @@ impl Operations for Service {
                 answer(&Done {})
             }
             LocalOnly::PairingWindow { seconds } => {
-                answer(&self.pairing(|door| door.open_pairing(*seconds)))
+                answer(&self.pairing(|link| link.open_pairing(*seconds)))
             }
-            LocalOnly::PairingState => answer(&self.pairing(|door| door.pairing())),
+            LocalOnly::PairingState => answer(&self.pairing(|link| link.pairing())),
             LocalOnly::PairingAnswer { same } => {
-                answer(&self.pairing(|door| door.answer_pairing(*same)))
+                answer(&self.pairing(|link| link.answer_pairing(*same)))
             }
             LocalOnly::Settings => answer(&self.settings()),
             LocalOnly::SetSettings(change) => answer(&self.set(change)?),

@@ -75,7 +75,7 @@ impl Service {
             let _ = now.machine.start(MonotonicClock.now_ns(), run);
             now.stop = Some(StopHandle::Found {
                 file: file.clone(),
-                root: inner.bench.machine().map(|tree| tree.root().to_owned()),
+                root: inner.hardware.machine().map(|tree| tree.root().to_owned()),
             });
             // It may; then its lights are its own.
             now.missions_lights = true;

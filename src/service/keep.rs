@@ -66,7 +66,7 @@ impl Keeper {
         loop {
             let now_ns = MonotonicClock.now_ns();
             self.show(now_ns);
-            self.inner.bench.tend(now_ns);
+            self.inner.hardware.tend(now_ns);
             if now_ns.saturating_sub(self.looked_ns) >= LOOK_NS {
                 self.looked_ns = now_ns;
                 self.inner.store.grow();
@@ -91,7 +91,7 @@ impl Keeper {
                 missions_own: now.missions_lights,
             }
         };
-        let Some(tree) = self.inner.bench.machine() else { return };
+        let Some(tree) = self.inner.hardware.machine() else { return };
         let tree: Arc<dyn Tree> = Arc::new(tree.clone());
         let (colour, tone_hz) = self.signs.follow(shown, now_ns);
         if let Some(colour) = colour {

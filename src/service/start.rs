@@ -7,8 +7,8 @@ use std::time::Duration;
 use nix::sys::signal::kill;
 use nix::unistd::Pid;
 
-use super::bench::taken;
 use super::core::{Service, named};
+use super::hardware::taken;
 use super::machine::Happening;
 use super::protocol::{
     Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped,
@@ -120,7 +120,7 @@ impl Service {
         }
         self.may_start()?;
         let prepared = self.prepared(start)?;
-        inner.bench.let_go();
+        inner.hardware.let_go();
         self.is_free()?;
         let by = named(caller);
         let run = RunStatus {
@@ -232,7 +232,7 @@ impl Service {
     pub fn close(&self) {
         let inner = &self.inner;
         inner.now().closing = true;
-        inner.bench.let_go();
+        inner.hardware.let_go();
         if let Err(error) = self.stop(None, StopBy::Terminal, "the service's own end") {
             log::warn!("{error}");
         }
@@ -248,8 +248,8 @@ impl Service {
         let inner = &self.inner;
         log::info!("asked which brick this is: {}", inner.name);
         let idle = inner.now().machine.run().is_none();
-        if inner.bench.machine().is_some()
-            && let Some(tree) = inner.bench.tree(MonotonicClock.now_ns())
+        if inner.hardware.machine().is_some()
+            && let Some(tree) = inner.hardware.tree(MonotonicClock.now_ns())
         {
             let thread = std::thread::Builder::new().name("identify".to_owned());
             let started = thread.spawn(move || signs::identify(&tree, idle));
@@ -274,7 +274,7 @@ impl Service {
     /// Whether another program has the hardware. The run itself takes it; asking first makes a
     /// better answer.
     fn is_free(&self) -> Result<(), Refusal> {
-        let Some(tree) = self.inner.bench.machine() else { return Ok(()) };
+        let Some(tree) = self.inner.hardware.machine() else { return Ok(()) };
         match HardwareLock::owner(tree.root()) {
             Ok(Some(owner)) => Err(taken(LockError::Taken(owner))),
             Ok(None) => Ok(()),

@@ -9,9 +9,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nix::errno::Errno;
 
+mod beside;
+
 use super::brick::Brick;
+
 pub use super::brick::Plugged;
-use super::door::SimBrick;
 use super::driver::Stored;
 use super::driver::board::Pack;
 use super::driver::input::Button;
@@ -20,6 +22,7 @@ use super::driver::sensor::{GyroMake, SerialLine};
 use super::fault::{
     Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario,
 };
+use super::files::SimBrick;
 use super::physics::{Bridge, Physics, STEP_NS};
 use super::ports::Port;
 use super::view::Trail;
@@ -325,74 +328,9 @@ impl Simulation {
         self.shared.now().bricks.get(robot)?.servo_pulse_us(name)
     }
 
-    /// Presses a button, until it is let go. Nothing happens if it is down already.
-    ///
-    /// # Errors
-    ///
-    /// ENOENT without such a robot.
-    pub fn press(&self, robot: usize, button: Button) -> Result<(), Errno> {
-        self.set_button(robot, button, true)
-    }
-
-    /// Lets go of a button.
-    ///
-    /// # Errors
-    ///
-    /// ENOENT without such a robot.
-    pub fn release(&self, robot: usize, button: Button) -> Result<(), Errno> {
-        self.set_button(robot, button, false)
-    }
-
     /// The state as of now.
     pub(crate) fn state(&self) -> MutexGuard<'_, State> {
         self.shared.now()
-    }
-
-    fn set_button(&self, robot: usize, button: Button, down: bool) -> Result<(), Errno> {
-        self.shared.with_brick(robot, |brick, now_ns| {
-            brick.buttons.set(button, down, now_ns);
-            Ok(())
-        })
-    }
-
-    /// The buttons that are down.
-    #[must_use]
-    pub fn pressed(&self, robot: usize) -> Vec<Button> {
-        self.shared
-            .now()
-            .bricks
-            .get(robot)
-            .map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
-    }
-
-    /// The tone that sounds now, in hertz.
-    #[must_use]
-    pub fn tone_hz(&self, robot: usize) -> Option<u32> {
-        self.shared.now().bricks.get(robot)?.speaker.tone_hz()
-    }
-
-    /// The last tone that was played, in hertz, also if it has ended.
-    #[must_use]
-    pub fn last_tone_hz(&self, robot: usize) -> Option<u32> {
-        self.shared.now().bricks.get(robot)?.speaker.last_tone_hz()
-    }
-
-    /// Brightness and trigger of a status light by its name (`led0:red:brick-status`).
-    #[must_use]
-    pub fn led(&self, robot: usize, name: &str) -> Option<(u32, &'static str)> {
-        self.shared.now().bricks.get(robot)?.led(name)
-    }
-
-    /// Begins a new journal of all writes, or ends it.
-    pub fn record_writes(&self, on: bool) {
-        self.shared.now().journal = on.then(Vec::new);
-    }
-
-    /// The writes since [`Simulation::record_writes`], or since this was last called; in their
-    /// order.
-    #[must_use]
-    pub fn take_writes(&self) -> Vec<Written> {
-        self.shared.now().journal.as_mut().map(std::mem::take).unwrap_or_default()
     }
 }
 

@@ -14,9 +14,12 @@
 //!   a few microseconds a robot.
 //! - The same world, seed, bridges and calls of `measure` give the same bytes on every machine.
 
+mod truth;
+
 use std::f64::consts::PI;
 use std::sync::{Arc, Mutex, PoisonError};
 
+pub use self::truth::{Observer, Truth};
 use super::body::{Body, Outline, Solver, Wheel, metres_per_radian};
 use super::chance::Chance;
 use super::motor::{Motor, MotorConstants};
@@ -34,42 +37,6 @@ const HEAD_FRICTION_NM: f64 = 0.002;
 const IDLE_A: f64 = 0.18;
 /// How fast a tyre's creep wanders, seconds.
 const SLIP_S: f64 = 0.5;
-
-/// How things truly are with one robot.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Truth {
-    /// World frame, metres.
-    pub x_m: f64,
-    /// World frame, metres.
-    pub y_m: f64,
-    /// Anticlockwise from the world's x; not wrapped.
-    pub heading_rad: f64,
-    /// Forward speed, metres a second; negative backwards.
-    pub speed_mps: f64,
-    /// Shaft angles of the left and the right drive motor, radians, in the motors' own direction.
-    pub wheels_rad: [f64; 2],
-    /// Head against body, anticlockwise.
-    pub head_rad: f64,
-    /// Length of the path so far.
-    pub travelled_m: f64,
-    /// True while the outline pushes against something.
-    pub touching: bool,
-    /// True once the middle of the axle has been beyond the edge of the floor: the robot would have
-    /// fallen.
-    pub fallen: bool,
-}
-
-/// Sees the truth of every robot while the physics is inside a simulation.
-#[derive(Debug, Clone)]
-pub struct Observer(Arc<Mutex<Vec<Truth>>>);
-
-impl Observer {
-    /// One robot's truth after the latest step; `None` where there is no such robot.
-    #[must_use]
-    pub fn truth(&self, robot: usize) -> Option<Truth> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(robot).copied()
-    }
-}
 
 /// A world has no place for that many robots: give it more start poses, or start fewer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::recording::{Grid, Run};
-use onbrick::report::export::Part;
+use onbrick::report::export::NamedRecording;
 use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
 
 use crate::recording::decoder::python;
@@ -239,8 +239,8 @@ fn a_grid_is_a_picture_with_the_highest_row_first() {
     assert_eq!(export::pgm(&empty), b"P5\n0 0\n255\n");
 }
 
-fn part<'a>(name: &'a str, bytes: &'a [u8], shift_ns: i64) -> Part<'a> {
-    Part { name, bytes, shift_ns }
+fn part<'a>(name: &'a str, bytes: &'a [u8], shift_ns: i64) -> NamedRecording<'a> {
+    NamedRecording { name, bytes, shift_ns }
 }
 
 #[test]

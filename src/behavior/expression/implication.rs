@@ -58,7 +58,7 @@ impl Claims {
     /// What a condition claims; of a number, nothing.
     pub(in crate::behavior) fn of(condition: &Expression) -> Self {
         let ops = &condition.ops;
-        let mut stack: Vec<Part> = Vec::new();
+        let mut stack: Vec<Subterm> = Vec::new();
         for (at, op) in ops.iter().enumerate() {
             let part = match op {
                 Op::Infix(infix) => {
@@ -74,7 +74,7 @@ impl Claims {
             stack.extend(part);
         }
         match stack.pop() {
-            Some(Part { meaning: Meaning::Truth(claims), .. }) => claims,
+            Some(Subterm { meaning: Meaning::Truth(claims), .. }) => claims,
             _ => Self::piece(ops),
         }
     }
@@ -138,7 +138,7 @@ impl Claims {
 }
 
 /// A part of an expression while it is looked at.
-struct Part {
+struct Subterm {
     /// Where its operations begin.
     start: usize,
     meaning: Meaning,
@@ -162,7 +162,7 @@ struct Linear {
     steps: u8,
 }
 
-fn leaf_part(op: Op, start: usize) -> Part {
+fn leaf_part(op: Op, start: usize) -> Subterm {
     let leaf = |input: Input| match input.word() {
         Some(word) if word.is_truth => {
             Meaning::Truth(Claims::term(Term::Input(input), Set::point(1.0), Set::point(0.0)))
@@ -176,10 +176,10 @@ fn leaf_part(op: Op, start: usize) -> Part {
         Op::Motor { place, .. } => motor(place).map_or(Meaning::Number, leaf),
         Op::Negate | Op::Not | Op::Infix(_) => Meaning::Number,
     };
-    Part { start, meaning }
+    Subterm { start, meaning }
 }
 
-fn prefix_part(op: Op, inner: Part, ops: &[Op], at: usize) -> Part {
+fn prefix_part(op: Op, inner: Subterm, ops: &[Op], at: usize) -> Subterm {
     let meaning = match (op, inner.meaning) {
         (Op::Not, Meaning::Truth(claims)) => Meaning::Truth(claims.not()),
         (Op::Negate, Meaning::Constant(value)) => Meaning::Constant(-value),
@@ -189,10 +189,10 @@ fn prefix_part(op: Op, inner: Part, ops: &[Op], at: usize) -> Part {
         (Op::Not, _) => Meaning::Truth(Claims::piece(&ops[inner.start..=at])),
         _ => Meaning::Number,
     };
-    Part { start: inner.start, meaning }
+    Subterm { start: inner.start, meaning }
 }
 
-fn infix_part(infix: Infix, left: Part, right: Part, ops: &[Op], at: usize) -> Part {
+fn infix_part(infix: Infix, left: Subterm, right: Subterm, ops: &[Op], at: usize) -> Subterm {
     let start = left.start;
     let piece = &ops[start..=at];
     let middle = right.start;
@@ -221,7 +221,7 @@ fn infix_part(infix: Infix, left: Part, right: Part, ops: &[Op], at: usize) -> P
         (Infix::Compare(_) | Infix::And | Infix::Or, _, _) => Meaning::Truth(Claims::piece(piece)),
         (_, left, right) => arithmetic(infix, left, right, piece),
     };
-    Part { start, meaning }
+    Subterm { start, meaning }
 }
 
 /// A sum, difference, product or quotient.

@@ -54,7 +54,7 @@ pub(super) fn parse(
 }
 
 /// The kind of a part, `None` where a mistake was found in it, and its bytes.
-type Part = (Option<Kind>, Range<usize>);
+type Typed = (Option<Kind>, Range<usize>);
 
 struct Parser<'p, 'c> {
     vocabulary: &'p mut Vocabulary<'c>,
@@ -101,7 +101,7 @@ impl<'p> Parser<'p, '_> {
 
     /// An operand and what follows it as long as its operators bind at least as strongly as
     /// `least`.
-    fn expression(&mut self, least: u8) -> Option<Part> {
+    fn expression(&mut self, least: u8) -> Option<Typed> {
         if self.depth == Expression::MAX_NESTING {
             let place = self.peek().1;
             self.note(place, Mistake::TooDeep, Some("make two transitions of it".to_owned()));
@@ -127,7 +127,7 @@ impl<'p> Parser<'p, '_> {
         Some(left)
     }
 
-    fn operand(&mut self) -> Option<Part> {
+    fn operand(&mut self) -> Option<Typed> {
         let (token, place) = self.peek();
         self.at += 1;
         match token {
@@ -160,7 +160,7 @@ impl<'p> Parser<'p, '_> {
         power: u8,
         kind: Kind,
         place: Range<usize>,
-    ) -> Option<Part> {
+    ) -> Option<Typed> {
         let operand = self.expression(power)?;
         self.expect(word, kind, &operand);
         self.ops.push(op);
@@ -168,7 +168,7 @@ impl<'p> Parser<'p, '_> {
     }
 
     /// A signal, a named motor's angle, or one of the mission's numbers.
-    fn name(&mut self, name: &'p str, place: Range<usize>) -> Part {
+    fn name(&mut self, name: &'p str, place: Range<usize>) -> Typed {
         if let Some(word) = words().find(|word| word.name == name) {
             let role = word.channel.map(|channel| channel.quantity().role);
             if let Some(role) = role.filter(|role| !self.vocabulary.capabilities().has(*role)) {
@@ -201,7 +201,7 @@ impl<'p> Parser<'p, '_> {
     }
 
     /// Puts an operator behind its two operands and says what they come to.
-    fn combine(&mut self, infix: Infix, left: Part, right: Part) -> Part {
+    fn combine(&mut self, infix: Infix, left: Typed, right: Typed) -> Typed {
         let place = left.1.start..right.1.end;
         self.ops.push(Op::Infix(infix));
         let (takes, gives) = match infix {
@@ -225,14 +225,14 @@ impl<'p> Parser<'p, '_> {
         (Some(gives), place)
     }
 
-    fn expect(&mut self, operator: &'static str, expected: Kind, (found, place): &Part) {
+    fn expect(&mut self, operator: &'static str, expected: Kind, (found, place): &Typed) {
         if let Some(found) = found.filter(|found| *found != expected) {
             let hint = Some(way_out(expected).to_owned());
             self.note(place.clone(), Mistake::Operand { operator, expected, found }, hint);
         }
     }
 
-    fn push(&mut self, op: Op, kind: Kind, place: Range<usize>) -> Part {
+    fn push(&mut self, op: Op, kind: Kind, place: Range<usize>) -> Typed {
         self.ops.push(op);
         (Some(kind), place)
     }
@@ -246,12 +246,12 @@ impl<'p> Parser<'p, '_> {
         u16::try_from(at).unwrap_or(u16::MAX)
     }
 
-    fn unusable(&mut self, place: Range<usize>, mistake: Mistake, hint: Option<String>) -> Part {
+    fn unusable(&mut self, place: Range<usize>, mistake: Mistake, hint: Option<String>) -> Typed {
         self.note(place.clone(), mistake, hint);
         (None, place)
     }
 
-    fn refuse(&mut self, place: Range<usize>, mistake: Mistake) -> Option<Part> {
+    fn refuse(&mut self, place: Range<usize>, mistake: Mistake) -> Option<Typed> {
         let hint = (mistake == Mistake::NotClosed).then(|| "put a `)` where it ends".to_owned());
         self.note(place, mistake, hint);
         None

@@ -80,17 +80,16 @@ impl<'d> Reader<'_, 'd, '_> {
             let text = item.text()?;
             is_name(text, &item).then(|| text.to_owned())
         });
-        let rate_hz = optional(root, "rate_hz", DEFAULT_RATE_HZ, |item| {
+        let rate_hz = root.value_or("rate_hz", DEFAULT_RATE_HZ, |item| {
             item.integer(10..=100).and_then(|hz| u32::try_from(hz).ok())
         });
         let (low, high) = Mission::TIME_LIMITS_S;
-        let time_limit_s = optional(root, Mission::TIME_LIMIT, DEFAULT_TIME_LIMIT_S, |item| {
-            item.number(low..=high)
-        });
-        let finish = optional(root, "finish", Finish::All, |item| {
+        let time_limit_s = root
+            .value_or(Mission::TIME_LIMIT, DEFAULT_TIME_LIMIT_S, |item| item.number(low..=high));
+        let finish = root.value_or("finish", Finish::All, |item| {
             item.word(&[("all", Finish::All), ("any", Finish::Any)])
         });
-        let on_lost = optional(root, "on_lost", OnLost::Stop, |item| {
+        let on_lost = root.value_or("on_lost", OnLost::Stop, |item| {
             item.word(&[("stop", OnLost::Stop), ("pause", OnLost::Pause)])
         });
         self.vocabulary
@@ -270,16 +269,6 @@ impl<'d> Reader<'_, 'd, '_> {
             }
         }
     }
-}
-
-/// A key's value, or what holds without it.
-fn optional<T>(
-    root: &Section<'_>,
-    key: &str,
-    default: T,
-    read: impl FnOnce(&Item<'_>) -> Option<T>,
-) -> Option<T> {
-    root.get(key).map_or(Some(default), |item| read(&item))
 }
 
 impl Names<'_> {

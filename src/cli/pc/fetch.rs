@@ -185,7 +185,7 @@ fn follow(
     let watch = Watch::of(run);
     let brought = std::thread::scope(|scope| {
         scope.spawn(|| watch.look(asking, brick));
-        let mut line = Line::new(output);
+        let mut line = ProgressLine::new(output);
         let brought =
             bring(&mut client, run, &arguments.out.out, arguments.most_bytes(), &mut |progress| {
                 line.show(progress, &watch.line(), output);
@@ -199,11 +199,11 @@ fn follow(
 }
 
 /// The line of progress: a bar for a person who watches, JSON for a program.
-struct Line {
+struct ProgressLine {
     bar: Option<indicatif::ProgressBar>,
 }
 
-impl Line {
+impl ProgressLine {
     fn new(output: &Output) -> Self {
         let style = indicatif::ProgressStyle::with_template("{spinner} {msg}").ok();
         let bar = output.is_watched().then(indicatif::ProgressBar::new_spinner);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::common::{open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
-use crate::report::export::{self, Part};
+use crate::report::export::{self, NamedRecording};
 
 /// Make a whole file of a recording that was cut or damaged: all of it that is whole, in the order
 /// of time, with the summary that viewers seek by. A run that ended by itself needs none of this.
@@ -41,9 +41,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         Ok((loaded, bytes))
     };
     let runs = arguments.runs.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
-    let parts: Vec<Part<'_>> = runs
+    let parts: Vec<NamedRecording<'_>> = runs
         .iter()
-        .map(|(loaded, bytes)| Part { name: loaded.brick(), bytes, shift_ns: 0 })
+        .map(|(loaded, bytes)| NamedRecording { name: loaded.brick(), bytes, shift_ns: 0 })
         .collect();
     let whole = export::mcap(&parts)
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot repair", &error))?;

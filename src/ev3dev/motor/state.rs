@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write};
 
-use crate::ev3dev::value::{Legal, Line, Value};
+use crate::ev3dev::value::{AttributeText, Legal, Value};
 
 /// A set of the flags in a motor's `state`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -69,7 +69,7 @@ impl Value for MotorState {
         words.map(flag).try_fold(0, |set, flag| Some(set | flag?)).map(Self)
     }
 
-    fn render(&self, line: &mut Line) -> fmt::Result {
+    fn render(&self, line: &mut AttributeText) -> fmt::Result {
         write!(line, "{self}")
     }
 }

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use super::line::{Answered, Line, Waited};
+use super::session::{Answered, Session, Waited};
 use super::{ClientError, Kind};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::service::digest::sha256_hex_of;
@@ -57,7 +57,7 @@ pub fn part_of(file: &Path) -> PathBuf {
 
 /// Fetches a run into a file, or compares the file that is there.
 pub(super) fn fetch(
-    line: &mut Line,
+    line: &mut Session,
     run: &RunId,
     file: &Path,
     most: u64,
@@ -66,7 +66,7 @@ pub(super) fn fetch(
     if file.exists() {
         return compare(line, run, file);
     }
-    let mut part = Part::open(file)?;
+    let mut part = PartFile::open(file)?;
     if file.exists() {
         // Another fetch, which had the lock before, has brought it home meanwhile.
         part.discard_if_empty();
@@ -109,7 +109,7 @@ pub(super) fn fetch(
 
 /// Says whether the file that is there is the brick's recording: by its hash, because names are
 /// chosen freely.
-fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, ClientError> {
+fn compare(line: &mut Session, run: &RunId, file: &Path) -> Result<FetchProgress, ClientError> {
     let failed = |source| ClientError::File { path: file.to_owned(), source };
     let bytes = std::fs::metadata(file).map_err(failed)?.len();
     let sha256 = sha256_hex_of(file).map_err(failed)?;
@@ -139,14 +139,14 @@ fn compare(line: &mut Line, run: &RunId, file: &Path) -> Result<FetchProgress, C
 
 /// Tells the brick that all of a run is here, so that it may delete that run first. Without the
 /// brick's answer the recording is still complete.
-fn tell(line: &mut Line, run: &RunId, bytes: u64, sha256: String) {
+fn tell(line: &mut Session, run: &RunId, bytes: u64, sha256: String) {
     let whole = Fetch { sha256: Some(sha256), ..Fetch::part(run, bytes, 0) };
     if let Err(error) = line.ask(&Request::Fetch(whole)) {
         log::warn!("{run} is here, and the brick could not be told: {error}");
     }
 }
 
-fn nap(line: &mut Line, until_ns: i64) -> Result<(), ClientError> {
+fn nap(line: &mut Session, until_ns: i64) -> Result<(), ClientError> {
     MonotonicClock.sleep_until_ns(until_ns.min(line.now_ns() + 100 * MILLISECOND_NS));
     line.check_patience()
 }
@@ -162,9 +162,9 @@ enum End {
 
 /// One fetch under way.
 struct Fetching<'l> {
-    line: &'l mut Line,
+    line: &'l mut Session,
     run: &'l RunId,
-    part: Part,
+    part: PartFile,
     most: u64,
     progress: FetchProgress,
     sha256: Option<String>,
@@ -178,7 +178,7 @@ struct Fetching<'l> {
 }
 
 impl<'l> Fetching<'l> {
-    fn new(line: &'l mut Line, run: &'l RunId, part: Part, most: u64) -> Self {
+    fn new(line: &'l mut Session, run: &'l RunId, part: PartFile, most: u64) -> Self {
         line.begin();
         let now_ns = line.now_ns();
         let bytes = part.length;
@@ -333,13 +333,13 @@ impl<'l> Fetching<'l> {
 }
 
 /// What has come so far, in a file that one fetch alone writes: another one finds it locked.
-struct Part {
+struct PartFile {
     path: PathBuf,
     file: File,
     length: u64,
 }
 
-impl Part {
+impl PartFile {
     /// Opens what earlier calls have left, or begins.
     fn open(file: &Path) -> Result<Self, ClientError> {
         let path = part_of(file);

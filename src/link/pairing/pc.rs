@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Hex, PAIRING_PORT, Said, Side, Step, code, commitment, random, well_known_key};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
-use crate::link::client::{ClientError, Line, Patience};
+use crate::link::client::{ClientError, Patience, Session};
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::service::protocol::{Kind, Name, Refusal};
 
@@ -45,7 +45,7 @@ pub fn pair(
     patience: Patience,
     is_same: &mut dyn FnMut(&Introduced, &str) -> bool,
 ) -> Result<Introduced, ClientError> {
-    let mut line = Line::new(address, PAIRING_PORT, well_known_key(), own, patience)?;
+    let mut line = Session::new(address, PAIRING_PORT, well_known_key(), own, patience)?;
     let failed = |kind, message: &str| ClientError::Refused(Refusal::new(kind, message));
     let number = random().map_err(|error| failed(Kind::Failed, &error.to_string()))?;
     let commit = Hex(commitment(Side::Pc, &own.public(), &number));
@@ -86,7 +86,7 @@ pub fn pair(
     }
 }
 
-fn ask(line: &mut Line, step: Step) -> Result<Said, ClientError> {
+fn ask(line: &mut Session, step: Step) -> Result<Said, ClientError> {
     let (value, _) = line.ask(&Pair { op: "pair", step })?;
     line.understood(value)
 }

@@ -7,8 +7,8 @@ use std::sync::atomic::Ordering;
 
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 
-use super::door::{Arrived, Door};
 use super::limits::MOST_OPEN;
+use super::router::{Arrived, Router};
 use super::workers::{Job, Workers, framed, refused};
 use super::{LinkState, NAP_MS, ServerConfig, ServerError, Shared, zap};
 use crate::link::keys::{Authorised, KeyPair, PublicKey};
@@ -28,8 +28,8 @@ const OTHER_DESCRIPTORS: nix::libc::rlim_t = 464;
 /// What the front holds. Fields are dropped in this order: the doors close before the handler that
 /// guards them goes.
 pub(super) struct Front<'s> {
-    door: Door,
-    pairing: Option<Door>,
+    router: Router,
+    pairing: Option<Router>,
     workers: Workers,
     handler: zap::Handler,
     authorised: Authorised,
@@ -50,15 +50,15 @@ impl<'s> Front<'s> {
     ) -> Result<Self, ServerError> {
         make_room_for_descriptors();
         let authorised = Authorised::below(&config.keys);
-        let handler = zap::Handler::start(context, authorised.clone(), Arc::clone(&shared.desk))?;
+        let handler = zap::Handler::start(context, authorised.clone(), Arc::clone(&shared.window))?;
         let workers = Workers::start(context, &operations)?;
         let endpoint = endpoint(&config.address, config.port);
-        let door = Door::open(context, &own, zap::REQUESTS, &endpoint)?;
-        shared.port.store(door.port(), Ordering::Relaxed);
+        let router = Router::open(context, &own, zap::REQUESTS, &endpoint)?;
+        shared.port.store(router.port(), Ordering::Relaxed);
         log::info!("the link listens at {endpoint} with the key {}", own.public().fingerprint());
         shared.set(LinkState::Ready { fingerprint: own.public().fingerprint() });
         Ok(Self {
-            door,
+            router,
             pairing: None,
             workers,
             handler,
@@ -83,13 +83,13 @@ impl<'s> Front<'s> {
             }
             self.open_or_close_pairing();
             self.wait()?;
-            self.door.look_after();
+            self.router.look_after();
             while let Some(frames) = self.workers.done().map_err(ServerError::Socket)? {
                 self.forget(&frames);
-                self.door.reply(frames);
+                self.router.reply(frames);
             }
             for _ in 0..TAKEN_IN_ONE_TURN {
-                let Some(arrived) = self.door.receive().map_err(ServerError::Socket)? else {
+                let Some(arrived) = self.router.receive().map_err(ServerError::Socket)? else {
                     break;
                 };
                 self.take(arrived)?;
@@ -100,7 +100,7 @@ impl<'s> Front<'s> {
     }
 
     fn wait(&self) -> Result<(), ServerError> {
-        let mut items = Vec::from(self.door.poll_items());
+        let mut items = Vec::from(self.router.poll_items());
         items.push(self.workers.poll_item());
         if let Some(pairing) = &self.pairing {
             items.extend(pairing.poll_items());
@@ -121,7 +121,7 @@ impl<'s> Front<'s> {
             }
             Err(NotUnderstood { id, refusal }) => {
                 log::debug!("the link refuses: {refusal}");
-                self.door.reply(refused(envelope, id, refusal));
+                self.router.reply(refused(envelope, id, refusal));
                 Ok(())
             }
         }
@@ -178,32 +178,32 @@ impl<'s> Front<'s> {
     }
 
     fn open_or_close_pairing(&mut self) {
-        let desk = &self.shared.desk;
-        if !desk.is_open() {
+        let window = &self.shared.window;
+        if !window.is_open() {
             self.pairing = None;
         } else if self.pairing.is_none() {
             let endpoint = endpoint(&self.config.address, self.config.pairing_port);
-            match Door::open(&self.context, &pairing::well_known(), zap::PAIRING, &endpoint) {
-                Ok(door) => {
-                    self.shared.pairing_port.store(door.port(), Ordering::Relaxed);
-                    self.pairing = Some(door);
+            match Router::open(&self.context, &pairing::well_known(), zap::PAIRING, &endpoint) {
+                Ok(router) => {
+                    self.shared.pairing_port.store(router.port(), Ordering::Relaxed);
+                    self.pairing = Some(router);
                 }
-                Err(error) => desk.close(&error.to_string()),
+                Err(error) => window.close(&error.to_string()),
             }
         }
     }
 
     fn serve_pairing(&mut self) -> Result<(), ServerError> {
-        let Some(door) = &mut self.pairing else { return Ok(()) };
-        door.look_after();
+        let Some(router) = &mut self.pairing else { return Ok(()) };
+        router.look_after();
         for _ in 0..TAKEN_IN_ONE_TURN {
-            let Some(arrived) = door.receive().map_err(ServerError::Socket)? else { break };
+            let Some(arrived) = router.receive().map_err(ServerError::Socket)? else { break };
             let bytes: &[u8] = arrived.payload.as_ref().map_or(&[], |payload| payload);
-            let reply = match self.shared.desk.answer_request(arrived.key, bytes) {
+            let reply = match self.shared.window.answer_request(arrived.key, bytes) {
                 Ok((id, value)) => framed(arrived.envelope, Some(id), Outcome::Ok(value), None),
                 Err(NotUnderstood { id, refusal }) => refused(arrived.envelope, id, refusal),
             };
-            door.reply(reply);
+            router.reply(reply);
         }
         Ok(())
     }

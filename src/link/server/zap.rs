@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 
 use super::{NAP_MS, ServerError};
 use crate::link::keys::{Authorised, PublicKey};
-use crate::link::pairing::Desk;
+use crate::link::pairing::PairingWindow;
 
 /// Where libzmq asks.
 const ENDPOINT: &str = "inproc://zeromq.zap.01";
@@ -33,7 +33,7 @@ impl Handler {
     pub(super) fn start(
         context: &zmq::Context,
         authorised: Authorised,
-        desk: Arc<Desk>,
+        window: Arc<PairingWindow>,
     ) -> Result<Self, ServerError> {
         let socket = context.socket(zmq::REP).map_err(ServerError::Socket)?;
         socket.set_linger(0).map_err(ServerError::Socket)?;
@@ -45,7 +45,7 @@ impl Handler {
         let serve = move || {
             // However this thread ends, it is known.
             let _gone = gone;
-            let asked = Asked { socket, authorised, desk };
+            let asked = Asked { socket, authorised, window };
             while !stopped.load(Ordering::Relaxed) && asked.answer_one() {}
         };
         let thread = std::thread::Builder::new()
@@ -82,7 +82,7 @@ impl Drop for Gone {
 struct Asked {
     socket: zmq::Socket,
     authorised: Authorised,
-    desk: Arc<Desk>,
+    window: Arc<PairingWindow>,
 }
 
 impl Asked {
@@ -113,7 +113,7 @@ impl Asked {
         }
         let key = PublicKey::from_bytes(key.as_slice().try_into().ok()?);
         let may = if domain == PAIRING.as_bytes() {
-            self.desk.is_open()
+            self.window.is_open()
         } else {
             domain == REQUESTS.as_bytes() && self.is_authorised(&key)
         };

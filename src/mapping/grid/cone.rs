@@ -23,7 +23,7 @@ const BESIDE_EDGE: i32 = 3;
 
 /// Where a cell lies in a cone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum Zone {
     Outside,
     /// Nearer than the distance; near the axis or beside it.
     Before {
@@ -124,41 +124,41 @@ impl Cone {
 
     /// The place of a cell's middle. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths
     /// below 2¹¹, tangents below 2⁸.
-    pub(super) fn place(&self, x: i32, y: i32) -> Place {
+    pub(super) fn place(&self, x: i32, y: i32) -> Offset {
         let dx = (x - self.tip[0]) * PARTS + PARTS / 2 - self.within[0];
         let dy = (y - self.tip[1]) * PARTS + PARTS / 2 - self.within[1];
         let [cos, sin] = self.axis;
-        Place { dx, dy, along: dx * cos + dy * sin, across: dx * sin - dy * cos }
+        Offset { dx, dy, along: dx * cos + dy * sin, across: dx * sin - dy * cos }
     }
 
     /// Where a cell of [`Cone::bounds`] lies.
-    pub(super) fn part_of(&self, place: &Place) -> Part {
+    pub(super) fn part_of(&self, place: &Offset) -> Zone {
         // Half a cell is granted to each side, so that a cone is a cell wide where it is narrowest.
         let across = if place.across < 0 { -place.across } else { place.across };
         let beside = if across > UNIT * PARTS / 2 { across - UNIT * PARTS / 2 } else { 0 };
         if place.along < 0 || beside > place.along * TAN_CONE / UNIT {
-            return Part::Outside;
+            return Zone::Outside;
         }
         let squared = place.dx * place.dx + place.dy * place.dy;
         if squared > self.arc_to {
-            return Part::Outside;
+            return Zone::Outside;
         }
         let axis = beside <= place.along * TAN_AXIS / UNIT;
-        if squared < self.free_below { Part::Before { axis } } else { Part::Arc { axis } }
+        if squared < self.free_below { Zone::Before { axis } } else { Zone::Arc { axis } }
     }
 }
 
 /// A cell's middle from a cone's tip: in x and y in sixteenths, and along and across its axis in
 /// those times 1024.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct Offset {
     dx: i32,
     dy: i32,
     along: i32,
     across: i32,
 }
 
-impl Place {
+impl Offset {
     /// To the next cell in x.
     pub(super) fn step(&mut self, [cos, sin]: [i32; 2]) {
         self.dx += PARTS;
@@ -195,7 +195,7 @@ mod tests {
                     let inside = (low[0]..=high[0]).contains(&cell_x)
                         && (low[1]..=high[1]).contains(&cell_y);
                     prop_assert!(
-                        inside || cone.part_of(&cone.place(cell_x, cell_y)) == Part::Outside,
+                        inside || cone.part_of(&cone.place(cell_x, cell_y)) == Zone::Outside,
                         "({cell_x}, {cell_y}) is in the cone and not in {low:?} to {high:?}"
                     );
                 }

@@ -24,7 +24,7 @@ use crate::recording::{FRAME_MAP, Found, ReadError, Run, Topic, sealed, walk};
 
 /// A recording that becomes a part of the file.
 #[derive(Debug, Clone, Copy)]
-pub struct Part<'a> {
+pub struct NamedRecording<'a> {
     /// The robot's name.
     pub name: &'a str,
     /// The recording.
@@ -54,7 +54,7 @@ pub enum ExportError {
 /// # Errors
 ///
 /// See [`ExportError`].
-pub fn mcap(parts: &[Part<'_>]) -> Result<Vec<u8>, ExportError> {
+pub fn mcap(parts: &[NamedRecording<'_>]) -> Result<Vec<u8>, ExportError> {
     let names: Vec<&str> = parts.iter().map(|part| part.name).collect();
     let spaces = namespaces(&names);
     let mut messages = Vec::new();
@@ -65,7 +65,7 @@ pub fn mcap(parts: &[Part<'_>]) -> Result<Vec<u8>, ExportError> {
     for (part, space) in parts.iter().zip(&spaces) {
         Run::read(part.bytes)
             .map_err(|source| ExportError::Read { name: part.name.to_owned(), source })?;
-        let place = Place { space, shift_ns: part.shift_ns };
+        let place = Destination { space, shift_ns: part.shift_ns };
         let mut outcome = Ok(());
         walk(part.bytes, &mut |found| {
             if outcome.is_ok() {
@@ -104,7 +104,7 @@ fn write(
 
 /// Where a recording goes: its namespace, and what its stamps are moved by.
 #[derive(Debug, Clone, Copy)]
-struct Place<'a> {
+struct Destination<'a> {
     space: &'a str,
     shift_ns: i64,
 }
@@ -113,18 +113,18 @@ struct Place<'a> {
 struct MessageRecord<'a> {
     log_time: u64,
     sequence: u32,
-    place: Place<'a>,
+    place: Destination<'a>,
     topic: Topic,
     data: &'a [u8],
 }
 
 fn take<'a>(
     found: Found<'a>,
-    place: Place<'a>,
+    place: Destination<'a>,
     messages: &mut Vec<MessageRecord<'a>>,
     writer: &mut Writer<Cursor<Vec<u8>>>,
 ) -> Result<(), McapError> {
-    let Place { space, shift_ns } = place;
+    let Destination { space, shift_ns } = place;
     let named =
         |name: &str| if space.is_empty() { name.to_owned() } else { format!("{space}/{name}") };
     match found {
@@ -196,7 +196,7 @@ fn namespaces(names: &[&str]) -> Vec<String> {
     spaces
 }
 
-impl Place<'_> {
+impl Destination<'_> {
     /// A message with its frames in the namespace and its stamps on the common clock.
     fn put(self, topic: Topic, data: &[u8]) -> Vec<u8> {
         if self.space.is_empty() && self.shift_ns == 0 {

@@ -115,8 +115,8 @@ fn battery(section: &Section<'_>) -> Option<(i64, Order)> {
     let at_s = time(section, "at_s");
     let robot = robot(section);
     let from_v = section.require("from_v").and_then(|item| item.number(VOLTS));
-    let to_v = optional(section, "to_v", |item| item.number(VOLTS));
-    let over_s = optional(section, "over_s", |item| item.number(0.0..=LONGEST_S));
+    let to_v = section.value_or("to_v", None, |item| item.number(VOLTS).map(Some));
+    let over_s = section.value_or("over_s", None, |item| item.number(0.0..=LONGEST_S).map(Some));
     let act = Act::Battery {
         from_v: from_v?,
         to_v: to_v?.or(from_v)?,
@@ -131,19 +131,9 @@ fn press(section: &Section<'_>) -> Option<(i64, Order)> {
     let robot = robot(section);
     let button =
         section.require("button").and_then(|item| understood(&item, text::button(item.text()?)));
-    let for_s = optional(section, "for_s", |item| item.number(0.002..=LONGEST_S));
+    let for_s = section.value_or("for_s", None, |item| item.number(0.002..=LONGEST_S).map(Some));
     let act = Act::Press(button?, for_s?.map_or(text::PRESS_NS, nanoseconds));
     Some((nanoseconds(at_s?), Order { robot: robot?, act }))
-}
-
-/// The value of a key that may be left out; nothing where it is there and wrong.
-#[expect(clippy::option_option, reason = "left out and wrong are two things")]
-fn optional(
-    section: &Section<'_>,
-    key: &str,
-    read: impl FnOnce(&Item<'_>) -> Option<f64>,
-) -> Option<Option<f64>> {
-    section.get(key).map_or(Some(None), |item| read(&item).map(Some))
 }
 
 fn time(section: &Section<'_>, key: &str) -> Option<f64> {

@@ -5,8 +5,8 @@
 
 use nix::errno::Errno;
 
-use crate::sim::door::{Device, StreamFile};
 use crate::sim::driver::input::Button;
+use crate::sim::files::{Device, StreamFile};
 
 /// Every ioctl of an input device has this as its second byte.
 const TYPE: u32 = b'E' as u32;

@@ -10,7 +10,7 @@ use nix::errno::Errno;
 use nix::unistd::{getgid, getuid};
 
 use super::handle::{Handle, Listed};
-use super::nodes::{Nodes, Place, ROOT};
+use super::nodes::{NodePath, Nodes, ROOT};
 use super::open::Open;
 use crate::clock::{WallTime, wall_time};
 use crate::ev3dev::Access;
@@ -38,7 +38,7 @@ pub(super) struct Files {
     layout: EventLayout,
     mounted: WallTime,
     /// What root has set, by place. Names of devices are never given twice.
-    rights: Mutex<BTreeMap<Place, u32>>,
+    rights: Mutex<BTreeMap<NodePath, u32>>,
 }
 
 impl Files {
@@ -53,7 +53,7 @@ impl Files {
     }
 
     /// The place with a number.
-    pub(super) fn place(&self, node: INodeNo) -> Result<Place, Errno> {
+    pub(super) fn place(&self, node: INodeNo) -> Result<NodePath, Errno> {
         self.nodes().place(node.0).cloned().ok_or(Errno::ENOENT)
     }
 
@@ -63,7 +63,7 @@ impl Files {
     }
 
     /// What `lstat` says of a place.
-    pub(super) fn entry(&self, place: &Place) -> Result<Entry, Errno> {
+    pub(super) fn entry(&self, place: &NodePath) -> Result<Entry, Errno> {
         let mut entry = match place.robot {
             Some(robot) => self.brick(robot)?.entry(&place.path)?,
             None => Entry::folder(""),
@@ -81,23 +81,23 @@ impl Files {
         }
     }
 
-    fn rights(&self) -> MutexGuard<'_, BTreeMap<Place, u32>> {
+    fn rights(&self) -> MutexGuard<'_, BTreeMap<NodePath, u32>> {
         self.rights.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The place of an entry of a folder.
-    fn inside(&self, folder: &Place, name: &OsStr) -> Result<Place, Errno> {
+    fn inside(&self, folder: &NodePath, name: &OsStr) -> Result<NodePath, Errno> {
         let name = name.to_str().ok_or(Errno::ENOENT)?;
         if folder.robot.is_none() {
             let robot = (0..self.bricks.len()).find(|robot| (robot + 1).to_string() == name);
-            return Ok(Place { robot: Some(robot.ok_or(Errno::ENOENT)?), path: String::new() });
+            return Ok(NodePath { robot: Some(robot.ok_or(Errno::ENOENT)?), path: String::new() });
         }
         let path = if folder.path.is_empty() {
             name.to_owned()
         } else {
             format!("{}/{name}", folder.path)
         };
-        Ok(Place { robot: folder.robot, path })
+        Ok(NodePath { robot: folder.robot, path })
     }
 
     fn attributes(&self, node: u64, entry: &Entry) -> FileAttr {
@@ -218,7 +218,7 @@ fn kind(kind: EntryKind) -> FileType {
 
 /// For how long the kernel may believe what it was told: devices come and go, and so do links to
 /// them.
-fn lifetime(place: &Place, entry: &Entry) -> Duration {
+fn lifetime(place: &NodePath, entry: &Entry) -> Duration {
     let lasts = entry.kind == EntryKind::Folder && place.path.split('/').count() <= LASTING_PARTS;
     if lasts { LASTING } else { Duration::ZERO }
 }

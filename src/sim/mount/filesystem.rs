@@ -14,7 +14,7 @@ use nix::errno::Errno;
 use super::files::{Files, refusal};
 use super::handle::{Handle, Read};
 use crate::clock::WallTime;
-use crate::sim::door::Write;
+use crate::sim::files::Write;
 
 impl Filesystem for Files {
     fn lookup(&self, _request: &Request, parent: INodeNo, name: &OsStr, reply: ReplyEntry) {

@@ -9,7 +9,7 @@ use nix::errno::Errno;
 use super::files::refusal;
 use super::{SimBrick, events};
 use crate::ev3dev::AttributeFile;
-use crate::sim::door::{OrdersFile, SimFile, StreamFile, TruthFile, Write};
+use crate::sim::files::{OrdersFile, SimFile, StreamFile, TruthFile, Write};
 
 /// An open file or folder.
 #[derive(Debug)]

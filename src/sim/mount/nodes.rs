@@ -7,7 +7,7 @@ pub(super) const ROOT: u64 = 1;
 
 /// A place in the mount.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
+pub(super) struct NodePath {
     /// Whose brick; none for the folder above several bricks.
     pub(super) robot: Option<usize>,
     /// Relative to the brick's root.
@@ -16,7 +16,7 @@ pub(super) struct Place {
 
 #[derive(Debug)]
 struct Known {
-    place: Place,
+    place: NodePath,
     /// How often the kernel has been told of it, and has not forgotten.
     lookups: u64,
 }
@@ -24,21 +24,21 @@ struct Known {
 /// All the places that the kernel knows.
 #[derive(Debug)]
 pub(super) struct Nodes {
-    root: Place,
+    root: NodePath,
     known: BTreeMap<u64, Known>,
-    numbers: BTreeMap<Place, u64>,
+    numbers: BTreeMap<NodePath, u64>,
     last: u64,
 }
 
 impl Nodes {
     /// A mount of one brick, or of several in folders.
     pub(super) fn new(robots: usize) -> Self {
-        let root = Place { robot: (robots == 1).then_some(0), path: String::new() };
+        let root = NodePath { robot: (robots == 1).then_some(0), path: String::new() };
         Self { root, known: BTreeMap::new(), numbers: BTreeMap::new(), last: ROOT }
     }
 
     /// The place with a number.
-    pub(super) fn place(&self, number: u64) -> Option<&Place> {
+    pub(super) fn place(&self, number: u64) -> Option<&NodePath> {
         if number == ROOT {
             Some(&self.root)
         } else {
@@ -47,12 +47,12 @@ impl Nodes {
     }
 
     /// The number of a place that the kernel knows.
-    pub(super) fn number(&self, place: &Place) -> Option<u64> {
+    pub(super) fn number(&self, place: &NodePath) -> Option<u64> {
         if *place == self.root { Some(ROOT) } else { self.numbers.get(place).copied() }
     }
 
     /// Tells the kernel of a place: gives it a number, if it has none.
-    pub(super) fn look_up(&mut self, place: Place) -> u64 {
+    pub(super) fn look_up(&mut self, place: NodePath) -> u64 {
         if place == self.root {
             return ROOT;
         }
@@ -83,7 +83,7 @@ mod tests {
     #[test]
     fn a_place_keeps_its_number_until_the_kernel_has_forgotten_it() {
         let mut nodes = Nodes::new(1);
-        let place = Place { robot: Some(0), path: "sys".to_owned() };
+        let place = NodePath { robot: Some(0), path: "sys".to_owned() };
         let first = nodes.look_up(place.clone());
         assert_ne!(first, ROOT);
         assert_eq!(nodes.look_up(place.clone()), first);

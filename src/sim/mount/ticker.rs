@@ -9,7 +9,7 @@ use std::thread::{Builder, JoinHandle};
 use super::open::Open;
 use crate::clock::{Clock, MonotonicClock};
 use crate::sim::Simulation;
-use crate::sim::door::LOOK_NS;
+use crate::sim::files::LOOK_NS;
 
 /// A waiting reader is checked for an interrupt once in this many ticks.
 const INTERRUPT_TICKS: u32 = 5;

@@ -148,21 +148,21 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
         pair(&at(1), &anna, &name("anna"), Patience::new(1.0), &mut |_, _| true).unwrap_err();
     assert!(matches!(closed, ClientError::NoAnswer { .. }), "{closed}");
 
-    let desk = bench.server.desk();
+    let window = bench.server.window();
     let opened = |seconds| {
-        desk.open(seconds);
+        window.open(seconds);
         until("the window is open", || Some(bench.server.pairing_port()).filter(|port| *port != 0))
     };
     // No PC comes in while only one side has agreed; both see one code.
     let port = opened(60);
     let introduced = std::thread::scope(|scope| {
         let person = scope.spawn(|| {
-            let code = until("a code is shown", || match desk.state() {
+            let code = until("a code is shown", || match window.state() {
                 Pairing::Compare { code, name } => Some((code, name)),
                 _ => None,
             });
             assert_eq!(bench.authorised().find(&anna.public()).unwrap(), None);
-            desk.answer(true);
+            window.answer(true);
             code
         });
         let mut seen = String::new();
@@ -179,7 +179,7 @@ fn a_pc_is_introduced_when_both_persons_see_the_same_code() {
 
     // And a person at the PC who says no.
     let eve = KeyPair::generate().unwrap();
-    desk.open(0);
+    window.open(0);
     let port = opened(60);
     let refused = until("the window takes a PC again", || {
         match pair(&at(port), &eve, &name("eve"), Patience::new(10.0), &mut |_, _| false)

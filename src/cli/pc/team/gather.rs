@@ -11,7 +11,7 @@ use crate::cli::{Exit, Failure, Output};
 use crate::clock::{SECOND_NS, seconds};
 use crate::recording::Info;
 use crate::report::Scene;
-use crate::report::export::{self, Part};
+use crate::report::export::{self, NamedRecording};
 
 /// Says brick by brick what came of it.
 pub(super) fn report(came: &[Came], output: &mut Output) {
@@ -130,13 +130,13 @@ fn merged(ones: &[&Came], runs: &[LoadedRun], output: &mut Output) -> Result<Vec
         })
     };
     let bytes = runs.iter().map(|loaded| read(&loaded.path)).collect::<Result<Vec<_>, _>>()?;
-    let parts: Vec<Part<'_>> = ones
+    let parts: Vec<NamedRecording<'_>> = ones
         .iter()
         .zip(runs)
         .zip(&bytes)
         .map(|((one, loaded), bytes)| {
             let shift_ns = loaded.run.info.as_ref().map_or(0, |info| shift_ns(one, info, output));
-            Part { name: &one.brick.name, bytes, shift_ns }
+            NamedRecording { name: &one.brick.name, bytes, shift_ns }
         })
         .collect();
     export::mcap(&parts).map_err(|error| Failure::from_error(Exit::Failed, "cannot merge", &error))

@@ -9,12 +9,12 @@
 //!
 //! # Not here
 //!
-//! Whether a run is going on: the caller looks, and [`Bench::let_go`] comes before each run.
+//! Whether a run is going on: the caller looks, and [`Hardware::let_go`] comes before each run.
 
 use std::f64::consts::PI;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::Place;
+use super::RobotSite;
 use super::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
@@ -35,8 +35,8 @@ const FORGET_NS: i64 = 5 * SECOND_NS;
 
 /// The hardware between runs.
 #[derive(Debug)]
-pub(super) struct Bench {
-    place: Place,
+pub(super) struct Hardware {
+    place: RobotSite,
     jog: Mutex<Option<Jog>>,
     battery: Mutex<Option<(i64, Option<Charge>)>>,
     #[cfg(feature = "sim")]
@@ -60,8 +60,8 @@ struct Jog {
     _lock: Option<HardwareLock>,
 }
 
-impl Bench {
-    pub(super) fn new(place: Place) -> Self {
+impl Hardware {
+    pub(super) fn new(place: RobotSite) -> Self {
         Self {
             place,
             jog: Mutex::new(None),

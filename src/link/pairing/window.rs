@@ -18,7 +18,7 @@ const COMPARING_NS: i64 = 120 * SECOND_NS;
 
 /// The pairing window of a brick: for the person at the brick, and for the PC that comes to it.
 #[derive(Debug)]
-pub struct Desk {
+pub struct PairingWindow {
     authorised: Authorised,
     name: Name,
     inner: Mutex<Inner>,
@@ -59,7 +59,7 @@ struct Asked {
     step: Step,
 }
 
-impl Desk {
+impl PairingWindow {
     /// A window that is closed, and stays so until the link has its keys.
     pub(in crate::link) fn new(authorised: Authorised, name: Name) -> Self {
         let stage = Stage::NoLink("the link is not ready yet".to_owned());
@@ -315,7 +315,7 @@ mod tests {
 
     struct Bench {
         _folder: tempfile::TempDir,
-        desk: Desk,
+        window: PairingWindow,
         authorised: Authorised,
     }
 
@@ -330,22 +330,22 @@ mod tests {
     fn bench() -> Bench {
         let folder = tempfile::tempdir().unwrap();
         let authorised = Authorised::below(folder.path());
-        let desk = Desk::new(authorised.clone(), name_of("blue"));
-        desk.ready(key(9));
-        Bench { _folder: folder, desk, authorised }
+        let window = PairingWindow::new(authorised.clone(), name_of("blue"));
+        window.ready(key(9));
+        Bench { _folder: folder, window, authorised }
     }
 
     /// Both steps of a PC that tells the truth; its code.
-    fn exchange(desk: &Desk, pc: PublicKey) -> String {
+    fn exchange(window: &PairingWindow, pc: PublicKey) -> String {
         let number = [5; 32];
         let commit = Hex(commitment(Side::Pc, &pc, &number));
         let Said::Commit { commit: theirs } =
-            desk.step(pc, Step::Commit { name: name_of("anna"), commit }).unwrap()
+            window.step(pc, Step::Commit { name: name_of("anna"), commit }).unwrap()
         else {
             panic!("no commitment")
         };
         let Said::Reveal { key: brick, number: revealed, name } =
-            desk.step(pc, Step::Reveal { number: Hex(number) }).unwrap()
+            window.step(pc, Step::Reveal { number: Hex(number) }).unwrap()
         else {
             panic!("nothing is revealed")
         };
@@ -360,12 +360,12 @@ mod tests {
     #[test]
     fn both_show_the_same_code_and_both_must_say_so() {
         for brick_first in [true, false] {
-            let Bench { desk, authorised, _folder } = bench();
-            assert!(matches!(desk.open(60), Pairing::Open { .. }));
-            let code = exchange(&desk, key(1));
-            assert_eq!(desk.state(), Pairing::Compare { code, name: "anna".to_owned() });
-            let here = || desk.answer(true);
-            let there = || desk.step(key(1), Step::Answer { same: true }).unwrap();
+            let Bench { window, authorised, _folder } = bench();
+            assert!(matches!(window.open(60), Pairing::Open { .. }));
+            let code = exchange(&window, key(1));
+            assert_eq!(window.state(), Pairing::Compare { code, name: "anna".to_owned() });
+            let here = || window.answer(true);
+            let there = || window.step(key(1), Step::Answer { same: true }).unwrap();
             if brick_first {
                 assert!(matches!(here(), Pairing::Compare { .. }));
                 assert_eq!(authorised.find(&key(1)).unwrap(), None);
@@ -375,63 +375,66 @@ mod tests {
                 assert_eq!(authorised.find(&key(1)).unwrap(), None);
                 here();
             }
-            assert_eq!(desk.state(), Pairing::Paired { name: "anna".to_owned() });
-            assert_eq!(desk.step(key(1), Step::How), Ok(Said::Paired));
+            assert_eq!(window.state(), Pairing::Paired { name: "anna".to_owned() });
+            assert_eq!(window.step(key(1), Step::How), Ok(Said::Paired));
             assert_eq!(authorised.find(&key(1)).unwrap().as_deref(), Some("anna"));
         }
     }
 
     #[test]
     fn nobody_pairs_while_the_window_is_closed() {
-        let Bench { desk, .. } = bench();
+        let Bench { window, .. } = bench();
         let step =
-            || desk.step(key(1), Step::Commit { name: name_of("anna"), commit: Hex([0; 32]) });
+            || window.step(key(1), Step::Commit { name: name_of("anna"), commit: Hex([0; 32]) });
         assert_eq!(step().unwrap_err().kind, Kind::Busy);
-        desk.open(60);
+        window.open(60);
         assert!(step().is_ok());
-        desk.open(0);
-        assert_eq!((desk.state(), desk.is_open()), (Pairing::Closed, false));
+        window.open(0);
+        assert_eq!((window.state(), window.is_open()), (Pairing::Closed, false));
         assert_eq!(step().unwrap_err().kind, Kind::Busy);
-        desk.close("no keys");
-        assert_eq!(desk.open(60), Pairing::NoLink { why: "no keys".to_owned() });
+        window.close("no keys");
+        assert_eq!(window.open(60), Pairing::NoLink { why: "no keys".to_owned() });
     }
 
     #[test]
     fn one_exchange_is_all_that_a_window_takes() {
-        let Bench { desk, authorised, _folder } = bench();
-        desk.open(60);
-        exchange(&desk, key(1));
+        let Bench { window, authorised, _folder } = bench();
+        window.open(60);
+        exchange(&window, key(1));
         // Another PC, another number, another try of the same one.
         let commit = Step::Commit { name: name_of("eve"), commit: Hex([7; 32]) };
-        assert_eq!(desk.step(key(2), commit.clone()).unwrap_err().kind, Kind::Busy);
-        assert_eq!(desk.step(key(1), commit).unwrap_err().kind, Kind::Busy);
-        assert_eq!(desk.step(key(2), Step::Answer { same: true }).unwrap_err().kind, Kind::Busy);
-        assert!(matches!(desk.answer(false), Pairing::Failed { .. }));
-        assert!(matches!(desk.step(key(1), Step::Answer { same: true }), Ok(Said::Failed { .. })));
-        assert!(matches!(desk.answer(true), Pairing::Failed { .. }), "a failure stays one");
+        assert_eq!(window.step(key(2), commit.clone()).unwrap_err().kind, Kind::Busy);
+        assert_eq!(window.step(key(1), commit).unwrap_err().kind, Kind::Busy);
+        assert_eq!(window.step(key(2), Step::Answer { same: true }).unwrap_err().kind, Kind::Busy);
+        assert!(matches!(window.answer(false), Pairing::Failed { .. }));
+        assert!(matches!(
+            window.step(key(1), Step::Answer { same: true }),
+            Ok(Said::Failed { .. })
+        ));
+        assert!(matches!(window.answer(true), Pairing::Failed { .. }), "a failure stays one");
         assert_eq!(authorised.list().unwrap(), []);
     }
 
     #[test]
     fn a_number_that_was_not_committed_to_ends_it() {
-        let Bench { desk, .. } = bench();
-        desk.open(60);
+        let Bench { window, .. } = bench();
+        window.open(60);
         let commit = Hex(commitment(Side::Pc, &key(1), &[5; 32]));
-        desk.step(key(1), Step::Commit { name: name_of("anna"), commit }).unwrap();
+        window.step(key(1), Step::Commit { name: name_of("anna"), commit }).unwrap();
         assert_eq!(
-            desk.step(key(1), Step::Reveal { number: Hex([6; 32]) }).unwrap_err().kind,
+            window.step(key(1), Step::Reveal { number: Hex([6; 32]) }).unwrap_err().kind,
             Kind::NotAuthorised
         );
-        assert!(matches!(desk.state(), Pairing::Failed { .. }));
-        assert!(desk.step(key(1), Step::Reveal { number: Hex([5; 32]) }).is_err());
+        assert!(matches!(window.state(), Pairing::Failed { .. }));
+        assert!(window.step(key(1), Step::Reveal { number: Hex([5; 32]) }).is_err());
     }
 
     #[test]
     fn whatever_arrives_at_the_window_is_answered_or_refused() {
-        let Bench { desk, .. } = bench();
-        desk.open(60);
+        let Bench { window, .. } = bench();
+        window.open(60);
         let ask = |text: &str| {
-            desk.answer_request(Some(key(1)), text.as_bytes()).map_err(|error| error.refusal.kind)
+            window.answer_request(Some(key(1)), text.as_bytes()).map_err(|error| error.refusal.kind)
         };
         assert_eq!(ask("{}"), Err(Kind::BadRequest));
         assert_eq!(ask("\u{0}[[["), Err(Kind::BadRequest));
@@ -450,10 +453,10 @@ mod tests {
             assert_eq!(ask(&commit), Err(Kind::BadRequest), "{bad}");
         }
         assert!(
-            matches!(desk.state(), Pairing::Open { .. }),
+            matches!(window.state(), Pairing::Open { .. }),
             "and the window waits for another PC"
         );
         assert!(ask(&commit).is_ok());
-        assert!(desk.answer_request(None, commit.as_bytes()).is_err());
+        assert!(window.answer_request(None, commit.as_bytes()).is_err());
     }
 }

@@ -40,7 +40,7 @@ const WORTH_A_WORD_NS: i64 = 2 * SECOND_NS;
 
 /// A line to one brick.
 #[derive(Debug)]
-pub(in crate::link) struct Line {
+pub(in crate::link) struct Session {
     context: Context,
     written: String,
     address: Address,
@@ -82,7 +82,7 @@ pub(super) enum Waited {
     Nothing,
 }
 
-impl Line {
+impl Session {
     pub(in crate::link) fn new(
         address: &str,
         usual_port: u16,

@@ -21,7 +21,7 @@ use crate::units::degrees;
 
 /// What the line says. World frame; angles anticlockwise and not wrapped.
 #[derive(Serialize)]
-struct Line {
+struct TruthLine {
     time_s: f64,
     x_m: f64,
     y_m: f64,
@@ -79,14 +79,14 @@ impl TruthFile {
         Ok(())
     }
 
-    fn line(&self) -> Option<Line> {
+    fn line(&self) -> Option<TruthLine> {
         let state = self.shared.now();
         let world = state.world()?;
         let truth = world.truth(self.robot)?;
         let brick = state.bricks.get(self.robot)?;
         let light = |name: &str| Some((name.to_owned(), brick.led(name)?.0));
         let [left_deg, right_deg] = truth.wheels_rad.map(degrees);
-        Some(Line {
+        Some(TruthLine {
             time_s: seconds(state.now_ns),
             x_m: truth.x_m,
             y_m: truth.y_m,

@@ -44,7 +44,7 @@ pub(super) struct Arrived {
 }
 
 /// The socket. It listens from the moment it is made until it is dropped.
-pub(super) struct Door {
+pub(super) struct Router {
     socket: zmq::Socket,
     monitor: Monitor,
     limits: Limits,
@@ -53,8 +53,8 @@ pub(super) struct Door {
     count_at_ns: i64,
 }
 
-impl Door {
-    /// Opens a door under one of ZAP's domains.
+impl Router {
+    /// Opens a router under one of ZAP's domains.
     pub(super) fn open(
         context: &zmq::Context,
         own: &KeyPair,
@@ -188,7 +188,7 @@ impl Door {
     }
 }
 
-impl Drop for Door {
+impl Drop for Router {
     fn drop(&mut self) {
         self.monitor.stop(&self.socket);
     }

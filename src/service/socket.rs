@@ -1,4 +1,4 @@
-//! The local door: a Unix socket with file permissions, for the menu, `onbrick run` and a person's
+//! The local socket: a Unix socket with file permissions, for the menu, `onbrick run` and a person's
 //! scripts on the brick itself.
 //!
 //! Requests and replies are lines of JSON ([`protocol`](super::protocol)); after the reply to a
@@ -50,7 +50,7 @@ const STACK_BYTES: usize = 1 << 20;
 
 /// Why the door cannot be opened.
 #[derive(Debug, thiserror::Error)]
-pub enum DoorError {
+pub enum SocketError {
     /// A service answers there already: stop it, or use another configuration.
     #[error("a service is at {} already", .0.display())]
     Taken(PathBuf),
@@ -69,43 +69,47 @@ pub enum DoorError {
 
 /// The open door; the socket's file goes when this is dropped. Clients that are connected stay so.
 #[derive(Debug)]
-pub struct Door {
+pub struct LocalSocket {
     path: PathBuf,
 }
 
-impl Door {
+impl LocalSocket {
     /// Opens the door and answers in threads of its own from now on.
     ///
     /// # Errors
     ///
-    /// [`DoorError`].
-    pub fn open(config: &SocketConfig, operations: Arc<dyn Operations>) -> Result<Self, DoorError> {
+    /// [`SocketError`].
+    pub fn open(
+        config: &SocketConfig,
+        operations: Arc<dyn Operations>,
+    ) -> Result<Self, SocketError> {
         let path = config.path.clone();
-        let failed = |source| DoorError::Io { path: path.clone(), source };
+        let failed = |source| SocketError::Io { path: path.clone(), source };
         let listener = listen(config)?;
         let door = Self { path: path.clone() };
-        let hall = Hall { operations, clients: AtomicUsize::new(0), long_line: Mutex::new(()) };
+        let clients =
+            Clients { operations, clients: AtomicUsize::new(0), long_line: Mutex::new(()) };
         let thread = std::thread::Builder::new().name("door".to_owned());
-        thread.spawn(move || Arc::new(hall).welcome(&listener)).map_err(failed)?;
+        thread.spawn(move || Arc::new(clients).accept(&listener)).map_err(failed)?;
         Ok(door)
     }
 }
 
-impl Drop for Door {
+impl Drop for LocalSocket {
     fn drop(&mut self) {
         // From now on a client shall be told that there is no service.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-fn listen(config: &SocketConfig) -> Result<UnixListener, DoorError> {
+fn listen(config: &SocketConfig) -> Result<UnixListener, SocketError> {
     let path = &config.path;
-    let failed = |source| DoorError::Io { path: path.clone(), source };
+    let failed = |source| SocketError::Io { path: path.clone(), source };
     let group = match &config.group {
         Some(name) => Some(
             groups::number_of(name)
                 .map_err(failed)?
-                .ok_or_else(|| DoorError::NoGroup(name.clone()))?
+                .ok_or_else(|| SocketError::NoGroup(name.clone()))?
                 .as_raw(),
         ),
         None => None,
@@ -124,12 +128,12 @@ fn listen(config: &SocketConfig) -> Result<UnixListener, DoorError> {
 }
 
 /// Takes away what a service that died has left.
-fn clear(path: &Path) -> Result<(), DoorError> {
+fn clear(path: &Path) -> Result<(), SocketError> {
     match UnixStream::connect(path) {
-        Ok(_) => Err(DoorError::Taken(path.to_owned())),
+        Ok(_) => Err(SocketError::Taken(path.to_owned())),
         Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
             std::fs::remove_file(path)
-                .map_err(|source| DoorError::Io { path: path.to_owned(), source })
+                .map_err(|source| SocketError::Io { path: path.to_owned(), source })
         }
         // What is no socket stays; binding will say so.
         Err(_) => Ok(()),
@@ -137,17 +141,17 @@ fn clear(path: &Path) -> Result<(), DoorError> {
 }
 
 /// What the clients' threads share.
-struct Hall {
+struct Clients {
     operations: Arc<dyn Operations>,
     clients: AtomicUsize,
     long_line: Mutex<()>,
 }
 
-impl Hall {
-    fn welcome(self: &Arc<Self>, listener: &UnixListener) {
+impl Clients {
+    fn accept(self: &Arc<Self>, listener: &UnixListener) {
         loop {
             match listener.accept() {
-                Ok((stream, _)) => self.show_in(stream),
+                Ok((stream, _)) => self.serve(stream),
                 Err(error) => {
                     // Too many open files, as a rule: clients leave in time.
                     log::warn!("the local socket accepts no connection: {error}");
@@ -158,8 +162,8 @@ impl Hall {
         }
     }
 
-    fn show_in(self: &Arc<Self>, stream: UnixStream) {
-        let client = Guest { hall: Arc::clone(self) };
+    fn serve(self: &Arc<Self>, stream: UnixStream) {
+        let client = ClientThread { clients: Arc::clone(self) };
         if self.clients.fetch_add(1, Ordering::Relaxed) >= MAX_CLIENTS {
             let refusal =
                 Refusal::new(Kind::TooMany, format!("{MAX_CLIENTS} clients are connected already"));
@@ -176,17 +180,17 @@ impl Hall {
 }
 
 /// A client, counted while it is in.
-struct Guest {
-    hall: Arc<Hall>,
+struct ClientThread {
+    clients: Arc<Clients>,
 }
 
-impl Drop for Guest {
+impl Drop for ClientThread {
     fn drop(&mut self) {
-        self.hall.clients.fetch_sub(1, Ordering::Relaxed);
+        self.clients.clients.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
-impl Guest {
+impl ClientThread {
     fn talk(&self, stream: &UnixStream) {
         let Ok(peer) = getsockopt(stream, PeerCredentials) else { return };
         let mut caller = Caller::Here { uid: peer.uid(), pid: peer.pid() };
@@ -195,7 +199,7 @@ impl Guest {
             log::debug!("process {} at the local socket: {error}", peer.pid());
         }
         if matches!(caller, Caller::Menu { .. }) {
-            let closed = self.hall.operations.own(&LocalOnly::MenuClosed, &caller);
+            let closed = self.clients.operations.own(&LocalOnly::MenuClosed, &caller);
             log::debug!("the menu is gone: {closed:?}");
         }
     }
@@ -207,8 +211,8 @@ impl Guest {
         loop {
             line.clear();
             match self.read_line(stream, &mut reader, &mut line)? {
-                Line::End => return Ok(()),
-                Line::TooLong => {
+                LineRead::End => return Ok(()),
+                LineRead::TooLong => {
                     let message = format!(
                         "a request has at most {MAX_REQUEST_BYTES} bytes, and ends with a \
                          line's end"
@@ -217,7 +221,7 @@ impl Guest {
                     // What follows in the stream cannot be told from the rest of it.
                     return send(&mut &*stream, &Reply { id: None, outcome }, None);
                 }
-                Line::Whole => {}
+                LineRead::Whole => {}
             }
             let (reply, bytes) = self.answer(&line, caller);
             send(&mut &*stream, &reply, bytes.as_deref())?;
@@ -229,12 +233,13 @@ impl Guest {
         stream: &UnixStream,
         reader: &mut BufReader<&UnixStream>,
         line: &mut Vec<u8>,
-    ) -> io::Result<Line> {
+    ) -> io::Result<LineRead> {
         if read_up_to(reader, line, SHORT_LINE)? == 0 {
-            return Ok(Line::End);
+            return Ok(LineRead::End);
         }
         if line.last() != Some(&b'\n') && line.len() >= SHORT_LINE {
-            let _one_at_a_time = self.hall.long_line.lock().unwrap_or_else(PoisonError::into_inner);
+            let _one_at_a_time =
+                self.clients.long_line.lock().unwrap_or_else(PoisonError::into_inner);
             stream.set_read_timeout(Some(PATIENCE))?;
             read_up_to(reader, line, MAX_REQUEST_BYTES + 1)?;
             stream.set_read_timeout(None)?;
@@ -242,11 +247,11 @@ impl Guest {
         match line.last() {
             Some(b'\n') => {
                 line.pop();
-                Ok(Line::Whole)
+                Ok(LineRead::Whole)
             }
-            _ if line.len() > MAX_REQUEST_BYTES => Ok(Line::TooLong),
+            _ if line.len() > MAX_REQUEST_BYTES => Ok(LineRead::TooLong),
             // A client that went away in the middle of a word.
-            _ => Ok(Line::End),
+            _ => Ok(LineRead::End),
         }
     }
 
@@ -258,7 +263,7 @@ impl Guest {
                 {
                     *caller = Caller::Menu { uid: *uid, pid: *pid };
                 }
-                let operations = &self.hall.operations;
+                let operations = &self.clients.operations;
                 let answered = match &request {
                     LocalRequest::Shared(request) => operations.shared(request, caller),
                     LocalRequest::Own(request) => operations.own(request, caller),
@@ -275,7 +280,7 @@ impl Guest {
 }
 
 /// What was read.
-enum Line {
+enum LineRead {
     /// A line, without its end.
     Whole,
     /// More than a request may have.

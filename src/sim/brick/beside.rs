@@ -1,0 +1,99 @@
+//! What is done to a brick from outside, and seen of it: plugging, frames and serial lines of
+//! sensors, servos, lights, the screen.
+
+use super::*;
+
+impl Brick {
+    /// Puts something into a port, or takes it out; detection takes its time.
+    ///
+    /// # Errors
+    ///
+    /// EINVAL for a motor in an input port and the reverse, ENOENT for a missing port.
+    pub(crate) fn plug(
+        &mut self,
+        index: usize,
+        plugged: Option<Plugged>,
+        now_ns: i64,
+    ) -> Result<(), Errno> {
+        self.ports.get_mut(index).ok_or(Errno::ENOENT)?.plug(plugged, now_ns)
+    }
+
+    /// Adds an output of a servo controller; returns its name.
+    pub(crate) fn add_servo(&mut self, address: &str, has_rate: bool, now_ns: i64) -> String {
+        let name = format!("motor{}", next(&mut self.counters.servo));
+        let servo = Device::Servo(ServoMotor::new(address, has_rate));
+        self.register(Class::ServoMotor, name.clone(), now_ns, servo);
+        name
+    }
+
+    /// The pulse of a servo, in microseconds; none while it floats, or without such a servo.
+    pub(crate) fn servo_pulse_us(&self, name: &str) -> Option<i32> {
+        self.nodes
+            .iter()
+            .find(|node| node.class == Class::ServoMotor && node.name == name)
+            .and_then(|node| match &node.device {
+                Device::Servo(servo) => servo.pulse_us(),
+                _ => None,
+            })
+    }
+
+    /// A light's brightness and trigger.
+    pub(crate) fn led(&self, name: &str) -> Option<(u32, &'static str)> {
+        self.nodes.iter().find(|node| node.class == Class::Leds && node.name == name).and_then(
+            |node| match &node.device {
+                Device::Led(led) => Some((led.brightness(), led.trigger())),
+                _ => None,
+            },
+        )
+    }
+
+    /// The picture on the screen.
+    pub(crate) fn lcd_bytes(&self) -> &[u8] {
+        let lcd = self.nodes.iter().find_map(|node| match &node.device {
+            Device::Lcd(lcd) => Some(lcd.bytes()),
+            _ => None,
+        });
+        lcd.unwrap_or_default()
+    }
+
+    /// Draws on the screen; returns how many bytes there was room for.
+    ///
+    /// # Errors
+    ///
+    /// ENOSPC at the picture's end.
+    pub(crate) fn draw(&mut self, offset: usize, bytes: &[u8]) -> Result<usize, Errno> {
+        let lcd = self.nodes.iter_mut().find_map(|node| match &mut node.device {
+            Device::Lcd(lcd) => Some(lcd),
+            _ => None,
+        });
+        lcd.ok_or(Errno::ENODEV)?.write(offset, bytes)
+    }
+
+    /// Puts a frame into the sensor on an input port, or lets it measure again.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV where no sensor is registered.
+    pub(crate) fn feed(&mut self, input: usize, frame: Option<&[u8]>) -> Result<(), Errno> {
+        self.sensor(input)?.feed(frame);
+        Ok(())
+    }
+
+    /// Breaks the serial line of the sensor on an input port, or mends it.
+    ///
+    /// # Errors
+    ///
+    /// ENODEV where no sensor is registered.
+    pub(crate) fn set_line(&mut self, input: usize, line: SerialLine) -> Result<(), Errno> {
+        self.sensor(input)?.set_line(line);
+        Ok(())
+    }
+
+    fn sensor(&mut self, input: usize) -> Result<&mut Sensor, Errno> {
+        let sensor = self.nodes.iter_mut().find_map(|node| match &mut node.device {
+            Device::Sensor(port, sensor) if *port == input => Some(&mut **sensor),
+            _ => None,
+        });
+        sensor.ok_or(Errno::ENODEV)
+    }
+}
