@@ -157,7 +157,10 @@ fn check_motors(pace: &Pace, said: &Value, truth: &Truth) {
         "The given speed value b'1561' was out of range. Max speed: +/-1560"
     );
     pace.near("45 degrees, inversed", float(&said["inversed"]), 45.0, 14.0);
-    assert_eq!(said["reset"], json!(["normal", 0, []]));
+    assert_eq!([&said["reset"][0], &said["reset"][2]], [&json!("normal"), &json!([])]);
+    // It coasts from then on: what is left of its last motion may turn it by a count or two.
+    let rolled = float(&said["reset"][1]);
+    assert!(rolled.abs() <= 3.0, "{rolled} counts after a reset");
     pace.near("nothing drove", truth.travelled_m, 0.0, 1e-9);
 }
 
