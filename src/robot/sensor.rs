@@ -22,7 +22,7 @@ pub struct RoleSensor {
     role: Role,
     sensor: Sensor,
     mode: &'static str,
-    gives: ArrayVec<(Channel, Source), MOST>,
+    gives: Vec<(Channel, Source)>,
 }
 
 impl RoleSensor {

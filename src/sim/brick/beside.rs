@@ -1,7 +1,9 @@
 //! What is done to a brick from outside, and seen of it: plugging, frames and serial lines of
 //! sensors, servos, lights, the screen.
 
-use super::*;
+use nix::errno::Errno;
+
+use super::{Brick, Class, Device, Plugged, Sensor, SerialLine, ServoMotor, next};
 
 impl Brick {
     /// Puts something into a port, or takes it out; detection takes its time.

@@ -95,7 +95,7 @@ fn a_beacon_is_turned_to_and_driven_to_and_none_is_infinitely_far() {
     );
     assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
     let end = played.truths.last().unwrap();
-    let left_m = (1.2 - end.x_m).hypot(0.8 - end.y_m);
+    let left_m = libm::hypot(1.2 - end.x_m, 0.8 - end.y_m);
     assert!((0.3..0.6).contains(&left_m), "{left_m} m away");
 
     let mission =
