@@ -74,7 +74,7 @@
 //! s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
 //! inside control, and has no guard.
 //!
-//! `onbrick serve` starts the same processes for the clients of its doors ([`service`]); the
+//! `onbrick serve` starts the same processes for the clients of its transports ([`service`]); the
 //! processes do not need it, and a restarted service finds a run in progress.
 //!
 //! # Words

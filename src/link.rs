@@ -7,7 +7,7 @@
 //! | part | what it is |
 //! |---|---|
 //! | [`keys`] | who a machine is, who may ask it, which bricks it knows |
-//! | [`server`] | a brick's door |
+//! | [`server`] | a brick's end |
 //! | [`client`] | a brick as a program on a PC sees it: [`Client`] |
 //! | [`pairing`] | introducing a PC to a brick |
 //! | [`team`] | several bricks with start poses: `team.toml` |

@@ -126,7 +126,7 @@ pub fn is_printable(letter: char) -> bool {
     letter.is_whitespace() || is_in_table(letter)
 }
 
-/// What std's own table says, which has no door but this: `escape_debug` leaves alone what can be
+/// What std's own table says, which is reached only so: `escape_debug` leaves alone what can be
 /// printed. A mark is one behind the letter that it belongs to, so it is asked for behind one.
 fn is_in_table(letter: char) -> bool {
     let mut bytes = [b'a'; 5];

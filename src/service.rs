@@ -1,16 +1,17 @@
 //! What a brick does between and around runs: the state, the runs on disk, the operations that both
-//! doors offer.
+//! transports offer.
 //!
 //! ```text
 //!  network ── link ──┐                                   ┌── run.mcap, run.json ── store
 //!                    ├─▶ Operations = Service ── machine ┤
-//!  Unix socket ─ door┘        │                          └── lights, sounds ── signs
+//!  Unix socket ──────┘        │                          └── lights, sounds ── signs
 //!                             └── starts, follows, stops ──▶ the run's own processes (runtime)
 //! ```
 //!
-//! People reach a brick through two doors: the network (`link`) and a Unix socket on the brick
-//! itself ([`door`]: the menu, `onbrick run`). Both carry the same JSON ([`protocol`]) to the same
-//! [`Operations`](protocol::Operations), so that menu, link and log always tell the same story.
+//! People reach a brick through two transports: the network (`link`) and a Unix socket on the brick
+//! itself ([`socket`]: the menu, `onbrick run`). Both carry the same JSON ([`protocol`]) to the
+//! same [`Operations`](protocol::Operations), so that menu, link and log always tell the same
+//! story.
 //!
 //! [`Service`] is that one story: a pure state machine ([`Machine`]), the runs on disk (`store`),
 //! and a thread for each run in progress. A run has processes of its own: it survives the service's
@@ -58,7 +59,7 @@ pub struct RobotSite {
     pub start: Pose,
 }
 
-/// What the service asks the network's door, once there is one.
+/// What the service asks the network link, once there is one.
 pub trait NetworkLink: std::fmt::Debug + Send + Sync {
     /// `ready`, or what it waits for.
     fn state(&self) -> String;

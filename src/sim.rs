@@ -1,12 +1,13 @@
 //! The simulated brick: ev3dev's drivers over simulated motors and sensors.
 //!
 //! A [`Simulation`] owns a world ([`Physics`]) and, for each robot in it, the state of its drivers.
-//! A [`SimBrick`] is the door into one robot's files for programs in this process; it is a
+//! A [`SimBrick`] is one robot's files for programs in this process; it is a
 //! [`Tree`](crate::ev3dev::Tree) like the file system of a real brick.
 //!
 //! `driver` says what a device answers, `brick` which devices there are, `simulation` when time
-//! passes, `door` how a program gets in, `mount` how one gets in that knows nothing of us, `fault`
-//! what goes wrong on purpose, `view` what a person sees, `page` in a browser.
+//! passes, `files` how a program of this process gets in, `mount` how one gets in that knows
+//! nothing of us, `fault` what goes wrong on purpose, `view` what a person sees, `page` in a
+//! browser.
 //!
 //! # Not here
 //!

@@ -56,7 +56,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
     let service = Service::open(config, place, program)
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
-    let door = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
+    let socket = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
     let link = start_link(&service);
     let socket = service.config().socket.path.display().to_string();
@@ -71,7 +71,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     tell_systemd(sd_notify::NotifyState::Stopping);
     service.close();
-    drop(door);
+    drop(socket);
     close_link(&service, link);
     Ok(())
 }
@@ -79,7 +79,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 const ANOTHER: &str =
     "stop the other one (systemctl stop onbrick), or --config with another folder";
 
-/// The network's door opens when it can; nothing waits for it. It is closed when what is returned
+/// The network link opens when it can; nothing waits for it. It is closed when what is returned
 /// is dropped.
 #[cfg(feature = "link")]
 fn start_link(service: &Service) -> Option<Arc<Server>> {
@@ -104,7 +104,7 @@ fn start_link(service: &Service) -> Option<Arc<Server>> {
     }
 }
 
-/// The threads that use the door share it; the last one to drop it closes it.
+/// The threads that use the link share it; the last one to drop it closes it.
 #[cfg(feature = "link")]
 fn close_link(service: &Service, link: Option<Arc<Server>>) {
     service.no_link("the service has ended");

@@ -1,4 +1,4 @@
-//! A brick's door to the network: one ROUTER socket with CURVE, and a second one while a PC is
+//! A brick's network link: one ROUTER socket with CURVE, and a second one while a PC is
 //! being paired.
 //!
 //! ```text
@@ -138,7 +138,7 @@ fn in_words(bound: zmq::Error) -> String {
     }
 }
 
-/// A brick's door to the network. Dropping it closes it.
+/// A brick's network link. Dropping it closes it.
 pub struct Server {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,

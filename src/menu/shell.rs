@@ -150,12 +150,12 @@ struct Courier {
 }
 
 impl Courier {
-    fn start(mut door: Box<dyn ServiceConnection>) -> Self {
+    fn start(mut connection: Box<dyn ServiceConnection>) -> Self {
         let (requests, inbox) = channel::<LocalRequest>();
         let (outbox, answers) = channel();
         std::thread::spawn(move || {
             for request in inbox {
-                if outbox.send(door.ask(&request)).is_err() {
+                if outbox.send(connection.ask(&request)).is_err() {
                     return;
                 }
             }

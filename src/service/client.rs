@@ -1,5 +1,5 @@
-//! A client of the local door, for the menu and for `onbrick run`: it asks, waits no longer than it
-//! is told to, and reconnects by itself.
+//! A client of the local socket, for the menu and for `onbrick run`: it asks, waits no longer than
+//! it is told to, and reconnects by itself.
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -110,7 +110,7 @@ impl Client {
         self.exchange(request, patience).map(|(answer, _)| answer)
     }
 
-    /// Asks what only the local door answers.
+    /// Asks what only the local socket answers.
     ///
     /// # Errors
     ///

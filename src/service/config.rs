@@ -1,4 +1,4 @@
-//! `onbrick.toml`: the service's folders, limits and doors.
+//! `onbrick.toml`: the service's folders, limits and transports.
 //!
 //! # Not here
 //!
@@ -42,13 +42,13 @@ pub struct Config {
     pub when_service_dies: WhenAbandoned,
     /// What a run does when the menu closes.
     pub when_menu_closes: WhenAbandoned,
-    /// The local door.
+    /// The local socket.
     pub socket: SocketConfig,
-    /// The network's door.
+    /// The network link.
     pub link: LinkConfig,
 }
 
-/// The local door.
+/// The local socket.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SocketConfig {
     /// The socket's file.
@@ -58,7 +58,7 @@ pub struct SocketConfig {
     pub group: Option<String>,
 }
 
-/// The network's door.
+/// The network link.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LinkConfig {
     /// The address that it listens at: `*`, or one of the brick's in numbers.

@@ -1,4 +1,5 @@
-//! The service itself: what the doors ask, answered from the state, the store and the hardware.
+//! The service itself: what the transports ask, answered from the state, the store and the
+//! hardware.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

@@ -19,12 +19,12 @@
 //!
 //! # Not here
 //!
-//! No sockets, no frames: how a request arrives is its door's matter. What an operation does is the
-//! service's.
+//! No sockets, no frames: how a request arrives is its transport's matter. What an operation does
+//! is the service's.
 //!
 //! # What we count on
 //!
-//! - A door hands over at most [`MAX_REQUEST_BYTES`].
+//! - A transport hands over at most [`MAX_REQUEST_BYTES`].
 
 use serde::{Deserialize, Serialize};
 
@@ -52,8 +52,8 @@ pub const MAX_REQUEST_BYTES: usize = 512 << 10;
 /// The longest text of a mission that a `start` may carry, bytes.
 pub const MAX_MISSION_BYTES: usize = 64 << 10;
 
-/// The most bytes that one `fetch` brings, through either door: replies wait in memory for slow
-/// clients.
+/// The most bytes that one `fetch` brings, through either transport: replies wait in memory for
+/// slow clients.
 pub const MAX_FETCH_BYTES: u32 = 64 << 10;
 
 /// A token is taken for this long after the status that brought it, nanoseconds of the brick's
@@ -267,7 +267,7 @@ impl Fetch {
     }
 }
 
-/// What a door gives back.
+/// What a transport gives back.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Answer {
     /// The reply's `ok`.
@@ -318,7 +318,7 @@ pub enum Caller {
     },
 }
 
-/// What both doors ask the service for. It is shared between their threads.
+/// What both transports ask the service for. It is shared between their threads.
 ///
 /// `stop` waits for the motors to be told, at most about a second; all others answer at once, so a
 /// slow client never delays another for long.

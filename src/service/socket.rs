@@ -1,5 +1,5 @@
-//! The local socket: a Unix socket with file permissions, for the menu, `onbrick run` and a person's
-//! scripts on the brick itself.
+//! The local socket: a Unix socket with file permissions, for the menu, `onbrick run` and a
+//! person's scripts on the brick itself.
 //!
 //! Requests and replies are lines of JSON ([`protocol`](super::protocol)); after the reply to a
 //! `fetch` come as many bytes as its `length` says. Requests of one connection are answered in
@@ -48,7 +48,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Only a part of it is ever used; the deepest is the check of a mission.
 const STACK_BYTES: usize = 1 << 20;
 
-/// Why the door cannot be opened.
+/// Why the socket cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum SocketError {
     /// A service answers there already: stop it, or use another configuration.
@@ -67,14 +67,15 @@ pub enum SocketError {
     },
 }
 
-/// The open door; the socket's file goes when this is dropped. Clients that are connected stay so.
+/// The open socket; the socket's file goes when this is dropped. Clients that are connected stay
+/// so.
 #[derive(Debug)]
 pub struct LocalSocket {
     path: PathBuf,
 }
 
 impl LocalSocket {
-    /// Opens the door and answers in threads of its own from now on.
+    /// Opens the socket and answers in threads of its own from now on.
     ///
     /// # Errors
     ///
@@ -86,12 +87,12 @@ impl LocalSocket {
         let path = config.path.clone();
         let failed = |source| SocketError::Io { path: path.clone(), source };
         let listener = listen(config)?;
-        let door = Self { path: path.clone() };
+        let socket = Self { path: path.clone() };
         let clients =
             Clients { operations, clients: AtomicUsize::new(0), long_line: Mutex::new(()) };
-        let thread = std::thread::Builder::new().name("door".to_owned());
+        let thread = std::thread::Builder::new().name("socket".to_owned());
         thread.spawn(move || Arc::new(clients).accept(&listener)).map_err(failed)?;
-        Ok(door)
+        Ok(socket)
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A [`Driver`] is one device of one class: it answers a read of an attribute with text or an error
 //! number, and a store with the number of bytes taken or an error number. Time comes as an
-//! argument. A door (the in-process [`Tree`](crate::ev3dev::Tree), a mounted file system) only has
+//! argument. A tree (the in-process [`Tree`](crate::ev3dev::Tree), a mounted file system) only has
 //! to find the driver and pass bytes.
 //!
 //! Facts are from the drivers of ev3dev's `lego-linux-drivers` (kernel 4.14, "stretch"), restated,

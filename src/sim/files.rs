@@ -1,4 +1,4 @@
-//! The door for programs in this process: a brick's files as a [`Tree`]. The mounted file system
+//! For programs in this process: a brick's files as a [`Tree`]. The mounted file system
 //! goes through the same one.
 //!
 //! Beside `sys` there are two streams of input events, the buttons and the speaker, and the

@@ -2,7 +2,7 @@
 //! written for ev3dev.
 //!
 //! A mounted [`Simulation`] has the files of one brick, or, with several robots, of each in a
-//! folder: `1`, `2` and so on. All answers come through the same door as those of [`SimBrick`], so
+//! folder: `1`, `2` and so on. All answers come in the same way as those of [`SimBrick`], so
 //! no driver behaviour is written twice. Each read of an attribute at its beginning asks the driver
 //! again, each `write` is one store, a poll for POLLPRI is woken within 10 ms.
 //!

@@ -41,7 +41,7 @@ use super::stand_in::StandIn;
 const ORDERS: &str = "sim/orders";
 const SCREEN: &str = "dev/fb0";
 
-/// What is ours in the view: stand-ins, the door for their orders, what python needs.
+/// What is ours in the view: stand-ins, the pipe for their orders, what python needs.
 const OURS: &str = "/dev/onbrick";
 
 /// Where programs look for the stand-ins.

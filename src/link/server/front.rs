@@ -25,8 +25,8 @@ const TAKEN_IN_ONE_TURN: usize = 32;
 /// Descriptors that the rest of the service needs beside the connections'.
 const OTHER_DESCRIPTORS: nix::libc::rlim_t = 464;
 
-/// What the front holds. Fields are dropped in this order: the doors close before the handler that
-/// guards them goes.
+/// What the front holds. Fields are dropped in this order: the sockets close before the handler
+/// that guards them goes.
 pub(super) struct Front<'s> {
     router: Router,
     pairing: Option<Router>,
