@@ -87,7 +87,7 @@ impl Folder {
         })
     }
 
-    /// This machine's pair, made where there is none.
+    /// This machine's pair, created if missing.
     #[cfg(feature = "host")]
     pub(super) fn own(&self) -> Result<KeyPair, Failure> {
         KeyPair::load_or_make(&self.path()?).map_err(|error| failure(&error))
