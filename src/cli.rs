@@ -24,7 +24,6 @@ mod common;
 mod control;
 mod devices;
 mod doctor;
-mod fatal;
 mod graph;
 mod guard;
 mod halt;
@@ -35,7 +34,6 @@ mod run;
 mod serve;
 mod setup;
 mod terminal;
-mod urgency;
 
 mod replay;
 

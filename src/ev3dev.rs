@@ -90,6 +90,7 @@ mod inventory;
 mod led;
 mod motor;
 mod node;
+mod platform;
 mod port;
 mod screen;
 mod sensor;
@@ -102,7 +103,7 @@ mod words;
 pub use address::{NotAPort, PortAddress};
 pub use battery::Battery;
 pub use board::BoardInfo;
-pub use buttons::{BUTTONS_PATH, Button, ButtonChanges, ButtonSet, Buttons};
+pub use buttons::{Button, ButtonChanges, ButtonSet, Buttons};
 pub use error::{Cause, DeviceError, Excerpt, FindError};
 pub use find::{Class, Identity, devices, find};
 pub use inventory::{Entry, Inventory, LiveValue};
@@ -112,15 +113,16 @@ pub use motor::{
     TachoMotor,
 };
 pub use node::{AttributeSpec, Direction};
+pub use platform::{EV3, FrameBuffer, PLATFORMS, Platform};
 pub use port::LegoPort;
-pub use screen::{Console, SCREEN_PATH, Screen, ScreenError, ScreenLayout};
+pub use screen::{Console, Screen, ScreenError, ScreenLayout};
 pub use sensor::{
     AngleAndRate, Beacon, Colour, ColourMode, ColourSensor, Frame, GyroMode, GyroReset, GyroSensor,
     InfraredMode, InfraredSensor, MIN_PING_INTERVAL_NS, Mode, RawReflection, RawRgb, RemoteButtons,
     RemoteCode, Sensor, SensorMode, TouchMode, TouchSensor, TypedSensor, UltrasonicMode,
     UltrasonicSensor, settle_ns,
 };
-pub use sound::{SOUND_PATH, Sound};
+pub use sound::Sound;
 pub use tree::{Access, AttributeFile, LocalTree, Tree};
 pub use value::{Legal, Word, Words};
 pub use words::{

@@ -25,7 +25,7 @@ use std::io;
 use crate::behavior::{Demands, Drive, Led};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Battery, Button, Buttons, DeviceError, LightColour, Sound, StatusLights, StopAction,
+    Battery, Button, Buttons, DeviceError, LightColour, Platform, Sound, StatusLights, StopAction,
 };
 use crate::senses::{Channel, Role, Senses};
 
@@ -67,6 +67,7 @@ pub struct Robot {
     sensors: Vec<RoleSensor>,
     /// The buttons that the mission asks for.
     buttons_needed: Vec<Channel>,
+    platform: &'static Platform,
     battery: Option<Battery>,
     battery_due_ns: i64,
     buttons: Result<Buttons, DeviceError>,
@@ -128,6 +129,12 @@ impl Robot {
     pub fn motor_ports(&self) -> Vec<String> {
         let motors = [&self.left, &self.right].into_iter().chain(&self.head).chain(&self.motors);
         motors.map(|motor| motor.motor().identity().address.to_string()).collect()
+    }
+
+    /// The board that it sits on.
+    #[must_use]
+    pub fn platform(&self) -> &'static Platform {
+        self.platform
     }
 
     /// Whether a person can stop the robot by a button, or why not.

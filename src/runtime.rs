@@ -38,6 +38,8 @@ mod open_files;
 mod pilot;
 mod plausibility;
 mod prepare;
+#[cfg(feature = "cli")]
+mod process;
 mod replay;
 mod stall;
 
@@ -54,6 +56,8 @@ pub use guard::{Lines, MISSED_NS, Pulse, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{Pilot, PilotError, PilotState, Step};
 pub use prepare::{GYRO_STILL_RAD, MOST_V, NotReady, prepare};
+#[cfg(feature = "cli")]
+pub use process::{ProcessError, control, guard};
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};
 
 /// A file as it was read, with the name that findings use.
@@ -223,8 +227,8 @@ impl std::fmt::Display for Ended {
 
 /// Who is told, tick by tick, that the loop is alive.
 pub trait Heartbeat: std::fmt::Debug + Send {
-    /// One tick is done. Must not wait.
-    fn beat(&mut self);
+    /// The tick of this time, nanoseconds of the run's clock, is done. Must not wait.
+    fn beat(&mut self, now_ns: i64);
 }
 
 /// No listener: for tests and for simulations that run in virtual time.
@@ -232,5 +236,5 @@ pub trait Heartbeat: std::fmt::Debug + Send {
 pub struct NoHeartbeat;
 
 impl Heartbeat for NoHeartbeat {
-    fn beat(&mut self) {}
+    fn beat(&mut self, _now_ns: i64) {}
 }

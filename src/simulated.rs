@@ -111,7 +111,7 @@ impl<F> std::fmt::Debug for Witness<F> {
 }
 
 impl<F: FnMut(&crate::sim::Truth) + Send> Heartbeat for Witness<F> {
-    fn beat(&mut self) {
+    fn beat(&mut self, _now_ns: i64) {
         if let Some(truth) = self.observer.truth(0) {
             (self.see)(&truth);
         }

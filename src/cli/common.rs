@@ -16,7 +16,7 @@ use crate::recording::{ReadError, Run};
 #[cfg(feature = "host")]
 use crate::report::{Scene, Track, export, plot};
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
-use crate::runtime::{Brick, Environment, Event, Job, Refused, Source};
+use crate::runtime::{Brick, Environment, Event, Job, ProcessError, Refused, Source};
 
 /// Where this machine has the brick's files: for commands that drive, or listen to the buttons.
 #[derive(Debug, clap::Args)]
@@ -408,6 +408,18 @@ fn bar(mission: &Mission) -> indicatif::ProgressBar {
     let style = indicatif::ProgressStyle::with_template("{bar:30} {msg}");
     bar.set_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()));
     bar
+}
+
+impl From<ProcessError> for Failure {
+    fn from(error: ProcessError) -> Self {
+        let message = with_causes(&error);
+        match error {
+            ProcessError::NoJob(_) => Self::new(Exit::Usage, message)
+                .hint("onbrick run, which starts this process and gives it its job"),
+            ProcessError::Simulated => Self::new(Exit::Usage, message),
+            _ => Self::new(Exit::Failed, message),
+        }
+    }
 }
 
 /// Where a job is done.

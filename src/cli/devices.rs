@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::common::no_brick;
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
-use crate::ev3dev::{Inventory, LocalTree, Tree};
+use crate::ev3dev::{Inventory, LocalTree, Platform, Tree};
 
 /// Show what is plugged in, where, and what it reads.
 ///
@@ -52,7 +52,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 fn table(inventory: &Inventory) -> String {
     let mut text = String::new();
     for entry in inventory.devices.iter().chain(&inventory.battery) {
-        let port = entry.address.strip_prefix("ev3-ports:").unwrap_or(&entry.address);
+        let port = Platform::short(&entry.address);
         let name = if entry.driver.is_empty() { entry.class } else { &entry.driver };
         let mut readings = String::new();
         for reading in &entry.readings {

@@ -12,7 +12,7 @@ use super::{Exit, Failure, Output};
 use crate::clock::{MonotonicClock, wall_ns};
 use crate::commissioning::CalibrateOptions;
 use crate::document::save;
-use crate::ev3dev::{BUTTONS_PATH, Buttons, Console, LocalTree, SCREEN_PATH, Screen, Tree};
+use crate::ev3dev::{Buttons, Console, LocalTree, Platform, Screen, Tree};
 use crate::menu::{
     Canvas, Display, Door, Keys, Menu, MenuError, MenuOptions, Parts, Replies, ScreenDialogue,
     StartedBy, TalkKind, Talker, Told, Trouble, WIDTH, attend,
@@ -127,9 +127,15 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
         return show(&mut TerminalKeys::open(), &mut window);
     }
     let mut buttons = open_buttons(arguments)?;
-    let path = arguments.screen.clone().unwrap_or_else(|| arguments.brick.root().join(SCREEN_PATH));
-    let mut screen =
-        Screen::open(&path, arguments.brick.root()).map_err(|error| failed(&error.into()))?;
+    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
+    let Some(built_in) = &Platform::of(&tree).screen else {
+        return Err(Failure::new(Exit::Refused, "this board has no screen")
+            .hint("onbrick menu --window, on a PC"));
+    };
+    let root = arguments.brick.root();
+    let path = arguments.screen.clone().unwrap_or_else(|| root.join(built_in.device));
+    let mut screen = Screen::open(&path, &root.join(built_in.description))
+        .map_err(|error| failed(&error.into()))?;
     // Put back when it is dropped, and this function unwinds on every way out that is not SIGKILL.
     let console = Console::take(arguments.console.as_deref());
     if console.is_none() {
@@ -158,7 +164,7 @@ fn failed(error: &MenuError) -> Failure {
 
 fn open_buttons(arguments: &Arguments) -> Result<Buttons, Failure> {
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
-    Buttons::open(&tree, BUTTONS_PATH).map_err(|error| {
+    Buttons::open(&tree, Platform::of(&tree)).map_err(|error| {
         Failure::from_error(Exit::Refused, "there are no buttons", &error)
             .hint("onbrick menu --window, or --buttons with the input device's path")
     })

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::clock::Clock;
-use crate::ev3dev::Tree;
+use crate::ev3dev::{Platform, Tree};
 use crate::robot::RobotConfig;
 
 use crate::printable::with_causes;
@@ -142,6 +142,7 @@ impl Diagnosis {
 #[derive(Debug)]
 struct Examination<'p> {
     patient: &'p Patient<'p>,
+    platform: &'static Platform,
     config: Option<RobotConfig>,
     /// No other program drives: sensors may be put into their modes.
     is_free: bool,
@@ -172,7 +173,13 @@ const CHECKS: &[Check] = &[
 /// Looks at everything, in about two seconds. Nothing moves.
 #[must_use]
 pub fn examine(patient: &Patient<'_>) -> Diagnosis {
-    let mut examination = Examination { patient, config: None, is_free: false, _lock: None };
+    let mut examination = Examination {
+        patient,
+        platform: Platform::of(patient.tree),
+        config: None,
+        is_free: false,
+        _lock: None,
+    };
     let mut diagnosis = Diagnosis::default();
     for check in CHECKS {
         if patient.flags.is_raised() {

@@ -9,6 +9,7 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
+use super::platform::Platform;
 use super::value::{Legal, Line, Value};
 
 /// Where a device is plugged in, as a person or the kernel writes it.
@@ -30,10 +31,10 @@ impl PortAddress {
         &self.0
     }
 
-    /// The address without the name of the EV3's port driver: `outB` for `ev3-ports:outB`.
+    /// The address without the name of the board's port driver: `outB` for `ev3-ports:outB`.
     #[must_use]
     pub fn short(&self) -> &str {
-        self.0.strip_prefix("ev3-ports:").unwrap_or(&self.0)
+        Platform::short(&self.0)
     }
 
     /// Whether a device at the address `device` is meant by this one.

@@ -6,12 +6,10 @@ use nix::errno::Errno;
 
 use super::error::{Cause, DeviceError};
 use super::node::{Attribute, AttributeSpec, Node, attributes};
+use super::platform::Platform;
 use super::tree::Tree;
 use super::value::{Value, Word};
 use super::words::Technology;
-
-/// The EV3's battery in `sys/class/power_supply`.
-const EV3: &str = "lego-ev3-battery";
 
 /// Above this a design voltage can only be the driver's slip, which gives lithium and alkaline
 /// cells ten times theirs (84 and 90 V).
@@ -40,21 +38,21 @@ attributes! {
 }
 
 impl Battery {
-    /// The brick's battery: the EV3's, or else the one whose name ends with `-battery`, as on other
-    /// platforms of ev3dev.
+    /// A board's battery; where that is not there, the one whose name ends with `-battery`.
     ///
     /// # Errors
     ///
     /// [`Cause::Gone`] where there is none: this machine is no brick.
-    pub fn open(tree: &Arc<dyn Tree>) -> Result<Self, DeviceError> {
+    pub fn open(tree: &Arc<dyn Tree>, platform: &Platform) -> Result<Self, DeviceError> {
+        let usual = platform.battery;
         let names = tree.list("sys/class/power_supply").unwrap_or_default();
         let mut others: Vec<&String> =
             names.iter().filter(|name| name.ends_with("-battery")).collect();
         others.sort();
-        let name = if names.iter().any(|name| name == EV3) {
-            EV3
+        let name = if names.iter().any(|name| name == usual) {
+            usual
         } else {
-            others.first().map_or(EV3, |name| name)
+            others.first().map_or(usual, |name| name)
         };
         let node = Node::new(tree, &format!("sys/class/power_supply/{name}"), None);
         match tree.list(node.folder()) {

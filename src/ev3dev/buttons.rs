@@ -17,11 +17,11 @@ use nix::errno::Errno;
 
 use super::error::DeviceError;
 use super::node::Node;
-use super::stream::{EVENT_SIZE, Event, Stream, errno, failure, io_cause, stream_node};
+use super::platform::Platform;
+use super::stream::{
+    EVENT_SIZE, Event, Stream, errno, failure, io_cause, not_built_in, stream_node,
+};
 use super::tree::{Access, Tree};
-
-/// Where the EV3's buttons are below the root.
-pub const BUTTONS_PATH: &str = "dev/input/by-path/platform-gpio_keys-event";
 
 /// A button of the brick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -140,14 +140,15 @@ const SYN_DROPPED: u16 = 3;
 const EVENTS_PER_READ: usize = 32;
 
 impl Buttons {
-    /// Opens the buttons at `path` below the root; [`BUTTONS_PATH`] on an EV3.
+    /// Opens a board's buttons.
     ///
     /// # Errors
     ///
     /// [`Cause::Absent`](super::Cause::Absent) where there is no such node;
     /// [`Cause::Other`](super::Cause::Other) with EACCES for a user who is not in the group
     /// `input`.
-    pub fn open(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
+    pub fn open(tree: &Arc<dyn Tree>, platform: &Platform) -> Result<Self, DeviceError> {
+        let path = platform.buttons.ok_or_else(|| not_built_in(tree, "buttons"))?;
         let node = stream_node(tree, path);
         let source = match Self::open_device(tree, path, &node)? {
             Some(source) => source,

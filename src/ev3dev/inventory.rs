@@ -12,6 +12,7 @@ use super::battery::Battery;
 use super::error::{DeviceError, FindError};
 use super::find::{Class, Identity, devices};
 use super::motor::{DcMotor, LinearActuator, MotorKind, PositionMotor, ServoMotor, TachoMotor};
+use super::platform::Platform;
 use super::port::LegoPort;
 use super::sensor::Sensor;
 use super::tree::Tree;
@@ -64,7 +65,7 @@ impl Inventory {
         for &class in Class::ALL {
             entries.extend(devices(tree, class)?.into_iter().map(|identity| entry(tree, identity)));
         }
-        let battery = match Battery::open(tree) {
+        let battery = match Battery::open(tree, Platform::of(tree)) {
             Err(error) if error.is_gone() => None,
             battery => Some(battery_entry(battery)),
         };

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use super::error::{Cause, DeviceError};
 use super::node::{Attribute, AttributeSpec, Node, attributes};
+use super::platform::Platform;
+use super::stream::not_built_in;
 use super::tree::Tree;
 use super::value::{Legal, Value, Words};
 use super::words::words;
@@ -132,17 +134,16 @@ pub struct StatusLights {
 }
 
 impl StatusLights {
-    /// The lights of an EV3.
+    /// The lights of a board.
     ///
     /// # Errors
     ///
     /// [`Cause::Gone`] where there are none.
-    pub fn open(tree: &Arc<dyn Tree>) -> Result<Self, DeviceError> {
-        let led = |name| Led::named(tree, name);
-        Ok(Self {
-            left: (led("led0:red:brick-status")?, led("led0:green:brick-status")?),
-            right: (led("led1:red:brick-status")?, led("led1:green:brick-status")?),
-        })
+    pub fn open(tree: &Arc<dyn Tree>, platform: &Platform) -> Result<Self, DeviceError> {
+        let [left, right] = platform.lights.ok_or_else(|| not_built_in(tree, "lights"))?;
+        let light =
+            |[red, green]: [&str; 2]| Ok((Led::named(tree, red)?, Led::named(tree, green)?));
+        Ok(Self { left: light(left)?, right: light(right)? })
     }
 
     /// Whether the lights could be switched; nothing is.

@@ -34,12 +34,6 @@ mod kernel;
 
 pub use console::Console;
 
-/// Where the screen is below a brick's root.
-pub const SCREEN_PATH: &str = "dev/fb0";
-
-/// Where the kernel describes the first screen in files, below a brick's root.
-const DESCRIPTION: &str = "sys/class/graphics/fb0";
-
 /// How a screen's memory is laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ScreenLayout {
@@ -106,7 +100,7 @@ impl Screen {
     /// # Errors
     ///
     /// [`ScreenError`].
-    pub fn open(path: &Path, root: &Path) -> Result<Self, ScreenError> {
+    pub fn open(path: &Path, description: &Path) -> Result<Self, ScreenError> {
         let failed = |source| ScreenError::Io { path: path.to_owned(), source };
         let flags = nix::libc::O_CLOEXEC | nix::libc::O_NOCTTY;
         let file = OpenOptions::new()
@@ -125,7 +119,7 @@ impl Screen {
             }
             // It knows nothing of a frame buffer's questions.
             Err(Errno::ENOTTY | Errno::EINVAL | Errno::ENOSYS | Errno::ENODEV) => {
-                let layout = described(&root.join(DESCRIPTION), path)?;
+                let layout = described(description, path)?;
                 (layout, Memory::Written { file, bytes: vec![0; layout.size()] })
             }
             Err(errno) => return Err(failed(errno.into())),
@@ -215,10 +209,10 @@ fn described(folder: &Path, path: &Path) -> Result<ScreenLayout, ScreenError> {
 mod tests {
     use super::*;
 
+    /// Device and description in one folder.
     fn folder(bits: &str, size: &str, stride: &str) -> tempfile::TempDir {
         let root = tempfile::tempdir().unwrap();
-        let class = root.path().join(DESCRIPTION);
-        std::fs::create_dir_all(&class).unwrap();
+        let class = root.path();
         for (name, text) in [("bits_per_pixel", bits), ("virtual_size", size), ("stride", stride)] {
             std::fs::write(class.join(name), format!("{text}\n")).unwrap();
         }

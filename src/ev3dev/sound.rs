@@ -14,12 +14,10 @@ use nix::errno::Errno;
 
 use super::error::{Cause, DeviceError};
 use super::node::Node;
-use super::stream::{Event, Stream, failure, io_cause, stream_node};
+use super::platform::Platform;
+use super::stream::{Event, Stream, failure, io_cause, not_built_in, stream_node};
 use super::tree::{Access, Tree};
 use super::value::Legal;
-
-/// Where the EV3's speaker is below the root.
-pub const SOUND_PATH: &str = "dev/input/by-path/platform-sound-event";
 
 const EV_SND: u16 = 0x12;
 const SND_TONE: u16 = 2;
@@ -36,13 +34,14 @@ pub struct Sound {
 }
 
 impl Sound {
-    /// Opens the speaker at `path` below the root; [`SOUND_PATH`] on an EV3.
+    /// Opens a board's speaker.
     ///
     /// # Errors
     ///
     /// [`Cause::Absent`] where there is no such node; [`Cause::Other`] with EACCES for a user who
     /// is not in the group `input`.
-    pub fn open(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
+    pub fn open(tree: &Arc<dyn Tree>, platform: &Platform) -> Result<Self, DeviceError> {
+        let path = platform.speaker.ok_or_else(|| not_built_in(tree, "speaker"))?;
         let stream = Stream::open(tree, path, Access::Write)?;
         Ok(Self { node: stream_node(tree, path), stream, sounding: false })
     }

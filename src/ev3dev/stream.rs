@@ -111,6 +111,11 @@ pub(crate) fn stream_node(tree: &Arc<dyn Tree>, path: &str) -> Node {
     Node::new(tree, path, None)
 }
 
+/// What a board does not have.
+pub(crate) fn not_built_in(tree: &Arc<dyn Tree>, what: &str) -> DeviceError {
+    failure(&Node::new(tree, what, None), Cause::Absent(Errno::ENODEV))
+}
+
 pub(crate) fn failure(node: &Node, cause: Cause) -> DeviceError {
     node.error("events", None, cause)
 }

@@ -24,8 +24,7 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use serde::{Deserialize, Serialize};
 
-use super::buttons::BUTTONS_PATH;
-use super::sound::SOUND_PATH;
+use super::platform::{PLATFORMS, Platform};
 
 /// What a file is opened for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,14 +114,14 @@ impl LocalTree {
         Self { root: root.into(), buttons: None, speaker: None }
     }
 
-    /// With another file in the place of [`BUTTONS_PATH`], if one is given; a relative one is below
+    /// With another file in the place of the board's buttons, if one is given; a relative one is below
     /// the working folder.
     #[must_use]
     pub fn with_buttons(self, buttons: Option<PathBuf>) -> Self {
         Self { buttons, ..self }
     }
 
-    /// With another file in the place of [`SOUND_PATH`], if one is given; a relative one is below
+    /// With another file in the place of the board's speaker, if one is given; a relative one is below
     /// the working folder.
     #[must_use]
     pub fn with_speaker(self, speaker: Option<PathBuf>) -> Self {
@@ -136,10 +135,15 @@ impl LocalTree {
     }
 
     fn path(&self, path: &str) -> PathBuf {
-        let elsewhere = match path {
-            BUTTONS_PATH => self.buttons.as_ref(),
-            SOUND_PATH => self.speaker.as_ref(),
-            _ => None,
+        let is = |device: fn(&Platform) -> Option<&'static str>| {
+            PLATFORMS.into_iter().any(|platform| device(platform) == Some(path))
+        };
+        let elsewhere = if is(|platform| platform.buttons) {
+            self.buttons.as_ref()
+        } else if is(|platform| platform.speaker) {
+            self.speaker.as_ref()
+        } else {
+            None
         };
         elsewhere.cloned().unwrap_or_else(|| self.root.join(path))
     }
@@ -205,6 +209,7 @@ fn errno(error: std::io::Error) -> Errno {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ev3dev::EV3;
 
     #[test]
     fn a_kept_file_is_read_anew_each_time_and_written_whole() {
@@ -238,14 +243,15 @@ mod tests {
 
     #[test]
     fn buttons_and_speaker_may_be_elsewhere() {
+        let [buttons, speaker] = [EV3.buttons.unwrap(), EV3.speaker.unwrap()];
         let tree = LocalTree::new("/mnt")
             .with_buttons(Some("/dev/input/event3".into()))
             .with_speaker(Some("beeps".into()));
-        assert_eq!(tree.local_path(BUTTONS_PATH).unwrap(), Path::new("/dev/input/event3"));
-        assert_eq!(tree.local_path(SOUND_PATH).unwrap(), Path::new("beeps"));
+        assert_eq!(tree.local_path(buttons).unwrap(), Path::new("/dev/input/event3"));
+        assert_eq!(tree.local_path(speaker).unwrap(), Path::new("beeps"));
         assert_eq!(tree.local_path("dev/fb0").unwrap(), Path::new("/mnt/dev/fb0"));
         let plain = tree.with_buttons(None).with_speaker(None);
-        assert_eq!(plain.local_path(BUTTONS_PATH).unwrap(), Path::new("/mnt").join(BUTTONS_PATH));
+        assert_eq!(plain.local_path(buttons).unwrap(), Path::new("/mnt").join(buttons));
         assert_eq!(plain, LocalTree::new("/mnt"));
     }
 

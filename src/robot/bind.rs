@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use crate::ev3dev::{
-    BUTTONS_PATH, Battery, Buttons, DeviceError, FindError, SOUND_PATH, Sound, StatusLights,
-    TachoMotor, Tree,
+    Battery, Buttons, DeviceError, FindError, Platform, Sound, StatusLights, TachoMotor, Tree,
 };
 use crate::senses::{Channel, Role};
 
@@ -66,9 +65,10 @@ impl Robot {
         // The heading takes the gyro's angle, whatever else a mission asks it for.
         let needed = [needed, &[Channel::Gyro]].concat();
         let binder = Binder { tree: Arc::clone(tree), config: config.clone(), needed };
+        let platform = Platform::of(tree);
         // What is not a role of the mission may be missing: a test bench has no battery, a
         // simulated brick no loudspeaker.
-        let battery = Battery::open(tree).ok();
+        let battery = Battery::open(tree, platform).ok();
         let mut known = config.clone();
         // Cells that cannot be asked are taken for the usual ones.
         known.battery.cells =
@@ -102,11 +102,12 @@ impl Robot {
                 .copied()
                 .filter(|channel| button(*channel).is_some())
                 .collect(),
+            platform,
             battery,
             battery_due_ns: 0,
-            buttons: Buttons::open(tree, BUTTONS_PATH),
-            lights: StatusLights::open(tree).ok(),
-            sound: Sound::open(tree, SOUND_PATH).ok(),
+            buttons: Buttons::open(tree, platform),
+            lights: StatusLights::open(tree, platform).ok(),
+            sound: Sound::open(tree, platform).ok(),
             led: None,
             tone_hz: None,
             head_rad: None,

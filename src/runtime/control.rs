@@ -268,7 +268,7 @@ impl Control<'_> {
         if step.end.is_none() {
             self.robot.act(demands, time_ns);
         }
-        self.heartbeat.beat();
+        self.heartbeat.beat(time_ns);
         let estimate = step.estimate;
         let range_is_new = estimate.sounding.is_some_and(|sounding| sounding.fresh);
         self.recorder.tick(&TickRecord {

@@ -98,10 +98,10 @@ impl fmt::Debug for Floor<'_> {
 }
 
 impl Heartbeat for Floor<'_> {
-    fn beat(&mut self) {
+    fn beat(&mut self, now_ns: i64) {
         if self.truth.as_ref().and_then(|see| see()).is_some_and(|truth| truth.fallen) {
             self.fallen.store(true, Ordering::Relaxed);
         }
-        self.next.beat();
+        self.next.beat(now_ns);
     }
 }

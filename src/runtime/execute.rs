@@ -212,12 +212,14 @@ fn period_ns(mission: &Mission) -> i64 {
     SECOND_NS / i64::from(mission.rate_hz().max(1))
 }
 
-/// On a brick, Enter and Back must stop a run. A brick below another root is a test bench, with a
-/// person at the keyboard.
+/// On a brick with buttons, Enter and Back must stop a run. A brick below another root is a test
+/// bench, with a person at the keyboard.
 fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
     match (&job.brick, robot.stop_button()) {
         (_, Ok(())) => Ok(()),
-        (Brick::Local(tree), Err(error)) if tree.is_machine() => {
+        (Brick::Local(tree), Err(error))
+            if tree.is_machine() && robot.platform().buttons.is_some() =>
+        {
             Err(Refused::Buttons(error.clone()))
         }
         (Brick::Local(tree), Err(error)) => {

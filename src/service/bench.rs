@@ -18,7 +18,7 @@ use super::Place;
 use super::protocol::{Kind, Live, LiveDevice, Refusal};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{
-    Battery, Entry, Inventory, LocalTree, NotAPort, PortAddress, StopAction, TachoMotor,
+    Battery, Entry, Inventory, LocalTree, NotAPort, Platform, PortAddress, StopAction, TachoMotor,
     Technology, Tree,
 };
 use crate::robot::{LeasedMotor, RobotConfig};
@@ -174,7 +174,7 @@ impl Bench {
             let cells = battery.technology().unwrap_or_default();
             battery.voltage_v().map(|volts| Charge { volts, cells })
         };
-        let charge = Battery::open(&tree).and_then(read).ok();
+        let charge = Battery::open(&tree, Platform::of(&tree)).and_then(read).ok();
         *known = Some((now_ns, charge));
         charge
     }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 use super::protocol::State;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::ev3dev::{LightColour, SOUND_PATH, Sound, StatusLights, Tree};
+use crate::ev3dev::{LightColour, Platform, Sound, StatusLights, Tree};
 
 /// A pulse's length, nanoseconds; half of it is dark.
 const PULSE_NS: i64 = SECOND_NS;
@@ -93,7 +93,7 @@ fn colour(shown: Shown, now_ns: i64) -> Option<LightColour> {
 
 /// Sets both lights.
 pub(super) fn light(tree: &Arc<dyn Tree>, colour: LightColour) {
-    let shown = StatusLights::open(tree).and_then(|lights| {
+    let shown = StatusLights::open(tree, Platform::of(tree)).and_then(|lights| {
         lights.take()?;
         lights.set_both(colour)
     });
@@ -104,7 +104,7 @@ pub(super) fn light(tree: &Arc<dyn Tree>, colour: LightColour) {
 
 /// Makes a tone; takes as long as it lasts.
 pub(super) fn tone(tree: &Arc<dyn Tree>, tone_hz: i32) {
-    let sounded = Sound::open(tree, SOUND_PATH).and_then(|mut sound| {
+    let sounded = Sound::open(tree, Platform::of(tree)).and_then(|mut sound| {
         sound.tone(tone_hz)?;
         MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + TONE_NS);
         sound.silence()

@@ -118,7 +118,7 @@ fn want_memory(asked: &AtomicBool) {
 }
 
 impl Heartbeat for Trouble {
-    fn beat(&mut self) {
+    fn beat(&mut self, _now_ns: i64) {
         self.may_befall("tick");
         let _ = io::stdout().write_all(b"\n").and_then(|()| io::stdout().flush());
     }

@@ -71,7 +71,7 @@ fn a_tick_makes_one_system_call_an_attribute_and_writes_only_leases_that_are_due
     // On a machine that is busy with other things ticks are left out, under strace all the more.
     for attempt in 1..=5 {
         let folder = tempfile::tempdir().unwrap();
-        let Some((trace, said)) = traced(folder.path()) else {
+        let Some((trace, said)) = traced(folder.path(), STRAIGHT_ON) else {
             return pass_over("system calls of a tick (strace may not trace here)");
         };
         let ticks = ticks_of(&trace);
@@ -83,11 +83,31 @@ fn a_tick_makes_one_system_call_an_attribute_and_writes_only_leases_that_are_due
     panic!("this machine is too busy for a control loop under strace");
 }
 
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "strace sees the calls of QEMU's own threads among ours")]
+fn at_100_hz_every_second_tick_beats() {
+    if Command::new("strace").arg("-V").output().is_err() {
+        return pass_over("beats at 100 Hz (no strace)");
+    }
+    let _alone = crate::mount::bench::real_time();
+    let folder = tempfile::tempdir().unwrap();
+    let mission = format!("rate_hz = 100\n{STRAIGHT_ON}");
+    let Some((trace, said)) = traced(folder.path(), &mission) else {
+        return pass_over("beats at 100 Hz (strace may not trace here)");
+    };
+    let between_beats = ticks_of(&trace);
+    let sleeps = |calls: &Calls| calls.get("clock_nanosleep").copied().unwrap_or(0);
+    // A tick that is late beats by itself; the first opens the files.
+    let (beats, ticks) = (between_beats.len(), between_beats.iter().map(sleeps).sum::<u32>());
+    println!("{beats} beats in {ticks} ticks; {said}");
+    assert!((15..=51).contains(&beats), "{beats} beats in a second");
+}
+
 /// A run on a brick of plain files: its system calls, and what it said.
-fn traced(folder: &Path) -> Option<(String, String)> {
+fn traced(folder: &Path, text: &str) -> Option<(String, String)> {
     shipped_brick().write(folder);
     let mission = folder.join("straight.toml");
-    std::fs::write(&mission, STRAIGHT_ON).unwrap();
+    std::fs::write(&mission, text).unwrap();
     let trace = folder.join("trace");
     let run = Command::new("strace")
         .args(["-f", "-s", "8", "-o"])
@@ -152,7 +172,7 @@ struct Counting {
 }
 
 impl Heartbeat for Counting {
-    fn beat(&mut self) {
+    fn beat(&mut self, _now_ns: i64) {
         self.at_beat.push(allocations::so_far());
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::behavior::{Demands, Drive};
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, nanoseconds};
 use crate::commissioning::Dialogue;
-use crate::ev3dev::{BUTTONS_PATH, Button, Buttons, StopAction, Tree};
+use crate::ev3dev::{Button, Buttons, Platform, StopAction, Tree};
 use crate::robot::{Robot, RobotConfig};
 use crate::runtime::StopFlags;
 use crate::senses::{Channel, Role, Senses};
@@ -79,7 +79,7 @@ impl<'s> Stage<'s> {
         clock: &'s dyn Clock,
         flags: &'s StopFlags,
     ) -> Self {
-        let buttons = Buttons::open(tree, BUTTONS_PATH).ok();
+        let buttons = Buttons::open(tree, Platform::of(tree)).ok();
         let (start_ns, senses) = (clock.now_ns(), Senses::default());
         Self { robot, buttons, clock, flags, start_ns, senses, marking: false, entered: false }
     }

@@ -1,8 +1,6 @@
 //! The brick itself: its files, its owner, and what people see, hear and press.
 
-use crate::ev3dev::{
-    BUTTONS_PATH, Battery, Button, Buttons, DeviceError, Inventory, SOUND_PATH, Sound, StatusLights,
-};
+use crate::ev3dev::{Battery, Button, Buttons, DeviceError, Inventory, Sound, StatusLights};
 use crate::robot::{BatteryConfig, BatteryLimits};
 use crate::runtime::{HardwareLock, LockError, MOST_V};
 
@@ -57,7 +55,7 @@ pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     const CHECK: &str = "battery";
     let config =
         examination.config.as_ref().map_or_else(BatteryConfig::default, |config| config.battery);
-    let read = Battery::open(examination.patient.tree).and_then(|battery| {
+    let read = Battery::open(examination.patient.tree, examination.platform).and_then(|battery| {
         let volts = battery.voltage_v()?;
         let cells = battery.technology().unwrap_or_default();
         Ok((volts, BatteryConfig { cells, ..config }.limits()))
@@ -87,7 +85,7 @@ pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 /// A run that a person beside the robot cannot stop may never happen, so this is no warning.
 pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "buttons";
-    let opened = Buttons::open(examination.patient.tree, BUTTONS_PATH);
+    let opened = Buttons::open(examination.patient.tree, examination.platform);
     let looked = opened.and_then(|mut buttons| buttons.changes().map(|_| buttons.held()));
     match looked {
         Ok(held) if [Button::Enter, Button::Back].into_iter().any(|stop| held.contains(stop)) => {
@@ -105,7 +103,9 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 }
 
 pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    match StatusLights::open(examination.patient.tree).and_then(|lights| lights.check_writable()) {
+    match StatusLights::open(examination.patient.tree, examination.platform)
+        .and_then(|lights| lights.check_writable())
+    {
         Ok(()) => diagnosis.ok("lights", "they can be switched"),
         Err(error) => diagnosis.warn(
             "lights",
@@ -116,7 +116,7 @@ pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
 }
 
 pub(super) fn speaker(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
-    match Sound::open(examination.patient.tree, SOUND_PATH) {
+    match Sound::open(examination.patient.tree, examination.platform) {
         Ok(_) => diagnosis.ok("speaker", "it can be heard"),
         Err(error) => diagnosis.warn(
             "speaker",

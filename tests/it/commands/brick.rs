@@ -571,7 +571,7 @@ fn promise_1_when_all_are_killed_the_leases_end_by_themselves() {
 struct Failing(u32);
 
 impl Heartbeat for Failing {
-    fn beat(&mut self) {
+    fn beat(&mut self, _now_ns: i64) {
         self.0 += 1;
         assert!(self.0 < 5, "a mistake, made on purpose");
     }

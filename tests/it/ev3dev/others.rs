@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use onbrick::ev3dev::{
-    BUTTONS_PATH, Battery, BoardInfo, Button, Buttons, Cause, Direction, Led, LegoPort,
-    LightColour, LocalTree, PortMode, SOUND_PATH, Side, Sound, StatusLights, Technology, Tree,
+    Battery, BoardInfo, Button, Buttons, Cause, Direction, EV3, Led, LegoPort, LightColour,
+    LocalTree, PortMode, Side, Sound, StatusLights, Technology, Tree,
 };
 
 use crate::support::allocations::allocations;
@@ -93,7 +93,7 @@ fn lights(max: &str) -> (FakeTree, StatusLights) {
             [("max_brightness", max), ("trigger", "none mmc0 timer [heartbeat] default-on\n")];
         fake.plug(&format!("sys/class/leds/{led}"), &[Led::ATTRIBUTES], &texts);
     }
-    let lights = StatusLights::open(&fake.tree()).unwrap();
+    let lights = StatusLights::open(&fake.tree(), &EV3).unwrap();
     (fake, lights)
 }
 
@@ -118,7 +118,7 @@ fn a_status_light_is_a_mix_of_red_and_green() {
 #[test]
 fn changing_a_light_allocates_nothing_after_the_first() {
     let folder = tempfile::tempdir().unwrap();
-    let lights = StatusLights::open(&lights("255\n").0.write(folder.path())).unwrap();
+    let lights = StatusLights::open(&lights("255\n").0.write(folder.path()), &EV3).unwrap();
     lights.set_both(LightColour::Green).unwrap();
     let (allocated, ()) = allocations(|| {
         for colour in LightColour::ALL {
@@ -189,7 +189,7 @@ fn battery(technology: &str, max: &str, min: &str) -> (FakeTree, Battery) {
         ("scope", "System\n"),
     ];
     fake.plug(BATTERY, &[Battery::ATTRIBUTES], &texts);
-    let battery = Battery::open(&fake.tree()).unwrap();
+    let battery = Battery::open(&fake.tree(), &EV3).unwrap();
     (fake, battery)
 }
 
@@ -228,7 +228,7 @@ fn a_battery_that_is_not_measured_yet_is_an_error_and_not_zero() {
         battery.set_rechargeable().unwrap_err().cause,
         Cause::Refused { errno: Some(_), .. }
     ));
-    assert!(Battery::open(&FakeTree::default().tree()).unwrap_err().is_gone());
+    assert!(Battery::open(&FakeTree::default().tree(), &EV3).unwrap_err().is_gone());
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn another_platforms_battery_is_found_by_its_ending() {
         &[("voltage_now", "9100000\n")],
     );
     fake.plug("sys/class/power_supply/AC", &[Battery::ATTRIBUTES], &[]);
-    assert!((Battery::open(&fake.tree()).unwrap().voltage_v().unwrap() - 9.1).abs() < 1e-9);
+    assert!((Battery::open(&fake.tree(), &EV3).unwrap().voltage_v().unwrap() - 9.1).abs() < 1e-9);
 }
 
 #[test]
@@ -269,8 +269,8 @@ fn the_main_board_says_which_brick_it_is() {
 #[test]
 fn buttons_are_held_until_they_are_let_go() {
     let folder = tempfile::tempdir().unwrap();
-    let (tree, mut writer) = stream(folder.path(), BUTTONS_PATH);
-    let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
+    let (tree, mut writer) = stream(folder.path(), EV3.buttons.unwrap());
+    let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     assert!(buttons.changes().unwrap().pressed.is_empty());
     for button in Button::ALL {
         writer.write_all(&[event(1, button.code(), 1), event(0, 0, 0)].concat()).unwrap();
@@ -287,8 +287,8 @@ fn buttons_are_held_until_they_are_let_go() {
 #[test]
 fn a_short_press_between_two_looks_is_not_lost() {
     let folder = tempfile::tempdir().unwrap();
-    let (tree, mut writer) = stream(folder.path(), BUTTONS_PATH);
-    let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
+    let (tree, mut writer) = stream(folder.path(), EV3.buttons.unwrap());
+    let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     let code = Button::Enter.code();
     writer
         .write_all(&[event(1, code, 1), event(0, 0, 0), event(1, code, 0), event(0, 0, 0)].concat())
@@ -301,8 +301,8 @@ fn a_short_press_between_two_looks_is_not_lost() {
 #[test]
 fn an_event_that_comes_in_two_parts_and_others_keys_do_no_harm() {
     let folder = tempfile::tempdir().unwrap();
-    let (tree, mut writer) = stream(folder.path(), BUTTONS_PATH);
-    let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
+    let (tree, mut writer) = stream(folder.path(), EV3.buttons.unwrap());
+    let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     let bytes = [event(1, 30, 1), event(4, 14, 1), event(1, 14, 2), event(1, 14, 1)].concat();
     for byte in &bytes[..bytes.len() - 1] {
         writer.write_all(&[*byte]).unwrap();
@@ -315,8 +315,8 @@ fn an_event_that_comes_in_two_parts_and_others_keys_do_no_harm() {
 #[test]
 fn looking_at_the_buttons_allocates_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let (tree, mut writer) = stream(folder.path(), BUTTONS_PATH);
-    let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
+    let (tree, mut writer) = stream(folder.path(), EV3.buttons.unwrap());
+    let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     writer.write_all(&event(1, 28, 1)).unwrap();
     let (allocated, pressed) = allocations(|| {
         let pressed = buttons.changes().unwrap().pressed;
@@ -330,23 +330,23 @@ fn looking_at_the_buttons_allocates_nothing() {
 #[test]
 fn a_simulation_in_the_process_has_buttons_and_a_speaker_as_well() {
     let fake = FakeTree::default();
-    let (folder, name) = BUTTONS_PATH.rsplit_once('/').unwrap();
+    let (folder, name) = EV3.buttons.unwrap().rsplit_once('/').unwrap();
     fake.file(folder, name, Direction::Readable, "");
     fake.put(folder, name, &event(1, 106, 1));
-    let mut buttons = Buttons::open(&fake.tree(), BUTTONS_PATH).unwrap();
+    let mut buttons = Buttons::open(&fake.tree(), &EV3).unwrap();
     assert!(buttons.changes().unwrap().pressed.contains(Button::Right));
 
-    let (folder, name) = SOUND_PATH.rsplit_once('/').unwrap();
+    let (folder, name) = EV3.speaker.unwrap().rsplit_once('/').unwrap();
     fake.file(folder, name, Direction::Writeable, "");
-    Sound::open(&fake.tree(), SOUND_PATH).unwrap().tone(440).unwrap();
+    Sound::open(&fake.tree(), &EV3).unwrap().tone(440).unwrap();
     assert_eq!(fake.written(folder, name).len(), 2, "a tone, and the silence of the drop");
 }
 
 #[test]
 fn a_tone_is_one_event_and_ends_when_the_speaker_is_dropped() {
     let folder = tempfile::tempdir().unwrap();
-    let (tree, _writer) = stream(folder.path(), SOUND_PATH);
-    let mut sound = Sound::open(&tree, SOUND_PATH).unwrap();
+    let (tree, _writer) = stream(folder.path(), EV3.speaker.unwrap());
+    let mut sound = Sound::open(&tree, &EV3).unwrap();
     for hz in [0, 99, 10_001, -440] {
         assert!(
             matches!(sound.tone(hz).unwrap_err().cause, Cause::Refused { errno: None, .. }),
@@ -358,7 +358,7 @@ fn a_tone_is_one_event_and_ends_when_the_speaker_is_dropped() {
     sound.silence().unwrap();
     sound.tone(440).unwrap();
     drop(sound);
-    let written = std::fs::read(folder.path().join(SOUND_PATH)).unwrap();
+    let written = std::fs::read(folder.path().join(EV3.speaker.unwrap())).unwrap();
     let expected: Vec<u8> =
         [100, 10_000, 0, 440, 0].into_iter().flat_map(|hz| event(0x12, 2, hz)).collect();
     assert_eq!(written, expected);
@@ -368,6 +368,6 @@ fn a_tone_is_one_event_and_ends_when_the_speaker_is_dropped() {
 fn nodes_that_are_not_there_are_absent() {
     let folder = tempfile::tempdir().unwrap();
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(folder.path()));
-    assert!(Buttons::open(&tree, BUTTONS_PATH).unwrap_err().is_absent());
-    assert!(Sound::open(&tree, SOUND_PATH).unwrap_err().is_absent());
+    assert!(Buttons::open(&tree, &EV3).unwrap_err().is_absent());
+    assert!(Sound::open(&tree, &EV3).unwrap_err().is_absent());
 }

@@ -305,7 +305,7 @@ impl Root {
         {
             fs::write(class.join(name), text).unwrap();
         }
-        let buttons = folder.path().join(onbrick::ev3dev::BUTTONS_PATH);
+        let buttons = folder.path().join(onbrick::ev3dev::EV3.buttons.unwrap());
         fs::create_dir_all(buttons.parent().unwrap()).unwrap();
         mkfifo(&buttons, Mode::S_IRWXU).unwrap();
         fs::write(folder.path().join("dev/fb0"), []).unwrap();

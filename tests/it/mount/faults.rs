@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 
 use onbrick::clock::{Clock, MILLISECOND_NS, SECOND_NS, VirtualClock};
-use onbrick::ev3dev::{BUTTONS_PATH, Button, Buttons, LocalTree, Tree};
+use onbrick::ev3dev::{Button, Buttons, EV3, LocalTree, Tree};
 use onbrick::sim::World;
 use serde_json::{Value, json};
 
@@ -47,7 +47,7 @@ fn keys_are_pressed_by_the_command_and_by_the_file() {
     let clock: Arc<dyn Clock> = Arc::new(VirtualClock::default());
     let Some(mounted) = Mounted::in_world("arena", 1, Arc::clone(&clock)) else { return };
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(mounted.root()));
-    let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
+    let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     let pass_ms = |ms: i64| clock.sleep_until_ns(clock.now_ns() + ms * MILLISECOND_NS);
     let program = env!("CARGO_BIN_EXE_onbrick");
     let press = |arguments: &[&str]| {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
-use onbrick::ev3dev::{BUTTONS_PATH, Button, Buttons, LocalTree, SOUND_PATH, Sound, Tree};
+use onbrick::ev3dev::{Button, Buttons, EV3, LocalTree, Sound, Tree};
 use onbrick::sim::{self, EventLayout, LcdGeometry, Mount, MountOptions, Options, Simulation};
 
 use super::bench::{Mounted, await_or_fail, errno, no_fuse};
@@ -25,7 +25,7 @@ fn our_own_buttons_and_sound_work_on_the_mount() {
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(mounted.root()));
     let simulation = &mounted.simulation;
     simulation.press(0, sim::Button::Left).unwrap();
-    let mut buttons = Buttons::open(&tree, BUTTONS_PATH).unwrap();
+    let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     assert!(
         buttons.held().contains(Button::Left),
         "held at the start, which only an ioctl can tell"
@@ -50,8 +50,8 @@ fn our_own_buttons_and_sound_work_on_the_mount() {
         "after a lost event"
     );
 
-    let mut heard = OpenOptions::new().read(true).open(mounted.path(SOUND_PATH)).unwrap();
-    let mut sound = Sound::open(&tree, SOUND_PATH).unwrap();
+    let mut heard = OpenOptions::new().read(true).open(mounted.path(EV3.speaker.unwrap())).unwrap();
+    let mut sound = Sound::open(&tree, &EV3).unwrap();
     sound.tone(440).unwrap();
     assert_eq!(simulation.tone_hz(0), Some(440));
     drop(sound);
@@ -71,7 +71,7 @@ fn a_reader_waits_for_a_button_and_one_that_may_not_wait_is_told_so() {
     let Some(mounted) = Mounted::over(Bench::as_recorded(), Arc::new(MonotonicClock)) else {
         return;
     };
-    let path = mounted.path(BUTTONS_PATH);
+    let path = mounted.path(EV3.buttons.unwrap());
     let mut hasty =
         OpenOptions::new().read(true).custom_flags(nix::libc::O_NONBLOCK).open(&path).unwrap();
     let mut buffer = [0; 96];
@@ -114,8 +114,11 @@ fn a_reader_that_is_killed_while_it_waits_dies_and_leaves_the_mount_alive() {
     let Some(mounted) = Mounted::over(Bench::as_recorded(), Arc::new(MonotonicClock)) else {
         return;
     };
-    let mut cat =
-        Command::new("cat").arg(mounted.path(BUTTONS_PATH)).stdout(Stdio::null()).spawn().unwrap();
+    let mut cat = Command::new("cat")
+        .arg(mounted.path(EV3.buttons.unwrap()))
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
     let status = format!("/proc/{}/wchan", cat.id());
     await_or_fail("a reader that waits", || {
         fs::read_to_string(&status)
@@ -152,12 +155,14 @@ fn a_program_of_the_brick_reads_its_own_layout_of_events() {
     let simulation = Simulation::with_options(clock, Box::new(Bench::as_recorded()), 1, options);
     let options = MountOptions { events: EventLayout::Bits32 };
     let (mount, _) = Mount::new(&simulation, folder.path(), options).unwrap();
-    let mut buttons = OpenOptions::new().read(true).open(folder.path().join(BUTTONS_PATH)).unwrap();
+    let mut buttons =
+        OpenOptions::new().read(true).open(folder.path().join(EV3.buttons.unwrap())).unwrap();
     simulation.press(0, sim::Button::Right).unwrap();
     let mut event = [0; 32];
     buttons.read_exact(&mut event).unwrap();
     assert_eq!(event[8..16], [1, 0, 106, 0, 1, 0, 0, 0]);
-    let mut speaker = OpenOptions::new().write(true).open(folder.path().join(SOUND_PATH)).unwrap();
+    let mut speaker =
+        OpenOptions::new().write(true).open(folder.path().join(EV3.speaker.unwrap())).unwrap();
     speaker.write_all(&[0, 0, 0, 0, 0, 0, 0, 0, 0x12, 0, 2, 0, 0xe8, 3, 0, 0]).unwrap();
     assert_eq!(simulation.tone_hz(0), Some(1000));
 

@@ -213,7 +213,7 @@ struct Witness {
 }
 
 impl Heartbeat for Witness {
-    fn beat(&mut self) {
+    fn beat(&mut self, _now_ns: i64) {
         self.truths.lock().unwrap().push(self.observer.truth(0).unwrap());
     }
 }

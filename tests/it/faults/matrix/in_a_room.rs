@@ -16,7 +16,7 @@ fn room() -> InProcess {
 
 fn battery_v(simulation: &Simulation) -> f64 {
     let tree: Arc<dyn Tree> = simulation.brick(0);
-    onbrick::ev3dev::Battery::open(&tree).unwrap().voltage_v().unwrap()
+    onbrick::ev3dev::Battery::open(&tree, &onbrick::ev3dev::EV3).unwrap().voltage_v().unwrap()
 }
 
 #[test]
