@@ -80,7 +80,7 @@ impl Failure {
     }
 }
 
-/// Whatever is printed, nothing in it controls the terminal. How long it is, is its maker's matter.
+/// Nothing that is printed can control the terminal. Its length is not limited here.
 pub(super) fn safe(text: &str) -> Cow<'_, str> {
     printable::shown(text, Layout::Lines, usize::MAX)
 }
