@@ -183,9 +183,8 @@ if [ -n "$image" ]; then
   # A card's size must be a power of two for this machine's card reader, so the image is a disk; the
   # partitions are the same.
   virtio_disk "$image"
-  # While it works its time counts instructions, so that a busy PC does not let the brick's own
-  # programs run into their time limits; while it waits, for its disk or for a PC, time is
-  # everybody's.
+  # While it works, its time counts instructions, so that the brick's own programs do not exceed
+  # their time limits on a busy PC; while it waits, for its disk or for a PC, time is the PC's.
   [ "$exact" = yes ] || machine+=(-icount "shift=2")
   here_port=tcp:127.0.0.1
   [ -z "$forward" ] || machine+=(

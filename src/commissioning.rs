@@ -1,7 +1,7 @@
 //! Commissioning: before there is a run, a robot is set up, measured and looked over.
 //!
 //! [`setup`](setup()) writes `robot.toml` by asking, [`calibrate`](calibrate()) measures the robot
-//! by driving it, [`examine`] looks whether all is in order. They talk with a person through a
+//! by driving it, [`examine`] checks whether all is in order. They talk with a person through a
 //! [`Dialogue`], on a terminal or on the brick.
 //!
 //! # Not here

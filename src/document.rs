@@ -427,7 +427,7 @@ pub struct Noted<'d> {
 }
 
 impl Noted<'_> {
-    /// Puts the way out to the finding; an empty hint is none.
+    /// Adds the hint to the finding; an empty one is left out.
     pub fn hint(self, hint: impl Into<String>) {
         let hint = hint.into();
         if let Some(finding) = self.findings.borrow_mut().get_mut(self.index)

@@ -119,8 +119,8 @@
 //! # What may never happen
 //!
 //! - A motor that turns after the process that commanded it is gone, hung, or was told to stop.
-//! - A motor of ours moved by anyone who is not the run's owner; a motor of someone else's moved by
-//!   us.
+//! - A motor of ours moved by a process that is not the run's owner; another program's motor moved
+//!   by us.
 //! - A reading that was not read: no default, no zero, no last value without its age.
 //! - A map record lost that was synced, a wrong record taken for a right one, a cut file that
 //!   cannot be opened.

@@ -226,7 +226,7 @@ pub struct Menu {
     shown: Option<Canvas>,
 }
 
-/// An answer that is older is said to be old.
+/// An older answer is marked as old.
 const OLD_NS: i64 = 3 * SECOND_NS;
 
 /// How long a run may go on after a button that the run's own process should have seen.

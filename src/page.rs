@@ -132,7 +132,7 @@ impl Drop for LocalPage {
     fn drop(&mut self) {
         self.server.0.unblock();
         if let Some(thread) = self.thread.take() {
-            // A server that has panicked has said so itself.
+            // A panic of the server has been reported already.
             let _ = thread.join();
         }
     }

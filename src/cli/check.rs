@@ -69,7 +69,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
 }
 
-/// One file that cannot be read does not keep the others from being checked.
+/// An unreadable file does not stop the check of the others.
 fn show_unread(path: &Path, unread: &Failure, output: &mut Output) {
     let mission = path.display().to_string();
     let text = format!("{}\n{mission}: broken", unread.to_text());

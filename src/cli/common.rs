@@ -61,9 +61,9 @@ pub(super) struct LoadedRobot {
     pub(super) config: RobotConfig,
 }
 
-/// Reads a file, or takes a text we carry by its name. Such a name is a path only with a folder
-/// before it (`./arena`) or an ending (`arena.toml`): what lies in the working folder never changes
-/// what a name means.
+/// Reads a file, or takes a built-in text by its name. A name is a path only with a folder before
+/// it (`./arena`) or an ending (`arena.toml`): the files of the working folder never change what a
+/// name means.
 pub(super) fn read_source(
     path: &Path,
     carried: impl Fn(&str) -> Option<&'static str>,
@@ -89,8 +89,8 @@ pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
     })
 }
 
-/// The way out where a file that may also be a name is neither; one that is there says itself what
-/// is wrong with it.
+/// The hint if an argument is neither a file nor a known name. An existing file's own error says
+/// what is wrong with it.
 fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> Failure {
     if path.is_file() {
         return failure;
@@ -100,7 +100,7 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
     failure.hint(format!("a {what}'s file, or one of {}{nearest}", names.join(", ")))
 }
 
-/// Reads at most one byte more than a document may have: enough to say that it is too long.
+/// Reads at most one byte more than a document may have: enough to detect one that is too long.
 pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
     let failed = |error: &std::io::Error| {
         Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), error)

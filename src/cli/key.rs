@@ -40,7 +40,7 @@ pub(super) struct Folder {
 // Of 85 keys one begins with a hyphen: it is an argument like the others.
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Make this machine's key; one that is there is never replaced.
+    /// Make this machine's key; an existing one is never replaced.
     New,
     /// Show this machine's public key and its fingerprint.
     Show,
@@ -53,7 +53,7 @@ enum What {
         #[arg(long)]
         name: Name,
     },
-    /// Turn a key away from now on, on connections that are open as well.
+    /// Refuse a key from now on, also on open connections.
     Revoke {
         /// The name, the fingerprint or the key.
         #[arg(allow_hyphen_values = true)]
@@ -61,8 +61,7 @@ enum What {
     },
     /// List the keys that may ask this machine.
     List,
-    /// On a PC: know a brick by its key from now on, where that came over a way that is trusted,
-    /// such as ssh.
+    /// On a PC: trust a brick's key from now on, if it came over a trusted way such as ssh.
     #[cfg(feature = "host")]
     Know {
         /// What the brick is called.
@@ -87,7 +86,7 @@ impl Folder {
         })
     }
 
-    /// This machine's pair, made where there is none.
+    /// This machine's pair, created if missing.
     #[cfg(feature = "host")]
     pub(super) fn own(&self) -> Result<KeyPair, Failure> {
         KeyPair::load_or_make(&self.path()?).map_err(|error| failure(&error))

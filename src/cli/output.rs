@@ -80,7 +80,7 @@ impl Failure {
     }
 }
 
-/// Whatever is printed, nothing in it controls the terminal. How long it is, is its maker's matter.
+/// Nothing that is printed can control the terminal. Its length is not limited here.
 pub(super) fn safe(text: &str) -> Cow<'_, str> {
     printable::shown(text, Layout::Lines, usize::MAX)
 }
@@ -141,7 +141,7 @@ impl Output {
     pub fn value(&mut self, value: &impl Serialize) {
         if self.json {
             // Values of ours are plain structs; what cannot be JSON would be a mistake in the
-            // program, and is said as such.
+            // program, and is reported as such.
             let json = serde_json::to_string(value)
                 .unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"));
             self.print(&printable::json(&json));

@@ -64,15 +64,15 @@ pub(super) struct Arguments {
     #[cfg_attr(feature = "sim", arg(conflicts_with = "sim"))]
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
-    /// Seconds between two syncs: at most so much of the recording is lost in a power cut.
+    /// Seconds between two syncs: a power cut loses at most this much of the recording.
     #[arg(long, default_value_t = 1.0, value_parser = sync_period)]
     sync_s: f64,
 }
 
-/// The robot of who works in this folder, as `setup` writes it and `doctor` reads it.
+/// The robot of the working folder, as `setup` writes it and `doctor` reads it.
 const OWN_ROBOT: &str = "robot.toml";
 
-/// So near to a start pose a robot is meant to stand on it: metres, and radians.
+/// A robot this near to a start pose is meant to stand on it: metres, and radians.
 #[cfg(feature = "sim")]
 const SAME_PLACE: (f64, f64) = (0.01, 0.02);
 
@@ -188,12 +188,12 @@ fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Resu
 /// A recording's own folder.
 struct Folder {
     path: PathBuf,
-    /// The folders that were not there before, the innermost first.
+    /// The folders that were created, the innermost first.
     made: Vec<PathBuf>,
 }
 
 impl Folder {
-    /// Makes the folder where it is not there; a recording that is there is never written over.
+    /// Creates the folder if missing; never overwrites a recording.
     fn make(out: Option<&Path>, mission: &str) -> Result<Self, Failure> {
         let folder =
             out.map_or_else(|| next_free(Path::new("onbrick-runs"), mission), Path::to_owned);

@@ -38,7 +38,7 @@ attributes! {
 }
 
 impl Battery {
-    /// A board's battery; where that is not there, the one whose name ends with `-battery`.
+    /// A board's battery or, without one, the battery whose name ends with `-battery`.
     ///
     /// # Errors
     ///

@@ -74,7 +74,7 @@ impl ButtonSet {
         self.0 & (1 << button as u8) != 0
     }
 
-    /// Whether there are none.
+    /// Whether the set is empty.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0

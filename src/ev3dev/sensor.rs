@@ -184,7 +184,7 @@ impl Sensor {
     }
 
     /// Puts the sensor into a mode, if it is not in it, and reads it back. Returns for how many
-    /// nanoseconds values are to be thrown away from now on; 0 if nothing had to be written. A UART
+    /// nanoseconds values are to be discarded from now on; 0 if nothing had to be written. A UART
     /// sensor blocks the writer until it answers, up to half a second.
     ///
     /// # Errors
@@ -377,7 +377,7 @@ impl Sensor {
     }
 }
 
-/// For how long values are to be thrown away after a change of mode, by driver, ns.
+/// For how long values are to be discarded after a change of mode, by driver, ns.
 ///
 /// - Colour: 20 ms, ultrasonic: up to 2 s between very different modes (ev3dev issue 1401); between
 ///   two measuring modes two of its frames.

@@ -114,15 +114,15 @@ impl LocalTree {
         Self { root: root.into(), buttons: None, speaker: None }
     }
 
-    /// With another file in the place of the board's buttons, if one is given; a relative one is below
-    /// the working folder.
+    /// With another file in the place of the board's buttons, if one is given; a relative path is
+    /// below the working folder.
     #[must_use]
     pub fn with_buttons(self, buttons: Option<PathBuf>) -> Self {
         Self { buttons, ..self }
     }
 
-    /// With another file in the place of the board's speaker, if one is given; a relative one is below
-    /// the working folder.
+    /// With another file in the place of the board's speaker, if one is given; a relative path is
+    /// below the working folder.
     #[must_use]
     pub fn with_speaker(self, speaker: Option<PathBuf>) -> Self {
         Self { speaker, ..self }

@@ -236,7 +236,7 @@ impl KeyPair {
         Ok(Self { public: PublicKey(public), secret })
     }
 
-    /// Writes the pair into a folder of keys, which is made where there is none.
+    /// Writes the pair into a folder of keys, which is created if missing.
     ///
     /// # Errors
     ///

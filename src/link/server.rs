@@ -51,7 +51,7 @@ mod router;
 mod workers;
 mod zap;
 
-/// How long threads wait before they look whether they are still wanted, milliseconds.
+/// How long threads wait before they check whether they are still wanted, milliseconds.
 const NAP_MS: u8 = 200;
 
 /// How much less important than others our threads are: the nice value's step (nice(2)).

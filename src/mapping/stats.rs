@@ -1,7 +1,7 @@
 //! A few statistics of errors: for scoring maps, not for the tick.
 
 /// The value below which a share `q` (0 to 1) of the values lies, linear between neighbours
-/// (Hyndman and Fan's type 7, as in NumPy); sorts them. `None` where there are none.
+/// (Hyndman and Fan's type 7, as in NumPy); sorts them. `None` if there are none.
 #[must_use]
 pub fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
@@ -19,13 +19,13 @@ pub fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
     Some(low + (high - low) * (place - libm::floor(place)))
 }
 
-/// The middle value; sorts them. `None` where there are none.
+/// The middle value; sorts them. `None` if there are none.
 #[must_use]
 pub fn median(values: &mut [f64]) -> Option<f64> {
     quantile(values, 0.5)
 }
 
-/// The mean. `None` where there are none.
+/// The mean. `None` if there are none.
 #[must_use]
 pub fn mean(values: &[f64]) -> Option<f64> {
     #[expect(clippy::cast_precision_loss, reason = "a count of values")]
@@ -33,7 +33,7 @@ pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / count)
 }
 
-/// The root of the mean square. `None` where there are none.
+/// The root of the mean square. `None` if there are none.
 #[must_use]
 pub fn rms(values: &[f64]) -> Option<f64> {
     #[expect(clippy::cast_precision_loss, reason = "a count of values")]
@@ -42,7 +42,7 @@ pub fn rms(values: &[f64]) -> Option<f64> {
         .then(|| libm::sqrt(values.iter().map(|value| value * value).sum::<f64>() / count))
 }
 
-/// The share, 0 to 1, of the values for which `holds`. `None` where there are none.
+/// The share, 0 to 1, of the values for which `holds`. `None` if there are none.
 #[must_use]
 pub fn share(values: &[f64], holds: impl Fn(f64) -> bool) -> Option<f64> {
     #[expect(clippy::cast_precision_loss, reason = "counts of values")]

@@ -200,7 +200,7 @@ impl Talking {
         }
         let Some((_, replies)) = &self.open else { return };
         match effect {
-            // One who no longer listens has said so already.
+            // A listener that is gone has been reported already.
             Effect::Reply(reply) => drop(replies.sender.send(reply)),
             Effect::Pressed => replies.pressed.store(true, Ordering::Relaxed),
             Effect::StopTalk | Effect::Talk(_) => {

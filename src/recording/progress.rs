@@ -28,7 +28,7 @@ pub struct Progress {
     heard: Heard,
 }
 
-/// What the recording has said so far.
+/// What has been read of the recording so far.
 #[derive(Debug, Default)]
 struct Heard {
     status: Status,

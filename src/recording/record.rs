@@ -1,7 +1,7 @@
 //! MCAP's records as they lie in a file: framed, and taken apart (mcap.dev/spec).
 //!
 //! `mcap` reads them too, but makes room for as many bytes as a string says that it has before it
-//! looks whether they are there. In a damaged file that may be 4 GB, and on a brick the end of the
+//! checks whether they are there. In a damaged file that may be 4 GB, and on a brick the end of the
 //! program. Nothing here makes room for more than is there. `mcap` also panics at an attachment
 //! that is shorter than its own checksum, and its readers stop at the first damage.
 //!

@@ -19,7 +19,7 @@ use crate::ev3dev::{
 /// 105 ms (`ev3dev-interfaces`, 15.2).
 const ROLL_NS: i64 = 300 * MILLISECOND_NS;
 
-/// How often one looks whether motors are still, nanoseconds; the drivers' speed is a mean over 20
+/// How often one checks whether motors are still, nanoseconds; the drivers' speed is a mean over 20
 /// ms.
 const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 

@@ -104,7 +104,7 @@ pub fn signal(root: &Path, process: i32, signal: Signal) -> nix::Result<()> {
 pub fn stop_orphans(root: &Path, clock: &dyn Clock) -> Result<Option<Owner>, OrphansError> {
     let Some((mut lock, owner)) = HardwareLock::take_orphans(root)? else { return Ok(None) };
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(root));
-    // An address that is none fits no motor.
+    // An invalid address fits no motor.
     let ports: Vec<PortAddress> =
         owner.motors.iter().filter_map(|motor| motor.parse().ok()).collect();
     still(&tree, &ports, clock)?;

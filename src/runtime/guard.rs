@@ -132,7 +132,7 @@ impl Watch {
         }
         let phase = match &event {
             Event::Driving { motors, .. } => {
-                // An address that is none fits no motor.
+                // An invalid address fits no motor.
                 self.motors = motors.iter().filter_map(|motor| motor.parse().ok()).collect();
                 Phase::Driving
             }
@@ -175,7 +175,7 @@ impl Watch {
         &self.motors
     }
 
-    /// What is said in place of a process that is gone without a last word.
+    /// The message on behalf of a process that ended without a last one.
     ///
     /// - `how`: how it ended, for people.
     /// - `stopped`: every motor of the run is still.
@@ -246,7 +246,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Takes in what was read. A line that is longer than any of ours is forgotten.
+    /// Takes in what was read. A line longer than any of ours is dropped.
     pub fn push(&mut self, bytes: &[u8]) {
         if self.bytes.len() > LONGEST_LINE {
             self.bytes.clear();

@@ -238,7 +238,7 @@ impl fmt::Display for Remade {
     }
 }
 
-/// Replays a run's senses with another robot, and records what comes of it to `file`.
+/// Replays a run's senses with another robot, and records the result to `file`.
 ///
 /// The machines may decide otherwise than they did; the senses stay what they were.
 ///

@@ -154,7 +154,7 @@ impl Mount {
     fn end(&mut self) -> Result<(), MountError> {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(ticker) = self.ticker.take() {
-            // A ticker that has panicked has said so itself.
+            // A panic of the ticker has been reported already.
             let _ = ticker.join();
         }
         let Some(session) = self.session.take() else { return Ok(()) };

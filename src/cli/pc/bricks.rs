@@ -8,7 +8,7 @@ use crate::link::KnownBricks;
 use crate::link::client::PORT;
 use crate::link::discover::{Announced, discover};
 
-/// List the bricks that this PC knows, and whether they answer; or those that make themselves known
+/// List the bricks that this PC knows, and whether they answer; or those that announce themselves
 /// in this network.
 ///
 /// Examples:
@@ -20,7 +20,7 @@ use crate::link::discover::{Announced, discover};
 pub(in crate::cli) struct Arguments {
     #[command(flatten)]
     bricks: Bricks,
-    /// Listen for bricks that make themselves known (mDNS); many networks do not carry that.
+    /// Listen for bricks that announce themselves (mDNS); many networks do not carry that.
     #[arg(long, conflicts_with_all = ["hosts", "team"])]
     discover: bool,
     /// How long to listen, in seconds.

@@ -30,7 +30,7 @@ pub(in crate::cli) struct Arguments {
     /// How long the robot explores, in seconds of its own time.
     #[arg(long, default_value_t = 120.0, value_parser = seconds)]
     seconds: f64,
-    /// What all chance comes from: the same seed gives the same run.
+    /// The seed of all random numbers: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Keep step with the clock on the wall instead of running as fast as the machine allows.

@@ -12,16 +12,15 @@ use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::LivePage;
 use crate::service::protocol::RunId;
 
-/// Bring recordings home, byte for byte. What is cut off is gone on from by the next call; a run
-/// that is going on is followed to its end.
+/// Fetch recordings from bricks, byte for byte. The next call resumes a download that was cut; a
+/// run in progress is followed to its end.
 ///
 /// Examples:
 ///   onbrick fetch ev3-blue                 the newest run
 ///   onbrick fetch ev3-blue --follow        and watch the map grow in a browser
 ///   onbrick fetch ev3-blue --all -o maps   every run that is not in maps yet
 ///
-/// A file that is there already is compared with the brick's hash; one that is another recording is
-/// left alone.
+/// An existing file is compared with the brick's hash; another recording is left alone.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
@@ -38,7 +37,7 @@ pub(in crate::cli) struct Arguments {
     /// Take at most this many megabytes of a brick.
     #[arg(long, value_name = "MB", default_value_t = MOST_BYTES >> 20)]
     most_mb: u64,
-    /// Show the map as it grows: a page for a browser on this machine, and a line with how it goes.
+    /// Show the map as it grows: a page for a browser on this machine, and a progress line.
     #[arg(long)]
     follow: bool,
     /// The page's port; 0 for any that is free.

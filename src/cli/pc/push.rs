@@ -17,10 +17,9 @@ use crate::link::{KnownBrick, KnownBricks, key_folder};
 
 /// Put missions onto a brick, over ssh.
 ///
-/// Each is checked first, and nothing is sent if one is broken. They go into the folder `missions`
-/// of the user robot, where the menu and `onbrick missions` find them. A brick that is known here
-/// by name is found at its address; every other host that ssh takes is fine: user@host,
-/// ssh://user@host:port.
+/// Each is checked first; nothing is sent if one is broken. They go into the folder `missions` of
+/// the user robot, where the menu and `onbrick missions` find them. The host is a brick's known
+/// name, or anything else that ssh takes: user@host, ssh://user@host:port.
 ///
 /// Example: onbrick push red.local my-mission.toml
 #[derive(Debug, clap::Args)]

@@ -31,8 +31,7 @@ pub(super) struct Bricks {
 /// How bricks are asked.
 #[derive(Debug, Args)]
 pub(in crate::cli) struct How {
-    /// Seconds to wait for an answer: 10 where it is not said, 2 for a list of bricks or of their
-    /// missions.
+    /// Seconds to wait for an answer: 10 by default, 2 for a list of bricks or of their missions.
     #[arg(long, value_parser = patience, value_name = "SECONDS")]
     timeout: Option<f64>,
     #[command(flatten)]

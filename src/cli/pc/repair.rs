@@ -7,7 +7,7 @@ use crate::cli::{Exit, Failure, Output};
 use crate::report::export::{self, NamedRecording};
 
 /// Make a whole file of a recording that was cut or damaged: all of it that is whole, in the order
-/// of time, with the summary that viewers seek by. A run that ended by itself needs none of this.
+/// of time, with the summary that viewers seek by. A run that ended normally needs no repair.
 ///
 /// Several recordings become one, with a namespace for each brick.
 ///

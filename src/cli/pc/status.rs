@@ -4,7 +4,7 @@ use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Failure, Output};
 use crate::service::protocol::{RunStatus, State, Status};
 
-/// Show how bricks are: state, battery, what they do or how their last run ended.
+/// Show the bricks' state: battery, what they do, or how their last run ended.
 ///
 /// Examples:
 ///   onbrick status                         all bricks that are known

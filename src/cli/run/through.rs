@@ -40,7 +40,7 @@ pub(super) struct Living {
     config: Config,
 }
 
-/// Looks whether a service lives on the brick that is meant.
+/// Checks whether a service lives on the brick that is meant.
 pub(super) fn service(arguments: &Arguments) -> Result<Option<Living>, Failure> {
     let folder = match &arguments.config {
         Some(folder) => folder.as_path(),

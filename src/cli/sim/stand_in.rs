@@ -27,7 +27,7 @@ const MOST_BYTES: u64 = 160_000_000;
 const SPEECH_RATE: u32 = 22_050;
 const SPEECH_HZ: u32 = 180;
 
-/// How often a sleeper looks whether to end.
+/// How often a sleeper checks whether to end.
 const LOOK_NS: i64 = 10_000_000;
 
 /// One of the programs.
@@ -83,7 +83,7 @@ impl StandIn {
         }
     }
 
-    /// The one with a name; `None` where there is none.
+    /// The one with a name; `None` if there is none.
     pub(super) fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|stand_in| stand_in.name() == name)
     }

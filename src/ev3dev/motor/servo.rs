@@ -57,7 +57,7 @@ impl ServoMotor {
     ///
     /// # Errors
     ///
-    /// [`FindError`], which says what is there instead.
+    /// [`FindError`], which names what is there instead.
     pub fn at(tree: &Arc<dyn Tree>, port: &PortAddress) -> Result<Self, FindError> {
         Self::find(tree, Some(port), None)
     }

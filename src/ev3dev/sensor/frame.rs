@@ -33,7 +33,7 @@ impl Frame {
         &self.values
     }
 
-    /// A value as a whole number; `None` where there is none, or none that is whole.
+    /// A value as a whole number; `None` if there is none, or none that is whole.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,

@@ -123,7 +123,7 @@ impl InfraredSensor {
         self.first_value(0, 100).map(f64::from)
     }
 
-    /// The beacons on channels 1 to 4, of one frame; `None` where there is none. Mode
+    /// The beacons on channels 1 to 4, of one frame; `None` if there is none. Mode
     /// [`InfraredMode::Seek`].
     ///
     /// # Errors

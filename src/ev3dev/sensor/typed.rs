@@ -36,7 +36,7 @@ impl<M: SensorMode> TypedSensor<M> {
     ///
     /// # Errors
     ///
-    /// [`FindError`], which says what is there instead.
+    /// [`FindError`], which names what is there instead.
     pub fn at(tree: &Arc<dyn Tree>, port: &PortAddress) -> Result<Self, FindError> {
         Self::find(tree, Some(port))
     }
@@ -59,7 +59,7 @@ impl<M: SensorMode> TypedSensor<M> {
     }
 
     /// Puts the sensor into a mode, if it is not in it. Returns for how many nanoseconds values are
-    /// to be thrown away from now on.
+    /// to be discarded from now on.
     ///
     /// # Errors
     ///

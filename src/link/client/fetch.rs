@@ -240,7 +240,7 @@ impl<'l> Fetching<'l> {
         while self.under_way.len() < UNDER_WAY {
             let left = self.progress.total.saturating_sub(self.next);
             let is_looking = left == 0;
-            // At the end of what is known one piece at a time looks whether there is more.
+            // At the end of what is known one piece at a time checks whether there is more.
             if is_looking && (!self.under_way.is_empty() || self.line.now_ns() < self.ask_at_ns) {
                 return Ok(());
             }

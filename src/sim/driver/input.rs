@@ -40,7 +40,7 @@ impl Button {
         }
     }
 
-    /// The button with a name; `None` where there is none.
+    /// The button with a name; `None` if there is none.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|button| button.as_str() == name)

@@ -33,7 +33,7 @@ pub(super) const PRESS_NS: i64 = 200_000_000;
 /// What the speaker can be asked for, hertz: what it plays is 100 to 10,000.
 const TONE_HZ: RangeInclusive<f64> = 0.0..=20_000.0;
 
-/// The most characters that are noted of what is said.
+/// The most characters of `say` that are recorded.
 const MOST_SAID: usize = 200;
 
 /// How far from the world's origin a robot can be put, metres.

@@ -156,7 +156,7 @@ fn helper() -> Option<PathBuf> {
     candidates.into_iter().find(|candidate| candidate.is_file())
 }
 
-/// Takes away what simulators of ours left that did not live to unmount; true if there was any.
+/// Removes mounts that dead simulators of ours left behind; true if there was any.
 fn clear(point: &Path) -> Result<bool, MountError> {
     let mut cleared = false;
     // Several may lie over each other.
