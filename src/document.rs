@@ -186,8 +186,8 @@ impl<'d> Section<'d> {
         found
     }
 
-    /// What `read` makes of a key's value; `default` where the key is not there, `None` where its value
-    /// is wrong.
+    /// What `read` makes of a key's value; `default` without the key, `None` where its value is
+    /// wrong.
     pub fn value_or<T>(
         &self,
         key: &str,

@@ -155,9 +155,10 @@ struct Beats {
 
 impl Heartbeat for Beats {
     fn beat(&mut self, now_ns: i64) {
-        if now_ns >= self.due_ns {
-            // Half a tick early is better than a whole one late.
-            self.due_ns = now_ns + BEAT_NS - BEAT_NS / 4;
+        // A little early is better than a whole tick late.
+        if now_ns + BEAT_NS / 4 >= self.due_ns {
+            // A tick that was late does not make the next beat late.
+            self.due_ns = (self.due_ns + BEAT_NS).max(now_ns);
             // A beat that does not fit does not matter: the pipe is full of them.
             let _ = self.pipe.write(b"\n");
         }
