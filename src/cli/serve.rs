@@ -25,9 +25,8 @@ use crate::service::{Config, LocalSocket, RobotSite, Service};
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The folder of onbrick.toml, created if missing; without it /etc/onbrick, and a folder
-    /// of your own with --sim or
-    /// --brick.
+    /// The folder of onbrick.toml, created if missing; without it /etc/onbrick, and a folder of your
+    /// own with --sim or --brick.
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
     #[command(flatten)]
@@ -56,7 +55,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
     let service = Service::open(config, place, program)
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
-    let socket = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
+    let local = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
     let link = start_link(&service);
     let socket = service.config().socket.path.display().to_string();
@@ -71,7 +70,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     tell_systemd(sd_notify::NotifyState::Stopping);
     service.close();
-    drop(socket);
+    drop(local);
     close_link(&service, link);
     Ok(())
 }
