@@ -216,6 +216,30 @@ impl Role {
         }
     }
 
+    /// What a sensor of this role does, as a question about it says.
+    #[must_use]
+    pub const fn purpose(self) -> &'static str {
+        match self {
+            Self::Range => "measures the range",
+            Self::Gyro => "measures the heading",
+            Self::Touch => "is the bumper",
+            Self::Colour => "looks at the floor",
+            Self::Remote => "hears the remote control",
+            _ => "",
+        }
+    }
+
+    /// The port that examples in a robot's file give it.
+    #[must_use]
+    pub const fn example_port(self) -> &'static str {
+        match self {
+            Self::Gyro => "in4",
+            Self::Touch => "in2",
+            Self::Colour => "in3",
+            _ => "in1",
+        }
+    }
+
     /// Its quantities.
     pub fn quantities(self) -> impl Iterator<Item = &'static Quantity> {
         QUANTITIES.iter().filter(move |quantity| quantity.role == self)

@@ -13,18 +13,13 @@ pub(super) fn assign(
     draft: &mut Draft,
 ) -> Result<(), NoAnswer> {
     let mut port = |driver: Driver, role: &str| one_of(dialogue, sensors, driver, role);
-    let ultrasonic = port(Driver::Ultrasonic, "measures the range")?;
-    for (role, driver, does) in [
-        (Role::Gyro, Driver::Gyro, "measures the heading"),
-        (Role::Touch, Driver::Touch, "is the bumper"),
-        (Role::Colour, Driver::Colour, "looks at the floor"),
-    ] {
-        draft.sensors.extend(port(driver, does)?.map(|port| (role, port)));
+    for role in Role::SENSORS {
+        // The infrared sensor can have two roles: a question of its own.
+        if let Some(driver) = role.drivers().next().filter(|driver| *driver != Driver::Infrared) {
+            draft.sensors.extend(port(driver, role.purpose())?.map(|port| (role, port)));
+        }
     }
     let infrared = port(Driver::Infrared, "is used")?;
-    if let Some(port) = ultrasonic {
-        draft.sensors.insert(Role::Range, port);
-    }
     if let Some(port) = infrared {
         infrared_role(dialogue, port, draft)?;
     }

@@ -162,12 +162,12 @@ impl Draft {
                 );
             }
         }
-        for (role, example, note) in [
-            (Role::Gyro, "in4", ""),
-            (Role::Touch, "in2", ""),
-            (Role::Colour, "in3", ""),
-            (Role::Remote, "in1", "the infrared sensor that hears the remote control"),
-        ] {
+        for role in Role::SENSORS.into_iter().filter(|role| *role != Role::Range) {
+            let note = if role == Role::Remote {
+                "the infrared sensor that hears the remote control"
+            } else {
+                ""
+            };
             let section = format!("[{}]", role.section());
             match self.sensors.get(&role) {
                 Some(port) => {
@@ -175,7 +175,9 @@ impl Draft {
                     page.line(&section, note);
                     page.bare(&format!("port = {}", quoted(port)));
                 }
-                None => page.example(&[&section, &format!("port = \"{example}\"")]),
+                None => {
+                    page.example(&[&section, &format!("port = {}", quoted(role.example_port()))])
+                }
             }
         }
     }
