@@ -313,7 +313,7 @@ grey         ?  ?        ?             no answer from grey";
         let last = |reason: StopReason| LastStop::new(None, "", reason.into());
         let fault =
             Status { state: State::Fault, last: Some(last(StopReason::Stalled)), ..status("1") };
-        assert!(unready(&fault).unwrap().starts_with("fault: a wheel is blocked; Enter"));
+        assert!(unready(&fault).unwrap().starts_with("fault: a wheel is blocked; press Enter"));
         let robot = Status {
             robot: Some("error: unknown port\n --> robot.toml".to_owned()),
             ..status("1")
