@@ -25,8 +25,8 @@ use crate::service::{Config, LocalSocket, RobotSite, Service};
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The folder of onbrick.toml, created if missing; without it /etc/onbrick, and a folder of your
-    /// own with --sim or --brick.
+    /// The folder of onbrick.toml, created if missing; without it /etc/onbrick, and a folder of
+    /// your own with --sim or --brick.
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
     #[command(flatten)]
