@@ -64,7 +64,7 @@ impl Robot {
     ) -> Result<Self, BindError> {
         // The heading takes the gyro's angle, whatever else a mission asks it for.
         let needed = [needed, &[Channel::Gyro]].concat();
-        let binder = Binder { tree: Arc::clone(tree), config: config.clone(), needed };
+        let mut binder = Binder { tree: Arc::clone(tree), config: config.clone(), needed };
         let platform = Platform::of(tree);
         // What is not a role of the mission may be missing: a test bench has no battery, a
         // simulated brick no loudspeaker.
@@ -87,6 +87,10 @@ impl Robot {
                 return Err(shared(&sensor, other));
             }
             settle_ns = settle_ns.max(settles_ns);
+            // One that comes loose is looked for where it was: what else could be this role, such
+            // as the remote's infrared sensor for the range, may be there for another one.
+            let port = sensor.identity().address.clone();
+            binder.config.sensors.insert(*role, Some(port));
             sensors.push(sensor);
         }
         let mut robot = Self {

@@ -102,6 +102,21 @@ fn promise_3_a_device_that_comes_back_is_found_and_the_mission_goes_on() {
 }
 
 #[test]
+fn promise_3_no_other_sensor_takes_the_place_of_one_that_comes_loose() {
+    // Without a port the range is the ultrasonic sensor's, since that is preferred; the remote's
+    // infrared sensor could be asked for it, too.
+    let mut play = pausing(30.0);
+    play.world_toml.push_str("[robot.ports]\nin3 = \"infrared\"\n");
+    play.robot_toml = play.robot_toml.replacen("[range]\nport = \"in1\"", "[range]", 1);
+    play.robot_toml.push_str("\n[remote]\nport = \"in3\"\n");
+    let text = "[[fault]]\nat_s = 10\nuntil_s = 14\nport = \"in1\"\nkind = \"unplug\"\n";
+    let ended = play.scenario(text).play().unwrap();
+    assert_eq!(ended.reason, StopReason::Finished);
+    let waited_m = travelled_m(&ended.truths, 14.0) - travelled_m(&ended.truths, 11.0);
+    assert!(waited_m < 0.002, "it waits for its own sensor, and has driven {waited_m} m");
+}
+
+#[test]
 fn promise_3_a_plug_may_come_loose_again_and_again() {
     let text: String = (0..6)
         .map(|number| {

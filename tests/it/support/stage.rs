@@ -23,6 +23,7 @@ use super::memory::MemoryDisk;
 #[derive(Debug)]
 pub struct Play {
     pub world: String,
+    pub world_toml: String,
     pub seed: u64,
     pub mission_toml: String,
     pub robot_toml: String,
@@ -49,6 +50,7 @@ impl Play {
     pub fn of(mission: &str, world: &str, seed: u64) -> Self {
         Self {
             world: world.to_owned(),
+            world_toml: World::text(world).unwrap().to_owned(),
             seed,
             mission_toml: onbrick::behavior::shipped::find(mission).unwrap().text.to_owned(),
             robot_toml: DEFAULT_ROBOT.to_owned(),
@@ -84,7 +86,7 @@ impl Play {
     /// As [`play`](Self::play), on a disk that the test sees as well.
     pub fn play_on(self, disk: MemoryDisk) -> Result<Played, Refused> {
         let clock = (self.seen_clock)(Arc::clone(&self.clock));
-        let world = World::named(&self.world).unwrap();
+        let world = World::parse(&self.world, self.world_toml.as_bytes()).unwrap().0;
         let physics = WorldPhysics::new(world, 1, self.seed).unwrap();
         let observer = physics.observer();
         let simulation = Simulation::with_options(
@@ -150,7 +152,7 @@ impl Play {
             mission: source("mission.toml", &self.mission_toml),
             robot: source("robot.toml", &self.robot_toml),
             brick: Brick::Simulated {
-                world: source(&self.world, ""),
+                world: source(&self.world, &self.world_toml),
                 seed: self.seed,
                 realtime: false,
             },
