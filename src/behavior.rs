@@ -19,19 +19,26 @@
 
 use serde::{Deserialize, Serialize};
 
+pub mod blackboard;
 pub mod demands;
 pub mod engine;
 pub mod expression;
 pub mod graph;
 pub mod mission;
+pub mod motion;
 pub mod shipped;
 pub mod signals;
 
+pub use blackboard::{Blackboard, MAX_VARIABLES, MachineState, Scope};
 pub use demands::{Demands, Drive, Led};
 pub use engine::{EngineError, Finish, Progress};
 pub use expression::Expression;
 pub use graph::mermaid;
-pub use mission::{MachinePlan, Mission, OnLost, OnStall, Program, SetError, StatePlan};
+pub use mission::{
+    MachinePlan, Mission, OnLost, OnStall, Program, ProgramState, SetError, StatePlan,
+    TransitionPlan,
+};
+pub use motion::MotionLimits;
 pub use signals::{Capabilities, Signal, Signals};
 
 /// The most machines a mission may have: what is kept for each of them has a fixed place.
@@ -40,19 +47,6 @@ pub const MAX_MACHINES: usize = 8;
 /// The most named motors a robot may have: with the wheels and the head, more than the brick has
 /// outputs.
 pub const MAX_MOTORS: usize = 4;
-
-/// Where one machine is, and since when: enough to go on from.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct MachineState {
-    /// Index of the active state in the machine's list.
-    pub state: u16,
-    /// When it was entered, nanoseconds of the run's clock.
-    pub entered_ns: i64,
-    /// Metres driven by then.
-    pub entered_m: f64,
-    /// Heading then, radians, not wrapped.
-    pub entered_heading_rad: f64,
-}
 
 /// A transition that a machine took.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -63,7 +57,7 @@ pub struct Taken {
     pub from: u16,
     /// Index of the state entered.
     pub to: u16,
-    /// Index in the left state's list of transitions; `None` where the runtime moved the machine
-    /// (`on_stall`).
+    /// Index among the machine's transitions for all states and, behind them, the left state's;
+    /// `None` where the runtime moved the machine (`on_stall`).
     pub transition: Option<u16>,
 }

@@ -54,7 +54,7 @@ pub use evict::{OrphansError, PATIENCE_NS, evict, signal, stop_orphans};
 pub use execute::{Refused, execute};
 pub use guard::{Lines, MISSED_NS, Pulse, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
-pub use pilot::{Pilot, PilotError, PilotState, Step};
+pub use pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
 pub use prepare::{GYRO_STILL_RAD, MOST_V, NotReady, prepare};
 #[cfg(feature = "cli")]
 pub use process::{ProcessError, control, guard};

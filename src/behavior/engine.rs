@@ -4,8 +4,8 @@
 //! exit action, and an ordered list of transitions: a check and a destination. One step of a
 //! machine is
 //!
-//! 1. the first transition whose check holds is taken, at most one: exit action, then the new
-//!    state's entry action;
+//! 1. the first transition whose check holds is taken, at most one: exit action, the transition's
+//!    own action, then the new state's entry action;
 //! 2. the action of the state that is now active runs, with the same inputs.
 //!
 //! The start state is entered at the first step: its entry action runs then, its own action not
@@ -126,10 +126,21 @@ pub struct State<I> {
     entering: Option<Action<I>>,
     doing: Option<Action<I>>,
     leaving: Option<Action<I>>,
-    next: Vec<(Check<I>, String)>,
+    next: Vec<Transition<I, String>>,
+}
+
+/// A check, what is done when it holds, and where it leads: to a state's name, or to its place.
+struct Transition<I, S> {
+    check: Check<I>,
+    taking: Option<Action<I>>,
+    to: S,
 }
 
 impl<I> State<I> {
+    fn named(name: String) -> Self {
+        Self { name, entering: None, doing: None, leaving: None, next: Vec::new() }
+    }
+
     /// Runs at every step that ends in this state.
     #[must_use]
     pub fn doing(mut self, action: impl FnMut(&mut I, Moment) + Send + 'static) -> Self {
@@ -158,7 +169,17 @@ impl<I> State<I> {
         check: impl FnMut(&I, Moment) -> bool + Send + 'static,
         destination: impl Into<String>,
     ) -> Self {
-        self.next.push((Box::new(check), destination.into()));
+        self.next.push(Transition { check: Box::new(check), taking: None, to: destination.into() });
+        self
+    }
+
+    /// Gives the transition that was added last an action, which runs when it is taken: between
+    /// the exit action of the state left and the entry action of the one entered.
+    #[must_use]
+    pub fn taking(mut self, action: impl FnMut(&mut I, Moment) + Send + 'static) -> Self {
+        if let Some(last) = self.next.last_mut() {
+            last.taking = Some(Box::new(action));
+        }
         self
     }
 
@@ -175,6 +196,7 @@ pub struct Machine<I> {
     name: String,
     start: String,
     end: Option<String>,
+    always: Vec<Transition<I, String>>,
     states: Vec<State<I>>,
 }
 
@@ -182,7 +204,13 @@ impl<I> Machine<I> {
     /// A machine that starts in the state `start`.
     #[must_use]
     pub fn new(name: impl Into<String>, start: impl Into<String>) -> Self {
-        Self { name: name.into(), start: start.into(), end: None, states: Vec::new() }
+        Self {
+            name: name.into(),
+            start: start.into(),
+            end: None,
+            always: Vec::new(),
+            states: Vec::new(),
+        }
     }
 
     /// Adds a state; `describe` gives it actions and transitions.
@@ -192,14 +220,15 @@ impl<I> Machine<I> {
         name: impl Into<String>,
         describe: impl FnOnce(State<I>) -> State<I>,
     ) -> Self {
-        let empty = State {
-            name: name.into(),
-            entering: None,
-            doing: None,
-            leaving: None,
-            next: Vec::new(),
-        };
-        self.states.push(describe(empty));
+        self.states.push(describe(State::named(name.into())));
+        self
+    }
+
+    /// Adds transitions that are looked at in every state before its own, but for the final state
+    /// and the one that they lead to; `describe` adds them as those of a state.
+    #[must_use]
+    pub fn always(mut self, describe: impl FnOnce(State<I>) -> State<I>) -> Self {
+        self.always.extend(describe(State::named(String::new())).next);
         self
     }
 
@@ -220,6 +249,7 @@ pub struct Engine<I> {
 /// A machine with its names resolved.
 struct Running<I> {
     name: String,
+    always: Vec<Transition<I, u16>>,
     states: Vec<Resolved<I>>,
     end: Option<u16>,
     active: u16,
@@ -235,7 +265,7 @@ struct Resolved<I> {
     entering: Option<Action<I>>,
     doing: Option<Action<I>>,
     leaving: Option<Action<I>>,
-    next: Vec<(Check<I>, u16)>,
+    next: Vec<Transition<I, u16>>,
 }
 
 impl<I> Engine<I> {
@@ -335,6 +365,8 @@ impl<I> Running<I> {
         let taken = self.choose(now_ns, inputs).map(|(to, transition)| {
             let at = self.moment(now_ns);
             run(self.state().and_then(|state| state.leaving.as_mut()), inputs, at);
+            let taking = transition.and_then(|transition| self.transition(from, transition));
+            run(taking.and_then(|transition| transition.taking.as_mut()), inputs, at);
             self.enter(to, now_ns, inputs);
             (from, to, transition)
         });
@@ -349,10 +381,20 @@ impl<I> Running<I> {
             return Some((forced, None));
         }
         let at = self.moment(now_ns);
-        let next = &mut self.state()?.next;
-        (0_u16..).zip(next).find_map(|(transition, (check, to))| {
-            check(inputs, at).then_some((*to, Some(transition)))
+        let active = self.active;
+        let is_end = self.end == Some(active);
+        let state = self.states.get_mut(usize::from(active))?;
+        let always = self.always.iter_mut().map(|next| (!is_end && next.to != active, next));
+        let next = always.chain(state.next.iter_mut().map(|next| (true, next)));
+        (0_u16..).zip(next).find_map(|(index, (is_looked_at, Transition { check, to, .. }))| {
+            (is_looked_at && check(inputs, at)).then_some((*to, Some(index)))
         })
+    }
+
+    /// A transition from a state, counted as [`Taken::transition`] counts.
+    fn transition(&mut self, from: u16, index: u16) -> Option<&mut Transition<I, u16>> {
+        let state = self.states.get_mut(usize::from(from))?;
+        self.always.iter_mut().chain(&mut state.next).nth(usize::from(index))
     }
 
     fn enter(&mut self, state: u16, now_ns: i64, inputs: &mut I) {
@@ -395,20 +437,28 @@ fn resolve<I>(machine: Machine<I>) -> Result<Running<I>, EngineError> {
     };
     let active = find(&machine.start)?;
     let end = machine.end.as_deref().map(find).transpose()?;
+    let most = machine.states.iter().map(|state| state.next.len()).max().unwrap_or_default();
+    index(machine.always.len() + most, &machine.name)?;
+    let find_all = |transitions: Vec<Transition<I, String>>| {
+        let found = transitions.into_iter().map(|Transition { check, taking, to }| {
+            Ok(Transition { check, taking, to: find(&to)? })
+        });
+        found.collect::<Result<Vec<_>, EngineError>>()
+    };
     let resolve_state = |state: State<I>| {
-        index(state.next.len(), &state.name)?;
-        let next = state.next.into_iter().map(|(check, to)| Ok((check, find(&to)?)));
         Ok(Resolved {
-            next: next.collect::<Result<_, _>>()?,
+            next: find_all(state.next)?,
             name: state.name,
             entering: state.entering,
             doing: state.doing,
             leaving: state.leaving,
         })
     };
+    let always = find_all(machine.always)?;
     let states = machine.states.into_iter().map(resolve_state).collect::<Result<_, _>>()?;
     Ok(Running {
         name: machine.name,
+        always,
         states,
         end,
         active,

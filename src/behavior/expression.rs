@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! range_m < 0.25 and not touch
-//! time_s > time_limit_s
-//! 200 * (distance_m - range_m)
+//! found == 4 or drive.state == halt
+//! 200 * (keep_m - range_m)
 //! ```
 //!
 //! | binds, loosest first | takes | gives |
@@ -13,7 +13,21 @@
 //! | `+` `-`, then `*` `/`, then `-` before a number | numbers | number |
 //!
 //! Operands are numbers (`0.25`, `1e-3`), `true`, `false`, the signals, `motor.NAME`, the mission's
-//! own numbers, and expressions in parentheses. Angles are in degrees, as the signals' names say.
+//! own numbers and variables, names of what a signal can be (`colour == red`), functions with their
+//! arguments, and expressions in parentheses. Angles are in degrees, as the signals' names say.
+//! `drive.state == turn` is true while the machine `drive` is in its state `turn`, as it is at that
+//! moment: machines take their steps in the order of the file.
+//!
+//! | function | gives |
+//! |---|---|
+//! | `abs(a)` `sqrt(a)` `round(a)` `floor(a)` `sign(a)` | as usual; `sign` is -1, 0 or 1 |
+//! | `min(a, b, …)` `max(a, b, …)` `clamp(a, low, high)` | the least, the greatest; `a`, kept within two bounds |
+//! | `sin(deg)` `cos(deg)` `atan2(y, x)` | angles in degrees |
+//! | `wrap_deg(deg)` | the same direction, from -180 to below 180 |
+//! | `distance_m(x, y)` | how far the robot is from that place |
+//! | `bearing_deg(x, y)` | how far to the left of straight ahead that place is, -180 to 180 |
+//! | `random(a, b)` | a number between the two, drawn when the state is entered |
+//! | `pid(error, kp, ki, kd)` | a controller's answer: `kp` times the error, `ki` times its sum over the seconds in this state, `kd` times its change a second; in `do` alone |
 //!
 //! Arithmetic is that of IEEE 754: dividing by zero gives an infinity or NaN, and a comparison with
 //! NaN is false (`!=` is true). A lost signal makes what depends on it unknown, by Kleene's logic:
@@ -22,7 +36,7 @@
 //!
 //! # Not here
 //!
-//! No assignment, no functions, no strings: what remembers something is a state.
+//! No assignment (`set` has that) and no strings.
 //!
 //! # What we count on
 //!
@@ -31,23 +45,26 @@
 //! - It is kept in postfix order; evaluating it is one pass with a stack of fixed size and
 //!   allocates nothing.
 
-use std::collections::BTreeMap;
 use std::fmt;
-use std::ops::Range;
 
-use arrayvec::ArrayVec;
-
-use super::signals::{Capabilities, Input, Signal, Signals};
-use super::{MAX_MOTORS, MachineState};
-use crate::document::nearest;
+use self::function::Function;
+use super::blackboard::Scope;
+use super::signals::{Input, Signal};
 use crate::senses::Channel;
 
+mod evaluation;
+mod function;
 mod implication;
 mod lexer;
+mod mistake;
 mod parser;
+mod vocabulary;
 
 pub(super) use implication::Claims;
+pub use mistake::{Misreading, Mistake};
 pub(super) use parser::is_plain;
+pub(super) use vocabulary::SEARCHED;
+pub use vocabulary::Vocabulary;
 
 /// What an expression gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +90,7 @@ pub struct Expression {
     text: Box<str>,
     kind: Kind,
     ops: Box<[Op]>,
-    /// Names that are not the language's own: [`Op::Named`] and [`Op::Motor`] point here.
+    /// Names that are not the language's own, for those operations that have one.
     names: Box<[String]>,
 }
 
@@ -83,11 +100,29 @@ enum Op {
     Number(f64),
     Truth(bool),
     Signal(Input),
-    Motor { name: u16, place: u8 },
-    Named { name: u16, value: f64 },
+    /// A signal whose name is the robot's or the mission's own.
+    Own {
+        name: u16,
+        input: Input,
+    },
+    Named {
+        name: u16,
+        value: f64,
+    },
+    /// A machine is in a state.
+    InState {
+        name: u16,
+        machine: u8,
+        state: u16,
+    },
     Negate,
     Not,
     Infix(Infix),
+    /// `slot` is where a `pid` remembers, and which `random` this is.
+    Call {
+        function: Function,
+        slot: u32,
+    },
 }
 
 /// What stands between two operands.
@@ -161,16 +196,16 @@ impl Expression {
     }
 
     /// The value, in the units of the names it is made of, a truth as 1 or 0; `None` where a lost
-    /// signal leaves it unknown. `since` is when and where the active state was entered.
+    /// signal leaves it unknown.
     #[must_use]
-    pub fn evaluate(&self, signals: &Signals, since: &MachineState) -> Option<f64> {
-        evaluate(&self.ops, signals, since)
+    pub fn evaluate(&self, scope: Scope<'_>) -> Option<f64> {
+        evaluation::evaluate(&self.ops, scope)
     }
 
     /// True where it is a condition that is known to hold.
     #[must_use]
-    pub fn holds(&self, signals: &Signals, since: &MachineState) -> bool {
-        self.kind == Kind::Truth && self.evaluate(signals, since).is_some_and(|truth| truth != 0.0)
+    pub fn holds(&self, scope: Scope<'_>) -> bool {
+        self.kind == Kind::Truth && self.evaluate(scope).is_some_and(|truth| truth != 0.0)
     }
 
     /// Gives one of the mission's own numbers another value.
@@ -188,9 +223,14 @@ impl Expression {
     pub(super) fn channels(&self) -> impl Iterator<Item = Channel> {
         self.ops.iter().filter_map(|op| match op {
             Op::Signal(input) => input.word()?.channel,
-            Op::Motor { place, .. } => Channel::MOTORS.get(usize::from(*place)).copied(),
+            Op::Own { input: Input::Signal(Signal::Sensed(channel)), .. } => Some(*channel),
             _ => None,
         })
+    }
+
+    /// Whether it looks at whether what the state does has come to its end.
+    pub(super) fn asks_whether_done(&self) -> bool {
+        self.ops.contains(&Op::Signal(Input::Done))
     }
 }
 
@@ -205,13 +245,18 @@ impl fmt::Display for Expression {
                 Op::Number(number) => literal(*number),
                 Op::Truth(truth) => truth.to_string(),
                 Op::Signal(input) => input.word().map_or("?", |word| word.name).to_owned(),
-                Op::Motor { name: at, .. } => format!("motor.{}", name(*at)),
-                Op::Named { name: at, .. } => name(*at).to_owned(),
+                Op::Own { name: at, .. } | Op::Named { name: at, .. } => name(*at).to_owned(),
+                Op::InState { name: at, .. } => format!("({})", name(*at)),
                 Op::Negate => format!("(-{})", stack.pop().unwrap_or_default()),
                 Op::Not => format!("(not {})", stack.pop().unwrap_or_default()),
                 Op::Infix(infix) => {
                     let right = stack.pop().unwrap_or_default();
                     format!("({} {} {right})", stack.pop().unwrap_or_default(), infix.as_str())
+                }
+                Op::Call { function, .. } => {
+                    let first = stack.len().saturating_sub(function.takes());
+                    let arguments: Vec<String> = stack.drain(first..).collect();
+                    format!("{}({})", function.name(), arguments.join(", "))
                 }
             };
             stack.push(rendered);
@@ -266,225 +311,6 @@ impl Comparison {
             Self::NotEqual => left != right,
         }
     }
-}
-
-/// Operands that wait while the rest is evaluated: at most one for each level of nesting, and the
-/// one in hand.
-const STACK: usize = Expression::MAX_NESTING + 2;
-
-fn evaluate(ops: &[Op], signals: &Signals, since: &MachineState) -> Option<f64> {
-    // Most are a number as it stands, or compare a signal with one: no stack is needed.
-    match ops {
-        [only] => return operand(only, signals, since),
-        [left, right, Op::Infix(Infix::Compare(comparison))] => {
-            let (left, right) = (operand(left, signals, since)?, operand(right, signals, since)?);
-            return Some(f64::from(comparison.of(left, right)));
-        }
-        _ => {}
-    }
-    let mut stack: ArrayVec<Option<f64>, STACK> = ArrayVec::new();
-    for op in ops {
-        let value = match op {
-            Op::Negate => stack.pop()?.map(|number| -number),
-            Op::Not => stack.pop()?.map(|truth| f64::from(truth == 0.0)),
-            Op::Infix(infix) => {
-                let right = stack.pop()?;
-                apply(*infix, stack.pop()?, right)
-            }
-            _ => operand(op, signals, since),
-        };
-        stack.try_push(value).ok()?;
-    }
-    stack.pop()?
-}
-
-/// The value of what needs no other; `None` where a lost signal leaves it unknown.
-fn operand(op: &Op, signals: &Signals, since: &MachineState) -> Option<f64> {
-    match op {
-        Op::Number(number) | Op::Named { value: number, .. } => Some(*number),
-        Op::Truth(truth) => Some(f64::from(*truth)),
-        Op::Signal(input) => input.read(signals, since),
-        Op::Motor { place, .. } => motor(*place)?.read(signals, since),
-        Op::Negate | Op::Not | Op::Infix(_) => None,
-    }
-}
-
-/// A named motor's angle.
-fn motor(place: u8) -> Option<Input> {
-    Channel::MOTORS.get(usize::from(place)).map(|channel| Input::Signal(Signal::Sensed(*channel)))
-}
-
-fn apply(infix: Infix, left: Option<f64>, right: Option<f64>) -> Option<f64> {
-    let is = |side: Option<f64>, truth: bool| side.is_some_and(|value| (value != 0.0) == truth);
-    match infix {
-        Infix::And if is(left, false) || is(right, false) => Some(0.0),
-        Infix::Or if is(left, true) || is(right, true) => Some(1.0),
-        Infix::And => left.and(right).map(|_| 1.0),
-        Infix::Or => left.and(right).map(|_| 0.0),
-        Infix::Compare(comparison) => Some(f64::from(comparison.of(left?, right?))),
-        Infix::Add | Infix::Subtract | Infix::Multiply | Infix::Divide => {
-            Some(calculate(infix, left?, right?))
-        }
-    }
-}
-
-fn calculate(infix: Infix, left: f64, right: f64) -> f64 {
-    match infix {
-        Infix::Add => left + right,
-        Infix::Subtract => left - right,
-        Infix::Multiply => left * right,
-        _ => left / right,
-    }
-}
-
-/// The names that an expression may use: the signals of a robot, and a mission's own numbers.
-#[derive(Debug)]
-pub struct Vocabulary<'c> {
-    capabilities: &'c Capabilities,
-    /// The mission's own numbers.
-    pub numbers: BTreeMap<String, f64>,
-    /// The named motors; where the robot is not known, those that were used so far.
-    motors: Vec<String>,
-}
-
-impl<'c> Vocabulary<'c> {
-    /// The signals of a robot, and no numbers yet.
-    #[must_use]
-    pub fn new(capabilities: &'c Capabilities) -> Self {
-        let motors = capabilities.motors.clone().unwrap_or_default();
-        Self { capabilities, numbers: BTreeMap::new(), motors }
-    }
-
-    /// The named motors in the order of their places.
-    #[must_use]
-    pub fn motors(&self) -> &[String] {
-        &self.motors
-    }
-
-    /// The place of a named motor. Where the robot is not known it has any motor, up to
-    /// [`MAX_MOTORS`].
-    ///
-    /// # Errors
-    ///
-    /// [`Mistake::NoMotor`] or [`Mistake::TooManyMotors`].
-    pub fn motor(&mut self, name: &str) -> Result<u8, Mistake> {
-        let place = match self.motors.iter().position(|motor| motor == name) {
-            Some(place) => place,
-            None if self.capabilities.motors.is_some() => {
-                return Err(Mistake::NoMotor(name.to_owned()));
-            }
-            None => self.motors.len(),
-        };
-        if place >= MAX_MOTORS {
-            return Err(Mistake::TooManyMotors);
-        }
-        if place == self.motors.len() {
-            self.motors.push(name.to_owned());
-        }
-        u8::try_from(place).map_err(|_| Mistake::TooManyMotors)
-    }
-
-    /// The way out where the robot has no motor of this name.
-    pub(super) fn motor_hint(&self, name: &str) -> String {
-        let known = || self.motors.iter().map(String::as_str);
-        nearest(name, known()).unwrap_or_else(|| match self.motors.as_slice() {
-            [] => "[motor.NAME] in the robot's file would be one".to_owned(),
-            _ => format!("it has {}", known().collect::<Vec<_>>().join(", ")),
-        })
-    }
-
-    /// What the robot has.
-    pub(super) fn capabilities(&self) -> &'c Capabilities {
-        self.capabilities
-    }
-}
-
-/// One thing that is wrong with an expression.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{mistake}")]
-pub struct Misreading {
-    /// The bytes of the expression that it is about.
-    pub place: Range<usize>,
-    /// What is wrong.
-    pub mistake: Mistake,
-    /// The way out, where one is known.
-    pub hint: Option<String>,
-}
-
-/// What can be wrong with an expression.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Mistake {
-    /// There is nothing in it.
-    #[error("the expression is empty")]
-    Empty,
-    /// It is longer than [`Expression::MAX_BYTES`].
-    #[error("the expression has {0} bytes; at most {max} are read", max = Expression::MAX_BYTES)]
-    TooLong(usize),
-    /// It is nested deeper than [`Expression::MAX_NESTING`].
-    #[error(
-        "the expression is nested too deeply; at most {max} levels are read",
-        max = Expression::MAX_NESTING
-    )]
-    TooDeep,
-    /// A character that the language does not have.
-    #[error("`{0}` has no meaning in an expression")]
-    Character(String),
-    /// Digits that are no number, or one beyond what can be counted.
-    #[error("`{0}` is not a number that can be used")]
-    Number(String),
-    /// A name that is neither a signal nor one of the mission's numbers.
-    #[error("unknown name `{0}`")]
-    UnknownName(String),
-    /// An operand is missing.
-    #[error("a number, a name or `(` should stand here, not {0}")]
-    NoOperand(String),
-    /// Two operands stand side by side.
-    #[error("an operator should stand here, not {0}")]
-    NoOperator(String),
-    /// A parenthesis is not closed.
-    #[error("this `(` is not closed")]
-    NotClosed,
-    /// A parenthesis is closed that was not opened.
-    #[error("this `)` closes nothing")]
-    NotOpened,
-    /// `a < b < c`.
-    #[error("comparisons cannot be chained")]
-    Chained,
-    /// An operand is a number where a truth belongs, or the other way round.
-    #[error("`{operator}` takes {expected}, and this is {found}")]
-    Operand {
-        /// The operator.
-        operator: &'static str,
-        /// What it takes.
-        expected: Kind,
-        /// What it was given.
-        found: Kind,
-    },
-    /// The two sides of `==` or `!=` are of different kinds.
-    #[error("`{0}` compares a number with true or false")]
-    Mixed(&'static str),
-    /// The whole is a number where a truth belongs, or the other way round.
-    #[error("this must be {expected}, and it is {found}")]
-    Whole {
-        /// What it must be.
-        expected: Kind,
-        /// What it is.
-        found: Kind,
-    },
-    /// A signal of a part that the robot does not have.
-    #[error("`{name}` takes {part}, which the robot does not have")]
-    NoPart {
-        /// The signal.
-        name: String,
-        /// The part.
-        part: &'static str,
-    },
-    /// A named motor that the robot does not have.
-    #[error("the robot has no motor named `{0}`")]
-    NoMotor(String),
-    /// More named motors than a robot can have.
-    #[error("more than {MAX_MOTORS} named motors")]
-    TooManyMotors,
 }
 
 #[cfg(test)]

@@ -38,6 +38,14 @@ fn write_machine(index: usize, machine: &MachinePlan, out: &mut String) -> fmt::
             writeln!(out, "        m{index}s{at} --> m{index}s{} : {when}", transition.go())?;
         }
     }
+    // What holds in all states is drawn once, from a node that stands for them.
+    for (at, transition) in machine.always().iter().enumerate() {
+        if at == 0 {
+            writeln!(out, "        state \"(always)\" as m{index}always")?;
+        }
+        let when = escaped(transition.when().text());
+        writeln!(out, "        m{index}always --> m{index}s{} : {when}", transition.go())?;
+    }
     if let Some(end) = machine.end() {
         writeln!(out, "        m{index}s{end} --> [*]")?;
     }

@@ -70,23 +70,21 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use arrayvec::ArrayString;
-
 use super::Taken;
-use super::demands::{Led, SAY_BYTES};
 use super::engine::{EngineError, Finish};
-use super::expression::Expression;
 use super::signals::Capabilities;
 use crate::document::{Document, Findings, nearest};
-use crate::ev3dev::StopAction;
-use crate::senses::{Channel, Role};
+use crate::senses::Channel;
 
 mod checks;
 mod load;
 mod outputs;
+mod plan;
 mod program;
 
-pub use program::Program;
+use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs};
+pub use plan::{MachinePlan, StatePlan, TransitionPlan};
+pub use program::{Program, ProgramState};
 
 /// A mission, read and checked.
 #[derive(Debug, Clone)]
@@ -98,6 +96,7 @@ pub struct Mission {
     on_lost: OnLost,
     on_stall: OnStall,
     numbers: BTreeMap<String, f64>,
+    variables: Vec<(String, f64)>,
     machines: Vec<MachinePlan>,
     motors: Vec<String>,
     senses: Vec<Channel>,
@@ -119,50 +118,6 @@ pub enum OnStall {
     Stop,
     /// The machine that drives the wheels goes to this state.
     Enter(String),
-}
-
-/// A machine of a mission.
-#[derive(Debug, Clone)]
-pub struct MachinePlan {
-    name: String,
-    start: u16,
-    end: Option<u16>,
-    states: Vec<StatePlan>,
-}
-
-/// A state of a machine.
-#[derive(Debug, Clone)]
-pub struct StatePlan {
-    name: String,
-    doing: Outputs,
-    on_entry: Outputs,
-    on_exit: Outputs,
-    next: Vec<TransitionPlan>,
-}
-
-/// A transition of a state.
-#[derive(Debug, Clone)]
-pub struct TransitionPlan {
-    when: Expression,
-    go: u16,
-}
-
-/// What a state asks of the actuators.
-#[derive(Debug, Clone, Default)]
-struct Outputs {
-    drive: Option<DrivePlan>,
-    head_deg: Option<Expression>,
-    motors_dps: Vec<(u8, Expression)>,
-    led: Option<Led>,
-    tone_hz: Option<Expression>,
-    say: Option<ArrayString<SAY_BYTES>>,
-}
-
-#[derive(Debug, Clone)]
-enum DrivePlan {
-    Wheels { left_dps: Expression, right_dps: Expression },
-    Twist { forward_mps: Expression, turn_dps: Expression },
-    Stop(StopAction),
 }
 
 /// A transition that was taken, by its names.
@@ -196,6 +151,9 @@ pub enum SetError {
         /// A nearest name, or those that there are, with the words before it.
         hint: String,
     },
+    /// It is no number: it changes during the run.
+    #[error("`{0}` is a variable, which the mission itself changes; [numbers] can be set")]
+    Variable(String),
     /// The value is NaN, infinite or beyond what the number may be.
     #[error("`{name}` cannot be {value}; it can be {low} to {high}")]
     OutOfRange {
@@ -270,6 +228,9 @@ impl Mission {
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), SetError> {
         let (low, high) =
             if name == Self::TIME_LIMIT { Self::TIME_LIMITS_S } else { Self::NUMBERS };
+        if self.variables.iter().any(|(variable, _)| variable == name) {
+            return Err(SetError::Variable(name.to_owned()));
+        }
         let Some(number) = self.numbers.get_mut(name) else {
             return Err(SetError::Unknown { name: name.to_owned(), hint: self.number_hint(name) });
         };
@@ -280,12 +241,8 @@ impl Mission {
         if name == Self::TIME_LIMIT {
             self.time_limit_s = value;
         }
-        for state in self.machines.iter_mut().flat_map(|machine| &mut machine.states) {
-            let outputs = [&mut state.doing, &mut state.on_entry, &mut state.on_exit];
-            let numbers = outputs.into_iter().flat_map(Outputs::expressions_mut);
-            for expression in numbers.chain(state.next.iter_mut().map(|next| &mut next.when)) {
-                expression.set(name, value);
-            }
+        for expression in self.machines.iter_mut().flat_map(MachinePlan::expressions_mut) {
+            expression.set(name, value);
         }
         Ok(())
     }
@@ -340,6 +297,12 @@ impl Mission {
         &self.numbers
     }
 
+    /// The mission's variables with what they are at the start, in the order of their places.
+    #[must_use]
+    pub fn variables(&self) -> &[(String, f64)] {
+        &self.variables
+    }
+
     /// Whether any state switches the brick's lights.
     #[must_use]
     pub fn switches_lights(&self) -> bool {
@@ -363,7 +326,7 @@ impl Mission {
         let machine = self.machines.get(usize::from(taken.machine))?;
         let (from, to) = (machine.state(taken.from)?, machine.state(taken.to)?);
         let when = match taken.transition {
-            Some(index) => Some(from.next.get(usize::from(index))?.when.text()),
+            Some(index) => Some(machine.transition(taken.from, index)?.when.text()),
             None => None,
         };
         Some(NamedTransition { machine: &machine.name, from: &from.name, to: &to.name, when })
@@ -380,75 +343,5 @@ impl Mission {
     #[must_use]
     pub fn senses(&self) -> &[Channel] {
         &self.senses
-    }
-}
-
-impl MachinePlan {
-    /// The machine's name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Index of the start state.
-    #[must_use]
-    pub fn start(&self) -> u16 {
-        self.start
-    }
-
-    /// Index of the final state, if there is one.
-    #[must_use]
-    pub fn end(&self) -> Option<u16> {
-        self.end
-    }
-
-    /// The states, in the order of the file.
-    #[must_use]
-    pub fn states(&self) -> &[StatePlan] {
-        &self.states
-    }
-
-    /// The state of this index.
-    #[must_use]
-    pub fn state(&self, index: u16) -> Option<&StatePlan> {
-        self.states.get(usize::from(index))
-    }
-
-    /// Whether one of its states moves this part of the robot.
-    #[must_use]
-    pub fn moves(&self, role: Role) -> bool {
-        self.states.iter().any(|state| state.doing.roles().any(|moved| moved == role))
-    }
-
-    fn position(&self, state: &str) -> Option<u16> {
-        (0_u16..).zip(&self.states).find(|(_, plan)| plan.name == state).map(|(index, _)| index)
-    }
-}
-
-impl StatePlan {
-    /// The state's name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// The transitions, in the order in which they are checked.
-    #[must_use]
-    pub fn transitions(&self) -> &[TransitionPlan] {
-        &self.next
-    }
-}
-
-impl TransitionPlan {
-    /// The condition.
-    #[must_use]
-    pub fn when(&self) -> &Expression {
-        &self.when
-    }
-
-    /// Index of the destination.
-    #[must_use]
-    pub fn go(&self) -> u16 {
-        self.go
     }
 }

@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use super::MachineState;
+use super::blackboard::{MachineState, Scope};
 use crate::clock::seconds;
 use crate::senses::{Channel, QUANTITIES, Quantity, Role, Unit};
 use crate::units::{degrees, wrap_rad};
@@ -113,6 +113,7 @@ impl Signals {
     pub(super) fn entering(&self, state: u16) -> MachineState {
         MachineState {
             state,
+            done: false,
             entered_ns: self.time_ns,
             entered_m: self.travelled_m,
             entered_heading_rad: self.heading_rad,
@@ -162,6 +163,10 @@ pub(super) enum Input {
     StateTime,
     StateDistance,
     StateTurn,
+    /// What the state does has come to its end.
+    Done,
+    /// A variable of the mission.
+    Variable(u8),
 }
 
 /// What is known of a name before any mission runs.
@@ -183,7 +188,7 @@ const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
 
 /// The names of what is worked out from readings, and of times.
 #[rustfmt::skip]
-const DERIVED: [Word; 8] = {
+const DERIVED: [Word; 9] = {
     const fn word(name: &'static str, input: Input, domain: (f64, f64)) -> Word {
         Word { name, input, is_truth: false, channel: None, domain }
     }
@@ -194,6 +199,7 @@ const DERIVED: [Word; 8] = {
             channel: Some(Channel::Range),
             ..word("echo", I::Signal(Signal::Echo), (0.0, 1.0))
         },
+        Word { is_truth: true, ..word("done", I::Done, (0.0, 1.0)) },
         word("heading_deg",    I::Signal(Signal::Heading), (-180.0, 180.0)),
         word("x_m",            I::Signal(Signal::X),       ANY),
         word("y_m",            I::Signal(Signal::Y),       ANY),
@@ -223,7 +229,8 @@ impl From<&Quantity> for Word {
 }
 
 impl Input {
-    /// What is known of it; `None` for a named motor's angle, which can be any number.
+    /// What is known of it; `None` for a named motor's angle and a variable, which can be any
+    /// number.
     pub(super) fn word(self) -> Option<Word> {
         if let Self::Signal(Signal::Sensed(channel)) = self {
             let quantity = channel.quantity();
@@ -234,11 +241,12 @@ impl Input {
 
     /// True for what cannot be lost.
     pub(super) fn is_always_known(self) -> bool {
-        matches!(self, Self::Time | Self::StateTime)
+        matches!(self, Self::Time | Self::StateTime | Self::Done | Self::Variable(_))
     }
 
-    /// The value in the unit of its name; `since` is when and where the state was entered.
-    pub(super) fn read(self, signals: &Signals, since: &MachineState) -> Option<f64> {
+    /// The value in the unit of its name.
+    pub(super) fn read(self, scope: Scope<'_>) -> Option<f64> {
+        let (signals, since) = (&scope.board.signals, &scope.since);
         match self {
             Self::Signal(signal) => {
                 let value = signals.get(signal)?;
@@ -256,6 +264,8 @@ impl Input {
             Self::StateTurn => signals
                 .get(Signal::Heading)
                 .map(|now_rad| degrees(now_rad - since.entered_heading_rad)),
+            Self::Done => Some(f64::from(since.done)),
+            Self::Variable(place) => scope.board.variables.get(usize::from(place)).copied(),
         }
     }
 }
@@ -263,6 +273,7 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::behavior::blackboard::Blackboard;
     use crate::behavior::shipped;
 
     #[test]
@@ -271,9 +282,11 @@ mod tests {
         signals.set(Signal::Heading, 1.0);
         let since = signals.entering(0);
         signals.set(Signal::Heading, 1.0 + 7.0);
-        let heading = Input::Signal(Signal::Heading).read(&signals, &since).unwrap();
+        let board = Blackboard::of(signals, since);
+        let scope = board.seen_by(0);
+        let heading = Input::Signal(Signal::Heading).read(scope).unwrap();
         assert!((heading - degrees(8.0 - std::f64::consts::TAU)).abs() < 1e-9, "{heading}");
-        let turn = Input::StateTurn.read(&signals, &since).unwrap();
+        let turn = Input::StateTurn.read(scope).unwrap();
         assert!((turn - degrees(7.0)).abs() < 1e-9, "{turn}");
     }
 

@@ -39,8 +39,9 @@ pub struct Start {
     pub period_ns: i64,
     /// Whether the run's time is real.
     pub pace: Pace,
-    /// The seed of the simulation, where there is one.
-    pub seed: Option<u64>,
+    /// What all chance of the run comes from: the mission's and, where there is one, the
+    /// simulation's.
+    pub seed: u64,
     /// What the brick runs on, which decides about the thresholds of its battery.
     pub cells: Technology,
     /// Named numbers that were set for this run.
@@ -49,6 +50,8 @@ pub struct Start {
     pub range: Option<RangeSensor>,
     /// The mission's machines, in its order.
     pub machines: Vec<MachineNames>,
+    /// The names of the mission's variables, in its order.
+    pub variables: Vec<String>,
 }
 
 /// Whether time is real.
@@ -83,8 +86,21 @@ pub struct MachineNames {
     pub name: String,
     /// The place of the state in which it starts.
     pub start: u16,
+    /// The conditions of the transitions that hold in all of its states.
+    pub always: Vec<String>,
     /// Its states, in the mission's order.
     pub states: Vec<StateNames>,
+}
+
+impl MachineNames {
+    /// The condition of a transition from a state; `transition` counts as
+    /// [`Taken::transition`](crate::behavior::Taken::transition) does.
+    #[must_use]
+    pub fn condition(&self, from: u16, transition: u16) -> Option<&str> {
+        let own = self.states.get(usize::from(from)).map(|state| &state.conditions);
+        let mut all = self.always.iter().chain(own.into_iter().flatten());
+        all.nth(usize::from(transition)).map(String::as_str)
+    }
 }
 
 /// What a state is called, and the conditions of the transitions that leave it, as they are
@@ -131,7 +147,7 @@ pub struct Info {
     pub period_ns: i64,
     /// True where time was simulated.
     pub virtual_time: bool,
-    /// The simulation's seed.
+    /// What all chance of the run comes from.
     pub seed: Option<u64>,
     /// What the brick ran on.
     #[serde(serialize_with = "by_word")]
@@ -200,9 +216,7 @@ pub(super) fn of_start(start: &Start) -> Metadata {
     put(names::WALL_OFFSET_NS, start.wall_offset_ns.to_string());
     put(names::PERIOD_NS, start.period_ns.to_string());
     put(names::CLOCK, if start.pace == Pace::Virtual { "virtual" } else { "monotonic" }.to_owned());
-    if let Some(seed) = start.seed {
-        put(names::SEED, seed.to_string());
-    }
+    put(names::SEED, start.seed.to_string());
     put(names::CELLS, start.cells.to_string());
     for (name, value) in &start.settings {
         put(&format!("{}{name}", names::SETTING), value.to_string());

@@ -117,6 +117,7 @@ impl Encoder {
         match entry {
             Entry::Tick(record) => self.tick(record),
             Entry::Transition { tick, time_ns, taken } => self.transition(*tick, *time_ns, *taken),
+            Entry::Variables { tick, time_ns, values } => self.variables(*tick, *time_ns, values),
             Entry::Checkpoint { tick, time_ns, state } => self.checkpoint(*tick, *time_ns, state),
             Entry::Log { time_ns, level, text } => {
                 if *level >= Level::Warn {
@@ -320,9 +321,7 @@ impl Encoder {
         let machine = self.start.machines.get(usize::from(taken.machine));
         let state = |index: u16| machine.and_then(|machine| machine.states.get(usize::from(index)));
         let name = |index| state(index).map_or_else(String::new, |state| state.name.clone());
-        let condition = taken
-            .transition
-            .and_then(|index| state(taken.from)?.conditions.get(usize::from(index)));
+        let condition = taken.transition.and_then(|at| machine?.condition(taken.from, at));
         let message = message::TransitionMessage {
             tick,
             time_ns,
@@ -333,10 +332,17 @@ impl Encoder {
             machine: machine.map_or_else(String::new, |machine| machine.name.clone()),
             from_state: name(taken.from),
             to_state: name(taken.to),
-            condition: condition.cloned().unwrap_or_default(),
+            condition: condition.unwrap_or_default().to_owned(),
         };
         self.status.enter(taken.machine, &message.to_state);
         self.put(Topic::Transitions, time_ns, &message)
+    }
+
+    fn variables(&mut self, tick: u64, time_ns: i64, values: &[f64]) -> Result<(), RecordError> {
+        let (name, value) = (self.start.variables.clone(), values.to_vec());
+        self.status.variables = name.iter().cloned().zip(values.iter().copied()).collect();
+        let message = message::Variables { tick, time_ns, name, value };
+        self.put(Topic::Variables, time_ns, &message)
     }
 
     fn checkpoint<S: Serialize>(

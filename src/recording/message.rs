@@ -267,6 +267,19 @@ pub(super) struct TransitionMessage {
     pub(super) condition: String,
 }
 
+/// `onbrick_msgs/Variables`: the mission's variables after a tick in which one has changed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Variables {
+    /// The tick.
+    pub tick: u64,
+    /// Its time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// Their names, in the mission's order.
+    pub name: Vec<String>,
+    /// The value of each.
+    pub value: Vec<f64>,
+}
+
 /// `onbrick_msgs/TickStatistics`: the ticks of about a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TickStatistics {

@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use crate::behavior::{MachinePlan, Mission, StatePlan};
+use crate::behavior::{MachinePlan, Mission, StatePlan, TransitionPlan};
 use crate::robot::RobotConfig;
 
 use super::about::{MachineNames, RangeSensor, StateNames};
@@ -30,14 +30,23 @@ pub(crate) fn machines(mission: &Mission) -> Vec<MachineNames> {
     mission.machines().iter().map(machine).collect()
 }
 
+/// What the mission's variables are called.
+pub(crate) fn variables(mission: &Mission) -> Vec<String> {
+    mission.variables().iter().map(|(name, _)| name.clone()).collect()
+}
+
 fn machine(machine: &MachinePlan) -> MachineNames {
+    let conditions = |transitions: &[TransitionPlan]| {
+        transitions.iter().map(|next| next.when().to_string()).collect()
+    };
     let state = |state: &StatePlan| StateNames {
         name: state.name().to_owned(),
-        conditions: state.transitions().iter().map(|next| next.when().to_string()).collect(),
+        conditions: conditions(state.transitions()),
     };
     MachineNames {
         name: machine.name().to_owned(),
         start: machine.start(),
+        always: conditions(machine.always()),
         states: machine.states().iter().map(state).collect(),
     }
 }

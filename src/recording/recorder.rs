@@ -80,7 +80,7 @@ impl Recorder {
     /// # Errors
     ///
     /// The file cannot be written, or there is no thread to be had.
-    pub fn start<S: Copy + Send + Serialize + 'static>(
+    pub fn start<S: Send + Serialize + 'static>(
         sink: Box<dyn Sink>,
         start: Start,
         options: Options,
@@ -123,11 +123,7 @@ impl Recorder {
     /// # Errors
     ///
     /// The file could not be written, now or earlier; what was synced before that is safe.
-    pub fn finish<S: Copy>(
-        mut self,
-        tick_side: TickSide<S>,
-        end: End,
-    ) -> Result<Summary, RecordError> {
+    pub fn finish<S>(mut self, tick_side: TickSide<S>, end: End) -> Result<Summary, RecordError> {
         let dropped = tick_side.dropped();
         {
             let mut closing = self.end.lock().unwrap_or_else(PoisonError::into_inner);

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use super::about::{Ending, Info, ending, fit, info, names};
 use super::grid::{self, Grid};
-use super::message::{self, Gap, TickStatistics};
+use super::message::{self, Gap, TickStatistics, Variables};
 use super::points;
 use super::tick::Level;
 use super::topic::Topic;
@@ -134,6 +134,8 @@ pub struct Run {
     pub points: Vec<MapPoint>,
     /// Transitions of all machines.
     pub transitions: Vec<Transition>,
+    /// The mission's variables, after each tick in which one has changed.
+    pub variables: Vec<Variables>,
     /// Log lines.
     pub logs: Vec<LogLine>,
     /// How punctual the ticks were.
@@ -243,6 +245,7 @@ impl Collected {
             Topic::Points => run.points.extend(points::points(&message::decode(data)?)?),
             Topic::Map => self.map = Some((stamp_ns, grid::grid(message::decode(data)?)?)),
             Topic::Transitions => run.transitions.push(transition(message::decode(data)?)?),
+            Topic::Variables => run.variables.push(variables(message::decode(data)?)?),
             Topic::Log => run.logs.push(log_line(stamp_ns, data)?),
             Topic::Statistics => run.statistics.push(message::decode(data)?),
             Topic::Checkpoint => run.checkpoints.push(checkpoint(message::decode(data)?)),
@@ -380,6 +383,14 @@ pub(super) fn transition(message: message::TransitionMessage) -> Option<Transiti
         to: fit(&message.to_state),
         condition: fit(&message.condition),
     })
+}
+
+/// As many values as names, and names that a terminal can show.
+fn variables(mut message: Variables) -> Option<Variables> {
+    for name in &mut message.name {
+        *name = fit(name);
+    }
+    (message.name.len() == message.value.len()).then_some(message)
 }
 
 fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {

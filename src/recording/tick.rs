@@ -13,11 +13,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
 
-use arrayvec::ArrayString;
+use arrayvec::{ArrayString, ArrayVec};
 use rtrb::Producer;
 use serde::Serialize;
 
-use crate::behavior::Taken;
+use crate::behavior::{MAX_VARIABLES, Taken};
 use crate::mapping::{Estimate, MapPoint};
 use crate::senses::Senses;
 
@@ -71,7 +71,7 @@ impl Level {
 }
 
 /// What goes through the ring; as large as its largest variant, so that the ring never allocates.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 #[expect(
     clippy::large_enum_variant,
     reason = "entries have a fixed size so that the ring never allocates"
@@ -79,6 +79,7 @@ impl Level {
 pub(super) enum Entry<S> {
     Tick(TickRecord),
     Transition { tick: u64, time_ns: i64, taken: Taken },
+    Variables { tick: u64, time_ns: i64, values: ArrayVec<f64, MAX_VARIABLES> },
     Checkpoint { tick: u64, time_ns: i64, state: S },
     Log { time_ns: i64, level: Level, text: LogText },
     Gap(Dropped),
@@ -114,7 +115,7 @@ pub struct TickSide<S> {
     dropped: u32,
 }
 
-impl<S: Copy> TickSide<S> {
+impl<S> TickSide<S> {
     pub(super) fn new(
         ring: Producer<Entry<S>>,
         flags: Arc<Flags>,
@@ -135,10 +136,17 @@ impl<S: Copy> TickSide<S> {
         self.put(Entry::Transition { tick, time_ns, taken });
     }
 
-    /// Records what the pilot carries from a tick to the next.
-    pub fn checkpoint(&mut self, tick: u64, time_ns: i64, state: &S) {
+    /// Records the mission's variables, one of which has changed.
+    pub fn variables(&mut self, tick: u64, time_ns: i64, values: &[f64]) {
         self.tick = tick;
-        self.put(Entry::Checkpoint { tick, time_ns, state: *state });
+        let values = values.iter().copied().take(MAX_VARIABLES).collect();
+        self.put(Entry::Variables { tick, time_ns, values });
+    }
+
+    /// Records what the pilot carries from a tick to the next.
+    pub fn checkpoint(&mut self, tick: u64, time_ns: i64, state: S) {
+        self.tick = tick;
+        self.put(Entry::Checkpoint { tick, time_ns, state });
     }
 
     /// Records a log line.

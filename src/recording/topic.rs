@@ -50,11 +50,13 @@ pub enum Topic {
     Checkpoint = 11,
     /// `/gap`.
     Gap = 12,
+    /// `/variables`.
+    Variables = 13,
 }
 
 impl Topic {
     /// Every topic, by channel number.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Senses,
         Self::Pose,
         Self::Odometry,
@@ -68,6 +70,7 @@ impl Topic {
         Self::Statistics,
         Self::Checkpoint,
         Self::Gap,
+        Self::Variables,
     ];
 
     /// The topic's name and its message's type, `package/Name`.
@@ -86,6 +89,7 @@ impl Topic {
             Self::Statistics => ("/stats", "onbrick_msgs/TickStatistics"),
             Self::Checkpoint => ("/checkpoint", "onbrick_msgs/Checkpoint"),
             Self::Gap => ("/gap", "onbrick_msgs/Gap"),
+            Self::Variables => ("/variables", "onbrick_msgs/Variables"),
         }
     }
 
@@ -227,6 +231,7 @@ definitions! {
     "onbrick_msgs" / "TickStatistics",
     "onbrick_msgs" / "Checkpoint",
     "onbrick_msgs" / "Gap",
+    "onbrick_msgs" / "Variables",
 }
 
 #[cfg(test)]

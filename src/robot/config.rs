@@ -36,6 +36,11 @@ pub struct RobotConfig {
     pub track_width_m: f64,
     /// The fastest that a wheel may turn, radians per second at its axle.
     pub max_wheel_rad_s: f64,
+    /// How fast a wheel goes along the floor in a motion that ends, unless the mission says
+    /// otherwise, metres per second.
+    pub speed_m_s: f64,
+    /// How fast that speed grows and shrinks, metres per second each second.
+    pub acceleration_m_s2: f64,
     /// What turns the range sensor.
     pub head: Option<HeadRole>,
     /// The sensors that it has, each with its port; `None` where only one sensor fits.
@@ -162,6 +167,8 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         wheel_circumference_m: drive.wheel_circumference_m,
         track_width_m: drive.track_width_m,
         max_wheel_rad_s: drive.max_wheel_rad_s,
+        speed_m_s: drive.speed_m_s,
+        acceleration_m_s2: drive.acceleration_m_s2,
         head: head?,
         sensors: sensors?,
         range: range?,
@@ -190,10 +197,24 @@ struct Drive {
     wheel_circumference_m: f64,
     track_width_m: f64,
     max_wheel_rad_s: f64,
+    speed_m_s: f64,
+    acceleration_m_s2: f64,
 }
 
+/// How fast speeds grow and shrink where the file says nothing, metres per second each second:
+/// wheels of a LEGO robot grip at more.
+const ACCELERATION_M_S2: f64 = 0.3;
+
 fn drive(section: &Section<'_>) -> Option<Drive> {
-    section.allow(&["left", "right", "wheel_circumference_m", "track_width_m", "max_dps"]);
+    section.allow(&[
+        "left",
+        "right",
+        "wheel_circumference_m",
+        "track_width_m",
+        "max_dps",
+        "speed_mps",
+        "acceleration_mps2",
+    ]);
     let wheel = |key| {
         let wheel = section.require(key)?.section()?;
         wheel.allow(&["port", "inverted", "gear"]);
@@ -207,12 +228,19 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
     let track_width_m =
         section.require("track_width_m").and_then(|item| item.number(Geometry::TRACK_WIDTH_M));
     let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
+    let speed_mps = section.value_or("speed_mps", None, |item| item.number(0.01..=2.0).map(Some));
+    let acceleration_mps2 =
+        section.value_or("acceleration_mps2", ACCELERATION_M_S2, |item| item.number(0.02..=20.0));
+    let (wheel_circumference_m, max_dps) = (wheel_circumference_m?, max_dps?);
     Some(Drive {
         left: left?,
         right: right?,
-        wheel_circumference_m: wheel_circumference_m?,
+        wheel_circumference_m,
         track_width_m: track_width_m?,
-        max_wheel_rad_s: radians(max_dps?),
+        max_wheel_rad_s: radians(max_dps),
+        // Half of what the wheels may do leaves them room for steering.
+        speed_m_s: speed_mps?.unwrap_or(max_dps / 360.0 * wheel_circumference_m / 2.0),
+        acceleration_m_s2: acceleration_mps2?,
     })
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::RobotConfig;
-use crate::behavior::{Capabilities, Drive};
+use crate::behavior::{Capabilities, Drive, MotionLimits};
 use crate::mapping::{Geometry, GeometryError, RangeMount};
 use crate::senses::Role;
 
@@ -32,6 +32,18 @@ impl RobotConfig {
         });
         Geometry::new(self.wheel_circumference_m, self.track_width_m)?
             .with_range(range.unwrap_or_default())
+    }
+
+    /// What motions that end keep to.
+    #[must_use]
+    pub fn motion_limits(&self) -> MotionLimits {
+        MotionLimits {
+            speed_m_s: self.speed_m_s,
+            max_m_s: self.max_wheel_rad_s * self.wheel_circumference_m / (2.0 * PI),
+            acceleration_m_s2: self.acceleration_m_s2,
+            half_track_m: self.track_width_m / 2.0,
+            head_rad: self.head.as_ref().map_or(0.0, |head| head.limit_rad),
+        }
     }
 
     /// The speeds of the left and the right wheel for a demand, radians per second at the axle.

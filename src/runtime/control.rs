@@ -23,7 +23,7 @@ use crate::robot::Robot;
 use crate::senses::{Channel, Senses};
 
 use super::battery::Charge;
-use super::pilot::{Pilot, PilotState, Step};
+use super::pilot::{ChangedVariables, Pilot, PilotState, Step};
 use super::{Heartbeat, Job, Lock, Pulse, StopBy, StopReason, WhenAbandoned};
 use crate::recording::{Level, MAX_LOG_BYTES, STALL_NS, TickRecord, TickSide};
 
@@ -196,6 +196,7 @@ impl Control<'_> {
         let mut checkpoint_ns = 0;
         let mut paused = None;
         let mut charge = Charge::Good;
+        let mut variables = ChangedVariables::default();
         loop {
             let now_ns = self.wait(deadline_ns);
             let late_ns = now_ns - deadline_ns;
@@ -212,9 +213,12 @@ impl Control<'_> {
             }
             senses.time_ns = now_ns - start_ns;
             let step = self.tick(&mut senses, &mut demands, late_ns);
+            if let Some(values) = variables.next(self.pilot.program().variables()) {
+                self.recorder.variables(senses.tick, senses.time_ns, values);
+            }
             if senses.time_ns >= checkpoint_ns {
                 checkpoint_ns = senses.time_ns + CHECKPOINT_NS;
-                self.recorder.checkpoint(senses.tick, senses.time_ns, &self.pilot.state());
+                self.recorder.checkpoint(senses.tick, senses.time_ns, self.pilot.state());
             }
             if step.paused != paused {
                 paused = step.paused;

@@ -149,9 +149,11 @@ pub fn execute(
         report(&Event::Preparing { what: why.to_owned() });
     })?;
     log::debug!("the robot stands still, and has announced itself");
-    let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?;
+    // On a brick the moment decides; it is in the recording, so that a replay draws the same.
+    let seed = environment.seed.unwrap_or_else(|| wall_ns().cast_unsigned());
+    let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?.with_seed(seed);
     let (recorder, mut tick_side) =
-        record(job, &config, &mission, &environment, Arc::clone(&report))?;
+        record(job, &config, &mission, &environment, seed, Arc::clone(&report))?;
     let motors = robot.motor_ports();
     write_owner(job, &Owner { motors: motors.clone(), ..owner(job, mission.name()) });
     report(&Event::Driving { file: job.file.clone(), motors });
@@ -290,6 +292,7 @@ fn record(
     config: &RobotConfig,
     mission: &Mission,
     environment: &Environment,
+    seed: u64,
     report: Arc<Report>,
 ) -> Result<(Recorder, recording::TickSide<PilotState>), Refused> {
     let failed = |source| Refused::Record { file: job.file.clone(), source };
@@ -308,11 +311,12 @@ fn record(
         wall_offset_ns: environment.wall_offset_ns.unwrap_or_else(wall_ns),
         period_ns: period_ns(mission),
         pace: environment.pace,
-        seed: environment.seed,
+        seed,
         cells: config.battery.cells,
         settings: job.set.clone(),
         range: recording::range_sensor(config),
         machines: recording::machines(mission),
+        variables: recording::variables(mission),
     };
     let options = Options { sync_period_ns: job.sync_ns, ..Options::default() };
     let on_status =

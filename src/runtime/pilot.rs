@@ -9,10 +9,11 @@
 //!
 //! No devices (`robot`), no deadlines (`runtime::control`), no files (`recording`).
 
+use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{
-    Demands, Drive, EngineError, MAX_MACHINES, MAX_MOTORS, MachineState, Mission, OnLost, Program,
+    Demands, Drive, EngineError, MAX_MOTORS, MAX_VARIABLES, Mission, OnLost, Program, ProgramState,
     Progress, Signal, Signals, Taken,
 };
 use crate::clock::nanoseconds;
@@ -65,6 +66,21 @@ pub struct Pilot {
     paused: bool,
 }
 
+/// The mission's variables, told when one of them has changed.
+#[derive(Debug, Default)]
+pub struct ChangedVariables(ArrayVec<f64, MAX_VARIABLES>);
+
+impl ChangedVariables {
+    /// The values after a tick, where they are not those that were told last.
+    pub fn next<'v>(&mut self, values: &'v [f64]) -> Option<&'v [f64]> {
+        if self.0.as_slice() == values {
+            return None;
+        }
+        self.0 = values.iter().copied().take(MAX_VARIABLES).collect();
+        Some(values)
+    }
+}
+
 /// What one step came to.
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
@@ -83,14 +99,12 @@ pub struct Step {
 }
 
 /// What a pilot carries from tick to tick, so that a replay can go on after a gap in the recording.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct PilotState {
     /// The estimator's part.
     pub estimator: EstimatorState,
-    /// One entry a machine.
-    pub machines: [MachineState; MAX_MACHINES],
-    /// How many of them there are.
-    pub machine_count: u8,
+    /// The mission's part.
+    pub program: ProgramState,
     stalls: StallWatch,
     battery: BatteryWatch,
     wheels_rad_s: [f64; 2],
@@ -131,7 +145,7 @@ impl Pilot {
             time_limit_ns: nanoseconds(mission.time_limit_s()),
             estimator: Estimator::new(estimator, start),
             map: Map::new(estimator.geometry.range(), &start),
-            program: mission.start()?,
+            program: mission.start()?.with_limits(config.motion_limits()),
             signals: Signals::default(),
             stalls: StallWatch::default(),
             limits: config.battery.limits(),
@@ -180,6 +194,13 @@ impl Pilot {
         }
     }
 
+    /// The same pilot, whose mission draws its chance from a seed; without one it is 0.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.program = self.program.with_seed(seed);
+        self
+    }
+
     /// The same pilot, whose map has another grid. For maps that are made after the run.
     #[must_use]
     pub fn with_grid(mut self, grid: OccupancyGrid) -> Self {
@@ -202,7 +223,7 @@ impl Pilot {
     /// What is carried from tick to tick; the map is not in it.
     #[must_use]
     pub fn state(&self) -> PilotState {
-        let mut state = PilotState {
+        PilotState {
             estimator: self.estimator.state(),
             stalls: self.stalls,
             battery: self.battery,
@@ -210,20 +231,14 @@ impl Pilot {
             paused: self.paused,
             plausibility: self.plausibility.state(),
             head_rad: self.head_rad,
-            ..PilotState::default()
-        };
-        for (place, machine) in state.machines.iter_mut().zip(self.program.checkpoint()) {
-            *place = *machine;
-            state.machine_count += 1;
+            program: self.program.state(),
         }
-        state
     }
 
     /// Continues from the state of a tick; the map keeps what it has. Returns false, and changes
     /// nothing, if the state does not fit the mission.
     pub fn restore(&mut self, state: &PilotState) -> bool {
-        let machines = state.machines.get(..usize::from(state.machine_count)).unwrap_or_default();
-        let fits = self.program.restore(machines);
+        let fits = self.program.restore(&state.program);
         if fits {
             self.estimator.restore(state.estimator);
             self.stalls = state.stalls;

@@ -22,7 +22,7 @@ use crate::robot::RobotConfig;
 use crate::senses::{Channel, QUANTITIES, Senses};
 
 use super::Source;
-use super::pilot::{Pilot, PilotError, PilotState, Step};
+use super::pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
 use crate::recording::{
     self, Checkpoint, End, Grid, Info, Options, Pace, RecordError, Recorder, Run, Start,
     StopReason, TickRecord,
@@ -137,7 +137,8 @@ impl Cast {
         for (name, value) in &info.settings {
             mission.set(name, *value)?;
         }
-        let pilot = Pilot::new(pilots, &mission, Method::Default, info.start_pose)?;
+        let pilot = Pilot::new(pilots, &mission, Method::Default, info.start_pose)?
+            .with_seed(info.seed.unwrap_or_default());
         Ok(Self { pilot, robot, mission, info })
     }
 }
@@ -260,11 +261,12 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         wall_offset_ns: cast.info.wall_offset_ns,
         period_ns: cast.info.period_ns,
         pace: Pace::Virtual,
-        seed: cast.info.seed,
+        seed: cast.info.seed.unwrap_or_default(),
         cells: cast.info.cells,
         settings: cast.info.settings.clone(),
         range: recording::range_sensor(&config),
         machines: recording::machines(&cast.mission),
+        variables: recording::variables(&cast.mission),
     };
     let sink = recording::create(file)
         .map_err(|source| RecordError { doing: "create the file", source })?;
@@ -273,6 +275,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
     let mut remade = Remade { ticks: 0, points: 0, travelled_m: 0.0, end: cast.info.start_pose };
     let mut demands = Demands::default();
     let mut time_ns = cast.info.start_ns;
+    let mut variables = ChangedVariables::default();
     for senses in &run.senses {
         let senses = regeared(senses, &cast.robot, &config);
         let mut taken = Vec::new();
@@ -287,6 +290,9 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         });
         for transition in taken {
             tick_side.transition(senses.tick, time_ns, transition);
+        }
+        if let Some(values) = variables.next(cast.pilot.program().variables()) {
+            tick_side.variables(senses.tick, time_ns, values);
         }
         remade = Remade {
             ticks: remade.ticks + 1,

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use onbrick::behavior::mission::{OnLost, OnStall};
 use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
 use onbrick::behavior::{
-    Capabilities, Demands, Drive, Finish, Led, MachineState, Mission, Program, Progress, Signal,
+    Capabilities, Demands, Drive, Finish, Led, Mission, Program, ProgramState, Progress, Signal,
     Signals, Taken, graph,
 };
 use onbrick::document::Document;
@@ -324,20 +324,21 @@ fn a_mission_goes_on_from_a_checkpoint_as_if_it_had_not_been_interrupted() {
         };
         let mut program = mission.start().unwrap();
         run(&mut program, 0..1000);
-        let checkpoint: Vec<MachineState> = program.checkpoint().to_vec();
+        let checkpoint = program.state();
         let first = run(&mut program, 1000..3000);
         let mut again = mission.start().unwrap();
         assert!(again.restore(&checkpoint), "{}", mission.name());
-        assert_eq!(again.checkpoint(), checkpoint);
+        assert_eq!(again.state(), checkpoint);
         assert_eq!(run(&mut again, 1000..3000), first, "{}", mission.name());
         assert!(
             first.iter().any(|(_, taken, _)| !taken.is_empty()),
             "{} stood still",
             mission.name()
         );
-        let foreign = MachineState { state: 999, ..MachineState::default() };
-        assert!(!again.restore(&vec![foreign; checkpoint.len()]), "there is no state 999");
-        assert!(!again.restore(&[]), "a checkpoint has every machine");
+        let mut foreign = checkpoint;
+        foreign.machines[0].state = 999;
+        assert!(!again.restore(&foreign), "there is no state 999");
+        assert!(!again.restore(&ProgramState::default()), "a checkpoint has every machine");
     }
 }
 

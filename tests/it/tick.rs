@@ -235,7 +235,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         wall_offset_ns: 0,
         period_ns: 20_000_000,
         pace: Pace::Virtual,
-        seed: None,
+        seed: 0,
         cells: Technology::Unknown,
         settings: Vec::new(),
         range: None,
@@ -247,6 +247,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
                 ..MachineNames::default()
             })
             .collect(),
+        variables: Vec::new(),
     }
 }
 

@@ -13,9 +13,10 @@
 //! - Where a comparison was turned round by arithmetic (`2 * range_m < 0.5`), its bound is taken
 //!   with a margin of [`MARGIN`], so that rounding makes no claim false.
 
-use super::{Comparison, Expression, Infix, Op, evaluate, motor};
-use crate::behavior::MachineState;
-use crate::behavior::signals::{Input, Signals};
+use super::evaluation::evaluate;
+use super::{Comparison, Expression, Infix, Op};
+use crate::behavior::blackboard::Blackboard;
+use crate::behavior::signals::Input;
 
 /// Relative margin of a bound that was computed.
 const MARGIN: f64 = 1e-9;
@@ -69,6 +70,11 @@ impl Claims {
                         .map(|(left, right)| infix_part(*infix, left, right, ops, at))
                 }
                 Op::Negate | Op::Not => stack.pop().map(|inner| prefix_part(*op, inner, ops, at)),
+                Op::Call { function, .. } => {
+                    let first = stack.len().saturating_sub(function.takes());
+                    let arguments: Vec<Subterm> = stack.drain(first..).collect();
+                    Some(call_part(function.is_pure(), &arguments, ops, at))
+                }
                 leaf => Some(leaf_part(*leaf, at)),
             };
             stack.extend(part);
@@ -172,11 +178,27 @@ fn leaf_part(op: Op, start: usize) -> Subterm {
     let meaning = match op {
         Op::Number(value) | Op::Named { value, .. } => Meaning::Constant(value),
         Op::Truth(truth) => Meaning::Truth(Claims::known(truth)),
-        Op::Signal(input) => leaf(input),
-        Op::Motor { place, .. } => motor(place).map_or(Meaning::Number, leaf),
-        Op::Negate | Op::Not | Op::Infix(_) => Meaning::Number,
+        Op::Signal(input) | Op::Own { input, .. } => leaf(input),
+        Op::InState { .. } => Meaning::Truth(Claims::piece(&[op])),
+        Op::Negate | Op::Not | Op::Infix(_) | Op::Call { .. } => Meaning::Number,
     };
     Subterm { start, meaning }
+}
+
+/// A function: of constants it is one, of anything else some number.
+fn call_part(is_pure: bool, arguments: &[Subterm], ops: &[Op], at: usize) -> Subterm {
+    let start = arguments.first().map_or(at, |first| first.start);
+    let constant = |argument: &Subterm| matches!(argument.meaning, Meaning::Constant(_));
+    let meaning = match is_pure && arguments.iter().all(constant) {
+        true => constant_of(&ops[start..=at]),
+        false => Meaning::Number,
+    };
+    Subterm { start, meaning }
+}
+
+/// What operations on constants come to.
+fn constant_of(piece: &[Op]) -> Meaning {
+    evaluate(piece, Blackboard::default().seen_by(0)).map_or(Meaning::Number, Meaning::Constant)
 }
 
 fn prefix_part(op: Op, inner: Subterm, ops: &[Op], at: usize) -> Subterm {
@@ -227,10 +249,7 @@ fn infix_part(infix: Infix, left: Subterm, right: Subterm, ops: &[Op], at: usize
 /// A sum, difference, product or quotient.
 fn arithmetic(infix: Infix, left: Meaning, right: Meaning, piece: &[Op]) -> Meaning {
     match (infix, left, right) {
-        (_, Meaning::Constant(_), Meaning::Constant(_)) => {
-            let value = evaluate(piece, &Signals::default(), &MachineState::default());
-            value.map_or(Meaning::Number, Meaning::Constant)
-        }
+        (_, Meaning::Constant(_), Meaning::Constant(_)) => constant_of(piece),
         (_, Meaning::Linear(linear), Meaning::Constant(constant)) => {
             scaled(infix, linear, constant)
         }

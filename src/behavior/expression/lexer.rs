@@ -15,6 +15,7 @@ pub(super) enum Token<'t> {
     Infix(Infix),
     Open,
     Close,
+    Comma,
     End,
 }
 
@@ -22,7 +23,7 @@ pub(super) enum Token<'t> {
 pub(super) type Placed<'t> = (Token<'t>, Range<usize>);
 
 /// Operators by their text; longer ones first, so that `<=` is not read as `<`.
-const SIGNS: [(&str, Token<'static>); 12] = [
+const SIGNS: [(&str, Token<'static>); 13] = [
     ("<=", compare(Comparison::LessOrEqual)),
     (">=", compare(Comparison::GreaterOrEqual)),
     ("==", compare(Comparison::Equal)),
@@ -35,6 +36,7 @@ const SIGNS: [(&str, Token<'static>); 12] = [
     ("/", Token::Infix(Infix::Divide)),
     ("(", Token::Open),
     (")", Token::Close),
+    (",", Token::Comma),
 ];
 
 const fn compare(comparison: Comparison) -> Token<'static> {
@@ -42,7 +44,7 @@ const fn compare(comparison: Comparison) -> Token<'static> {
 }
 
 /// What other languages write, and what is meant.
-const FOREIGN: [(&str, &str); 9] = [
+const FOREIGN: [(&str, &str); 8] = [
     ("&&", "and"),
     ("||", "or"),
     ("=", "=="),
@@ -51,7 +53,6 @@ const FOREIGN: [(&str, &str); 9] = [
     ("≥", ">="),
     ("≠", "!="),
     ("−", "-"),
-    (",", "."),
 ];
 
 /// All tokens, the last one being [`Token::End`].

@@ -2,10 +2,15 @@
 
 use std::ops::Range;
 
+use super::evaluation::{STACK, depth};
+use super::function::{FUNCTIONS, Function};
 use super::lexer::{Placed, Token, shortened, tokens};
+use super::vocabulary::{SEARCHED, values};
 use super::{Comparison, Expression, Infix, Kind, Misreading, Mistake, Op, Vocabulary};
-use crate::behavior::signals::words;
+use crate::behavior::blackboard::MAX_PIDS;
+use crate::behavior::signals::{Input, Signal, words};
 use crate::document::nearest;
+use crate::senses::Channel;
 
 /// How strongly `not` and a leading `-` hold their operand; operators are in [`power`].
 const NOT_POWER: u8 = 5;
@@ -53,6 +58,9 @@ pub(super) fn parse(
     Ok(Expression { text: text.into(), kind, ops: parser.ops.into(), names: parser.names.into() })
 }
 
+/// The way out where a comma stands between digits.
+const POINT: &str = "a decimal number has a point, as in `0.25`";
+
 /// The kind of a part, `None` where a mistake was found in it, and its bytes.
 type Typed = (Option<Kind>, Range<usize>);
 
@@ -87,9 +95,13 @@ impl<'p> Parser<'p, '_> {
                 return None;
             }
             other => {
-                self.note(end, Mistake::NoOperator(described(other)), None);
+                self.unexpected(other, end);
                 return None;
             }
+        }
+        if depth(&self.ops) > STACK {
+            let whole = 0..place.end;
+            self.note(whole, Mistake::TooDeep, Some("make two transitions of it".to_owned()));
         }
         if let Some(found) = found.filter(|found| *found != expected) {
             let hint = (expected == Kind::Truth)
@@ -133,7 +145,11 @@ impl<'p> Parser<'p, '_> {
         match token {
             Token::Number(number) => Some(self.push(Op::Number(number), Kind::Number, place)),
             Token::Truth(truth) => Some(self.push(Op::Truth(truth), Kind::Truth, place)),
-            Token::Name(name) => Some(self.name(name, place)),
+            Token::Name(name) if self.peek().0 == Token::Open => self.call(name, place),
+            Token::Name(name) => match name.strip_suffix(".state") {
+                Some(machine) => self.in_state(name, machine, place),
+                None => Some(self.name(name, place)),
+            },
             Token::Not => self.prefix(Op::Not, "not", NOT_POWER, Kind::Truth, place),
             Token::Infix(Infix::Subtract) => {
                 self.prefix(Op::Negate, "-", NEGATE_POWER, Kind::Number, place)
@@ -146,11 +162,133 @@ impl<'p> Parser<'p, '_> {
                         Some((kind, place.start..end.end))
                     }
                     (Token::End, _) => self.refuse(place, Mistake::NotClosed),
-                    (other, end) => self.refuse(end, Mistake::NoOperator(described(other))),
+                    (other, end) => {
+                        self.unexpected(other, end);
+                        None
+                    }
                 }
             }
             other => self.refuse(place, Mistake::NoOperand(described(other))),
         }
+    }
+
+    /// Something stands where an operator should.
+    fn unexpected(&mut self, token: Token<'_>, place: Range<usize>) {
+        let hint = (token == Token::Comma).then(|| POINT.to_owned());
+        self.note(place, Mistake::NoOperator(described(token)), hint);
+    }
+
+    /// A function with its arguments; the parenthesis is next.
+    fn call(&mut self, name: &'p str, place: Range<usize>) -> Option<Typed> {
+        let open = self.peek().1;
+        self.at += 1;
+        let mut given = 0;
+        let function = Function::named(name);
+        let end = loop {
+            match self.peek() {
+                (Token::Close, end) if given == 0 => break end,
+                _ => {}
+            }
+            let argument = self.expression(0)?;
+            given += 1;
+            self.expect(function.map_or("a function", Function::name), Kind::Number, &argument);
+            match self.peek() {
+                (Token::Comma, _) => self.at += 1,
+                (Token::Close, end) => break end,
+                (Token::End, _) => return self.refuse(open, Mistake::NotClosed),
+                (other, end) => {
+                    self.unexpected(other, end);
+                    return None;
+                }
+            }
+        };
+        self.at += 1;
+        let whole = place.start..end.end;
+        let Some(function) = function else {
+            let hint = nearest(name, FUNCTIONS.iter().map(|row| row.0.name()))
+                .unwrap_or_else(|| format!("known are {}", known_functions()));
+            return Some(self.unusable(place, Mistake::NoFunction(shortened(name)), Some(hint)));
+        };
+        let takes = function.takes();
+        let fits = given == takes || function.is_open() && given > takes;
+        if !fits {
+            let takes = match takes {
+                _ if function.is_open() => "two numbers or more".to_owned(),
+                1 => "one number".to_owned(),
+                more => format!("{more} numbers"),
+            };
+            let usage = function.usage();
+            let hint = format!("write `{usage}`; a decimal number has a point, as in `0.25`");
+            let mistake = Mistake::Arguments { name: function.name(), takes, given };
+            return Some(self.unusable(whole, mistake, Some(hint)));
+        }
+        let slot = match function {
+            Function::Random => {
+                self.vocabulary.randoms += 1;
+                self.vocabulary.randoms
+            }
+            Function::Pid => self.pid(&place),
+            _ => 0,
+        };
+        // `min(a, b, c)` is `min(a, min(b, c))`.
+        let calls = if function.is_open() { given - 1 } else { 1 };
+        self.ops.extend(std::iter::repeat_n(Op::Call { function, slot }, calls));
+        Some((Some(Kind::Number), whole))
+    }
+
+    /// The slot of a `pid`.
+    fn pid(&mut self, place: &Range<usize>) -> u32 {
+        let Some(slot) = self.vocabulary.pids else {
+            self.note(place.clone(), Mistake::NoPid, None);
+            return 0;
+        };
+        self.vocabulary.pids = Some(slot + 1);
+        if usize::try_from(slot).is_ok_and(|slot| slot >= MAX_PIDS) {
+            self.note(place.clone(), Mistake::TooManyPids, None);
+        }
+        slot
+    }
+
+    /// `NAME.state == STATE`; the operator is next.
+    fn in_state(&mut self, name: &'p str, machine: &'p str, place: Range<usize>) -> Option<Typed> {
+        let machines = || self.vocabulary.machines.iter().map(|(name, _)| name.as_str());
+        let Some(index) = machines().position(|known| known == machine) else {
+            let hint = nearest(machine, machines())
+                .unwrap_or_else(|| format!("it has {}", machines().collect::<Vec<_>>().join(", ")));
+            self.note(place, Mistake::NoMachine(shortened(machine)), Some(hint));
+            return None;
+        };
+        let example = self.vocabulary.machines[index].1.keys().next().map_or("turn", |key| key);
+        let hint = format!("as in `{name} == {example}`");
+        let comparison = self.peek();
+        self.at += 1;
+        let state = self.peek();
+        self.at += 1;
+        let (is, state, end) = match (comparison.0, state) {
+            (Token::Infix(Infix::Compare(is)), (Token::Name(state), end))
+                if matches!(is, Comparison::Equal | Comparison::NotEqual) =>
+            {
+                (is, state, end)
+            }
+            _ => {
+                self.note(place, Mistake::State(name.to_owned()), Some(hint));
+                return None;
+            }
+        };
+        let whole = place.start..end.end;
+        let states = &self.vocabulary.machines[index].1;
+        let Some(at) = states.get(state).copied() else {
+            let hint = nearest(state, states.keys().take(SEARCHED).map(String::as_str));
+            let (machine, state) = (machine.to_owned(), shortened(state));
+            return Some(self.unusable(end, Mistake::NoState { machine, state }, hint));
+        };
+        let name = self.remember(&format!("{name} == {state}"));
+        let machine = u8::try_from(index).unwrap_or(u8::MAX);
+        self.ops.push(Op::InState { name, machine, state: at });
+        if is == Comparison::NotEqual {
+            self.ops.push(Op::Not);
+        }
+        Some((Some(Kind::Truth), whole))
     }
 
     fn prefix(
@@ -182,8 +320,8 @@ impl<'p> Parser<'p, '_> {
         if let Some(motor) = name.strip_prefix("motor.").filter(|motor| is_plain(motor)) {
             return match self.vocabulary.motor(motor) {
                 Ok(at) => {
-                    let name = self.remember(motor);
-                    self.push(Op::Motor { name, place: at }, Kind::Number, place)
+                    let channel = Channel::MOTORS[usize::from(at)];
+                    self.own(name, Input::Signal(Signal::Sensed(channel)), place)
                 }
                 Err(mistake) => {
                     let hint = self.vocabulary.motor_hint(motor);
@@ -191,13 +329,26 @@ impl<'p> Parser<'p, '_> {
                 }
             };
         }
-        if let Some(value) = self.vocabulary.numbers.get(name).copied() {
+        let own = self.vocabulary.numbers.get(name).copied();
+        if let Some(variable) = self.vocabulary.variable(name) {
+            return self.own(name, Input::Variable(variable), place);
+        }
+        let known = || values().find(|(known, _)| *known == name).map(|(_, value)| value);
+        if let Some(value) = own.or_else(known) {
             let name = self.remember(name);
             return self.push(Op::Named { name, value }, Kind::Number, place);
         }
-        let known = words().map(|word| word.name).chain(["and", "or", "not", "true", "false"]);
-        let hint = nearest(name, known.chain(self.vocabulary.numbers.keys().map(String::as_str)));
+        if let Some(function) = Function::named(name) {
+            let hint = Some(format!("write `{}`", function.usage()));
+            return self.unusable(place, Mistake::NoArguments(function.name()), hint);
+        }
+        let hint = self.vocabulary.name_hint(name);
         self.unusable(place, Mistake::UnknownName(shortened(name)), hint)
+    }
+
+    fn own(&mut self, name: &str, input: Input, place: Range<usize>) -> Typed {
+        let name = self.remember(name);
+        self.push(Op::Own { name, input }, Kind::Number, place)
     }
 
     /// Puts an operator behind its two operands and says what they come to.
@@ -273,6 +424,10 @@ pub(in crate::behavior) fn is_plain(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
+fn known_functions() -> String {
+    FUNCTIONS.map(|row| row.0.name()).join(", ")
+}
+
 /// The way out where something else than `expected` stands.
 fn way_out(expected: Kind) -> &'static str {
     match expected {
@@ -290,6 +445,7 @@ fn described(token: Token<'_>) -> String {
         Token::Infix(infix) => format!("`{}`", infix.as_str()),
         Token::Open => "`(`".to_owned(),
         Token::Close => "`)`".to_owned(),
+        Token::Comma => "`,`".to_owned(),
         Token::End => "the end".to_owned(),
     }
 }

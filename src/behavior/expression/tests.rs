@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 
-use super::super::signals::{Signal, words};
+use super::super::blackboard::{Blackboard, MachineState};
+use super::super::signals::{Capabilities, Signal, Signals, words};
 use super::*;
 use crate::clock::SECOND_NS;
 use crate::senses::Channel;
@@ -11,6 +12,9 @@ fn vocabulary(capabilities: &Capabilities) -> Vocabulary<'_> {
     let mut vocabulary = Vocabulary::new(capabilities);
     vocabulary.numbers.insert("close_m".to_owned(), 0.25);
     vocabulary.numbers.insert("time_limit_s".to_owned(), 120.0);
+    vocabulary.variables.push(("found".to_owned(), 0.0));
+    let states = ["ahead", "turn"].map(str::to_owned).into_iter().zip(0..).collect();
+    vocabulary.machines.push(("drive".to_owned(), states));
     vocabulary
 }
 
@@ -34,7 +38,11 @@ fn value(text: &str, set: &[(Signal, f64)]) -> Option<f64> {
     let kind = if parse(text, Kind::Number).is_ok() { Kind::Number } else { Kind::Truth };
     let expression =
         parse(text, kind).unwrap_or_else(|misreadings| panic!("{text}: {misreadings:?}"));
-    expression.evaluate(&signals(set), &MachineState::default())
+    expression.evaluate(board(signals(set)).seen_by(0))
+}
+
+fn board(signals: Signals) -> Blackboard {
+    Blackboard::of(signals, MachineState::default())
 }
 
 #[test]
@@ -48,6 +56,9 @@ fn operators_bind_as_documented() {
         ("8 - 4 - 2 == 2", "(((8 - 4) - 2) == 2)"),
         ("echo == (touch != true)", "(echo == (touch != true))"),
         ("motor.arm > close_m", "(motor.arm > close_m)"),
+        ("max(x_m, 2, -y_m) > 1", "(max(x_m, max(2, (-y_m))) > 1)"),
+        ("not drive.state != turn", "(not (not (drive.state == turn)))"),
+        ("colour == red and found < random(1, 6)", "((colour == red) and (found < random(1, 6)))"),
     ] {
         assert_eq!(condition(text).to_string(), understood, "{text}");
     }
@@ -55,8 +66,12 @@ fn operators_bind_as_documented() {
 
 #[test]
 fn signals_are_read_in_the_units_of_their_names() {
-    let since =
-        MachineState { state: 0, entered_ns: SECOND_NS, entered_m: 1.5, entered_heading_rad: 1.0 };
+    let since = MachineState {
+        entered_ns: SECOND_NS,
+        entered_m: 1.5,
+        entered_heading_rad: 1.0,
+        ..MachineState::default()
+    };
     let mut signals = signals(&[
         (Signal::Sensed(Channel::Head), 0.5),
         (Signal::Travelled, 2.0),
@@ -74,7 +89,8 @@ fn signals_are_read_in_the_units_of_their_names() {
         ("close_m", 0.25),
     ] {
         let expression = parse(text, Kind::Number).unwrap();
-        let value = expression.evaluate(&signals, &since).unwrap();
+        let board = Blackboard::of(signals, since);
+        let value = expression.evaluate(board.seen_by(0)).unwrap();
         assert!((value - expected).abs() < 1e-9, "{text} is {value}, not {expected}");
     }
 }
@@ -93,8 +109,7 @@ fn unknown_never_fires_and_what_does_not_depend_on_it_does() {
     ] {
         assert_eq!(value(text, &[]), expected, "{text}");
         assert_eq!(
-            parse(text, Kind::Truth)
-                .is_ok_and(|e| e.holds(&signals(&[]), &MachineState::default())),
+            parse(text, Kind::Truth).is_ok_and(|e| { e.holds(board(signals(&[])).seen_by(0)) }),
             expected == Some(1.0)
         );
     }
@@ -114,6 +129,119 @@ fn arithmetic_is_that_of_ieee_754() {
     ] {
         assert_eq!(value(text, &no_echo), Some(expected), "{text}");
     }
+}
+
+#[test]
+fn functions_give_what_they_say() {
+    let here = [(Signal::X, 1.0), (Signal::Y, 2.0), (Signal::Heading, std::f64::consts::FRAC_PI_2)];
+    for (text, expected) in [
+        ("abs(-2)", 2.0),
+        ("sqrt(9)", 3.0),
+        ("round(2.5)", 3.0),
+        ("floor(-0.5)", -1.0),
+        ("sign(-0.1) + sign(0) + sign(7)", 0.0),
+        ("min(3, 1, 2)", 1.0),
+        ("max(3, 1, 2)", 3.0),
+        ("clamp(5, -1, 1)", 1.0),
+        ("clamp(-5, -1, 1)", -1.0),
+        ("clamp(0.5, -1, 1)", 0.5),
+        ("sin(30)", 0.5),
+        ("cos(180)", -1.0),
+        ("atan2(1, -1)", 135.0),
+        ("wrap_deg(190)", -170.0),
+        ("wrap_deg(-180)", -180.0),
+        ("wrap_deg(180)", -180.0),
+        ("distance_m(4, 6)", 5.0),
+        ("bearing_deg(1, 3)", 0.0),
+        ("bearing_deg(2, 2)", -90.0),
+        ("bearing_deg(0, 2)", 90.0),
+        ("found + 1", 1.0),
+        ("white", 6.0),
+    ] {
+        let value = value(text, &here).unwrap_or_else(|| panic!("{text} is unknown"));
+        assert!((value - expected).abs() < 1e-9, "{text} is {value}, not {expected}");
+    }
+    for text in ["sqrt(-1)", "min(0 / 0, 1)", "max(1, 0 / 0)", "clamp(0 / 0, 0, 1)", "sign(0 / 0)"]
+    {
+        assert!(value(text, &here).unwrap().is_nan(), "{text}");
+    }
+    for text in ["distance_m(0, 0)", "bearing_deg(0, 0)", "abs(range_m)", "max(1, range_m)"] {
+        assert_eq!(value(text, &[]), None, "{text}: what it needs is not known");
+    }
+}
+
+#[test]
+fn machines_are_asked_where_they_are() {
+    let mut board = board(signals(&[]));
+    for (state, text, expected) in [
+        (0, "drive.state == ahead", 1.0),
+        (0, "drive.state != ahead", 0.0),
+        (1, "drive.state == ahead or found > 5", 0.0),
+        (1, "drive.state == turn and drive.state != ahead", 1.0),
+    ] {
+        board.machines[0].state = state;
+        assert_eq!(condition(text).evaluate(board.seen_by(0)), Some(expected), "{text}");
+    }
+}
+
+#[test]
+fn chance_is_drawn_when_a_state_is_entered_and_evenly() {
+    let dice = parse("random(-1, 3)", Kind::Number).unwrap();
+    let two = parse("random(0, 1) - random(0, 1)", Kind::Number).unwrap();
+    let mut board = board(signals(&[]));
+    let mut drawn = Vec::new();
+    for entered in 0..4000 {
+        board.machines[0].entered_ns = 20_000_000 * entered;
+        let value = dice.evaluate(board.seen_by(0)).unwrap();
+        board.signals.set_time_ns(20_000_000 * entered + 7);
+        assert_eq!(dice.evaluate(board.seen_by(0)), Some(value), "it stays until the next state");
+        assert_ne!(two.evaluate(board.seen_by(0)), Some(0.0), "each draws its own");
+        drawn.push(value);
+    }
+    assert!(drawn.iter().all(|value| (-1.0..3.0).contains(value)));
+    let mean = drawn.iter().sum::<f64>() / 4000.0;
+    assert!((mean - 1.0).abs() < 0.06, "{mean}");
+    for quarter in [-1.0, 0.0, 1.0, 2.0] {
+        let inside = drawn.iter().filter(|value| (quarter..quarter + 1.0).contains(*value)).count();
+        assert!((900..1100).contains(&inside), "{inside} from {quarter}");
+    }
+    board.seed = 1;
+    board.machines[0].entered_ns = 0;
+    assert_ne!(dice.evaluate(board.seen_by(0)), Some(drawn[0]), "another seed");
+}
+
+#[test]
+fn a_pid_sums_and_differentiates_from_when_its_state_was_entered() {
+    let all = Capabilities::all();
+    let mut vocabulary = vocabulary(&all);
+    vocabulary.pids = Some(0);
+    let text = "pid(x_m, 2, 10, 0.5)";
+    let pid = Expression::parse(text, Kind::Number, &mut vocabulary).unwrap();
+    let mut board = board(signals(&[]));
+    let mut step = |ms: i64, x_m: f64, enter: bool| {
+        board.signals.set_time_ns(ms * 1_000_000);
+        board.signals.set(Signal::X, x_m);
+        if enter {
+            board.enter(0, 0);
+        }
+        pid.evaluate(board.seen_by(0)).unwrap()
+    };
+    for (ms, x_m, enter, expected) in [
+        (0, 1.0, true, 2.0),
+        (20, 1.0, false, 2.0 + 10.0 * 0.02),
+        (40, 2.0, false, 4.0 + 10.0 * (0.02 + 0.04) + 0.5 * 50.0),
+        // A minute's pause counts for a tenth of a second.
+        (60_040, 2.0, false, 4.0 + 10.0 * (0.06 + 0.2)),
+        (60_060, 1.0, true, 2.0),
+    ] {
+        let value = step(ms, x_m, enter);
+        assert!((value - expected).abs() < 1e-9, "{ms} ms: {value}, not {expected}");
+    }
+    for _ in 0..3 {
+        Expression::parse(text, Kind::Number, &mut vocabulary).unwrap();
+    }
+    let fifth = Expression::parse(text, Kind::Number, &mut vocabulary).unwrap_err();
+    assert_eq!(fifth[0].mistake, Mistake::TooManyPids);
 }
 
 #[test]
@@ -158,10 +286,23 @@ fn mistakes_have_a_place_and_a_way_out() {
             "compare it with something, as in `… > 0`",
         ),
         ("$", "$", "`$` has no meaning in an expression", ""),
+        ("range_m < 0,25", ",", "an operator should stand here, not `,`", "as in `0.25`"),
+        ("abs(0,25) < 1", "abs(0,25)", "`abs` takes one number, and this is 2", "has a point"),
+        ("abs() < 1", "abs()", "`abs` takes one number, and this is 0", "write `abs(a)`"),
+        ("abs < 1", "abs", "`abs` is a function: its arguments", "write `abs(a)`"),
+        ("abs(1 + 2", "(", "this `(` is not closed", ""),
+        ("mni(1, 2) < 1", "mni", "there is no function `mni`", "did you mean `min`?"),
+        ("min(echo, 2) < 1", "echo", "`min` takes a number, and this is true or false", ""),
+        ("min(1, 2,) < 1", ")", "a number, a name or `(` should stand here, not `)`", ""),
+        ("pid(x_m, 1, 0, 0) > 1", "pid", "`pid` remembers from tick to tick", ""),
+        ("drvie.state == turn", "drvie.state", "the mission has no machine `drvie`", "`drive`"),
+        ("drive.state == trun", "trun", "machine `drive` has no state `trun`", "`turn`"),
+        ("drive.state > 1", "drive.state", "is compared with the name of a state", "drive.state"),
+        ("colour == rde", "rde", "unknown name `rde`", "did you mean `red`?"),
     ] {
         let misreadings = parse(text, Kind::Truth).unwrap_err();
         let first = &misreadings[0];
-        assert_eq!(first.to_string(), message, "{text}");
+        assert!(first.to_string().contains(message), "{text}: {first}");
         assert_eq!(&text[first.place.clone()], place, "{text}");
         assert!(
             first.hint.as_deref().unwrap_or_default().contains(hint),
@@ -296,13 +437,13 @@ fn claims_about_bounds_are_true_and_none_is_missed() {
         }
     }
     let values = [0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 2.5, f64::INFINITY];
-    let since = MachineState::default();
     let known: Vec<_> = conditions
         .iter()
         .map(|(plain, text)| {
             let condition = condition(text);
             let holds = values.map(|range| {
-                condition.holds(&signals(&[(Signal::Sensed(Channel::Range), range)]), &since)
+                condition
+                    .holds(board(signals(&[(Signal::Sensed(Channel::Range), range)])).seen_by(0))
             });
             (*plain, text, Claims::of(&condition), holds)
         })
@@ -460,7 +601,7 @@ proptest! {
     fn evaluation_agrees_with_the_reference(tree in number(), signals in some_signals()) {
         let expression = parse(&tree.render(), Kind::Number).unwrap();
         let (value, expected) =
-            (expression.evaluate(&signals, &MachineState::default()), tree.value(&signals));
+            (expression.evaluate(board(signals).seen_by(0)), tree.value(&signals));
         prop_assert!(same(value, expected), "{} is {value:?}, not {expected:?}", tree.render());
     }
 
@@ -468,7 +609,7 @@ proptest! {
     fn conditions_agree_with_the_reference(tree in truth(), signals in some_signals()) {
         let expression = condition(&tree.render());
         let (value, expected) =
-            (expression.evaluate(&signals, &MachineState::default()), tree.value(&signals));
+            (expression.evaluate(board(signals).seen_by(0)), tree.value(&signals));
         prop_assert!(same(value, expected), "{} is {value:?}, not {expected:?}", tree.render());
     }
 
@@ -487,9 +628,11 @@ proptest! {
     ) {
         let (earlier, later) = (condition(&earlier.render()), condition(&later.render()));
         let (first, second) = (Claims::of(&earlier), Claims::of(&later));
-        let since = MachineState::default();
-        for signals in &all_signals {
-            let holds = (earlier.evaluate(signals, &since), later.evaluate(signals, &since));
+            for signals in &all_signals {
+            let holds = {
+                let board = board(*signals);
+                (earlier.evaluate(board.seen_by(0)), later.evaluate(board.seen_by(0)))
+            };
             prop_assert!(
                 !second.implies(&first) || holds.1 != Some(1.0) || holds.0 == Some(1.0),
                 "{earlier} / {later}"

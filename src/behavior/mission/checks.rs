@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::load::{Draft, Reader};
-use super::{OnStall, StatePlan};
+use super::{MachinePlan, OnStall, TransitionPlan};
 use crate::behavior::expression::Claims;
 use crate::document::{Section, Severity, nearest};
 use crate::senses::{Channel, Role};
@@ -103,54 +103,86 @@ fn one_mode_each(reader: &Reader<'_, '_, '_>) {
     }
 }
 
-/// Conditions that can never hold, that always hold, or that come too late. Returns which
-/// transitions of each state can never fire.
-fn conditions(root: &Section<'_>, draft: &Draft) -> Vec<Vec<bool>> {
-    let state = |(state, places): (&StatePlan, &Vec<Range<usize>>)| {
-        let claims: Vec<Claims> = state.next.iter().map(|next| Claims::of(&next.when)).collect();
-        let mut impossible = Vec::with_capacity(claims.len());
-        for (at, (claim, place)) in claims.iter().zip(places).enumerate() {
-            let earlier = claims.iter().take(at).position(|earlier| claim.implies(earlier));
-            let (error, warning) = (Severity::Error, Severity::Warning);
-            let never = claim.is_never();
-            if never {
-                root.note(place.clone(), error, "this condition can never hold".to_owned())
-                    .hint("look at its numbers, or take it out");
-            } else if let Some(earlier) = earlier {
-                let other = state.next.get(earlier).map_or("", |next| next.when.text());
-                let message =
-                    format!("this can never fire: `{other}` before it holds whenever this does");
-                root.note(place.clone(), error, message).hint("put the narrower condition first");
-            } else if claim.is_always()
-                && state.next.get(at).is_some_and(|next| next.when.text() != "true")
-            {
-                root.note(place.clone(), warning, "this condition always holds".to_owned())
-                    .hint("write `true` if that is meant");
-            }
-            impossible.push(never || earlier.is_some());
+/// Transitions that cannot fire, of those for all states and of each state's own.
+struct Impossible {
+    always: Vec<bool>,
+    states: Vec<Vec<bool>>,
+}
+
+/// Conditions that can never hold, that always hold, or that come too late.
+fn conditions(root: &Section<'_>, draft: &Draft) -> Impossible {
+    let plan = &draft.plan;
+    let always = claims(&plan.always);
+    let states = plan.states.iter().zip(&draft.conditions).enumerate();
+    let states = states.map(|(at, (state, places))| {
+        // Those for all states come first, but for the final state and the one they lead to.
+        let here = always.iter().filter(|(next, _)| {
+            usize::from(next.go) != at && plan.end.is_none_or(|end| usize::from(end) != at)
+        });
+        late(root, here.collect(), &claims(&state.next), places)
+    });
+    let states = states.collect();
+    Impossible { always: late(root, Vec::new(), &always, &draft.always), states }
+}
+
+/// A transition, and what its condition claims.
+type Claimed<'p> = (&'p TransitionPlan, Claims);
+
+fn claims(transitions: &[TransitionPlan]) -> Vec<Claimed<'_>> {
+    transitions.iter().map(|next| (next, Claims::of(&next.when))).collect()
+}
+
+/// Which of a list of transitions can never fire, those before it being looked at first.
+fn late<'c>(
+    root: &Section<'_>,
+    mut before: Vec<&'c Claimed<'c>>,
+    transitions: &'c [Claimed<'c>],
+    places: &[Range<usize>],
+) -> Vec<bool> {
+    let mut impossible = Vec::with_capacity(transitions.len());
+    for (transition, place) in transitions.iter().zip(places) {
+        let (next, claim) = transition;
+        let earlier = before.iter().find(|(_, earlier)| claim.implies(earlier));
+        let (error, warning) = (Severity::Error, Severity::Warning);
+        let never = claim.is_never();
+        if never {
+            root.note(place.clone(), error, "this condition can never hold".to_owned())
+                .hint("look at its numbers, or take it out");
+        } else if let Some((earlier, _)) = earlier {
+            let other = earlier.when.text();
+            let message =
+                format!("this can never fire: `{other}` before it holds whenever this does");
+            root.note(place.clone(), error, message).hint("put the narrower condition first");
+        } else if claim.is_always() && next.when.text() != "true" {
+            root.note(place.clone(), warning, "this condition always holds".to_owned())
+                .hint("write `true` if that is meant");
         }
-        impossible
-    };
-    draft.plan.states.iter().zip(&draft.conditions).map(state).collect()
+        impossible.push(never || earlier.is_some());
+        before.push(transition);
+    }
+    impossible
 }
 
 /// States that cannot be reached, states that cannot be left, and states from which there is no way
 /// to the final one.
-fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Vec<bool>]) {
+fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &Impossible) {
     let plan = &draft.plan;
-    let (forward, backward) = ways(&plan.states);
+    let (forward, backward) = ways(plan);
     let reached = closure(&forward, [plan.start].into_iter().chain(stall));
     let ends = plan.end.map(|end| closure(&backward, [end]));
     for (at, (state, place)) in plan.states.iter().zip(&draft.states).enumerate() {
         let named = &state.name;
         let is_end = plan.end.is_some_and(|end| usize::from(end) == at);
-        let mut leaves = state.next.iter().zip(impossible.get(at).into_iter().flatten());
+        let own = state.next.iter().zip(impossible.states.get(at).into_iter().flatten());
+        let mut leaves = plan.always.iter().zip(&impossible.always).chain(own);
         let is_left = leaves.any(|(next, never)| usize::from(next.go) != at && !never);
+        // A machine of one state does one thing until the mission ends.
+        let is_alone = plan.states.len() == 1;
         let (severity, message, way_out) = if reached.get(at) != Some(&true) {
             let message =
                 format!("state `{named}` cannot be reached from `{}`", name(draft, plan.start));
             (Severity::Error, message, "a transition of another state should go here")
-        } else if !is_end && !is_left {
+        } else if !is_end && !is_left && !is_alone {
             let message = format!("state `{named}` cannot be left, and it is not final");
             (Severity::Error, message, "give it a transition, or name it as `final` of its machine")
         } else if let (Some(end), Some(ends)) = (plan.end, &ends)
@@ -168,11 +200,13 @@ fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &[Ve
 }
 
 /// Where each state leads, and from where each is come to.
-fn ways(states: &[StatePlan]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
-    let mut forward = vec![Vec::new(); states.len()];
-    let mut backward = vec![Vec::new(); states.len()];
-    for (from, state) in states.iter().enumerate() {
-        for next in &state.next {
+fn ways(plan: &MachinePlan) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
+    let mut forward = vec![Vec::new(); plan.states.len()];
+    let mut backward = forward.clone();
+    for (from, state) in plan.states.iter().enumerate() {
+        let is_end = plan.end.is_some_and(|end| usize::from(end) == from);
+        let always = plan.always.iter().filter(|_| !is_end);
+        for next in always.chain(&state.next) {
             let to = usize::from(next.go);
             if let (Some(ways), Some(back)) = (forward.get_mut(from), backward.get_mut(to)) {
                 ways.push(to);

@@ -5,11 +5,11 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::{MachinePlan, Mission, OnLost, Outputs, StatePlan, TransitionPlan, checks};
-use crate::behavior::MAX_MACHINES;
+use super::{Assignment, MachinePlan, Mission, OnLost, Outputs, StatePlan, TransitionPlan, checks};
 use crate::behavior::engine::Finish;
-use crate::behavior::expression::{Expression, Kind, Vocabulary, is_plain};
-use crate::behavior::signals::{Capabilities, words};
+use crate::behavior::expression::{Expression, Kind, SEARCHED, Vocabulary, is_plain};
+use crate::behavior::signals::Capabilities;
+use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
 use crate::document::{Document, Findings, Item, Section, Severity, nearest};
 use crate::printable::is_printable;
 use crate::senses::{Channel, Role};
@@ -19,13 +19,22 @@ mod actions;
 /// Longest name of a mission, a machine or a state, in characters.
 const NAME_CHARACTERS: usize = 40;
 
-/// With more names than this the nearest one is not looked for: it would take longer than reading
-/// the file.
-const SEARCHED: usize = 200;
+/// What `done` needs.
+const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does comes to an end";
+const ENDING: &str = "`drive_m`, `turn_deg`, `arc`, `goto` and `head_deg` end";
 
 /// The keys of the whole mission.
-const KEYS: [&str; 8] =
-    ["name", "rate_hz", "time_limit_s", "finish", "on_lost", "on_stall", "numbers", "machine"];
+const KEYS: [&str; 9] = [
+    "name",
+    "rate_hz",
+    "time_limit_s",
+    "finish",
+    "on_lost",
+    "on_stall",
+    "numbers",
+    "variables",
+    "machine",
+];
 
 const DEFAULT_RATE_HZ: u32 = 50;
 const DEFAULT_TIME_LIMIT_S: f64 = 120.0;
@@ -55,6 +64,8 @@ pub(super) struct Draft {
     pub(super) plan: MachinePlan,
     /// Where each state's name stands.
     pub(super) states: Vec<Range<usize>>,
+    /// Where the conditions for all states stand.
+    pub(super) always: Vec<Range<usize>>,
     /// Where each state's conditions stand.
     pub(super) conditions: Vec<Vec<Range<usize>>>,
     /// What it moves, and where that is said first.
@@ -66,10 +77,18 @@ pub(super) struct Draft {
 /// A transition, and where its condition stands.
 type Placed = (TransitionPlan, Range<usize>);
 
+/// A machine of the file whose states' names are known.
+struct Found<'d> {
+    item: Item<'d>,
+    section: Section<'d>,
+    states: Vec<Item<'d>>,
+}
+
 /// The names of a machine's states.
-struct Names<'d> {
-    machine: &'d str,
-    places: BTreeMap<&'d str, u16>,
+#[derive(Clone, Copy)]
+struct Names<'n> {
+    machine: &'n str,
+    places: &'n BTreeMap<String, u16>,
 }
 
 impl<'d> Reader<'_, 'd, '_> {
@@ -96,6 +115,7 @@ impl<'d> Reader<'_, 'd, '_> {
             .numbers
             .insert(Mission::TIME_LIMIT.to_owned(), time_limit_s.unwrap_or(DEFAULT_TIME_LIMIT_S));
         self.numbers();
+        self.variables();
         let drafts = self.machines()?;
         let on_stall = checks::on_stall(root, &drafts);
         checks::whole(&self, &drafts, on_stall.as_ref());
@@ -109,6 +129,7 @@ impl<'d> Reader<'_, 'd, '_> {
             on_stall: on_stall?,
             motors: self.vocabulary.motors().to_vec(),
             numbers: self.vocabulary.numbers,
+            variables: self.vocabulary.variables,
             machines: drafts.into_iter().map(|draft| draft.plan).collect(),
             senses: Channel::ALL.into_iter().filter(|channel| used.contains(channel)).collect(),
         })
@@ -116,22 +137,48 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// The mission's own numbers.
     fn numbers(&mut self) {
-        let (low, high) = Mission::NUMBERS;
         for item in self.root.section("numbers").iter().flat_map(Section::items) {
-            let name = item.key();
-            let taken = words().any(|word| word.name == name)
-                || [Mission::TIME_LIMIT, "and", "or", "not", "true", "false", "motor"]
-                    .contains(&name);
-            if taken {
-                item.error_at_key(format!("`{name}` already has a meaning in conditions"))
-                    .hint("choose another name");
-            } else if !is_plain(name) {
-                item.error_at_key(format!("`{name}` cannot be a name in conditions"))
-                    .hint("use letters, digits and `_`, with a letter first");
-            } else if let Some(number) = item.number(low..=high) {
-                self.vocabulary.numbers.insert(name.to_owned(), number);
+            if let Some((name, number)) = self.own_number(&item) {
+                self.vocabulary.numbers.insert(name, number);
             }
         }
+    }
+
+    /// The mission's variables, with what they are at the start.
+    fn variables(&mut self) {
+        let items = self.root.section("variables").map(|section| section.items());
+        let items = items.unwrap_or_default();
+        if let Some(one_more) = items.get(MAX_VARIABLES) {
+            let count = items.len();
+            one_more.error_at_key(format!(
+                "{count} variables are too many; at most {MAX_VARIABLES} are kept"
+            ));
+        }
+        for item in items.iter().take(MAX_VARIABLES) {
+            let Some((name, first)) = self.own_number(item) else { continue };
+            if self.vocabulary.numbers.contains_key(&name) {
+                item.error_at_key(format!("`{name}` is one of [numbers], which do not change"))
+                    .hint("choose another name, or leave it out there");
+            } else {
+                self.vocabulary.variables.push((name, first));
+            }
+        }
+    }
+
+    /// A name of the mission's own, and its number.
+    fn own_number(&self, item: &Item<'d>) -> Option<(String, f64)> {
+        let (low, high) = Mission::NUMBERS;
+        let name = item.key();
+        if Vocabulary::is_taken(name) || name == Mission::TIME_LIMIT {
+            item.error_at_key(format!("`{name}` already has a meaning in conditions"))
+                .hint("choose another name");
+        } else if !is_plain(name) {
+            item.error_at_key(format!("`{name}` cannot be a name in conditions"))
+                .hint("use letters, digits and `_`, with a letter first");
+        } else {
+            return Some((name.to_owned(), item.number(low..=high)?));
+        }
+        None
     }
 
     fn machines(&mut self) -> Option<Vec<Draft>> {
@@ -147,15 +194,24 @@ impl<'d> Reader<'_, 'd, '_> {
             ));
             return None;
         }
-        Some(items.iter().filter_map(|item| self.machine(item)).collect())
+        // Conditions may name the states of any machine, so all names are read first.
+        let found: Vec<Found<'d>> = items.iter().filter_map(|item| self.names(item)).collect();
+        let machines = found.iter().map(|found| {
+            let states = found.states.iter().map(|state| state.key().to_owned());
+            (found.item.key().to_owned(), states.zip(0_u16..).collect())
+        });
+        self.vocabulary.machines = machines.collect();
+        Some(found.iter().enumerate().map(|(at, found)| self.machine(at, found)).collect())
     }
 
-    fn machine(&mut self, item: &Item<'d>) -> Option<Draft> {
+    /// A machine's name and those of its states.
+    fn names(&mut self, item: &Item<'d>) -> Option<Found<'d>> {
         let section = item.section()?;
         is_name(item.key(), item);
-        section.allow(&["start", "final", "state"]);
-        let start = section.require("start");
         let states = section.require("state")?.section()?.items();
+        if states.is_empty() {
+            section.error(format!("machine `{}` has no state", shown(item.key())));
+        }
         self.states += states.len();
         if self.states > Mission::MAX_STATES {
             item.error_at_key(format!(
@@ -165,29 +221,52 @@ impl<'d> Reader<'_, 'd, '_> {
             ));
             return None;
         }
-        let places = (0_u16..).zip(&states).map(|(at, state)| (state.key(), at)).collect();
-        let names = Names { machine: item.key(), places };
-        let start = start.and_then(|start| names.find(&start));
+        Some(Found { item: item.clone(), section, states })
+    }
+
+    fn machine(&mut self, at: usize, found: &Found<'d>) -> Draft {
+        let Found { item, section, states } = found;
+        section.allow(&["start", "final", "always", "state"]);
+        // Taken out while it is used, because expressions need the whole vocabulary.
+        let places = self.vocabulary.machines.get(at).map(|machine| machine.1.clone());
+        let names = Names { machine: item.key(), places: &places.unwrap_or_default() };
+        // The one state that there is need not be named.
+        let start = match section.get("start") {
+            None if states.len() == 1 => Some(0),
+            _ => section.require("start").and_then(|start| names.find(&start)),
+        };
         let end = section.get("final").map(|end| names.find(&end));
+        let always = self.transitions_of(section, "always", names);
         let mut draft = Draft {
+            complete: start.is_some() && end != Some(None) && always.iter().all(Option::is_some),
             plan: MachinePlan {
                 name: item.key().to_owned(),
                 start: start.unwrap_or_default(),
                 end: end.flatten(),
+                always: Vec::new(),
                 states: Vec::with_capacity(states.len()),
             },
             states: states.iter().map(Item::key_place).collect(),
+            always: Vec::new(),
             conditions: Vec::with_capacity(states.len()),
             moves: BTreeMap::new(),
-            complete: start.is_some() && end != Some(None),
         };
-        for state in &states {
-            self.state(state, &names, &mut draft);
+        (draft.plan.always, draft.always) = always.into_iter().flatten().unzip();
+        for state in states {
+            self.state(state, names, &mut draft);
         }
-        Some(draft)
+        let ends = draft.plan.states.iter().any(|state| state.doing.ends());
+        for (always, place) in draft.plan.always.iter().zip(&draft.always) {
+            if always.when.asks_whether_done() && !ends {
+                self.root
+                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
+                    .hint(ENDING);
+            }
+        }
+        draft
     }
 
-    fn state(&mut self, item: &Item<'d>, names: &Names<'d>, draft: &mut Draft) {
+    fn state(&mut self, item: &Item<'d>, names: Names<'_>, draft: &mut Draft) {
         is_name(item.key(), item);
         let section = item.section();
         if let Some(section) = &section {
@@ -197,29 +276,47 @@ impl<'d> Reader<'_, 'd, '_> {
             draft.complete &= section.items().iter().all(|item| known.contains(&item.key()));
         }
         let table = |key: &str| section.as_ref()?.get(key)?.section();
+        self.vocabulary.pids = Some(0);
         let doing =
             table("do").map(|table| self.actions(&table, &mut draft.moves)).unwrap_or_default();
-        let mut signs = |key: &str| table(key).map(|table| self.signs(&table)).unwrap_or_default();
-        let (on_entry, on_exit) = (signs("on_entry"), signs("on_exit"));
-        let next = section
-            .and_then(|section| section.get("next"))
-            .map_or(Some(Vec::new()), |next| next.list());
-        draft.complete &= next.is_some();
-        let next = self.transitions(next.unwrap_or_default(), names);
+        self.vocabulary.pids = None;
+        let mut signs = |key: &str, more: &[&str]| {
+            table(key).map(|table| self.signs(&table, more)).unwrap_or_default()
+        };
+        let (on_entry, on_exit) = (signs("on_entry", &["set"]), signs("on_exit", &[]));
+        let set = table("on_entry").map(|table| self.assignments(&table)).unwrap_or_default();
+        let next =
+            section.map(|section| self.transitions_of(&section, "next", names)).unwrap_or_default();
         draft.complete &= next.iter().all(Option::is_some);
-        let (next, conditions) = next.into_iter().flatten().unzip();
+        let (next, conditions): (Vec<TransitionPlan>, Vec<_>) = next.into_iter().flatten().unzip();
+        for (next, place) in next.iter().zip(&conditions) {
+            if next.when.asks_whether_done() && !doing.ends() {
+                self.root
+                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
+                    .hint(ENDING);
+            }
+        }
         draft.conditions.push(conditions);
         draft.plan.states.push(StatePlan {
             name: item.key().to_owned(),
             doing,
             on_entry,
+            set,
             on_exit,
             next,
         });
     }
 
-    /// Transitions, `None` for each that could not be read, and for all where there are too many.
-    fn transitions(&mut self, list: Vec<Item<'d>>, names: &Names<'d>) -> Vec<Option<Placed>> {
+    /// The transitions under a key, `None` for each that could not be read, and one `None` for all
+    /// where there are too many.
+    fn transitions_of(
+        &mut self,
+        section: &Section<'d>,
+        key: &str,
+        names: Names<'_>,
+    ) -> Vec<Option<Placed>> {
+        let Some(item) = section.get(key) else { return Vec::new() };
+        let Some(list) = item.list() else { return vec![None] };
         if let Some(one_more) = list.get(Mission::MAX_TRANSITIONS) {
             let (count, most) = (list.len(), Mission::MAX_TRANSITIONS);
             one_more.error(format!("{count} transitions are too many; at most {most} are read"));
@@ -229,14 +326,38 @@ impl<'d> Reader<'_, 'd, '_> {
     }
 
     /// A transition, and where its condition stands.
-    fn transition(&mut self, item: &Item<'d>, names: &Names<'d>) -> Option<Placed> {
+    fn transition(&mut self, item: &Item<'d>, names: Names<'_>) -> Option<Placed> {
         let section = item.section()?;
-        section.allow(&["when", "go"]);
+        section.allow(&["when", "set", "go"]);
         let (when, go) = (section.require("when"), section.require("go"));
         let go = go.and_then(|go| names.find(&go));
+        let set = self.assignments(&section);
         let when = when?;
         let condition = self.expression(&when, Kind::Truth);
-        Some((TransitionPlan { when: condition?, go: go? }, when.place()))
+        Some((TransitionPlan { when: condition?, set, go: go? }, when.place()))
+    }
+
+    /// The table `set` of a section: variables and what they become.
+    fn assignments(&mut self, section: &Section<'d>) -> Vec<Assignment> {
+        let items = section.section("set").map(|set| set.items()).unwrap_or_default();
+        items.iter().filter_map(|item| self.assignment(item)).collect()
+    }
+
+    fn assignment(&mut self, item: &Item<'d>) -> Option<Assignment> {
+        let name = item.key();
+        let variable = self.vocabulary.variable(name);
+        if variable.is_none() {
+            let names = || self.vocabulary.variables.iter().map(|(name, _)| name.as_str());
+            let hint = match self.vocabulary.numbers.contains_key(name) {
+                true => "one of [numbers] does not change; it can be one of [variables]".to_owned(),
+                false => nearest(name, names()).unwrap_or_else(|| {
+                    format!("`{} = 0` in [variables] makes it one", shown(name))
+                }),
+            };
+            item.error_at_key(format!("there is no variable `{}`", shown(name))).hint(hint);
+        }
+        let value = self.number(item, Mission::NUMBERS);
+        Some(Assignment { variable: variable?, value: value? })
     }
 
     /// A number, as it stands or as an expression in quotes.
@@ -276,7 +397,7 @@ impl Names<'_> {
         let name = item.text()?;
         let found = self.places.get(name).copied();
         if found.is_none() {
-            item.error(format!("machine `{}` has no state `{}`", self.machine, shown(name)))
+            item.error(format!("machine `{}` has no state `{}`", shown(self.machine), shown(name)))
                 .hint(self.hint(name));
         }
         found
@@ -284,7 +405,7 @@ impl Names<'_> {
 
     /// The nearest name, or all of them where they are few.
     fn hint(&self, name: &str) -> String {
-        let known = || self.places.keys().copied();
+        let known = || self.places.keys().map(String::as_str);
         match self.places.len() {
             0..=8 => nearest(name, known()).unwrap_or_else(|| {
                 format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))

@@ -1,25 +1,52 @@
 //! What a state asks of the actuators: evaluated in a tick, put among the demands.
 
-use super::{DrivePlan, Outputs};
-use crate::behavior::MachineState;
+use arrayvec::ArrayVec;
+
+use super::program::Ongoing;
+use super::{DrivePlan, GoalPlan, MotionPlan, Outputs};
+use crate::behavior::blackboard::Scope;
 use crate::behavior::demands::{Demands, Drive};
 use crate::behavior::expression::Expression;
-use crate::behavior::signals::Signals;
+use crate::behavior::motion::{Goal, Order};
+use crate::behavior::signals::Signal;
 use crate::ev3dev::StopAction;
-use crate::senses::Role;
+use crate::senses::{Channel, Role};
 use crate::units::radians;
 
+/// So near to where it should be the head has arrived, radians; it stops at half of that.
+const HEAD_NEAR_RAD: f64 = 0.0175;
+
 impl Outputs {
-    /// Adds what is asked for to the demands of a tick.
-    pub(super) fn apply(&self, signals: &Signals, since: &MachineState, demands: &mut Demands) {
-        let finite = |number: &Expression| {
-            number.evaluate(signals, since).filter(|number| number.is_finite())
-        };
-        if let Some(plan) = &self.drive {
-            demands.drive = Some(plan.drive(finite).unwrap_or(Drive::Stop(StopAction::Brake)));
+    /// Adds what is asked for to the demands of a tick. True where something ends, and has ended.
+    pub(super) fn apply(
+        &self,
+        scope: Scope<'_>,
+        ongoing: &mut Ongoing,
+        demands: &mut Demands,
+    ) -> bool {
+        let finite =
+            |number: &Expression| number.evaluate(scope).filter(|number| number.is_finite());
+        let signals = &scope.board.signals;
+        let mut has_ended = self.ends();
+        match &self.drive {
+            Some(DrivePlan::Motion(plan)) => {
+                let Ongoing { motion, limits, .. } = ongoing;
+                demands.drive = Some(motion.step(|| plan.order(finite), signals, limits));
+                has_ended &= motion.is_done();
+            }
+            Some(plan) => {
+                demands.drive = Some(plan.drive(finite).unwrap_or(Drive::Stop(StopAction::Brake)));
+            }
+            None => {}
         }
         if let Some(head_deg) = &self.head_deg {
             demands.head_rad = finite(head_deg).map(radians);
+            let most_rad = ongoing.limits.head_rad;
+            let target_rad = demands.head_rad.map(|rad| rad.clamp(-most_rad, most_rad));
+            let head_rad = signals.get(Signal::Sensed(Channel::Head));
+            has_ended &= target_rad.zip(head_rad).is_some_and(|(target_rad, head_rad)| {
+                (target_rad - head_rad).abs() < HEAD_NEAR_RAD
+            });
         }
         for (place, dps) in &self.motors_dps {
             if let Some(motor) = demands.motors.get_mut(usize::from(*place)) {
@@ -29,6 +56,12 @@ impl Outputs {
         demands.led = self.led.or(demands.led);
         demands.tone_hz = self.tone_hz.as_ref().and_then(finite).or(demands.tone_hz);
         demands.say = self.say.or(demands.say);
+        has_ended
+    }
+
+    /// Whether it has something that comes to an end, so that `done` can be asked for.
+    pub(super) fn ends(&self) -> bool {
+        matches!(self.drive, Some(DrivePlan::Motion(_))) || self.head_deg.is_some()
     }
 
     /// The parts of the robot that are moved.
@@ -41,15 +74,9 @@ impl Outputs {
 
     /// Every number in it that is an expression.
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut Expression> {
-        let drive = match &mut self.drive {
-            Some(
-                DrivePlan::Wheels { left_dps: a, right_dps: b }
-                | DrivePlan::Twist { forward_mps: a, turn_dps: b },
-            ) => [Some(a), Some(b)],
-            Some(DrivePlan::Stop(_)) | None => [None, None],
-        };
+        let drive = self.drive.as_mut().map(DrivePlan::expressions_mut).unwrap_or_default();
         let motors = self.motors_dps.iter_mut().map(|(_, dps)| dps);
-        drive.into_iter().flatten().chain(&mut self.head_deg).chain(&mut self.tone_hz).chain(motors)
+        drive.into_iter().chain(&mut self.head_deg).chain(&mut self.tone_hz).chain(motors)
     }
 }
 
@@ -66,6 +93,54 @@ impl DrivePlan {
                 turn_rad_s: radians(finite(turn_dps)?),
             }),
             Self::Stop(action) => Some(Drive::Stop(*action)),
+            // It is decided by what is under way.
+            Self::Motion(_) => None,
         }
+    }
+
+    fn expressions_mut(&mut self) -> ArrayVec<&mut Expression, 5> {
+        let mut found = ArrayVec::new();
+        match self {
+            Self::Wheels { left_dps: a, right_dps: b }
+            | Self::Twist { forward_mps: a, turn_dps: b } => found.extend([a, b]),
+            Self::Stop(_) => {}
+            Self::Motion(plan) => {
+                found.extend(plan.speed_mps.iter_mut().chain(&mut plan.speed_dps));
+                match &mut plan.goal {
+                    GoalPlan::Ahead { way_m: a } | GoalPlan::Turn { turn_deg: a } => found.push(a),
+                    GoalPlan::Arc { radius_m: a, turn_deg: b } => found.extend([a, b]),
+                    GoalPlan::Place { x_m, y_m, face_deg } => {
+                        found.extend([x_m, y_m].into_iter().chain(face_deg));
+                    }
+                }
+            }
+        }
+        found
+    }
+}
+
+impl MotionPlan {
+    /// The motion, with its numbers as they are now; `None` where one is not known or not finite.
+    fn order(&self, finite: impl Fn(&Expression) -> Option<f64>) -> Option<Order> {
+        // Absent is well, and not known is not.
+        let optional = |number: &Option<Expression>| match number {
+            Some(number) => finite(number).map(Some),
+            None => Some(None),
+        };
+        let goal = match &self.goal {
+            GoalPlan::Ahead { way_m } => Goal::Ahead { way_m: finite(way_m)? },
+            GoalPlan::Turn { turn_deg } => Goal::Turn { turn_rad: radians(finite(turn_deg)?) },
+            GoalPlan::Arc { radius_m, turn_deg } => {
+                Goal::Arc { radius_m: finite(radius_m)?, turn_rad: radians(finite(turn_deg)?) }
+            }
+            GoalPlan::Place { x_m, y_m, face_deg } => Goal::Place {
+                x_m: finite(x_m)?,
+                y_m: finite(y_m)?,
+                face_rad: optional(face_deg)?.map(radians),
+            },
+        };
+        let speed_m_s = optional(&self.speed_mps)?;
+        let turn_rad_s = optional(&self.speed_dps)?.map(radians);
+        Some(Order { goal, speed_m_s, turn_rad_s })
     }
 }

@@ -1,10 +1,17 @@
 //! A mission that runs: its machines on the engine, one step a tick.
 
-use super::{MachinePlan, Mission, OnStall, StatePlan};
+use std::cell::Cell;
+
+use arrayvec::ArrayVec;
+use serde::{Deserialize, Serialize};
+
+use super::{Assignment, MachinePlan, Mission, OnStall, Outputs, StatePlan, TransitionPlan};
+use crate::behavior::blackboard::{Blackboard, MAX_PIDS, MAX_VARIABLES, MachineState, PidState};
 use crate::behavior::demands::Demands;
 use crate::behavior::engine::{Engine, EngineError, Machine, Progress, State};
+use crate::behavior::motion::{MotionLimits, MotionState};
 use crate::behavior::signals::Signals;
-use crate::behavior::{MAX_MACHINES, MachineState, Taken};
+use crate::behavior::{MAX_MACHINES, Taken};
 use crate::senses::Role;
 
 /// A mission under way.
@@ -16,6 +23,8 @@ pub struct Program {
     turn: Turn,
     /// How many states each machine has.
     states: Vec<usize>,
+    /// How many variables there are.
+    variables: usize,
     /// Which machine goes to which state when the wheels are blocked.
     on_stall: Vec<(usize, u16)>,
 }
@@ -23,9 +32,29 @@ pub struct Program {
 /// The inputs of one step, as the engine hands them to checks and actions.
 #[derive(Debug, Default)]
 struct Turn {
-    signals: Signals,
+    board: Blackboard,
+    ongoing: Ongoing,
     demands: Demands,
-    since: [MachineState; MAX_MACHINES],
+}
+
+/// What is under way, and takes more than one tick.
+#[derive(Debug, Default)]
+pub(super) struct Ongoing {
+    /// Of the one machine that moves the wheels.
+    pub(super) motion: MotionState,
+    pub(super) limits: MotionLimits,
+}
+
+/// What a mission carries from tick to tick: enough to go on from.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ProgramState {
+    /// Where each machine is.
+    pub machines: ArrayVec<MachineState, MAX_MACHINES>,
+    /// The variables.
+    pub variables: ArrayVec<f64, MAX_VARIABLES>,
+    /// What each machine's `pid`s remember.
+    pids: ArrayVec<[PidState; MAX_PIDS], MAX_MACHINES>,
+    motion: MotionState,
 }
 
 impl Program {
@@ -45,10 +74,27 @@ impl Program {
         };
         let states = mission.machines.iter().map(|plan| plan.states.len()).collect();
         let mut turn = Turn::default();
-        for (since, plan) in turn.since.iter_mut().zip(&mission.machines) {
-            since.state = plan.start;
+        for (machine, plan) in turn.board.machines.iter_mut().zip(&mission.machines) {
+            machine.state = plan.start;
         }
-        Ok(Self { engine, turn, states, on_stall })
+        for (variable, (_, first)) in turn.board.variables.iter_mut().zip(&mission.variables) {
+            *variable = *first;
+        }
+        Ok(Self { engine, turn, states, variables: mission.variables.len(), on_stall })
+    }
+
+    /// The same program, whose `random` draws from a seed; without one it is 0.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.turn.board.seed = seed;
+        self
+    }
+
+    /// The same program, whose motions keep to a robot's limits.
+    #[must_use]
+    pub fn with_limits(mut self, limits: MotionLimits) -> Self {
+        self.turn.ongoing.limits = limits;
+        self
     }
 
     /// Takes one step: checks, transitions, actions. `demands` becomes what the machines want in
@@ -59,7 +105,7 @@ impl Program {
         demands: &mut Demands,
         on_taken: impl FnMut(Taken),
     ) -> Progress {
-        self.turn.signals = *signals;
+        self.turn.board.signals = *signals;
         self.turn.demands = Demands::default();
         let progress = self.engine.step_traced(signals.time_ns(), &mut self.turn, on_taken);
         *demands = self.turn.demands;
@@ -84,26 +130,45 @@ impl Program {
         (0..self.states.len()).filter_map(|machine| self.engine.active(machine))
     }
 
-    /// Where each machine is, once the first step was taken: enough to go on from.
+    /// The variables, in the order of the mission.
     #[must_use]
-    pub fn checkpoint(&self) -> &[MachineState] {
-        self.turn.since.get(..self.states.len()).unwrap_or_default()
+    pub fn variables(&self) -> &[f64] {
+        self.turn.board.variables.get(..self.variables).unwrap_or_default()
     }
 
-    /// Continues from a checkpoint of the same mission. Returns false, and changes nothing, if the
-    /// checkpoint does not fit the mission.
-    pub fn restore(&mut self, checkpoint: &[MachineState]) -> bool {
-        let fits = checkpoint.len() == self.states.len()
-            && checkpoint
+    /// What is carried to the next tick, once the first step was taken: enough to go on from.
+    #[must_use]
+    pub fn state(&self) -> ProgramState {
+        let board = &self.turn.board;
+        let pids = board.pids.iter().map(|pids| pids.each_ref().map(Cell::get));
+        ProgramState {
+            machines: board.machines.iter().take(self.states.len()).copied().collect(),
+            variables: self.variables().iter().copied().collect(),
+            pids: pids.take(self.states.len()).collect(),
+            motion: self.turn.ongoing.motion,
+        }
+    }
+
+    /// Continues from a state of the same mission. Returns false, and changes nothing, if the state
+    /// does not fit the mission.
+    pub fn restore(&mut self, state: &ProgramState) -> bool {
+        let fits = [state.machines.len(), state.pids.len()] == [self.states.len(); 2]
+            && state.variables.len() == self.variables
+            && state
+                .machines
                 .iter()
                 .zip(&self.states)
                 .all(|(at, states)| usize::from(at.state) < *states);
         if fits {
-            for (index, at) in checkpoint.iter().enumerate() {
+            self.turn.ongoing.motion = state.motion;
+            let board = &mut self.turn.board;
+            for (index, (at, pids)) in state.machines.iter().zip(&state.pids).enumerate() {
                 self.engine.restore(index, at.state, at.entered_ns);
-                if let Some(since) = self.turn.since.get_mut(index) {
-                    *since = *at;
-                }
+                board.machines[index] = *at;
+                board.pids[index] = pids.map(Cell::new);
+            }
+            for (variable, value) in board.variables.iter_mut().zip(&state.variables) {
+                *variable = *value;
             }
         }
         fits
@@ -111,25 +176,41 @@ impl Program {
 }
 
 impl Turn {
-    fn since(&self, machine: usize) -> MachineState {
-        self.since.get(machine).copied().unwrap_or_default()
+    fn apply(&mut self, machine: usize, outputs: &Outputs) -> bool {
+        outputs.apply(self.board.seen_by(machine), &mut self.ongoing, &mut self.demands)
+    }
+
+    /// Gives variables their values, all of them worked out before the first is given.
+    ///
+    /// What is not known or not finite leaves its variable as it is.
+    fn set(&mut self, machine: usize, assignments: &[Assignment]) {
+        let scope = self.board.seen_by(machine);
+        let values: ArrayVec<(u8, f64), MAX_VARIABLES> = assignments
+            .iter()
+            .filter_map(|assignment| Some((assignment.variable, assignment.value.evaluate(scope)?)))
+            .filter(|(_, value)| value.is_finite())
+            .take(MAX_VARIABLES)
+            .collect();
+        for (variable, value) in values {
+            self.board.variables[usize::from(variable)] = value;
+        }
     }
 }
 
 /// A machine of a mission, as the engine takes it.
 fn machine(index: usize, plan: &MachinePlan) -> Machine<Turn> {
     let name = |at: u16| plan.state(at).map(|state| state.name.clone()).unwrap_or_default();
-    let mut machine = Machine::new(plan.name.clone(), name(plan.start));
+    let transition = |state: State<Turn>, transition: &TransitionPlan| {
+        let (when, set) = (transition.when.clone(), transition.set.clone());
+        let state =
+            state.when(move |turn, _| when.holds(turn.board.seen_by(index)), name(transition.go));
+        if set.is_empty() { state } else { state.taking(move |turn, _| turn.set(index, &set)) }
+    };
+    let mut machine = Machine::new(plan.name.clone(), name(plan.start))
+        .always(|always| plan.always.iter().fold(always, transition));
     for (at, state_plan) in (0_u16..).zip(&plan.states) {
         machine = machine.state(state_plan.name.clone(), |state| {
-            let described = actions(state, index, at, state_plan);
-            state_plan.next.iter().fold(described, |state, transition| {
-                let when = transition.when.clone();
-                state.when(
-                    move |turn, _| when.holds(&turn.signals, &turn.since(index)),
-                    name(transition.go),
-                )
-            })
+            state_plan.next.iter().fold(actions(state, index, at, state_plan), transition)
         });
     }
     match plan.end {
@@ -140,13 +221,22 @@ fn machine(index: usize, plan: &MachinePlan) -> Machine<Turn> {
 
 fn actions(state: State<Turn>, index: usize, at: u16, plan: &StatePlan) -> State<Turn> {
     let (entry, doing, exit) = (plan.on_entry.clone(), plan.doing.clone(), plan.on_exit.clone());
+    let set = plan.set.clone();
+    let moves = doing.roles().any(|role| role == Role::Wheels);
     state
         .entering(move |turn, _| {
-            if let Some(since) = turn.since.get_mut(index) {
-                *since = turn.signals.entering(at);
+            turn.board.enter(index, at);
+            turn.set(index, &set);
+            if moves {
+                turn.ongoing.motion = MotionState::default();
             }
-            entry.apply(&turn.signals, &turn.since(index), &mut turn.demands);
+            turn.apply(index, &entry);
         })
-        .doing(move |turn, _| doing.apply(&turn.signals, &turn.since(index), &mut turn.demands))
-        .leaving(move |turn, _| exit.apply(&turn.signals, &turn.since(index), &mut turn.demands))
+        .doing(move |turn, _| {
+            let done = turn.apply(index, &doing);
+            turn.board.machines[index].done = done;
+        })
+        .leaving(move |turn, _| {
+            turn.apply(index, &exit);
+        })
 }

@@ -119,10 +119,11 @@ fn start(mission: &Mission) -> Start {
         wall_offset_ns: 0,
         period_ns: PERIOD_NS,
         pace: Pace::Real,
-        seed: None,
+        seed: 0,
         cells: Technology::default(),
         settings: Vec::new(),
         range: None,
         machines: Vec::new(),
+        variables: Vec::new(),
     }
 }

@@ -60,6 +60,7 @@ fn an_independent_decoder_reads_every_message_by_its_own_definition() {
         ("/rosout", "rcl_interfaces/msg/Log", 4),
         ("/stats", "onbrick_msgs/msg/TickStatistics", 3),
         ("/checkpoint", "onbrick_msgs/msg/Checkpoint", 3),
+        ("/variables", "onbrick_msgs/msg/Variables", 4),
     ] {
         assert_eq!(topics[topic]["schema"], schema);
         assert_eq!(topics[topic]["count"], count, "{topic}");
@@ -99,6 +100,9 @@ fn an_independent_decoder_reads_every_message_by_its_own_definition() {
     assert_eq!(topics["/map"]["first"]["data"], serde_json::json!([-1, 0, 100, 50, 0, -1]));
     assert_eq!(topics["/map"]["first"]["info"]["origin"]["position"]["y"], -0.5);
     assert_eq!(topics["/transitions"]["last"]["to_state"], "turn");
+    let variables = &topics["/variables"]["last"];
+    assert_eq!(variables["name"], serde_json::json!(["found", "best_m"]));
+    assert_eq!(variables["value"], serde_json::json!([4.0, 0.1 + 0.2]));
     assert_eq!(topics["/rosout"]["first"]["msg"], "a wall <ahead>");
     assert_eq!(topics["/stats"]["first"]["ticks"], 51);
 }

@@ -53,7 +53,7 @@ pub(crate) fn start(pace: Pace) -> Start {
         wall_offset_ns: 1_700_000_000_000_000_000,
         period_ns: PERIOD_NS,
         pace,
-        seed: Some(7),
+        seed: 7,
         cells: Technology::LiIon,
         settings: vec![("near_m".to_owned(), 0.1 + 0.2)],
         range: Some(RangeSensor {
@@ -66,11 +66,13 @@ pub(crate) fn start(pace: Pace) -> Start {
         machines: vec![MachineNames {
             name: "drive".to_owned(),
             start: 0,
+            always: Vec::new(),
             states: vec![
                 state("forward", &["range_m < 0.25"]),
                 state("turn", &["state_turn_deg > 90"]),
             ],
         }],
+        variables: vec!["found".to_owned(), "best_m".to_owned()],
     }
 }
 
@@ -151,25 +153,33 @@ pub(crate) fn taken(number: u64) -> Taken {
     }
 }
 
+/// The mission's variables after a tick.
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+pub(crate) fn variables(number: u64) -> [f64; 2] {
+    [(number / 25) as f64, 0.1 + 0.2]
+}
+
 pub(crate) fn put(side: &mut TickSide<PilotState>, number: u64) {
     let record = tick(number);
     let time_ns = record.senses.time_ns;
     if number.is_multiple_of(25) && number > 0 {
         side.transition(number, time_ns, taken(number));
         side.log(time_ns, Level::Warn, "a wall <ahead>");
+        side.variables(number, time_ns, &variables(number));
     }
     side.tick(&record);
     if number.is_multiple_of(50) {
         let mut state = PilotState::default();
-        state.machine_count = 1;
         state.estimator.pose = record.estimate.pose;
-        state.machines[0] = MachineState {
+        state.program.machines.push(MachineState {
             state: 1,
+            done: true,
             entered_ns: time_ns,
             entered_m: 0.5,
             entered_heading_rad: 0.25,
-        };
-        side.checkpoint(number, time_ns, &state);
+        });
+        state.program.variables.extend(variables(number));
+        side.checkpoint(number, time_ns, state);
     }
 }
 

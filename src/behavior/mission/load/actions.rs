@@ -8,7 +8,7 @@ use arrayvec::ArrayString;
 use super::{Outputs, Reader, nearest, shown};
 use crate::behavior::demands::{Led, SAY_BYTES};
 use crate::behavior::expression::{Expression, Mistake};
-use crate::behavior::mission::DrivePlan;
+use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::printable::is_printable;
@@ -18,12 +18,19 @@ use crate::senses::{QUANTITIES, Role};
 const SIGNS: [&str; 3] = ["led", "tone_hz", "say"];
 
 /// What can be asked in `do`.
-const ACTIONS: [&str; 10] = [
+const ACTIONS: [&str; 17] = [
     "left_dps",
     "right_dps",
     "forward_mps",
     "turn_dps",
     "stop",
+    "drive_m",
+    "turn_deg",
+    "arc",
+    "goto",
+    "face_deg",
+    "speed_mps",
+    "speed_dps",
     "head_deg",
     "motor",
     "led",
@@ -32,13 +39,35 @@ const ACTIONS: [&str; 10] = [
 ];
 
 /// Keys that move the wheels; those of one row go together.
-const DRIVES: [(&str, usize); 5] =
-    [("left_dps", 0), ("right_dps", 0), ("forward_mps", 1), ("turn_dps", 1), ("stop", 2)];
+const DRIVES: [(&str, usize); 9] = [
+    ("left_dps", 0),
+    ("right_dps", 0),
+    ("forward_mps", 1),
+    ("turn_dps", 1),
+    ("stop", 2),
+    ("drive_m", 3),
+    ("turn_deg", 4),
+    ("arc", 5),
+    ("goto", 6),
+];
+
+/// Keys that go with some motions that end, and with which.
+const OF_MOTIONS: [(&str, &[&str]); 3] = [
+    ("speed_mps", &["drive_m", "arc", "goto"]),
+    ("speed_dps", &["turn_deg", "goto"]),
+    ("face_deg", &["goto"]),
+];
 
 /// No actuator is asked for more by a slip of the finger: degrees per second, metres per second.
 const DPS: (f64, f64) = (-10_000.0, 10_000.0);
 const MPS: (f64, f64) = (-10.0, 10.0);
 const HEAD_DEG: (f64, f64) = (-720.0, 720.0);
+/// How far a motion may go: metres, and degrees; ten turns are for dancing.
+const WAY_M: (f64, f64) = (-100.0, 100.0);
+const TURN_DEG: (f64, f64) = (-3600.0, 3600.0);
+/// How fast it may be asked to be: a speed has no direction there.
+const SPEED_MPS: (f64, f64) = (0.001, MPS.1);
+const SPEED_DPS: (f64, f64) = (1.0, DPS.1);
 
 /// What the brick's speaker can play and ears can hear.
 const TONE_HZ: (f64, f64) = (20.0, 20_000.0);
@@ -60,8 +89,12 @@ impl<'d> Reader<'_, 'd, '_> {
     }
 
     /// The tables `on_entry` and `on_exit`: what is done once.
-    pub(super) fn signs(&mut self, table: &Section<'d>) -> Outputs {
+    /// - `more`: keys that are read elsewhere.
+    pub(super) fn signs(&mut self, table: &Section<'d>, more: &[&str]) -> Outputs {
         for item in table.items() {
+            if more.contains(&item.key()) {
+                continue;
+            }
             if ACTIONS.contains(&item.key()) && !SIGNS.contains(&item.key()) {
                 item.error_at_key(format!(
                     "`{}` is asked for in every tick, so it belongs in `do`",
@@ -89,6 +122,7 @@ impl<'d> Reader<'_, 'd, '_> {
     fn drive(&mut self, table: &Section<'d>, moves: &mut Moves) -> Option<DrivePlan> {
         let given: Vec<(Item<'d>, usize)> =
             DRIVES.iter().filter_map(|(key, row)| Some((table.get(key)?, *row))).collect();
+        self.goes_with(table);
         let (first, row) = given.first()?;
         self.moves(Role::Wheels, first, moves);
         if let Some((other, _)) = given.iter().find(|(_, other)| other != row) {
@@ -98,23 +132,86 @@ impl<'d> Reader<'_, 'd, '_> {
                 .hint("leave one out");
             return None;
         }
-        let optional = |reader: &mut Self, key: &str, range| match table.get(key) {
-            Some(item) => reader.number(&item, range),
-            None => Some(Expression::constant(0.0)),
-        };
         match row {
             0 => self.wheels(table, first),
             1 => {
-                let forward_mps = optional(self, "forward_mps", MPS);
-                let turn_dps = optional(self, "turn_dps", DPS);
-                Some(DrivePlan::Twist { forward_mps: forward_mps?, turn_dps: turn_dps? })
+                let none = || Expression::constant(0.0);
+                let forward_mps = self.optional(table, "forward_mps", MPS);
+                let turn_dps = self.optional(table, "turn_dps", DPS);
+                Some(DrivePlan::Twist {
+                    forward_mps: forward_mps?.unwrap_or_else(none),
+                    turn_dps: turn_dps?.unwrap_or_else(none),
+                })
             }
+            3.. => self.motion(table, first).map(|plan| DrivePlan::Motion(Box::new(plan))),
             _ => first
                 .word(
                     &StopAction::ALL.iter().map(|stop| (stop.as_str(), *stop)).collect::<Vec<_>>(),
                 )
                 .map(DrivePlan::Stop),
         }
+    }
+
+    /// Keys of motions belong to a motion of their kind.
+    fn goes_with(&self, table: &Section<'d>) {
+        for (key, motions) in OF_MOTIONS {
+            let Some(item) = table.get(key) else { continue };
+            if !motions.iter().any(|motion| table.get(motion).is_some()) {
+                let motions = motions.iter().map(|motion| format!("`{motion}`"));
+                let motions = motions.collect::<Vec<_>>().join(" or ");
+                item.error_at_key(format!("`{key}` goes together with {motions}")).hint(
+                    "`forward_mps` and `turn_dps` are speeds of a robot that drives on and on",
+                );
+            }
+        }
+    }
+
+    /// A motion that ends.
+    fn motion(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<MotionPlan> {
+        // Its numbers are taken once, so nothing in them can remember from tick to tick.
+        let pids = self.vocabulary.pids.take();
+        let goal = self.goal(table, item);
+        let speed_mps = self.optional(table, "speed_mps", SPEED_MPS);
+        let speed_dps = self.optional(table, "speed_dps", SPEED_DPS);
+        self.vocabulary.pids = pids;
+        Some(MotionPlan { goal: goal?, speed_mps: speed_mps?, speed_dps: speed_dps? })
+    }
+
+    fn goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<GoalPlan> {
+        match item.key() {
+            "drive_m" => Some(GoalPlan::Ahead { way_m: self.number(item, WAY_M)? }),
+            "turn_deg" => Some(GoalPlan::Turn { turn_deg: self.number(item, TURN_DEG)? }),
+            "arc" => {
+                let arc = item.section()?;
+                arc.allow(&["radius_m", "turn_deg"]);
+                let radius_m = arc.require("radius_m").and_then(|item| self.number(&item, WAY_M));
+                let turn_deg =
+                    arc.require("turn_deg").and_then(|item| self.number(&item, TURN_DEG));
+                Some(GoalPlan::Arc { radius_m: radius_m?, turn_deg: turn_deg? })
+            }
+            _ => {
+                let list = item.list()?;
+                let [x, y] = list.as_slice() else {
+                    item.error(format!("`goto` is a place, and this has {} numbers", list.len()))
+                        .hint("write x and y in metres, as in `goto = [0.8, -0.2]`");
+                    return None;
+                };
+                let (x_m, y_m) = (self.number(x, WAY_M), self.number(y, WAY_M));
+                let face_deg = self.optional(table, "face_deg", TURN_DEG);
+                Some(GoalPlan::Place { x_m: x_m?, y_m: y_m?, face_deg: face_deg? })
+            }
+        }
+    }
+
+    /// A number that may be left out; `None` where it is wrong.
+    #[expect(clippy::option_option, reason = "absent and wrong are different")]
+    fn optional(
+        &mut self,
+        table: &Section<'d>,
+        key: &str,
+        range: (f64, f64),
+    ) -> Option<Option<Expression>> {
+        table.value_or(key, None, |item| self.number(item, range).map(Some))
     }
 
     /// The speeds of the two wheels, which go together.
