@@ -28,6 +28,8 @@ pub mod mission;
 pub mod motion;
 pub mod shipped;
 pub mod signals;
+mod telling;
+pub mod tune;
 
 pub use blackboard::{Blackboard, MAX_VARIABLES, MachineState, Scope};
 pub use demands::{Demands, Drive, Led};

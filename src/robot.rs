@@ -399,7 +399,8 @@ impl Robot {
         (missing_rad * HEAD_GAIN_PER_S).clamp(-role.speed_rad_s, role.speed_rad_s)
     }
 
-    fn show(&mut self, demands: &Demands) {
+    /// Carries out what is for people: lights and tones.
+    pub fn show(&mut self, demands: &Demands) {
         if let Some(led) = demands.led {
             self.light(led);
         }

@@ -26,6 +26,7 @@
 //! readings - heading, position, times - has its names in `behavior`.
 
 mod readings;
+mod values;
 
 use std::fmt;
 
@@ -54,18 +55,6 @@ pub struct Quantity {
     pub role: Role,
     /// Where a sensor gives it, the one to be preferred first; none for what is no sensor.
     pub sources: &'static [Source],
-}
-
-impl Quantity {
-    /// The names of its values in conditions, where it is one of several things: `colour == red`.
-    #[must_use]
-    pub fn values(&self) -> &'static [(&'static str, f64)] {
-        match self.channel {
-            Channel::Colour => &COLOURS,
-            Channel::Remote => &REMOTE_BUTTONS,
-            _ => &[],
-        }
-    }
 }
 
 /// What a quantity's values are in.
@@ -319,35 +308,6 @@ macro_rules! quantities {
         }),+];
     };
 }
-
-/// What nothing is called, of all that has names: no colour, no button.
-const NONE: (&str, f64) = ("none", 0.0);
-
-/// The colours that the colour sensor tells apart.
-const COLOURS: [(&str, f64); 8] = [
-    NONE,
-    ("black", 1.0),
-    ("blue", 2.0),
-    ("green", 3.0),
-    ("yellow", 4.0),
-    ("red", 5.0),
-    ("white", 6.0),
-    ("brown", 7.0),
-];
-
-/// The remote's buttons: red is left, blue is right; one of each side may be held together.
-const REMOTE_BUTTONS: [(&str, f64); 10] = [
-    NONE,
-    ("left_up", 1.0),
-    ("left_down", 2.0),
-    ("right_up", 3.0),
-    ("right_down", 4.0),
-    ("both_up", 5.0),
-    ("left_up_right_down", 6.0),
-    ("left_down_right_up", 7.0),
-    ("both_down", 8.0),
-    ("beacon", 9.0),
-];
 
 const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);

@@ -1,8 +1,7 @@
 //! What a mission's machines want of the actuators in one tick.
 //!
 //! Speeds and angles are in radians and metres. `None` demands nothing: a motor without a demand
-//! does not turn, and its lease is not renewed; a light and a line of text stay as they are; a tone
-//! ends.
+//! does not turn, and its lease is not renewed; a light and a text stay as they are; a tone ends.
 //!
 //! # Not here
 //!
@@ -13,13 +12,12 @@ use arrayvec::ArrayString;
 use super::MAX_MOTORS;
 use crate::ev3dev::StopAction;
 
-/// The longest line that `say` shows, in bytes: what fits across the brick's screen in its small
+/// The longest text that `say` shows, in bytes: four lines across the brick's screen in its small
 /// font, with room for letters of two bytes.
-pub const SAY_BYTES: usize = 40;
+pub const SAY_BYTES: usize = 128;
 
-/// The length of a tone that is demanded in one tick, as on entry to a state; one that is demanded
-/// in every tick continues.
-pub const TONE_S: f64 = 0.2;
+/// The most lines of it.
+pub const SAY_LINES: usize = 4;
 
 /// What the machines want in one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -33,9 +31,9 @@ pub struct Demands {
     pub motors: [Option<f64>; MAX_MOTORS],
     /// The colour of the brick's lights.
     pub led: Option<Led>,
-    /// A tone, in hertz; see [`TONE_S`].
+    /// A tone, in hertz.
     pub tone_hz: Option<f64>,
-    /// A line for the screen.
+    /// A text for people, of one line or more.
     pub say: Option<ArrayString<SAY_BYTES>>,
 }
 

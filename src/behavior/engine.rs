@@ -1,8 +1,7 @@
 //! The engine: machines of states over any input type, stepped with the time as an argument.
 //!
 //! A machine is a set of states, one of them active. A state has an action, perhaps an entry and an
-//! exit action, and an ordered list of transitions: a check and a destination. One step of a
-//! machine is
+//! exit action, and an ordered list of transitions: a check and a destination. In one step
 //!
 //! 1. the first transition whose check holds is taken, at most one: exit action, the transition's
 //!    own action, then the new state's entry action;
@@ -173,8 +172,7 @@ impl<I> State<I> {
         self
     }
 
-    /// Gives the transition that was added last an action, which runs when it is taken: between
-    /// the exit action of the state left and the entry action of the one entered.
+    /// Gives the transition that was added last an action, which runs when it is taken.
     #[must_use]
     pub fn taking(mut self, action: impl FnMut(&mut I, Moment) + Send + 'static) -> Self {
         if let Some(last) = self.next.last_mut() {
@@ -224,8 +222,8 @@ impl<I> Machine<I> {
         self
     }
 
-    /// Adds transitions that are looked at in every state before its own, but for the final state
-    /// and the one that they lead to; `describe` adds them as those of a state.
+    /// Adds transitions of every state, before its own, but for the final state and the one that
+    /// they lead to.
     #[must_use]
     pub fn always(mut self, describe: impl FnOnce(State<I>) -> State<I>) -> Self {
         self.always.extend(describe(State::named(String::new())).next);
@@ -315,6 +313,12 @@ impl<I> Engine<I> {
         if finished { Progress::Finished } else { Progress::Running }
     }
 
+    /// Whether each machine is in its final state or has none.
+    #[must_use]
+    pub fn waits(&self) -> bool {
+        self.machines.iter().all(|machine| machine.end.is_none_or(|end| end == machine.active))
+    }
+
     /// The name of a machine's active state.
     #[must_use]
     pub fn active(&self, machine: usize) -> Option<&str> {
@@ -331,26 +335,22 @@ impl<I> Engine<I> {
     /// Makes a machine's next transition lead to `state`, whatever its checks say; it is taken at
     /// the next step. Returns false, and does nothing, where there is no such machine or state.
     pub fn force(&mut self, machine: usize, state: u16) -> bool {
-        match self.machines.get_mut(machine) {
-            Some(running) if usize::from(state) < running.states.len() => {
-                running.forced = Some(state);
-                true
-            }
-            _ => false,
-        }
+        let running = self.having(machine, state);
+        running.map(|running| running.forced = Some(state)).is_some()
     }
 
     /// Puts a machine into a state it was in, entered at `entered_ns`, without any action: to go on
     /// from a record. Returns false, and does nothing, where there is no such machine or state.
     pub fn restore(&mut self, machine: usize, state: u16, entered_ns: i64) -> bool {
-        match self.machines.get_mut(machine) {
-            Some(running) if usize::from(state) < running.states.len() => {
-                (running.active, running.entered_ns) = (state, entered_ns);
-                (running.started, running.forced) = (true, None);
-                true
-            }
-            _ => false,
-        }
+        let Some(running) = self.having(machine, state) else { return false };
+        (running.active, running.entered_ns) = (state, entered_ns);
+        (running.started, running.forced) = (true, None);
+        true
+    }
+
+    fn having(&mut self, machine: usize, state: u16) -> Option<&mut Running<I>> {
+        let running = self.machines.get_mut(machine)?;
+        (usize::from(state) < running.states.len()).then_some(running)
     }
 }
 

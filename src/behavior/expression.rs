@@ -165,7 +165,16 @@ impl Expression {
         kind: Kind,
         vocabulary: &mut Vocabulary<'_>,
     ) -> Result<Self, Vec<Misreading>> {
-        parser::parse(text, kind, vocabulary)
+        parser::parse(text, Some(kind), vocabulary)
+    }
+
+    /// Reads an expression that may give either.
+    ///
+    /// # Errors
+    ///
+    /// As [`Expression::parse`].
+    pub fn parse_any(text: &str, vocabulary: &mut Vocabulary<'_>) -> Result<Self, Vec<Misreading>> {
+        parser::parse(text, None, vocabulary)
     }
 
     /// The expression that is always this number.

@@ -8,20 +8,25 @@
 //! on_lost = "stop"        # a device is gone or stale: "stop", or "pause" until it is back
 //! on_stall = "stop"       # or the state that the wheels' machine enters when they are blocked
 //!
-//! [numbers]               # names for conditions; `--set close_m=0.3` gives one another value
+//! [numbers]               # names for expressions; `--set close_m=0.3` gives one another value
 //! close_m = 0.25
 //!
+//! [variables]             # names for values that change, each with its first value
+//! walls = 0
+//!
 //! [machine.drive]
-//! start = "forward"
-//! final = "halt"          # optional: without it the mission runs until its time limit
+//! start = "forward"       # may be left out where there is one state
+//! final = "halt"          # optional: a machine without it is finished when the time is over
+//! always = [{ when = "walls == 10", go = "halt" }]   # looked at before each state's own
 //!
 //! [machine.drive.state.forward]
 //! do = { left_dps = 60, right_dps = 60 }
-//! on_entry = { led = "green" }
-//! next = [
-//!   { when = "range_m < close_m", go = "turn_right" },
-//!   { when = "time_s > time_limit_s", go = "halt" },
-//! ]
+//! on_entry = { led = "green", say = "{walls} walls" }
+//! next = [{ when = "range_m < close_m", set = { walls = "walls + 1" }, go = "turn" }]
+//!
+//! [machine.drive.state.turn]
+//! do = { turn_deg = 120 }
+//! next = [{ when = "done", go = "forward" }]
 //! ```
 //!
 //! A reading that cannot be true - it stands still although what it measures moves, or leaps about
@@ -32,26 +37,44 @@
 //! | `left_dps` and `right_dps` | speeds of the wheels at their axles, degrees per second |
 //! | `forward_mps`, `turn_dps` | speed of the robot's centre, metres per second, and turning, degrees per second, anticlockwise positive; one left out is 0 |
 //! | `stop` | both wheels stop: `"brake"`, `"coast"` or `"hold"` |
+//! | `drive_m` | straight on, metres; backwards where negative; `speed_mps` may say how fast |
+//! | `turn_deg` | on the spot, degrees to the left; `speed_dps` may say how fast |
+//! | `arc = { radius_m, turn_deg }` | along a circle; backwards where the radius is negative; `speed_mps` |
+//! | `goto = [x, y]` | turns to a place of the world, metres, and drives there; `face_deg` is the heading at the end; `speed_mps`, `speed_dps` |
 //! | `head_deg` | where the head points, degrees anticlockwise from straight ahead |
 //! | `motor.NAME` | speed of a named motor, degrees per second |
 //! | `led` | `"off"`, `"green"`, `"red"`, `"orange"`, `"yellow"` |
-//! | `tone_hz`, `say` | a tone; a line on the screen |
+//! | `tone_hz` | a tone: for `tone_s` seconds, or as long as the state |
+//! | `tune` | notes (see [`super::tune`]), `tempo_bpm` quarter notes a minute |
+//! | `beep` | a sound by its name: `"beep"`, `"ok"`, `"error"`, `"alarm"`, `"hello"` |
+//! | `say` | a text of up to four lines with values in braces, as in `"found {found} at {x_m:.2} m"` |
 //!
-//! Numbers may be expressions in quotes (see [`super::expression`]). `on_entry` and `on_exit` know
-//! `led`, `tone_hz` and `say`. Wheels, head and each named motor belong to one machine; for lights,
-//! tone and screen the last machine in the file wins. A number in `do` that comes to NaN or an
-//! infinity, or that depends on a lost signal, stops its actuator for that tick: wheels brake, head
-//! and motor stand still.
+//! Numbers may be expressions in quotes (see [`super::expression`]). Those of a motion that ends
+//! are taken once, when its state is entered. The condition `done` holds when all that ends has
+//! ended: the motion, the head's way, a tone with a length, a tune.
+//!
+//! `on_entry` and `on_exit` know lights, sounds and `say`; a tone without a length lasts 0.2 s
+//! there. A sound continues when its state is left, until it is over or the machine begins another
+//! one, and a mission does not end before its last sounds have. Wheels, head and each named motor
+//! belong to one machine; for lights, sounds and screen the last machine in the file wins. A number
+//! in `do` that comes to NaN or an infinity, or that depends on a lost signal, stops its actuator
+//! for that tick: wheels brake, head and motor stand still.
+//!
+//! `set` gives variables other values, in a transition when it is taken and in `on_entry`. All of
+//! its values are worked out before the first is given; one that is not known or not finite leaves
+//! its variable as it was. All machines see all variables. Machines take their steps in the order
+//! of the file, and what one has set the next one sees in the same tick.
 //!
 //! # What is checked
 //!
 //! A mission is refused for: unknown keys, names, states and motors; signals and actuators that the
 //! robot does not have; expressions that do not parse or mix numbers with truths; values out of
-//! range; states that cannot be reached or cannot be left; transitions that can never fire, by
-//! themselves or because an earlier one of the same state holds whenever they do; two machines that
-//! move the same actuator; two modes asked of one sensor; an `on_stall` state that the driving
-//! machine lacks. It is warned of, and runs, with: a condition that always holds (unless it is the
-//! word `true`); a state from which the final state cannot be reached.
+//! range; states that cannot be reached or cannot be left, but for a machine's only one;
+//! transitions that can never fire, by themselves or because an earlier one of the same state holds
+//! whenever they do; `done` where nothing ends; two machines that move the same actuator; two modes
+//! asked of one sensor; an `on_stall` state that the driving machine lacks. It is warned of, and
+//! runs, with: a condition that always holds (unless it is the word `true`); a state from which the
+//! final state cannot be reached.
 //!
 //! Whether a transition can fire is judged from comparisons of a multiple of one signal with a
 //! constant, joined by `and`, `or` and `not`, with the numbers that the file gives. What is said is
@@ -73,6 +96,7 @@ use std::fmt;
 use super::Taken;
 use super::engine::{EngineError, Finish};
 use super::signals::Capabilities;
+use super::tune::Tune;
 use crate::document::{Document, Findings, nearest};
 use crate::senses::Channel;
 
@@ -82,7 +106,7 @@ mod outputs;
 mod plan;
 mod program;
 
-use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs};
+use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
 pub use plan::{MachinePlan, StatePlan, TransitionPlan};
 pub use program::{Program, ProgramState};
 
@@ -98,6 +122,7 @@ pub struct Mission {
     numbers: BTreeMap<String, f64>,
     variables: Vec<(String, f64)>,
     machines: Vec<MachinePlan>,
+    tunes: Vec<Tune>,
     motors: Vec<String>,
     senses: Vec<Channel>,
 }

@@ -10,7 +10,7 @@ pub struct Shipped {
 }
 
 /// Every mission that comes with the program.
-pub const MISSIONS: [Shipped; 7] = [
+pub const MISSIONS: [Shipped; 10] = [
     Shipped { name: "map", text: include_str!("../../brick-image/missions/map.toml") },
     Shipped { name: "bump", text: include_str!("../../brick-image/missions/bump.toml") },
     Shipped { name: "wall", text: include_str!("../../brick-image/missions/wall.toml") },
@@ -18,6 +18,15 @@ pub const MISSIONS: [Shipped; 7] = [
     Shipped { name: "edge", text: include_str!("../../brick-image/missions/edge.toml") },
     Shipped { name: "remote", text: include_str!("../../brick-image/missions/remote.toml") },
     Shipped { name: "square", text: include_str!("../../brick-image/missions/square.toml") },
+    Shipped {
+        name: "count-colours",
+        text: include_str!("../../brick-image/missions/count-colours.toml"),
+    },
+    Shipped {
+        name: "there-and-back",
+        text: include_str!("../../brick-image/missions/there-and-back.toml"),
+    },
+    Shipped { name: "dance", text: include_str!("../../brick-image/missions/dance.toml") },
 ];
 
 /// A mission with every key explained, for a person to change.

@@ -385,10 +385,11 @@ impl Progress {
             u64::try_from(status.elapsed_ns / crate::clock::MILLISECOND_NS).unwrap_or(0),
         );
         let message = format!(
-            "{:.0} s, {:.1} m, {} points; {states}{}",
+            "{:.0} s, {:.1} m, {} points; {states}{}{}",
             crate::clock::seconds(status.elapsed_ns),
             status.travelled_m,
             status.points,
+            status.said.iter().map(|line| format!("; {line}")).collect::<String>(),
             status.warning.as_ref().map(|warning| format!("; {warning}")).unwrap_or_default()
         );
         bar.set_message(safe(&message).into_owned());

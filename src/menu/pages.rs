@@ -284,6 +284,8 @@ fn progress(sheet: Sheet, run: &RunStatus) -> Sheet {
             None => sheet.line("getting ready"),
         };
     };
+    // What the mission has to say is what people look for first.
+    let sheet = progress.said.iter().fold(sheet, |sheet, line| sheet.strong(line.clone()));
     let sheet = sheet.line(format!(
         "{} of {}",
         duration(libm::floor(seconds(progress.elapsed_ns))),

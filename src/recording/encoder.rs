@@ -119,6 +119,14 @@ impl Encoder {
             Entry::Transition { tick, time_ns, taken } => self.transition(*tick, *time_ns, *taken),
             Entry::Variables { tick, time_ns, values } => self.variables(*tick, *time_ns, values),
             Entry::Checkpoint { tick, time_ns, state } => self.checkpoint(*tick, *time_ns, state),
+            Entry::Said { time_ns, text } => {
+                self.status.said = text.lines().map(str::to_owned).collect();
+                self.log(
+                    *time_ns,
+                    Level::Info as u8,
+                    &format!("says: {}", text.replace('\n', " / ")),
+                )
+            }
             Entry::Log { time_ns, level, text } => {
                 if *level >= Level::Warn {
                     self.status.warning = Some(text.to_string());

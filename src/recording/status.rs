@@ -27,6 +27,9 @@ pub struct Status {
     pub points: u64,
     /// The state that each machine is in, by the machine's place in the mission: names.
     pub states: Vec<(String, String)>,
+    /// What the mission tells people, line by line.
+    #[serde(default)]
+    pub said: Vec<String>,
     /// The mission's variables and what they are now, in the mission's order.
     #[serde(default)]
     pub variables: Vec<(String, f64)>,

@@ -17,6 +17,7 @@ use arrayvec::{ArrayString, ArrayVec};
 use rtrb::Producer;
 use serde::Serialize;
 
+use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{MAX_VARIABLES, Taken};
 use crate::mapping::{Estimate, MapPoint};
 use crate::senses::Senses;
@@ -81,6 +82,7 @@ pub(super) enum Entry<S> {
     Transition { tick: u64, time_ns: i64, taken: Taken },
     Variables { tick: u64, time_ns: i64, values: ArrayVec<f64, MAX_VARIABLES> },
     Checkpoint { tick: u64, time_ns: i64, state: S },
+    Said { time_ns: i64, text: ArrayString<SAY_BYTES> },
     Log { time_ns: i64, level: Level, text: LogText },
     Gap(Dropped),
 }
@@ -149,15 +151,14 @@ impl<S> TickSide<S> {
         self.put(Entry::Checkpoint { tick, time_ns, state });
     }
 
+    /// Records what the mission tells people; what is too long is cut.
+    pub fn said(&mut self, time_ns: i64, text: &str) {
+        self.put(Entry::Said { time_ns, text: fitting(text) });
+    }
+
     /// Records a log line.
     pub fn log(&mut self, time_ns: i64, level: Level, text: &str) {
-        let mut end = text.len().min(MAX_LOG_BYTES);
-        while !text.is_char_boundary(end) {
-            end -= 1;
-        }
-        let mut line = LogText::new();
-        line.push_str(&text[..end]);
-        self.put(Entry::Log { time_ns, level, text: line });
+        self.put(Entry::Log { time_ns, level, text: fitting(text) });
     }
 
     /// True once the recorder can write no more; what to do about it is the run's to decide.
@@ -211,6 +212,17 @@ impl<S> TickSide<S> {
         let entries = before.entries.saturating_add(1);
         self.pending = Some(Dropped { last_tick: self.tick, entries, ..before });
     }
+}
+
+/// As much of a text as fits, cut at a character.
+fn fitting<const BYTES: usize>(text: &str) -> ArrayString<BYTES> {
+    let mut end = text.len().min(BYTES);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    let mut cut = ArrayString::new();
+    cut.push_str(&text[..end]);
+    cut
 }
 
 #[cfg(test)]

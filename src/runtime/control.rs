@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use arrayvec::{ArrayString, ArrayVec};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
+use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
 use crate::clock::Clock;
 use crate::ev3dev::StopAction;
@@ -172,6 +173,34 @@ pub struct Control<'r> {
     pub tally: Tally,
 }
 
+/// How often a mission's text is told at most, nanoseconds: people and recordings need no more.
+const SAID_NS: i64 = 200_000_000;
+
+/// What a mission tells people, so that each text is told once.
+#[derive(Debug, Default)]
+struct Said {
+    text: Option<ArrayString<SAY_BYTES>>,
+    is_told: bool,
+    told_ns: Option<i64>,
+}
+
+impl Said {
+    /// The text that is to be told now; the last one is told in any case.
+    fn next(&mut self, demands: &Demands, now_ns: i64, is_last: bool) -> Option<&str> {
+        if demands.say.is_some() && demands.say != self.text {
+            self.text = demands.say;
+            self.is_told = false;
+        }
+        let is_due = self.told_ns.is_none_or(|told_ns| now_ns - told_ns >= SAID_NS);
+        if self.is_told || !(is_due || is_last) {
+            return None;
+        }
+        let text = self.text.as_deref()?;
+        (self.is_told, self.told_ns) = (true, Some(now_ns));
+        Some(text)
+    }
+}
+
 /// Transitions of one tick: one a machine, and one more where the runtime moved it.
 type TakenInTick = ArrayVec<Taken, { 2 * MAX_MACHINES }>;
 
@@ -197,6 +226,7 @@ impl Control<'_> {
         let mut paused = None;
         let mut charge = Charge::Good;
         let mut variables = ChangedVariables::default();
+        let mut said = Said::default();
         loop {
             let now_ns = self.wait(deadline_ns);
             let late_ns = now_ns - deadline_ns;
@@ -223,6 +253,9 @@ impl Control<'_> {
             if step.paused != paused {
                 paused = step.paused;
                 self.log_pause(paused);
+            }
+            if let Some(text) = said.next(&demands, senses.time_ns, step.end.is_some()) {
+                self.recorder.said(senses.time_ns, text);
             }
             if let Some(reason) = step.end {
                 return reason;
@@ -269,8 +302,9 @@ impl Control<'_> {
         } else if self.recorder.failed() {
             step.end = Some(StopReason::Recording);
         }
-        if step.end.is_none() {
-            self.robot.act(demands, time_ns);
+        match step.end {
+            None => self.robot.act(demands, time_ns),
+            Some(_) => self.robot.show(demands),
         }
         self.heartbeat.beat(time_ns);
         let estimate = step.estimate;

@@ -180,7 +180,8 @@ impl Pilot {
         charge.limit(demands);
         let end = end.or((charge == Charge::Empty).then_some(StopReason::Battery));
         if end.is_some() {
-            *demands = STANDSTILL;
+            // What people are told stays.
+            *demands = Demands { led: demands.led, say: demands.say, ..STANDSTILL };
         }
         self.wheels_rad_s = self.config.wheel_speeds(demands.drive);
         self.head_rad = demands.head_rad;
@@ -301,7 +302,7 @@ impl Pilot {
             (Some(channel), OnLost::Stop) => return Some(StopReason::Lost(channel)),
             (Some(_), OnLost::Pause) => {
                 *demands = STANDSTILL;
-                return self.time_is_up(senses);
+                return self.time_is_up(senses).then_some(StopReason::TimeLimit);
             }
             (None, _) => {}
         }
@@ -312,14 +313,17 @@ impl Pilot {
         self.sense_signals(senses, estimate);
         match self.program.step(&self.signals, demands, taken) {
             Progress::Finished => Some(StopReason::Finished),
-            Progress::Running => self.time_is_up(senses),
+            // The runtime's own limit comes after the machines' step, so that a mission whose
+            // conditions look at the time can finish; machines without a final state do so then.
+            Progress::Running => self.time_is_up(senses).then(|| {
+                let is_finished = self.program.waits_for_time();
+                if is_finished { StopReason::Finished } else { StopReason::TimeLimit }
+            }),
         }
     }
 
-    /// The runtime's own limit comes after the machines' step, so that a mission whose conditions
-    /// look at the time can finish.
-    fn time_is_up(&self, senses: &Senses) -> Option<StopReason> {
-        (senses.time_ns > self.time_limit_ns).then_some(StopReason::TimeLimit)
+    fn time_is_up(&self, senses: &Senses) -> bool {
+        senses.time_ns > self.time_limit_ns
     }
 
     fn sense_signals(&mut self, senses: &Senses, estimate: &Estimate) {

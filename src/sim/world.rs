@@ -87,7 +87,18 @@ macro_rules! built_in {
             &[$(($name, include_str!(concat!("worlds/", $name, ".toml")))),+];
     };
 }
-built_in!("arena", "rooms", "cylinders", "corridor", "line", "table", "wall", "open", "two-arenas");
+built_in!(
+    "arena",
+    "rooms",
+    "cylinders",
+    "corridor",
+    "line",
+    "table",
+    "patches",
+    "wall",
+    "open",
+    "two-arenas"
+);
 
 impl World {
     /// The most walls, blocks, circles, marks, starts or presses that a file may have of each.

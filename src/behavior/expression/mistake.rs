@@ -106,7 +106,7 @@ pub enum Mistake {
         given: usize,
     },
     /// `pid` where nothing is asked for in every tick.
-    #[error("`pid` remembers from tick to tick, so it belongs in `do`")]
+    #[error("`pid` remembers from tick to tick, so it belongs in a speed or an angle of `do`")]
     NoPid,
     /// More of them than there is memory for.
     #[error("more than {MAX_PIDS} `pid`s in one state")]

@@ -29,7 +29,7 @@ fn power(infix: Infix) -> u8 {
 
 pub(super) fn parse(
     text: &str,
-    kind: Kind,
+    kind: Option<Kind>,
     vocabulary: &mut Vocabulary<'_>,
 ) -> Result<Expression, Vec<Misreading>> {
     if text.len() > Expression::MAX_BYTES {
@@ -52,10 +52,15 @@ pub(super) fn parse(
     };
     // A mistake in grammar has been noted where it stands.
     let whole = parser.whole(kind);
-    if whole.is_none() || !parser.misreadings.is_empty() {
-        return Err(parser.misreadings);
+    match whole {
+        Some(Some(kind)) if parser.misreadings.is_empty() => Ok(Expression {
+            text: text.into(),
+            kind,
+            ops: parser.ops.into(),
+            names: parser.names.into(),
+        }),
+        _ => Err(parser.misreadings),
     }
-    Ok(Expression { text: text.into(), kind, ops: parser.ops.into(), names: parser.names.into() })
 }
 
 /// The way out where a comma stands between digits.
@@ -75,8 +80,8 @@ struct Parser<'p, 'c> {
 }
 
 impl<'p> Parser<'p, '_> {
-    /// The whole text; `None` after a mistake in grammar, which ends the reading.
-    fn whole(&mut self, expected: Kind) -> Option<()> {
+    /// The kind of the whole text; `None` after a mistake in grammar, which ends the reading.
+    fn whole(&mut self, expected: Option<Kind>) -> Option<Option<Kind>> {
         if let [(Token::End, _)] = self.tokens {
             let example = "write a condition, as in `range_m < 0.25`, or a number".to_owned();
             self.note(0..0, Mistake::Empty, Some(example));
@@ -103,12 +108,14 @@ impl<'p> Parser<'p, '_> {
             let whole = 0..place.end;
             self.note(whole, Mistake::TooDeep, Some("make two transitions of it".to_owned()));
         }
-        if let Some(found) = found.filter(|found| *found != expected) {
+        if let Some((found, expected)) = found.zip(expected)
+            && found != expected
+        {
             let hint = (expected == Kind::Truth)
                 .then(|| "compare it with something, as in `… > 0`".to_owned());
             self.note(place, Mistake::Whole { expected, found }, hint);
         }
-        Some(())
+        Some(found)
     }
 
     /// An operand and what follows it as long as its operators bind at least as strongly as

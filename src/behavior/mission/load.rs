@@ -7,14 +7,16 @@ use std::ops::Range;
 
 use super::{Assignment, MachinePlan, Mission, OnLost, Outputs, StatePlan, TransitionPlan, checks};
 use crate::behavior::engine::Finish;
-use crate::behavior::expression::{Expression, Kind, SEARCHED, Vocabulary, is_plain};
+use crate::behavior::expression::{Expression, Kind, Misreading, SEARCHED, Vocabulary, is_plain};
 use crate::behavior::signals::Capabilities;
+use crate::behavior::tune::Tune;
 use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
 use crate::document::{Document, Findings, Item, Section, Severity, nearest};
 use crate::printable::is_printable;
 use crate::senses::{Channel, Role};
 
 mod actions;
+mod signs;
 
 /// Longest name of a mission, a machine or a state, in characters.
 const NAME_CHARACTERS: usize = 40;
@@ -44,8 +46,8 @@ pub(super) fn load(
     capabilities: &Capabilities,
 ) -> Result<(Mission, Findings), Findings> {
     document.read(|root| {
-        Reader { root, vocabulary: Vocabulary::new(capabilities), uses: Vec::new(), states: 0 }
-            .mission()
+        let vocabulary = Vocabulary::new(capabilities);
+        Reader { root, vocabulary, uses: Vec::new(), tunes: Vec::new(), states: 0 }.mission()
     })
 }
 
@@ -55,6 +57,8 @@ pub(super) struct Reader<'r, 'd, 'c> {
     pub(super) vocabulary: Vocabulary<'c>,
     /// What of the robot is sensed or moved, and where in the file.
     pub(super) uses: Vec<(Channel, Range<usize>)>,
+    /// The tunes so far.
+    tunes: Vec<Tune>,
     /// How many states there are so far.
     states: usize,
 }
@@ -130,6 +134,7 @@ impl<'d> Reader<'_, 'd, '_> {
             motors: self.vocabulary.motors().to_vec(),
             numbers: self.vocabulary.numbers,
             variables: self.vocabulary.variables,
+            tunes: self.tunes,
             machines: drafts.into_iter().map(|draft| draft.plan).collect(),
             senses: Channel::ALL.into_iter().filter(|channel| used.contains(channel)).collect(),
         })
@@ -374,17 +379,28 @@ impl<'d> Reader<'_, 'd, '_> {
     }
 
     fn expression(&mut self, item: &Item<'d>, kind: Kind) -> Option<Expression> {
-        match Expression::parse(item.text()?, kind, &mut self.vocabulary) {
+        let read = Expression::parse(item.text()?, kind, &mut self.vocabulary);
+        self.understood(item, 0, read)
+    }
+
+    /// What was read of an item's text from the byte `start` on; its mistakes become findings.
+    fn understood(
+        &mut self,
+        item: &Item<'d>,
+        start: usize,
+        read: Result<Expression, Vec<Misreading>>,
+    ) -> Option<Expression> {
+        match read {
             Ok(expression) => {
                 self.uses.extend(expression.channels().map(|channel| (channel, item.place())));
                 Some(expression)
             }
             Err(misreadings) => {
-                for misreading in misreadings {
-                    let place = item.place_within(misreading.place);
+                for Misreading { place, mistake, hint } in misreadings {
+                    let place = item.place_within(place.start + start..place.end + start);
                     self.root
-                        .note(place, Severity::Error, misreading.mistake.to_string())
-                        .hint(misreading.hint.unwrap_or_default());
+                        .note(place, Severity::Error, mistake.to_string())
+                        .hint(hint.unwrap_or_default());
                 }
                 None
             }

@@ -3,12 +3,14 @@
 use arrayvec::ArrayVec;
 
 use super::program::Ongoing;
-use super::{DrivePlan, GoalPlan, MotionPlan, Outputs};
+use super::{DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
 use crate::behavior::blackboard::Scope;
 use crate::behavior::demands::{Demands, Drive};
 use crate::behavior::expression::Expression;
 use crate::behavior::motion::{Goal, Order};
 use crate::behavior::signals::Signal;
+use crate::behavior::telling::Telling;
+use crate::behavior::tune::Sound;
 use crate::ev3dev::StopAction;
 use crate::senses::{Channel, Role};
 use crate::units::radians;
@@ -54,14 +56,35 @@ impl Outputs {
             }
         }
         demands.led = self.led.or(demands.led);
-        demands.tone_hz = self.tone_hz.as_ref().and_then(finite).or(demands.tone_hz);
-        demands.say = self.say.or(demands.say);
+        match &self.sound {
+            Some(SoundPlan::Lasting { hz }) => demands.tone_hz = finite(hz).or(demands.tone_hz),
+            // What was begun on entry; another machine's may be heard instead.
+            Some(_) => has_ended &= !ongoing.is_playing(scope.machine),
+            None => {}
+        }
+        if let Some(say) = &self.say {
+            demands.say = Some(say.text(scope));
+        }
         has_ended
+    }
+
+    /// The sound that begins when the state is entered, or left.
+    pub(super) fn sound(&self, scope: Scope<'_>) -> Option<Sound> {
+        match self.sound.as_ref()? {
+            SoundPlan::Lasting { .. } => None,
+            SoundPlan::Tone { hz, length_s } => {
+                let hz = hz.evaluate(scope).filter(|hz| hz.is_finite())?;
+                Some(Sound::Tone { hz, length_s: *length_s })
+            }
+            SoundPlan::Tune(place) => Some(Sound::Tune(*place)),
+        }
     }
 
     /// Whether it has something that comes to an end, so that `done` can be asked for.
     pub(super) fn ends(&self) -> bool {
-        matches!(self.drive, Some(DrivePlan::Motion(_))) || self.head_deg.is_some()
+        matches!(self.drive, Some(DrivePlan::Motion(_)))
+            || self.head_deg.is_some()
+            || matches!(self.sound, Some(SoundPlan::Tone { .. } | SoundPlan::Tune(_)))
     }
 
     /// The parts of the robot that are moved.
@@ -76,7 +99,12 @@ impl Outputs {
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut Expression> {
         let drive = self.drive.as_mut().map(DrivePlan::expressions_mut).unwrap_or_default();
         let motors = self.motors_dps.iter_mut().map(|(_, dps)| dps);
-        drive.into_iter().chain(&mut self.head_deg).chain(&mut self.tone_hz).chain(motors)
+        let tone_hz = self.sound.iter_mut().filter_map(|sound| match sound {
+            SoundPlan::Lasting { hz } | SoundPlan::Tone { hz, .. } => Some(hz),
+            SoundPlan::Tune(_) => None,
+        });
+        let said = self.say.iter_mut().flat_map(Telling::expressions_mut);
+        drive.into_iter().chain(&mut self.head_deg).chain(tone_hz).chain(motors).chain(said)
     }
 }
 

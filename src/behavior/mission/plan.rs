@@ -1,9 +1,8 @@
 //! What a mission's file says of its machines, read and checked.
 
-use arrayvec::ArrayString;
-
-use crate::behavior::demands::{Led, SAY_BYTES};
+use crate::behavior::demands::Led;
 use crate::behavior::expression::Expression;
+use crate::behavior::telling::Telling;
 use crate::ev3dev::StopAction;
 use crate::senses::Role;
 
@@ -50,8 +49,18 @@ pub(super) struct Outputs {
     pub(super) head_deg: Option<Expression>,
     pub(super) motors_dps: Vec<(u8, Expression)>,
     pub(super) led: Option<Led>,
-    pub(super) tone_hz: Option<Expression>,
-    pub(super) say: Option<ArrayString<SAY_BYTES>>,
+    pub(super) sound: Option<SoundPlan>,
+    pub(super) say: Option<Telling>,
+}
+
+#[derive(Debug, Clone)]
+pub(super) enum SoundPlan {
+    /// A tone for as long as the state is active.
+    Lasting { hz: Expression },
+    /// A tone that ends.
+    Tone { hz: Expression, length_s: f64 },
+    /// A tune, by its place in the mission.
+    Tune(u16),
 }
 
 #[derive(Debug, Clone)]

@@ -11,7 +11,9 @@ use crate::behavior::demands::Demands;
 use crate::behavior::engine::{Engine, EngineError, Machine, Progress, State};
 use crate::behavior::motion::{MotionLimits, MotionState};
 use crate::behavior::signals::Signals;
+use crate::behavior::tune::{Playing, Sound, Tune};
 use crate::behavior::{MAX_MACHINES, Taken};
+use crate::clock::seconds;
 use crate::senses::Role;
 
 /// A mission under way.
@@ -43,6 +45,32 @@ pub(super) struct Ongoing {
     /// Of the one machine that moves the wheels.
     pub(super) motion: MotionState,
     pub(super) limits: MotionLimits,
+    /// The mission's tunes.
+    tunes: Vec<Tune>,
+    /// What each machine has begun to play.
+    playing: [Option<Playing>; MAX_MACHINES],
+}
+
+impl Ongoing {
+    /// Whether what a machine has begun to play is not over.
+    pub(super) fn is_playing(&self, machine: usize) -> bool {
+        self.playing.get(machine).is_some_and(Option::is_some)
+    }
+
+    /// The tone of this moment, of what the machines play: the last machine's; `None` where none
+    /// of them plays. What is over is forgotten.
+    fn tone_hz(&mut self, now_ns: i64) -> Option<Option<f64>> {
+        let mut heard = None;
+        for playing in &mut self.playing {
+            let tone_hz = playing
+                .and_then(|begun| begun.tone_hz(&self.tunes, seconds(now_ns - begun.began_ns)));
+            if tone_hz.is_none() {
+                *playing = None;
+            }
+            heard = tone_hz.or(heard);
+        }
+        heard
+    }
 }
 
 /// What a mission carries from tick to tick: enough to go on from.
@@ -55,6 +83,8 @@ pub struct ProgramState {
     /// What each machine's `pid`s remember.
     pids: ArrayVec<[PidState; MAX_PIDS], MAX_MACHINES>,
     motion: MotionState,
+    /// What each machine plays.
+    playing: ArrayVec<Option<Playing>, MAX_MACHINES>,
 }
 
 impl Program {
@@ -77,6 +107,7 @@ impl Program {
         for (machine, plan) in turn.board.machines.iter_mut().zip(&mission.machines) {
             machine.state = plan.start;
         }
+        turn.ongoing.tunes.clone_from(&mission.tunes);
         for (variable, (_, first)) in turn.board.variables.iter_mut().zip(&mission.variables) {
             *variable = *first;
         }
@@ -107,9 +138,19 @@ impl Program {
     ) -> Progress {
         self.turn.board.signals = *signals;
         self.turn.demands = Demands::default();
-        let progress = self.engine.step_traced(signals.time_ns(), &mut self.turn, on_taken);
+        // What was over by now is done in this step already.
+        let now_ns = signals.time_ns();
+        self.turn.ongoing.tone_hz(now_ns);
+        let progress = self.engine.step_traced(now_ns, &mut self.turn, on_taken);
         *demands = self.turn.demands;
-        progress
+        match self.turn.ongoing.tone_hz(now_ns) {
+            // The last sounds are heard before the mission ends.
+            Some(tone_hz) => {
+                demands.tone_hz = tone_hz;
+                Progress::Running
+            }
+            None => progress,
+        }
     }
 
     /// The wheels are blocked: the machine that drives them goes to the state of `on_stall` at the
@@ -123,6 +164,13 @@ impl Program {
             }
         }
         !self.on_stall.is_empty()
+    }
+
+    /// Whether nothing is left but the end of the mission's time: each machine is in its final
+    /// state or has none.
+    #[must_use]
+    pub fn waits_for_time(&self) -> bool {
+        self.engine.waits()
     }
 
     /// The names of the active states, in the order of the machines.
@@ -146,13 +194,15 @@ impl Program {
             variables: self.variables().iter().copied().collect(),
             pids: pids.take(self.states.len()).collect(),
             motion: self.turn.ongoing.motion,
+            playing: self.turn.ongoing.playing.iter().take(self.states.len()).copied().collect(),
         }
     }
 
     /// Continues from a state of the same mission. Returns false, and changes nothing, if the state
     /// does not fit the mission.
     pub fn restore(&mut self, state: &ProgramState) -> bool {
-        let fits = [state.machines.len(), state.pids.len()] == [self.states.len(); 2]
+        let lengths = [state.machines.len(), state.pids.len(), state.playing.len()];
+        let fits = lengths == [self.states.len(); 3]
             && state.variables.len() == self.variables
             && state
                 .machines
@@ -161,6 +211,9 @@ impl Program {
                 .all(|(at, states)| usize::from(at.state) < *states);
         if fits {
             self.turn.ongoing.motion = state.motion;
+            for (playing, was) in self.turn.ongoing.playing.iter_mut().zip(&state.playing) {
+                *playing = *was;
+            }
             let board = &mut self.turn.board;
             for (index, (at, pids)) in state.machines.iter().zip(&state.pids).enumerate() {
                 self.engine.restore(index, at.state, at.entered_ns);
@@ -176,6 +229,14 @@ impl Program {
 }
 
 impl Turn {
+    /// Begins a sound in place of what the machine played.
+    fn play(&mut self, machine: usize, sound: Option<Sound>) {
+        let began_ns = self.board.signals.time_ns();
+        if let (Some(sound), Some(playing)) = (sound, self.ongoing.playing.get_mut(machine)) {
+            *playing = Some(Playing { sound, began_ns });
+        }
+    }
+
     fn apply(&mut self, machine: usize, outputs: &Outputs) -> bool {
         outputs.apply(self.board.seen_by(machine), &mut self.ongoing, &mut self.demands)
     }
@@ -222,6 +283,8 @@ fn machine(index: usize, plan: &MachinePlan) -> Machine<Turn> {
 fn actions(state: State<Turn>, index: usize, at: u16, plan: &StatePlan) -> State<Turn> {
     let (entry, doing, exit) = (plan.on_entry.clone(), plan.doing.clone(), plan.on_exit.clone());
     let set = plan.set.clone();
+    // Its sound begins when the state is entered.
+    let at_entry = doing.clone();
     let moves = doing.roles().any(|role| role == Role::Wheels);
     state
         .entering(move |turn, _| {
@@ -231,6 +294,8 @@ fn actions(state: State<Turn>, index: usize, at: u16, plan: &StatePlan) -> State
                 turn.ongoing.motion = MotionState::default();
             }
             turn.apply(index, &entry);
+            let scope = turn.board.seen_by(index);
+            turn.play(index, entry.sound(scope).or_else(|| at_entry.sound(scope)));
         })
         .doing(move |turn, _| {
             let done = turn.apply(index, &doing);
@@ -238,5 +303,6 @@ fn actions(state: State<Turn>, index: usize, at: u16, plan: &StatePlan) -> State
         })
         .leaving(move |turn, _| {
             turn.apply(index, &exit);
+            turn.play(index, exit.sound(turn.board.seen_by(index)));
         })
 }

@@ -246,7 +246,7 @@ proptest! {
             Ok((mission, _)) => {
                 let mut program = mission.start().unwrap();
                 for tick in 0..200 {
-                    let (demands, _) = step(&mut program, &eventful(tick));
+                    let (demands, _) = step(&mut program, &eventful(tick, &Obedient::default()));
                     prop_assert!(is_finite(&demands), "{demands:?}");
                 }
                 prop_assert!(graph::mermaid(&mission).starts_with("stateDiagram-v2\n"));

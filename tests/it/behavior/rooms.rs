@@ -78,13 +78,16 @@ fn run(
     sense: impl Fn(&Robot, &mut Signals),
     mut watch: impl FnMut(f64, &Robot, &str),
 ) {
-    let mut program = shipped(name).start().unwrap();
+    let mission = shipped(name);
+    let mut program = mission.start().unwrap();
     for tick in 0.. {
         let mut signals = robot.signals(tick);
         sense(robot, &mut signals);
         let (demands, progress) = step(&mut program, &signals);
         watch(tick as f64 * TICK_S, robot, program.states().next().unwrap());
-        if progress == Progress::Finished {
+        // A minute more than a mission's own time shows more of a room.
+        let is_over = tick as f64 * TICK_S > mission.time_limit_s() + 60.0;
+        if progress == Progress::Finished || is_over {
             break;
         }
         robot.follow(&demands);

@@ -217,6 +217,7 @@ pub fn progress(elapsed_s: f64) -> recording::Status {
             ("drive".to_owned(), "forward".to_owned()),
             ("head".to_owned(), "sweep_left".to_owned()),
         ],
+        said: Vec::new(),
         variables: Vec::new(),
         battery_v: Some(7.8),
         overruns: 0,

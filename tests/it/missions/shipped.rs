@@ -301,12 +301,10 @@ fn square_comes_back_to_its_start() {
         let played = play_in("square", "open", seed);
         let run = played.run();
         let at = |time_ns: i64| &played.truths[played.tick_at(time_ns as f64 / 1e9)];
-        let entered = |state: &str| {
-            let taken = run.transitions.iter().find(|taken| taken.to == state);
-            at(taken.unwrap_or_else(|| panic!("never in {state}")).time_ns)
-        };
         let start = &played.truths[0];
-        let corners = ["corner_1", "corner_2", "corner_3", "corner_4"].map(entered);
+        let corners = run.transitions.iter().filter(|taken| taken.to == "corner");
+        let corners: Vec<&Truth> = corners.map(|taken| at(taken.time_ns)).collect();
+        assert_eq!(corners.len(), 4);
         let mut sides = vec![distance_m(start, corners[0])];
         sides.extend(corners.windows(2).map(|two| distance_m(two[0], two[1])));
         let end = played.truths.last().unwrap();
@@ -325,4 +323,77 @@ fn square_comes_back_to_its_start() {
         assert!(off_m < 0.15, "ends {off_m} m off");
         assert!(off_deg.abs() < 9.0, "ends {off_deg} degrees off");
     }
+}
+
+/// The last values of a mission's variables.
+fn variables(played: &Played) -> Vec<(String, f64)> {
+    let last = played.run().variables.pop().expect("variables");
+    last.name.into_iter().zip(last.value).collect()
+}
+
+#[test]
+fn count_colours_counts_what_it_comes_over() {
+    // The patches of the world, and the colours that they have.
+    const PATCHES: [(&str, [f64; 2]); 4] = [
+        ("red_found", [0.2, -0.1]),
+        ("green_found", [0.3, 0.3]),
+        ("blue_found", [-0.3, 0.3]),
+        ("red_found", [-0.5, -0.2]),
+    ];
+    let mut all = 0.0;
+    for seed in seeds(6) {
+        let played = play_in("count-colours", "patches", seed);
+        assert_eq!(played.ended.stop.reason.word(), "finished");
+        for (name, found) in variables(&played) {
+            let on = |truth: &Truth| {
+                let [x_m, y_m] = point(truth, 0.07, 0.0);
+                PATCHES.iter().any(|(colour, [left, low])| {
+                    *colour == name
+                        && (*left..left + 0.2).contains(&x_m)
+                        && (*low..low + 0.2).contains(&y_m)
+                })
+            };
+            let truly = times(&played, on) as f64;
+            println!("count-colours {seed}: {name} {found}, truly {truly}");
+            // At an edge that it only grazes sensor and truth may differ.
+            assert!((found - truly).abs() <= 1.0, "{name}: {found}, truly {truly}");
+            all += found;
+        }
+    }
+    assert!(all > 20.0, "{all} patches in all");
+}
+
+#[test]
+fn there_and_back_comes_home_from_every_room() {
+    for world in ["arena", "rooms", "cylinders"] {
+        for seed in seeds(6) {
+            let played = play_in("there-and-back", world, seed);
+            let run = played.run();
+            let (home, end) = (run.poses[0].pose, run.poses.last().unwrap().pose);
+            let by_odometry_m = libm::hypot(end.x_m - home.x_m, end.y_m - home.y_m);
+            let truly_m = distance_m(&played.truths[0], played.truths.last().unwrap());
+            println!(
+                "there-and-back in {world}, seed {seed}: {:.1} cm from home by odometry, {:.1} cm \
+                 truly, after {:.1} s and {:.1} m",
+                by_odometry_m * 100.0,
+                truly_m * 100.0,
+                played.ended.time_s,
+                played.truths.last().unwrap().travelled_m
+            );
+            assert_eq!(played.ended.stop.reason.word(), "finished", "{world}, seed {seed}");
+            assert!(by_odometry_m < 0.1, "{by_odometry_m} m from home by odometry");
+        }
+    }
+}
+
+#[test]
+fn dance_turns_both_ways_and_stays_where_it_is() {
+    let played = play_in("dance", "open", 1);
+    assert_eq!(played.ended.stop.reason.word(), "finished");
+    assert_eq!(variables(&played), [("rounds".to_owned(), 1.0)]);
+    let [start, end] = [&played.truths[0], played.truths.last().unwrap()];
+    let turned_deg = degrees(end.heading_rad - start.heading_rad);
+    println!("dance: {:.1} s, turned {turned_deg:.1} degrees", played.ended.time_s);
+    assert!((turned_deg - 720.0).abs() < 30.0, "turned {turned_deg} degrees");
+    assert!(distance_m(start, end) < 0.03);
 }

@@ -3,22 +3,15 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use arrayvec::ArrayString;
-
-use super::{Outputs, Reader, nearest, shown};
-use crate::behavior::demands::{Led, SAY_BYTES};
+use super::{Outputs, Reader, shown};
 use crate::behavior::expression::{Expression, Mistake};
 use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
-use crate::printable::is_printable;
 use crate::senses::{QUANTITIES, Role};
 
-/// What can be asked on entry and on exit.
-const SIGNS: [&str; 3] = ["led", "tone_hz", "say"];
-
 /// What can be asked in `do`.
-const ACTIONS: [&str; 17] = [
+pub(super) const ACTIONS: [&str; 21] = [
     "left_dps",
     "right_dps",
     "forward_mps",
@@ -35,6 +28,10 @@ const ACTIONS: [&str; 17] = [
     "motor",
     "led",
     "tone_hz",
+    "tone_s",
+    "tune",
+    "tempo_bpm",
+    "beep",
     "say",
 ];
 
@@ -69,9 +66,6 @@ const TURN_DEG: (f64, f64) = (-3600.0, 3600.0);
 const SPEED_MPS: (f64, f64) = (0.001, MPS.1);
 const SPEED_DPS: (f64, f64) = (1.0, DPS.1);
 
-/// What the brick's speaker can play and ears can hear.
-const TONE_HZ: (f64, f64) = (20.0, 20_000.0);
-
 type Moves = BTreeMap<Role, Range<usize>>;
 
 impl<'d> Reader<'_, 'd, '_> {
@@ -85,38 +79,7 @@ impl<'d> Reader<'_, 'd, '_> {
         });
         let motors = table.section("motor").map(|motors| motors.items()).unwrap_or_default();
         let motors_dps = motors.iter().filter_map(|item| self.motor(item, moves)).collect();
-        Outputs { drive, head_deg, motors_dps, ..self.lights(table) }
-    }
-
-    /// The tables `on_entry` and `on_exit`: what is done once.
-    /// - `more`: keys that are read elsewhere.
-    pub(super) fn signs(&mut self, table: &Section<'d>, more: &[&str]) -> Outputs {
-        for item in table.items() {
-            if more.contains(&item.key()) {
-                continue;
-            }
-            if ACTIONS.contains(&item.key()) && !SIGNS.contains(&item.key()) {
-                item.error_at_key(format!(
-                    "`{}` is asked for in every tick, so it belongs in `do`",
-                    item.key()
-                ));
-            } else if !SIGNS.contains(&item.key()) {
-                let hint = nearest(item.key(), SIGNS)
-                    .unwrap_or_else(|| format!("known here: {}", SIGNS.join(", ")));
-                item.error_at_key(format!("unknown key `{}` in [{}]", item.key(), table.path()))
-                    .hint(hint);
-            }
-        }
-        self.lights(table)
-    }
-
-    fn lights(&mut self, table: &Section<'d>) -> Outputs {
-        Outputs {
-            led: table.get("led").and_then(|item| item.word(&Led::WORDS)),
-            tone_hz: table.get("tone_hz").and_then(|item| self.number(&item, TONE_HZ)),
-            say: table.get("say").and_then(|item| line(&item)),
-            ..Outputs::default()
-        }
+        Outputs { drive, head_deg, motors_dps, ..self.telling(table, None) }
     }
 
     fn drive(&mut self, table: &Section<'d>, moves: &mut Moves) -> Option<DrivePlan> {
@@ -261,24 +224,4 @@ impl<'d> Reader<'_, 'd, '_> {
             .hint(format!("[{}] in the robot's file would be that part", role.section()));
         }
     }
-}
-
-/// A line for the screen.
-fn line(item: &Item<'_>) -> Option<ArrayString<SAY_BYTES>> {
-    let text = item.text()?;
-    if !text.chars().all(is_printable) {
-        item.error(format!("`{}` must be one line", item.path()))
-            .hint("a later state can say more");
-        return None;
-    }
-    let line = ArrayString::from(text).ok();
-    if line.is_none() {
-        item.error(format!(
-            "`{}` has {} bytes; at most {SAY_BYTES} fit the screen",
-            item.path(),
-            text.len()
-        ))
-        .hint("make it shorter");
-    }
-    line
 }
