@@ -26,9 +26,13 @@ use toml::de::{DeTable, DeValue};
 use crate::printable;
 
 mod finding;
+mod kind;
 pub mod save;
+mod syntax;
 
 pub use finding::{Finding, Findings, Severity, nearest};
+pub use kind::Kind;
+use syntax::Explained;
 
 /// One file as a person wrote it.
 #[derive(Debug, Clone)]
@@ -96,12 +100,14 @@ impl Document {
         build: impl FnOnce(&Section<'_>) -> Option<T>,
     ) -> Result<(T, Findings), Findings> {
         let (root, errors) = DeTable::parse_recoverable(&self.text);
-        if !errors.is_empty() {
-            let syntax = errors.iter().take(Self::MAX_FINDINGS).map(|error| {
-                let place = error.span().unwrap_or(0..0);
-                self.finding(place, Severity::Error, error.message().to_owned())
-            });
-            return Err(Findings::from(syntax.collect::<Vec<_>>()));
+        let place_of = |error: &toml::de::Error| error.span().unwrap_or(0..0);
+        // They do not come in the order of the file.
+        if let Some(first) = errors.iter().min_by_key(|error| place_of(error).start) {
+            let place = place_of(first);
+            let Explained { place, message, hint } =
+                syntax::explain(&self.text, &place, first.message());
+            let finding = self.finding(place, Severity::Error, message).with_hint(&hint);
+            return Err(Findings::from(vec![finding]));
         }
         let findings = RefCell::new(Vec::new());
         let place = root.span().start..root.span().start;
@@ -413,7 +419,13 @@ impl<'d> Item<'d> {
     fn typed<T>(&self, value: Option<T>, expected: &str) -> Option<T> {
         if value.is_none() {
             let found = self.value.get_ref().type_str();
-            self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path));
+            let noted =
+                self.error(format!("`{}` must be {expected}, not a TOML {found}", self.path));
+            // "10s" is meant as a number.
+            let number = self.value.get_ref().as_str().and_then(leading_number);
+            if let Some(number) = number.filter(|_| expected.ends_with("number")) {
+                noted.hint(format!("write {number} without quotes; the unit is part of the name"));
+            }
         }
         value
     }
@@ -452,6 +464,12 @@ fn note<'d>(
     }
     findings.push(source.document.finding(place, severity, message));
     Noted { findings: source.findings, index: findings.len() - 1 }
+}
+
+/// The number that a text such as `10s` begins with.
+fn leading_number(text: &str) -> Option<&str> {
+    let end = text.find(|letter: char| !(letter.is_ascii_digit() || letter == '.'))?;
+    text[..end].parse::<f64>().ok().map(|_| &text[..end])
 }
 
 #[cfg(test)]

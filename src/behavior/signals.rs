@@ -12,6 +12,7 @@
 use std::collections::BTreeSet;
 
 use super::blackboard::{MachineState, Scope};
+use super::motion::MotionLimits;
 use crate::clock::seconds;
 use crate::senses::{Channel, QUANTITIES, Quantity, Role, Unit};
 use crate::units::{degrees, wrap_rad};
@@ -129,20 +130,23 @@ fn may_be_infinite(signal: Signal) -> bool {
 }
 
 /// What a robot has, as far as a mission can ask for it.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Capabilities {
     /// Its head and sensors; what every robot has need not be among them.
     pub roles: BTreeSet<Role>,
     /// The named motors, at most [`super::MAX_MOTORS`]; `None` where the robot is not known and any
     /// name will do.
     pub motors: Option<Vec<String>>,
+    /// How fast its wheels may be; `None` where the robot is not known.
+    pub limits: Option<MotionLimits>,
 }
 
 impl Capabilities {
     /// Everything: to check a mission without a robot.
     #[must_use]
     pub fn all() -> Self {
-        Self { roles: Role::SENSORS.into_iter().chain([Role::Head]).collect(), motors: None }
+        let roles = Role::SENSORS.into_iter().chain([Role::Head]).collect();
+        Self { roles, motors: None, limits: None }
     }
 
     /// Whether the robot can fill a role; a named motor is asked for by its name instead.

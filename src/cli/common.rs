@@ -147,13 +147,11 @@ pub(super) fn load_mission(
     Mission::parse(&source.name, source.text.as_bytes(), capabilities)
 }
 
-/// The failure of a mission that does not load, with the way out that fits: it may be another kind
-/// of file, or one that wants more than the robot has.
+/// The failure of a mission that does not load, with the way out that fits: it may want more than
+/// the robot has.
 pub(super) fn broken_mission(source: &Source, findings: &Findings) -> Failure {
     let (name, text) = (source.name.as_str(), source.text.as_bytes());
-    let hint = if RobotConfig::load(name, text).is_ok() {
-        format!("this is a robot's file: onbrick run map --robot {name} drives it")
-    } else if Mission::parse(name, text, &Capabilities::all()).is_ok() {
+    let hint = if Mission::parse(name, text, &Capabilities::all()).is_ok() {
         format!("the mission is in order and wants another robot; {SHOW_ROBOT}")
     } else {
         "onbrick new mission, which shows a whole file with comments".to_owned()

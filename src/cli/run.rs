@@ -1,6 +1,7 @@
 //! `onbrick run`: a mission, here and now, in the foreground.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
@@ -11,6 +12,7 @@ use super::common::{
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
+use crate::ev3dev::{Inventory, Tree};
 use crate::mapping::Pose;
 use crate::runtime::{
     Brick, Ended, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned,
@@ -150,10 +152,15 @@ fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
         ));
     }
     let root = arguments.brick.root();
-    if !root.join("sys/class").is_dir() {
-        return Err(Failure { exit: Exit::Refused, ..no_brick(root) });
+    let tree = arguments.brick.tree();
+    let inventory = Inventory::read(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
+    if inventory.is_ok_and(|found| found.devices.is_empty() && found.battery.is_none()) {
+        let failure = Failure { exit: Exit::Refused, ..no_brick(root) };
+        #[cfg(feature = "sim")]
+        let failure = failure.hint("--sim arena, which drives a simulated one");
+        return Err(failure);
     }
-    Ok((Brick::Local(arguments.brick.tree()), Pose::default()))
+    Ok((Brick::Local(tree), Pose::default()))
 }
 
 /// A simulated robot stands where its world lets it start, and is not told that it stands

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use super::battery::{BatteryConfig, battery};
-use crate::document::{Document, Findings, Item, Section};
+use crate::document::{Document, Findings, Item, Kind, Section};
 use crate::ev3dev::PortAddress;
 use crate::mapping::{Geometry, RangeMount};
 use crate::printable::is_printable;
@@ -37,8 +37,8 @@ pub struct RobotConfig {
     /// The fastest that a wheel may turn, radians per second at its axle.
     pub max_wheel_rad_s: f64,
     /// How fast a wheel goes along the floor in a motion that ends, unless the mission says
-    /// otherwise, metres per second.
-    pub speed_m_s: f64,
+    /// otherwise, metres per second; `None`: half of what it may.
+    pub speed_m_s: Option<f64>,
     /// How fast that speed grows and shrinks, metres per second each second.
     pub acceleration_m_s2: f64,
     /// What turns the range sensor.
@@ -148,6 +148,9 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let mut keys = vec!["name", "max_age_s", "drive", "head"];
     keys.extend(Role::SENSORS.map(Role::section));
     keys.extend(["battery", "motor"]);
+    if root.is_of_another_kind(Kind::Robot) {
+        return None;
+    }
     root.allow(&keys);
     let name = root.require("name").and_then(|item| name_of(&item));
     let max_age_s = root.value_or("max_age_s", 0.3, |item| item.number(0.05..=10.0));
@@ -197,7 +200,7 @@ struct Drive {
     wheel_circumference_m: f64,
     track_width_m: f64,
     max_wheel_rad_s: f64,
-    speed_m_s: f64,
+    speed_m_s: Option<f64>,
     acceleration_m_s2: f64,
 }
 
@@ -231,15 +234,13 @@ fn drive(section: &Section<'_>) -> Option<Drive> {
     let speed_mps = section.value_or("speed_mps", None, |item| item.number(0.01..=2.0).map(Some));
     let acceleration_mps2 =
         section.value_or("acceleration_mps2", ACCELERATION_M_S2, |item| item.number(0.02..=20.0));
-    let (wheel_circumference_m, max_dps) = (wheel_circumference_m?, max_dps?);
     Some(Drive {
         left: left?,
         right: right?,
-        wheel_circumference_m,
+        wheel_circumference_m: wheel_circumference_m?,
         track_width_m: track_width_m?,
-        max_wheel_rad_s: radians(max_dps),
-        // Half of what the wheels may do leaves them room for steering.
-        speed_m_s: speed_mps?.unwrap_or(max_dps / 360.0 * wheel_circumference_m / 2.0),
+        max_wheel_rad_s: radians(max_dps?),
+        speed_m_s: speed_mps?,
         acceleration_m_s2: acceleration_mps2?,
     })
 }

@@ -15,6 +15,7 @@ impl RobotConfig {
         Capabilities {
             roles: self.sensors.keys().copied().chain(head).collect(),
             motors: Some(self.motors.iter().map(|motor| motor.name.clone()).collect()),
+            limits: Some(self.motion_limits()),
         }
     }
 
@@ -37,9 +38,11 @@ impl RobotConfig {
     /// What motions that end keep to.
     #[must_use]
     pub fn motion_limits(&self) -> MotionLimits {
+        let max_m_s = self.max_wheel_rad_s * self.wheel_circumference_m / (2.0 * PI);
         MotionLimits {
-            speed_m_s: self.speed_m_s,
-            max_m_s: self.max_wheel_rad_s * self.wheel_circumference_m / (2.0 * PI),
+            // Half of what the wheels may do leaves them room for steering.
+            speed_m_s: self.speed_m_s.unwrap_or(max_m_s / 2.0),
+            max_m_s,
             acceleration_m_s2: self.acceleration_m_s2,
             half_track_m: self.track_width_m / 2.0,
             head_rad: self.head.as_ref().map_or(0.0, |head| head.limit_rad),

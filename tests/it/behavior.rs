@@ -6,8 +6,8 @@ use std::fmt::Write as _;
 use onbrick::behavior::mission::{OnLost, OnStall};
 use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
 use onbrick::behavior::{
-    Capabilities, Demands, Drive, Finish, Led, Mission, Program, ProgramState, Progress, Signal,
-    Signals, Taken, graph,
+    Capabilities, Demands, Drive, Finish, Led, Mission, MotionLimits, Program, ProgramState,
+    Progress, Signal, Signals, Taken, graph,
 };
 use onbrick::document::Document;
 use onbrick::ev3dev::StopAction;

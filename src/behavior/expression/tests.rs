@@ -291,14 +291,14 @@ fn mistakes_have_a_place_and_a_way_out() {
         ("abs() < 1", "abs()", "`abs` takes one number, and this is 0", "write `abs(a)`"),
         ("abs < 1", "abs", "`abs` is a function: its arguments", "write `abs(a)`"),
         ("abs(1 + 2", "(", "this `(` is not closed", ""),
-        ("mni(1, 2) < 1", "mni", "there is no function `mni`", "did you mean `min`?"),
+        ("roud(1) < 1", "roud", "there is no function `roud`", "did you mean `round`?"),
         ("min(echo, 2) < 1", "echo", "`min` takes a number, and this is true or false", ""),
         ("min(1, 2,) < 1", ")", "a number, a name or `(` should stand here, not `)`", ""),
         ("pid(x_m, 1, 0, 0) > 1", "pid", "`pid` remembers from tick to tick", ""),
         ("drvie.state == turn", "drvie.state", "the mission has no machine `drvie`", "`drive`"),
         ("drive.state == trun", "trun", "machine `drive` has no state `trun`", "`turn`"),
         ("drive.state > 1", "drive.state", "is compared with the name of a state", "drive.state"),
-        ("colour == rde", "rde", "unknown name `rde`", "did you mean `red`?"),
+        ("colour == yelow", "yelow", "unknown name `yelow`", "did you mean `yellow`?"),
     ] {
         let misreadings = parse(text, Kind::Truth).unwrap_err();
         let first = &misreadings[0];

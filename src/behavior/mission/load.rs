@@ -11,7 +11,7 @@ use crate::behavior::expression::{Expression, Kind, Misreading, SEARCHED, Vocabu
 use crate::behavior::signals::Capabilities;
 use crate::behavior::tune::Tune;
 use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
-use crate::document::{Document, Findings, Item, Section, Severity, nearest};
+use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity, nearest};
 use crate::printable::is_printable;
 use crate::senses::{Channel, Role};
 
@@ -98,6 +98,9 @@ struct Names<'n> {
 impl<'d> Reader<'_, 'd, '_> {
     fn mission(mut self) -> Option<Mission> {
         let root = self.root;
+        if root.is_of_another_kind(FileKind::Mission) {
+            return None;
+        }
         root.allow(&KEYS);
         let name = root.require("name").and_then(|item| {
             let text = item.text()?;
@@ -393,6 +396,11 @@ impl<'d> Reader<'_, 'd, '_> {
         match read {
             Ok(expression) => {
                 self.uses.extend(expression.channels().map(|channel| (channel, item.place())));
+                if let Some(number) = expression.centimetres() {
+                    let message = format!("`range_m` is in metres, and no sensor sees {number} m");
+                    let hint = format!("{number} cm are {}", number / 100.0);
+                    item.warning(message).hint(hint);
+                }
                 Some(expression)
             }
             Err(misreadings) => {

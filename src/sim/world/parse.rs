@@ -11,7 +11,7 @@ use super::robot::number;
 use super::{
     Beacon, Colour, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World,
 };
-use crate::document::{Item, Section};
+use crate::document::{Item, Kind, Section};
 use crate::units::radians;
 
 /// Furthest from the origin that anything stands, metres.
@@ -20,6 +20,9 @@ const CLOSED: &str = "closed";
 
 /// Takes a world's document apart.
 pub(super) fn world(root: &Section<'_>) -> Option<World> {
+    if root.is_of_another_kind(Kind::World) {
+        return None;
+    }
     root.allow(&[
         "name", "floor", "wall", "block", "circle", "line", "patch", "start", "remote", "beacon",
         "robot",

@@ -173,7 +173,10 @@ fn every_wrong_kind_of_value_in_every_place_is_refused_or_legal() {
                 );
             }
             let twice = with_line(text, at, &format!("{key} = 1\n{key} = 1"));
-            assert!(kind.judge(twice.as_bytes()).unwrap().contains("duplicate"), "{key} twice");
+            assert!(
+                kind.judge(twice.as_bytes()).unwrap().contains("is there twice"),
+                "{key} twice"
+            );
             let unknown = with_line(text, at, &format!("{key}x = 1"));
             assert!(kind.judge(unknown.as_bytes()).is_some(), "`{key}x` was taken");
         }

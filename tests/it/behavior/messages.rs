@@ -141,6 +141,16 @@ fn cases() -> Vec<(&'static str, String)> {
         ("what remembers in a motion", state("do = { drive_m = \"pid(x_m, 1, 0, 0)\" }")),
         ("motions on entry", state("on_entry = { drive_m = 1 }")),
         ("a variable that is a number", state("on_entry = { set = { close_m = 1 } }")),
+        ("a speed with a unit", "name = \"m\"\ntime_limit_s = \"10s\"\n".to_owned()),
+        ("a time with a unit", when("state_s > 10s")),
+        ("centimetres", when("range_m < 25")),
+        ("a world", onbrick::sim::World::text("line").unwrap().to_owned()),
+        ("a robot", onbrick::robot::DEFAULT_ROBOT.to_owned()),
+        ("a text without quotes", "name = m\n".to_owned()),
+        ("an expression without quotes", state("do = { turn_dps = min(1,2) }")),
+        ("a decimal comma", state("do = { forward_mps = 0,25 }")),
+        ("a brace that is missing", state("do = { forward_mps = 0.1")),
+        ("a state twice", state("") + "[machine.drive.state.a]\n"),
         ("a variable that is none", state("on_entry = { set = { foud = 1 } }")),
         (
             "an expression where it does not fit",
@@ -256,6 +266,7 @@ fn robot_cases() -> Vec<(&'static str, String)> {
             next("{ when = \"touch or head_deg > 5 or reflect_pct > 5\", go = \"b\" }")
                 .replace("next =", "do = { head_deg = 5 }\nnext ="),
         ),
+        ("faster than the wheels", state("do = { forward_mps = 10 }")),
         (
             "motors that the robot lacks",
             when("motor.griper > 0").replace("next =", "do = { motor.leg = 5 }\nnext ="),
@@ -265,6 +276,7 @@ fn robot_cases() -> Vec<(&'static str, String)> {
 
 fn collect() -> String {
     let bare = Capabilities {
+        limits: Some(MotionLimits::default()),
         roles: [Role::Range, Role::Remote].into(),
         motors: Some(vec!["gripper".to_owned()]),
     };

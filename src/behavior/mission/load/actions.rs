@@ -9,6 +9,7 @@ use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::senses::{QUANTITIES, Role};
+use crate::units::radians;
 
 /// What can be asked in `do`.
 pub(super) const ACTIONS: [&str; 21] = [
@@ -101,10 +102,10 @@ impl<'d> Reader<'_, 'd, '_> {
                 let none = || Expression::constant(0.0);
                 let forward_mps = self.optional(table, "forward_mps", MPS);
                 let turn_dps = self.optional(table, "turn_dps", DPS);
-                Some(DrivePlan::Twist {
-                    forward_mps: forward_mps?.unwrap_or_else(none),
-                    turn_dps: turn_dps?.unwrap_or_else(none),
-                })
+                let forward_mps = forward_mps?.unwrap_or_else(none);
+                let turn_dps = turn_dps?.unwrap_or_else(none);
+                self.is_within_reach(first, &forward_mps, &turn_dps);
+                Some(DrivePlan::Twist { forward_mps, turn_dps })
             }
             3.. => self.motion(table, first).map(|plan| DrivePlan::Motion(Box::new(plan))),
             _ => first
@@ -112,6 +113,22 @@ impl<'d> Reader<'_, 'd, '_> {
                     &StopAction::ALL.iter().map(|stop| (stop.as_str(), *stop)).collect::<Vec<_>>(),
                 )
                 .map(DrivePlan::Stop),
+        }
+    }
+
+    /// Warns of a speed beyond what the robot's wheels may do: it would drive more slowly.
+    fn is_within_reach(&self, item: &Item<'d>, forward_mps: &Expression, turn_dps: &Expression) {
+        let Some(limits) = self.vocabulary.capabilities().limits else { return };
+        let Some((forward, turn)) = forward_mps.always().zip(turn_dps.always()) else { return };
+        let wheel_m_s = forward.abs() + radians(turn.abs()) * limits.half_track_m;
+        if wheel_m_s > limits.max_m_s {
+            let slower = limits.max_m_s / wheel_m_s;
+            item.warning("this is faster than the robot's wheels may turn (`max_dps`)".to_owned())
+                .hint(format!(
+                    "it drives at {:.2} m/s and turns at {:.0} degrees a second",
+                    forward * slower,
+                    turn * slower
+                ));
         }
     }
 

@@ -1,0 +1,334 @@
+//! Why a file is no TOML, as a person who writes missions understands it.
+//!
+//! The parser says what it expected next. What people do is leave a quote or a brace out, write a
+//! decimal comma, an expression without quotes, a table twice; that is looked for around the place
+//! where the parser stopped. One mistake makes several errors, so the first one alone is told.
+//!
+//! # Not here
+//!
+//! What is TOML and no mission: that is said by those who read it.
+
+use std::ops::Range;
+
+/// What is wrong, where, and the way out.
+pub(super) struct Explained {
+    pub(super) place: Range<usize>,
+    pub(super) message: String,
+    pub(super) hint: String,
+}
+
+/// How far before an error a brace that is left open is looked for, in lines.
+const LINES_BACK: usize = 20;
+
+/// Explains the parser's first error.
+pub(super) fn explain(text: &str, place: &Range<usize>, said: &str) -> Explained {
+    let at = text.floor_char_boundary(place.start.min(text.len()));
+    let found = if said.starts_with("duplicate key") {
+        twice(text, at)
+    } else {
+        open_text(text, at)
+            .or_else(|| decimal_comma(text, at))
+            .or_else(|| colon(text, at))
+            .or_else(|| bare(text, at))
+            .or_else(|| open_brace(text, at))
+    };
+    found.unwrap_or_else(|| Explained {
+        place: place.clone(),
+        message: said.to_owned(),
+        hint: String::new(),
+    })
+}
+
+/// A line without what stands in quotes and behind `#`, each letter of it a blank of its own width:
+/// places stay. The second is where a text begins that is not closed.
+fn code(line: &str) -> (String, Option<usize>) {
+    let mut code = String::with_capacity(line.len());
+    let mut open: Option<(char, usize)> = None;
+    let mut escaped = false;
+    for (at, letter) in line.char_indices() {
+        let blank = " ".repeat(letter.len_utf8());
+        match open {
+            Some((quote, _)) => {
+                if letter == quote && !escaped {
+                    open = None;
+                    code.push('"');
+                } else {
+                    code.push_str(&blank);
+                }
+                escaped = letter == '\\' && quote == '"' && !escaped;
+            }
+            None if matches!(letter, '"' | '\'') => {
+                open = Some((letter, at));
+                code.push('"');
+            }
+            None if letter == '#' => break,
+            None => code.push(letter),
+        }
+    }
+    (code, open.map(|(_, at)| at))
+}
+
+/// The bytes of the line that a byte is in.
+fn line_of(text: &str, at: usize) -> Range<usize> {
+    let start = text[..at].rfind('\n').map_or(0, |newline| newline + 1);
+    let end = text[at..].find('\n').map_or(text.len(), |newline| at + newline);
+    start..end
+}
+
+/// A table or a key that is there twice: where it was first.
+fn twice(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let header = |line: &str| {
+        let code = code(line).0;
+        let name = code.trim().strip_prefix('[')?.trim_matches(['[', ']']).trim().to_owned();
+        Some(name)
+    };
+    let lines: Vec<&str> = text[..line.start].lines().collect();
+    let (name, first) = match header(&text[line.clone()]) {
+        Some(name) => {
+            let first = lines.iter().position(|other| header(other).as_ref() == Some(&name));
+            (name, first)
+        }
+        None => {
+            let key = text[at..line.end].split(['=', ' ', '.']).next()?.trim();
+            let begins = |other: &str| {
+                let rest = other.trim_start().strip_prefix(key);
+                rest.is_some_and(|rest| rest.trim_start().starts_with('='))
+            };
+            // Of the same table alone.
+            let table =
+                lines.iter().rposition(|line| header(line).is_some()).map_or(0, |at| at + 1);
+            let first = lines[table..].iter().position(|other| begins(&code(other).0));
+            (key.to_owned(), first.map(|first| table + first))
+        }
+    };
+    let hint = match first {
+        Some(first) => format!("the first one is in line {}", first + 1),
+        None => "leave one out, or give it another name".to_owned(),
+    };
+    Some(Explained {
+        place: at..at + text[at..line.end].find(['=', ']', ' ']).unwrap_or(1),
+        message: format!("`{name}` is there twice"),
+        hint,
+    })
+}
+
+/// A text that is not closed in its line.
+fn open_text(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let start = line.start + code(&text[line.clone()]).1?;
+    Some(Explained {
+        place: start..line.end,
+        message: "this text is not closed".to_owned(),
+        hint: "put a `\"` where it ends".to_owned(),
+    })
+}
+
+/// Digits, a comma and digits behind `=`.
+fn decimal_comma(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    let is_digit = |place: usize| code.as_bytes().get(place).is_some_and(u8::is_ascii_digit);
+    let comma =
+        code.char_indices().filter(|(_, letter)| *letter == ',').find_map(|(comma, _)| {
+            let value =
+                code[..comma].rfind(['=', '[', '{']).filter(|at| code[*at..].starts_with('='));
+            let between = value.map(|value| code[value + 1..comma].trim());
+            let is_number = between.is_some_and(|number| number.parse::<f64>().is_ok());
+            (is_number && comma > 0 && is_digit(comma - 1) && is_digit(comma + 1)).then_some(comma)
+        })?;
+    let start = code[..comma].rfind(|letter: char| !letter.is_ascii_digit()).map_or(0, |at| at + 1);
+    let length = code[comma + 1..].find(|letter: char| !letter.is_ascii_digit());
+    let end = length.map_or(code.len(), |length| comma + 1 + length);
+    Some(Explained {
+        place: line.start + start..line.start + end,
+        message: "a decimal number has a point".to_owned(),
+        hint: format!("write `{}.{}`", &code[start..comma], &code[comma + 1..end]),
+    })
+}
+
+/// A colon between a key and its value.
+fn colon(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    let colon = code.find(':').filter(|colon| line.start + colon <= at)?;
+    Some(Explained {
+        place: line.start + colon..line.start + colon + 1,
+        message: "`:` does not stand between a key and its value".to_owned(),
+        hint: "write `=`".to_owned(),
+    })
+}
+
+/// A value that is neither a number nor in quotes.
+fn bare(text: &str, at: usize) -> Option<Explained> {
+    let line = line_of(text, at);
+    let (code, _) = code(&text[line.clone()]);
+    let before = &code[..(at - line.start).min(code.len())];
+    let equals = before.rfind('=')?;
+    let start = equals + 1 + code[equals + 1..].find(|letter: char| letter != ' ')?;
+    let ends = |letter: char| matches!(letter, '{' | '}' | '[' | ']' | '"');
+    let mut depth = 0_i32;
+    let length = code[start..].find(|letter: char| {
+        depth += i32::from(letter == '(') - i32::from(letter == ')');
+        ends(letter) || letter == ',' && depth <= 0
+    });
+    let value = code[start..length.map_or(code.len(), |length| start + length)].trim_end();
+    let place = line.start + start..line.start + start + value.len();
+    let key = before[..equals].rsplit([' ', '{', ',']).find(|key| !key.is_empty()).unwrap_or("");
+    if let Some((first, rest)) = value.split_once(' ')
+        && rest.contains('=')
+        && first.parse::<f64>().is_ok()
+    {
+        return Some(Explained {
+            place,
+            message: "a comma is missing between two keys".to_owned(),
+            hint: format!("write `{key} = {first}, {}`", rest.trim()),
+        });
+    }
+    let begins = value.chars().next()?;
+    let what = if value.parse::<f64>().is_ok() || value.contains('=') {
+        return None;
+    } else if value.chars().all(|letter| letter.is_alphanumeric() || "_-".contains(letter)) {
+        if !begins.is_alphabetic() {
+            return None;
+        }
+        "a text belongs in quotes"
+    } else {
+        "an expression belongs in quotes"
+    };
+    Some(Explained {
+        place,
+        message: what.to_owned(),
+        hint: format!("write `{key} = \"{value}\"`"),
+    })
+}
+
+/// A brace or a bracket that is open at the end of a line of a table in one line.
+fn open_brace(text: &str, at: usize) -> Option<Explained> {
+    let mut end = line_of(text, at).end;
+    for _ in 0..LINES_BACK {
+        let line = line_of(text, end);
+        let (code, _) = code(&text[line.clone()]);
+        let mut open = Vec::new();
+        for (place, letter) in code.char_indices() {
+            match letter {
+                '{' => open.push(place),
+                '}' => {
+                    open.pop();
+                }
+                _ => {}
+            }
+        }
+        if let Some(brace) = open.first() {
+            let place = line.start + brace;
+            return Some(Explained {
+                place: place..place + 1,
+                message: "this `{` is not closed".to_owned(),
+                hint: "put a `}` where it ends".to_owned(),
+            });
+        }
+        end = line.start.checked_sub(1)?;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Document, Section};
+
+    /// What is said of a file, and the text of the place.
+    fn said(text: &str) -> (String, String, String) {
+        let document = Document::new("m.toml", text.as_bytes()).unwrap();
+        let findings = document.read(|_: &Section<'_>| Some(())).unwrap_err();
+        let all: Vec<_> = findings.iter().collect();
+        assert_eq!(all.len(), 1, "{findings}");
+        let line = text.lines().nth(all[0].line - 1).unwrap_or_default();
+        let place: String = line.chars().skip(all[0].column - 1).collect();
+        (all[0].message.clone(), all[0].hint.clone().unwrap_or_default(), place)
+    }
+
+    #[test]
+    fn mistakes_of_beginners_are_named() {
+        for (text, message, hint, place) in [
+            (
+                "start = forward\n",
+                "a text belongs in quotes",
+                "write `start = \"forward\"`",
+                "forward",
+            ),
+            (
+                "do = { turn_dps = min(1,2) }\n",
+                "an expression belongs in quotes",
+                "write `turn_dps = \"min(1,2)\"`",
+                "min(1,2) }",
+            ),
+            (
+                "do = { turn_dps = 2 * x_m, led = \"red\" }\n",
+                "an expression belongs in quotes",
+                "write `turn_dps = \"2 * x_m\"`",
+                "2 * x_m, led = \"red\" }",
+            ),
+            (
+                "do = { forward_mps = 0,25 }\n",
+                "a decimal number has a point",
+                "write `0.25`",
+                "0,25 }",
+            ),
+            ("rate = 0,5\n", "a decimal number has a point", "write `0.5`", "0,5"),
+            (
+                "do = { a = 1\nnext = [{ when = \"touch\" }]\n[x]\n",
+                "this `{` is not closed",
+                "put a `}` where it ends",
+                "{ a = 1",
+            ),
+            (
+                "next = [{ when = \"touch\", go = \"b }]\n[x]\n",
+                "this text is not closed",
+                "put a `\"` where it ends",
+                "\"b }]",
+            ),
+            (
+                "do = { a: 0.1 }\n",
+                "`:` does not stand between a key and its value",
+                "write `=`",
+                ": 0.1 }",
+            ),
+            (
+                "do = { a = 0.1 b = 3 }\n",
+                "a comma is missing between two keys",
+                "write `a = 0.1, b = 3`",
+                "0.1 b = 3 }",
+            ),
+            (
+                "[a.b]\nx = 1\n[a.c]\n[a.b]\n",
+                "`a.b` is there twice",
+                "the first one is in line 1",
+                "b]",
+            ),
+            ("x = 1\ny = 2\nx = 3\n", "`x` is there twice", "the first one is in line 1", "x = 3"),
+            ("x = 1 # }\n]\n", "", "", ""),
+        ] {
+            let (is_message, is_hint, is_place) = said(text);
+            if message.is_empty() {
+                // Something else: what the parser says.
+                assert!(!is_message.is_empty());
+                continue;
+            }
+            assert_eq!(
+                (is_message.as_str(), is_hint.as_str(), is_place.as_str()),
+                (message, hint, place),
+                "{text}"
+            );
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_read_or_explained(text in "[a-z=\\[\\]{}\"'#:,.0-9\\\\ \nä]{0,60}") {
+            let document = Document::new("m.toml", text.as_bytes()).unwrap();
+            if let Err(findings) = document.read(|_: &Section<'_>| Some(())) {
+                proptest::prop_assert!(!findings.to_string().is_empty());
+            }
+        }
+    }
+}
