@@ -168,6 +168,22 @@ fn one_state(numbers: &str, state: &str) -> Mission {
 }
 
 #[test]
+fn every_example_of_the_reference_is_a_mission_in_order() {
+    let page = include_str!("../../src/missions.rs");
+    let lines = page.lines().map(|line| line.strip_prefix("//!").unwrap_or(line));
+    let text: String = lines.map(|line| format!("{}\n", line.strip_prefix(' ').unwrap_or(line))).collect();
+    let examples: Vec<&str> =
+        text.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    assert!(examples.len() >= 13, "{} examples", examples.len());
+    for example in examples {
+        let mission = load(example);
+        assert!(mission.start().is_ok(), "{example}");
+        let run = ["do =", "on_entry ="].iter().any(|key| example.contains(key));
+        assert!(run, "it does nothing: {example}");
+    }
+}
+
+#[test]
 fn demands_are_in_si_units() {
     let mission = one_state(
         "fast = 90",

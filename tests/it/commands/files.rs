@@ -14,7 +14,7 @@ fn check_looks_at_every_file_and_says_which_are_broken() {
     std::fs::write(folder.path().join("good.toml"), good).unwrap();
     std::fs::write(
         folder.path().join("bad.toml"),
-        good.replace("range_m", "rang_m").replace("\"halt\"", "\"hlt\""),
+        good.replace("range_m", "rang_m").replace("\"turn_left\"", "\"trun_left\""),
     )
     .unwrap();
     std::fs::write(folder.path().join("binary.toml"), [0xff, 0xfe, 0, 1]).unwrap();
@@ -22,7 +22,7 @@ fn check_looks_at_every_file_and_says_which_are_broken() {
     let said = run(folder.path(), &["check", "map", "good.toml", "bump"]).expect(0);
     assert!(
         said.out.contains(
-            "good.toml: in order: drive (5 states), look (3 states), 50 Hz, 120 s at most"
+            "good.toml: in order: drive (4 states), look (2 states), 50 Hz, 120 s at most"
         ),
         "{}",
         said.out
@@ -36,7 +36,7 @@ fn check_looks_at_every_file_and_says_which_are_broken() {
     .expect(3);
     for expected in [
         "did you mean `range_m`?",
-        "did you mean `halt`?",
+        "did you mean `turn_left`?",
         "good.toml: in order",
         "binary.toml:1:1",
         "`name` is missing",

@@ -21,8 +21,8 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
     write("blind.toml", TWO_WHEELS);
     write("broken.toml", "name = \"x\"\nrate = 3\n");
     for (arguments, hint) in [
-        (&["run", "robot.toml", "--sim", "arena"][..], "this is a robot's file"),
-        (&["graph", "robot.toml"], "this is a robot's file"),
+        (&["run", "robot.toml", "--sim", "arena"][..], "this file is a robot, not a mission"),
+        (&["graph", "robot.toml"], "this file is a robot, not a mission"),
         (
             &["run", "map", "--robot", "blind.toml", "--sim", "arena"],
             "wants another robot; onbrick new robot",
@@ -32,7 +32,6 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
         let output = onbrick(folder.path(), arguments).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
-        let way_out = said.lines().find(|line| line.starts_with("  try: ")).unwrap_or_default();
-        assert!(way_out.contains(hint), "{arguments:?}: {said}");
+        assert!(said.contains(hint), "{arguments:?}: {said}");
     }
 }
