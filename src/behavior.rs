@@ -1,11 +1,11 @@
 //! State machines: a small engine, conditions as text, missions from TOML, their checks and their
 //! graphs.
 //!
-//! [`engine`] runs machines over any input type and knows nothing of robots or files.
-//! [`expression`] is the language of conditions and of the numbers in `do`. [`mission`] reads a
-//! mission file into machines, checks them as a whole, and runs them on that same engine: each tick
-//! [`Signals`] go in and [`Demands`] come out. [`graph`] draws a mission, [`shipped`] carries those
-//! that come with the program.
+//! [`missions`] shows by examples how missions are written. [`engine`] runs machines over any input
+//! type and knows nothing of robots or files. [`expression`] is the language of conditions and of
+//! the numbers in `do`. [`mission`] reads a mission file into machines, checks them as a whole, and
+//! runs them on that same engine: each tick [`Signals`] go in and [`Demands`] come out. [`graph`]
+//! draws a mission, [`shipped`] carries those that come with the program.
 //!
 //! # Not here
 //!
@@ -25,6 +25,7 @@ pub mod engine;
 pub mod expression;
 pub mod graph;
 pub mod mission;
+pub mod missions;
 pub mod motion;
 pub mod shipped;
 pub mod signals;

@@ -39,8 +39,7 @@
 //! | [`runtime`] | a run: checks, control loop, guard, replay |
 //! | [`recording`] | `run.mcap`: the recorder's thread, and reading what it wrote, whole or cut |
 //! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
-//! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure |
-//! | [`missions`] | how missions are written, by examples |
+//! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure. [`behavior::missions`] shows by examples how missions are written |
 //! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |
 //! | [`sim`] | simulated brick: world, body, driver behaviour (feature `sim`) |
 //! | [`page`] | a page for a browser on this machine: the server behind live pages (feature `host`) |
@@ -145,7 +144,6 @@ pub mod link;
 pub mod mapping;
 #[cfg(feature = "cli")]
 pub mod menu;
-pub mod missions;
 #[cfg(feature = "host")]
 pub mod page;
 pub mod printable;

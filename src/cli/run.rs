@@ -157,7 +157,10 @@ fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
     if inventory.is_ok_and(|found| found.devices.is_empty() && found.battery.is_none()) {
         let failure = Failure { exit: Exit::Refused, ..no_brick(root) };
         #[cfg(feature = "sim")]
-        let failure = failure.hint("--sim arena, which drives a simulated one; --brick with the folder where one is mounted");
+        let failure = failure.hint(
+            "--sim arena, which drives a simulated one; --brick with the folder where one is \
+             mounted",
+        );
         return Err(failure);
     }
     Ok((Brick::Local(tree), Pose::default()))
