@@ -335,13 +335,14 @@ fn a_run_cut_at_every_offset_gives_plot_and_replay_what_came_before_the_cut() {
     let folder = tempfile::tempdir().unwrap();
     // A quarter of a second is the whole file's structure with a few ticks in it: each offset of it
     // is cut at.
-    let mission =
-        onbrick::behavior::shipped::find("map").unwrap().text.replace("time_limit_s > 5", "");
-    std::fs::write(
-        folder.path().join("short.toml"),
-        mission.replace("time_s > time_limit_s", "time_s > 0.2"),
-    )
-    .unwrap();
+    let mission = onbrick::behavior::shipped::find("map").unwrap().text.replacen(
+        "start = \"forward\"",
+        "start = \"forward\"\nfinal = \"end\"\n\
+         always = [{ when = \"time_s > 0.2\", go = \"end\" }]\nstate.end = {}",
+        1,
+    );
+    let mission = mission.replacen("time_limit_s", "finish = \"any\"\ntime_limit_s", 1);
+    std::fs::write(folder.path().join("short.toml"), mission).unwrap();
     run(folder.path(), &["run", "short.toml", "--sim", "arena", "--out", "o"]).expect(0);
     let bytes = std::fs::read(folder.path().join("o/run.mcap")).unwrap();
     let whole = Run::read(&bytes).unwrap();
