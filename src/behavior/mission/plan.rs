@@ -131,7 +131,8 @@ impl MachinePlan {
         &self.always
     }
 
-    /// A transition from a state, counted as [`Taken::transition`](crate::behavior::Taken::transition) counts.
+    /// A transition from a state, counted as
+    /// [`Taken::transition`](crate::behavior::Taken::transition) counts.
     #[must_use]
     pub fn transition(&self, from: u16, index: u16) -> Option<&TransitionPlan> {
         let next = &self.state(from)?.next;
