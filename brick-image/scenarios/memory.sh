@@ -69,6 +69,6 @@ figure "processes that were looked at" "$processes" "(service, guard, control)" 
 figure "peak resident memory, all of them, their own" "$peak" kB "<=" 8192
 figure "resident of the program's file, once" "$text" kB
 figure "peak resident memory, all of them, with the program's file once" $((peak + text)) kB
-# Of peaks, in pages of 4 kB: 12 to 20 kB were seen of one and the same program, by when the recorder
-# was waiting for its disk.
+# Of peaks, in pages of 4 kB: 12 to 20 kB were seen of one and the same program; supposedly by when
+# the recorder waited for its disk.
 figure "growth after the first minute" $((peak - first_minute)) kB "<=" 32
