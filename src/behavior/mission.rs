@@ -55,10 +55,10 @@
 //!
 //! `on_entry` and `on_exit` know lights, sounds and `say`; a tone without a length lasts 0.2 s
 //! there. A sound continues when its state is left, until it is over or the machine begins another
-//! one, and a mission does not end before its last sounds have. Wheels, head and each named motor
-//! belong to one machine; for lights, sounds and screen the last machine in the file wins. A number
-//! in `do` that comes to NaN or an infinity, or that depends on a lost signal, stops its actuator
-//! for that tick: wheels brake, head and motor stand still.
+//! one, and a mission does not end before its last sounds have; nothing moves meanwhile. Wheels,
+//! head and each named motor belong to one machine; for lights, sounds and screen the last machine
+//! in the file wins. A number in `do` that comes to NaN or an infinity, or that depends on a lost
+//! signal, stops its actuator for that tick: wheels brake, head and motor stand still.
 //!
 //! `set` gives variables other values, in a transition when it is taken and in `on_entry`. All of
 //! its values are worked out before the first is given; one that is not known or not finite leaves

@@ -244,6 +244,31 @@ fn what_is_done_on_entry_and_on_exit_is_done_once() {
 }
 
 #[test]
+fn nothing_moves_while_the_last_sound_of_a_mission_is_heard() {
+    let mission = load(
+        "name = \"m\"\nfinish = \"any\"\n[machine.drive.state.on]\n\
+         do = { forward_mps = 0.1, head_deg = 20, motor.arm = 50 }\n\
+         [machine.look]\nstart = \"a\"\nfinal = \"b\"\n\
+         [machine.look.state.a]\nnext = [{ when = \"time_s > 1\", go = \"b\" }]\n\
+         [machine.look.state.b]\non_entry = { tone_hz = 500, tone_s = 2, say = \"found\" }\n",
+    );
+    let mut program = mission.start().unwrap();
+    let moves = |demands: &Demands| {
+        (demands.drive, demands.head_rad.is_some(), demands.motors[0].is_some(), demands.tone_hz)
+    };
+    let ahead = Some(Drive::Twist { forward_m_s: 0.1, turn_rad_s: 0.0 });
+    let (demands, progress) = step(&mut program, &signals(900, &[]));
+    assert_eq!((moves(&demands), progress), ((ahead, true, true, None), Progress::Running));
+    let still = Some(Drive::Stop(StopAction::Brake));
+    for ms in [1_020, 2_000, 3_000] {
+        let (demands, progress) = step(&mut program, &signals(ms, &[]));
+        let expected = ((still, false, false, Some(500.0)), Progress::Running);
+        assert_eq!((moves(&demands), progress), expected, "at {ms} ms");
+    }
+    assert_eq!(step(&mut program, &signals(3_020, &[])).1, Progress::Finished);
+}
+
+#[test]
 fn the_last_machine_in_the_file_has_the_lights() {
     let text = "name = \"m\"\n[machine.z]\nstart = \"a\"\nfinal = \"a\"\n[machine.z.state.a]\n\
         do = { led = \"red\", tone_hz = 100 }\n\

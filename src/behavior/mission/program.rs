@@ -7,13 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{Assignment, MachinePlan, Mission, OnStall, Outputs, StatePlan, TransitionPlan};
 use crate::behavior::blackboard::{Blackboard, MAX_PIDS, MAX_VARIABLES, MachineState, PidState};
-use crate::behavior::demands::Demands;
+use crate::behavior::demands::{Demands, Drive};
 use crate::behavior::engine::{Engine, EngineError, Machine, Progress, State};
 use crate::behavior::motion::{MotionLimits, MotionState};
 use crate::behavior::signals::Signals;
 use crate::behavior::tune::{Playing, Sound, Tune};
 use crate::behavior::{MAX_MACHINES, Taken};
 use crate::clock::seconds;
+use crate::ev3dev::StopAction;
 use crate::senses::Role;
 
 /// A mission under way.
@@ -143,8 +144,13 @@ impl Program {
         self.turn.ongoing.tone_hz(now_ns);
         let progress = self.engine.step_traced(now_ns, &mut self.turn, on_taken);
         *demands = self.turn.demands;
+        if progress == Progress::Finished {
+            // Whatever another machine wants: nothing moves while the last sounds are heard.
+            let Demands { led, tone_hz, say, .. } = *demands;
+            let drive = Some(Drive::Stop(StopAction::Brake));
+            *demands = Demands { drive, led, tone_hz, say, ..Demands::default() };
+        }
         match self.turn.ongoing.tone_hz(now_ns) {
-            // The last sounds are heard before the mission ends.
             Some(tone_hz) => {
                 demands.tone_hz = tone_hz;
                 Progress::Running
