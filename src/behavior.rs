@@ -29,16 +29,17 @@ pub mod missions;
 pub mod motion;
 pub mod shipped;
 pub mod signals;
+pub mod submachines;
 mod telling;
 pub mod tune;
 
-pub use blackboard::{Blackboard, MAX_VARIABLES, MachineState, Scope};
+pub use blackboard::{Blackboard, MAX_VARIABLES, MachineState, Scope, Since};
 pub use demands::{Demands, Drive, Led};
 pub use engine::{EngineError, Finish, Progress};
 pub use expression::Expression;
 pub use graph::mermaid;
 pub use mission::{
-    MachinePlan, Mission, OnLost, OnStall, Program, ProgramState, SetError, StatePlan,
+    MachinePlan, Mission, OnLost, OnStall, Program, ProgramState, RegionPlan, SetError, StatePlan,
     TransitionPlan,
 };
 pub use motion::MotionLimits;
@@ -51,6 +52,9 @@ pub const MAX_MACHINES: usize = 8;
 /// outputs.
 pub const MAX_MOTORS: usize = 4;
 
+/// The most named sensors that a robot may have: one for each of the brick's inputs.
+pub const MAX_SENSORS: usize = 4;
+
 /// A transition that a machine took.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Taken {
@@ -60,7 +64,8 @@ pub struct Taken {
     pub from: u16,
     /// Index of the state entered.
     pub to: u16,
-    /// Index among the machine's transitions for all states and, behind them, the left state's;
-    /// `None` where the runtime moved the machine (`on_stall`).
+    /// Index among the transitions that may be taken from the left state: those of all states, its
+    /// own, and where it is inside others, those of the others before, from the outermost; `None`
+    /// where the runtime moved the machine (`on_stall`).
     pub transition: Option<u16>,
 }

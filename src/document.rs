@@ -7,8 +7,8 @@
 //!
 //! # Not here
 //!
-//! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O: the
-//! caller has read the bytes.
+//! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O but in
+//! [`read_bounded`] and [`save`].
 //!
 //! # What we count on
 //!
@@ -27,11 +27,15 @@ use crate::printable;
 
 mod finding;
 mod kind;
+mod load;
+mod parts;
 pub mod save;
 mod syntax;
 
 pub use finding::{Finding, Findings, Severity, nearest};
 pub use kind::Kind;
+pub use load::read_bounded;
+pub use parts::append;
 use syntax::Explained;
 
 /// One file as a person wrote it.
@@ -375,6 +379,11 @@ impl<'d> Item<'d> {
             place: self.key_place.clone(),
             path: self.path.clone(),
         })
+    }
+
+    /// The value of a key of the value, where that is a table which has it.
+    pub fn get(&self, key: &str) -> Option<Item<'d>> {
+        self.is_table().then(|| self.section())?.and_then(|section| section.get(key))
     }
 
     /// The value as a list.

@@ -63,7 +63,7 @@
 //!
 //! The shipped robot's seven channels at 50 Hz are 36 kB a second, 130 MB an hour, of which `/odom`
 //! and `/tf` are a quarter; a map of a room of 3 m adds 3.6 kB every five seconds.
-//! The ring has [`Options::ring_entries`] entries of 1920 bytes, as long as a checkpoint.
+//! The ring has [`Options::ring_entries`] entries of 4.6 kB, as long as a checkpoint.
 //! The tick pays for one copy of the entry (0.4 µs on a PC), the recorder for encoding it (5 µs).
 //!
 //! # Example

@@ -37,16 +37,18 @@ mod halt;
 mod lease;
 mod mend;
 mod sensor;
+mod shipped;
 
 use bind::Bound;
 use mend::{Mended, Mender};
 
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::BindError;
-pub use config::{DEFAULT_ROBOT, HeadRole, MotorRole, NamedMotor, RangeRole, RobotConfig};
+pub use config::{HeadRole, MotorRole, NamedMotor, NamedSensor, RangeRole, RobotConfig};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
 pub use sensor::RoleSensor;
+pub use shipped::{DEFAULT_ROBOT, ROBOTS, ShippedRobot};
 
 /// How near the head must come to what is asked of it, radians: half a degree, less than the gears'
 /// play.

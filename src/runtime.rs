@@ -17,10 +17,13 @@
 //! No network: what runs on the tick's path knows no sockets. No pictures: they are made of
 //! finished runs (`report`).
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::behavior::submachines;
+use crate::document::read_bounded;
 use crate::ev3dev::LocalTree;
 use crate::mapping::Pose;
 use crate::recording;
@@ -69,10 +72,36 @@ pub struct Source {
     pub text: String,
 }
 
+impl Source {
+    /// A mission with the sub-machines that it uses: those of files beside it, each called like its
+    /// sub-machine, else those that come with the program.
+    ///
+    /// - `folder`: where such files are; `None` where no file is to be looked for.
+    #[must_use]
+    pub fn with_submachines(self, folder: Option<&Path>) -> Self {
+        let find = |name: &str| {
+            let path = folder?.join(format!("{name}.toml"));
+            match read_bounded(&path).map(String::from_utf8) {
+                Ok(Ok(text)) => Some(text),
+                Ok(Err(_)) => {
+                    log::warn!("{} is not text (not UTF-8)", path.display());
+                    None
+                }
+                Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+                Err(error) => {
+                    log::warn!("cannot read {}: {error}", path.display());
+                    None
+                }
+            }
+        };
+        Self { text: submachines::joined(&self.text, find), ..self }
+    }
+}
+
 /// All that a run needs to know.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Job {
-    /// The mission.
+    /// The mission, with its sub-machines ([`Source::with_submachines`]).
     pub mission: Source,
     /// The robot.
     pub robot: Source,

@@ -182,6 +182,8 @@ pub enum Role {
     Remote,
     /// A named motor, by its place among them.
     Motor(u8),
+    /// A named sensor, by its place among them: one more of a kind.
+    Sensor(u8),
 }
 
 impl Role {
@@ -202,6 +204,7 @@ impl Role {
             Self::Colour => "colour",
             Self::Remote => "remote",
             Self::Motor(_) => "motor.NAME",
+            Self::Sensor(_) => "sensor.NAME",
         }
     }
 
@@ -218,6 +221,7 @@ impl Role {
             Self::Colour => "a colour sensor",
             Self::Remote => "an infrared sensor for the remote",
             Self::Motor(_) => "a named motor",
+            Self::Sensor(_) => "a named sensor",
         }
     }
 
@@ -428,6 +432,14 @@ quantities! {
     ButtonLeft: "button_left", "brick's buttons", Truth, TRUTH, Role::Brick, [];
     /// The same of Right.
     ButtonRight: "button_right", "brick's buttons", Truth, TRUTH, Role::Brick, [];
+    /// What the first named sensor measures, in the unit that conditions have; the others follow.
+    Sensor0: "", "first named sensor", Number, ANY, Role::Sensor(0), [];
+    /// What the second named sensor measures.
+    Sensor1: "", "second named sensor", Number, ANY, Role::Sensor(1), [];
+    /// What the third named sensor measures.
+    Sensor2: "", "third named sensor", Number, ANY, Role::Sensor(2), [];
+    /// What the fourth named sensor measures.
+    Sensor3: "", "fourth named sensor", Number, ANY, Role::Sensor(3), [];
 }
 
 impl Channel {
@@ -436,6 +448,16 @@ impl Channel {
 
     /// The named motors' channels.
     pub const MOTORS: [Self; 4] = [Self::Motor0, Self::Motor1, Self::Motor2, Self::Motor3];
+
+    /// The named sensors' channels.
+    pub const SENSORS: [Self; 4] = [Self::Sensor0, Self::Sensor1, Self::Sensor2, Self::Sensor3];
+
+    /// The quantities that a named sensor can measure.
+    pub fn measurable() -> impl Iterator<Item = &'static Quantity> {
+        QUANTITIES
+            .iter()
+            .filter(|quantity| !quantity.name.is_empty() && !quantity.sources.is_empty())
+    }
 
     /// What is known of it.
     #[must_use]

@@ -4,15 +4,117 @@
 //!
 //! No simulation (`sim`) and no run (`runtime`): only what joins them.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::clock::{Clock, MonotonicClock, VirtualClock};
+use crate::document::Document;
 use crate::mapping::Pose;
 use crate::recording::{Pace, STALL_NS};
+use crate::robot::{MotorRole, RobotConfig};
 use crate::runtime::{
     Brick, Ended, Environment, Heartbeat, Job, Refused, Source, StopFlags, Truth, execute,
 };
+use crate::senses::{Channel, Role};
 use crate::sim::{Observer, Simulation, World, WorldPhysics};
+
+/// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing of
+/// its robot.
+#[must_use]
+pub fn furnished(world: Source, robot: &RobotConfig) -> Source {
+    let has_robot = Document::new(&world.name, world.text.as_bytes())
+        .and_then(|document| document.read(|root| Some(root.get("robot").is_some())));
+    match has_robot {
+        Ok((false, _)) => Source { text: format!("{}\n{}", world.text, body(robot)), ..world },
+        // What is wrong with it is told when it is read.
+        Ok((true, _)) | Err(_) => world,
+    }
+}
+
+/// The section `[robot]` of a world.
+fn body(robot: &RobotConfig) -> String {
+    let wheel = |motor: &MotorRole| motor.port.as_ref().map(|port| port.short().to_owned());
+    let [left, right] = [&robot.left, &robot.right];
+    let mut text = format!(
+        "\n# Built like the robot `{}`.\n[robot]\nwheel_circumference_m = {:?}\ntrack_width_m = {:?}\n\
+         left_inverted = {}\nright_inverted = {}\n",
+        robot.name,
+        robot.wheel_circumference_m * left.ratio.abs(),
+        robot.track_width_m,
+        left.ratio < 0.0,
+        right.ratio < 0.0,
+    );
+    let mut ports: BTreeMap<String, &str> =
+        OUTPUTS.into_iter().chain(INPUTS).map(|port| (port.to_owned(), "none")).collect();
+    let mut plug = |port: Option<String>, others: &[&str], what: &'static str| -> Option<String> {
+        let is_free = |port: &&&str| ports.get(**port) == Some(&"none");
+        let port = port.or_else(|| others.iter().find(is_free).map(|port| (*port).to_owned()))?;
+        ports.contains_key(&port).then(|| ports.insert(port.clone(), what))?;
+        Some(port)
+    };
+    for (key, motor, usual) in [("left", left, "outB"), ("right", right, "outD")] {
+        if let Some(port) = plug(wheel(motor), &[usual], "large") {
+            text.push_str(&format!("{key} = \"{port}\"\n"));
+        }
+    }
+    match &robot.head {
+        Some(head) => {
+            if let Some(port) = plug(wheel(&head.motor), &OUTPUTS, "medium") {
+                let ratio = head.motor.ratio;
+                // Each number of teeth is at least 1.
+                let gear = if ratio.abs() < 1.0 {
+                    [ratio * 1000.0, 1000.0]
+                } else {
+                    [ratio.signum() * 1000.0, 1000.0 / ratio.abs()]
+                };
+                text.push_str(&format!("head = \"{port}\"\nhead_gear = {gear:?}\n"));
+            }
+        }
+        None => text.push_str("head = \"none\"\n"),
+    }
+    if let Some(range) = &robot.range {
+        text.push_str(&format!("range_ahead_m = {:?}\n", range.ahead_m));
+    }
+    for named in &robot.motors {
+        plug(wheel(&named.motor), &OUTPUTS, "large");
+    }
+    for (role, port) in &robot.sensors {
+        let measured = match role {
+            Role::Sensor(at) => {
+                robot.named_sensors.get(usize::from(*at)).map(|named| named.measures)
+            }
+            role => role.quantities().next().map(|quantity| quantity.channel),
+        };
+        let Some(measured) = measured else { continue };
+        let port = port.as_ref().map(|port| port.short().to_owned());
+        let infrared = robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
+        plug(port, &INPUTS, kind(measured, infrared));
+    }
+    text.push_str("[robot.ports]\n");
+    for (port, what) in ports {
+        text.push_str(&format!("{port} = \"{what}\"\n"));
+    }
+    text
+}
+
+/// A range sensor that is to see no farther than this is the infrared one, metres.
+const INFRARED_M: f64 = 0.75;
+
+/// What worlds call the sensor that measures a quantity.
+fn kind(measured: Channel, infrared: bool) -> &'static str {
+    match measured.quantity().role {
+        Role::Range if infrared => "infrared",
+        Role::Range => "ultrasonic",
+        Role::Gyro => "gyro",
+        Role::Touch => "touch",
+        Role::Colour => "colour",
+        Role::Remote => "infrared",
+        _ => "none",
+    }
+}
+
+const OUTPUTS: [&str; 4] = ["outA", "outB", "outC", "outD"];
+const INPUTS: [&str; 4] = ["in1", "in2", "in3", "in4"];
 
 /// A simulated brick at the beginning of its time, and what sees how things truly are.
 ///
@@ -122,6 +224,7 @@ impl<F: FnMut(&crate::sim::Truth) + Send> Heartbeat for Witness<F> {
 mod tests {
     use super::*;
     use crate::clock::{MILLISECOND_NS, SECOND_NS};
+    use crate::robot::{DEFAULT_ROBOT, ROBOTS};
     use crate::runtime::{Lock, WhenAbandoned};
 
     /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
@@ -146,6 +249,32 @@ mod tests {
         environment.clock.sleep_until_ns(environment.clock.now_ns() + pause_ns);
         simulation.catch_up();
         simulation.lost_ns()
+    }
+
+    fn bodied(text: &str, robot: &str) -> crate::sim::RobotModel {
+        let (config, _) = RobotConfig::load("robot.toml", robot.as_bytes()).unwrap();
+        let world = Source { name: "w.toml".to_owned(), text: text.to_owned() };
+        let world = furnished(world, &config);
+        let (parsed, findings) = World::parse(&world.name, world.text.as_bytes())
+            .unwrap_or_else(|findings| panic!("{findings}"));
+        assert!(findings.is_empty(), "{findings}");
+        parsed.robot().clone()
+    }
+
+    #[test]
+    fn a_simulated_robot_is_built_as_its_file_says_and_as_its_world_says_before_that() {
+        let seed = crate::sim::RobotModel::default();
+        assert_eq!(bodied("name = \"w\"", DEFAULT_ROBOT), seed);
+        let own = bodied("name = \"w\"\n[robot]\nfront_m = 0.12\n", ROBOTS[1].text);
+        assert_eq!(own, crate::sim::RobotModel { front_m: 0.12, ..seed.clone() });
+        let educator = bodied("name = \"w\"", ROBOTS[1].text);
+        assert_eq!((educator.drive, educator.head, educator.track_width_m), ([1, 2], None, 0.104));
+        let geared = DEFAULT_ROBOT
+            .replace("{ port = \"outB\" }", "{ port = \"outC\", gear = [-12, 24] }")
+            .replace("[touch] ", "[sensor.eye]\nmeasures = \"ambient_pct\"\n\n[touch] ");
+        let geared = bodied("name = \"w\"", &geared);
+        assert_eq!((geared.drive, geared.drive_inverted), ([2, 3], [true, false]));
+        assert!((geared.wheel_circumference_m - 0.094_488).abs() < 1e-9);
     }
 
     #[test]

@@ -8,11 +8,13 @@
 
 use std::cell::Cell;
 
+use arrayvec::ArrayVec;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 
 use super::MAX_MACHINES;
+use super::engine::LEVELS;
 use super::signals::Signals;
 use crate::clock::seconds;
 
@@ -27,10 +29,17 @@ pub const MAX_PIDS: usize = 4;
 const LONGEST_STEP_S: f64 = 0.1;
 
 /// Where one machine is, and since when: enough to go on from.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct MachineState {
     /// Index of the active state in the machine's list.
     pub state: u16,
+    /// Since when it is active, after the states that it is inside, from the outermost.
+    pub since: ArrayVec<Since, LEVELS>,
+}
+
+/// When and where a machine entered a state, and whether the state is done.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Since {
     /// Whether what the state does has come to its end.
     pub done: bool,
     /// When it was entered, nanoseconds of the run's clock.
@@ -81,26 +90,39 @@ impl Blackboard {
     /// A blackboard with these signals, for a machine that entered its state at `since`; the rest
     /// is as at the start.
     #[must_use]
-    pub fn of(signals: Signals, since: MachineState) -> Self {
+    pub fn of(signals: Signals, since: Since) -> Self {
         let mut board = Self { signals, ..Self::default() };
-        board.machines[0] = since;
+        board.machines[0].since.push(since);
         board
     }
 
     /// As one of the machines sees it.
+    ///
+    /// - `level`: of its active states the one that sees it, 0 for the outermost.
     #[must_use]
-    pub fn seen_by(&self, machine: usize) -> Scope<'_> {
-        let since = self.machines.get(machine).copied().unwrap_or_default();
-        Scope { board: self, machine, since }
+    pub fn seen_by(&self, machine: usize, level: usize) -> Scope<'_> {
+        let since = self.machines.get(machine).and_then(|at| at.since.get(level));
+        Scope { board: self, machine, since: since.copied().unwrap_or_default() }
     }
 
     /// Notes that a machine enters a state now.
-    pub(super) fn enter(&mut self, machine: usize, state: u16) {
+    pub(super) fn enter(&mut self, machine: usize, state: u16, level: usize) {
         if let Some(place) = self.machines.get_mut(machine) {
-            *place = self.signals.entering(state);
+            place.state = state;
+            place.since.truncate(level);
+            // The engine has no more levels.
+            let _ = place.since.try_push(self.signals.since());
         }
         for pid in self.pids.get_mut(machine).into_iter().flatten() {
             pid.set(PidState::default());
+        }
+    }
+
+    /// Notes whether a machine's active state of a level is done.
+    pub(super) fn set_done(&mut self, machine: usize, level: usize, done: bool) {
+        let place = self.machines.get_mut(machine);
+        if let Some(since) = place.and_then(|place| place.since.get_mut(level)) {
+            since.done = done;
         }
     }
 }
@@ -111,7 +133,7 @@ pub struct Scope<'b> {
     pub(super) board: &'b Blackboard,
     pub(super) machine: usize,
     /// When and where it entered its state.
-    pub(super) since: MachineState,
+    pub(super) since: Since,
 }
 
 impl Scope<'_> {

@@ -7,6 +7,12 @@
 //!    own action, then the new state's entry action;
 //! 2. the action of the state that is now active runs, with the same inputs.
 //!
+//! A state may have a machine of its own inside it, a sub-machine: entering the state enters the
+//! inner start state as well, leaving it leaves both. The transitions of the outer state are looked
+//! at before those of the inner one, entry actions run from the outside inwards, exit actions from
+//! the inside outwards. States are counted with those inside them behind each; the active state is
+//! the innermost one.
+//!
 //! The start state is entered at the first step: its entry action runs then, its own action not
 //! before the first check. Machines of one engine run side by side, in the order in which they were
 //! added, on the same inputs.
@@ -45,24 +51,32 @@
 //!   the active states.
 //! - A time that runs backwards makes the time in a state negative, and timeouts wait.
 
-use std::collections::BTreeMap;
 use std::fmt;
-use std::time::Duration;
+
+use arrayvec::ArrayVec;
 
 use super::Taken;
 use crate::clock::seconds;
 
-/// The present step's time, and when the active state was entered.
+mod description;
+
+use description::{Action, Node, Region, Transition, index, resolve};
+pub use description::{Machine, State};
+
+/// The most levels of states within states.
+pub const LEVELS: usize = 3;
+
+/// The present step's time, and when the state was entered whose check or action it is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Moment {
     /// The step's time, nanoseconds.
     pub now_ns: i64,
-    /// When the machine entered its active state, nanoseconds of the same clock.
+    /// When the machine entered the state, nanoseconds of the same clock.
     pub entered_ns: i64,
 }
 
 impl Moment {
-    /// Seconds since the active state was entered.
+    /// Seconds since the state was entered.
     #[must_use]
     pub fn state_s(self) -> f64 {
         seconds(self.now_ns.saturating_sub(self.entered_ns))
@@ -107,6 +121,12 @@ pub enum EngineError {
         /// The name.
         state: String,
     },
+    /// States are within states within states, more than [`LEVELS`] deep.
+    #[error("machine `{machine}` has more than {LEVELS} levels of states")]
+    TooDeep {
+        /// The machine.
+        machine: String,
+    },
     /// There are more machines, states of one machine or transitions of one state than a `u16`
     /// counts.
     #[error("`{what}` has more parts than 65535")]
@@ -114,128 +134,6 @@ pub enum EngineError {
         /// What has too many parts.
         what: String,
     },
-}
-
-type Check<I> = Box<dyn FnMut(&I, Moment) -> bool + Send>;
-type Action<I> = Box<dyn FnMut(&mut I, Moment) + Send>;
-
-/// A state as it is described: see [`Machine::state`].
-pub struct State<I> {
-    name: String,
-    entering: Option<Action<I>>,
-    doing: Option<Action<I>>,
-    leaving: Option<Action<I>>,
-    next: Vec<Transition<I, String>>,
-}
-
-/// A check, what is done when it holds, and where it leads: to a state's name, or to its place.
-struct Transition<I, S> {
-    check: Check<I>,
-    taking: Option<Action<I>>,
-    to: S,
-}
-
-impl<I> State<I> {
-    fn named(name: String) -> Self {
-        Self { name, entering: None, doing: None, leaving: None, next: Vec::new() }
-    }
-
-    /// Runs at every step that ends in this state.
-    #[must_use]
-    pub fn doing(mut self, action: impl FnMut(&mut I, Moment) + Send + 'static) -> Self {
-        self.doing = Some(Box::new(action));
-        self
-    }
-
-    /// Runs once whenever the state is entered, the start state included.
-    #[must_use]
-    pub fn entering(mut self, action: impl FnMut(&mut I, Moment) + Send + 'static) -> Self {
-        self.entering = Some(Box::new(action));
-        self
-    }
-
-    /// Runs once whenever the state is left.
-    #[must_use]
-    pub fn leaving(mut self, action: impl FnMut(&mut I, Moment) + Send + 'static) -> Self {
-        self.leaving = Some(Box::new(action));
-        self
-    }
-
-    /// Adds a transition: to `destination` when `check` holds and no transition before it does.
-    #[must_use]
-    pub fn when(
-        mut self,
-        check: impl FnMut(&I, Moment) -> bool + Send + 'static,
-        destination: impl Into<String>,
-    ) -> Self {
-        self.next.push(Transition { check: Box::new(check), taking: None, to: destination.into() });
-        self
-    }
-
-    /// Gives the transition that was added last an action, which runs when it is taken.
-    #[must_use]
-    pub fn taking(mut self, action: impl FnMut(&mut I, Moment) + Send + 'static) -> Self {
-        if let Some(last) = self.next.last_mut() {
-            last.taking = Some(Box::new(action));
-        }
-        self
-    }
-
-    /// Adds a timeout: to `destination` once the state has been active for `time`.
-    #[must_use]
-    pub fn after(self, time: Duration, destination: impl Into<String>) -> Self {
-        let limit_ns = i64::try_from(time.as_nanos()).unwrap_or(i64::MAX);
-        self.when(move |_, at| at.now_ns.saturating_sub(at.entered_ns) >= limit_ns, destination)
-    }
-}
-
-/// A machine as it is described; [`Engine::new`] makes it run.
-pub struct Machine<I> {
-    name: String,
-    start: String,
-    end: Option<String>,
-    always: Vec<Transition<I, String>>,
-    states: Vec<State<I>>,
-}
-
-impl<I> Machine<I> {
-    /// A machine that starts in the state `start`.
-    #[must_use]
-    pub fn new(name: impl Into<String>, start: impl Into<String>) -> Self {
-        Self {
-            name: name.into(),
-            start: start.into(),
-            end: None,
-            always: Vec::new(),
-            states: Vec::new(),
-        }
-    }
-
-    /// Adds a state; `describe` gives it actions and transitions.
-    #[must_use]
-    pub fn state(
-        mut self,
-        name: impl Into<String>,
-        describe: impl FnOnce(State<I>) -> State<I>,
-    ) -> Self {
-        self.states.push(describe(State::named(name.into())));
-        self
-    }
-
-    /// Adds transitions of every state, before its own, but for the final state and the one that
-    /// they lead to.
-    #[must_use]
-    pub fn always(mut self, describe: impl FnOnce(State<I>) -> State<I>) -> Self {
-        self.always.extend(describe(State::named(String::new())).next);
-        self
-    }
-
-    /// Names the final state. A machine without one never finishes.
-    #[must_use]
-    pub fn ending_in(mut self, state: impl Into<String>) -> Self {
-        self.end = Some(state.into());
-        self
-    }
 }
 
 /// Machines side by side on inputs of type `I`.
@@ -247,23 +145,16 @@ pub struct Engine<I> {
 /// A machine with its names resolved.
 struct Running<I> {
     name: String,
-    always: Vec<Transition<I, u16>>,
-    states: Vec<Resolved<I>>,
-    end: Option<u16>,
+    region: Region<I>,
+    states: Vec<Node<I>>,
+    /// The innermost active state.
     active: u16,
-    entered_ns: i64,
+    /// When the active state of each level was entered.
+    entered_ns: [i64; LEVELS],
     /// False until the start state has been entered.
     started: bool,
     /// A state to go to at the next step whatever the checks say.
     forced: Option<u16>,
-}
-
-struct Resolved<I> {
-    name: String,
-    entering: Option<Action<I>>,
-    doing: Option<Action<I>>,
-    leaving: Option<Action<I>>,
-    next: Vec<Transition<I, u16>>,
 }
 
 impl<I> Engine<I> {
@@ -276,7 +167,7 @@ impl<I> Engine<I> {
         finish: Finish,
         machines: impl IntoIterator<Item = Machine<I>>,
     ) -> Result<Self, EngineError> {
-        let machines = machines.into_iter().map(resolve).collect::<Result<Vec<_>, _>>()?;
+        let machines = machines.into_iter().map(Running::new).collect::<Result<Vec<_>, _>>()?;
         index(machines.len(), "the engine")?;
         Ok(Self { finish, machines })
     }
@@ -305,7 +196,7 @@ impl<I> Engine<I> {
     /// finished.
     #[must_use]
     pub fn progress(&self) -> Progress {
-        let mut ends = self.machines.iter().map(|machine| machine.end == Some(machine.active));
+        let mut ends = self.machines.iter().map(|machine| machine.is_at_end() == Some(true));
         let finished = match self.finish {
             Finish::All => ends.all(|is_end| is_end),
             Finish::Any => ends.any(|is_end| is_end) || self.machines.is_empty(),
@@ -316,20 +207,30 @@ impl<I> Engine<I> {
     /// Whether each machine is in its final state or has none.
     #[must_use]
     pub fn waits(&self) -> bool {
-        self.machines.iter().all(|machine| machine.end.is_none_or(|end| end == machine.active))
+        self.machines.iter().all(|machine| machine.is_at_end().unwrap_or(true))
     }
 
     /// The name of a machine's active state.
     #[must_use]
     pub fn active(&self, machine: usize) -> Option<&str> {
         let running = self.machines.get(machine)?;
-        running.states.get(usize::from(running.active)).map(|state| state.name.as_str())
+        running.node(running.active).map(|state| state.name.as_str())
     }
 
     /// Index of a machine's active state, and when it was entered.
     #[must_use]
     pub fn position(&self, machine: usize) -> Option<(u16, i64)> {
-        self.machines.get(machine).map(|running| (running.active, running.entered_ns))
+        let running = self.machines.get(machine)?;
+        let level = running.node(running.active).map_or(0, |state| state.level);
+        Some((running.active, running.moment(level, 0).entered_ns))
+    }
+
+    /// Whether a machine's active state is this one or inside it.
+    #[must_use]
+    pub fn is_in(&self, machine: usize, state: u16) -> bool {
+        self.machines.get(machine).is_some_and(|running| {
+            running.node(state).is_some_and(|node| (state..=node.last).contains(&running.active))
+        })
     }
 
     /// Makes a machine's next transition lead to `state`, whatever its checks say; it is taken at
@@ -339,11 +240,17 @@ impl<I> Engine<I> {
         running.map(|running| running.forced = Some(state)).is_some()
     }
 
-    /// Puts a machine into a state it was in, entered at `entered_ns`, without any action: to go on
-    /// from a record. Returns false, and does nothing, where there is no such machine or state.
-    pub fn restore(&mut self, machine: usize, state: u16, entered_ns: i64) -> bool {
+    /// Puts a machine into a state it was in, without any action: to go on from a record. Returns
+    /// false, and does nothing, where there is no such machine or state.
+    ///
+    /// - `entered_ns`: when the state was entered, after those that it is inside, from the
+    ///   outermost.
+    pub fn restore(&mut self, machine: usize, state: u16, entered_ns: &[i64]) -> bool {
         let Some(running) = self.having(machine, state) else { return false };
-        (running.active, running.entered_ns) = (state, entered_ns);
+        running.active = state;
+        for (place, entered_ns) in running.entered_ns.iter_mut().zip(entered_ns) {
+            *place = *entered_ns;
+        }
         (running.started, running.forced) = (true, None);
         true
     }
@@ -354,136 +261,171 @@ impl<I> Engine<I> {
     }
 }
 
+/// Where a transition leads, and which one it is; none where it is forced.
+struct Choice {
+    to: u16,
+    transition: Option<u16>,
+}
+
 impl<I> Running<I> {
+    fn new(machine: Machine<I>) -> Result<Self, EngineError> {
+        let (name, region, states) = resolve(machine)?;
+        let mut running = Self {
+            name,
+            active: region.start,
+            region,
+            states,
+            entered_ns: [0; LEVELS],
+            started: false,
+            forced: None,
+        };
+        while let Some(inner) = running.inner(running.active) {
+            running.active = inner.start;
+        }
+        Ok(running)
+    }
+
     /// One step; the transition taken as (from, to, its index).
     fn step(&mut self, now_ns: i64, inputs: &mut I) -> Option<(u16, u16, Option<u16>)> {
         if !self.started {
             self.started = true;
-            self.enter(self.active, now_ns, inputs);
+            self.enter(self.region.start, now_ns, inputs);
         }
         let from = self.active;
-        let taken = self.choose(now_ns, inputs).map(|(to, transition)| {
-            let at = self.moment(now_ns);
-            run(self.state().and_then(|state| state.leaving.as_mut()), inputs, at);
+        let taken = self.choose(now_ns, inputs).map(|Choice { to, transition }| {
+            let level = self.node(to).map_or(0, |node| node.level);
+            self.leave(level, now_ns, inputs);
+            let at = self.moment(level, now_ns);
             let taking = transition.and_then(|transition| self.transition(from, transition));
             run(taking.and_then(|transition| transition.taking.as_mut()), inputs, at);
             self.enter(to, now_ns, inputs);
-            (from, to, transition)
+            (from, self.active, transition)
         });
-        let at = self.moment(now_ns);
-        run(self.state().and_then(|state| state.doing.as_mut()), inputs, at);
+        for state in self.chain(self.active) {
+            let at = self.moment_of(state, now_ns);
+            run(self.actions(state).and_then(|actions| actions.doing.as_mut()), inputs, at);
+        }
         taken
     }
 
-    /// Where to go, by force or by the first check that holds.
-    fn choose(&mut self, now_ns: i64, inputs: &I) -> Option<(u16, Option<u16>)> {
+    /// Where to go, by force or by the first check that holds, looked for from the outside inwards.
+    fn choose(&mut self, now_ns: i64, inputs: &I) -> Option<Choice> {
         if let Some(forced) = self.forced.take() {
-            return Some((forced, None));
+            return Some(Choice { to: forced, transition: None });
         }
-        let at = self.moment(now_ns);
-        let active = self.active;
-        let is_end = self.end == Some(active);
-        let state = self.states.get_mut(usize::from(active))?;
-        let always = self.always.iter_mut().map(|next| (!is_end && next.to != active, next));
-        let next = always.chain(state.next.iter_mut().map(|next| (true, next)));
-        (0_u16..).zip(next).find_map(|(index, (is_looked_at, Transition { check, to, .. }))| {
-            (is_looked_at && check(inputs, at)).then_some((*to, Some(index)))
-        })
+        let mut index = 0_u16;
+        for state in self.chain(self.active) {
+            let at = self.moment_of(state, now_ns);
+            let (region, node) = self.around(state)?;
+            let is_end = region.end == Some(state);
+            let always = region.always.iter_mut().map(|next| (!is_end && next.to != state, next));
+            let own = node.next.iter_mut().map(|next| (true, next));
+            for (is_looked_at, Transition { check, to, .. }) in always.chain(own) {
+                if is_looked_at && check(inputs, at) {
+                    return Some(Choice { to: *to, transition: Some(index) });
+                }
+                index = index.saturating_add(1);
+            }
+        }
+        None
     }
 
     /// A transition from a state, counted as [`Taken::transition`] counts.
     fn transition(&mut self, from: u16, index: u16) -> Option<&mut Transition<I, u16>> {
-        let state = self.states.get_mut(usize::from(from))?;
-        self.always.iter_mut().chain(&mut state.next).nth(usize::from(index))
+        let mut index = usize::from(index);
+        let mut found = None;
+        for state in self.chain(from) {
+            let (region, node) = self.around(state)?;
+            let count = region.always.len() + node.next.len();
+            if index < count {
+                found = Some(state);
+                break;
+            }
+            index -= count;
+        }
+        let (region, node) = self.around(found?)?;
+        region.always.iter_mut().chain(&mut node.next).nth(index)
     }
 
+    /// Leaves the active states of a level and of those inside it.
+    fn leave(&mut self, level: usize, now_ns: i64, inputs: &mut I) {
+        for state in self.chain(self.active).into_iter().skip(level).rev() {
+            let at = self.moment_of(state, now_ns);
+            run(self.actions(state).and_then(|actions| actions.leaving.as_mut()), inputs, at);
+        }
+    }
+
+    /// Enters a state and the start states inside it.
     fn enter(&mut self, state: u16, now_ns: i64, inputs: &mut I) {
-        (self.active, self.entered_ns) = (state, now_ns);
-        let at = self.moment(now_ns);
-        run(self.state().and_then(|state| state.entering.as_mut()), inputs, at);
+        let mut next = Some(state);
+        while let Some(state) = next {
+            self.active = state;
+            let level = self.node(state).map_or(0, |node| node.level);
+            if let Some(entered_ns) = self.entered_ns.get_mut(level) {
+                *entered_ns = now_ns;
+            }
+            let at = self.moment(level, now_ns);
+            run(self.actions(state).and_then(|actions| actions.entering.as_mut()), inputs, at);
+            next = self.inner(state).map(|inner| inner.start);
+        }
     }
 
-    fn state(&mut self) -> Option<&mut Resolved<I>> {
-        self.states.get_mut(usize::from(self.active))
+    /// A state and those it is inside, from the outermost.
+    fn chain(&self, state: u16) -> ArrayVec<u16, LEVELS> {
+        let mut chain = ArrayVec::new();
+        let mut at = Some(state);
+        while let Some(state) = at
+            && chain.try_push(state).is_ok()
+        {
+            at = self.node(state).and_then(|node| node.parent);
+        }
+        chain.reverse();
+        chain
     }
 
-    fn moment(&self, now_ns: i64) -> Moment {
-        Moment { now_ns, entered_ns: self.entered_ns }
+    /// Whether it is in its final state; `None` where it has none.
+    fn is_at_end(&self) -> Option<bool> {
+        let end = self.region.end?;
+        Some(self.chain(self.active).first() == Some(&end))
+    }
+
+    /// A state, and what holds for all states beside it.
+    fn around(&mut self, state: u16) -> Option<(&mut Region<I>, &mut Node<I>)> {
+        match self.node(state)?.parent {
+            None => Some((&mut self.region, self.states.get_mut(usize::from(state))?)),
+            Some(parent) => {
+                // The states inside another one follow it.
+                let (before, rest) = self.states.split_at_mut_checked(usize::from(state))?;
+                let region = before.get_mut(usize::from(parent))?.inner.as_mut()?;
+                Some((region, rest.first_mut()?))
+            }
+        }
+    }
+
+    fn node(&self, state: u16) -> Option<&Node<I>> {
+        self.states.get(usize::from(state))
+    }
+
+    fn inner(&self, state: u16) -> Option<&Region<I>> {
+        self.node(state)?.inner.as_ref()
+    }
+
+    fn actions(&mut self, state: u16) -> Option<&mut description::Actions<I>> {
+        self.states.get_mut(usize::from(state)).map(|node| &mut node.actions)
+    }
+
+    fn moment_of(&self, state: u16, now_ns: i64) -> Moment {
+        self.moment(self.node(state).map_or(0, |node| node.level), now_ns)
+    }
+
+    fn moment(&self, level: usize, now_ns: i64) -> Moment {
+        Moment { now_ns, entered_ns: self.entered_ns.get(level).copied().unwrap_or_default() }
     }
 }
 
 fn run<I>(action: Option<&mut Action<I>>, inputs: &mut I, at: Moment) {
     if let Some(action) = action {
         action(inputs, at);
-    }
-}
-
-fn resolve<I>(machine: Machine<I>) -> Result<Running<I>, EngineError> {
-    index(machine.states.len(), &machine.name)?;
-    let mut places = BTreeMap::new();
-    for (place, state) in (0_u16..).zip(&machine.states) {
-        if places.insert(state.name.clone(), place).is_some() {
-            return Err(EngineError::DuplicateState {
-                machine: machine.name,
-                state: state.name.clone(),
-            });
-        }
-    }
-    let find = |state: &str| {
-        places.get(state).copied().ok_or_else(|| EngineError::UnknownState {
-            machine: machine.name.clone(),
-            state: state.to_owned(),
-        })
-    };
-    let active = find(&machine.start)?;
-    let end = machine.end.as_deref().map(find).transpose()?;
-    let most = machine.states.iter().map(|state| state.next.len()).max().unwrap_or_default();
-    index(machine.always.len() + most, &machine.name)?;
-    let find_all = |transitions: Vec<Transition<I, String>>| {
-        let found = transitions.into_iter().map(|Transition { check, taking, to }| {
-            Ok(Transition { check, taking, to: find(&to)? })
-        });
-        found.collect::<Result<Vec<_>, EngineError>>()
-    };
-    let resolve_state = |state: State<I>| {
-        Ok(Resolved {
-            next: find_all(state.next)?,
-            name: state.name,
-            entering: state.entering,
-            doing: state.doing,
-            leaving: state.leaving,
-        })
-    };
-    let always = find_all(machine.always)?;
-    let states = machine.states.into_iter().map(resolve_state).collect::<Result<_, _>>()?;
-    Ok(Running {
-        name: machine.name,
-        always,
-        states,
-        end,
-        active,
-        entered_ns: 0,
-        started: false,
-        forced: None,
-    })
-}
-
-fn index(count: usize, what: &str) -> Result<u16, EngineError> {
-    u16::try_from(count).map_err(|_| EngineError::TooMany { what: what.to_owned() })
-}
-
-impl<I> fmt::Debug for State<I> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("State").field("name", &self.name).finish_non_exhaustive()
-    }
-}
-
-impl<I> fmt::Debug for Machine<I> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Machine")
-            .field("name", &self.name)
-            .field("states", &self.states)
-            .finish_non_exhaustive()
     }
 }
 
@@ -500,6 +442,8 @@ impl<I> fmt::Debug for Engine<I> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     struct Number {
@@ -601,11 +545,11 @@ mod tests {
     #[test]
     fn a_restored_machine_goes_on_without_entering_again() {
         let mut engine = Engine::new(Finish::All, [noting("m")]).unwrap();
-        assert!(engine.restore(0, 1, 500_000_000));
+        assert!(engine.restore(0, 1, &[500_000_000]));
         let mut diary = Diary::default();
         engine.step(1_000_000_000, &mut diary);
         assert_eq!(diary.lines, ["do b 0.5"]);
-        assert!(!engine.restore(0, 2, 0), "there is no state 2");
+        assert!(!engine.restore(0, 2, &[0]), "there is no state 2");
     }
 
     #[test]
@@ -662,5 +606,112 @@ mod tests {
             let mut engine = Engine::<()>::new(finish, []).unwrap();
             assert_eq!(engine.step(0, &mut ()), Progress::Finished, "{finish:?}");
         }
+    }
+
+    /// `look` contains `left` and `right`, and ends in `right`.
+    fn nested() -> Machine<Diary> {
+        let noting = |me: &'static str| {
+            move |state: State<Diary>| {
+                state
+                    .entering(move |diary, _| diary.lines.push(format!("enter {me}")))
+                    .doing(move |diary, at| diary.lines.push(format!("do {me} {}", at.state_s())))
+                    .leaving(move |diary, _| diary.lines.push(format!("leave {me}")))
+            }
+        };
+        let inner = Machine::<Diary>::new("look", "left")
+            .always(|all| all.when(|diary, _| diary.go == "always", "right"))
+            .state("left", move |state| noting("left")(state).when(|d, _| d.go == "on", "right"))
+            .state("right", move |state| noting("right")(state).when(|d, _| d.go == "on", "left"))
+            .ending_in("right");
+        Machine::<Diary>::new("m", "look")
+            .state("look", move |state| {
+                let state = noting("look")(state).when(|diary, _| diary.go == "out", "end");
+                state.when(|diary, _| diary.go == "again", "look").containing(inner)
+            })
+            .state("end", noting("end"))
+            .ending_in("end")
+    }
+
+    #[test]
+    fn a_state_with_a_machine_inside_enters_and_leaves_both_and_keeps_its_own_time() {
+        let mut engine = Engine::new(Finish::All, [nested()]).unwrap();
+        let mut diary = Diary::default();
+        assert_eq!(engine.active(0), Some("left"), "before the first step");
+        let mut taken = Vec::new();
+        for (second, go, expected) in [
+            (0, "", vec!["enter look", "enter left", "do look 0", "do left 0"]),
+            (1, "on", vec!["leave left", "enter right", "do look 1", "do right 0"]),
+            // In its final state nothing leads out but the outer state's own transitions.
+            (2, "always", vec!["do look 2", "do right 1"]),
+            (
+                3,
+                "again",
+                vec![
+                    "leave right",
+                    "leave look",
+                    "enter look",
+                    "enter left",
+                    "do look 0",
+                    "do left 0",
+                ],
+            ),
+            (4, "always", vec!["leave left", "enter right", "do look 1", "do right 0"]),
+            (5, "out", vec!["leave right", "leave look", "enter end", "do end 0"]),
+        ] {
+            diary.go = go;
+            let progress =
+                engine.step_traced(second * 1_000_000_000, &mut diary, |next| taken.push(next));
+            assert_eq!(std::mem::take(&mut diary.lines), expected, "at {second} s");
+            let expected = if go == "out" { Progress::Finished } else { Progress::Running };
+            assert_eq!(progress, expected, "at {second} s");
+        }
+        let taken: Vec<_> =
+            taken.iter().map(|next| (next.from, next.to, next.transition.unwrap())).collect();
+        // The outer state's two are counted first, then the inner machine's.
+        assert_eq!(taken, [(1, 2, 3), (2, 1, 1), (1, 2, 2), (2, 3, 0)]);
+    }
+
+    #[test]
+    fn a_machine_is_in_a_state_and_in_the_one_around_it_and_is_restored_into_both() {
+        let mut engine = Engine::new(Finish::All, [nested()]).unwrap();
+        assert!(engine.restore(0, 2, &[1_000_000_000, 3_000_000_000]));
+        assert_eq!(
+            [0, 1, 2, 3, 9].map(|state| engine.is_in(0, state)),
+            [true, false, true, false, false]
+        );
+        let mut diary = Diary::default();
+        engine.step(4_000_000_000, &mut diary);
+        assert_eq!(diary.lines, ["do look 3", "do right 1"]);
+        assert!(engine.force(0, 0));
+        engine.step(5_000_000_000, &mut diary);
+        assert_eq!(engine.position(0), Some((1, 5_000_000_000)), "forced into the start inside");
+    }
+
+    #[test]
+    fn what_holds_in_all_states_comes_first_and_does_what_it_is_given_to_do() {
+        let machine = Machine::<Vec<&str>>::new("m", "a")
+            .always(|all| all.when(|_, _| true, "b").taking(|lines, _| lines.push("always")))
+            .state("a", |state| state.when(|_, _| true, "c").taking(|lines, _| lines.push("own")))
+            .state("b", |state| state.when(|_, _| true, "c").taking(|lines, _| lines.push("b")))
+            .state("c", |state| state)
+            .ending_in("c");
+        let mut engine = Engine::new(Finish::All, [machine]).unwrap();
+        let (mut lines, mut taken) = (Vec::new(), Vec::new());
+        for ns in 0..3 {
+            engine.step_traced(ns, &mut lines, |next| taken.push((next.to, next.transition)));
+        }
+        assert_eq!(lines, ["always", "b"]);
+        assert_eq!(taken, [(1, Some(0)), (2, Some(1))], "and not from the final state");
+    }
+
+    #[test]
+    fn states_within_states_have_a_bound() {
+        let mut machine = Machine::<()>::new("m", "s").state("s", |state| state);
+        for _ in 0..LEVELS {
+            let inner = machine;
+            machine = Machine::new("m", "s").state("s", |state| state.containing(inner));
+        }
+        let error = Engine::new(Finish::All, [machine]).unwrap_err().to_string();
+        assert_eq!(error, "machine `m` has more than 3 levels of states");
     }
 }

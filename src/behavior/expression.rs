@@ -12,11 +12,13 @@
 //! | `<` `<=` `>` `>=` `==` `!=`, not in chains | numbers (`==` and `!=` also two truths) | truth |
 //! | `+` `-`, then `*` `/`, then `-` before a number | numbers | number |
 //!
-//! Operands are numbers (`0.25`, `1e-3`), `true`, `false`, the signals, `motor.NAME`, the mission's
-//! own numbers and variables, names of what a signal can be (`colour == red`), functions with their
+//! Operands are numbers (`0.25`, `1e-3`), `true`, `false`, the signals, `motor.NAME` (its angle),
+//! `sensor.NAME` (what it measures, in the unit of the signal of that kind), the mission's own
+//! numbers and variables, names of what a signal can be (`colour == red`), functions with their
 //! arguments, and expressions in parentheses. Angles are in degrees, as the signals' names say.
-//! `drive.state == turn` is true while the machine `drive` is in its state `turn`, as it is at that
-//! moment: machines take their steps in the order of the file.
+//! `drive.state == turn` is true while the machine `drive` is in its state `turn`, or in a state of
+//! the sub-machine that `turn` uses (`drive.state == turn.left` names one of those), as it is at
+//! that moment: machines take their steps in the order of the file.
 //!
 //! | function | gives |
 //! |---|---|
@@ -109,11 +111,12 @@ enum Op {
         name: u16,
         value: f64,
     },
-    /// A machine is in a state.
+    /// A machine is in a state, or in one inside it: `first` to `last`.
     InState {
         name: u16,
         machine: u8,
-        state: u16,
+        first: u16,
+        last: u16,
     },
     Negate,
     Not,

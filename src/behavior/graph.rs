@@ -7,7 +7,7 @@
 
 use std::fmt::{self, Write};
 
-use super::mission::{MachinePlan, Mission};
+use super::mission::{MachinePlan, Mission, RegionPlan};
 
 /// The diagram of a mission.
 #[must_use]
@@ -28,28 +28,52 @@ fn write(mission: &Mission, out: &mut String) -> fmt::Result {
 
 fn write_machine(index: usize, machine: &MachinePlan, out: &mut String) -> fmt::Result {
     writeln!(out, "    state \"{}\" as m{index} {{", escaped(machine.name()))?;
-    for (at, state) in machine.states().iter().enumerate() {
-        writeln!(out, "        state \"{}\" as m{index}s{at}", escaped(state.name()))?;
+    write_region(index, machine, machine.region(), None, "        ", out)?;
+    writeln!(out, "    }}")
+}
+
+/// The states of a machine, or of the sub-machine inside a state.
+fn write_region(
+    index: usize,
+    machine: &MachinePlan,
+    region: &RegionPlan,
+    parent: Option<u16>,
+    indent: &str,
+    out: &mut String,
+) -> fmt::Result {
+    for (at, state) in machine.inside(parent) {
+        // Inside another state the name of that need not be said again.
+        let outer = parent.and_then(|parent| machine.state(parent));
+        let name = outer.and_then(|outer| state.name().strip_prefix(outer.name()));
+        let name = name.and_then(|name| name.strip_prefix('.')).unwrap_or(state.name());
+        write!(out, "{indent}state \"{}\" as m{index}s{at}", escaped(name))?;
+        if let Some(inner) = state.inner() {
+            writeln!(out, " {{")?;
+            write_region(index, machine, inner, Some(at), &format!("{indent}    "), out)?;
+            write!(out, "{indent}}}")?;
+        }
+        writeln!(out)?;
     }
-    writeln!(out, "        [*] --> m{index}s{}", machine.start())?;
-    for (at, state) in machine.states().iter().enumerate() {
+    writeln!(out, "{indent}[*] --> m{index}s{}", region.start())?;
+    for (at, state) in machine.inside(parent) {
         for transition in state.transitions() {
             let when = escaped(transition.when().text());
-            writeln!(out, "        m{index}s{at} --> m{index}s{} : {when}", transition.go())?;
+            writeln!(out, "{indent}m{index}s{at} --> m{index}s{} : {when}", transition.go())?;
         }
     }
     // What holds in all states is drawn once, from a node that stands for them.
-    for (at, transition) in machine.always().iter().enumerate() {
+    let always = parent.map_or_else(|| "always".to_owned(), |parent| format!("s{parent}always"));
+    for (at, transition) in region.always().iter().enumerate() {
         if at == 0 {
-            writeln!(out, "        state \"(always)\" as m{index}always")?;
+            writeln!(out, "{indent}state \"(always)\" as m{index}{always}")?;
         }
         let when = escaped(transition.when().text());
-        writeln!(out, "        m{index}always --> m{index}s{} : {when}", transition.go())?;
+        writeln!(out, "{indent}m{index}{always} --> m{index}s{} : {when}", transition.go())?;
     }
-    if let Some(end) = machine.end() {
-        writeln!(out, "        m{index}s{end} --> [*]")?;
+    match region.end() {
+        Some(end) => writeln!(out, "{indent}m{index}s{end} --> [*]"),
+        None => Ok(()),
     }
-    writeln!(out, "    }}")
 }
 
 /// Text with what Mermaid or HTML would take for its own written as Mermaid's entity codes.

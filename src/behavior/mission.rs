@@ -65,6 +65,37 @@
 //! its variable as it was. All machines see all variables. Machines take their steps in the order
 //! of the file, and what one has set the next one sees in the same tick.
 //!
+//! # Sub-machines
+//!
+//! ```toml
+//! [machine.drive.state.left_side]
+//! use = "zigzag"          # a machine in place of `do`
+//! with = { way_m = 0.5 }  # what its variables begin with, where not with their own
+//! next = [{ when = "done", go = "right_side" }]      # it is in its final state
+//!
+//! [submachine.zigzag]
+//! start = "out"           # start, final, always and states as in a machine
+//! final = "end"
+//! [submachine.zigzag.variables]
+//! way_m = 0.3             # its own, at each use
+//! [submachine.zigzag.state.out]
+//! do = { drive_m = "way_m" }
+//! next = [{ when = "done", go = "end" }]
+//! [submachine.zigzag.state.end]
+//! ```
+//!
+//! While a state uses a sub-machine, the state and one of the states inside it are active: `drive`
+//! is in `left_side` and in `left_side.out`. Each has its own `state_s`, `state_m`,
+//! `state_turn_deg` and `done`. The outer state's transitions are looked at first; entering it
+//! begins the sub-machine from its start, with its variables as at the start. Names are looked for
+//! from the inside outwards: the sub-machine's variables, those of what uses it, the mission's.
+//! From outside they are `left_side.way_m`, from another machine `drive.left_side.way_m`.
+//!
+//! A sub-machine that the file does not define is taken from `NAME.toml` beside it, which has
+//! sub-machines and nothing else, or from those that come with the program
+//! ([`super::submachines`], [`super::shipped`]). Sub-machines may use others, on at most
+//! [`super::engine::LEVELS`] levels, and not themselves.
+//!
 //! # What is checked
 //!
 //! A mission is refused for: unknown keys, names, states and motors; signals and actuators that the
@@ -72,9 +103,10 @@
 //! range; states that cannot be reached or cannot be left, but for a machine's only one;
 //! transitions that can never fire, by themselves or because an earlier one of the same state holds
 //! whenever they do; `done` where nothing ends; two machines that move the same actuator; two modes
-//! asked of one sensor; an `on_stall` state that the driving machine lacks. It is warned of, and
-//! runs, with: a condition that always holds (unless it is the word `true`); a state from which the
-//! final state cannot be reached.
+//! asked of one sensor; an `on_stall` state that the driving machine lacks; a sub-machine that is
+//! not there, or uses itself. It is warned of, and runs, with: a condition that always holds (unless
+//! it is the word `true`); a state from which the final state cannot be reached; a sub-machine that
+//! no state uses.
 //!
 //! Whether a transition can fire is judged from comparisons of a multiple of one signal with a
 //! constant, joined by `and`, `or` and `not`, with the numbers that the file gives. What is said is
@@ -86,9 +118,9 @@
 //!
 //! # What we count on
 //!
-//! - A mission has at most [`super::MAX_MACHINES`] machines and [`Mission::MAX_STATES`] states, a
-//!   state at most [`Mission::MAX_TRANSITIONS`] transitions: a file of ten thousand states is read
-//!   in well under a second.
+//! - A mission has at most [`super::MAX_MACHINES`] machines and [`Mission::MAX_STATES`] states,
+//!   those of sub-machines counted at each use, a state at most [`Mission::MAX_TRANSITIONS`]
+//!   transitions: a file of ten thousand states is read in well under a second.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -107,7 +139,7 @@ mod plan;
 mod program;
 
 use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
-pub use plan::{MachinePlan, StatePlan, TransitionPlan};
+pub use plan::{MachinePlan, RegionPlan, StatePlan, TransitionPlan};
 pub use program::{Program, ProgramState};
 
 /// A mission, read and checked.
@@ -351,7 +383,10 @@ impl Mission {
         let machine = self.machines.get(usize::from(taken.machine))?;
         let (from, to) = (machine.state(taken.from)?, machine.state(taken.to)?);
         let when = match taken.transition {
-            Some(index) => Some(machine.transition(taken.from, index)?.when.text()),
+            Some(index) => {
+                let mut transitions = machine.transitions(taken.from);
+                Some(transitions.nth(usize::from(index))?.when.text())
+            }
             None => None,
         };
         Some(NamedTransition { machine: &machine.name, from: &from.name, to: &to.name, when })

@@ -176,6 +176,52 @@
 //! on_entry = { say = "found {red_found}" }
 //! ```
 //!
+//! # Pieces to put together
+//!
+//! A state may `use` a machine in place of `do`: a *sub-machine*, of the same file, of a file beside
+//! it that is called like it, or one that comes with the program. `done` is true when it is in its
+//! final state; `with` says what its variables begin with.
+//!
+//! ```toml
+//! name = "to-the-open"
+//! time_limit_s = 60
+//! [machine.drive]
+//! start = "look"
+//! always = [{ when = "touch", go = "back" }]
+//! [machine.drive.state.look]
+//! use = "look-round"
+//! next = [{ when = "done", go = "go" }]
+//! [machine.drive.state.go]
+//! use = "hop"
+//! with = { angle_deg = "look.farthest_deg", way_m = "min(0.5, look.farthest_m - 0.3)" }
+//! next = [{ when = "done", go = "look" }]
+//! [machine.drive.state.back]
+//! do = { drive_m = -0.2 }
+//! next = [{ when = "done or state_s > 4", go = "look" }]
+//!
+//! [submachine.hop]
+//! start = "turn"
+//! final = "there"
+//! [submachine.hop.variables]
+//! angle_deg = 0
+//! way_m = 0.3
+//! [submachine.hop.state.turn]
+//! do = { turn_deg = "angle_deg" }
+//! next = [{ when = "done", go = "drive" }]
+//! [submachine.hop.state.drive]
+//! do = { drive_m = "way_m" }
+//! next = [{ when = "done or range_m < 0.15", go = "there" }]
+//! [submachine.hop.state.there]
+//! ```
+//!
+//! These come with the program; `onbrick new submachine FILE --from NAME` writes one to be changed.
+//!
+//! | name | what it does | its variables |
+//! |---|---|---|
+//! | `look-round` | turns the head from side to side | `from_deg`, `to_deg`, `step_deg`; afterwards `nearest_m`, `nearest_deg`, `farthest_m`, `farthest_deg` |
+//! | `follow-wall` | follows a wall on the right until there is none any more | `keep_m`, `lost_m`, `speed_mps` |
+//! | `come-home` | drives to a place, past what is in the way | `to_x`, `to_y`, `to_deg`, `near_m`, `pass_m` |
+//!
 //! # Look round
 //!
 //! The head's way has an end, too.
@@ -247,6 +293,7 @@
 //! | wait for a sensor | `while not touch.pressed(): wait(10)` | `touch.wait_for_pressed()` | Wait, touch sensor | `when = "touch"` |
 //! | a variable | `n = n + 1` | `n = n + 1` | Variable, Math | `set = { n = "n + 1" }` |
 //! | four times | `for i in range(4):` | `for i in range(4):` | Loop, count | a variable and `when = "n == 4"` |
+//! | a piece with a name | `def hop():` | `def hop():` | My Block | `[submachine.hop]` and `use = "hop"` |
 //! | at the same time | `multitask(a(), b())` | `threading.Thread` | a second start block | a second `[machine.…]` |
 //! | a colour | `sensor.color() == Color.RED` | `sensor.color == 5` | Switch, colour | `when = "colour == red"` |
 //! | a tune | `ev3.speaker.play_notes(["C4/4"])` | `sound.play_song([("C4", "q")])` | Sound, play note | `tune = "C4/4"` |

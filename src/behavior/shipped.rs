@@ -1,12 +1,23 @@
-//! The missions that come with the program, and the template that a new one starts from.
+//! The missions and sub-machines that come with the program, and the template that a new mission
+//! starts from.
 
-/// A mission that comes with the program.
+use super::submachines;
+
+/// A mission or a sub-machine that comes with the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shipped {
     /// Its name, which is its file's name too.
     pub name: &'static str,
     /// Its TOML.
     pub text: &'static str,
+}
+
+impl Shipped {
+    /// Its TOML with the sub-machines that it uses.
+    #[must_use]
+    pub fn whole(&self) -> String {
+        submachines::joined(self.text, |_| None)
+    }
 }
 
 /// Every mission that comes with the program.
@@ -29,6 +40,13 @@ pub const MISSIONS: [Shipped; 10] = [
     Shipped { name: "dance", text: include_str!("../../brick-image/missions/dance.toml") },
 ];
 
+/// Every sub-machine that comes with the program.
+pub const SUBMACHINES: [Shipped; 3] = [
+    Shipped { name: "look-round", text: include_str!("shipped/look-round.toml") },
+    Shipped { name: "follow-wall", text: include_str!("shipped/follow-wall.toml") },
+    Shipped { name: "come-home", text: include_str!("shipped/come-home.toml") },
+];
+
 /// A mission with every key explained, for a person to change.
 pub const TEMPLATE: &str = include_str!("shipped/template.toml");
 
@@ -36,4 +54,10 @@ pub const TEMPLATE: &str = include_str!("shipped/template.toml");
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Shipped> {
     MISSIONS.iter().find(|mission| mission.name == name)
+}
+
+/// The shipped sub-machine of this name.
+#[must_use]
+pub fn submachine(name: &str) -> Option<&'static Shipped> {
+    SUBMACHINES.iter().find(|submachine| submachine.name == name)
 }

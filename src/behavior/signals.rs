@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use super::blackboard::{MachineState, Scope};
+use super::blackboard::{Scope, Since};
 use super::motion::MotionLimits;
 use crate::clock::seconds;
 use crate::senses::{Channel, QUANTITIES, Quantity, Role, Unit};
@@ -53,7 +53,7 @@ impl Signal {
 }
 
 /// One tick's signals.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Signals {
     time_ns: i64,
     /// The same in seconds: a division for all conditions together.
@@ -62,6 +62,13 @@ pub struct Signals {
     /// The last ones known: a state entered while they are lost counts from there.
     travelled_m: f64,
     heading_rad: f64,
+}
+
+impl Default for Signals {
+    fn default() -> Self {
+        let values = [None; Signal::COUNT];
+        Self { time_ns: 0, time_s: 0.0, values, travelled_m: 0.0, heading_rad: 0.0 }
+    }
 }
 
 impl Signals {
@@ -109,11 +116,10 @@ impl Signals {
         self.values[signal.place()]
     }
 
-    /// The record of a machine that enters `state` now.
+    /// The record of a state that is entered now.
     #[must_use]
-    pub(super) fn entering(&self, state: u16) -> MachineState {
-        MachineState {
-            state,
+    pub(super) fn since(&self) -> Since {
+        Since {
             done: false,
             entered_ns: self.time_ns,
             entered_m: self.travelled_m,
@@ -137,6 +143,9 @@ pub struct Capabilities {
     /// The named motors, at most [`super::MAX_MOTORS`]; `None` where the robot is not known and any
     /// name will do.
     pub motors: Option<Vec<String>>,
+    /// The named sensors and what each measures, at most [`super::MAX_SENSORS`]; `None` as for the
+    /// motors.
+    pub sensors: Option<Vec<(String, Channel)>>,
     /// How fast its wheels may be; `None` where the robot is not known.
     pub limits: Option<MotionLimits>,
 }
@@ -146,13 +155,14 @@ impl Capabilities {
     #[must_use]
     pub fn all() -> Self {
         let roles = Role::SENSORS.into_iter().chain([Role::Head]).collect();
-        Self { roles, motors: None, limits: None }
+        Self { roles, motors: None, sensors: None, limits: None }
     }
 
     /// Whether the robot can fill a role; a named motor is asked for by its name instead.
     #[must_use]
     pub fn has(&self, role: Role) -> bool {
-        matches!(role, Role::Brick | Role::Wheels | Role::Motor(_)) || self.roles.contains(&role)
+        matches!(role, Role::Brick | Role::Wheels | Role::Motor(_) | Role::Sensor(_))
+            || self.roles.contains(&role)
     }
 }
 
@@ -284,10 +294,10 @@ mod tests {
     fn a_heading_wraps_in_conditions_and_a_turn_since_the_state_was_entered_does_not() {
         let mut signals = Signals::at(0);
         signals.set(Signal::Heading, 1.0);
-        let since = signals.entering(0);
+        let since = signals.since();
         signals.set(Signal::Heading, 1.0 + 7.0);
         let board = Blackboard::of(signals, since);
-        let scope = board.seen_by(0);
+        let scope = board.seen_by(0, 0);
         let heading = Input::Signal(Signal::Heading).read(scope).unwrap();
         assert!((heading - degrees(8.0 - std::f64::consts::TAU)).abs() < 1e-9, "{heading}");
         let turn = Input::StateTurn.read(scope).unwrap();

@@ -163,7 +163,7 @@ fn append(text: &mut ArrayString<SAY_BYTES>, more: &str) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::blackboard::{Blackboard, MachineState};
+    use super::super::blackboard::{Blackboard, Since};
     use super::super::expression::Vocabulary;
     use super::super::signals::{Capabilities, Signal, Signals};
     use super::*;
@@ -173,7 +173,7 @@ mod tests {
         for (signal, value) in [(Signal::X, 0.826), (Signal::Y, -0.001), (Signal::Echo, 1.0)] {
             signals.set(signal, value);
         }
-        let board = Blackboard::of(signals, MachineState::default());
+        let board = Blackboard::of(signals, Since::default());
         let capabilities = Capabilities::all();
         let mut vocabulary = Vocabulary::new(&capabilities);
         let pieces = parts(text).unwrap().into_iter().map(|part| match part {
@@ -183,7 +183,7 @@ mod tests {
                 digits,
             },
         });
-        Telling(pieces.collect()).text(board.seen_by(0)).to_string()
+        Telling(pieces.collect()).text(board.seen_by(0, 0)).to_string()
     }
 
     #[test]

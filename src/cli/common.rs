@@ -15,7 +15,7 @@ use crate::printable::with_causes;
 use crate::recording::{ReadError, Run};
 #[cfg(feature = "host")]
 use crate::report::{Scene, Track, export, plot};
-use crate::robot::{DEFAULT_ROBOT, RobotConfig};
+use crate::robot::{DEFAULT_ROBOT, ROBOTS, RobotConfig, ShippedRobot};
 use crate::runtime::{Brick, Environment, Event, Job, ProcessError, Refused, Source};
 
 /// Where this machine has the brick's files: for commands that drive, or listen to the buttons.
@@ -81,12 +81,15 @@ pub(super) fn read_source(
     Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
 }
 
-/// Reads a mission's file, or takes a shipped one.
+/// Reads a mission's file, or takes a shipped one, with the sub-machines that it uses.
 pub(super) fn read_mission(path: &Path) -> Result<Source, Failure> {
-    read_source(path, shipped_mission).map_err(|failure| {
+    let source = read_source(path, shipped_mission).map_err(|failure| {
         let names = crate::behavior::shipped::MISSIONS.map(|mission| mission.name);
         hint_at_names(failure, path, "mission", &names)
-    })
+    })?;
+    // The files of the working folder do not change what a shipped mission is either.
+    let is_shipped = shipped_mission(&path.to_string_lossy()).is_some();
+    Ok(source.with_submachines(path.parent().filter(|_| !is_shipped)))
 }
 
 /// The hint if an argument is neither a file nor a known name. An existing file's own error says
@@ -100,28 +103,43 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
     failure.hint(format!("a {what}'s file, or one of {}{nearest}", names.join(", ")))
 }
 
-/// Reads at most one byte more than a document may have: enough to detect one that is too long.
+/// Reads a file that a person names, as far as a document may be long.
 pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
-    let failed = |error: &std::io::Error| {
-        Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), error)
-    };
-    let file = std::fs::File::open(path).map_err(|error| failed(&error))?;
-    let mut bytes = Vec::new();
-    let most = u64::try_from(Document::MAX_BYTES + 1).unwrap_or(u64::MAX);
-    std::io::Read::read_to_end(&mut std::io::Read::take(file, most), &mut bytes)
-        .map_err(|error| failed(&error))?;
-    Ok(bytes)
+    crate::document::read_bounded(path).map_err(|error| {
+        Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), &error)
+    })
 }
 
 const SHOW_ROBOT: &str = "onbrick new robot, which shows a whole file with comments";
 
-/// Loads a robot's file, or the shipped one; warnings go to the log.
+/// The robot of the working folder, as `setup` writes it.
+const OWN_ROBOT: &str = "robot.toml";
+
+/// The robot's file that a person names, or that of the working folder, if there is one.
+pub(super) fn chosen_robot(named: Option<&Path>, output: &mut Output) -> Option<PathBuf> {
+    let own = Path::new(OWN_ROBOT);
+    if named.is_none() && own.is_file() {
+        output.line(format!("with the robot of {OWN_ROBOT}"));
+    }
+    named.or(own.is_file().then_some(own)).map(Path::to_owned)
+}
+
+/// Reads a robot's file, or takes a shipped one by its name.
+pub(super) fn read_robot(path: &Path) -> Result<Source, Failure> {
+    read_source(path, ShippedRobot::text).map_err(|failure| {
+        let names = ROBOTS.map(|robot| robot.name);
+        let failure = hint_at_names(failure, path, "robot", &names);
+        if path.is_file() { failure.hint(SHOW_ROBOT) } else { failure }
+    })
+}
+
+/// Loads a robot's file or a shipped one; warnings go to the log.
 pub(super) fn load_robot(
     path: Option<&Path>,
     _output: &mut Output,
 ) -> Result<LoadedRobot, Failure> {
     let source = match path {
-        Some(path) => read_source(path, |_| None).map_err(|failure| failure.hint(SHOW_ROBOT))?,
+        Some(path) => read_robot(path)?,
         None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
     };
     let (config, warnings) = RobotConfig::load(&source.name, source.text.as_bytes())

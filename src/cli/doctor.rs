@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::{BrickFiles, read_source};
+use super::common::{BrickFiles, chosen_robot, read_robot};
 use super::terminal::stop_flags;
 use super::{Failure, Output};
 use crate::clock::{MonotonicClock, wall_ns};
 use crate::commissioning::{Patient, Verdict, examine};
 use crate::ev3dev::Tree;
+use crate::robot::DEFAULT_ROBOT;
+use crate::runtime::Source;
 
 /// Look at everything that a run needs, before anything moves.
 ///
@@ -16,9 +18,9 @@ use crate::ev3dev::Tree;
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The robot's file.
-    #[arg(default_value = "robot.toml")]
-    robot: PathBuf,
+    /// The robot's file, or the name of a shipped one; without it ./robot.toml, and where there is
+    /// none the mapper.
+    robot: Option<PathBuf>,
     /// Where recordings go.
     #[arg(long, value_name = "DIR", default_value = "onbrick-runs")]
     recordings: PathBuf,
@@ -32,7 +34,13 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let flags = stop_flags()?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
-    let robot = read_source(&arguments.robot, |_| None).map_err(|failure| failure.message);
+    let robot = match chosen_robot(arguments.robot.as_deref(), output) {
+        Some(path) => read_robot(&path).map_err(|failure| failure.message),
+        None => {
+            output.line("with the shipped robot, the mapper: there is no robot.toml here");
+            Ok(Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() })
+        }
+    };
     let patient = Patient {
         tree: &tree,
         clock: &MonotonicClock,

@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use super::common::{must_be_new, shipped_mission};
+use super::common::must_be_new;
 use super::{Exit, Failure, Output};
-use crate::behavior::shipped;
+use crate::behavior::shipped::{self, Shipped};
 use crate::document::nearest;
 use crate::document::save;
 use crate::printable::with_causes;
+use crate::robot::ROBOTS;
 
-/// Write a commented template: a mission, a robot, a world, a team, or the service's configuration.
+/// Write a commented template: a mission, a sub-machine, a robot, a world, a team, or the service's configuration.
 ///
 /// Example: onbrick new mission my-mission.toml
 #[derive(Debug, clap::Args)]
@@ -19,7 +20,7 @@ pub(super) struct Arguments {
     what: What,
     /// Where to write it; without it, to the terminal.
     file: Option<PathBuf>,
-    /// For a mission: start from a shipped one.
+    /// For a mission, a sub-machine or a robot: start from a shipped one.
     #[arg(long, value_name = "NAME")]
     from: Option<String>,
 }
@@ -27,6 +28,7 @@ pub(super) struct Arguments {
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum What {
     Mission,
+    Submachine,
     Robot,
     #[cfg(feature = "sim")]
     World,
@@ -36,14 +38,19 @@ enum What {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    if arguments.from.is_some() && !matches!(arguments.what, What::Mission) {
+    if arguments.from.is_some()
+        && !matches!(arguments.what, What::Mission | What::Submachine | What::Robot)
+    {
         return Err(Failure::new(
             Exit::Usage,
-            "--from is only for a mission: of the others there is one to start from",
+            "--from is for a mission, a sub-machine or a robot: of the others there is only one",
         ));
     }
     let text = match arguments.what {
-        What::Robot => crate::robot::DEFAULT_ROBOT,
+        What::Robot => {
+            let robots = ROBOTS.map(|robot| (robot.name, robot.text));
+            start_from("robot", &robots, arguments.from.as_deref().unwrap_or(robots[0].0))?
+        }
         What::Service => crate::service::config::DEFAULT_CONFIG,
         #[cfg(feature = "host")]
         What::Team => crate::link::team::TEMPLATE,
@@ -51,14 +58,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         What::World => crate::sim::World::TEMPLATE,
         What::Mission => match &arguments.from {
             None => shipped::TEMPLATE,
-            Some(name) => shipped_mission(name).ok_or_else(|| {
-                let names = shipped::MISSIONS.map(|mission| mission.name);
-                let nearest =
-                    nearest(name, names).map(|hint| format!("; {hint}")).unwrap_or_default();
-                Failure::new(Exit::Usage, format!("there is no shipped mission `{name}`"))
-                    .hint(format!("one of {}{nearest}", names.join(", ")))
-            })?,
+            Some(name) => start_from("mission", &shipped::MISSIONS.map(pair), name)?,
         },
+        What::Submachine => {
+            let submachines = shipped::SUBMACHINES.map(pair);
+            let from = arguments.from.as_deref().unwrap_or(submachines[0].0);
+            start_from("sub-machine", &submachines, from)?
+        }
     };
     let Some(path) = &arguments.file else {
         output.text(text, &serde_json::json!({ "text": text }));
@@ -71,4 +77,22 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     })?;
     output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
     Ok(())
+}
+
+fn pair(shipped: Shipped) -> (&'static str, &'static str) {
+    (shipped.name, shipped.text)
+}
+
+/// The text of a shipped one, by its name.
+fn start_from(
+    what: &str,
+    shipped: &[(&'static str, &'static str)],
+    name: &str,
+) -> Result<&'static str, Failure> {
+    let names = || shipped.iter().map(|(known, _)| *known);
+    shipped.iter().find(|(known, _)| *known == name).map(|(_, text)| *text).ok_or_else(|| {
+        let nearest = nearest(name, names()).map(|hint| format!("; {hint}")).unwrap_or_default();
+        Failure::new(Exit::Usage, format!("there is no shipped {what} `{name}`"))
+            .hint(format!("one of {}{nearest}", names().collect::<Vec<_>>().join(", ")))
+    })
 }

@@ -6,14 +6,15 @@ use std::sync::Arc;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::common::{
-    BrickFiles, broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting,
-    stamps_ns, warn,
+    BrickFiles, broken_mission, chosen_robot, load_mission, load_robot, no_brick, pose,
+    read_mission, setting, stamps_ns, warn,
 };
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::ev3dev::{Inventory, Tree};
 use crate::mapping::Pose;
+use crate::robot::RobotConfig;
 use crate::runtime::{
     Brick, Ended, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned,
 };
@@ -33,8 +34,9 @@ pub(super) struct Arguments {
     /// A mission file, or a name: that of one of the brick's own missions, where a service lives on
     /// it, or of a shipped one.
     mission: PathBuf,
-    /// The robot's file; without it ./robot.toml, and where there is none the shipped one, which
-    /// fits the simulated brick.
+    /// The robot's file, or the name of a shipped one: mapper, educator, retail. Without it
+    /// ./robot.toml, and where there is none the mapper. A simulated robot is built like it, unless
+    /// the world says how.
     #[arg(long)]
     robot: Option<PathBuf>,
     #[command(flatten)]
@@ -71,9 +73,6 @@ pub(super) struct Arguments {
     sync_s: f64,
 }
 
-/// The robot of the working folder, as `setup` writes it and `doctor` reads it.
-const OWN_ROBOT: &str = "robot.toml";
-
 /// A robot this near to a start pose is meant to stand on it: metres, and radians.
 #[cfg(feature = "sim")]
 const SAME_PLACE: (f64, f64) = (0.01, 0.02);
@@ -82,12 +81,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if let Some(living) = through::service(arguments)? {
         return through::run(living, arguments, output);
     }
-    let own = Path::new(OWN_ROBOT);
-    let named = arguments.robot.as_deref().or(own.is_file().then_some(own));
-    if arguments.robot.is_none() && named.is_some() {
-        output.line(format!("with the robot of {OWN_ROBOT}"));
-    }
-    let robot = load_robot(named, output)?;
+    let chosen = chosen_robot(arguments.robot.as_deref(), output);
+    let robot = load_robot(chosen.as_deref(), output)?;
     let source = read_mission(&arguments.mission)?;
     let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())
         .map_err(|findings| broken_mission(&source, &findings))?;
@@ -97,7 +92,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             Failure::from_error(Exit::Usage, &format!("--set {name}={value}"), &error)
         })?;
     }
-    let (brick, start) = brick(arguments)?;
+    let (brick, start) = brick(arguments, chosen.is_some().then_some(&robot.config))?;
     let start = arguments.pose.map_or(start, |[x_m, y_m, deg]| Pose {
         x_m,
         y_m,
@@ -139,10 +134,17 @@ fn sync_period(text: &str) -> Result<f64, String> {
 }
 
 /// Where the robot is, and its pose at the start where the world says it.
-fn brick(arguments: &Arguments) -> Result<(Brick, Pose), Failure> {
+///
+/// - `robot`: the robot that a person has chosen; a simulated one is built like it, where its world
+///   says nothing else.
+fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, Pose), Failure> {
     #[cfg(feature = "sim")]
     if let Some(path) = &arguments.sim {
         let (world, start) = super::common::load_world(path)?;
+        let world = match robot {
+            Some(robot) => crate::simulated::furnished(world, robot),
+            None => world,
+        };
         if let Some(pose) = arguments.pose {
             on_a_start(&world, pose)?;
         }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::common::{load_world, read_source, warn, write_file};
+use super::common::{chosen_robot, load_robot, load_world, read_source, warn, write_file};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::runtime::StopFlags;
@@ -18,6 +18,7 @@ use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
     Options, Order, Scenario, Simulation, World, WorldPhysics, still,
 };
+use crate::simulated::furnished;
 
 /// Mount a simulated brick, for any program that was written for ev3dev, until Ctrl-C.
 ///
@@ -44,6 +45,10 @@ pub(super) struct Arguments {
     /// The room: a world's file, or the name of a built-in one.
     #[arg(long, default_value = "arena")]
     world: PathBuf,
+    /// How the robots are built, where the world does not say: a robot's file, or the name of a
+    /// shipped one; without it as ./robot.toml says, and where there is none as the mapper.
+    #[arg(long)]
+    robot: Option<PathBuf>,
     /// How many robots are in it; each takes one of the world's start poses.
     #[arg(long, default_value_t = 1, value_parser = robots)]
     robots: usize,
@@ -207,7 +212,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     // Before anything is mounted, so that no signal can leave it behind.
     let flags = StopFlags::on_signals()
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
-    let simulation = simulation(arguments)?;
+    let simulation = simulation(arguments, output)?;
     let events =
         if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
     let (mount, found) = Mount::new(&simulation, mountpoint, MountOptions { events })
@@ -285,9 +290,12 @@ fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
     Ok(Some(scenario))
 }
 
-fn simulation(arguments: &Arguments) -> Result<Simulation, Failure> {
+fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, Failure> {
     let scenario = scenario(arguments)?;
-    let (source, _) = load_world(&arguments.world)?;
+    let (mut source, _) = load_world(&arguments.world)?;
+    if let Some(path) = chosen_robot(arguments.robot.as_deref(), output) {
+        source = furnished(source, &load_robot(Some(&path), output)?.config);
+    }
     let (world, _) = World::parse(&source.name, source.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let physics = WorldPhysics::new(world, arguments.robots, arguments.seed).map_err(|error| {

@@ -179,6 +179,13 @@ fn name(dialogue: &mut dyn Dialogue) -> Result<String, NoAnswer> {
 }
 
 fn measures(dialogue: &mut dyn Dialogue, draft: &mut Draft) -> Result<(), NoAnswer> {
+    if let Some((shipped, config)) = draft.shipped() {
+        dialogue
+            .say(&format!("Plugged in like this is {}; its measures are proposed.", shipped.what));
+        draft.wheel_circumference_m = config.wheel_circumference_m;
+        draft.track_width_m = config.track_width_m;
+        draft.range_ahead_m = config.range.map_or(draft.range_ahead_m, |range| range.ahead_m);
+    }
     dialogue.say(
         "Now the measures. A guess within a tenth is enough: onbrick calibrate measures them by \
          driving.",

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
+use super::parts;
 use crate::printable::{self, is_printable};
 
 /// How bad a finding is.
@@ -50,6 +51,14 @@ impl Finding {
         message: String,
     ) -> Self {
         let start = text.floor_char_boundary(place.start.min(text.len()));
+        let (file, start, place, text) = match parts::part_of(text, start) {
+            Some(part) => {
+                let begins = text.len() - part.text.len();
+                let place = place.start.saturating_sub(begins)..place.end.saturating_sub(begins);
+                (part.name, start - begins, place, part.text)
+            }
+            None => (file, start, place, text),
+        };
         let end = text.floor_char_boundary(place.end.clamp(start, text.len()));
         let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
         let line_end = text[start..].find('\n').map_or(text.len(), |newline| start + newline);

@@ -36,17 +36,16 @@ pub(crate) fn variables(mission: &Mission) -> Vec<String> {
 }
 
 fn machine(machine: &MachinePlan) -> MachineNames {
-    let conditions = |transitions: &[TransitionPlan]| {
-        transitions.iter().map(|next| next.when().to_string()).collect()
-    };
-    let state = |state: &StatePlan| StateNames {
+    let condition = |next: &TransitionPlan| next.when().to_string();
+    let always = machine.region().always();
+    let state = |(at, state): (u16, &StatePlan)| StateNames {
         name: state.name().to_owned(),
-        conditions: conditions(state.transitions()),
+        conditions: machine.transitions(at).skip(always.len()).map(condition).collect(),
     };
     MachineNames {
         name: machine.name().to_owned(),
-        start: machine.start(),
-        always: conditions(machine.always()),
-        states: machine.states().iter().map(state).collect(),
+        start: machine.first(),
+        always: always.iter().map(condition).collect(),
+        states: (0..).zip(machine.states()).map(state).collect(),
     }
 }

@@ -86,7 +86,7 @@ impl Recorder {
         options: Options,
         on_status: Box<dyn FnMut(&Status) + Send>,
     ) -> Result<(Self, TickSide<S>), RecordError> {
-        const { assert!(size_of::<Entry<S>>() <= 4096, "small enough for a ring of hundreds") };
+        const { assert!(size_of::<Entry<S>>() <= 5120, "small enough for a ring of hundreds") };
         let ring_entries = options.ring_entries.max(1);
         let (put, take) = RingBuffer::new(ring_entries);
         let ring_size = u32::try_from(ring_entries).unwrap_or(u32::MAX);

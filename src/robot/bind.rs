@@ -35,9 +35,9 @@ pub enum BindError {
     )]
     Shared {
         /// A role, as `robot.toml` calls it.
-        role: &'static str,
+        role: String,
         /// The other one.
-        other: &'static str,
+        other: String,
         /// The sensor's driver.
         driver: String,
         /// Its port.
@@ -46,7 +46,7 @@ pub enum BindError {
 }
 
 impl Robot {
-    /// Finds a device for each role, puts sensors into the modes that give what is `needed`, and
+    /// Finds a device for each role that is needed, and for the others where it is there; puts sensors into the modes that give what is `needed`, and
     /// takes the motors over (`reset`, then the settings of a lease). Nothing turns.
     ///
     /// Values may be stale for [`Robot::settle_ns`] from now on. Writing a mode waits for the
@@ -81,10 +81,16 @@ impl Robot {
         let mut settle_ns = 0;
         let mut sensors: Vec<RoleSensor> = Vec::new();
         for role in config.sensors.keys() {
-            let (sensor, settles_ns) = binder.sensor(*role)?;
+            let (sensor, settles_ns) = match binder.sensor(*role) {
+                Err(BindError::Find { role: name, .. }) if !binder.needs(*role) => {
+                    log::info!("there is no {name}, and the mission does without it");
+                    continue;
+                }
+                bound => bound?,
+            };
             let same = |other: &&RoleSensor| other.identity().name == sensor.identity().name;
             if let Some(other) = sensors.iter().find(same) {
-                return Err(shared(&sensor, other));
+                return Err(shared(config, &sensor, other));
             }
             settle_ns = settle_ns.max(settles_ns);
             // One that comes loose is looked for where it was: what else could be this role, such
@@ -191,9 +197,16 @@ impl Binder {
         Ok(Some((Bound::Motor(take_motor(motor, &wanted)?), 0)))
     }
 
+    /// Whether a run needs a sensor: the heading takes the gyro and the map the range, whatever the
+    /// mission asks for.
+    fn needs(&self, role: Role) -> bool {
+        matches!(role, Role::Gyro | Role::Range)
+            || role.quantities().any(|quantity| self.needed.contains(&quantity.channel))
+    }
+
     /// The sensor of a role in its mode, and for how long its values may be stale, nanoseconds.
     fn sensor(&self, role: Role) -> Result<(RoleSensor, i64), BindError> {
-        let named = || role.section().to_owned();
+        let named = || self.config.section(role);
         let mut sensor = RoleSensor::find(&self.tree, &self.config, role, &self.needed)
             .map_err(|source| BindError::Find { role: named(), source })?;
         let settle_ns =
@@ -252,11 +265,11 @@ fn take_motor(motor: TachoMotor, wanted: &WantedMotor<'_>) -> Result<LeasedMotor
         .map_err(|source| BindError::Device { role: wanted.role.clone(), source })
 }
 
-fn shared(sensor: &RoleSensor, other: &RoleSensor) -> BindError {
+fn shared(config: &RobotConfig, sensor: &RoleSensor, other: &RoleSensor) -> BindError {
     let identity = sensor.identity();
     BindError::Shared {
-        role: sensor.role().section(),
-        other: other.role().section(),
+        role: config.section(sensor.role()),
+        other: config.section(other.role()),
         driver: identity.driver.to_string(),
         port: identity.address.short().to_owned(),
     }

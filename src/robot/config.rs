@@ -16,9 +16,6 @@ use crate::printable::is_printable;
 use crate::senses::{Channel, Role};
 use crate::units::radians;
 
-/// The shipped `robot.toml`: the seed's robot.
-pub const DEFAULT_ROBOT: &str = include_str!("../../brick-image/robot.toml");
-
 /// A robot as its file describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotConfig {
@@ -43,8 +40,11 @@ pub struct RobotConfig {
     pub acceleration_m_s2: f64,
     /// What turns the range sensor.
     pub head: Option<HeadRole>,
-    /// The sensors that it has, each with its port; `None` where only one sensor fits.
+    /// The sensors that it has, named ones among them, each with its port; `None` where only one
+    /// sensor fits.
     pub sensors: BTreeMap<Role, Option<PortAddress>>,
+    /// What missions call the named sensors; at most [`RobotConfig::MAX_SENSORS`].
+    pub named_sensors: Vec<NamedSensor>,
     /// How the range sensor sits and measures, where it has one.
     pub range: Option<RangeRole>,
     /// How low the battery may get.
@@ -96,7 +96,19 @@ pub struct NamedMotor {
     pub max_rad_s: f64,
 }
 
+/// A sensor with a name of its own: one more of a kind.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NamedSensor {
+    /// The name that missions use.
+    pub name: String,
+    /// What it measures.
+    pub measures: Channel,
+}
+
 impl RobotConfig {
+    /// How many named sensors a robot can have: as many as [`Channel::SENSORS`].
+    pub const MAX_SENSORS: usize = Channel::SENSORS.len();
+
     /// How many named motors a robot can have: as many as [`Channel::MOTORS`].
     pub const MAX_MOTORS: usize = Channel::MOTORS.len();
 
@@ -128,11 +140,21 @@ impl RobotConfig {
         drive.chain(head).map(|(role, motor)| (role.to_owned(), motor)).chain(named)
     }
 
+    /// The key of a part's section, with the part's own name where it has one.
+    #[must_use]
+    pub fn section(&self, role: Role) -> String {
+        let name = match role {
+            Role::Motor(at) => self.motors.get(usize::from(at)).map(|motor| &motor.name),
+            Role::Sensor(at) => self.named_sensors.get(usize::from(at)).map(|sensor| &sensor.name),
+            _ => None,
+        };
+        name.map_or_else(|| role.section().to_owned(), |name| role.section().replace("NAME", name))
+    }
+
     /// Every part that can be plugged in, as the key of its section, with its port if that is
     /// named.
     pub fn ports(&self) -> impl Iterator<Item = (String, Option<&PortAddress>)> {
-        let sensors =
-            self.sensors.iter().map(|(role, port)| (role.section().to_owned(), port.as_ref()));
+        let sensors = self.sensors.iter().map(|(role, port)| (self.section(*role), port.as_ref()));
         self.motor_roles().map(|(role, motor)| (role, motor.port.as_ref())).chain(sensors)
     }
 }
@@ -147,7 +169,7 @@ const FASTEST_DPS: f64 = 15_600.0;
 fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let mut keys = vec!["name", "max_age_s", "drive", "head"];
     keys.extend(Role::SENSORS.map(Role::section));
-    keys.extend(["battery", "motor"]);
+    keys.extend(["battery", "motor", "sensor"]);
     if root.is_of_another_kind(Kind::Robot) {
         return None;
     }
@@ -159,9 +181,12 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let head = root.value_or("head", None, |item| head(&item.section()?).map(Some));
     let range = root.value_or("range", None, |item| range(&item.section()?).map(Some));
     let sensors = sensors(root);
+    let named_sensors = named_sensors(root);
     let battery = root.value_or("battery", None, |item| battery(&item.section()?).map(Some));
     let motors = named_motors(root);
     let drive = drive?;
+    let (named_sensors, named_ports): (Vec<_>, Vec<_>) = named_sensors?.into_iter().unzip();
+    let places = (0..).map(Role::Sensor).zip(named_ports);
     let config = RobotConfig {
         name: name?,
         max_age_ns: crate::clock::nanoseconds(max_age_s?),
@@ -173,7 +198,8 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         speed_m_s: drive.speed_m_s,
         acceleration_m_s2: drive.acceleration_m_s2,
         head: head?,
-        sensors: sensors?,
+        sensors: sensors?.into_iter().chain(places).collect(),
+        named_sensors,
         range: range?,
         battery: battery?.unwrap_or_default(),
         motors: motors?,
@@ -332,19 +358,49 @@ fn named_motors(root: &Section<'_>) -> Option<Vec<NamedMotor>> {
 fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
     let section = item.section()?;
     section.allow(&["port", "inverted", "gear", "max_dps"]);
+    let name = own_name(item, "motor");
+    let motor = motor_role(&section);
+    let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
+    Some(NamedMotor { name: name?, motor: motor?, max_rad_s: max_dps? * (PI / 180.0) })
+}
+
+/// The name of a motor or a sensor, which conditions use.
+fn own_name(item: &Item<'_>, what: &str) -> Option<String> {
     let name = item.key();
     let plain = name.starts_with(|first: char| first.is_ascii_alphabetic())
         && name.len() <= LONGEST_NAME
         && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
     if !plain {
-        item.error_at_key(format!("`{name}` is no name for a motor"))
+        item.error_at_key(format!("`{name}` is no name for a {what}"))
             .hint("a letter, then letters, digits and _: conditions use it");
     }
-    let motor = motor_role(&section);
-    let max_dps = section.require("max_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
-    let named =
-        NamedMotor { name: name.to_owned(), motor: motor?, max_rad_s: max_dps? * (PI / 180.0) };
-    plain.then_some(named)
+    plain.then(|| name.to_owned())
+}
+
+/// The named sensors, each with its port.
+fn named_sensors(root: &Section<'_>) -> Option<Vec<(NamedSensor, Option<PortAddress>)>> {
+    let Some(sensors) = root.get("sensor") else { return Some(Vec::new()) };
+    let items = sensors.section()?.items();
+    if items.len() > RobotConfig::MAX_SENSORS {
+        sensors.error_at_key(format!(
+            "{} named sensors; a robot can have {}",
+            items.len(),
+            RobotConfig::MAX_SENSORS
+        ));
+        return None;
+    }
+    items.iter().map(named_sensor).collect()
+}
+
+fn named_sensor(item: &Item<'_>) -> Option<(NamedSensor, Option<PortAddress>)> {
+    let section = item.section()?;
+    section.allow(&["port", "measures"]);
+    let name = own_name(item, "sensor");
+    let port = port(&section);
+    let words: Vec<(&str, Channel)> =
+        Channel::measurable().map(|quantity| (quantity.name, quantity.channel)).collect();
+    let measures = section.require("measures").and_then(|item| item.word(&words));
+    Some((NamedSensor { name: name?, measures: measures? }, port?))
 }
 
 /// Two roles cannot share a port, but range and remote may both be named for the one infrared
@@ -375,6 +431,7 @@ fn place_of_port(root: &Section<'_>, role: &str) -> std::ops::Range<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::DEFAULT_ROBOT;
     use super::*;
 
     fn findings(text: &str) -> String {

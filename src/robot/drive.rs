@@ -15,6 +15,12 @@ impl RobotConfig {
         Capabilities {
             roles: self.sensors.keys().copied().chain(head).collect(),
             motors: Some(self.motors.iter().map(|motor| motor.name.clone()).collect()),
+            sensors: Some(
+                self.named_sensors
+                    .iter()
+                    .map(|named| (named.name.clone(), named.measures))
+                    .collect(),
+            ),
             limits: Some(self.motion_limits()),
         }
     }

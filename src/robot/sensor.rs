@@ -25,6 +25,25 @@ pub struct RoleSensor {
     gives: Vec<(Channel, Source)>,
 }
 
+/// The sensor that a role takes.
+struct Wanted {
+    role: Role,
+    /// The role whose kinds of sensors it can be.
+    kind: Role,
+    /// What a named sensor measures, and the channel that this goes to.
+    named: Option<(Channel, Channel)>,
+}
+
+impl Wanted {
+    fn of(config: &RobotConfig, role: Role) -> Self {
+        let at = if let Role::Sensor(at) = role { usize::from(at) } else { usize::MAX };
+        let named = config.named_sensors.get(at).map(|named| named.measures);
+        let named = named.zip(Channel::SENSORS.get(at).copied());
+        let kind = named.map_or(role, |(measured, _)| measured.quantity().role);
+        Self { role, kind, named }
+    }
+}
+
 impl RoleSensor {
     /// Finds the sensor of a role: of the kind that is preferred among those that are there.
     /// Nothing is written to it.
@@ -42,10 +61,11 @@ impl RoleSensor {
         needed: &[Channel],
     ) -> Result<Self, FindError> {
         let port = config.sensors.get(&role).and_then(Option::as_ref);
+        let wanted = Wanted::of(config, role);
         let mut first = None;
-        for driver in role.drivers() {
+        for driver in wanted.kind.drivers() {
             match Sensor::find_kind(tree, port, driver) {
-                Ok(sensor) => return Ok(Self::of(sensor, driver, config, role, needed)),
+                Ok(sensor) => return Ok(Self::of(sensor, driver, config, &wanted, needed)),
                 // Most people mean the kind that is preferred.
                 Err(error) => first = first.or(Some(error)),
             }
@@ -60,19 +80,28 @@ impl RoleSensor {
         sensor: Sensor,
         driver: Driver,
         config: &RobotConfig,
-        role: Role,
+        wanted: &Wanted,
         needed: &[Channel],
     ) -> Self {
+        let Wanted { role, kind, named } = *wanted;
+        let measured = named.map(|(measured, _)| measured);
+        let needed = measured.as_ref().map_or(needed, std::slice::from_ref);
         // A mission that asks one sensor for two modes was refused when it was read.
-        let mode = role.mode(driver, needed).or_else(|| role.mode(driver, &[])).unwrap_or_default();
-        let sources = role.quantities().filter_map(|quantity| {
+        let mode = kind.mode(driver, needed).or_else(|| kind.mode(driver, &[])).unwrap_or_default();
+        let sources = kind.quantities().filter_map(|quantity| {
             let mut source = *quantity.channel.source(driver, mode)?;
             if let (Channel::Range, Driver::Infrared, Some(range)) =
                 (quantity.channel, driver, &config.range)
             {
                 source.scale = range.infrared_m_per_pct;
             }
-            Some((quantity.channel, source))
+            match named {
+                None => Some((quantity.channel, source)),
+                Some((measured, channel)) => {
+                    source.scale = quantity.unit.in_conditions(source.scale);
+                    (quantity.channel == measured).then_some((channel, source))
+                }
+            }
         });
         Self { role, sensor, mode, gives: sources.take(MOST).collect() }
     }

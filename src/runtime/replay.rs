@@ -19,7 +19,7 @@ use crate::behavior::{Demands, Mission, SetError, Taken};
 use crate::document::Findings;
 use crate::mapping::{MapPoint, Method, OccupancyGrid, Pose};
 use crate::robot::RobotConfig;
-use crate::senses::{Channel, QUANTITIES, Senses};
+use crate::senses::{Channel, QUANTITIES, Quantity, Role, Senses};
 
 use super::Source;
 use super::pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
@@ -328,7 +328,16 @@ fn regeared(senses: &Senses, from: &RobotConfig, to: &RobotConfig) -> Senses {
     {
         scale(channel, from.motor.ratio, to.motor.ratio);
     }
-    for quantity in QUANTITIES.iter().filter(|quantity| !to.has(quantity.role)) {
+    let lacks = |quantity: &Quantity| match quantity.role {
+        // One that measures something else says nothing, either.
+        Role::Sensor(at) => {
+            let at = usize::from(at);
+            to.named_sensors.get(at).is_none()
+                || to.named_sensors.get(at) != from.named_sensors.get(at)
+        }
+        role => !to.has(role),
+    };
+    for quantity in QUANTITIES.iter().filter(|quantity| lacks(quantity)) {
         senses.readings[quantity.channel as usize] = None;
     }
     senses

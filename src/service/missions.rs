@@ -4,14 +4,13 @@
 //! A mission goes by its file's name without the ending. Where there is no folder of missions, the
 //! shipped ones are offered.
 
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 
 use super::digest::sha256_hex;
 use super::protocol::{Chosen, Kind, MAX_MISSION_BYTES, MissionInfo, Refusal};
 use crate::behavior::{Capabilities, Mission, shipped};
-use crate::document::{Document, nearest};
+use crate::document::{Document, nearest, read_bounded};
 use crate::printable::line;
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
 use crate::runtime::Source;
@@ -79,7 +78,10 @@ pub(super) fn choose(folder: &Path, chosen: &Chosen) -> Result<Source, Refusal> 
             );
             Err(Refusal::new(Kind::BrokenMission, message))
         }
-        Chosen::Text(text) => Ok(Source { name: "mission.toml".to_owned(), text: text.clone() }),
+        Chosen::Text(text) => {
+            let source = Source { name: "mission.toml".to_owned(), text: text.clone() };
+            Ok(source.with_submachines(None))
+        }
         Chosen::Name(name) => by_name(folder, name),
     }
 }
@@ -158,11 +160,12 @@ fn source_in(folder: &Path, name: &str) -> Result<Source, String> {
     let file = format!("{name}.toml");
     let bytes =
         read(&folder.join(&file)).map_err(|error| format!("cannot read {file}: {error}"))?;
-    Ok(Source { text: document_text(&file, &bytes)?, name: file })
+    let source = Source { text: document_text(&file, &bytes)?, name: file };
+    Ok(source.with_submachines(Some(folder)))
 }
 
 fn shipped_source(mission: &shipped::Shipped) -> Source {
-    Source { name: format!("{}.toml", mission.name), text: mission.text.to_owned() }
+    Source { name: format!("{}.toml", mission.name), text: mission.whole() }
 }
 
 fn info(name: &str, source: Result<Source, String>, capabilities: &Capabilities) -> MissionInfo {
@@ -191,10 +194,7 @@ pub(super) fn read(path: &Path) -> io::Result<Vec<u8>> {
     if !std::fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no file"));
     }
-    let mut bytes = Vec::new();
-    let most = u64::try_from(Document::MAX_BYTES + 1).unwrap_or(u64::MAX);
-    File::open(path)?.take(most).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    read_bounded(path)
 }
 
 fn document_text(name: &str, bytes: &[u8]) -> Result<String, String> {

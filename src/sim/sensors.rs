@@ -96,9 +96,9 @@ impl Scene<'_> {
         }
     }
 
-    /// Colour values in a mode.
-    pub(in crate::sim) fn colour(&self, mode: &str, chance: &mut Chance) -> [i32; 8] {
-        let (colour, light) = self.spot();
+    /// Colour values in a mode, of the sensor on an input port.
+    pub(in crate::sim) fn colour(&self, input: usize, mode: &str, chance: &mut Chance) -> [i32; 8] {
+        let (colour, light) = self.spot(input);
         let sd = self.model.errors.colour_sd_pct;
         let mut noisy = |pct: f64| (pct + sd * chance.normal()).clamp(0.0, 100.0);
         let [red, green, blue] = light.map(&mut noisy);
@@ -197,12 +197,11 @@ impl Scene<'_> {
     }
 
     /// The colour in the middle of the spot, and the light from all of it.
-    fn spot(&self) -> (Colour, [f64; 3]) {
-        let Some(body) = self.body() else { return (Colour::None, [0.0; 3]) };
+    fn spot(&self, input: usize) -> (Colour, [f64; 3]) {
+        let place = self.body().zip(self.model.colour_at_m.get(input));
+        let Some((body, [ahead_m, left_m])) = place else { return (Colour::None, [0.0; 3]) };
         let ahead = direction(body.heading_rad);
-        let centre = body.place
-            + ahead * self.model.colour_ahead_m
-            + perpendicular(ahead) * self.model.colour_left_m;
+        let centre = body.place + ahead * *ahead_m + perpendicular(ahead) * *left_m;
         let middle = self.world.floor.at(centre);
         if self.world.floor.marks.is_empty() && self.world.floor.table.is_empty() {
             return (middle.colour, middle.reflects_pct);

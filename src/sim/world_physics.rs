@@ -291,7 +291,7 @@ impl Physics for WorldPhysics {
         let values = match kind {
             Some(SensorKind::Ultrasonic) => scene.ultrasonic(mode, &mut chance),
             Some(SensorKind::Infrared) => scene.infrared(mode, &mut chance),
-            Some(SensorKind::Colour) => scene.colour(mode, &mut chance),
+            Some(SensorKind::Colour) => scene.colour(input, mode, &mut chance),
             Some(SensorKind::Gyro) => gyro.values(mode),
             Some(SensorKind::Touch) => [
                 i32::from(self.bodies.get(robot).is_some_and(|body| body.bumped)),

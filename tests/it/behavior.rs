@@ -7,7 +7,7 @@ use onbrick::behavior::mission::{OnLost, OnStall};
 use onbrick::behavior::shipped::{self, MISSIONS, TEMPLATE};
 use onbrick::behavior::{
     Capabilities, Demands, Drive, Finish, Led, Mission, MotionLimits, Program, ProgramState,
-    Progress, Signal, Signals, Taken, graph,
+    Progress, Signal, Signals, Taken, graph, submachines,
 };
 use onbrick::document::Document;
 use onbrick::ev3dev::StopAction;
@@ -17,6 +17,7 @@ use proptest::prelude::*;
 mod bad_input;
 mod messages;
 mod rooms;
+mod within;
 
 fn load(text: &str) -> Mission {
     let (mission, findings) = Mission::parse("mission.toml", text.as_bytes(), &Capabilities::all())
@@ -26,7 +27,7 @@ fn load(text: &str) -> Mission {
 }
 
 fn shipped(name: &str) -> Mission {
-    load(shipped::find(name).unwrap().text)
+    load(&shipped::find(name).unwrap().whole())
 }
 
 fn signals(ms: i64, set: &[(Signal, f64)]) -> Signals {
@@ -46,7 +47,7 @@ fn step(program: &mut Program, signals: &Signals) -> (Demands, Progress) {
 #[test]
 fn every_shipped_mission_loads_without_a_finding_and_is_called_as_its_file() {
     for mission in MISSIONS {
-        assert_eq!(load(mission.text).name(), mission.name);
+        assert_eq!(shipped(mission.name).name(), mission.name);
     }
     assert_eq!(load(TEMPLATE).name(), "first");
     assert!(shipped::find("nothing").is_none());
@@ -177,7 +178,7 @@ fn every_example_of_the_reference_is_a_mission_in_order() {
         text.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
     assert!(examples.len() >= 12, "{} examples", examples.len());
     for example in examples {
-        let mission = load(example);
+        let mission = load(&submachines::joined(example, |_| None));
         assert!(mission.start().is_ok(), "{example}");
         let run = ["do =", "on_entry ="].iter().any(|key| example.contains(key));
         assert!(run, "it does nothing: {example}");
@@ -390,7 +391,7 @@ fn eventful(tick: i64, robot: &Obedient) -> Signals {
 #[test]
 fn a_mission_goes_on_from_a_checkpoint_as_if_it_had_not_been_interrupted() {
     for mission in MISSIONS {
-        let mission = load(mission.text);
+        let mission = load(&mission.whole());
         let run = |program: &mut Program, robot: &mut Obedient, ticks: std::ops::Range<i64>| {
             let mut record = Vec::new();
             for tick in ticks {
@@ -426,7 +427,7 @@ fn a_mission_goes_on_from_a_checkpoint_as_if_it_had_not_been_interrupted() {
 #[test]
 fn every_shipped_mission_has_a_graph_that_mermaid_reads() {
     for shipped in MISSIONS {
-        let mission = load(shipped.text);
+        let mission = load(&shipped.whole());
         let diagram = graph::mermaid(&mission);
         let mut lines = diagram.lines();
         assert_eq!(lines.next(), Some("stateDiagram-v2"));
@@ -461,7 +462,7 @@ fn every_shipped_mission_has_a_graph_that_mermaid_reads() {
             .iter()
             .map(|machine| {
                 let states = machine.states().iter().map(|state| state.transitions().len());
-                machine.always().len() + states.sum::<usize>()
+                machine.region().always().len() + states.sum::<usize>()
             })
             .sum();
         assert_eq!((depth, edges), (0, transitions), "{diagram}");

@@ -69,6 +69,14 @@ fn every_message_about_a_robot_is_as_a_person_read_it_last() {
             "a motor with no name for conditions",
             more("[motor.\"left arm\"]\nport = \"outC\"\nmax_dps = 5"),
         ),
+        ("a sensor that measures nothing", more("[sensor.eye]\nport = \"in3\"")),
+        ("a sensor that measures what is none", more("[sensor.eye]\nmeasures = \"reflect\"")),
+        (
+            "five sensors, one without a name for conditions",
+            more(&(0..5).fold(String::new(), |all, at| {
+                format!("{all}[sensor.s{at}]\nmeasures = \"touch\"\n")
+            })),
+        ),
         ("a motor without a limit", more("[motor.arm]\nport = \"outC\"")),
         ("five motors", more(&motors)),
         (
@@ -242,7 +250,7 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
         "run binary.toml",
         "run map --robot nothing.toml",
         "run map --robot empty.toml",
-        "run bump",
+        "run remote",
         "run map --sim nothing.toml",
         "run map --sim two-arenas --out there",
         "run map --sim arena --out empty.toml",

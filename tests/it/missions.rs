@@ -18,7 +18,6 @@ use onbrick::simulated::execute_observed;
 
 /// The shipped robot, and the same with every further role that the simulated one has sensors for.
 const ROBOT: &str = include_str!("../../brick-image/robot.toml");
-const MORE_ROLES: &str = "[touch]\nport = \"in2\"\n\n[colour]\nport = \"in3\"\n";
 
 /// What a run left behind, and what truly happened, tick by tick.
 pub struct Played {
@@ -64,7 +63,7 @@ impl Played {
 
 /// A robot with every role of the usual simulated one.
 pub fn robot() -> String {
-    format!("{ROBOT}\n{MORE_ROLES}")
+    ROBOT.to_owned()
 }
 
 /// The job of a shipped mission in a world.
@@ -77,7 +76,7 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
             name: format!("{mission}.toml"),
             text: match mission {
                 "template" => TEMPLATE.to_owned(),
-                _ => find(mission).expect("a shipped mission").text.to_owned(),
+                _ => find(mission).expect("a shipped mission").whole(),
             },
         },
         robot: Source { name: "robot.toml".to_owned(), text: robot.to_owned() },

@@ -98,7 +98,7 @@ fn what_happened_is_recorded_by_name() {
     assert_eq!(ticks, [0, 50, 100]);
     let state: PilotState = run.checkpoints[1].state().unwrap();
     assert_eq!(state.estimator.pose, tick(50).estimate.pose);
-    assert_eq!(state.program.machines[0].entered_m, 0.5);
+    assert_eq!(state.program.machines[0].since[0].entered_m, 0.5);
     assert_eq!(state.program.variables[..], sample::variables(50));
     let found: Vec<f64> = run.variables.iter().map(|told| told.value[0]).collect();
     assert_eq!(found, [1.0, 2.0, 3.0, 4.0]);

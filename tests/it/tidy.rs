@@ -190,7 +190,7 @@ fn only_ev3dev_touches_device_files() {
         ("runtime/groups.rs", "/etc/group, which a static file reads itself"),
         ("commissioning/doctor/machine.rs", "whether a recording could be written; missions"),
         ("recording/", "run.mcap"),
-        ("document/save.rs", "robot.toml, as setup and calibrate write it"),
+        ("document/", "files that people write, and robot.toml as setup and calibrate write it"),
         ("service/", "runs, missions, the configuration, the local socket"),
         ("page.rs", "live pages, on this machine's own address"),
         ("link/", "the network, its keys, and the recordings that come home over it"),

@@ -63,9 +63,9 @@ fn operand(op: &Op, scope: Scope<'_>) -> Option<f64> {
         Op::Number(number) | Op::Named { value: number, .. } => Some(*number),
         Op::Truth(truth) => Some(f64::from(*truth)),
         Op::Signal(input) | Op::Own { input, .. } => input.read(scope),
-        Op::InState { machine, state, .. } => {
+        Op::InState { machine, first, last, .. } => {
             let active = scope.board.machines.get(usize::from(*machine))?.state;
-            Some(f64::from(active == *state))
+            Some(f64::from((*first..=*last).contains(&active)))
         }
         Op::Negate | Op::Not | Op::Infix(_) | Op::Call { .. } => None,
     }

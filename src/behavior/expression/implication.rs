@@ -198,7 +198,7 @@ fn call_part(is_pure: bool, arguments: &[Subterm], ops: &[Op], at: usize) -> Sub
 
 /// What operations on constants come to.
 fn constant_of(piece: &[Op]) -> Meaning {
-    evaluate(piece, Blackboard::default().seen_by(0)).map_or(Meaning::Number, Meaning::Constant)
+    evaluate(piece, Blackboard::default().seen_by(0, 0)).map_or(Meaning::Number, Meaning::Constant)
 }
 
 fn prefix_part(op: Op, inner: Subterm, ops: &[Op], at: usize) -> Subterm {

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use super::{Expression, Kind};
-use crate::behavior::MAX_MOTORS;
 use crate::behavior::blackboard::MAX_PIDS;
 
 /// One thing that is wrong with an expression.
@@ -86,9 +85,14 @@ pub enum Mistake {
         /// The part.
         part: &'static str,
     },
-    /// A named motor that the robot does not have.
-    #[error("the robot has no motor named `{0}`")]
-    NoMotor(String),
+    /// A named motor or sensor that the robot does not have.
+    #[error("the robot has no {what} named `{name}`")]
+    NoNamed {
+        /// Motor or sensor.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
     /// A function that the language does not have.
     #[error("there is no function `{0}`")]
     NoFunction(String),
@@ -125,7 +129,12 @@ pub enum Mistake {
     /// A machine's state can be compared and nothing else.
     #[error("`{0}` is compared with the name of a state")]
     State(String),
-    /// More named motors than a robot can have.
-    #[error("more than {MAX_MOTORS} named motors")]
-    TooManyMotors,
+    /// More named motors or sensors than a robot can have.
+    #[error("more than {most} named {what}s")]
+    TooManyNamed {
+        /// Motor or sensor.
+        what: &'static str,
+        /// How many it can have.
+        most: usize,
+    },
 }

@@ -53,7 +53,7 @@ pub(super) fn parse(
     // A mistake in grammar has been noted where it stands.
     let whole = parser.whole(kind);
     match whole {
-        Some(Some(kind)) if parser.misreadings.is_empty() => Ok(Expression {
+        Some(kind) if parser.misreadings.is_empty() => Ok(Expression {
             text: text.into(),
             kind,
             ops: parser.ops.into(),
@@ -66,7 +66,8 @@ pub(super) fn parse(
 /// The way out where a comma stands between digits.
 const POINT: &str = "a decimal number has a point, as in `0.25`";
 
-/// The kind of a part, `None` where a mistake was found in it, and its bytes.
+/// The kind of a part and its bytes; `None` where a mistake was found in it, and for the sensor of
+/// a robot that is not known.
 type Typed = (Option<Kind>, Range<usize>);
 
 struct Parser<'p, 'c> {
@@ -81,7 +82,7 @@ struct Parser<'p, 'c> {
 
 impl<'p> Parser<'p, '_> {
     /// The kind of the whole text; `None` after a mistake in grammar, which ends the reading.
-    fn whole(&mut self, expected: Option<Kind>) -> Option<Option<Kind>> {
+    fn whole(&mut self, expected: Option<Kind>) -> Option<Kind> {
         if let [(Token::End, _)] = self.tokens {
             let example = "write a condition, as in `range_m < 0.25`, or a number".to_owned();
             self.note(0..0, Mistake::Empty, Some(example));
@@ -115,7 +116,8 @@ impl<'p> Parser<'p, '_> {
                 .then(|| "compare it with something, as in `… > 0`".to_owned());
             self.note(place, Mistake::Whole { expected, found }, hint);
         }
-        Some(found)
+        // What a sensor of an unknown robot measures is what is wanted of it.
+        Some(found.or(expected).unwrap_or(Kind::Number))
     }
 
     /// An operand and what follows it as long as its operators bind at least as strongly as
@@ -284,14 +286,15 @@ impl<'p> Parser<'p, '_> {
         };
         let whole = place.start..end.end;
         let states = &self.vocabulary.machines[index].1;
-        let Some(at) = states.get(state).copied() else {
+        let Some(at) = states.get(state).cloned() else {
             let hint = nearest(state, states.keys().take(SEARCHED).map(String::as_str));
             let (machine, state) = (machine.to_owned(), shortened(state));
             return Some(self.unusable(end, Mistake::NoState { machine, state }, hint));
         };
         let name = self.remember(&format!("{name} == {state}"));
         let machine = u8::try_from(index).unwrap_or(u8::MAX);
-        self.ops.push(Op::InState { name, machine, state: at });
+        let (first, last) = (*at.start(), *at.end());
+        self.ops.push(Op::InState { name, machine, first, last });
         if is == Comparison::NotEqual {
             self.ops.push(Op::Not);
         }
@@ -312,7 +315,7 @@ impl<'p> Parser<'p, '_> {
         Some((Some(kind), place.start..operand.1.end))
     }
 
-    /// A signal, a named motor's angle, or one of the mission's numbers.
+    /// A signal, a named motor's angle, what a named sensor measures, or one of the mission's numbers.
     fn name(&mut self, name: &'p str, place: Range<usize>) -> Typed {
         if let Some(word) = words().find(|word| word.name == name) {
             let role = word.channel.map(|channel| channel.quantity().role);
@@ -325,13 +328,23 @@ impl<'p> Parser<'p, '_> {
             return self.push(Op::Signal(word.input), kind, place);
         }
         if let Some(motor) = name.strip_prefix("motor.").filter(|motor| is_plain(motor)) {
-            return match self.vocabulary.motor(motor) {
+            return match self.vocabulary.motors.place(motor) {
+                Ok(at) => self.sensed(name, Channel::MOTORS[usize::from(at)], place),
+                Err(mistake) => {
+                    let hint = self.vocabulary.motors.hint(motor);
+                    self.unusable(place, mistake, Some(hint))
+                }
+            };
+        }
+        if let Some(sensor) = name.strip_prefix("sensor.").filter(|sensor| is_plain(sensor)) {
+            return match self.vocabulary.sensors.place(sensor) {
                 Ok(at) => {
-                    let channel = Channel::MOTORS[usize::from(at)];
-                    self.own(name, Input::Signal(Signal::Sensed(channel)), place)
+                    let (_, place) =
+                        self.sensed(name, Channel::SENSORS[usize::from(at)], place.clone());
+                    (self.vocabulary.measures(at), place)
                 }
                 Err(mistake) => {
-                    let hint = self.vocabulary.motor_hint(motor);
+                    let hint = self.vocabulary.sensors.hint(sensor);
                     self.unusable(place, mistake, Some(hint))
                 }
             };
@@ -351,6 +364,10 @@ impl<'p> Parser<'p, '_> {
         }
         let hint = self.vocabulary.name_hint(name);
         self.unusable(place, Mistake::UnknownName(shortened(name)), hint)
+    }
+
+    fn sensed(&mut self, name: &str, channel: Channel, place: Range<usize>) -> Typed {
+        self.own(name, Input::Signal(Signal::Sensed(channel)), place)
     }
 
     fn own(&mut self, name: &str, input: Input, place: Range<usize>) -> Typed {

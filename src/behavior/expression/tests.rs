@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::super::blackboard::{Blackboard, MachineState};
+use super::super::blackboard::{Blackboard, Since};
 use super::super::signals::{Capabilities, Signal, Signals, words};
 use super::*;
 use crate::clock::SECOND_NS;
@@ -13,7 +13,8 @@ fn vocabulary(capabilities: &Capabilities) -> Vocabulary<'_> {
     vocabulary.numbers.insert("close_m".to_owned(), 0.25);
     vocabulary.numbers.insert("time_limit_s".to_owned(), 120.0);
     vocabulary.variables.push(("found".to_owned(), 0.0));
-    let states = ["ahead", "turn"].map(str::to_owned).into_iter().zip(0..).collect();
+    let states = ["ahead", "turn"].map(str::to_owned).into_iter();
+    let states = states.zip((0_u16..).map(|at| at..=at)).collect();
     vocabulary.machines.push(("drive".to_owned(), states));
     vocabulary
 }
@@ -38,11 +39,11 @@ fn value(text: &str, set: &[(Signal, f64)]) -> Option<f64> {
     let kind = if parse(text, Kind::Number).is_ok() { Kind::Number } else { Kind::Truth };
     let expression =
         parse(text, kind).unwrap_or_else(|misreadings| panic!("{text}: {misreadings:?}"));
-    expression.evaluate(board(signals(set)).seen_by(0))
+    expression.evaluate(board(signals(set)).seen_by(0, 0))
 }
 
 fn board(signals: Signals) -> Blackboard {
-    Blackboard::of(signals, MachineState::default())
+    Blackboard::of(signals, Since::default())
 }
 
 #[test]
@@ -66,11 +67,11 @@ fn operators_bind_as_documented() {
 
 #[test]
 fn signals_are_read_in_the_units_of_their_names() {
-    let since = MachineState {
+    let since = Since {
         entered_ns: SECOND_NS,
         entered_m: 1.5,
         entered_heading_rad: 1.0,
-        ..MachineState::default()
+        ..Since::default()
     };
     let mut signals = signals(&[
         (Signal::Sensed(Channel::Head), 0.5),
@@ -90,7 +91,7 @@ fn signals_are_read_in_the_units_of_their_names() {
     ] {
         let expression = parse(text, Kind::Number).unwrap();
         let board = Blackboard::of(signals, since);
-        let value = expression.evaluate(board.seen_by(0)).unwrap();
+        let value = expression.evaluate(board.seen_by(0, 0)).unwrap();
         assert!((value - expected).abs() < 1e-9, "{text} is {value}, not {expected}");
     }
 }
@@ -109,7 +110,7 @@ fn unknown_never_fires_and_what_does_not_depend_on_it_does() {
     ] {
         assert_eq!(value(text, &[]), expected, "{text}");
         assert_eq!(
-            parse(text, Kind::Truth).is_ok_and(|e| { e.holds(board(signals(&[])).seen_by(0)) }),
+            parse(text, Kind::Truth).is_ok_and(|e| { e.holds(board(signals(&[])).seen_by(0, 0)) }),
             expected == Some(1.0)
         );
     }
@@ -180,7 +181,7 @@ fn machines_are_asked_where_they_are() {
         (1, "drive.state == turn and drive.state != ahead", 1.0),
     ] {
         board.machines[0].state = state;
-        assert_eq!(condition(text).evaluate(board.seen_by(0)), Some(expected), "{text}");
+        assert_eq!(condition(text).evaluate(board.seen_by(0, 0)), Some(expected), "{text}");
     }
 }
 
@@ -191,11 +192,15 @@ fn chance_is_drawn_when_a_state_is_entered_and_evenly() {
     let mut board = board(signals(&[]));
     let mut drawn = Vec::new();
     for entered in 0..4000 {
-        board.machines[0].entered_ns = 20_000_000 * entered;
-        let value = dice.evaluate(board.seen_by(0)).unwrap();
+        board.machines[0].since[0].entered_ns = 20_000_000 * entered;
+        let value = dice.evaluate(board.seen_by(0, 0)).unwrap();
         board.signals.set_time_ns(20_000_000 * entered + 7);
-        assert_eq!(dice.evaluate(board.seen_by(0)), Some(value), "it stays until the next state");
-        assert_ne!(two.evaluate(board.seen_by(0)), Some(0.0), "each draws its own");
+        assert_eq!(
+            dice.evaluate(board.seen_by(0, 0)),
+            Some(value),
+            "it stays until the next state"
+        );
+        assert_ne!(two.evaluate(board.seen_by(0, 0)), Some(0.0), "each draws its own");
         drawn.push(value);
     }
     assert!(drawn.iter().all(|value| (-1.0..3.0).contains(value)));
@@ -206,8 +211,8 @@ fn chance_is_drawn_when_a_state_is_entered_and_evenly() {
         assert!((900..1100).contains(&inside), "{inside} from {quarter}");
     }
     board.seed = 1;
-    board.machines[0].entered_ns = 0;
-    assert_ne!(dice.evaluate(board.seen_by(0)), Some(drawn[0]), "another seed");
+    board.machines[0].since[0].entered_ns = 0;
+    assert_ne!(dice.evaluate(board.seen_by(0, 0)), Some(drawn[0]), "another seed");
 }
 
 #[test]
@@ -222,9 +227,9 @@ fn a_pid_sums_and_differentiates_from_when_its_state_was_entered() {
         board.signals.set_time_ns(ms * 1_000_000);
         board.signals.set(Signal::X, x_m);
         if enter {
-            board.enter(0, 0);
+            board.enter(0, 0, 0);
         }
-        pid.evaluate(board.seen_by(0)).unwrap()
+        pid.evaluate(board.seen_by(0, 0)).unwrap()
     };
     for (ms, x_m, enter, expected) in [
         (0, 1.0, true, 2.0),
@@ -443,7 +448,7 @@ fn claims_about_bounds_are_true_and_none_is_missed() {
             let condition = condition(text);
             let holds = values.map(|range| {
                 condition
-                    .holds(board(signals(&[(Signal::Sensed(Channel::Range), range)])).seen_by(0))
+                    .holds(board(signals(&[(Signal::Sensed(Channel::Range), range)])).seen_by(0, 0))
             });
             (*plain, text, Claims::of(&condition), holds)
         })
@@ -601,7 +606,7 @@ proptest! {
     fn evaluation_agrees_with_the_reference(tree in number(), signals in some_signals()) {
         let expression = parse(&tree.render(), Kind::Number).unwrap();
         let (value, expected) =
-            (expression.evaluate(board(signals).seen_by(0)), tree.value(&signals));
+            (expression.evaluate(board(signals).seen_by(0, 0)), tree.value(&signals));
         prop_assert!(same(value, expected), "{} is {value:?}, not {expected:?}", tree.render());
     }
 
@@ -609,7 +614,7 @@ proptest! {
     fn conditions_agree_with_the_reference(tree in truth(), signals in some_signals()) {
         let expression = condition(&tree.render());
         let (value, expected) =
-            (expression.evaluate(board(signals).seen_by(0)), tree.value(&signals));
+            (expression.evaluate(board(signals).seen_by(0, 0)), tree.value(&signals));
         prop_assert!(same(value, expected), "{} is {value:?}, not {expected:?}", tree.render());
     }
 
@@ -631,7 +636,7 @@ proptest! {
             for signals in &all_signals {
             let holds = {
                 let board = board(*signals);
-                (earlier.evaluate(board.seen_by(0)), later.evaluate(board.seen_by(0)))
+                (earlier.evaluate(board.seen_by(0, 0)), later.evaluate(board.seen_by(0, 0)))
             };
             prop_assert!(
                 !second.implies(&first) || holds.1 != Some(1.0) || holds.0 == Some(1.0),

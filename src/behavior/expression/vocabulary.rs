@@ -1,13 +1,15 @@
 //! The names that an expression may use.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
+use super::Kind;
 use super::function::FUNCTIONS;
 use super::mistake::Mistake;
-use crate::behavior::MAX_MOTORS;
 use crate::behavior::signals::{Capabilities, words};
+use crate::behavior::{MAX_MOTORS, MAX_SENSORS};
 use crate::document::nearest;
-use crate::senses::{QUANTITIES, Quantity};
+use crate::senses::{QUANTITIES, Quantity, Unit};
 
 /// With more names than this the nearest one is not looked for: it would take longer than reading
 /// the file.
@@ -22,9 +24,16 @@ pub struct Vocabulary<'c> {
     /// The mission's variables, each with what it is at the start, in the order of their places.
     pub variables: Vec<(String, f64)>,
     /// The mission's machines in their order, each with its states and their places.
-    pub machines: Vec<(String, BTreeMap<String, u16>)>,
-    /// The named motors; where the robot is not known, those that were used so far.
-    motors: Vec<String>,
+    ///
+    /// A state has the places of the states inside it as well, which have names as `look.left`.
+    pub machines: Vec<(String, BTreeMap<String, RangeInclusive<u16>>)>,
+    /// The machine that is read, and the states that the reader is inside: `drive.look`. Names of
+    /// variables are looked for there first.
+    pub(in crate::behavior) scope: String,
+    /// The named motors.
+    pub motors: Named,
+    /// The named sensors.
+    pub sensors: Named,
     /// How many `pid`s the state that is read has so far; `None` outside `do`.
     pub(in crate::behavior) pids: Option<u32>,
     /// How many `random`s there are so far.
@@ -35,61 +44,52 @@ impl<'c> Vocabulary<'c> {
     /// The signals of a robot, and no numbers yet.
     #[must_use]
     pub fn new(capabilities: &'c Capabilities) -> Self {
-        let motors = capabilities.motors.clone().unwrap_or_default();
+        let sensors = capabilities.sensors.as_ref();
+        let sensors = sensors.map(|all| all.iter().map(|(name, _)| name.clone()).collect());
         Self {
             capabilities,
             numbers: BTreeMap::new(),
             variables: Vec::new(),
             machines: Vec::new(),
-            motors,
+            scope: String::new(),
+            motors: Named::new("motor", MAX_MOTORS, capabilities.motors.clone()),
+            sensors: Named::new("sensor", MAX_SENSORS, sensors),
             pids: None,
             randoms: 0,
         }
     }
 
-    /// The place of a variable.
+    /// The place of a variable: of the sub-machine that is read, of one that it is inside, of the
+    /// machine's sub-machines (`look.nearest_m`), of the mission, or of any (`drive.look.nearest_m`).
     #[must_use]
     pub fn variable(&self, name: &str) -> Option<u8> {
-        let place = self.variables.iter().position(|(known, _)| known == name)?;
-        u8::try_from(place).ok()
-    }
-
-    /// The named motors in the order of their places.
-    #[must_use]
-    pub fn motors(&self) -> &[String] {
-        &self.motors
-    }
-
-    /// The place of a named motor. Where the robot is not known it has any motor, up to
-    /// [`MAX_MOTORS`].
-    ///
-    /// # Errors
-    ///
-    /// [`Mistake::NoMotor`] or [`Mistake::TooManyMotors`].
-    pub fn motor(&mut self, name: &str) -> Result<u8, Mistake> {
-        let place = match self.motors.iter().position(|motor| motor == name) {
-            Some(place) => place,
-            None if self.capabilities.motors.is_some() => {
-                return Err(Mistake::NoMotor(name.to_owned()));
+        let mut scope = self.scope.as_str();
+        loop {
+            let inside = |known: &str| {
+                let known = known.strip_prefix(scope)?.strip_prefix('.')?;
+                Some(known == name)
+            };
+            let is_it = |known: &str| match scope {
+                "" => known == name,
+                _ => inside(known) == Some(true),
+            };
+            if let Some(place) = self.variables.iter().position(|(known, _)| is_it(known)) {
+                return u8::try_from(place).ok();
             }
-            None => self.motors.len(),
-        };
-        if place >= MAX_MOTORS {
-            return Err(Mistake::TooManyMotors);
+            if scope.is_empty() {
+                return None;
+            }
+            scope = scope.rsplit_once('.').map_or("", |(outer, _)| outer);
         }
-        if place == self.motors.len() {
-            self.motors.push(name.to_owned());
-        }
-        u8::try_from(place).map_err(|_| Mistake::TooManyMotors)
     }
 
-    /// The way out where the robot has no motor of this name.
-    pub(in crate::behavior) fn motor_hint(&self, name: &str) -> String {
-        let known = || self.motors.iter().map(String::as_str);
-        nearest(name, known()).unwrap_or_else(|| match self.motors.as_slice() {
-            [] => "[motor.NAME] in the robot's file would be one".to_owned(),
-            _ => format!("it has {}", known().collect::<Vec<_>>().join(", ")),
-        })
+    /// Whether a named sensor gives a number or a truth, by its place; `None` where the robot is not
+    /// known.
+    pub(super) fn measures(&self, place: u8) -> Option<Kind> {
+        let sensors = self.capabilities.sensors.as_ref()?;
+        let (_, measures) = sensors.get(usize::from(place))?;
+        let is_truth = measures.quantity().unit == Unit::Truth;
+        Some(if is_truth { Kind::Truth } else { Kind::Number })
     }
 
     /// The nearest name to one that is not known, of `names` and, where they are few, of all that
@@ -106,13 +106,67 @@ impl<'c> Vocabulary<'c> {
     /// Whether a name has a meaning in every mission.
     pub(in crate::behavior) fn is_taken(name: &str) -> bool {
         words().any(|word| word.name == name)
-            || ["and", "or", "not", "true", "false", "motor"].contains(&name)
+            || ["and", "or", "not", "true", "false", "motor", "sensor"].contains(&name)
             || FUNCTIONS.iter().any(|row| row.0.name() == name)
     }
 
     /// What the robot has.
     pub(in crate::behavior) fn capabilities(&self) -> &'c Capabilities {
         self.capabilities
+    }
+}
+
+/// The names of a robot's motors, or of its sensors; where the robot is not known, those that were
+/// used so far, and any may be used.
+#[derive(Debug)]
+pub struct Named {
+    what: &'static str,
+    most: usize,
+    names: Vec<String>,
+    is_known: bool,
+}
+
+impl Named {
+    fn new(what: &'static str, most: usize, names: Option<Vec<String>>) -> Self {
+        Self { what, most, is_known: names.is_some(), names: names.unwrap_or_default() }
+    }
+
+    /// The names in the order of their places.
+    #[must_use]
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The place of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`Mistake::NoNamed`] or [`Mistake::TooManyNamed`].
+    pub fn place(&mut self, name: &str) -> Result<u8, Mistake> {
+        let Self { what, most, .. } = *self;
+        let place = match self.names.iter().position(|known| known == name) {
+            Some(place) => place,
+            None if self.is_known => {
+                return Err(Mistake::NoNamed { what, name: name.to_owned() });
+            }
+            None => self.names.len(),
+        };
+        if place >= most {
+            return Err(Mistake::TooManyNamed { what, most });
+        }
+        if place == self.names.len() {
+            self.names.push(name.to_owned());
+        }
+        u8::try_from(place).map_err(|_| Mistake::TooManyNamed { what, most })
+    }
+
+    /// The way out where the robot has none of this name.
+    pub(in crate::behavior) fn hint(&self, name: &str) -> String {
+        let known = || self.names.iter().map(String::as_str);
+        nearest(name, known()).unwrap_or_else(|| match self.names.as_slice() {
+            [] => format!("[{}.NAME] in the robot's file would be one", self.what),
+            _ => format!("it has {}", known().collect::<Vec<_>>().join(", ")),
+        })
     }
 }
 

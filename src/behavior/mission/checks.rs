@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::load::{Draft, Reader};
-use super::{MachinePlan, OnStall, TransitionPlan};
+use super::{MachinePlan, OnStall, RegionPlan, StatePlan, TransitionPlan};
 use crate::behavior::expression::Claims;
 use crate::document::{Section, Severity, nearest};
 use crate::senses::{Channel, Role};
@@ -23,7 +23,7 @@ pub(super) fn on_stall(root: &Section<'_>, drafts: &[Draft]) -> Option<OnStall> 
         return None;
     };
     if driving.plan.position(state).is_none() {
-        let names = driving.plan.states.iter().take(200).map(|state| state.name.as_str());
+        let names = driving.plan.inside(None).take(200).map(|(_, state)| state.name.as_str());
         item.error(format!(
             "machine `{}` drives the wheels and has no state `{state}`",
             driving.plan.name
@@ -67,7 +67,8 @@ fn one_machine_each(reader: &Reader<'_, '_, '_>, drafts: &[Draft]) {
                 Role::Motor(at) => {
                     let name = reader
                         .vocabulary
-                        .motors()
+                        .motors
+                        .names()
                         .get(usize::from(*at))
                         .map_or("?", String::as_str);
                     format!("the motor `{name}` is")
@@ -103,26 +104,36 @@ fn one_mode_each(reader: &Reader<'_, '_, '_>) {
     }
 }
 
-/// Transitions that cannot fire, of those for all states and of each state's own.
+/// Transitions that cannot fire: those for all states, by the state that they are inside, and each
+/// state's own.
 struct Impossible {
-    always: Vec<bool>,
+    always: BTreeMap<Option<u16>, Vec<bool>>,
     states: Vec<Vec<bool>>,
 }
 
 /// Conditions that can never hold, that always hold, or that come too late.
+///
+/// Those of a state and of the state that it is inside are not compared: `state_s` is another time
+/// in each.
 fn conditions(root: &Section<'_>, draft: &Draft) -> Impossible {
     let plan = &draft.plan;
-    let always = claims(&plan.always);
-    let states = plan.states.iter().zip(&draft.conditions).enumerate();
-    let states = states.map(|(at, (state, places))| {
+    let inner = (0..).zip(&plan.states).filter_map(|(at, state)| Some((Some(at), state.inner()?)));
+    let regions = inner.chain([(None, plan.region())]);
+    let always: BTreeMap<Option<u16>, Vec<Claimed<'_>>> =
+        regions.map(|(parent, region)| (parent, claims(&region.always))).collect();
+    let states = (0..).zip(&plan.states).zip(&draft.conditions).map(|((at, state), places)| {
+        let end = plan.around(state).and_then(RegionPlan::end);
         // Those for all states come first, but for the final state and the one they lead to.
-        let here = always.iter().filter(|(next, _)| {
-            usize::from(next.go) != at && plan.end.is_none_or(|end| usize::from(end) != at)
-        });
+        let here = always.get(&state.parent).into_iter().flatten();
+        let here = here.filter(|(next, _)| next.go != at && end != Some(at));
         late(root, here.collect(), &claims(&state.next), places)
     });
     let states = states.collect();
-    Impossible { always: late(root, Vec::new(), &always, &draft.always), states }
+    let always = always.iter().map(|(parent, claims)| {
+        let places = draft.always.get(parent).map(Vec::as_slice).unwrap_or_default();
+        (*parent, late(root, Vec::new(), claims, places))
+    });
+    Impossible { always: always.collect(), states }
 }
 
 /// A transition, and what its condition claims.
@@ -164,29 +175,40 @@ fn late<'c>(
 }
 
 /// States that cannot be reached, states that cannot be left, and states from which there is no way
-/// to the final one.
+/// to the final one, each in its machine or sub-machine.
 fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &Impossible) {
     let plan = &draft.plan;
     let (forward, backward) = ways(plan);
-    let reached = closure(&forward, [plan.start].into_iter().chain(stall));
-    let ends = plan.end.map(|end| closure(&backward, [end]));
-    for (at, (state, place)) in plan.states.iter().zip(&draft.states).enumerate() {
+    // No way leads into a sub-machine or out of it, so that all can be looked at together.
+    let regions = || plan.states.iter().filter_map(StatePlan::inner).chain([plan.region()]);
+    let reached = closure(&forward, regions().map(RegionPlan::start).chain(stall));
+    let ends = closure(&backward, regions().filter_map(RegionPlan::end));
+    let mut beside: BTreeMap<Option<u16>, usize> = BTreeMap::new();
+    for state in &plan.states {
+        *beside.entry(state.parent).or_default() += 1;
+    }
+    for ((at, state), place) in (0_u16..).zip(&plan.states).zip(&draft.states) {
+        let Some(region) = plan.around(state) else { continue };
+        let index = usize::from(at);
         let named = &state.name;
-        let is_end = plan.end.is_some_and(|end| usize::from(end) == at);
-        let own = state.next.iter().zip(impossible.states.get(at).into_iter().flatten());
-        let mut leaves = plan.always.iter().zip(&impossible.always).chain(own);
-        let is_left = leaves.any(|(next, never)| usize::from(next.go) != at && !never);
-        // A machine of one state does one thing until the mission ends.
-        let is_alone = plan.states.len() == 1;
-        let (severity, message, way_out) = if reached.get(at) != Some(&true) {
-            let message =
-                format!("state `{named}` cannot be reached from `{}`", name(draft, plan.start));
+        let own = state.next.iter().zip(impossible.states.get(index).into_iter().flatten());
+        let always = impossible.always.get(&state.parent).into_iter().flatten();
+        let mut leaves = region.always.iter().zip(always).chain(own);
+        let is_left = leaves.any(|(next, never)| next.go != at && !never);
+        // A machine of one state does one thing until the mission ends, and a sub-machine without a
+        // final state is left by the state that uses it.
+        let may_stay = region.end == Some(at)
+            || beside.get(&state.parent) == Some(&1)
+            || state.parent.is_some() && region.end.is_none();
+        let (severity, message, way_out) = if reached.get(index) != Some(&true) {
+            let start = name(draft, region.start);
+            let message = format!("state `{named}` cannot be reached from `{start}`");
             (Severity::Error, message, "a transition of another state should go here")
-        } else if !is_end && !is_left && !is_alone {
+        } else if !may_stay && !is_left {
             let message = format!("state `{named}` cannot be left, and it is not final");
             (Severity::Error, message, "give it a transition, or name it as `final` of its machine")
-        } else if let (Some(end), Some(ends)) = (plan.end, &ends)
-            && ends.get(at) == Some(&false)
+        } else if let Some(end) = region.end
+            && ends.get(index) == Some(&false)
         {
             let end = name(draft, end);
             let message =
@@ -204,8 +226,9 @@ fn ways(plan: &MachinePlan) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     let mut forward = vec![Vec::new(); plan.states.len()];
     let mut backward = forward.clone();
     for (from, state) in plan.states.iter().enumerate() {
-        let is_end = plan.end.is_some_and(|end| usize::from(end) == from);
-        let always = plan.always.iter().filter(|_| !is_end);
+        let Some(region) = plan.around(state) else { continue };
+        let is_end = region.end.is_some_and(|end| usize::from(end) == from);
+        let always = region.always.iter().filter(|_| !is_end);
         for next in always.chain(&state.next) {
             let to = usize::from(next.go);
             if let (Some(ways), Some(back)) = (forward.get_mut(from), backward.get_mut(to)) {

@@ -2,31 +2,30 @@
 //!
 //! What concerns the mission as a whole is looked at afterwards, in `checks`.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::{Assignment, MachinePlan, Mission, OnLost, Outputs, StatePlan, TransitionPlan, checks};
+use super::{Mission, OnLost, Outputs, checks};
+use crate::behavior::MAX_VARIABLES;
 use crate::behavior::engine::Finish;
-use crate::behavior::expression::{Expression, Kind, Misreading, SEARCHED, Vocabulary, is_plain};
+use crate::behavior::expression::{Expression, Kind, Misreading, Vocabulary, is_plain};
 use crate::behavior::signals::Capabilities;
 use crate::behavior::tune::Tune;
-use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
 use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity, nearest};
 use crate::printable::is_printable;
-use crate::senses::{Channel, Role};
+use crate::senses::Channel;
 
 mod actions;
+mod machines;
 mod signs;
+
+pub(super) use machines::Draft;
 
 /// Longest name of a mission, a machine or a state, in characters.
 const NAME_CHARACTERS: usize = 40;
 
-/// What `done` needs.
-const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does comes to an end";
-const ENDING: &str = "`drive_m`, `turn_deg`, `arc`, `goto` and `head_deg` end";
-
 /// The keys of the whole mission.
-const KEYS: [&str; 9] = [
+const KEYS: [&str; 10] = [
     "name",
     "rate_hz",
     "time_limit_s",
@@ -36,6 +35,7 @@ const KEYS: [&str; 9] = [
     "numbers",
     "variables",
     "machine",
+    "submachine",
 ];
 
 const DEFAULT_RATE_HZ: u32 = 50;
@@ -47,7 +47,15 @@ pub(super) fn load(
 ) -> Result<(Mission, Findings), Findings> {
     document.read(|root| {
         let vocabulary = Vocabulary::new(capabilities);
-        Reader { root, vocabulary, uses: Vec::new(), tunes: Vec::new(), states: 0 }.mission()
+        let reader = Reader {
+            root,
+            vocabulary,
+            uses: Vec::new(),
+            tunes: Vec::new(),
+            states: 0,
+            used: BTreeSet::new(),
+        };
+        reader.mission()
     })
 }
 
@@ -61,38 +69,8 @@ pub(super) struct Reader<'r, 'd, 'c> {
     tunes: Vec<Tune>,
     /// How many states there are so far.
     states: usize,
-}
-
-/// A machine with the places of its parts.
-pub(super) struct Draft {
-    pub(super) plan: MachinePlan,
-    /// Where each state's name stands.
-    pub(super) states: Vec<Range<usize>>,
-    /// Where the conditions for all states stand.
-    pub(super) always: Vec<Range<usize>>,
-    /// Where each state's conditions stand.
-    pub(super) conditions: Vec<Vec<Range<usize>>>,
-    /// What it moves, and where that is said first.
-    pub(super) moves: BTreeMap<Role, Range<usize>>,
-    /// False where a part could not be read: checks of the whole would then mislead.
-    pub(super) complete: bool,
-}
-
-/// A transition, and where its condition stands.
-type Placed = (TransitionPlan, Range<usize>);
-
-/// A machine of the file whose states' names are known.
-struct Found<'d> {
-    item: Item<'d>,
-    section: Section<'d>,
-    states: Vec<Item<'d>>,
-}
-
-/// The names of a machine's states.
-#[derive(Clone, Copy)]
-struct Names<'n> {
-    machine: &'n str,
-    places: &'n BTreeMap<String, u16>,
+    /// The sub-machines that are used so far.
+    used: BTreeSet<&'d str>,
 }
 
 impl<'d> Reader<'_, 'd, '_> {
@@ -124,6 +102,10 @@ impl<'d> Reader<'_, 'd, '_> {
         self.numbers();
         self.variables();
         let drafts = self.machines()?;
+        // What would be said of the whole is not certain without a machine that could not be read.
+        if drafts.len() < root.section("machine").map_or(0, |machines| machines.items().len()) {
+            return None;
+        }
         let on_stall = checks::on_stall(root, &drafts);
         checks::whole(&self, &drafts, on_stall.as_ref());
         let used: Vec<Channel> = self.uses.iter().map(|(channel, _)| *channel).collect();
@@ -134,7 +116,7 @@ impl<'d> Reader<'_, 'd, '_> {
             finish: finish?,
             on_lost: on_lost?,
             on_stall: on_stall?,
-            motors: self.vocabulary.motors().to_vec(),
+            motors: self.vocabulary.motors.names().to_vec(),
             numbers: self.vocabulary.numbers,
             variables: self.vocabulary.variables,
             tunes: self.tunes,
@@ -189,185 +171,6 @@ impl<'d> Reader<'_, 'd, '_> {
         None
     }
 
-    fn machines(&mut self) -> Option<Vec<Draft>> {
-        let section = self.root.require("machine")?.section()?;
-        let items = section.items();
-        if items.is_empty() {
-            section.error("a mission needs at least one machine".to_owned());
-        }
-        if let Some(item) = items.get(MAX_MACHINES) {
-            item.error_at_key(format!(
-                "this is machine {}; at most {MAX_MACHINES} run side by side",
-                items.len()
-            ));
-            return None;
-        }
-        // Conditions may name the states of any machine, so all names are read first.
-        let found: Vec<Found<'d>> = items.iter().filter_map(|item| self.names(item)).collect();
-        let machines = found.iter().map(|found| {
-            let states = found.states.iter().map(|state| state.key().to_owned());
-            (found.item.key().to_owned(), states.zip(0_u16..).collect())
-        });
-        self.vocabulary.machines = machines.collect();
-        Some(found.iter().enumerate().map(|(at, found)| self.machine(at, found)).collect())
-    }
-
-    /// A machine's name and those of its states.
-    fn names(&mut self, item: &Item<'d>) -> Option<Found<'d>> {
-        let section = item.section()?;
-        is_name(item.key(), item);
-        let states = section.require("state")?.section()?.items();
-        if states.is_empty() {
-            section.error(format!("machine `{}` has no state", shown(item.key())));
-        }
-        self.states += states.len();
-        if self.states > Mission::MAX_STATES {
-            item.error_at_key(format!(
-                "{} states are too many; at most {} are read",
-                self.states,
-                Mission::MAX_STATES
-            ));
-            return None;
-        }
-        Some(Found { item: item.clone(), section, states })
-    }
-
-    fn machine(&mut self, at: usize, found: &Found<'d>) -> Draft {
-        let Found { item, section, states } = found;
-        section.allow(&["start", "final", "always", "state"]);
-        // Taken out while it is used, because expressions need the whole vocabulary.
-        let places = self.vocabulary.machines.get(at).map(|machine| machine.1.clone());
-        let names = Names { machine: item.key(), places: &places.unwrap_or_default() };
-        // The one state that there is need not be named.
-        let start = match section.get("start") {
-            None if states.len() == 1 => Some(0),
-            _ => section.require("start").and_then(|start| names.find(&start)),
-        };
-        let end = section.get("final").map(|end| names.find(&end));
-        let always = self.transitions_of(section, "always", names);
-        let mut draft = Draft {
-            complete: start.is_some() && end != Some(None) && always.iter().all(Option::is_some),
-            plan: MachinePlan {
-                name: item.key().to_owned(),
-                start: start.unwrap_or_default(),
-                end: end.flatten(),
-                always: Vec::new(),
-                states: Vec::with_capacity(states.len()),
-            },
-            states: states.iter().map(Item::key_place).collect(),
-            always: Vec::new(),
-            conditions: Vec::with_capacity(states.len()),
-            moves: BTreeMap::new(),
-        };
-        (draft.plan.always, draft.always) = always.into_iter().flatten().unzip();
-        for state in states {
-            self.state(state, names, &mut draft);
-        }
-        let ends = draft.plan.states.iter().any(|state| state.doing.ends());
-        for (always, place) in draft.plan.always.iter().zip(&draft.always) {
-            if always.when.asks_whether_done() && !ends {
-                self.root
-                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
-                    .hint(ENDING);
-            }
-        }
-        draft
-    }
-
-    fn state(&mut self, item: &Item<'d>, names: Names<'_>, draft: &mut Draft) {
-        is_name(item.key(), item);
-        let section = item.section();
-        if let Some(section) = &section {
-            let known = ["do", "on_entry", "on_exit", "next"];
-            section.allow(&known);
-            // A slip in `next` would look like a state that cannot be left.
-            draft.complete &= section.items().iter().all(|item| known.contains(&item.key()));
-        }
-        let table = |key: &str| section.as_ref()?.get(key)?.section();
-        self.vocabulary.pids = Some(0);
-        let doing =
-            table("do").map(|table| self.actions(&table, &mut draft.moves)).unwrap_or_default();
-        self.vocabulary.pids = None;
-        let mut signs = |key: &str, more: &[&str]| {
-            table(key).map(|table| self.signs(&table, more)).unwrap_or_default()
-        };
-        let (on_entry, on_exit) = (signs("on_entry", &["set"]), signs("on_exit", &[]));
-        let set = table("on_entry").map(|table| self.assignments(&table)).unwrap_or_default();
-        let next =
-            section.map(|section| self.transitions_of(&section, "next", names)).unwrap_or_default();
-        draft.complete &= next.iter().all(Option::is_some);
-        let (next, conditions): (Vec<TransitionPlan>, Vec<_>) = next.into_iter().flatten().unzip();
-        for (next, place) in next.iter().zip(&conditions) {
-            if next.when.asks_whether_done() && !doing.ends() {
-                self.root
-                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
-                    .hint(ENDING);
-            }
-        }
-        draft.conditions.push(conditions);
-        draft.plan.states.push(StatePlan {
-            name: item.key().to_owned(),
-            doing,
-            on_entry,
-            set,
-            on_exit,
-            next,
-        });
-    }
-
-    /// The transitions under a key, `None` for each that could not be read, and one `None` for all
-    /// where there are too many.
-    fn transitions_of(
-        &mut self,
-        section: &Section<'d>,
-        key: &str,
-        names: Names<'_>,
-    ) -> Vec<Option<Placed>> {
-        let Some(item) = section.get(key) else { return Vec::new() };
-        let Some(list) = item.list() else { return vec![None] };
-        if let Some(one_more) = list.get(Mission::MAX_TRANSITIONS) {
-            let (count, most) = (list.len(), Mission::MAX_TRANSITIONS);
-            one_more.error(format!("{count} transitions are too many; at most {most} are read"));
-            return vec![None];
-        }
-        list.iter().map(|item| self.transition(item, names)).collect()
-    }
-
-    /// A transition, and where its condition stands.
-    fn transition(&mut self, item: &Item<'d>, names: Names<'_>) -> Option<Placed> {
-        let section = item.section()?;
-        section.allow(&["when", "set", "go"]);
-        let (when, go) = (section.require("when"), section.require("go"));
-        let go = go.and_then(|go| names.find(&go));
-        let set = self.assignments(&section);
-        let when = when?;
-        let condition = self.expression(&when, Kind::Truth);
-        Some((TransitionPlan { when: condition?, set, go: go? }, when.place()))
-    }
-
-    /// The table `set` of a section: variables and what they become.
-    fn assignments(&mut self, section: &Section<'d>) -> Vec<Assignment> {
-        let items = section.section("set").map(|set| set.items()).unwrap_or_default();
-        items.iter().filter_map(|item| self.assignment(item)).collect()
-    }
-
-    fn assignment(&mut self, item: &Item<'d>) -> Option<Assignment> {
-        let name = item.key();
-        let variable = self.vocabulary.variable(name);
-        if variable.is_none() {
-            let names = || self.vocabulary.variables.iter().map(|(name, _)| name.as_str());
-            let hint = match self.vocabulary.numbers.contains_key(name) {
-                true => "one of [numbers] does not change; it can be one of [variables]".to_owned(),
-                false => nearest(name, names()).unwrap_or_else(|| {
-                    format!("`{} = 0` in [variables] makes it one", shown(name))
-                }),
-            };
-            item.error_at_key(format!("there is no variable `{}`", shown(name))).hint(hint);
-        }
-        let value = self.number(item, Mission::NUMBERS);
-        Some(Assignment { variable: variable?, value: value? })
-    }
-
     /// A number, as it stands or as an expression in quotes.
     pub(super) fn number(
         &mut self,
@@ -412,30 +215,6 @@ impl<'d> Reader<'_, 'd, '_> {
                 }
                 None
             }
-        }
-    }
-}
-
-impl Names<'_> {
-    fn find(&self, item: &Item<'_>) -> Option<u16> {
-        let name = item.text()?;
-        let found = self.places.get(name).copied();
-        if found.is_none() {
-            item.error(format!("machine `{}` has no state `{}`", shown(self.machine), shown(name)))
-                .hint(self.hint(name));
-        }
-        found
-    }
-
-    /// The nearest name, or all of them where they are few.
-    fn hint(&self, name: &str) -> String {
-        let known = || self.places.keys().map(String::as_str);
-        match self.places.len() {
-            0..=8 => nearest(name, known()).unwrap_or_else(|| {
-                format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))
-            }),
-            9..=SEARCHED => nearest(name, known()).unwrap_or_default(),
-            _ => String::new(),
         }
     }
 }

@@ -1,6 +1,9 @@
 //! What a mission's file says of its machines, read and checked.
 
+use arrayvec::ArrayVec;
+
 use crate::behavior::demands::Led;
+use crate::behavior::engine::LEVELS;
 use crate::behavior::expression::Expression;
 use crate::behavior::telling::Telling;
 use crate::ev3dev::StopAction;
@@ -10,16 +13,28 @@ use crate::senses::Role;
 #[derive(Debug, Clone)]
 pub struct MachinePlan {
     pub(super) name: String,
+    pub(super) region: RegionPlan,
+    /// In the order of the file, those of a sub-machine behind the state that uses it.
+    pub(super) states: Vec<StatePlan>,
+}
+
+/// What holds for all states of a machine, or of a sub-machine.
+#[derive(Debug, Clone, Default)]
+pub struct RegionPlan {
     pub(super) start: u16,
     pub(super) end: Option<u16>,
     pub(super) always: Vec<TransitionPlan>,
-    pub(super) states: Vec<StatePlan>,
 }
 
 /// A state of a machine.
 #[derive(Debug, Clone)]
 pub struct StatePlan {
     pub(super) name: String,
+    /// The state that it is inside.
+    pub(super) parent: Option<u16>,
+    /// The last state inside it, or itself.
+    pub(super) last: u16,
+    pub(super) inner: Option<RegionPlan>,
     pub(super) doing: Outputs,
     pub(super) on_entry: Outputs,
     pub(super) set: Vec<Assignment>,
@@ -94,19 +109,23 @@ impl MachinePlan {
         &self.name
     }
 
-    /// Index of the start state.
+    /// Start and final state, and the transitions of all states.
     #[must_use]
-    pub fn start(&self) -> u16 {
-        self.start
+    pub fn region(&self) -> &RegionPlan {
+        &self.region
     }
 
-    /// Index of the final state, if there is one.
+    /// Index of the state that is active first: the start state, or the start state inside it.
     #[must_use]
-    pub fn end(&self) -> Option<u16> {
-        self.end
+    pub fn first(&self) -> u16 {
+        let mut first = self.region.start;
+        while let Some(inner) = self.state(first).and_then(StatePlan::inner) {
+            first = inner.start;
+        }
+        first
     }
 
-    /// The states, in the order of the file.
+    /// The states in the order of the file, those of a sub-machine behind the state that uses it.
     #[must_use]
     pub fn states(&self) -> &[StatePlan] {
         &self.states
@@ -124,19 +143,46 @@ impl MachinePlan {
         self.states.iter().any(|state| state.doing.roles().any(|moved| moved == role))
     }
 
-    /// The transitions that are looked at in all states before a state's own, but for the final
-    /// state and the one they lead to.
-    #[must_use]
-    pub fn always(&self) -> &[TransitionPlan] {
-        &self.always
+    /// The states of the machine, or those that are directly inside a state, with their indices.
+    pub fn inside(&self, parent: Option<u16>) -> impl Iterator<Item = (u16, &StatePlan)> {
+        let last = parent.and_then(|parent| self.state(parent)).map(|state| state.last);
+        let mut next = parent.map_or(0, |parent| parent.saturating_add(1));
+        std::iter::from_fn(move || {
+            let at = (next <= last.unwrap_or(u16::MAX)).then_some(next)?;
+            let state = self.state(at)?;
+            next = state.last.checked_add(1)?;
+            Some((at, state))
+        })
     }
 
-    /// A transition from a state, counted as
-    /// [`Taken::transition`](crate::behavior::Taken::transition) counts.
-    #[must_use]
-    pub fn transition(&self, from: u16, index: u16) -> Option<&TransitionPlan> {
-        let next = &self.state(from)?.next;
-        self.always.iter().chain(next).nth(usize::from(index))
+    /// A state and those it is inside, from the outermost.
+    fn chain(&self, state: u16) -> impl Iterator<Item = &StatePlan> {
+        let mut chain: ArrayVec<&StatePlan, LEVELS> = ArrayVec::new();
+        let mut at = self.state(state);
+        while let Some(state) = at
+            && chain.try_push(state).is_ok()
+        {
+            at = state.parent.and_then(|parent| self.state(parent));
+        }
+        chain.into_iter().rev()
+    }
+
+    /// What holds for the states beside one.
+    pub(super) fn around(&self, state: &StatePlan) -> Option<&RegionPlan> {
+        match state.parent {
+            Some(parent) => self.state(parent)?.inner.as_ref(),
+            None => Some(&self.region),
+        }
+    }
+
+    /// The transitions from a state, as
+    /// [`Taken::transition`](crate::behavior::Taken::transition) counts them: from the outermost
+    /// state that it is inside, each time those of all states first.
+    pub fn transitions(&self, from: u16) -> impl Iterator<Item = &TransitionPlan> {
+        self.chain(from).flat_map(|state| {
+            let always = self.around(state).map(|region| region.always.iter());
+            always.into_iter().flatten().chain(&state.next)
+        })
     }
 
     /// Every expression in it.
@@ -144,25 +190,60 @@ impl MachinePlan {
         let states = self.states.iter_mut().flat_map(|state| {
             let outputs = [&mut state.doing, &mut state.on_entry, &mut state.on_exit];
             let set = state.set.iter_mut().map(|assignment| &mut assignment.value);
-            let next = state.next.iter_mut().flat_map(TransitionPlan::expressions_mut);
+            let always = state.inner.iter_mut().flat_map(|inner| &mut inner.always);
+            let next = always.chain(&mut state.next).flat_map(TransitionPlan::expressions_mut);
             outputs.into_iter().flat_map(Outputs::expressions_mut).chain(set).chain(next)
         });
-        self.always.iter_mut().flat_map(TransitionPlan::expressions_mut).chain(states)
+        self.region.always.iter_mut().flat_map(TransitionPlan::expressions_mut).chain(states)
     }
 
+    /// Index of one of the machine's own states.
     pub(super) fn position(&self, state: &str) -> Option<u16> {
-        (0_u16..).zip(&self.states).find(|(_, plan)| plan.name == state).map(|(index, _)| index)
+        self.inside(None).find(|(_, plan)| plan.name == state).map(|(index, _)| index)
+    }
+}
+
+impl RegionPlan {
+    /// Index of the start state.
+    #[must_use]
+    pub fn start(&self) -> u16 {
+        self.start
+    }
+
+    /// Index of the final state, if there is one.
+    #[must_use]
+    pub fn end(&self) -> Option<u16> {
+        self.end
+    }
+
+    /// The transitions that are looked at in all states before a state's own, but for the final
+    /// state and the one they lead to.
+    #[must_use]
+    pub fn always(&self) -> &[TransitionPlan] {
+        &self.always
     }
 }
 
 impl StatePlan {
-    /// The state's name.
+    /// The state's name; of a state of a sub-machine, behind that of the state that uses it:
+    /// `look.left`.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The transitions, in the order in which they are checked.
+    /// What holds for the states inside it, where it uses a sub-machine.
+    #[must_use]
+    pub fn inner(&self) -> Option<&RegionPlan> {
+        self.inner.as_ref()
+    }
+
+    /// Whether it comes to an end, so that `done` can be asked for.
+    pub(super) fn ends(&self) -> bool {
+        self.doing.ends() || self.inner.as_ref().is_some_and(|inner| inner.end.is_some())
+    }
+
+    /// Its own transitions, in the order in which they are checked.
     #[must_use]
     pub fn transitions(&self) -> &[TransitionPlan] {
         &self.next

@@ -5,10 +5,14 @@ use std::cell::Cell;
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
-use super::{Assignment, MachinePlan, Mission, OnStall, Outputs, StatePlan, TransitionPlan};
-use crate::behavior::blackboard::{Blackboard, MAX_PIDS, MAX_VARIABLES, MachineState, PidState};
+use super::{
+    Assignment, MachinePlan, Mission, OnStall, Outputs, RegionPlan, StatePlan, TransitionPlan,
+};
+use crate::behavior::blackboard::{
+    Blackboard, MAX_PIDS, MAX_VARIABLES, MachineState, PidState, Scope,
+};
 use crate::behavior::demands::{Demands, Drive};
-use crate::behavior::engine::{Engine, EngineError, Machine, Progress, State};
+use crate::behavior::engine::{Engine, EngineError, LEVELS, Machine, Progress, State};
 use crate::behavior::motion::{MotionLimits, MotionState};
 use crate::behavior::signals::Signals;
 use crate::behavior::tune::{Playing, Sound, Tune};
@@ -106,7 +110,7 @@ impl Program {
         let states = mission.machines.iter().map(|plan| plan.states.len()).collect();
         let mut turn = Turn::default();
         for (machine, plan) in turn.board.machines.iter_mut().zip(&mission.machines) {
-            machine.state = plan.start;
+            machine.state = plan.first();
         }
         turn.ongoing.tunes.clone_from(&mission.tunes);
         for (variable, (_, first)) in turn.board.variables.iter_mut().zip(&mission.variables) {
@@ -165,7 +169,7 @@ impl Program {
     /// stopped instead.
     pub fn stall(&mut self) -> bool {
         for &(machine, state) in &self.on_stall {
-            if self.engine.position(machine).is_none_or(|(active, _)| active != state) {
+            if !self.engine.is_in(machine, state) {
                 self.engine.force(machine, state);
             }
         }
@@ -196,7 +200,7 @@ impl Program {
         let board = &self.turn.board;
         let pids = board.pids.iter().map(|pids| pids.each_ref().map(Cell::get));
         ProgramState {
-            machines: board.machines.iter().take(self.states.len()).copied().collect(),
+            machines: board.machines.iter().take(self.states.len()).cloned().collect(),
             variables: self.variables().iter().copied().collect(),
             pids: pids.take(self.states.len()).collect(),
             motion: self.turn.ongoing.motion,
@@ -222,8 +226,10 @@ impl Program {
             }
             let board = &mut self.turn.board;
             for (index, (at, pids)) in state.machines.iter().zip(&state.pids).enumerate() {
-                self.engine.restore(index, at.state, at.entered_ns);
-                board.machines[index] = *at;
+                let entered_ns: ArrayVec<i64, LEVELS> =
+                    at.since.iter().map(|since| since.entered_ns).collect();
+                self.engine.restore(index, at.state, &entered_ns);
+                board.machines[index].clone_from(at);
                 board.pids[index] = pids.map(Cell::new);
             }
             for (variable, value) in board.variables.iter_mut().zip(&state.variables) {
@@ -243,15 +249,15 @@ impl Turn {
         }
     }
 
-    fn apply(&mut self, machine: usize, outputs: &Outputs) -> bool {
-        outputs.apply(self.board.seen_by(machine), &mut self.ongoing, &mut self.demands)
+    fn apply(&mut self, place: Place, outputs: &Outputs) -> bool {
+        outputs.apply(place.sees(&self.board), &mut self.ongoing, &mut self.demands)
     }
 
     /// Gives variables their values, all of them worked out before the first is given.
     ///
     /// What is not known or not finite leaves its variable as it is.
-    fn set(&mut self, machine: usize, assignments: &[Assignment]) {
-        let scope = self.board.seen_by(machine);
+    fn set(&mut self, place: Place, assignments: &[Assignment]) {
+        let scope = place.sees(&self.board);
         let values: ArrayVec<(u8, f64), MAX_VARIABLES> = assignments
             .iter()
             .filter_map(|assignment| Some((assignment.variable, assignment.value.evaluate(scope)?)))
@@ -264,51 +270,96 @@ impl Turn {
     }
 }
 
+/// A machine's state, or what holds for all states beside it, seen from inside.
+#[derive(Clone, Copy)]
+struct Place {
+    machine: usize,
+    level: usize,
+}
+
+impl Place {
+    fn sees(self, board: &Blackboard) -> Scope<'_> {
+        board.seen_by(self.machine, self.level)
+    }
+}
+
 /// A machine of a mission, as the engine takes it.
 fn machine(index: usize, plan: &MachinePlan) -> Machine<Turn> {
+    region(Place { machine: index, level: 0 }, plan, &plan.region, None)
+}
+
+/// A machine, or the sub-machine inside a state.
+fn region(
+    place: Place,
+    plan: &MachinePlan,
+    region_plan: &RegionPlan,
+    parent: Option<u16>,
+) -> Machine<Turn> {
     let name = |at: u16| plan.state(at).map(|state| state.name.clone()).unwrap_or_default();
     let transition = |state: State<Turn>, transition: &TransitionPlan| {
         let (when, set) = (transition.when.clone(), transition.set.clone());
         let state =
-            state.when(move |turn, _| when.holds(turn.board.seen_by(index)), name(transition.go));
-        if set.is_empty() { state } else { state.taking(move |turn, _| turn.set(index, &set)) }
+            state.when(move |turn, _| when.holds(place.sees(&turn.board)), name(transition.go));
+        if set.is_empty() { state } else { state.taking(move |turn, _| turn.set(place, &set)) }
     };
-    let mut machine = Machine::new(plan.name.clone(), name(plan.start))
-        .always(|always| plan.always.iter().fold(always, transition));
-    for (at, state_plan) in (0_u16..).zip(&plan.states) {
+    let mut machine = Machine::new(plan.name.clone(), name(region_plan.start))
+        .always(|always| region_plan.always.iter().fold(always, transition));
+    for (at, state_plan) in plan.inside(parent) {
         machine = machine.state(state_plan.name.clone(), |state| {
-            state_plan.next.iter().fold(actions(state, index, at, state_plan), transition)
+            let is_end = region_plan.end == Some(at);
+            let state = actions(state, place, at, state_plan, is_end);
+            let state = state_plan.next.iter().fold(state, transition);
+            match &state_plan.inner {
+                Some(inner) => {
+                    let level = place.level + 1;
+                    state.containing(region(Place { level, ..place }, plan, inner, Some(at)))
+                }
+                None => state,
+            }
         });
     }
-    match plan.end {
+    match region_plan.end {
         Some(end) => machine.ending_in(name(end)),
         None => machine,
     }
 }
 
-fn actions(state: State<Turn>, index: usize, at: u16, plan: &StatePlan) -> State<Turn> {
+fn actions(
+    state: State<Turn>,
+    place: Place,
+    at: u16,
+    plan: &StatePlan,
+    is_end: bool,
+) -> State<Turn> {
+    let Place { machine, level } = place;
     let (entry, doing, exit) = (plan.on_entry.clone(), plan.doing.clone(), plan.on_exit.clone());
     let set = plan.set.clone();
     // Its sound begins when the state is entered.
     let at_entry = doing.clone();
     let moves = doing.roles().any(|role| role == Role::Wheels);
-    state
+    let state = state
         .entering(move |turn, _| {
-            turn.board.enter(index, at);
-            turn.set(index, &set);
+            turn.board.enter(machine, at, level);
+            if let Some(outer) = level.checked_sub(1) {
+                turn.board.set_done(machine, outer, is_end);
+            }
+            turn.set(place, &set);
             if moves {
                 turn.ongoing.motion = MotionState::default();
             }
-            turn.apply(index, &entry);
-            let scope = turn.board.seen_by(index);
-            turn.play(index, entry.sound(scope).or_else(|| at_entry.sound(scope)));
-        })
-        .doing(move |turn, _| {
-            let done = turn.apply(index, &doing);
-            turn.board.machines[index].done = done;
+            turn.apply(place, &entry);
+            let scope = place.sees(&turn.board);
+            turn.play(machine, entry.sound(scope).or_else(|| at_entry.sound(scope)));
         })
         .leaving(move |turn, _| {
-            turn.apply(index, &exit);
-            turn.play(index, exit.sound(turn.board.seen_by(index)));
-        })
+            turn.apply(place, &exit);
+            turn.play(machine, exit.sound(place.sees(&turn.board)));
+        });
+    if plan.inner.is_some() {
+        return state;
+    }
+    state.doing(move |turn, _| {
+        let done = turn.apply(place, &doing);
+        turn.board.set_done(machine, level, done);
+    })
 }

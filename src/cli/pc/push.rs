@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// Reads and checks one mission. What devices the brick has, only the brick knows; it checks again
 /// when the mission is started.
 fn parcel(path: &std::path::Path) -> Result<Parcel, Failure> {
-    let source = read_source(path, |_| None)?;
+    let source = read_source(path, |_| None)?.with_submachines(path.parent());
     let (_, warnings) = load_mission(&source, &Capabilities::all())
         .map_err(|findings| broken_mission(&source, &findings))?;
     warn(&warnings);

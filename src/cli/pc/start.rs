@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::common::{pose, read_bounded, setting};
 use crate::cli::{Failure, Output};
+use crate::runtime::Source;
 use crate::service::protocol::{Chosen, MAX_MISSION_BYTES};
 
 /// Start a mission on a brick: one that it has, by name, or a file of yours, which it checks as its
@@ -53,16 +54,16 @@ pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
     if !names_a_file(mission) {
         return Ok(Chosen::Name(mission.to_string_lossy().into_owned()));
     }
-    let bytes = read_bounded(mission)?;
     let shown = mission.display();
-    if bytes.len() > MAX_MISSION_BYTES {
+    let text = String::from_utf8(read_bounded(mission)?)
+        .map_err(|_| Failure::refused(format!("{shown} is not text (not UTF-8)")))?;
+    let source = Source { name: shown.to_string(), text }.with_submachines(mission.parent());
+    if source.text.len() > MAX_MISSION_BYTES {
         let message = format!(
-            "{shown} has more than the {MAX_MISSION_BYTES} bytes that a brick takes over \
+            "{shown} has, with its sub-machines, more than the {MAX_MISSION_BYTES} bytes that a brick takes over \
              the network"
         );
         return Err(Failure::refused(message).hint("copy it into the brick's folder of missions"));
     }
-    let text = String::from_utf8(bytes)
-        .map_err(|_| Failure::refused(format!("{shown} is not text (not UTF-8)")))?;
-    Ok(Chosen::Text(text))
+    Ok(Chosen::Text(source.text))
 }

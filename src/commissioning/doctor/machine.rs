@@ -9,10 +9,10 @@ use nix::unistd::{Gid, geteuid, getgroups};
 
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{wrong_year, year};
-use crate::document::Document;
+use crate::document::{Document, read_bounded};
 
 use super::{Diagnosis, Examination, Verdict, with_causes};
-use crate::runtime::groups;
+use crate::runtime::{Source, groups};
 
 /// What gives access to what on ev3dev's images.
 const GROUPS: [(&str, &str, Verdict); 3] = [
@@ -177,7 +177,13 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
             );
         }
     };
-    match Mission::parse(&name, &bytes, capabilities) {
+    let source = Document::new(&name, &bytes).map(|document| {
+        let source = Source { name: name.clone(), text: document.text().to_owned() };
+        source.with_submachines(file.parent())
+    });
+    let read = source
+        .and_then(|source| Mission::parse(&source.name, source.text.as_bytes(), capabilities));
+    match read {
         Ok((mission, _)) => {
             diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name()))
         }
@@ -191,15 +197,4 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
             diagnosis.fail(CHECK, format!("{name} {found}"), &to_do);
         }
     }
-}
-
-/// One byte more than a document may have is enough for it to say that it is too long.
-fn read_bounded(file: &Path) -> std::io::Result<Vec<u8>> {
-    let most = u64::try_from(Document::MAX_BYTES + 1).unwrap_or(u64::MAX);
-    let mut bytes = Vec::new();
-    std::io::Read::read_to_end(
-        &mut std::io::Read::take(std::fs::File::open(file)?, most),
-        &mut bytes,
-    )?;
-    Ok(bytes)
 }

@@ -114,7 +114,11 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     for role in config.sensors.keys() {
         match Watch::begin(tree, config, *role, may_set) {
             Ok(watch) => watched.push(watch),
-            Err((found, to_do)) => diagnosis.fail(role.section(), found, to_do),
+            // A run does without it where the mission does.
+            Err((found, to_do)) if to_do == REPLUG && !matches!(role, Role::Range | Role::Gyro) => {
+                diagnosis.warn(&config.section(*role), found, to_do);
+            }
+            Err((found, to_do)) => diagnosis.fail(&config.section(*role), found, to_do),
         }
     }
     let clock = examination.patient.clock;
@@ -133,6 +137,8 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 
 /// A sensor and what it said.
 struct Watch {
+    /// What its section in the robot's file is called.
+    name: String,
     sensor: RoleSensor,
     values: Vec<f64>,
     failed: Option<DeviceError>,
@@ -159,7 +165,7 @@ impl Watch {
             }
             sensor.set_mode().map_err(|error| (with_causes(&error), LOOSE))?;
         }
-        Ok(Self { sensor, values: Vec::new(), failed: None })
+        Ok(Self { name: config.section(role), sensor, values: Vec::new(), failed: None })
     }
 
     fn look(&mut self) {
@@ -179,7 +185,7 @@ impl Watch {
         let identity = self.sensor.identity();
         let what = format!("{} on {}", identity.driver, identity.address.short());
         let role = self.sensor.role();
-        let name = role.section();
+        let name = &self.name;
         if let Some(error) = &self.failed {
             return diagnosis.fail(name, format!("{what}: {}", with_causes(error)), LOOSE);
         }

@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use crate::ev3dev::PortAddress;
+use crate::robot::{ROBOTS, RobotConfig, ShippedRobot};
 use crate::senses::Role;
 
 /// What was found out about a robot; the measures begin as those of the seed's robot.
@@ -73,6 +75,33 @@ const COMMENT_COLUMN: usize = 40;
 const HEAD_MOTOR_DPS: f64 = 130.0;
 
 impl Draft {
+    /// The shipped robot that is plugged in like this one: the same wheels, a head or none, and all
+    /// sensors of this one where that one has them.
+    #[must_use]
+    pub fn shipped(&self) -> Option<(&'static ShippedRobot, RobotConfig)> {
+        let port = |address: &Option<PortAddress>| {
+            address.as_ref().map(|address| address.short().to_owned())
+        };
+        let loaded = ROBOTS.iter().filter_map(|shipped| {
+            let (config, _) = RobotConfig::load(shipped.name, shipped.text.as_bytes()).ok()?;
+            Some((shipped, config))
+        });
+        let is_like = |(_, config): &(&ShippedRobot, RobotConfig)| {
+            let wheels = [(&self.left, &config.left), (&self.right, &config.right)];
+            let same_wheels = wheels.into_iter().all(|(mine, its)| {
+                let inverted = its.ratio < 0.0;
+                mine.as_ref().is_some_and(|mine| {
+                    Some(&mine.port) == port(&its.port).as_ref() && mine.inverted == inverted
+                })
+            });
+            let same_sensors = self.sensors.iter().all(|(role, mine)| {
+                config.sensors.get(role).is_some_and(|its| port(its).as_ref() == Some(mine))
+            });
+            same_wheels && same_sensors && self.head.is_some() == config.head.is_some()
+        };
+        loaded.into_iter().find(is_like).filter(|_| !self.sensors.is_empty())
+    }
+
     /// The file's text.
     #[must_use]
     pub fn to_toml(&self) -> String {
@@ -249,7 +278,14 @@ mod tests {
             left: Some(DraftMotor { port: "outB".to_owned(), inverted: false }),
             right: Some(DraftMotor { port: "outD".to_owned(), inverted: false }),
             head: Some(DraftHead { port: "outA".to_owned(), gear: [-12, 36] }),
-            sensors: [(Role::Range, "in1"), (Role::Gyro, "in4")].map(port).into(),
+            sensors: [
+                (Role::Range, "in1"),
+                (Role::Touch, "in2"),
+                (Role::Colour, "in3"),
+                (Role::Gyro, "in4"),
+            ]
+            .map(port)
+            .into(),
             ..Draft::default()
         }
     }
@@ -332,5 +368,29 @@ mod tests {
             prop_assert_eq!(robot.left.ratio < 0.0, inverted[0]);
             prop_assert_eq!(robot.head.is_some(), there[0]);
         }
+    }
+
+    #[test]
+    fn a_robot_that_is_plugged_in_like_a_shipped_one_is_recognised() {
+        let motor = |port: &str| Some(DraftMotor { port: port.to_owned(), inverted: false });
+        let sensors = |of: &[(Role, &str)]| {
+            of.iter().map(|(role, port)| (*role, (*port).to_owned())).collect::<BTreeMap<_, _>>()
+        };
+        let educator = Draft {
+            left: motor("outB"),
+            right: motor("outC"),
+            sensors: sensors(&[(Role::Range, "in4"), (Role::Gyro, "in2")]),
+            ..Draft::default()
+        };
+        let name = |draft: &Draft| draft.shipped().map(|(shipped, _)| shipped.name);
+        assert_eq!(name(&educator), Some("educator"));
+        let inverted = DraftMotor { port: "outB".to_owned(), inverted: true };
+        assert_eq!(name(&Draft { left: Some(inverted), ..educator.clone() }), None);
+        let headed = DraftHead { port: "outA".to_owned(), gear: [-12, 36] };
+        assert_eq!(name(&Draft { head: Some(headed), ..educator.clone() }), None);
+        let sensors = sensors(&[(Role::Touch, "in1"), (Role::Colour, "in3")]);
+        let either = Draft { sensors, ..educator.clone() };
+        assert_eq!(name(&either), Some("educator"), "the first that fits");
+        assert_eq!(name(&Draft { sensors: BTreeMap::new(), ..educator }), None, "it says nothing");
     }
 }

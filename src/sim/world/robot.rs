@@ -43,10 +43,9 @@ pub struct RobotModel {
     pub head_ratio: f64,
     /// Range sensor (ultrasonic or infrared) ahead of the axle, metres; it turns with the head.
     pub range_ahead_m: f64,
-    /// Colour sensor ahead of the axle, metres.
-    pub colour_ahead_m: f64,
-    /// Colour sensor left of the middle, metres.
-    pub colour_left_m: f64,
+    /// Where a colour sensor on each input port is, metres ahead of the axle and left of the
+    /// middle.
+    pub colour_at_m: [[f64; 2]; 4],
     /// What is plugged in.
     pub plug: Plug,
     /// Imperfections.
@@ -70,8 +69,7 @@ impl Default for RobotModel {
             head: Some(0),
             head_ratio: -12.0 / 36.0,
             range_ahead_m: 0.0508,
-            colour_ahead_m: 0.07,
-            colour_left_m: 0.0,
+            colour_at_m: [[0.07, 0.0]; 4],
             plug: Plug {
                 motors: [
                     Some(MotorKind::Medium),
@@ -215,8 +213,7 @@ impl RobotModel {
             "head",
             "head_gear",
             "range_ahead_m",
-            "colour_ahead_m",
-            "colour_left_m",
+            "colour_at_m",
             "ports",
             "errors",
         ]);
@@ -248,8 +245,9 @@ impl RobotModel {
                 .and_then(|item| ratio(&item))
                 .unwrap_or(seed.head_ratio),
             range_ahead_m: read("range_ahead_m", -1.0, 1.0, seed.range_ahead_m),
-            colour_ahead_m: read("colour_ahead_m", -1.0, 1.0, seed.colour_ahead_m),
-            colour_left_m: read("colour_left_m", -1.0, 1.0, seed.colour_left_m),
+            colour_at_m: section
+                .section("colour_at_m")
+                .map_or(seed.colour_at_m, |places| colour_places(&places, seed.colour_at_m)),
             plug: section.section("ports").map_or(seed.plug, |ports| plug(&ports, seed.plug)),
             errors: section.section("errors").map_or(seed.errors, |errors| Errors::read(&errors)),
         };
@@ -293,8 +291,17 @@ fn ratio(item: &Item<'_>) -> Option<f64> {
     Some(motor / head)
 }
 
+const INPUTS: [&str; 4] = ["in1", "in2", "in3", "in4"];
+
+fn colour_places(section: &Section<'_>, mut places: [[f64; 2]; 4]) -> [[f64; 2]; 4] {
+    section.allow(&INPUTS);
+    for (name, place) in INPUTS.iter().zip(&mut places) {
+        *place = section.get(name).and_then(|item| item.numbers(-1.0..=1.0)).unwrap_or(*place);
+    }
+    places
+}
+
 fn plug(section: &Section<'_>, mut plug: Plug) -> Plug {
-    const INPUTS: [&str; 4] = ["in1", "in2", "in3", "in4"];
     let outputs = OUTPUTS.map(|(name, _)| name);
     section.allow(&[outputs, INPUTS].concat());
     for (name, slot) in outputs.iter().zip(&mut plug.motors) {

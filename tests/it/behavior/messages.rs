@@ -48,6 +48,57 @@ fn cases() -> Vec<(&'static str, String)> {
     let many = vec!["{ when = \"touch\", go = \"b\" }"; 33].join(",\n");
     vec![
         ("nothing in it", String::new()),
+        ("a sub-machine that is unknown", state("use = \"look\"")),
+        (
+            "sub-machines, used wrongly",
+            format!(
+                "{}{}",
+                state("use = \"hop\"\nwith = { way = 1, far_m = \"rangem\" }"),
+                "[submachine.hop]\nstart = \"on\"\n[submachine.hop.variables]\nway_m = 1\n\
+                 range_m = 2\n[submachine.hop.state.on]\ndo = { drive_m = \"way_m\" }\n\
+                 next = [{ when = \"done\", go = \"b\" }]\n[submachine.other]\n"
+            ),
+        ),
+        (
+            "a sub-machine that uses itself",
+            format!(
+                "{}[submachine.one.state.x]\nuse = \"two\"\n[submachine.two.state.x]\n\
+                 use = \"one\"\n",
+                state("use = \"one\"")
+            ),
+        ),
+        (
+            "levels of sub-machines",
+            format!(
+                "{}[submachine.one.state.x]\nuse = \"two\"\n[submachine.two.state.x]\n\
+                 use = \"three\"\n[submachine.three.state.x]\n",
+                state("use = \"one\"")
+            ),
+        ),
+        (
+            "use and with, where they cannot be",
+            format!(
+                "{}\nuse = \"one\"\n[machine.two.state.x]\nwith = {{ x = 1 }}\n\
+                 [submachine.one.state.x]\n",
+                state("do = { stop = \"hold\" }\nuse = \"one\"")
+            ),
+        ),
+        (
+            "done of a sub-machine without an end",
+            format!(
+                "{}[submachine.one.state.x]\n",
+                state("use = \"one\"").replace("time_s > 5", "done")
+            ),
+        ),
+        (
+            "states of a sub-machine that are not connected",
+            format!(
+                "{}[submachine.one]\nstart = \"x\"\nfinal = \"z\"\n\
+                 [submachine.one.state.x]\nnext = [{{ when = \"touch\", go = \"y\" }}]\n\
+                 [submachine.one.state.y]\n[submachine.one.state.z]\n",
+                state("use = \"one\"")
+            ),
+        ),
         ("not TOML", "name = \"m\n".to_owned()),
         ("a key twice", "name = \"m\"\nname = \"n\"\n".to_owned()),
         (
@@ -279,6 +330,7 @@ fn collect() -> String {
         limits: Some(MotionLimits::default()),
         roles: [Role::Range, Role::Remote].into(),
         motors: Some(vec!["gripper".to_owned()]),
+        sensors: Some(Vec::new()),
     };
     let all = Capabilities::all();
     let on_any = cases().into_iter().map(|(title, text)| (title, text, &all));

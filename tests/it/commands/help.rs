@@ -61,9 +61,9 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["plot", "a.mcap", "-o", "a.bmp"], ".svg, .png or .html"),
         (&["export", "a.mcap", "--format", "dxf"], "csv, ply, pgm"),
         (&["replay", "a.mcap", "--robot", "b.toml"], "--out"),
-        (&["new", "rover"], "mission, robot, world, service"),
+        (&["new", "rover"], "mission, submachine, robot, world, service"),
         (&["new", "mission", "--from", "mapp"], "did you mean `map`?"),
-        (&["new", "robot", "--from", "map"], "only for a mission"),
+        (&["new", "world", "--from", "map"], "for a mission, a sub-machine or a robot"),
         (&["check"], "<MISSIONS>"),
     ] {
         let said = run(folder.path(), arguments).expect(2);

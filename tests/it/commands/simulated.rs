@@ -313,3 +313,80 @@ fn a_run_says_once_that_it_ended() {
         said.out
     );
 }
+
+#[test]
+fn every_shipped_robot_drives_in_any_world_and_the_one_of_the_folder_is_treated_alike_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    for robot in ["mapper", "educator", "retail"] {
+        let said =
+            run(folder.path(), &["run", "square", "--sim", "open", "--robot", robot]).expect(0);
+        assert!(said.out.contains("finished"), "{robot}: {}", said.out);
+    }
+    let said = run(folder.path(), &["run", "square", "--sim", "open", "--robot", "edu"]).expect(3);
+    assert!(said.err.contains("educator"), "{}", said.err);
+    run(folder.path(), &["new", "robot", "robot.toml", "--from", "educator"]).expect(0);
+    // A patch of colour 0.3 m ahead, and the education set's sensors: no head, gyro on 2.
+    let said = run(folder.path(), &["run", "line", "--sim", "line", "--set", "time_limit_s=3"]);
+    let said = said.expect(0);
+    assert!(said.out.contains("with the robot of robot.toml"), "{}", said.out);
+    let brick = folder.path().join("no-brick");
+    std::fs::create_dir(&brick).unwrap();
+    let said = run(folder.path(), &["doctor", "--brick", "no-brick"]);
+    assert!(said.out.contains("with the robot of robot.toml"), "{}", said.out);
+    // What it has not, a mission cannot ask for.
+    let said = run(folder.path(), &["run", "map", "--sim", "arena"]).expect(3);
+    assert!(said.err.contains("[head] in the robot's file would be that part"), "{}", said.err);
+}
+
+#[test]
+fn a_sub_machine_of_a_file_beside_the_mission_is_part_of_what_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    put(
+        "mine.toml",
+        "name = \"mine\"\n[machine.drive]\nstart = \"a\"\nfinal = \"end\"\n\
+         [machine.drive.state.a]\nuse = \"hop\"\nwith = { way_m = 0.2 }\n\
+         next = [{ when = \"done\", go = \"end\" }]\n[machine.drive.state.end]\n",
+    );
+    put(
+        "hop.toml",
+        "[submachine.hop]\nstart = \"on\"\nfinal = \"over\"\nvariables = { way_m = 1 }\n\
+         [submachine.hop.state.on]\ndo = { drive_m = \"way_m\" }\n\
+         next = [{ when = \"done\", go = \"over\" }]\n[submachine.hop.state.over]\n",
+    );
+    run(folder.path(), &["check", "mine.toml"]).expect(0);
+    let graph = run(folder.path(), &["graph", "mine.toml"]).expect(0);
+    assert!(graph.out.contains("state \"a\" as m0s0 {"), "{}", graph.out);
+    run(folder.path(), &["run", "mine.toml", "--sim", "open", "--out", "run"]).expect(0);
+    let recorded = Run::open(&folder.path().join("run/run.mcap")).unwrap();
+    let taken: Vec<_> = recorded
+        .transitions
+        .iter()
+        .map(|next| (next.from.as_str(), next.to.as_str(), next.condition.as_str()))
+        .collect();
+    assert_eq!(taken, [("a.on", "a.over", "done"), ("a.over", "end", "done")]);
+    // The recording needs no other file.
+    std::fs::remove_file(folder.path().join("hop.toml")).unwrap();
+    run(folder.path(), &["replay", "run/run.mcap"]).expect(0);
+    let said = run(folder.path(), &["check", "mine.toml"]).expect(3);
+    assert!(said.out.contains("here or in hop.toml beside this file"), "{}", said.out);
+    put(
+        "hop.toml",
+        "[submachine.hop]\nstart = \"on\"\n[submachine.hop.state.on]\ndo = { drve_m = 1 }\n",
+    );
+    let said = run(folder.path(), &["check", "mine.toml"]).expect(3);
+    assert!(said.out.contains("--> hop.toml:4:8"), "{}", said.out);
+}
+
+#[test]
+fn shipped_sub_machines_can_be_had_as_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["look-round", "follow-wall", "come-home"] {
+        let file = format!("{name}.toml");
+        run(folder.path(), &["new", "submachine", &file, "--from", name]).expect(0);
+        let text = std::fs::read_to_string(folder.path().join(&file)).unwrap();
+        assert!(text.contains(&format!("[submachine.{name}]")), "{text}");
+    }
+    let said = run(folder.path(), &["new", "submachine", "--from", "look"]).expect(2);
+    assert!(said.err.contains("did you mean `look-round`?"), "{}", said.err);
+}

@@ -149,7 +149,7 @@ fn wall_keeps_near_its_wall() {
     for seed in seeds(5) {
         let played = play_in("wall", "wall", seed);
         let wall_m = |truth: &Truth| world.distance_to_nearest_surface(truth.x_m, truth.y_m);
-        let following = played.run().transitions.into_iter().find(|taken| taken.to == "follow");
+        let following = played.run().transitions.into_iter().find(|taken| taken.from == "find");
         let found_s = following.expect("it finds a wall").time_ns as f64 / 1e9;
         let found = played.tick_at(found_s);
         let followed = &played.truths[found..];

@@ -1,6 +1,7 @@
 //! Signals beyond those of the shipped missions: each decides how a mission continues, on the
 //! simulated brick's own drivers.
 
+use onbrick::behavior::{Capabilities, Mission};
 use onbrick::robot::{BindError, Robot, RobotConfig};
 use onbrick::runtime::StopReason;
 use onbrick::senses::Channel;
@@ -153,4 +154,48 @@ fn one_sensor_is_not_given_two_roles() {
         refused.to_string(),
         "remote and range are both the lego-ev3-ir on in4: name another port for one of them"
     );
+}
+
+#[test]
+fn two_sensors_of_a_kind_are_told_apart_by_their_names() {
+    // A black patch that only the left eye comes over, and a bumper that nothing presses.
+    let world = room(
+        "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, 0], [1, 0], [1, 0.5], [0.3, 0.5]]\n\
+         colour = \"black\"\n[robot.ports]\nin1 = \"touch\"\nin2 = \"colour\"\n\
+         [robot]\nhead = \"none\"\n[robot.colour_at_m]\nin2 = [0.07, 0.03]\nin3 = [0.07, -0.03]\n",
+    );
+    let (wheels, _) = ROBOT.split_once("[head]").unwrap();
+    let robot = format!(
+        "{wheels}\n[sensor.left_eye]\nport = \"in2\"\nmeasures = \"reflect_pct\"\n\
+         [sensor.right_eye]\nport = \"in3\"\nmeasures = \"reflect_pct\"\n\
+         [sensor.rear]\nmeasures = \"touch\"\n"
+    );
+    let mission = steps(&[(
+        "forward_mps = 0.1",
+        "sensor.left_eye < 30 and sensor.right_eye > 50 and not sensor.rear",
+    )]);
+    let played = play_mission(&mission, &robot, &world);
+    assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
+    let at_m = played.truths.last().unwrap().x_m + 0.07;
+    assert!((0.28..0.36).contains(&at_m), "the patch begins at 0.3 m, and was seen at {at_m}");
+    let run = played.run();
+    let last = run.senses.last().unwrap();
+    let value = |channel| last.get(channel).unwrap().value;
+    assert!(value(Channel::Sensor0) < 30.0 && value(Channel::Sensor1) > 50.0, "{last:?}");
+    assert_eq!(value(Channel::Sensor2), 0.0);
+    // A sensor whose name the robot does not have, and one that is taken for another kind.
+    for (condition, message) in [
+        ("sensor.left_ey < 30", "the robot has no sensor named `left_ey`"),
+        ("sensor.rear < 30", "takes a number"),
+        ("sensor.left_eye", "compare it with something"),
+    ] {
+        let (config, _) = RobotConfig::load("robot.toml", robot.as_bytes()).unwrap();
+        let text = steps(&[(STILL, condition)]);
+        let read = Mission::parse("m.toml", text.as_bytes(), &config.capabilities());
+        let error = read.unwrap_err().to_string();
+        assert!(error.contains(message), "{condition}: {error}");
+    }
+    // Of a robot that is not known they are what the mission takes them for.
+    let text = steps(&[(STILL, "sensor.rear and sensor.eye < 30")]);
+    assert!(Mission::parse("m.toml", text.as_bytes(), &Capabilities::all()).is_ok());
 }

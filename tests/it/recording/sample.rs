@@ -3,7 +3,7 @@
 use std::io;
 use std::sync::{Arc, Mutex};
 
-use onbrick::behavior::{MachineState, Taken};
+use onbrick::behavior::{MachineState, Since, Taken};
 use onbrick::ev3dev::Technology;
 use onbrick::mapping::{Estimate, MapPoint, Pose, Range};
 use onbrick::recording::{
@@ -171,13 +171,10 @@ pub(crate) fn put(side: &mut TickSide<PilotState>, number: u64) {
     if number.is_multiple_of(50) {
         let mut state = PilotState::default();
         state.estimator.pose = record.estimate.pose;
-        state.program.machines.push(MachineState {
-            state: 1,
-            done: true,
-            entered_ns: time_ns,
-            entered_m: 0.5,
-            entered_heading_rad: 0.25,
-        });
+        let since =
+            Since { done: true, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
+        let since = [since].into_iter().collect();
+        state.program.machines.push(MachineState { state: 1, since });
         state.program.variables.extend(variables(number));
         side.checkpoint(number, time_ns, state);
     }

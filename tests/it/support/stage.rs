@@ -52,7 +52,7 @@ impl Play {
             world: world.to_owned(),
             world_toml: World::text(world).unwrap().to_owned(),
             seed,
-            mission_toml: onbrick::behavior::shipped::find(mission).unwrap().text.to_owned(),
+            mission_toml: onbrick::behavior::shipped::find(mission).unwrap().whole(),
             robot_toml: DEFAULT_ROBOT.to_owned(),
             settings: Vec::new(),
             scenario: Scenario::default(),

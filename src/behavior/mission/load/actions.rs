@@ -208,15 +208,17 @@ impl<'d> Reader<'_, 'd, '_> {
     }
 
     fn motor(&mut self, item: &Item<'d>, moves: &mut Moves) -> Option<(u8, Expression)> {
-        match self.vocabulary.motor(item.key()) {
+        match self.vocabulary.motors.place(item.key()) {
             Ok(place) => {
                 self.moves(Role::Motor(place), item, moves);
                 Some((place, self.number(item, DPS)?))
             }
             Err(mistake) => {
-                let hint = self.vocabulary.motor_hint(item.key());
+                let hint = self.vocabulary.motors.hint(item.key());
                 let message = match mistake {
-                    Mistake::NoMotor(name) => Mistake::NoMotor(shown(&name)),
+                    Mistake::NoNamed { what, name } => {
+                        Mistake::NoNamed { what, name: shown(&name) }
+                    }
                     other => other,
                 };
                 item.error_at_key(message.to_string()).hint(hint);

@@ -1,0 +1,494 @@
+//! Machines, sub-machines, states and transitions.
+//!
+//! A state that uses a sub-machine is read as a state with the states of the sub-machine inside it,
+//! each time it is used: what is the same in the file is read more than once.
+
+use std::collections::BTreeMap;
+use std::ops::{Range, RangeInclusive};
+
+use super::{Reader, is_name, shown};
+use crate::behavior::engine::LEVELS;
+use crate::behavior::expression::{Expression, Kind, SEARCHED};
+use crate::behavior::mission::{
+    Assignment, MachinePlan, Mission, RegionPlan, StatePlan, TransitionPlan,
+};
+use crate::behavior::shipped::SUBMACHINES;
+use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
+use crate::document::{Item, Section, Severity, nearest};
+use crate::senses::Role;
+
+/// What `done` needs.
+const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does comes to an end";
+const ENDING: &str = "`drive_m`, `turn_deg`, `arc`, `goto` and `head_deg` end, and so does a \
+                      sub-machine with a final state";
+
+/// The keys of a machine, and of a sub-machine.
+const MACHINE: [&str; 4] = ["start", "final", "always", "state"];
+const SUBMACHINE: [&str; 5] = ["variables", "start", "final", "always", "state"];
+
+/// The keys of a state, and of one that uses a sub-machine.
+const STATE: [&str; 4] = ["do", "on_entry", "on_exit", "next"];
+const USING: [&str; 5] = ["use", "with", "on_entry", "on_exit", "next"];
+
+/// A machine with the places of its parts.
+pub(in crate::behavior::mission) struct Draft {
+    pub(in crate::behavior::mission) plan: MachinePlan,
+    /// Where each state's name stands.
+    pub(in crate::behavior::mission) states: Vec<Range<usize>>,
+    /// Where the conditions for all states stand, by the state that they are inside.
+    pub(in crate::behavior::mission) always: BTreeMap<Option<u16>, Vec<Range<usize>>>,
+    /// Where each state's conditions stand.
+    pub(in crate::behavior::mission) conditions: Vec<Vec<Range<usize>>>,
+    /// What it moves, and where that is said first.
+    pub(in crate::behavior::mission) moves: BTreeMap<Role, Range<usize>>,
+    /// False where a part could not be read: checks of the whole would then mislead.
+    pub(in crate::behavior::mission) complete: bool,
+}
+
+/// A transition, and where its condition stands.
+type Placed = (TransitionPlan, Range<usize>);
+
+/// The states of a machine or of a sub-machine, whose names are known and nothing else.
+struct Layout<'d> {
+    section: Section<'d>,
+    states: Vec<StateLayout<'d>>,
+}
+
+struct StateLayout<'d> {
+    item: Item<'d>,
+    /// Its places in the machine: its own, and those of the states inside it.
+    places: RangeInclusive<u16>,
+    /// The sub-machine that it uses.
+    inner: Option<Inner<'d>>,
+}
+
+struct Inner<'d> {
+    layout: Layout<'d>,
+    /// The sub-machine's own variables, each with its place and its first value.
+    variables: Vec<(&'d str, u8, f64)>,
+}
+
+impl StateLayout<'_> {
+    fn place(&self) -> u16 {
+        *self.places.start()
+    }
+}
+
+/// A machine, or a sub-machine that is used: what findings call it, and the names of its states.
+#[derive(Clone, Copy)]
+struct Names<'n> {
+    machine: &'n str,
+    places: &'n BTreeMap<&'n str, u16>,
+}
+
+/// Where reading names has come to.
+struct Walk<'d> {
+    /// The machine's name, and those of the states that the next ones are inside.
+    path: Vec<&'d str>,
+    /// The sub-machines that are in use there.
+    used: Vec<&'d str>,
+    /// How many states the machine has so far.
+    states: usize,
+    /// Their names, each with its places.
+    names: BTreeMap<String, RangeInclusive<u16>>,
+}
+
+impl<'d> Reader<'_, 'd, '_> {
+    pub(super) fn machines(&mut self) -> Option<Vec<Draft>> {
+        let section = self.root.require("machine")?.section()?;
+        let items = section.items();
+        if items.is_empty() {
+            section.error("a mission needs at least one machine".to_owned());
+        }
+        if let Some(item) = items.get(MAX_MACHINES) {
+            item.error_at_key(format!(
+                "this is machine {}; at most {MAX_MACHINES} run side by side",
+                items.len()
+            ));
+            return None;
+        }
+        // Conditions may name the states of any machine, and variables of its sub-machines, so all
+        // names are read first.
+        let mut found = Vec::with_capacity(items.len());
+        for item in &items {
+            let Some(section) = item.section() else { continue };
+            is_name(item.key(), item);
+            let mut walk = Walk {
+                path: vec![item.key()],
+                used: Vec::new(),
+                states: 0,
+                names: BTreeMap::new(),
+            };
+            if let Some(layout) = self.layout(item, section, &mut walk) {
+                self.vocabulary.machines.push((item.key().to_owned(), walk.names));
+                found.push((item.clone(), layout));
+            }
+        }
+        if found.len() == items.len() {
+            self.unused();
+        }
+        Some(found.iter().map(|(item, layout)| self.machine(item, layout)).collect())
+    }
+
+    /// The names of the states of a machine or sub-machine.
+    fn layout(
+        &mut self,
+        item: &Item<'d>,
+        section: Section<'d>,
+        walk: &mut Walk<'d>,
+    ) -> Option<Layout<'d>> {
+        let items = section.require("state")?.section()?.items();
+        if items.is_empty() {
+            section.error(format!("machine `{}` has no state", shown(item.key())));
+        }
+        let mut states = Vec::with_capacity(items.len());
+        for item in items {
+            self.states += 1;
+            if self.states > Mission::MAX_STATES {
+                item.error_at_key(format!(
+                    "there are more than {} states, those of sub-machines counted at each use",
+                    Mission::MAX_STATES
+                ));
+                return None;
+            }
+            let first = u16::try_from(walk.states).ok()?;
+            walk.states += 1;
+            let key = item.key();
+            walk.path.push(key);
+            let inner = match item.get("use") {
+                Some(using) => Some(self.inner(&item, &using, walk)?),
+                None => None,
+            };
+            let places = first..=u16::try_from(walk.states - 1).ok()?;
+            walk.names.insert(walk.path[1..].join("."), places.clone());
+            walk.path.pop();
+            states.push(StateLayout { item, places, inner });
+        }
+        Some(Layout { section, states })
+    }
+
+    /// The sub-machine that a state uses.
+    fn inner(
+        &mut self,
+        state: &Item<'d>,
+        using: &Item<'d>,
+        walk: &mut Walk<'d>,
+    ) -> Option<Inner<'d>> {
+        let name = using.text()?;
+        let defined = self.root.section("submachine");
+        let Some(item) = defined.as_ref().and_then(|defined| defined.get(name)) else {
+            let own: Vec<&str> =
+                defined.iter().flat_map(Section::items).map(|item| item.key()).collect();
+            let known = own.into_iter().chain(SUBMACHINES.map(|shipped| shipped.name));
+            let hint = nearest(name, known).unwrap_or_else(|| {
+                let name = shown(name);
+                format!("[submachine.{name}] would be one, here or in {name}.toml beside this file")
+            });
+            using.error(format!("there is no sub-machine `{}`", shown(name))).hint(hint);
+            return None;
+        };
+        let (key, section) = (item.key(), item.section()?);
+        if walk.used.contains(&key) {
+            let way: Vec<String> = walk.used.iter().copied().chain([key]).map(shown).collect();
+            using
+                .error(format!("the sub-machine uses itself: {}", way.join(" uses ")))
+                .hint("one of them must do without the other");
+            return None;
+        }
+        if walk.used.len() + 1 == LEVELS {
+            using
+                .error(format!("there are at most {LEVELS} levels of states within states"))
+                .hint("let the sub-machines use each other less");
+            return None;
+        }
+        is_name(key, &item);
+        self.used.insert(key);
+        let mut variables = Vec::new();
+        for own in section.section("variables").iter().flat_map(Section::items) {
+            let Some((name, first)) = self.own_number(&own) else { continue };
+            let places = &mut self.vocabulary.variables;
+            if places.len() == MAX_VARIABLES {
+                let message = format!(
+                    "with this there are more than {MAX_VARIABLES} variables; a sub-machine has \
+                     its own at each use"
+                );
+                state.error_at_key(message).hint("use it in fewer places");
+                return None;
+            }
+            let place = u8::try_from(places.len()).ok()?;
+            places.push((format!("{}.{name}", walk.path.join(".")), first));
+            variables.push((own.key(), place, first));
+        }
+        walk.used.push(key);
+        let layout = self.layout(&item, section, walk)?;
+        walk.used.pop();
+        Some(Inner { layout, variables })
+    }
+
+    /// Sub-machines that no state uses: nothing in them has been looked at.
+    fn unused(&self) {
+        for item in self.root.section("submachine").iter().flat_map(Section::items) {
+            if !self.used.contains(item.key()) {
+                let message =
+                    format!("no state uses the sub-machine `{}`; it was not checked", item.key());
+                self.root
+                    .note(item.key_place(), Severity::Warning, message)
+                    .hint(format!("`use = \"{}\"` in a state, or leave it out", shown(item.key())));
+            }
+        }
+    }
+
+    fn machine(&mut self, item: &Item<'d>, layout: &Layout<'d>) -> Draft {
+        let mut draft = Draft {
+            plan: MachinePlan {
+                name: item.key().to_owned(),
+                region: RegionPlan::default(),
+                states: Vec::new(),
+            },
+            states: Vec::new(),
+            always: BTreeMap::new(),
+            conditions: Vec::new(),
+            moves: BTreeMap::new(),
+            complete: true,
+        };
+        item.key().clone_into(&mut self.vocabulary.scope);
+        layout.section.allow(&MACHINE);
+        draft.plan.region = self.region(item.key(), layout, None, &mut draft);
+        self.vocabulary.scope.clear();
+        draft
+    }
+
+    /// A machine, or the sub-machine inside the state `parent`; its states are put into the draft.
+    fn region(
+        &mut self,
+        name: &str,
+        layout: &Layout<'d>,
+        parent: Option<u16>,
+        draft: &mut Draft,
+    ) -> RegionPlan {
+        let Layout { section, states } = layout;
+        let places = states.iter().map(|state| (state.item.key(), state.place())).collect();
+        let names = Names { machine: name, places: &places };
+        // The one state that there is need not be named.
+        let start = match section.get("start") {
+            None if states.len() == 1 => states.first().map(StateLayout::place),
+            _ => section.require("start").and_then(|start| names.find(&start)),
+        };
+        let end = section.get("final").map(|end| names.find(&end));
+        let always = self.transitions_of(section, "always", names);
+        draft.complete &=
+            start.is_some() && end != Some(None) && always.iter().all(Option::is_some);
+        let (always, conditions): (Vec<TransitionPlan>, Vec<_>) =
+            always.into_iter().flatten().unzip();
+        for state in states {
+            if state.inner.is_some() && end == Some(Some(state.place())) {
+                let message = "the final state cannot use a sub-machine: it is the end";
+                state.item.error_at_key(message.to_owned()).hint("let one more state be final");
+            }
+            self.state(state, parent, names, draft);
+        }
+        let ends = states.iter().any(|state| {
+            let plan = draft.plan.state(state.place());
+            plan.is_some_and(StatePlan::ends)
+        });
+        self.can_be_done(&always, &conditions, ends);
+        draft.always.insert(parent, conditions);
+        RegionPlan { start: start.unwrap_or_default(), end: end.flatten(), always }
+    }
+
+    /// Says so where `done` is asked for and nothing ends.
+    fn can_be_done(&self, next: &[TransitionPlan], places: &[Range<usize>], ends: bool) {
+        for (next, place) in next.iter().zip(places) {
+            if next.when.asks_whether_done() && !ends {
+                self.root
+                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
+                    .hint(ENDING);
+            }
+        }
+    }
+
+    fn state(
+        &mut self,
+        layout: &StateLayout<'d>,
+        parent: Option<u16>,
+        names: Names<'_>,
+        draft: &mut Draft,
+    ) {
+        let StateLayout { item, places, inner } = layout;
+        is_name(item.key(), item);
+        let section = item.section();
+        if let Some(section) = &section {
+            let known: &[&str] = if inner.is_some() { &USING } else { &STATE };
+            if let Some(doing) = section.get("do").filter(|_| inner.is_some()) {
+                doing
+                    .error_at_key("`do` and `use` both say what the state does".to_owned())
+                    .hint("leave one out");
+            } else if let Some(with) = section.get("with").filter(|_| inner.is_none()) {
+                with.error_at_key("`with` goes together with `use`".to_owned());
+            } else {
+                section.allow(known);
+            }
+            // A slip in `next` would look like a state that cannot be left.
+            draft.complete &= section.items().iter().all(|item| known.contains(&item.key()));
+        }
+        let table = |key: &str| section.as_ref()?.get(key)?.section();
+        self.vocabulary.pids = Some(0);
+        let doing =
+            table("do").map(|table| self.actions(&table, &mut draft.moves)).unwrap_or_default();
+        self.vocabulary.pids = None;
+        let mut signs = |key: &str, more: &[&str]| {
+            table(key).map(|table| self.signs(&table, more)).unwrap_or_default()
+        };
+        let (on_entry, on_exit) = (signs("on_entry", &["set"]), signs("on_exit", &[]));
+        let mut set = table("on_entry").map(|table| self.assignments(&table)).unwrap_or_default();
+        set.extend(inner.iter().flat_map(|inner| self.with(item, table("with"), inner)));
+        let next = match &section {
+            Some(section) => self.transitions_of(section, "next", names),
+            None => Vec::new(),
+        };
+        draft.complete &= next.iter().all(Option::is_some);
+        let (next, conditions): (Vec<TransitionPlan>, Vec<_>) = next.into_iter().flatten().unzip();
+        draft.states.push(item.key_place());
+        draft.conditions.push(conditions.clone());
+        let outer = parent.and_then(|parent| draft.plan.state(parent));
+        let name = match outer {
+            Some(outer) => format!("{}.{}", outer.name, item.key()),
+            None => item.key().to_owned(),
+        };
+        let at = draft.plan.states.len();
+        let (place, last) = (*places.start(), *places.end());
+        let plan =
+            StatePlan { name, parent, last, inner: None, doing, on_entry, set, on_exit, next };
+        draft.plan.states.push(plan);
+        if let Some(Inner { layout, .. }) = inner {
+            let outside = self.vocabulary.scope.len();
+            self.vocabulary.scope.push('.');
+            self.vocabulary.scope.push_str(item.key());
+            layout.section.allow(&SUBMACHINE);
+            let used = format!("{}.{}", names.machine, item.key());
+            let region = self.region(&used, layout, Some(place), draft);
+            self.vocabulary.scope.truncate(outside);
+            if let Some(plan) = draft.plan.states.get_mut(at) {
+                plan.inner = Some(region);
+            }
+        }
+        if let Some(plan) = draft.plan.states.get(at) {
+            self.can_be_done(&plan.next, &conditions, plan.ends());
+        }
+    }
+
+    /// What the variables of a sub-machine begin with: what `with` says, else their own.
+    fn with(
+        &mut self,
+        state: &Item<'d>,
+        with: Option<Section<'d>>,
+        inner: &Inner<'d>,
+    ) -> Vec<Assignment> {
+        for item in with.iter().flat_map(Section::items) {
+            let known = || inner.variables.iter().map(|(name, ..)| *name);
+            if !known().any(|name| name == item.key()) {
+                let using = state.get("use").and_then(|using| using.text());
+                let message = format!(
+                    "the sub-machine `{}` has no variable `{}`",
+                    shown(using.unwrap_or_default()),
+                    shown(item.key())
+                );
+                let hint = nearest(item.key(), known()).unwrap_or_else(|| {
+                    let known: Vec<&str> = known().collect();
+                    if known.is_empty() {
+                        "it has none".to_owned()
+                    } else {
+                        format!("it has {}", known.join(", "))
+                    }
+                });
+                item.error_at_key(message).hint(hint);
+            }
+        }
+        let first = |(name, variable, first): &(&str, u8, f64)| {
+            let given = with.as_ref().and_then(|with| with.get(name));
+            let value = match given {
+                Some(item) => self.number(&item, Mission::NUMBERS)?,
+                None => Expression::constant(*first),
+            };
+            Some(Assignment { variable: *variable, value })
+        };
+        inner.variables.iter().filter_map(first).collect()
+    }
+
+    /// The transitions under a key, `None` for each that could not be read, and one `None` for all
+    /// where there are too many.
+    fn transitions_of(
+        &mut self,
+        section: &Section<'d>,
+        key: &str,
+        names: Names<'_>,
+    ) -> Vec<Option<Placed>> {
+        let Some(item) = section.get(key) else { return Vec::new() };
+        let Some(list) = item.list() else { return vec![None] };
+        if let Some(one_more) = list.get(Mission::MAX_TRANSITIONS) {
+            let (count, most) = (list.len(), Mission::MAX_TRANSITIONS);
+            one_more.error(format!("{count} transitions are too many; at most {most} are read"));
+            return vec![None];
+        }
+        list.iter().map(|item| self.transition(item, names)).collect()
+    }
+
+    /// A transition, and where its condition stands.
+    fn transition(&mut self, item: &Item<'d>, names: Names<'_>) -> Option<Placed> {
+        let section = item.section()?;
+        section.allow(&["when", "set", "go"]);
+        let (when, go) = (section.require("when"), section.require("go"));
+        let go = go.and_then(|go| names.find(&go));
+        let set = self.assignments(&section);
+        let when = when?;
+        let condition = self.expression(&when, Kind::Truth);
+        Some((TransitionPlan { when: condition?, set, go: go? }, when.place()))
+    }
+
+    /// The table `set` of a section: variables and what they become.
+    fn assignments(&mut self, section: &Section<'d>) -> Vec<Assignment> {
+        let items = section.section("set").map(|set| set.items()).unwrap_or_default();
+        items.iter().filter_map(|item| self.assignment(item)).collect()
+    }
+
+    fn assignment(&mut self, item: &Item<'d>) -> Option<Assignment> {
+        let name = item.key();
+        let variable = self.vocabulary.variable(name);
+        if variable.is_none() {
+            let names = || self.vocabulary.variables.iter().map(|(name, _)| name.as_str());
+            let hint = match self.vocabulary.numbers.contains_key(name) {
+                true => "one of [numbers] does not change; it can be one of [variables]".to_owned(),
+                false => nearest(name, names()).unwrap_or_else(|| {
+                    format!("`{} = 0` in [variables] makes it one", shown(name))
+                }),
+            };
+            item.error_at_key(format!("there is no variable `{}`", shown(name))).hint(hint);
+        }
+        let value = self.number(item, Mission::NUMBERS);
+        Some(Assignment { variable: variable?, value: value? })
+    }
+}
+
+impl Names<'_> {
+    fn find(&self, item: &Item<'_>) -> Option<u16> {
+        let name = item.text()?;
+        let found = self.places.get(name).copied();
+        if found.is_none() {
+            item.error(format!("machine `{}` has no state `{}`", shown(self.machine), shown(name)))
+                .hint(self.hint(name));
+        }
+        found
+    }
+
+    /// The nearest name, or all of them where they are few.
+    fn hint(&self, name: &str) -> String {
+        let known = || self.places.keys().copied();
+        match self.places.len() {
+            0..=8 => nearest(name, known()).unwrap_or_else(|| {
+                format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))
+            }),
+            9..=SEARCHED => nearest(name, known()).unwrap_or_default(),
+            _ => String::new(),
+        }
+    }
+}
