@@ -315,7 +315,8 @@ impl<'p> Parser<'p, '_> {
         Some((Some(kind), place.start..operand.1.end))
     }
 
-    /// A signal, a named motor's angle, what a named sensor measures, or one of the mission's numbers.
+    /// A signal, a named motor's angle, what a named sensor measures, or one of the mission's
+    /// numbers.
     fn name(&mut self, name: &'p str, place: Range<usize>) -> Typed {
         if let Some(word) = words().find(|word| word.name == name) {
             let role = word.channel.map(|channel| channel.quantity().role);
