@@ -15,8 +15,8 @@
 //!
 //! The page asks for `/state?since=CURSOR` seven times a second and gets what is new. It draws on a
 //! canvas and says at it what it draws, as `data-` attributes: `time`, `x`, `y` and `heading` of
-//! the first robot, `moved` since the page was opened, `walls`, `robots`, `echoes`, `faults`, and of
-//! a run `phase`, `points`, `path`, `believed-x`, `believed-y`, and `grown`: how often more of its
+//! the first robot, `moved` since the page was opened, `walls`, `robots`, `echoes`, `faults`; of a
+//! run `phase`, `points`, `path`, `believed-x`, `believed-y`, and `grown`: how often more of its
 //! recording has come.
 //!
 //! # Not here

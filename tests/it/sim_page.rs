@@ -2,7 +2,7 @@
 #![cfg(feature = "host")]
 
 use std::io::{Read as _, Write as _};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpStream;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -259,6 +259,7 @@ fn a_browser_presses_a_key_of_the_brick() {
     let seen = act(
         &page.url(),
         (800, 640),
+        &[],
         "const key = await until(() => document.querySelector('[data-button=enter]')); \
          pointer('pointerdown', key, 0, 0); \
          await until(() => news.sim.robots[0].pressed.length); \

@@ -1,5 +1,5 @@
-//! `onbrick run --page`: the run in a browser on this machine, and with a simulated brick a person's
-//! hands on it.
+//! `onbrick run --page`: the run in a browser on this machine, and a person's hands on a simulated
+//! brick.
 //!
 //! A simulated run is done in this process, in virtual time with a pace, so that the page can look
 //! into the simulation and steer it; what is recorded is the same as without the page until a
@@ -78,9 +78,12 @@ fn shown(
 ) -> Result<(), Failure> {
     let Prepared { job, mission, folder } = prepared;
     hand.begin();
-    let place = arguments.sim.as_deref().unwrap_or(arguments.brick.root());
+    let place = match &arguments.sim {
+        Some(world) => format!("in {}", named(world)),
+        None => format!("on {}", arguments.brick.root().display()),
+    };
     let sources = Sources {
-        title: format!("{} in {}", mission.name(), named(place)),
+        title: format!("{} {place}", mission.name()),
         recording: Some(job.file.clone()),
         ..Sources::default()
     };
@@ -97,9 +100,9 @@ fn shown(
     conclude(&ended.inspect_err(|_| folder.take_back())?, output)
 }
 
-/// A world's name, or a folder's.
-fn named(place: &Path) -> String {
-    place.file_stem().unwrap_or(place.as_os_str()).to_string_lossy().into_owned()
+/// A world's name: its own, or its file's.
+fn named(world: &Path) -> String {
+    world.file_stem().unwrap_or(world.as_os_str()).to_string_lossy().into_owned()
 }
 
 fn simulate(

@@ -13,7 +13,7 @@ use super::pass_over;
 /// How long a hand may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// A browser without a window, and with nobody's profile.
+/// A browser without a window, with a profile of its own.
 fn chromium(profile: &tempfile::TempDir, (width, height): (u32, u32)) -> Command {
     let mut command = Command::new("chromium");
     command
@@ -64,13 +64,17 @@ const HAND: &str = "
 
 /// Does on a page, in a window of this size, what a script does, and returns what it reports;
 /// `None` without a browser. The script is in the page and knows its names.
-pub fn act(url: &str, window: (u32, u32), script: &str) -> Option<Value> {
+pub fn act(url: &str, window: (u32, u32), extra: &[&str], script: &str) -> Option<Value> {
     let (send, results) = channel();
     let address = with_script(url, format!("(async () => {{ {HAND} {script} }})();"), send);
     let profile = tempfile::tempdir().unwrap();
     let mut command = chromium(&profile, window);
-    let browser =
-        command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let browser = command
+        .args(extra)
+        .arg(address)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     let Ok(mut browser) = browser.spawn() else {
         pass_over("a browser (chromium)");
         return None;
@@ -90,7 +94,9 @@ fn with_script(url: &str, script: String, results: Sender<String>) -> String {
     std::thread::spawn(move || {
         for stream in listener.incoming() {
             let Ok(stream) = stream else { return };
-            pass_on(stream, &served, &script, &results);
+            // A browser opens connections that it may never use.
+            let (served, script, results) = (served.clone(), script.clone(), results.clone());
+            std::thread::spawn(move || pass_on(stream, &served, &script, &results));
         }
     });
     format!("http://{address}/")
@@ -126,8 +132,10 @@ fn pass_on(
         return stream.write_all(b"HTTP/1.1 204 No Content\r\nConnection: close\r\n\r\n").ok();
     }
     let own = value("x-onbrick:").map_or(String::new(), |own| format!("X-Onbrick: {own}\r\n"));
+    // In the older version no answer comes in pieces.
+    let older = first.replace("HTTP/1.1", "HTTP/1.0");
     let head = format!(
-        "{first}\r\nHost: {served}\r\n{own}Content-Length: {length}\r\nConnection: close\r\n\r\n"
+        "{older}\r\nHost: {served}\r\n{own}Content-Length: {length}\r\nConnection: close\r\n\r\n"
     );
     let mut to = TcpStream::connect(served).ok()?;
     to.write_all(&[head.as_bytes(), &body].concat()).ok()?;
