@@ -123,7 +123,10 @@ fn simulate(
     board.show(Sources { simulation: Some(simulation), clock: Some(clock), ..sources });
     screen.show(&Event::Preparing { what: "getting ready".to_owned() });
     let (say, events) = mpsc::channel();
+    let hears = board.clone();
     let report = move |event: &Event| {
+        // A reader of the output that lags does not hold up the page.
+        hears.hear(event);
         // A listener that is gone has no need of it.
         let _ = say.send(event.clone());
     };
@@ -131,7 +134,6 @@ fn simulate(
     let ended = std::thread::scope(|scope| {
         scope.spawn(|| {
             for event in events {
-                board.hear(&event);
                 screen.show(&event);
                 output.value(&event);
                 progress.show(&event);

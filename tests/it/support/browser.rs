@@ -49,11 +49,14 @@ pub fn number(dom: &str, name: &str) -> f64 {
 
 /// What a script has of a person's: it waits, points, clicks, and says at the end what it saw.
 const HAND: &str = "
-    const until = (holds) => new Promise((done) => {
+    const until = (holds) => new Promise((done, fail) => {
+        const begun = performance.now();
         const look = () => {
             let value = null;
             try { value = holds(); } catch { /* not there yet */ }
-            if (value) done(value); else setTimeout(look, 30);
+            if (value) done(value);
+            else if (performance.now() - begun < 60000) setTimeout(look, 30);
+            else fail(`in vain: ${holds} ${JSON.stringify(canvas.dataset)}`);
         };
         look();
     });
@@ -62,13 +65,13 @@ const HAND: &str = "
     const click = (selector) => document.querySelector(selector).click();
     const report = (value) => fetch('/result', { method: 'POST', body: JSON.stringify(value) });";
 
-/// Does on a page, in a window of this size, what a script does, and returns what it reports;
-/// `None` without a browser. The script is in the page and knows its names.
+/// Does on a page, in a window of this size, be it a phone's, what a script does, and returns what
+/// it reports; `None` without a browser. The script is in the page and knows its names.
 pub fn act(url: &str, window: (u32, u32), extra: &[&str], script: &str) -> Option<Value> {
     let (send, results) = channel();
-    let address = with_script(url, format!("(async () => {{ {HAND} {script} }})();"), send);
+    let address = with_script(url, act_of(script), window, send);
     let profile = tempfile::tempdir().unwrap();
-    let mut command = chromium(&profile, window);
+    let mut command = chromium(&profile, (1400, 1000));
     let browser = command
         .args(extra)
         .arg(address)
@@ -83,11 +86,33 @@ pub fn act(url: &str, window: (u32, u32), extra: &[&str], script: &str) -> Optio
     browser.kill().unwrap();
     browser.wait().unwrap();
     let result = result.unwrap_or_else(|_| panic!("no report within {PATIENCE:?}: {script}"));
-    Some(serde_json::from_str(&result).unwrap())
+    let result: Value = serde_json::from_str(&result).unwrap();
+    assert!(!result.is_string(), "{result}");
+    Some(result)
+}
+
+/// A script with its hand; what it fails at is reported as a text.
+fn act_of(script: &str) -> String {
+    format!(
+        "(async () => {{ {HAND} try {{ {script} }} catch (failure) {{ report(String(failure)); }} \
+         }})();"
+    )
 }
 
 /// An address at which the page has a script at its end; what that posts to `/result` is handed on.
-fn with_script(url: &str, script: String, results: Sender<String>) -> String {
+///
+/// A window of a browser is never as narrow as a phone, a frame in it is.
+fn with_script(
+    url: &str,
+    script: String,
+    (width, height): (u32, u32),
+    results: Sender<String>,
+) -> String {
+    let frame = format!(
+        "HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<!DOCTYPE html>\
+         <meta name=\"color-scheme\" content=\"light dark\"><body style=\"margin:0\">\
+         <iframe src=\"/\" style=\"border:0;width:{width}px;height:{height}px\"></iframe>"
+    );
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let served = url.trim_start_matches("http://").trim_end_matches('/').to_owned();
@@ -96,10 +121,11 @@ fn with_script(url: &str, script: String, results: Sender<String>) -> String {
             let Ok(stream) = stream else { return };
             // A browser opens connections that it may never use.
             let (served, script, results) = (served.clone(), script.clone(), results.clone());
-            std::thread::spawn(move || pass_on(stream, &served, &script, &results));
+            let frame = frame.clone();
+            std::thread::spawn(move || pass_on(stream, &served, &script, &frame, &results));
         }
     });
-    format!("http://{address}/")
+    format!("http://{address}/frame")
 }
 
 /// Passes one request on. The browser asks for no second one where it is told to close.
@@ -107,6 +133,7 @@ fn pass_on(
     mut stream: TcpStream,
     served: &str,
     script: &str,
+    frame: &str,
     results: &Sender<String>,
 ) -> Option<()> {
     stream.set_read_timeout(Some(Duration::from_secs(5))).ok()?;
@@ -127,6 +154,9 @@ fn pass_on(
     let mut body = vec![0; length];
     stream.read_exact(&mut body).ok()?;
     let first = head.lines().next()?;
+    if first.starts_with("GET /frame ") {
+        return stream.write_all(frame.as_bytes()).ok();
+    }
     if first.starts_with("POST /result ") {
         let _ = results.send(String::from_utf8(body).unwrap());
         return stream.write_all(b"HTTP/1.1 204 No Content\r\nConnection: close\r\n\r\n").ok();
