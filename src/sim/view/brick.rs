@@ -45,7 +45,7 @@ impl Brick {
         let (state, value) = (read(state), read(value));
         let (what, told) = match value.parse::<i32>() {
             Ok(number) if class == Class::Sensor => told(driver, &state, number),
-            Ok(number) => (moves(&state), speed(number, class, &read)),
+            Ok(number) => (moves(&state), speed(number, class, read)),
             Err(_) => (state.clone(), value.clone()),
         };
         Some(DeviceView {
