@@ -21,7 +21,6 @@ mod fault;
 mod files;
 mod motor;
 mod mount;
-#[cfg(feature = "host")]
 mod physics;
 mod ports;
 mod sensors;
@@ -41,7 +40,6 @@ pub use fault::{
 pub use files::SimBrick;
 pub use motor::{Motor, MotorConstants};
 pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
-#[cfg(feature = "host")]
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use ports::Port;
 pub use simulation::{MOST_BEHIND_NS, Options, Plugged, Simulation, Written};
