@@ -4,15 +4,19 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Stdio};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use onbrick::clock::MonotonicClock;
 use serde_json::Value;
 
-use super::{onbrick, run};
+use super::{onbrick, onbrick_in_time, run};
+use crate::mount::bench::{Mounted, no_fuse, real_time};
 use crate::support::browser::act;
+use crate::support::real_time::in_real_time;
 
 /// How long anything may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -263,4 +267,50 @@ fn a_browser_shows_a_run_and_a_hand_steers_the_simulation() {
     assert!(number("again").abs() < 0.1, "it starts where it started");
     assert!(number("time") > 59.0 && number("points") > 100.0);
     assert!(bytes(folder.path(), "onbrick-runs/map-2").len() > 1000);
+}
+
+/// Of a brick the page shows what its recording has; nothing there can be steered, but it can stop.
+#[test]
+fn a_run_on_a_mounted_brick_is_shown_and_can_be_stopped() {
+    if no_fuse() {
+        return;
+    }
+    let _alone = real_time();
+    in_real_time("a run with a page on a mounted brick", |pace| {
+        let mounted = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let root = mounted.root();
+        let root = root.to_str().unwrap();
+        let arguments = ["--json", "run", "map", "--brick", root, "--out", "out", "--page"];
+        let child = onbrick_in_time(folder.path(), &arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        pace.watch(&child);
+        let page = Paged::start(child);
+        let is_over = |state: &Value| {
+            ["ended", "failed", "refused"].iter().any(|phase| state["run"]["phase"] == **phase)
+        };
+        let state = page.until_state(|state| {
+            is_over(state) || state["run"]["points"].as_array().is_some_and(|all| !all.is_empty())
+        });
+        pace.ensure(state["run"]["phase"] == "driving", || format!("{}", state["run"]["note"]));
+        if !is_over(&state) {
+            assert_eq!(state["can"], serde_json::json!(["stop"]));
+            for part in ["room", "sim", "pace"] {
+                assert!(state.get(part).is_none(), "a brick cannot give its {part}: {state}");
+            }
+            assert!(!state["run"]["path"].as_array().unwrap().is_empty(), "{state}");
+            assert!(page.refused("/order", "press enter").contains("no simulation"));
+            page.post("/wish", "stop");
+            let state = page.until_state(is_over);
+            let note = state["run"]["note"].as_str().unwrap();
+            pace.ensure(note.contains("stopped on the brick"), || note.to_owned());
+            assert_eq!(state["can"], serde_json::json!([]));
+        }
+        // Its exit code is the run's.
+        let code = page.interrupt();
+        pace.ensure(code == Some(0), || format!("exit code {code:?}"));
+    });
 }
