@@ -11,11 +11,17 @@
 //!
 //! No deadlines and no periods: the control loop keeps its own (`runtime`).
 
+#[cfg(feature = "sim")]
+mod paced;
+
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
+
+#[cfg(feature = "sim")]
+pub use paced::PacedClock;
 
 /// Nanoseconds in a second.
 pub const SECOND_NS: i64 = 1_000_000_000;

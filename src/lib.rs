@@ -31,7 +31,7 @@
 //! |---|---|
 //! | [`cli`] | one file a command; the only place that prints (feature `cli`) |
 //! | [`menu`] | what stands on the brick's screen, and what its buttons do (feature `cli`) |
-//! | [`report`] | pictures and exports of finished runs (feature `host`) |
+//! | [`report`] | pictures and exports of finished runs, the live page of others (feature `host`) |
 //! | [`link`] | the network: protocol, a brick's server, the PC's client, keys (feature `link`) |
 //! | [`service`] | what a brick does between and around runs: the state, the runs on disk, the operations (feature `cli`) |
 //! | [`simulated`] | a run on a simulated brick: what a run is handed there (feature `sim`) |
@@ -72,7 +72,8 @@
 //! When both are killed at once, the starter brakes the motors; when all three are, the leases end.
 //! The guard has a higher real-time priority than control, control may not spin for more than 0.2
 //! s, and where neither is permitted, as on most PCs, the log says so. A simulated brick lives
-//! inside control, and has no guard.
+//! inside control, and has no guard; with `run --page` it and its control are threads of the
+//! command, so that the page can look into the simulation.
 //!
 //! `onbrick serve` starts the same processes for the clients of its transports ([`service`]); the
 //! processes do not need it, and a restarted service finds a run in progress.

@@ -52,6 +52,8 @@ mod asks;
 mod canvas;
 mod learn;
 mod pages;
+#[cfg(feature = "host")]
+mod picture;
 mod press;
 mod sheet;
 mod shell;
@@ -70,6 +72,8 @@ use crate::service::protocol::{
 pub use asks::Lane;
 pub use canvas::{Canvas, HEIGHT, WIDTH};
 pub use learn::Trouble;
+#[cfg(feature = "host")]
+pub use picture::{ended_picture, running_picture};
 pub use shell::{Display, Keys, MenuError, Parts, ServiceConnection, attend};
 pub use talk::{Replies, ScreenDialogue, TalkKind, TalkReply, Talker, Told};
 

@@ -3,8 +3,7 @@
 //!
 //! # Not here
 //!
-//! What is shown: a simulation's room (`sim`), a run that is going on (`report`), from which
-//! nothing can be changed.
+//! What is shown, and what is done with what is posted (`report::live`).
 //!
 //! # What we count on
 //!
@@ -31,9 +30,6 @@ pub enum PageError {
         /// What the system said.
         message: String,
     },
-    /// There is nothing to be shown, because of this.
-    #[error("there is nothing to be shown: {0}")]
-    Nothing(&'static str),
     /// The system gives no thread.
     #[error("the page's server cannot be started")]
     Thread(#[from] io::Error),
@@ -46,9 +42,11 @@ pub(crate) enum Shown {
     Html(String),
     /// What it asks for.
     Json(String),
+    /// A picture in it.
+    Png(Vec<u8>),
     /// There is no such address.
     Nothing,
-    /// It cannot be shown now.
+    /// It cannot be understood.
     Failed,
     /// Nothing can be changed there.
     Fixed,
@@ -82,24 +80,13 @@ impl std::fmt::Debug for Unshown {
 }
 
 impl LocalPage {
-    /// Serves at a port of 127.0.0.1, 0 for any that is free; `show` is given path and query.
+    /// Serves at a port of 127.0.0.1, 0 for any that is free. `show` is given path and query;
+    /// `take` is given path and text of what the page posts.
     ///
     /// # Errors
     ///
     /// [`PageError`]; nothing is served then.
     pub(crate) fn serve(
-        port: u16,
-        show: impl Fn(&str, &str) -> Shown + Send + 'static,
-    ) -> Result<Self, PageError> {
-        Self::serve_and_take(port, show, |_, _| Shown::Fixed)
-    }
-
-    /// As [`LocalPage::serve`]; `take` is given path and text of what the page posts.
-    ///
-    /// # Errors
-    ///
-    /// [`PageError`]; nothing is served then.
-    pub(crate) fn serve_and_take(
         port: u16,
         show: impl Fn(&str, &str) -> Shown + Send + 'static,
         take: impl Fn(&str, &str) -> Shown + Send + 'static,
@@ -159,6 +146,7 @@ fn answer(
         None => plain("this page is for its own machine\n", 403),
         Some(Shown::Html(body)) => text("text/html; charset=utf-8", &body),
         Some(Shown::Json(body)) => text("application/json", &body),
+        Some(Shown::Png(bytes)) => typed("image/png", Response::from_data(bytes)),
         Some(Shown::Nothing) => plain("there is nothing here\n", 404),
         Some(Shown::Failed) => plain("there is nothing to be shown\n", 500),
         Some(Shown::Fixed) => plain("nothing can be changed here\n", 405),
@@ -193,11 +181,15 @@ fn is_ours(request: &Request) -> bool {
 }
 
 fn text(kind: &str, body: &str) -> Response<io::Cursor<Vec<u8>>> {
+    typed(kind, Response::from_string(body))
+}
+
+fn typed(kind: &str, response: Response<io::Cursor<Vec<u8>>>) -> Response<io::Cursor<Vec<u8>>> {
     let headers = [
         ("Content-Type", kind),
         ("Cache-Control", "no-store"),
         ("X-Content-Type-Options", "nosniff"),
     ];
     let headers = headers.iter().filter_map(|(name, value)| Header::from_bytes(*name, *value).ok());
-    headers.fold(Response::from_string(body), Response::with_header)
+    headers.fold(response, Response::with_header)
 }

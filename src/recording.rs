@@ -93,6 +93,7 @@
 mod about;
 mod encoder;
 mod file;
+mod followed;
 mod grid;
 mod growing;
 pub mod message;
@@ -111,6 +112,7 @@ mod topic;
 mod walk;
 
 pub use about::{End, Ending, Info, MachineNames, Pace, RangeSensor, Start, StateNames};
+pub use followed::Followed;
 pub use grid::Grid;
 pub use growing::{Growing, Piece};
 pub use message::{Gap, TickStatistics, Variables};

@@ -1,4 +1,4 @@
-//! Pictures and exports of finished runs.
+//! Pictures and exports of finished runs; and the live page of a run or a simulation ([`live`]).
 //!
 //! A [`Scene`] is what there is to see of one or several runs: each robot's path and points, and
 //! the walls where they are known. [`plot`] draws it as SVG, PNG, or as one HTML page with pan,

@@ -26,6 +26,7 @@
 //! readings - heading, position, times - has its names in `behavior`.
 
 mod readings;
+mod told;
 mod values;
 
 use std::fmt;
@@ -33,6 +34,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 pub use readings::{Reading, Senses};
+pub use told::told;
 
 use crate::ev3dev::{ColourMode, Driver, GyroMode, InfraredMode, TouchMode, UltrasonicMode};
 use crate::units::degrees;

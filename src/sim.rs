@@ -6,8 +6,7 @@
 //!
 //! `driver` says what a device answers, `brick` which devices there are, `simulation` when time
 //! passes, `files` how a program of this process gets in, `mount` how one gets in that knows
-//! nothing of us, `fault` what goes wrong on purpose, `view` what a person sees, `page` in a
-//! browser.
+//! nothing of us, `fault` what goes wrong on purpose, `view` what a person sees.
 //!
 //! # Not here
 //!
@@ -22,8 +21,6 @@ mod fault;
 mod files;
 mod motor;
 mod mount;
-#[cfg(feature = "host")]
-mod page;
 mod physics;
 mod ports;
 mod sensors;
@@ -43,8 +40,6 @@ pub use fault::{
 pub use files::SimBrick;
 pub use motor::{Motor, MotorConstants};
 pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
-#[cfg(feature = "host")]
-pub use page::{Page, PageError};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use ports::Port;
 pub use simulation::{MOST_BEHIND_NS, Options, Plugged, Simulation, Written};

@@ -155,21 +155,34 @@ pub struct Simulated {
 ///
 /// As [`simulation`]; [`Refused::NoSimulation`] where the job's brick is none.
 pub fn simulated(job: &Job) -> Result<Simulated, Refused> {
-    let Brick::Simulated { world, seed, realtime } = &job.brick else {
+    let realtime = matches!(job.brick, Brick::Simulated { realtime: true, .. });
+    let clock: Arc<dyn Clock> =
+        if realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
+    let mut simulated = simulated_at(job, clock)?;
+    if realtime {
+        // A tick that is so late ends the run.
+        simulated.simulation.give_up_behind_ns(STALL_NS);
+        simulated.environment.pace = Pace::Real;
+        simulated.environment.wall_offset_ns = None;
+    }
+    Ok(simulated)
+}
+
+/// As [`simulated`], in a virtual time of the caller's: with the same stamps two runs give the same
+/// bytes, whatever the pace at which that time passes.
+///
+/// # Errors
+///
+/// As [`simulated`].
+pub fn simulated_at(job: &Job, clock: Arc<dyn Clock>) -> Result<Simulated, Refused> {
+    let Brick::Simulated { world, seed, .. } = &job.brick else {
         return Err(Refused::NoSimulation);
     };
-    let clock: Arc<dyn Clock> =
-        if *realtime { Arc::new(MonotonicClock) } else { Arc::new(VirtualClock::default()) };
     let (simulation, observer) = simulation(world, *seed, job.start, Arc::clone(&clock))?;
-    if *realtime {
-        // A tick that is so late ends the run.
-        simulation.give_up_behind_ns(STALL_NS);
-    }
     let seen = observer.clone();
     let environment = Environment {
-        pace: if *realtime { Pace::Real } else { Pace::Virtual },
-        // With the same stamps two runs in virtual time give the same bytes.
-        wall_offset_ns: (!realtime).then_some(job.stamps_ns),
+        pace: Pace::Virtual,
+        wall_offset_ns: Some(job.stamps_ns),
         seed: Some(*seed),
         world_toml: Some(world.text.clone()),
         truth: Some(Arc::new(move || truth(&seen))),

@@ -299,7 +299,7 @@ pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
 
 /// The walls of the world that is in a recording.
 #[cfg(feature = "host")]
-pub(super) fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
+fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
     let text = run.world_toml.as_ref()?;
     let (world, _) =
         crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;

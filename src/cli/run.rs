@@ -16,10 +16,12 @@ use crate::ev3dev::{Inventory, Tree};
 use crate::mapping::Pose;
 use crate::robot::RobotConfig;
 use crate::runtime::{
-    Brick, Ended, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned,
+    Brick, Ended, Event, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned,
 };
 use crate::units::radians;
 
+#[cfg(feature = "host")]
+mod page;
 mod through;
 
 /// Run a mission here, in the foreground, and record it; where a service lives on the brick,
@@ -28,6 +30,7 @@ mod through;
 /// Examples:
 ///   onbrick run map                        on the brick, with the robot of robot.toml
 ///   onbrick run my-mission.toml --sim arena --out first-try
+///   onbrick run my-mission.toml --sim arena --page      and watch it in a browser
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -53,6 +56,20 @@ pub(super) struct Arguments {
     #[cfg(feature = "sim")]
     #[arg(long, requires = "sim")]
     realtime: bool,
+    /// Show the run in a browser on this machine, at a port of your choice or any that is free,
+    /// until Ctrl-C. With --sim it begins in real time; at the page it can be made faster, stopped,
+    /// started again with the mission's file as it is then, recorded in the next free folder, and
+    /// the robot can be carried and its buttons pressed. Nothing else changes what is recorded.
+    #[cfg(feature = "host")]
+    #[arg(
+        long,
+        value_name = "PORT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "0",
+        conflicts_with = "realtime",
+    )]
+    page: Option<u16>,
     /// The robot's pose at the start: metres, metres, degrees; in a simulation one of the world's
     /// start poses.
     #[arg(long, value_parser = pose, value_name = "X,Y,DEG", allow_hyphen_values = true)]
@@ -81,6 +98,30 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if let Some(living) = through::service(arguments)? {
         return through::run(living, arguments, output);
     }
+    #[cfg(feature = "host")]
+    if let Some(port) = arguments.page {
+        return page::run(port, arguments, output);
+    }
+    let Prepared { job, mission, folder } = prepare(arguments, arguments.out.as_deref(), output)?;
+    let ended = start(&job)
+        .and_then(|run| follow(run, &job, &mission, output, |_| ()))
+        .inspect_err(|_| folder.take_back())?;
+    conclude(&ended, output)
+}
+
+/// A run that can be started.
+struct Prepared {
+    job: Job,
+    mission: Mission,
+    folder: Folder,
+}
+
+/// Reads the files, and makes the recording's folder.
+fn prepare(
+    arguments: &Arguments,
+    out: Option<&Path>,
+    output: &mut Output,
+) -> Result<Prepared, Failure> {
     let chosen = chosen_robot(arguments.robot.as_deref(), output);
     let robot = load_robot(chosen.as_deref(), output)?;
     let source = read_mission(&arguments.mission)?;
@@ -98,7 +139,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         y_m,
         heading_rad: radians(deg),
     });
-    let folder = Folder::make(arguments.out.as_deref(), mission.name())?;
+    let folder = Folder::make(out, mission.name())?;
     let file = folder.path.join("run.mcap");
     let job = Job {
         mission: source,
@@ -113,7 +154,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
-    let ended = drive(&job, &mission, output).inspect_err(|_| folder.take_back())?;
+    Ok(Prepared { job, mission, folder })
+}
+
+/// Says how a run ended.
+fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
+    let file = &ended.file;
     // A program has read it already: it was the last event.
     output.line(format!("{ended}\nrecorded in {}", file.display()));
     if ended.stop.reason.is_wanted() {
@@ -239,9 +285,15 @@ fn next_free(folder: &Path, mission: &str) -> PathBuf {
         .chars()
         .map(|letter| if letter.is_alphanumeric() || letter == '-' { letter } else { '_' })
         .collect();
-    let mut number = 1_u32;
+    numbered(&folder.join(plain), 1)
+}
+
+/// A path with the first number behind it, from this one on, that is free.
+fn numbered(path: &Path, mut number: u32) -> PathBuf {
     loop {
-        let candidate = folder.join(format!("{plain}-{number}"));
+        let mut candidate = path.as_os_str().to_owned();
+        candidate.push(format!("-{number}"));
+        let candidate = PathBuf::from(candidate);
         if !candidate.exists() {
             return candidate;
         }
@@ -249,20 +301,33 @@ fn next_free(folder: &Path, mission: &str) -> PathBuf {
     }
 }
 
-/// Starts the run in a process of its own and follows it to its end.
-fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Failure> {
-    let failed = |doing: &str, error: &dyn std::error::Error| {
-        Failure::from_error(Exit::Failed, doing, error)
-    };
+fn failed(doing: &str, error: &dyn std::error::Error) -> Failure {
+    Failure::from_error(Exit::Failed, doing, error)
+}
+
+/// Starts the run in a process of its own; Ctrl-C is meant for it from then on.
+fn start(job: &Job) -> Result<RunProcess, Failure> {
     let program =
         std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
-    let mut run = RunProcess::start(&program, job)
+    let run = RunProcess::start(&program, job)
         .map_err(|error| failed("the run did not start", &error))?;
     forward_signals(run.stopper())?;
+    Ok(run)
+}
+
+/// Follows a run to its end.
+fn follow(
+    mut run: RunProcess,
+    job: &Job,
+    mission: &Mission,
+    output: &mut Output,
+    hear: impl Fn(&Event),
+) -> Result<Ended, Failure> {
     let progress = super::common::Progress::new(mission, output);
     while let Some(event) = run.next_event() {
         output.value(&event);
         progress.show(&event);
+        hear(&event);
     }
     progress.finish();
     run.wait().map_err(|error| match error {

@@ -271,9 +271,13 @@ fn page(
     arguments: &Arguments,
     simulation: &Simulation,
     output: &mut Output,
-) -> Result<Option<crate::sim::Page>, Failure> {
+) -> Result<Option<crate::report::live::LivePage>, Failure> {
+    use crate::report::live::{Board, LivePage, Sources};
     let Some(port) = arguments.page else { return Ok(None) };
-    let page = crate::sim::Page::serve(simulation, port)
+    let board = Board::default();
+    let title = arguments.world.display().to_string();
+    board.show(Sources { title, simulation: Some(simulation.clone()), ..Sources::default() });
+    let page = LivePage::serve(&board, port, &[], |_| ())
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
     output
         .show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));

@@ -277,7 +277,7 @@ impl Menu {
 }
 
 /// How a run is going.
-fn progress(sheet: Sheet, run: &RunStatus) -> Sheet {
+pub(super) fn progress(sheet: Sheet, run: &RunStatus) -> Sheet {
     let Some(progress) = &run.progress else {
         return match &run.waits {
             Some(waits) => sheet.line(waits.clone()),
@@ -316,7 +316,7 @@ fn within_turn(degrees: f64) -> f64 {
     if libm::fabs(within) < 0.5 { 0.0 } else { within }
 }
 
-fn ended(last: &LastStop) -> Sheet {
+pub(super) fn ended(last: &LastStop) -> Sheet {
     if last.is_wanted() {
         let sheet = Sheet::new("Done").big(last.mission.clone()).line(last.to_string());
         let sheet = if last.run.is_some() { sheet.item("Show the map") } else { sheet };

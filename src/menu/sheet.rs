@@ -78,7 +78,7 @@ impl Row {
         lines.saturating_mul(self.face().line()) + if self.is_item() { 2 } else { 0 }
     }
 
-    fn is_item(&self) -> bool {
+    pub(super) fn is_item(&self) -> bool {
         matches!(self, Self::Item(_))
     }
 }

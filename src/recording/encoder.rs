@@ -12,7 +12,7 @@ use super::grid::{self, Grid};
 use super::message::{self, Covariance, Gap, Header, Quaternion, Time, Vector3};
 use super::points;
 use super::sink::RecordError;
-use super::status::Status;
+use super::status::{SAYS, Status};
 use super::tick::{Dropped, Entry, Level, TickRecord};
 use super::topic::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Topic};
 use crate::behavior::Taken;
@@ -124,7 +124,7 @@ impl Encoder {
                 self.log(
                     *time_ns,
                     Level::Info as u8,
-                    &format!("says: {}", text.replace('\n', " / ")),
+                    &format!("{SAYS}{}", text.replace('\n', " / ")),
                 )
             }
             Entry::Log { time_ns, level, text } => {

@@ -8,8 +8,9 @@ use std::path::Path;
 
 use super::about::{info, names};
 use super::growing::Growing;
-use super::run::{pose, senses, transition};
-use super::status::Status;
+use super::run::{log_line, pose, senses, transition, variables};
+use super::status::{SAYS, Status};
+use super::tick::Level;
 use super::topic::Topic;
 use super::walk::Found;
 use super::{message, points};
@@ -30,10 +31,11 @@ pub struct Progress {
 
 /// What has been read of the recording so far.
 #[derive(Debug, Default)]
-struct Heard {
-    status: Status,
+pub(super) struct Heard {
+    pub(super) status: Status,
     start_ns: i64,
-    drives: bool,
+    /// The run has begun to drive.
+    pub(super) drives: bool,
 }
 
 impl Progress {
@@ -68,7 +70,7 @@ impl Progress {
         let heard = &mut self.heard;
         // What is damaged in it is the reader's matter who reads it when it is over.
         self.growing.take_all(&part, &mut |found| {
-            let _ = heard.take(found);
+            let _ = heard.take(&found);
         });
         let is_news = self.heard.drives && self.heard.status.time_ns != before;
         Ok(is_news.then(|| self.heard.status.clone()))
@@ -77,16 +79,16 @@ impl Progress {
 
 impl Heard {
     /// `None` where that cannot be understood.
-    fn take(&mut self, found: Found<'_>) -> Option<()> {
+    pub(super) fn take(&mut self, found: &Found<'_>) -> Option<()> {
         let status = &mut self.status;
         match found {
             Found::Attachment { name, data, .. } if name == names::MISSION => {
-                let (mission, _) = Mission::parse(&name, data, &Capabilities::all()).ok()?;
+                let (mission, _) = Mission::parse(name, data, &Capabilities::all()).ok()?;
                 status.states =
                     super::names::machines(&mission).iter().map(Status::begins).collect();
             }
             Found::Metadata(metadata) if metadata.name == names::ABOUT => {
-                self.start_ns = info(&metadata).start_ns;
+                self.start_ns = info(metadata).start_ns;
             }
             Found::Message { topic: Some(topic), data, .. } => match topic {
                 Topic::Pose => {
@@ -108,6 +110,18 @@ impl Heard {
                 Topic::Transitions => {
                     let taken = transition(message::decode(data)?)?;
                     status.enter(taken.taken.machine, &taken.to);
+                }
+                Topic::Variables => {
+                    let now = variables(message::decode(data)?)?;
+                    status.variables = now.name.into_iter().zip(now.value).collect();
+                }
+                Topic::Log => {
+                    let line = log_line(0, data)?;
+                    if let Some(said) = line.text.strip_prefix(SAYS) {
+                        status.said = said.split(" / ").map(str::to_owned).collect();
+                    } else if line.level >= Level::Warn {
+                        status.warning = Some(line.text);
+                    }
                 }
                 Topic::Statistics => {
                     let statistics: message::TickStatistics = message::decode(data)?;

@@ -195,19 +195,19 @@ impl Run {
 }
 
 /// A run while its file is read.
-#[derive(Default)]
-struct Collected {
+#[derive(Debug, Default)]
+pub(super) struct Collected {
     /// Its log lines have stamps for times: the metadata with the wall clock may be lost.
-    run: Run,
+    pub(super) run: Run,
     /// Wall clock minus run clock as the messages have it.
     ahead_ns: Option<i64>,
     /// The last map, and its stamp.
-    map: Option<(i64, Grid)>,
+    pub(super) map: Option<(i64, Grid)>,
 }
 
 impl Collected {
     /// Takes one thing from the file; `None` where it cannot be understood.
-    fn take(&mut self, found: Found<'_>) -> Option<()> {
+    pub(super) fn take(&mut self, found: Found<'_>) -> Option<()> {
         let run = &mut self.run;
         match found {
             Found::Attachment { name, data, .. } => {
@@ -386,14 +386,14 @@ pub(super) fn transition(message: message::TransitionMessage) -> Option<Transiti
 }
 
 /// As many values as names, and names that a terminal can show.
-fn variables(mut message: Variables) -> Option<Variables> {
+pub(super) fn variables(mut message: Variables) -> Option<Variables> {
     for name in &mut message.name {
         *name = fit(name);
     }
     (message.name.len() == message.value.len()).then_some(message)
 }
 
-fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
+pub(super) fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
     let message: message::LogMessage = message::decode(data)?;
     Some(LogLine { time_ns, level: Level::of_number(message.level), text: fit(&message.msg) })
 }

@@ -7,6 +7,9 @@ use super::tick::TickRecord;
 use crate::mapping::{Pose, Range};
 use crate::senses::Channel;
 
+/// What the log line begins with of what a mission tells people.
+pub(super) const SAYS: &str = "says: ";
+
 /// How a run is going, as the recorder saw it last.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Status {

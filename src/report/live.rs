@@ -1,14 +1,118 @@
-//! A run that is going on, in a browser on this machine: the plot's page, which grows.
+//! The live page: a simulation, a run in progress, or both at once, in a browser on this machine.
 //!
-//! The page asks for the state each second; the server then reads the recording again, as far as it
-//! has come. At `#plot`, beside what every plot page says there, `data-grown` counts how often it
-//! has.
+//! There is one page (`live/page.html`) and one form of state (`live/state`), whose parts are
+//! filled in by the sources that have them:
+//!
+//! | source | gives | takes |
+//! |---|---|---|
+//! | a [`Simulation`] | room, true poses and paths, sensors, screen, lights, tones, faults | its [`Order`](crate::sim::Order)s: buttons, faults, a hand that carries the robot |
+//! | a recording that grows | estimated path, points, map, machines and their history, variables | |
+//! | a run's [`Event`]s | the newest status, how the run ended | |
+//! | a [`PacedClock`] | how fast time passes | another pace |
+//!
+//! What a source cannot give is left out of the page. A [`Wish`], to stop or to start again, goes
+//! to the one who serves the page, where it can be granted.
+//!
+//! The page asks for `/state?since=CURSOR` seven times a second and gets what is new. It draws on a
+//! canvas and says at it what it draws, as `data-` attributes: `time`, `x`, `y` and `heading` of
+//! the first robot, `moved` since the page was opened, `walls`, `robots`, `echoes`, `faults`; of a
+//! run `phase`, `points`, `path`, `believed-x`, `believed-y`, and `grown`: how often more of its
+//! recording has come.
+//!
+//! # Not here
+//!
+//! No control of anything real: of a brick's run the page shows the recording, and may wish that it
+//! stops. The page loads nothing from elsewhere; its own policy forbids it. Who may look and post
+//! is the server's matter (`page`).
+
+mod state;
 
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{Scene, Track, page};
-use crate::page::{LocalPage, PageError, Shown};
-use crate::recording::Run;
+use self::state::{Cursor, Phase, Session};
+use crate::clock::PacedClock;
+pub use crate::page::PageError;
+use crate::page::{LocalPage, Shown};
+use crate::recording::Status;
+use crate::runtime::Event;
+use crate::sim::Simulation;
+
+const PAGE: &str = include_str!("live/page.html");
+
+/// Where what the page shows comes from.
+#[derive(Debug, Clone, Default)]
+pub struct Sources {
+    /// What stands above the page.
+    pub title: String,
+    /// The simulated bricks, which take orders.
+    pub simulation: Option<Simulation>,
+    /// What the simulation's time is kept by, where its pace can be changed.
+    pub clock: Option<Arc<PacedClock>>,
+    /// A recording that grows; it need not be there yet.
+    pub recording: Option<PathBuf>,
+}
+
+/// What a person wants of the one who serves the page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wish {
+    /// That the run stops.
+    Stop,
+    /// That the same mission starts again, from its beginning.
+    Again,
+}
+
+impl Wish {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Stop => "stop",
+            Self::Again => "again",
+        }
+    }
+}
+
+/// What the page shows. Clones are handles on the same one.
+#[derive(Debug, Clone, Default)]
+pub struct Board(Arc<Mutex<Session>>);
+
+impl Board {
+    /// Shows other sources from now on: a new run, or another simulation. A simulation is watched
+    /// from here on; the pace that a person has set stays.
+    pub fn show(&self, sources: Sources) {
+        if let Some(simulation) = &sources.simulation {
+            simulation.watch();
+        }
+        let mut session = self.session();
+        let next = session.next(sources);
+        *session = next;
+    }
+
+    /// Shows how the run is going.
+    pub fn hear(&self, event: &Event) {
+        self.session().hear(event);
+    }
+
+    /// Shows a status that is newer than the recording's.
+    pub fn hear_status(&self, status: &Status) {
+        self.session().hear_status(status);
+    }
+
+    /// Says that no run is in progress, and why.
+    pub fn refuse(&self, why: &str) {
+        let session = &mut *self.session();
+        session.enter(Phase::Refused, why);
+    }
+
+    /// The pace that a person has set last, if the simulation has one.
+    #[must_use]
+    pub fn pace(&self) -> Option<Option<f64>> {
+        self.session().clock().map(PacedClock::pace)
+    }
+
+    fn session(&self) -> MutexGuard<'_, Session> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// A page that is being served. Dropping it ends that.
 #[derive(Debug)]
@@ -17,39 +121,72 @@ pub struct LivePage {
 }
 
 impl LivePage {
-    /// Serves the page of a recording that is still growing, at a port of 127.0.0.1, 0 for any that
-    /// is free. `outlines` says what walls are known of it.
+    /// Serves a board's page at a port of 127.0.0.1, 0 for any that is free.
+    ///
+    /// - `granted`: the wishes that `grant` can do something about.
     ///
     /// # Errors
     ///
     /// [`PageError`]; nothing is served then.
     pub fn serve(
-        recording: PathBuf,
-        title: String,
+        board: &Board,
         port: u16,
-        outlines: impl Fn(&Run) -> Vec<Vec<[f64; 2]>> + Send + 'static,
+        granted: &[Wish],
+        grant: impl Fn(Wish) + Send + 'static,
     ) -> Result<Self, PageError> {
-        let scene = move || {
-            // What has not come yet is nothing to be seen yet.
-            let Ok(run) = Run::open(&recording) else {
-                return Scene { title: title.clone(), ..Scene::default() };
-            };
-            let mut track = Track::of_run(&run, &title);
-            // A recording that grows has no end, which is no cause for warnings.
-            track.warnings.clear();
-            Scene { title: title.clone(), outlines: outlines(&run), tracks: vec![track] }
-        };
-        let page = LocalPage::serve(port, move |path, _| match path {
-            "/" => Shown::Html(page::live_html(&scene())),
-            "/state" => Shown::Json(page::json(&scene())),
+        board.session().granted = granted.to_vec();
+        let (looked, ordered) = (board.clone(), board.clone());
+        let show = move |path: &str, query: &str| match path {
+            "/" => Shown::Html(PAGE.to_owned()),
+            "/state" => Shown::Json(looked.session().state(Cursor::of(query))),
+            "/screen" => looked.screen(query).map_or(Shown::Nothing, Shown::Png),
             _ => Shown::Nothing,
-        })?;
-        Ok(Self { page })
+        };
+        let take = move |path: &str, text: &str| {
+            let done = match path {
+                "/order" => ordered.order(text),
+                "/pace" => ordered.session().set_pace(text),
+                "/wish" => ordered.wish(text).map(&grant),
+                _ => return Shown::Fixed,
+            };
+            done.map_or_else(Shown::Refused, |()| Shown::Done)
+        };
+        Ok(Self { page: LocalPage::serve(port, show, take)? })
     }
 
     /// Where the page is.
     #[must_use]
     pub fn url(&self) -> String {
         self.page.url()
+    }
+}
+
+impl Board {
+    /// Does what a person orders of the simulation.
+    fn order(&self, text: &str) -> Result<(), String> {
+        let simulation = self.session().ordered()?.clone();
+        simulation.control(0, text).map_err(|error| error.to_string())
+    }
+
+    /// What a person wants, if that can be granted now.
+    fn wish(&self, word: &str) -> Result<Wish, String> {
+        let session = self.session();
+        let wished = session.wishes().find(|wish| wish.word() == word);
+        wished.ok_or_else(|| format!("this page cannot do that now: {word}"))
+    }
+
+    /// A robot's screen as a picture.
+    fn screen(&self, query: &str) -> Option<Vec<u8>> {
+        let robot = query.split('&').find_map(|part| part.strip_prefix("robot="))?;
+        let simulation = self.session().simulation()?.clone();
+        let (width, height, greys) = simulation.screen(robot.parse().ok()?)?;
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header().ok()?;
+        writer.write_image_data(&greys).ok()?;
+        writer.finish().ok()?;
+        Some(bytes)
     }
 }

@@ -7,7 +7,7 @@
 //! # Not here
 //!
 //! No network: no fonts, scripts or styles from elsewhere, and the page's own policy forbids them.
-//! The page of a run in progress ([`live`](super::live)) asks only the server that it came from.
+//! A run in progress has another page ([`live`](super::live)).
 
 use serde_json::{Value, json};
 
@@ -22,26 +22,8 @@ const LEAST_STEP_M: f64 = 0.004;
 
 /// The page.
 pub(super) fn html(scene: &Scene) -> String {
-    filled(scene, &data(scene).to_string(), "")
-}
-
-/// The page of a run that is going on: it asks for [`json()`] at `/state` each second.
-pub(super) fn live_html(scene: &Scene) -> String {
-    let mut data = data(scene);
-    if let Value::Object(fields) = &mut data {
-        fields.insert("live".to_owned(), Value::Bool(true));
-    }
-    filled(scene, &data.to_string(), "; connect-src 'self'")
-}
-
-/// What is drawn.
-pub(super) fn json(scene: &Scene) -> String {
-    data(scene).to_string()
-}
-
-fn filled(scene: &Scene, data: &str, policy: &str) -> String {
-    let page = TEMPLATE.replace("@TITLE@", &escaped(&scene.title)).replace("@POLICY@", policy);
-    page.replace("\"@DATA@\"", &inside_script(data))
+    let page = TEMPLATE.replace("@TITLE@", &escaped(&scene.title));
+    page.replace("\"@DATA@\"", &inside_script(&data(scene).to_string()))
 }
 
 fn data(scene: &Scene) -> Value {

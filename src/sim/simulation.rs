@@ -188,6 +188,13 @@ impl Simulation {
             .map_or_else(Vec::new, |brick| brick.lcd_bytes().to_vec())
     }
 
+    /// A robot's screen: width, height, and each pixel's grey, row by row, 0 black to 255 white;
+    /// `None` without such a robot.
+    #[must_use]
+    pub fn screen(&self, robot: usize) -> Option<(u32, u32, Vec<u8>)> {
+        self.shared.now().bricks.get(robot)?.screen_greys()
+    }
+
     /// Looks into the world, or changes it, at the present time. `None` if the world is not a `W`.
     pub fn inspect<W: Physics, R>(&self, look: impl FnOnce(&mut W) -> R) -> Option<R> {
         let mut state = self.shared.now();

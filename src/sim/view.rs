@@ -1,8 +1,8 @@
 //! What a person sees of a simulation: the room, the robots in it, what their sensors see, what is
 //! wrong with them.
 //!
-//! A [`View`] is a picture of one moment, as numbers; `still` draws it as SVG, the page
-//! (`sim::page`) sends it to a browser. What robots have driven and seen gathers while the
+//! A [`View`] is a picture of one moment, as numbers; `still` draws it as SVG, the live page
+//! (`report::live`) sends it to a browser. What robots have driven and seen gathers while the
 //! simulation is watched ([`Simulation::watch`]): each echo at the place where it truly was
 //! measured, so that a lying sensor shows.
 //!
@@ -72,6 +72,21 @@ pub struct RobotView {
     pub faults: Vec<String>,
     /// Buttons that are down.
     pub pressed: Vec<&'static str>,
+    /// The brick's lights, left and right.
+    pub lights: [Light; 2],
+    /// The tone that sounds, hertz.
+    pub tone_hz: Option<u32>,
+    /// Counts what was drawn on the screen: 0 where nothing has been yet.
+    pub screen: u32,
+}
+
+/// A light of the brick, which is red, green or both: how bright, 0 to 255.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Light {
+    /// Red.
+    pub red: u32,
+    /// Green.
+    pub green: u32,
 }
 
 /// A range sensor's view.
@@ -100,6 +115,10 @@ pub struct DeviceView {
     pub state: String,
     /// What a program reads: a sensor's first value, a motor's speed; or the error.
     pub value: String,
+    /// What a sensor measures, what a motor does: for people.
+    pub what: String,
+    /// The value with its unit.
+    pub told: String,
 }
 
 /// What of a world does not change.
@@ -238,6 +257,9 @@ impl Simulation {
                 beam: devices.iter().find_map(sighted_m).map(beam),
                 battery_v: super::physics::Physics::battery(world, robot).0,
                 devices,
+                lights: brick.lights(),
+                tone_hz: brick.speaker.tone_hz(),
+                screen: brick.screen_changes(),
                 pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
                 faults: brick
                     .faults_active()

@@ -14,6 +14,7 @@ mod finished;
 mod help;
 mod hints;
 mod outside;
+mod paged;
 mod processes;
 mod simulated;
 mod texts;

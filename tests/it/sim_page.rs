@@ -2,16 +2,16 @@
 #![cfg(feature = "host")]
 
 use std::io::{Read as _, Write as _};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpStream;
 use std::path::Path;
-use std::process::Command;
 use std::sync::Arc;
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{StopAction, TachoCommand, TachoMotor, Tree};
-use onbrick::sim::{Button, MarkKind, Page, PageError, Simulation, World, WorldPhysics, still};
+use onbrick::report::live::{Board, LivePage, PageError, Sources};
+use onbrick::sim::{Button, MarkKind, Simulation, World, WorldPhysics, still};
 
-use crate::support::pass_over;
+use crate::support::browser::{act, browse, number};
 
 /// A robot that drives to the left on its own, its head turning, in a room with blocks.
 struct Driven {
@@ -46,8 +46,16 @@ impl Driven {
     }
 }
 
+/// The page of a simulation alone, as `onbrick sim --page` has it.
+fn page_of(simulation: &Simulation, port: u16) -> Result<LivePage, PageError> {
+    let (title, simulation) = ("arena".to_owned(), Some(simulation.clone()));
+    let board = Board::default();
+    board.show(Sources { title, simulation, ..Sources::default() });
+    LivePage::serve(&board, port, &[], |_| ())
+}
+
 /// The answer to a request as it comes over the wire.
-fn ask(page: &Page, request: &str) -> String {
+fn ask(page: &LivePage, request: &str) -> String {
     let url = page.url();
     let address = url.trim_start_matches("http://").trim_end_matches('/');
     let mut stream = TcpStream::connect(address).unwrap();
@@ -57,14 +65,14 @@ fn ask(page: &Page, request: &str) -> String {
     answer
 }
 
-fn get(page: &Page, path: &str) -> String {
+fn get(page: &LivePage, path: &str) -> String {
     ask(page, &format!("GET {path} HTTP/1.1\r\nHost: localhost:1\r\nConnection: close\r\n\r\n"))
 }
 
 #[test]
 fn a_page_takes_orders_from_itself_alone() {
     let driven = driven("arena", 1, Arc::new(VirtualClock::default()));
-    let page = Page::serve(&driven.simulation, 0).unwrap();
+    let page = page_of(&driven.simulation, 0).unwrap();
     let post = |header: &str, path: &str, body: &str| {
         let length = body.len();
         let head = format!(
@@ -99,15 +107,17 @@ fn a_page_takes_orders_from_itself_alone() {
 #[test]
 fn a_page_is_for_this_machine_and_changes_nothing_else() {
     let driven = driven("arena", 1, Arc::new(VirtualClock::default()));
-    let page = Page::serve(&driven.simulation, 0).unwrap();
+    let page = page_of(&driven.simulation, 0).unwrap();
     assert!(page.url().starts_with("http://127.0.0.1:"), "{}", page.url());
-    let html = get(&page, "/");
+    assert!(get(&page, "/").starts_with("HTTP/1.1 200"));
+    let state = get(&page, "/state");
     assert!(
-        html.starts_with("HTTP/1.1 200") && html.contains("\"name\":\"arena\""),
-        "{}",
-        &html[..200]
+        state.contains("\"name\":\"arena\"") && state.contains("\"can\":[\"order\"]"),
+        "{state}"
     );
-    assert!(!html.contains("@ROOM@"));
+    for part in ["\"run\"", "\"pace\""] {
+        assert!(!state.contains(part), "what a simulation alone cannot give is left out: {part}");
+    }
     for (request, status) in [
         ("GET /../etc HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", "404"),
         (
@@ -126,7 +136,7 @@ fn a_page_is_for_this_machine_and_changes_nothing_else() {
         assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{request}: {answer}");
     }
     let port: u16 = page.url().trim_end_matches('/').rsplit(':').next().unwrap().parse().unwrap();
-    let taken = Page::serve(&driven.simulation, port).unwrap_err();
+    let taken = page_of(&driven.simulation, port).unwrap_err();
     assert!(matches!(taken, PageError::Bind { port: found, .. } if found == port), "{taken}");
     let url = page.url();
     drop(page);
@@ -215,41 +225,11 @@ fn keep(name: &str, bytes: &[u8]) {
     }
 }
 
-/// What a browser makes of a page; `None` without a browser.
-fn browse(url: &str, extra: &[&str]) -> Option<String> {
-    let profile = tempfile::tempdir().unwrap();
-    let output = Command::new("chromium")
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .args(["--window-size=800,640", "--virtual-time-budget=4000"])
-        .args(extra)
-        .arg(url)
-        .output();
-    match output {
-        Ok(output) if output.status.success() => {
-            Some(String::from_utf8_lossy(&output.stdout).into_owned())
-        }
-        Ok(output) => panic!("{}", String::from_utf8_lossy(&output.stderr)),
-        Err(_) => {
-            pass_over("a browser (chromium)");
-            None
-        }
-    }
-}
-
-/// A number at the canvas.
-fn number(dom: &str, name: &str) -> f64 {
-    let start =
-        dom.find(&format!(" data-{name}=\"")).unwrap_or_else(|| panic!("no {name} in {dom}"));
-    dom[start + name.len() + 8..].split('"').next().unwrap().parse().unwrap()
-}
-
 #[test]
 fn a_browser_sees_the_room_and_the_robot_drive_through_it() {
     // The wall's own clock: only the page lets time pass.
     let driven = driven("arena", 1, Arc::new(MonotonicClock));
-    let page = Page::serve(&driven.simulation, 0).unwrap();
+    let page = page_of(&driven.simulation, 0).unwrap();
     driven.simulation.control(0, "in4 stuck").unwrap();
     let Some(dom) = browse(&page.url(), &["--dump-dom"]) else { return };
     let walls = World::named("arena").unwrap().outlines().len();
@@ -267,89 +247,39 @@ fn a_browser_sees_the_room_and_the_robot_drive_through_it() {
     assert!(shown > 0.01, "the robot is {shown} m from its start");
     assert!(dom.contains("data-faults=\"in4 stuck\"") && dom.contains("<h1>arena</h1>"));
     assert!(dom.contains("outB") && dom.contains("running"), "the motors' states are told");
-    assert!(dom.contains("id=\"lost\" hidden"), "the simulation has not ended");
-}
-
-/// An address at which the page has a script at its end, in place of a person's hand.
-fn with_script(page: &Page, script: &'static str) -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let served = page.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
-    std::thread::spawn(move || {
-        for stream in listener.incoming() {
-            let Ok(mut stream) = stream else { return };
-            // Head and body of one request; the browser asks for no second one where it is told to
-            // close.
-            let mut request = Vec::new();
-            let mut byte = [0];
-            while !request.ends_with(b"\r\n\r\n")
-                && stream.read(&mut byte).is_ok_and(|read| read == 1)
-            {
-                request.push(byte[0]);
-            }
-            let head = String::from_utf8_lossy(&request).into_owned();
-            let value = |name: &str| {
-                let line = head.lines().find(|line| line.to_lowercase().starts_with(name))?;
-                Some(line[name.len()..].trim().to_owned())
-            };
-            let length = value("content-length:").map_or(0, |length| length.parse().unwrap());
-            let mut body = vec![0; length];
-            let Some(first) = head.lines().next() else { continue };
-            if stream.read_exact(&mut body).is_err() {
-                continue;
-            }
-            let own =
-                value("x-onbrick:").map_or(String::new(), |own| format!("X-Onbrick: {own}\r\n"));
-            let head = format!(
-                "{first}\r\nHost: {served}\r\n{own}Content-Length: {length}\r\n\
-                 Connection: close\r\n\r\n"
-            );
-            let Ok(mut to) = TcpStream::connect(&served) else { return };
-            to.write_all(&[head.as_bytes(), &body].concat()).unwrap();
-            let mut answer = String::new();
-            let _ = to.read_to_string(&mut answer);
-            if first.starts_with("GET / ") {
-                let (_, page) = answer.split_once("\r\n\r\n").unwrap();
-                let page = page.replace("</body>", &format!("<script>{script}</script></body>"));
-                answer = format!(
-                    "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
-                     Connection: close\r\n\r\n{page}"
-                );
-            }
-            let _ = stream.write_all(answer.as_bytes());
-        }
-    });
-    format!("http://{address}/")
+    assert!(dom.contains("data-lost=\"false\""), "the simulation has not ended");
+    assert!(dom.contains("°/s</td>") && dom.contains("m</td>"), "values have units: {dom}");
 }
 
 /// A key is down for as long as it is held on the page.
 #[test]
 fn a_browser_presses_a_key_of_the_brick() {
     let driven = driven("arena", 1, Arc::new(MonotonicClock));
-    let page = Page::serve(&driven.simulation, 0).unwrap();
-    let url = with_script(
-        &page,
-        "const hand = setInterval(() => { \
-            const key = document.querySelector('[data-button=enter]'); \
-            if (!key) return; \
-            clearInterval(hand); \
-            key.dispatchEvent(new PointerEvent('pointerdown', { bubbles: true })); \
-            setTimeout(() => window.dispatchEvent(new PointerEvent('pointerup')), 700); }, 100);",
+    let page = page_of(&driven.simulation, 0).unwrap();
+    let seen = act(
+        &page.url(),
+        (800, 640),
+        &[],
+        "const key = await until(() => document.querySelector('[data-button=enter]')); \
+         pointer('pointerdown', key, 0, 0); \
+         await until(() => news.sim.robots[0].pressed.length); \
+         const down = [...document.querySelectorAll('.keys .down')].map((key) => key.textContent); \
+         pointer('pointerup', window, 0, 0); \
+         await until(() => !news.sim.robots[0].pressed.length); \
+         report({ down, keys: [...document.querySelectorAll('.keys button')].length });",
     );
-    let Some(dom) = browse(&url, &["--dump-dom"]) else { return };
-    for name in ["back", "up", "left", "enter", "right", "down"] {
-        assert!(dom.contains(&format!("data-button=\"{name}\"")), "{name}");
-    }
+    let Some(seen) = seen else { return };
+    assert_eq!(seen, serde_json::json!({ "down": ["enter"], "keys": 6 }));
     let done: Vec<String> =
         driven.simulation.faults_done().into_iter().map(|record| record.what).collect();
-    assert_eq!(done, ["press enter for 60", "release enter"], "{dom}");
+    assert_eq!(done, ["press enter for 60", "release enter"]);
     assert_eq!(driven.simulation.pressed(0), []);
 }
 
 #[test]
 fn a_browser_shows_a_simulation_in_virtual_time() {
     let driven = driven("arena", 1, Arc::new(VirtualClock::default()));
-    let page = Page::serve(&driven.simulation, 0).unwrap();
+    let page = page_of(&driven.simulation, 0).unwrap();
     driven.pass_s(12);
     driven.simulation.control(0, "in2 garbage\nbattery 5.6").unwrap();
     driven.pass_s(1);

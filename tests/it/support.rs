@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 pub mod allocations;
 pub mod brick;
+pub mod browser;
 pub mod chance;
 pub mod faulty;
 pub mod memory;

@@ -4,12 +4,11 @@ use std::path::Path;
 
 use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
 use super::watch::Watch;
-use crate::cli::common::outlines;
 use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
 use crate::link::client::MOST_BYTES;
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
-use crate::report::live::LivePage;
+use crate::report::live::{Board, LivePage, Sources};
 use crate::service::protocol::RunId;
 
 /// Fetch recordings from bricks, byte for byte. The next call resumes a download that was cut; a
@@ -176,8 +175,9 @@ fn follow(
     };
     let part = arguments.out.out.join(format!("{run}.mcap.part"));
     let title = format!("{}: {run}", brick.name);
-    let known = |run: &crate::recording::Run| outlines(run).unwrap_or_default();
-    let page = LivePage::serve(part, title, arguments.page, known)
+    let board = Board::default();
+    board.show(Sources { title, recording: Some(part), ..Sources::default() });
+    let page = LivePage::serve(&board, arguments.page, &[], |_| ())
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
     output
         .show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
@@ -188,6 +188,9 @@ fn follow(
         let brought =
             bring(&mut client, run, &arguments.out.out, arguments.most_bytes(), &mut |progress| {
                 line.show(progress, &watch.line(), output);
+                if let Some(status) = watch.progress() {
+                    board.hear_status(&status);
+                }
             });
         line.finish();
         watch.end();

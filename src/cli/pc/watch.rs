@@ -105,6 +105,11 @@ impl Watch {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner).status.clone()
     }
 
+    /// How the run is going, where the brick tells that.
+    pub(super) fn progress(&self) -> Option<crate::recording::Status> {
+        self.status()?.run.filter(|going| going.run == self.run)?.progress
+    }
+
     /// When the run began to drive, where that was seen.
     pub(super) fn began(&self) -> Option<Began> {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner).began

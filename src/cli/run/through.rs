@@ -78,6 +78,12 @@ pub(super) fn run(
             "put the robot's file at {robot}, or stop the service (systemctl stop onbrick)"
         )));
     }
+    #[cfg(feature = "host")]
+    if arguments.page.is_some() {
+        let message = "--page does not go with the service that lives on this brick";
+        return Err(Failure::new(Exit::Usage, message)
+            .hint("onbrick fetch --follow on a PC, which shows the same page"));
+    }
     if arguments.brick.has_streams_elsewhere() {
         let message = "--buttons and --speaker do not go with the service that lives on this brick";
         return Err(Failure::new(Exit::Usage, message)

@@ -3,7 +3,7 @@
 
 use nix::errno::Errno;
 
-use super::{Brick, Class, Device, Plugged, Sensor, SerialLine, ServoMotor, next};
+use super::{Brick, Class, Device, Lcd, Plugged, Sensor, SerialLine, ServoMotor, next};
 
 impl Brick {
     /// Puts something into a port, or takes it out; detection takes its time.
@@ -49,13 +49,26 @@ impl Brick {
         )
     }
 
+    fn lcd(&self) -> Option<&Lcd> {
+        self.nodes.iter().find_map(|node| match &node.device {
+            Device::Lcd(lcd) => Some(lcd),
+            _ => None,
+        })
+    }
+
     /// The picture on the screen.
     pub(crate) fn lcd_bytes(&self) -> &[u8] {
-        let lcd = self.nodes.iter().find_map(|node| match &node.device {
-            Device::Lcd(lcd) => Some(lcd.bytes()),
-            _ => None,
-        });
-        lcd.unwrap_or_default()
+        self.lcd().map(Lcd::bytes).unwrap_or_default()
+    }
+
+    /// How often something was drawn on the screen.
+    pub(crate) fn screen_changes(&self) -> u32 {
+        self.lcd().map_or(0, Lcd::changes)
+    }
+
+    /// The screen's width, height and each pixel's grey.
+    pub(crate) fn screen_greys(&self) -> Option<(u32, u32, Vec<u8>)> {
+        self.lcd().map(Lcd::greys)
     }
 
     /// Draws on the screen; returns how many bytes there was room for.

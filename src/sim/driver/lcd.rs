@@ -109,12 +109,26 @@ impl FromStr for LcdGeometry {
 pub(crate) struct Lcd {
     geometry: LcdGeometry,
     bytes: Vec<u8>,
+    changes: u32,
 }
 
 impl Lcd {
     /// A black one.
     pub(crate) fn new(geometry: LcdGeometry) -> Self {
-        Self { geometry, bytes: vec![0; geometry.size()] }
+        Self { geometry, bytes: vec![0; geometry.size()], changes: 0 }
+    }
+
+    /// How often it was drawn on.
+    pub(crate) fn changes(&self) -> u32 {
+        self.changes
+    }
+
+    /// Width, height and each pixel's grey, row by row: 0 black to 255 white.
+    pub(crate) fn greys(&self) -> (u32, u32, Vec<u8>) {
+        let LcdGeometry { width, height, bits_per_pixel } = self.geometry;
+        let rows = self.bytes.chunks_exact((self.geometry.line_length() as usize).max(1));
+        let pixels = rows.flat_map(|row| (0..width as usize).map(|x| grey(row, x, bits_per_pixel)));
+        (width, height, pixels.collect())
     }
 
     /// The picture.
@@ -133,10 +147,34 @@ impl Lcd {
             return Err(Errno::ENOSPC);
         }
         let taken = room.len().min(bytes.len());
+        self.changes = self.changes.saturating_add(1);
         for (place, byte) in room.iter_mut().zip(bytes) {
             *place = *byte;
         }
         Ok(taken)
+    }
+}
+
+/// A pixel's grey. With one bit a pixel the first is the lowest, and a bit that is set is black, as
+/// the old kernels' driver had it (FB_VISUAL_MONO01).
+fn grey(row: &[u8], x: usize, bits_per_pixel: u32) -> u8 {
+    let byte = |at: usize| u32::from(row.get(at).copied().unwrap_or(0));
+    let luma = |red: u32, green: u32, blue: u32| {
+        u8::try_from((red * 77 + green * 150 + blue * 29) >> 8).unwrap_or(u8::MAX)
+    };
+    match bits_per_pixel {
+        1 if byte(x / 8) >> (x % 8) & 1 == 1 => 0,
+        1 => u8::MAX,
+        8 => luma(byte(x), byte(x), byte(x)),
+        16 => {
+            let pixel = byte(2 * x) | byte(2 * x + 1) << 8;
+            let (red, green, blue) = (pixel >> 11, pixel >> 5 & 0x3f, pixel & 0x1f);
+            luma(red * 255 / 31, green * 255 / 63, blue * 255 / 31)
+        }
+        bits => {
+            let at = x * (bits as usize / 8);
+            luma(byte(at + 2), byte(at + 1), byte(at))
+        }
     }
 }
 
@@ -194,6 +232,24 @@ mod tests {
             ["", "178x128", "178x128x32x1", "0x1x1", "5000x1x8", "178x128x7", "-1x1x1", "axbxc"]
         {
             assert_eq!(text.parse::<LcdGeometry>(), Err(BadGeometry), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_pixel_has_the_same_grey_in_every_layout() {
+        for (bits, white) in [
+            (1, vec![0b1111_1101]),
+            (8, vec![0, 255]),
+            (16, vec![0, 0, 255, 255]),
+            (24, vec![0, 0, 0, 255, 255, 255]),
+            (32, vec![0, 0, 0, 0, 255, 255, 255, 0]),
+        ] {
+            let mut lcd = Lcd::new(LcdGeometry::new(3, 2, bits).unwrap());
+            assert_eq!(lcd.changes(), 0);
+            lcd.write(0, &white).unwrap();
+            let (width, height, greys) = lcd.greys();
+            assert_eq!((width, height, greys.len(), lcd.changes()), (3, 2, 6, 1));
+            assert_eq!(greys[..3], [0, 255, 0], "{bits} bits");
         }
     }
 

@@ -1,8 +1,9 @@
 //! What of a brick's devices a person is shown: what a program would read now.
 
-use super::DeviceView;
+use super::{DeviceView, Light};
 use crate::ev3dev::PortAddress;
 use crate::printable::is_printable;
+use crate::senses;
 use crate::sim::brick::{Brick, Class};
 
 /// Furthest that the ultrasonic measures, in the numbers of its two units; what it says without an
@@ -40,13 +41,60 @@ impl Brick {
             _ => ("state", "speed"),
         };
         let address: PortAddress = read("address").parse().ok()?;
+        let driver = self.driver_name(id)?;
+        let (state, value) = (read(state), read(value));
+        let (what, told) = match value.parse::<i32>() {
+            Ok(number) if class == Class::Sensor => told(driver, &state, number),
+            Ok(number) => (moves(&state), speed(number, class, read)),
+            Err(_) => (state.clone(), value.clone()),
+        };
         Some(DeviceView {
             port: crate::sim::Port::named(address.short())?.as_str(),
             name: name.to_owned(),
-            driver: self.driver_name(id)?,
-            state: read(state),
-            value: read(value),
+            driver,
+            state,
+            value,
+            what,
+            told,
         })
+    }
+
+    /// The two lights of the brick, left and right.
+    pub(crate) fn lights(&self) -> [Light; 2] {
+        let brightness = |name: &str| self.led(name).map_or(0, |(brightness, _)| brightness);
+        ["led0", "led1"].map(|light| Light {
+            red: brightness(&format!("{light}:red:brick-status")),
+            green: brightness(&format!("{light}:green:brick-status")),
+        })
+    }
+}
+
+/// What a sensor measures, and the value with its unit; the driver's own words for a mode that no
+/// robot of ours uses.
+fn told(driver: &str, mode: &str, number: i32) -> (String, String) {
+    let known = driver.parse().ok().and_then(|driver| senses::told(driver, mode, number));
+    known.map_or_else(
+        || (mode.to_owned(), number.to_string()),
+        |(what, told)| (what.to_owned(), told),
+    )
+}
+
+/// What a motor does.
+fn moves(state: &str) -> String {
+    if state.is_empty() { "still" } else { state }.to_owned()
+}
+
+/// How fast a motor turns; without an encoder, how hard it is driven.
+fn speed(number: i32, class: Class, read: impl Fn(&str) -> String) -> String {
+    if class == Class::DcMotor {
+        return format!("{number} %");
+    }
+    let counts = |attribute: &str| read(attribute).parse::<f64>().ok().filter(|count| *count > 0.0);
+    let number = f64::from(number);
+    match (counts("count_per_rot"), counts("count_per_m")) {
+        (Some(per_rot), _) => format!("{:.0} °/s", number * 360.0 / per_rot + 0.0),
+        (_, Some(per_m)) => format!("{:.0} mm/s", number * 1000.0 / per_m + 0.0),
+        (None, None) => format!("{number} counts/s"),
     }
 }
 
@@ -82,7 +130,25 @@ mod tests {
 
     fn device(driver: &'static str, state: &str, value: &str) -> DeviceView {
         let [state, value] = [state, value].map(str::to_owned);
-        DeviceView { port: "in1", name: "sensor0".to_owned(), driver, state, value }
+        let [name, what, told] = ["sensor0", "", ""].map(str::to_owned);
+        DeviceView { port: "in1", name, driver, state, value, what, told }
+    }
+
+    #[test]
+    fn speeds_have_units_and_unknown_modes_the_drivers_words() {
+        let rotary = |attribute: &str| match attribute {
+            "count_per_rot" => "720".to_owned(),
+            _ => "ENOENT".to_owned(),
+        };
+        assert_eq!(speed(300, Class::TachoMotor, rotary), "150 °/s");
+        let linear = |attribute: &str| match attribute {
+            "count_per_m" => "2000".to_owned(),
+            _ => "ENOENT".to_owned(),
+        };
+        assert_eq!(speed(-50, Class::TachoMotor, linear), "-25 mm/s");
+        assert_eq!(speed(-50, Class::DcMotor, linear), "-50 %");
+        let [mode, one] = ["US-LISTEN", "1"].map(str::to_owned);
+        assert_eq!(told("lego-ev3-us", "US-LISTEN", 1), (mode, one));
     }
 
     #[test]

@@ -206,10 +206,10 @@ impl Picture {
                 ),
                 colours(number).0,
             ));
-            let devices = robot.devices.iter().map(|device| {
-                let state = if device.state.is_empty() { "still" } else { device.state.as_str() };
-                format!("{} {state} {}", device.port, device.value)
-            });
+            let devices = robot
+                .devices
+                .iter()
+                .map(|device| format!("{} {} {}", device.port, device.what, device.told));
             let devices: Vec<String> = devices.collect();
             lines.extend(
                 devices.chunks(4).map(|four| (format!("    {}", four.join("   ")), "#5d6670")),

@@ -221,6 +221,7 @@ fn browser(page: &str, mut goes_on: impl FnMut()) -> Option<()> {
         };
         // The browser's seconds pass faster than the run's, in which points come with each sync.
         if number("grown") >= Some(2) && number("points") >= Some(1) {
+            assert!(dom.contains("data-phase=\"driving\""), "{}", &dom[dom.len() - 3000..]);
             return Some(());
         }
         // Now and then it ends without a word where the machine is busy.
