@@ -24,6 +24,7 @@ mod common;
 mod control;
 mod devices;
 mod doctor;
+mod folder;
 mod graph;
 mod guard;
 mod halt;

@@ -9,6 +9,7 @@ use super::common::{
     BrickFiles, broken_mission, load_mission, load_robot, no_brick, pose, read_mission, setting,
     stamps_ns, warn,
 };
+use super::folder::RunFolder;
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -103,8 +104,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         y_m,
         heading_rad: radians(deg),
     });
-    let folder = Folder::make(arguments.out.as_deref(), mission.name())?;
-    let file = folder.path.join("run.mcap");
+    let folder = RunFolder::of_mission(arguments.out.as_deref(), mission.name())?;
+    let file = folder.file();
     let job = Job {
         mission: source,
         robot: robot.source,
@@ -193,58 +194,6 @@ fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Resu
         "--pose={}, or a world with another [[start]] (onbrick new world)",
         starts.join(" or --pose=")
     )))
-}
-
-/// A recording's own folder.
-struct Folder {
-    path: PathBuf,
-    /// The folders that were created, the innermost first.
-    made: Vec<PathBuf>,
-}
-
-impl Folder {
-    /// Creates the folder if missing; never overwrites a recording.
-    fn make(out: Option<&Path>, mission: &str) -> Result<Self, Failure> {
-        let folder =
-            out.map_or_else(|| next_free(Path::new("onbrick-runs"), mission), Path::to_owned);
-        let failed = |error: &std::io::Error| {
-            Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
-                .hint("--out with a folder that can be written to")
-        };
-        let named = folder.ancestors().filter(|folder| !folder.as_os_str().is_empty());
-        let made = named.take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
-        std::fs::create_dir_all(&folder).map_err(|error| failed(&error))?;
-        let path = folder.canonicalize().map_err(|error| failed(&error))?;
-        let file = path.join("run.mcap");
-        if file.exists() {
-            return Err(Failure::refused(format!("{} is there already", file.display()))
-                .hint("another folder for --out: a recording is never written over"));
-        }
-        Ok(Self { path, made })
-    }
-
-    /// A run that was refused leaves no empty folder. One that is not empty stays.
-    fn take_back(&self) {
-        for folder in &self.made {
-            let _ = std::fs::remove_dir(folder);
-        }
-    }
-}
-
-/// `onbrick-runs/map-1`, `map-2` and so on: a brick's clock may stand at 1970, so no dates.
-fn next_free(folder: &Path, mission: &str) -> PathBuf {
-    let plain: String = mission
-        .chars()
-        .map(|letter| if letter.is_alphanumeric() || letter == '-' { letter } else { '_' })
-        .collect();
-    let mut number = 1_u32;
-    loop {
-        let candidate = folder.join(format!("{plain}-{number}"));
-        if !candidate.exists() {
-            return candidate;
-        }
-        number += 1;
-    }
 }
 
 /// Starts the run in a process of its own and follows it to its end.

@@ -53,12 +53,15 @@ fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
         read("onbrick-demo", "points.csv") != read("other", "points.csv"),
         "another seed, another run"
     );
-    let again = run(folder.path(), &["demo", "--seconds", "1"]).expect(0);
-    assert!(
-        again.out.contains("wrote run.mcap"),
-        "a second demo takes the first one's place: {}",
-        again.out
-    );
+    // No recording is written over: a second demo has a folder of its own.
+    let before = read("onbrick-demo", "run.mcap");
+    let said = run(folder.path(), &["demo", "--seconds", "1"]).expect(0);
+    assert!(said.out.trim_end().ends_with("/onbrick-demo-2"), "{}", said.out);
+    assert_eq!(names(&folder.path().join("onbrick-demo-2")), FILES);
+    let said = run(folder.path(), &["demo", "--seconds", "1", "--out", "onbrick-demo"]).expect(3);
+    assert!(said.err.contains("run.mcap is there already"), "{}", said.err);
+    assert!(said.err.contains("try: another folder for --out"), "{}", said.err);
+    assert!(read("onbrick-demo", "run.mcap") == before, "the first one's recording was changed");
 }
 
 #[test]
