@@ -28,6 +28,7 @@ mod folder;
 mod graph;
 mod guard;
 mod halt;
+mod happenings;
 mod menu;
 mod new;
 mod output;

@@ -10,6 +10,7 @@ use super::common::{
     stamps_ns, warn,
 };
 use super::folder::RunFolder;
+use super::happenings::Happenings;
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -28,6 +29,8 @@ mod through;
 /// Examples:
 ///   onbrick run map                        on the brick, with the robot of robot.toml
 ///   onbrick run my-mission.toml --sim arena --out first-try
+///   onbrick run my-mission.toml -v         each transition with its time and why; what it says,
+///                                          shows and sounds
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -116,6 +119,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         sync_ns: nanoseconds(arguments.sync_s),
         stamps_ns: stamps_ns(output),
         run: None,
+        name: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
@@ -207,12 +211,16 @@ fn drive(job: &Job, mission: &Mission, output: &mut Output) -> Result<Ended, Fai
         .map_err(|error| failed("the run did not start", &error))?;
     forward_signals(run.stopper())?;
     let progress = super::common::Progress::new(mission, output);
+    let mut happenings = Happenings::of(job.file.clone());
     while let Some(event) = run.next_event() {
         output.value(&event);
         progress.show(&event);
+        happenings.tell(output);
     }
     progress.finish();
-    run.wait().map_err(|error| match error {
+    let ended = run.wait();
+    happenings.tell(output);
+    ended.map_err(|error| match error {
         RunError::Refused { stop, hint } => Failure::of_refused(stop.to_string(), hint.as_deref()),
         RunError::Silent { stopped: true, .. } => failed("the run", &error).hint(format!(
             "its motors were stopped; {} says what happened before",

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::scene::{draw, scene_of};
 use crate::cli::common::{
-    LoadedRun, Progress, draw, environment, load_mission, load_robot, load_world, open_run,
-    scene_of, shipped_mission, stamps_ns,
+    LoadedRun, Progress, environment, load_mission, load_robot, load_world, open_run,
+    shipped_mission, stamps_ns,
 };
 use crate::cli::folder::RunFolder;
 use crate::cli::{Exit, Failure, Output};
@@ -74,6 +75,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         sync_ns: SECOND_NS,
         stamps_ns: stamps_ns(output),
         run: None,
+        name: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };

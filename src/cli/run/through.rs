@@ -12,7 +12,7 @@ use signal_hook::iterator::Signals;
 use super::super::common::{Progress, read_mission};
 use super::super::serve::load_config;
 use super::super::{Exit, Failure, Output};
-use super::{Arguments, RunFolder};
+use super::{Arguments, Happenings, RunFolder};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
 use crate::runtime::Event;
@@ -114,13 +114,17 @@ pub(super) fn run(
         failure("the run did not start", &error)
     })?;
     let progress = mission.as_ref().map(|(mission, _)| Progress::new(mission, output));
+    let recording = living.config.runs.join(run.as_str()).join("run.mcap");
+    let mut happenings = Happenings::of(recording);
     let last = follow(&mut living.client, &run, &mut signals, |event| {
         output.value(event);
+        happenings.tell(output);
         if let Some(progress) = &progress {
             progress.show(event);
         }
     });
     progress.iter().for_each(Progress::finish);
+    happenings.tell(output);
     finish(living, &run, last?, folder.as_ref(), output)
 }
 

@@ -95,6 +95,53 @@ fn the_process_that_drives_says_as_much_as_the_one_that_started_it() {
 }
 
 #[test]
+fn with_v_a_run_tells_each_transition_and_what_the_mission_says_shows_and_sounds() {
+    let folder = tempfile::tempdir().unwrap();
+    let mission = r#"name = "two"
+[machine.m]
+start = "ahead"
+final = "home"
+[machine.m.state.ahead]
+do = { forward_mps = 0.1, led = "orange", say = "Größe {2 + 1}" }
+next = [{ when = "state_s > 1.5", go = "back" }]
+[machine.m.state.back]
+do = { drive_m = -0.05, tone_hz = 440 }
+next = [{ when = "done", go = "home" }]
+[machine.m.state.home]
+on_entry = { led = "green" }
+"#;
+    std::fs::write(folder.path().join("two.toml"), mission).unwrap();
+    let arguments = ["run", "two.toml", "--sim", "open", "--out", "told", "-v"];
+    let said = run(folder.path(), &arguments).expect(0);
+    let wanted = [
+        "    0.00 s  says: Größe 3",
+        "    0.00 s  lights: orange",
+        " s  m: ahead -> back  (state_s > 1.5)",
+        " s  tone: 440 Hz",
+        " s  m: back -> home  (done)",
+        " s  lights: green",
+        " s  the mission is finished",
+    ];
+    let mut lines = said.err.lines();
+    for line in wanted {
+        assert!(lines.any(|said| said.ends_with(line)), "`{line}` in its place: {}", said.err);
+    }
+    let quiet = run(folder.path(), &["run", "two.toml", "--sim", "open", "--out", "q"]).expect(0);
+    assert_eq!(quiet.err, "");
+    // For programs, the same as values.
+    let arguments = ["--json", "run", "two.toml", "--sim", "open", "--out", "json", "-v"];
+    let told = run(folder.path(), &arguments).expect(0).json();
+    let moved = told.iter().find(|value| value["event"] == "transition").unwrap();
+    assert_eq!((&moved["from"], &moved["to"]), (&"ahead".into(), &"back".into()));
+    // Where a simulated robot truly was is in its recording, ten times a second.
+    let recorded = Run::open(&folder.path().join("told/run.mcap")).unwrap();
+    let seconds = recorded.poses.len() / 50;
+    assert!(recorded.truth.len().abs_diff(10 * seconds) <= 10, "{}", recorded.truth.len());
+    let (truth, believed) = (recorded.truth.last().unwrap(), recorded.poses.last().unwrap().pose);
+    assert!((truth.x_m - believed.x_m).abs() < 0.03, "{truth:?} {believed:?}");
+}
+
+#[test]
 fn a_simulated_run_tells_how_it_goes_and_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let arguments =
