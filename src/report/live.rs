@@ -37,7 +37,12 @@ impl LivePage {
             let mut track = Track::of_run(&run, &title);
             // A recording that grows has no end, which is no cause for warnings.
             track.warnings.clear();
-            Scene { title: title.clone(), outlines: outlines(&run), tracks: vec![track] }
+            Scene {
+                title: title.clone(),
+                outlines: outlines(&run),
+                tracks: vec![track],
+                ..Scene::default()
+            }
         };
         let page = LocalPage::serve(port, move |path, _| match path {
             "/" => Shown::Html(page::live_html(&scene())),

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
+use super::scene::outlines;
 use super::watch::Watch;
-use crate::cli::common::outlines;
 use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
 use crate::link::client::MOST_BYTES;
