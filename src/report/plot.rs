@@ -170,7 +170,7 @@ impl Drawing for Picture<'_> {
         let tracks = || self.scene.tracks.iter().enumerate();
         for (place, track) in tracks() {
             let (colour, radius) =
-                (rgb(self.colours(place).points), 1.9 + self.excess(place) / 2.0);
+                (rgb(self.colours(place).points), 1.9 + 0.9 * self.excess(place));
             for point in &track.points {
                 canvas.dot(self.layout.place(point.x_m, point.y_m), radius, colour)?;
             }

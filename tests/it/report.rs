@@ -117,10 +117,16 @@ fn blocks_that_touch_have_one_outline_and_robots_on_one_path_are_both_seen() {
         ..Track::default()
     };
     scene.tracks = vec![track; 2];
-    for colour in [[0x00, 0x40, 0x64], [0x81, 0x58, 0x00], [0x00, 0x72, 0xb2], [0xe6, 0x9f, 0x00]] {
-        let legend = 13 * 12 * 9 / 4;
-        let seen = count(&scene, colour);
-        assert!(seen > legend + 10, "{colour:?}: {seen} pixels, {legend} of them in the legend");
+    let colours = [[0x00, 0x40, 0x64], [0x81, 0x58, 0x00], [0x00, 0x72, 0xb2], [0xe6, 0x9f, 0x00]];
+    let seen = colours.map(|colour| count(&scene, colour));
+    for track in &mut scene.tracks {
+        // The same place, so that the picture keeps its scale.
+        track.path.truncate(1);
+        track.points.clear();
+    }
+    for (colour, seen) in colours.into_iter().zip(seen) {
+        let legend = count(&scene, colour);
+        assert!(seen > legend + 4, "{colour:?}: {seen} pixels, {legend} of them in the legend");
     }
 }
 

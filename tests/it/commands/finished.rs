@@ -94,7 +94,7 @@ fn plot_draws_signals_with_states_and_what_happened_in_every_format() {
         assert!(drawn.to_ascii_lowercase().starts_with(&begins), "{file}");
     }
     let svg = std::fs::read_to_string(folder.path().join("signals.svg")).unwrap();
-    for word in ["mapper: map", "drive", "head", "forward", "x_m   in m", "heading_deg   in °"] {
+    for word in ["mapper: map", "drive", "look", "forward", "x_m   in m", "heading_deg   in °"] {
         assert!(svg.contains(&format!("\n{word}\n")), "`{word}` is not in the picture");
     }
     assert!(svg.contains("time in seconds") && !svg.contains("x in metres"));
