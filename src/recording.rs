@@ -22,9 +22,11 @@
 //! | `/points` | `sensor_msgs/msg/PointCloud2` | each sync | the map's new points in `map`: `x y z` in single precision for viewers, `x_m y_m` in double, time in nanoseconds of the run's clock as `time_ns_low time_ns_high` |
 //! | `/map` | `nav_msgs/msg/OccupancyGrid` | every 5 s while it grows: what is known; at the end: all | −1 unknown, 100 occupied, below that the probability in percent; in `map` |
 //! | `/transitions` | `onbrick_msgs/msg/Transition` | as they happen | machine, states, condition: by place and by name |
-//! | `/rosout` | `rcl_interfaces/msg/Log` | as they happen | log lines |
+//! | `/rosout` | `rcl_interfaces/msg/Log` | as they happen | log lines: what the mission says, shows and sounds, too |
 //! | `/stats` | `onbrick_msgs/msg/TickStatistics` | each second | overruns, lateness, the ring's high-water mark |
 //! | `/checkpoint` | `onbrick_msgs/msg/Checkpoint` | each second | what estimator and machines carry to the next tick |
+//! | `/variables` | `onbrick_msgs/msg/Variables` | when one has changed | the mission's variables |
+//! | `/truth` | `geometry_msgs/msg/PoseStamped` | 10 Hz, simulated runs | where the robot truly is, in `map` |
 //! | `/gap` | `onbrick_msgs/msg/Gap` | when there was one | which ticks lost entries, and why |
 //!
 //! Lengths are metres, angles radians, x ahead, y left, anticlockwise positive (REP 103); frames
@@ -97,6 +99,7 @@ mod followed;
 mod grid;
 mod growing;
 pub mod message;
+mod moments;
 mod names;
 mod outside;
 mod points;
@@ -116,6 +119,7 @@ pub use followed::Followed;
 pub use grid::Grid;
 pub use growing::{Growing, Piece};
 pub use message::{Gap, TickStatistics, Variables};
+pub use moments::{Moment, Moments};
 pub(crate) use names::{machines, range_sensor, variables};
 pub use outside::ending_of;
 pub use progress::Progress;

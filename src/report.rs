@@ -1,8 +1,9 @@
 //! Pictures and exports of finished runs; and the live page of a run or a simulation ([`live`]).
 //!
 //! A [`Scene`] is what there is to see of one or several runs: each robot's path and points, and
-//! the walls where they are known. [`plot`] draws it as SVG, PNG, or as one HTML page with pan,
-//! zoom and a time slider; [`export`] writes it for spreadsheets, point-cloud tools, Nav2 and ROS
+//! the room where it is known. [`plot`] draws it as SVG, PNG, PDF, or as one HTML page with pan,
+//! zoom and a time slider; [`timeline`] is a run over time, which
+//! [`chart`] draws; [`export`] writes it for spreadsheets, point-cloud tools, Nav2 and ROS
 //! viewers.
 //!
 //! # Not here
@@ -14,10 +15,16 @@
 //!
 //! - A number that is not finite is not drawn and not exported.
 
+mod canvas;
+pub mod chart;
 pub mod export;
 pub mod live;
 mod page;
 pub mod plot;
+mod ruler;
+pub mod timeline;
+
+pub use canvas::PlotError;
 
 use crate::clock::seconds;
 use crate::printable;
@@ -33,6 +40,26 @@ pub struct Scene {
     /// Walls and obstacles as lines through points in metres; one that ends where it began is a
     /// closed shape.
     pub outlines: Vec<Vec<[f64; 2]>>,
+    /// The corners of blocks, whose outlines are among the others: they are filled, so that those
+    /// that touch have one outline together.
+    pub blocks: Vec<Vec<[f64; 2]>>,
+    /// Where the floor ends: the corners of a closed shape each.
+    pub edges: Vec<Vec<[f64; 2]>>,
+    /// What is drawn on the floor, the lowest first.
+    pub marks: Vec<FloorMark>,
+}
+
+/// Something drawn on the floor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FloorMark {
+    /// Its points, metres.
+    pub points: Vec<[f64; 2]>,
+    /// A line of this width, metres; none for a filled patch.
+    pub width_m: Option<f64>,
+    /// A line's ends are joined.
+    pub closed: bool,
+    /// Red, green, blue.
+    pub colour: [u8; 3],
 }
 
 /// One run's path and points.
@@ -42,6 +69,8 @@ pub struct Track {
     pub name: String,
     /// Where the robot was, in order of time.
     pub path: Vec<PathPoint>,
+    /// Where it truly was, metres, in order of time; empty where that is not known.
+    pub truth: Vec<[f64; 2]>,
     /// What it found, in order of time.
     pub points: Vec<CloudPoint>,
     /// What a person should know about the recording; empty for one that is whole.
@@ -100,6 +129,12 @@ impl Track {
             path: path
                 .filter(|p| [p.x_m, p.y_m, p.heading_rad].iter().all(|v| v.is_finite()))
                 .collect(),
+            truth: run
+                .truth
+                .iter()
+                .map(|pose| [pose.x_m, pose.y_m])
+                .filter(|place| place.iter().all(|value| value.is_finite()))
+                .collect(),
             points: points.filter(|p| p.x_m.is_finite() && p.y_m.is_finite()).collect(),
             warnings: run.warnings.clone(),
         }
@@ -119,10 +154,16 @@ impl Scene {
         let paths = self.tracks.iter().flat_map(|track| track.path.iter().map(|p| [p.x_m, p.y_m]));
         let points =
             self.tracks.iter().flat_map(|track| track.points.iter().map(|p| [p.x_m, p.y_m]));
-        let walls = self.outlines.iter().flatten().copied();
+        let walls = self.outlines.iter().chain(&self.edges).flatten().copied();
+        let marks = self.marks.iter().flat_map(|mark| mark.points.iter().copied());
+        let truth = self.tracks.iter().flat_map(|track| track.truth.iter().copied());
         let mut bounds = Bounds { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
-        for place in
-            paths.chain(points).chain(walls).filter(|place| place.iter().all(|v| v.is_finite()))
+        for place in paths
+            .chain(points)
+            .chain(walls)
+            .chain(marks)
+            .chain(truth)
+            .filter(|place| place.iter().all(|v| v.is_finite()))
         {
             for (axis, value) in place.into_iter().enumerate() {
                 bounds.low[axis] = bounds.low[axis].min(value);
@@ -151,28 +192,28 @@ struct Colours {
     points: [u8; 3],
 }
 
-/// A single robot's: a green path among red points.
-const SINGLE: Colours = Colours { path: [0x1a, 0x93, 0x4a], points: [0xd6, 0x2a, 0x2f] };
-
-/// Several robots', in their order; told apart by people who see red and green alike.
-const SEVERAL: [Colours; 12] = [
-    Colours { path: [0x0b, 0x57, 0xa4], points: [0x4f, 0x9b, 0xe6] },
-    Colours { path: [0xb3, 0x50, 0x00], points: [0xf0, 0x9a, 0x3e] },
-    Colours { path: [0x00, 0x6d, 0x5b], points: [0x2f, 0xb8, 0x9d] },
-    Colours { path: [0x8e, 0x2a, 0x6f], points: [0xd5, 0x79, 0xb7] },
-    Colours { path: [0x5a, 0x46, 0x9e], points: [0x9d, 0x8c, 0xdb] },
-    Colours { path: [0x6b, 0x5a, 0x00], points: [0xc2, 0xa8, 0x2b] },
-    Colours { path: [0x9e, 0x1f, 0x2c], points: [0xe8, 0x7a, 0x80] },
-    Colours { path: [0x1d, 0x6b, 0x1f], points: [0x7c, 0xbf, 0x5a] },
-    Colours { path: [0x00, 0x60, 0x80], points: [0x45, 0xbc, 0xdc] },
-    Colours { path: [0x6e, 0x45, 0x2a], points: [0xb9, 0x8d, 0x6c] },
-    Colours { path: [0x9a, 0x00, 0x9a], points: [0xe5, 0x5c, 0xe5] },
-    Colours { path: [0x4a, 0x50, 0x58], points: [0x98, 0xa1, 0xab] },
+/// The colours of Okabe and Ito, which people who see red and green alike tell apart: blue, orange,
+/// green, purple, sky blue, vermilion, yellow.
+const OKABE_ITO: [[u8; 3]; 7] = [
+    [0x00, 0x72, 0xb2],
+    [0xe6, 0x9f, 0x00],
+    [0x00, 0x9e, 0x73],
+    [0xcc, 0x79, 0xa7],
+    [0x56, 0xb4, 0xe9],
+    [0xd5, 0x5e, 0x00],
+    [0xf0, 0xe4, 0x42],
 ];
 
-/// The colours of one of this many tracks.
+/// A single robot's: a blue path among vermilion points.
+const SINGLE: Colours = Colours { path: OKABE_ITO[0], points: OKABE_ITO[5] };
+
+/// The colours of one of this many tracks: a robot's path is darker than its points.
 fn colours(place: usize, tracks: usize) -> Colours {
-    if tracks <= 1 { SINGLE } else { SEVERAL[place % SEVERAL.len()] }
+    if tracks <= 1 {
+        return SINGLE;
+    }
+    let points = OKABE_ITO[place % OKABE_ITO.len()];
+    Colours { path: points.map(|part| part / 2 + part / 16), points }
 }
 
 /// Whether a track's colours stand for its robot, as they do where there are several.
@@ -196,6 +237,12 @@ fn thinned(path: &[PathPoint], least_m: f64) -> Vec<PathPoint> {
         kept.push(*end);
     }
     kept
+}
+
+/// A text between the tags of a page.
+fn escaped(text: &str) -> String {
+    let text = printable::line(text);
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -122,6 +122,10 @@ pub struct Job {
     pub stamps_ns: i64,
     /// The run's identifier, if its starter chose one; it goes into the recording.
     pub run: Option<String>,
+    /// What the brick is called, where its starter knows: robots of a class have one file, and one
+    /// name in it.
+    #[serde(default)]
+    pub name: Option<String>,
     /// What becomes of the run when its starter is gone.
     pub when_abandoned: WhenAbandoned,
     /// Who holds the hardware's lock.

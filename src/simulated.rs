@@ -255,6 +255,7 @@ mod tests {
             sync_ns: SECOND_NS,
             stamps_ns: 0,
             run: None,
+            name: None,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,
         };

@@ -13,8 +13,6 @@ use crate::ev3dev::LocalTree;
 use crate::mapping::Pose;
 use crate::printable::with_causes;
 use crate::recording::{ReadError, Run};
-#[cfg(feature = "host")]
-use crate::report::{Scene, Track, export, plot};
 use crate::robot::{DEFAULT_ROBOT, ROBOTS, RobotConfig, ShippedRobot};
 use crate::runtime::{Brick, Environment, Event, Job, ProcessError, Refused, Source};
 
@@ -263,49 +261,6 @@ pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
     })
 }
 
-/// All runs in one picture, with the walls of the worlds that they know.
-#[cfg(feature = "host")]
-pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
-    let tracks: Vec<Track> =
-        runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
-    let mission =
-        runs.first().and_then(|loaded| loaded.run.info.as_ref()).map(|info| info.mission.clone());
-    let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
-    let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
-    let mut walls: Vec<Vec<[f64; 2]>> = Vec::new();
-    for outline in runs.iter().filter_map(|loaded| outlines(&loaded.run)).flatten() {
-        // Runs in the same world have the same walls.
-        if !walls.contains(&outline) {
-            walls.push(outline);
-        }
-    }
-    Scene { title: title.unwrap_or(names), tracks, outlines: walls }
-}
-
-/// Writes a picture, as map.svg and map.png, and what is drawn in it, as points.csv and path.csv,
-/// into a folder.
-#[cfg(feature = "host")]
-pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
-    let failed =
-        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
-    let files = [
-        ("map.svg", plot::svg(scene).map_err(|error| failed(&error))?.into_bytes()),
-        ("map.png", plot::png(scene).map_err(|error| failed(&error))?),
-        ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
-        ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
-    ];
-    files.iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
-}
-
-/// The walls of the world that is in a recording.
-#[cfg(feature = "host")]
-fn outlines(run: &Run) -> Option<Vec<Vec<[f64; 2]>>> {
-    let text = run.world_toml.as_ref()?;
-    let (world, _) =
-        crate::sim::World::parse("world.toml of the recording", text.as_bytes()).ok()?;
-    Some(world.outlines().to_vec())
-}
-
 /// Refuses to write over a file that is there.
 pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
     if path.exists() {
@@ -359,11 +314,12 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// A bar over the mission's time, on a terminal only.
+    /// A bar over the mission's time, on a terminal only, and not among the lines of `-v`.
     pub(super) fn new(mission: &Mission, output: &Output) -> Self {
         #[cfg(feature = "host")]
         {
-            let bar = output.is_watched().then(|| bar(mission));
+            let bar =
+                (output.is_watched() && !log::log_enabled!(log::Level::Info)).then(|| bar(mission));
             Self { bar }
         }
         #[cfg(not(feature = "host"))]
@@ -379,8 +335,8 @@ impl Progress {
             Event::Preparing { what } => log::warn!("{what}"),
             Event::Driving { .. } => log::info!("driving"),
             Event::Status(status) => self.status(status),
-            Event::Stopped { stop, .. } => log::info!("{stop}"),
-            Event::Refused { .. } | Event::Ended(_) => {}
+            // It is the last line of the recording's log.
+            Event::Stopped { .. } | Event::Refused { .. } | Event::Ended(_) => {}
         }
     }
 

@@ -13,6 +13,7 @@ mod push;
 pub(super) mod remote;
 mod repair;
 mod runs;
+mod scene;
 mod start;
 mod status;
 mod stop;

@@ -9,6 +9,8 @@ use super::common::{
     BrickFiles, broken_mission, chosen_robot, load_mission, load_robot, no_brick, pose,
     read_mission, setting, stamps_ns, warn,
 };
+use super::folder::RunFolder;
+use super::happenings::Happenings;
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -31,6 +33,8 @@ mod through;
 ///   onbrick run map                        on the brick, with the robot of robot.toml
 ///   onbrick run my-mission.toml --sim arena --out first-try
 ///   onbrick run my-mission.toml --sim arena --page      and watch it in a browser
+///   onbrick run my-mission.toml -v         each transition with its time and why; what it says,
+///                                          shows and sounds
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -113,7 +117,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 struct Prepared {
     job: Job,
     mission: Mission,
-    folder: Folder,
+    folder: RunFolder,
 }
 
 /// Reads the files, and makes the recording's folder.
@@ -139,8 +143,8 @@ fn prepare(
         y_m,
         heading_rad: radians(deg),
     });
-    let folder = Folder::make(out, mission.name())?;
-    let file = folder.path.join("run.mcap");
+    let folder = RunFolder::of_mission(out, mission.name())?;
+    let file = folder.file();
     let job = Job {
         mission: source,
         robot: robot.source,
@@ -151,6 +155,7 @@ fn prepare(
         sync_ns: nanoseconds(arguments.sync_s),
         stamps_ns: stamps_ns(output),
         run: None,
+        name: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
@@ -243,64 +248,6 @@ fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Resu
     )))
 }
 
-/// A recording's own folder.
-struct Folder {
-    path: PathBuf,
-    /// The folders that were created, the innermost first.
-    made: Vec<PathBuf>,
-}
-
-impl Folder {
-    /// Creates the folder if missing; never overwrites a recording.
-    fn make(out: Option<&Path>, mission: &str) -> Result<Self, Failure> {
-        let folder =
-            out.map_or_else(|| next_free(Path::new("onbrick-runs"), mission), Path::to_owned);
-        let failed = |error: &std::io::Error| {
-            Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
-                .hint("--out with a folder that can be written to")
-        };
-        let named = folder.ancestors().filter(|folder| !folder.as_os_str().is_empty());
-        let made = named.take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
-        std::fs::create_dir_all(&folder).map_err(|error| failed(&error))?;
-        let path = folder.canonicalize().map_err(|error| failed(&error))?;
-        let file = path.join("run.mcap");
-        if file.exists() {
-            return Err(Failure::refused(format!("{} is there already", file.display()))
-                .hint("another folder for --out: a recording is never written over"));
-        }
-        Ok(Self { path, made })
-    }
-
-    /// A run that was refused leaves no empty folder. One that is not empty stays.
-    fn take_back(&self) {
-        for folder in &self.made {
-            let _ = std::fs::remove_dir(folder);
-        }
-    }
-}
-
-/// `onbrick-runs/map-1`, `map-2` and so on: a brick's clock may stand at 1970, so no dates.
-fn next_free(folder: &Path, mission: &str) -> PathBuf {
-    let plain: String = mission
-        .chars()
-        .map(|letter| if letter.is_alphanumeric() || letter == '-' { letter } else { '_' })
-        .collect();
-    numbered(&folder.join(plain), 1)
-}
-
-/// A path with the first number behind it, from this one on, that is free.
-fn numbered(path: &Path, mut number: u32) -> PathBuf {
-    loop {
-        let mut candidate = path.as_os_str().to_owned();
-        candidate.push(format!("-{number}"));
-        let candidate = PathBuf::from(candidate);
-        if !candidate.exists() {
-            return candidate;
-        }
-        number += 1;
-    }
-}
-
 fn failed(doing: &str, error: &dyn std::error::Error) -> Failure {
     Failure::from_error(Exit::Failed, doing, error)
 }
@@ -324,13 +271,17 @@ fn follow(
     hear: impl Fn(&Event),
 ) -> Result<Ended, Failure> {
     let progress = super::common::Progress::new(mission, output);
+    let mut happenings = Happenings::of(job.file.clone());
     while let Some(event) = run.next_event() {
         output.value(&event);
         progress.show(&event);
         hear(&event);
+        happenings.tell(output);
     }
     progress.finish();
-    run.wait().map_err(|error| match error {
+    let ended = run.wait();
+    happenings.tell(output);
+    ended.map_err(|error| match error {
         RunError::Refused { stop, hint } => Failure::of_refused(stop.to_string(), hint.as_deref()),
         RunError::Silent { stopped: true, .. } => failed("the run", &error).hint(format!(
             "its motors were stopped; {} says what happened before",

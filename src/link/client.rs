@@ -37,6 +37,7 @@ use serde::de::DeserializeOwned;
 
 use super::curve::NoCurve;
 use super::keys::{KeyPair, PublicKey};
+use crate::behavior::{Capabilities, Mission};
 use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
 use crate::service::protocol::{
     Chosen, Done, Kind, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started, Status,
@@ -271,11 +272,11 @@ impl Client {
         set: &[(String, f64)],
     ) -> Result<Started, ClientError> {
         let name = match &mission {
-            Chosen::Name(name) => name.as_str(),
-            Chosen::Text(_) => "mission",
+            Chosen::Name(name) => name.clone(),
+            Chosen::Text(text) => name_in(text),
         };
         let run =
-            new_run_id(name).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
+            new_run_id(&name).map_err(|error| Refusal::new(Kind::BadRequest, error.to_string()))?;
         self.start_as(run, mission, pose, set)
     }
 
@@ -368,16 +369,21 @@ pub(super) struct Envelope<'r, R> {
     pub(super) request: &'r R,
 }
 
-/// A unique identifier that sorts by time: a name's first letters, the seconds of this PC's
-/// calendar, and random digits.
+/// The name of a mission. What is wrong with its text is for the brick to say, which knows its
+/// robot.
+fn name_in(text: &str) -> String {
+    let mission = Mission::parse("mission.toml", text.as_bytes(), &Capabilities::all());
+    mission.map_or_else(|_| "mission".to_owned(), |(mission, _)| mission.name().to_owned())
+}
+
+/// A unique identifier for a mission's run, which sorts by time: the mission's name, the seconds of
+/// this PC's calendar, and random digits.
 ///
 /// # Errors
 ///
 /// None, unless the calendar is in a distant future.
-pub fn new_run_id(name: &str) -> Result<RunId, NoRunId> {
-    let plain = |sign: char| if sign.is_ascii_alphanumeric() { sign } else { '-' };
-    let name: String = name.chars().take(14).map(plain).collect();
+pub fn new_run_id(mission: &str) -> Result<RunId, NoRunId> {
     let chance = super::pairing::random().unwrap_or_default();
     let chance: String = chance.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
-    RunId::new(&format!("{name}-{}-{chance}", wall_ns() / SECOND_NS))
+    RunId::of_mission(mission, &format!("{}-{chance}", wall_ns() / SECOND_NS))
 }

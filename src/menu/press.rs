@@ -342,8 +342,8 @@ impl Menu {
             return;
         }
         self.started += 1;
-        let name = format!("menu-{:x}-{}", self.options.seed, self.started);
-        let Ok(run) = RunId::new(&name) else { return };
+        let unique = format!("{:x}-{}", self.options.seed, self.started);
+        let Ok(run) = RunId::of_mission(&mission, &unique) else { return };
         let start =
             Start { run, mission: Chosen::Name(mission), token: None, pose: None, set: Vec::new() };
         self.asks.order(LocalRequest::Own(LocalOnly::StartHere(start)));

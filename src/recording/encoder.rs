@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::about::{Pace, Start};
 use super::file::RecordingFile;
 use super::grid::{self, Grid};
-use super::message::{self, Covariance, Gap, Header, Quaternion, Time, Vector3};
+use super::message::{self, Gap, Header, PLANAR_VARIANCE, Quaternion, Time, Vector3, planar};
 use super::points;
 use super::sink::RecordError;
 use super::status::{SAYS, Status};
@@ -33,10 +33,6 @@ const PUT_DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
 
 /// How often there are statistics.
 const STATISTICS_PERIOD_NS: i64 = SECOND_NS;
-
-/// Variance of what a robot on a floor cannot do (lift off, tip over), m² and rad²: nearly none,
-/// but not zero, which filters take for "unknown".
-const PLANAR_VARIANCE: f64 = 1e-9;
 
 /// Turns entries into messages of one file.
 #[derive(Debug)]
@@ -126,6 +122,14 @@ impl Encoder {
                     Level::Info as u8,
                     &format!("{SAYS}{}", text.replace('\n', " / ")),
                 )
+            }
+            Entry::Truth { time_ns, pose } => {
+                let position = Vector3 { x: pose.x_m, y: pose.y_m, z: 0.0 };
+                let orientation = Quaternion::of_yaw(pose.heading_rad);
+                let pose = message::Pose3 { position, orientation };
+                let header = self.header(*time_ns, FRAME_MAP);
+                let message = message::PoseStamped { header, pose };
+                self.put(Topic::Truth, *time_ns, &message)
             }
             Entry::Log { time_ns, level, text } => {
                 if *level >= Level::Warn {
@@ -461,19 +465,6 @@ fn due(next_ns: &mut Option<i64>, time_ns: i64, period_ns: i64) -> bool {
 fn rank(sorted: &[i64], percent: usize) -> i64 {
     let place = (sorted.len() * percent).div_ceil(100).saturating_sub(1);
     sorted.get(place).copied().unwrap_or(0)
-}
-
-/// The estimator's xx, xy, xh, yy, yh, hh in ROS's six by six.
-fn planar([xx, xy, xh, yy, yh, hh]: [f64; 6]) -> Covariance {
-    let still = PLANAR_VARIANCE;
-    [
-        [xx, xy, 0.0, 0.0, 0.0, xh],
-        [xy, yy, 0.0, 0.0, 0.0, yh],
-        [0.0, 0.0, still, 0.0, 0.0, 0.0],
-        [0.0, 0.0, 0.0, still, 0.0, 0.0],
-        [0.0, 0.0, 0.0, 0.0, still, 0.0],
-        [xh, yh, 0.0, 0.0, 0.0, hh],
-    ]
 }
 
 /// The covariance of a pose together with what the start is uncertain by: an error of the start's

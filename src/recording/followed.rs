@@ -6,44 +6,30 @@
 //! What only a replay needs: of senses only the newest tick's are kept, and no checkpoints.
 //! [`Progress`](super::Progress) keeps nothing but the status, for a brick's memory.
 
-use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 use super::grid::Grid;
-use super::growing::Growing;
+use super::growing::GrowingFile;
 use super::progress::Heard;
 use super::run::{Collected, Run};
 use super::status::Status;
-
-/// How much is read at a time, bytes: what is held of the file beside what was made of it.
-const AT_A_TIME: usize = 1 << 20;
 
 /// A recording that is followed. It lags behind the run by a sync, a second as a rule.
 #[derive(Debug)]
 pub struct Followed {
     path: PathBuf,
     /// Open since it was there first: a download that is complete is given another name.
-    file: Option<File>,
-    growing: Growing,
+    file: Option<GrowingFile>,
     heard: Heard,
     collected: Collected,
-    is_damaged: bool,
 }
 
 impl Followed {
     /// Begins at a recording's beginning. The file need not be there yet.
     #[must_use]
     pub fn of(path: PathBuf) -> Self {
-        Self {
-            path,
-            file: None,
-            growing: Growing::default(),
-            heard: Heard::default(),
-            collected: Collected::default(),
-            is_damaged: false,
-        }
+        Self { path, file: None, heard: Heard::default(), collected: Collected::default() }
     }
 
     /// Reads on to the file's end.
@@ -52,30 +38,21 @@ impl Followed {
     ///
     /// The file is there and cannot be read.
     pub fn look(&mut self) -> io::Result<()> {
-        let file = match &self.file {
+        let file = match &mut self.file {
             Some(file) => file,
-            None => match File::open(&self.path) {
+            None => match GrowingFile::open(&self.path) {
                 Ok(file) => self.file.insert(file),
                 Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
                 Err(error) => return Err(error),
             },
         };
-        let mut part = vec![0; AT_A_TIME];
-        while !self.is_damaged {
-            let read = file.read_at(&mut part, self.growing.wanted())?;
-            if read == 0 {
-                break;
-            }
-            let (heard, collected) = (&mut self.heard, &mut self.collected);
-            // What is damaged in it is the reader's matter who reads it when it is over.
-            let goes_on = self.growing.take_all(part.get(..read).unwrap_or(&part), &mut |found| {
-                let _ = heard.take(&found);
-                let _ = collected.take(found);
-            });
-            self.is_damaged = !goes_on;
-            let run = &mut self.collected.run;
-            run.checkpoints.clear();
-            run.senses.drain(..run.senses.len().saturating_sub(1));
+        let (heard, collected) = (&mut self.heard, &mut self.collected);
+        while file.look(&mut |found| {
+            let _ = heard.take(&found);
+            let _ = collected.take(found);
+        })? {
+            collected.run.checkpoints.clear();
+            collected.run.senses.drain(..collected.run.senses.len().saturating_sub(1));
         }
         Ok(())
     }

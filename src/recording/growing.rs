@@ -10,6 +10,11 @@
 //! Where the bytes come from, and what is drawn of them. Senses, checkpoints and all else that a
 //! replay needs: [`super::Run`] reads those.
 
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
 use super::topic::Topic;
 use super::walk::{Found, Rest, Walk};
 use super::{message, points, run};
@@ -58,7 +63,7 @@ impl Growing {
     }
 
     /// The same with everything that is in it.
-    pub(super) fn take_all(&mut self, part: &[u8], found: &mut dyn FnMut(Found<'_>)) -> bool {
+    fn take_all(&mut self, part: &[u8], found: &mut dyn FnMut(Found<'_>)) -> bool {
         self.rest.extend_from_slice(part);
         let done = match self.walk.over(&self.rest, found) {
             (done, Rest::Short(_) | Rest::Damaged) => done,
@@ -67,6 +72,41 @@ impl Growing {
         self.rest.drain(..done);
         self.base += done as u64;
         self.rest.len() <= LONGEST_RECORD
+    }
+}
+
+/// How much is read at a time, bytes: some seconds of a run. A long one is caught up with bit by
+/// bit, which leaves the brick's processor to what drives.
+const AT_A_TIME: u64 = 256 << 10;
+
+/// A recording that another process writes. It lags behind the run by a sync, a second as a rule.
+#[derive(Debug)]
+pub(super) struct GrowingFile {
+    file: File,
+    growing: Growing,
+    is_damaged: bool,
+}
+
+impl GrowingFile {
+    /// Begins at the file's beginning; nothing is read yet.
+    pub(super) fn open(recording: &Path) -> io::Result<Self> {
+        let file = File::open(recording)?;
+        Ok(Self { file, growing: Growing::default(), is_damaged: false })
+    }
+
+    /// Reads on; false where nothing more has come, or can be made of the file. What is damaged is
+    /// the matter of who reads the file when it is whole.
+    pub(super) fn look(&mut self, found: &mut dyn FnMut(Found<'_>)) -> io::Result<bool> {
+        if self.is_damaged {
+            return Ok(false);
+        }
+        let wanted = self.growing.wanted();
+        let there = self.file.metadata()?.len().saturating_sub(wanted).min(AT_A_TIME);
+        let mut part = vec![0; usize::try_from(there).unwrap_or(0)];
+        let read = self.file.read_at(&mut part, wanted)?;
+        part.truncate(read);
+        self.is_damaged = !self.growing.take_all(&part, found);
+        Ok(read > 0)
     }
 }
 

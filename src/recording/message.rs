@@ -110,6 +110,12 @@ impl Quaternion {
         let (z, w) = libm::sincos(yaw_rad / 2.0);
         Self { x: 0.0, y: 0.0, z, w }
     }
+
+    /// The turn about the vertical, radians.
+    #[must_use]
+    pub fn yaw_rad(self) -> f64 {
+        2.0 * libm::atan2(self.z, self.w)
+    }
 }
 
 /// `geometry_msgs/Pose`.
@@ -118,6 +124,14 @@ impl Quaternion {
 pub struct Pose3 {
     pub position: Vector3,
     pub orientation: Quaternion,
+}
+
+/// `geometry_msgs/PoseStamped`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the definition's own names")]
+pub struct PoseStamped {
+    pub header: Header,
+    pub pose: Pose3,
 }
 
 /// `geometry_msgs/Twist`.
@@ -130,6 +144,23 @@ pub struct Twist {
 
 /// A 6×6 matrix over x, y, z and the rotations about X, Y, Z, row by row.
 pub type Covariance = [[f64; 6]; 6];
+
+/// Variance of what a robot on a floor cannot do (lift off, tip over), m² and rad²: nearly none,
+/// but not zero, which filters take for "unknown".
+pub(super) const PLANAR_VARIANCE: f64 = 1e-9;
+
+/// The estimator's xx, xy, xh, yy, yh, hh in ROS's six by six.
+pub(super) fn planar([xx, xy, xh, yy, yh, hh]: [f64; 6]) -> Covariance {
+    let still = PLANAR_VARIANCE;
+    [
+        [xx, xy, 0.0, 0.0, 0.0, xh],
+        [xy, yy, 0.0, 0.0, 0.0, yh],
+        [0.0, 0.0, still, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, still, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, still, 0.0],
+        [xh, yh, 0.0, 0.0, 0.0, hh],
+    ]
+}
 
 /// `nav_msgs/Odometry`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,13 +1,11 @@
 //! How a run is going, read from its recording while another process writes it: for a service that
 //! finds a run and has no pipe to the process that drives.
 
-use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use super::about::{info, names};
-use super::growing::Growing;
+use super::growing::GrowingFile;
 use super::run::{log_line, pose, senses, transition, variables};
 use super::status::{SAYS, Status};
 use super::tick::Level;
@@ -17,15 +15,10 @@ use super::{message, points};
 use crate::behavior::{Capabilities, Mission};
 use crate::senses::Channel;
 
-/// How much is read at a time, bytes: some seconds of a run. A long one is caught up with bit by
-/// bit, which leaves the brick's processor to what drives.
-const AT_A_TIME: u64 = 256 << 10;
-
 /// A recording that is followed. It lags behind the run by a sync, a second as a rule.
 #[derive(Debug)]
 pub struct Progress {
-    file: File,
-    growing: Growing,
+    file: GrowingFile,
     heard: Heard,
 }
 
@@ -45,11 +38,7 @@ impl Progress {
     ///
     /// The file cannot be opened.
     pub fn of(recording: &Path) -> io::Result<Self> {
-        Ok(Self {
-            file: File::open(recording)?,
-            growing: Growing::default(),
-            heard: Heard::default(),
-        })
+        Ok(Self { file: GrowingFile::open(recording)?, heard: Heard::default() })
     }
 
     /// Reads on; how the run is going, where that is news.
@@ -58,20 +47,11 @@ impl Progress {
     ///
     /// The file cannot be read.
     pub fn look(&mut self) -> io::Result<Option<Status>> {
-        let wanted = self.growing.wanted();
-        let there = self.file.metadata()?.len().saturating_sub(wanted).min(AT_A_TIME);
-        let mut part = vec![0; usize::try_from(there).unwrap_or(0)];
-        let read = self.file.read_at(&mut part, wanted)?;
-        if read == 0 {
-            return Ok(None);
-        }
-        part.truncate(read);
         let before = self.heard.status.time_ns;
         let heard = &mut self.heard;
-        // What is damaged in it is the reader's matter who reads it when it is over.
-        self.growing.take_all(&part, &mut |found| {
+        self.file.look(&mut |found| {
             let _ = heard.take(&found);
-        });
+        })?;
         let is_news = self.heard.drives && self.heard.status.time_ns != before;
         Ok(is_news.then(|| self.heard.status.clone()))
     }

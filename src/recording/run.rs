@@ -130,6 +130,8 @@ pub struct Run {
     pub senses: Vec<Senses>,
     /// Each tick's estimate.
     pub poses: Vec<RecordedPose>,
+    /// Where the robot truly was, where it was simulated; ten times a second.
+    pub truth: Vec<Pose>,
     /// The map's points.
     pub points: Vec<MapPoint>,
     /// Transitions of all machines.
@@ -242,6 +244,7 @@ impl Collected {
                 run.senses.push(senses);
             }
             Topic::Pose => run.poses.push(pose(message::decode(data)?)?),
+            Topic::Truth => run.truth.push(truth(&message::decode(data)?)),
             Topic::Points => run.points.extend(points::points(&message::decode(data)?)?),
             Topic::Map => self.map = Some((stamp_ns, grid::grid(message::decode(data)?)?)),
             Topic::Transitions => run.transitions.push(transition(message::decode(data)?)?),
@@ -362,6 +365,11 @@ pub(super) fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
         travelled_m: message.travelled_m,
         range,
     })
+}
+
+fn truth(message: &message::PoseStamped) -> Pose {
+    let message::Pose3 { position, orientation } = message.pose;
+    Pose { x_m: position.x, y_m: position.y, heading_rad: orientation.yaw_rad() }
 }
 
 pub(super) fn transition(message: message::TransitionMessage) -> Option<Transition> {

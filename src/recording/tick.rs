@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{MAX_VARIABLES, Taken};
-use crate::mapping::{Estimate, MapPoint};
+use crate::mapping::{Estimate, MapPoint, Pose};
 use crate::senses::Senses;
 
 /// The longest log line, in bytes; what is beyond is cut off at a character.
@@ -83,6 +83,7 @@ pub(super) enum Entry<S> {
     Variables { tick: u64, time_ns: i64, values: ArrayVec<f64, MAX_VARIABLES> },
     Checkpoint { tick: u64, time_ns: i64, state: S },
     Said { time_ns: i64, text: ArrayString<SAY_BYTES> },
+    Truth { time_ns: i64, pose: Pose },
     Log { time_ns: i64, level: Level, text: LogText },
     Gap(Dropped),
 }
@@ -154,6 +155,11 @@ impl<S> TickSide<S> {
     /// Records what the mission tells people; what is too long is cut.
     pub fn said(&mut self, time_ns: i64, text: &str) {
         self.put(Entry::Said { time_ns, text: fitting(text) });
+    }
+
+    /// Records where a simulated robot truly is.
+    pub fn truth(&mut self, time_ns: i64, pose: Pose) {
+        self.put(Entry::Truth { time_ns, pose });
     }
 
     /// Records a log line.

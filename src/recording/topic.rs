@@ -52,11 +52,13 @@ pub enum Topic {
     Gap = 12,
     /// `/variables`.
     Variables = 13,
+    /// `/truth`.
+    Truth = 14,
 }
 
 impl Topic {
     /// Every topic, by channel number.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Senses,
         Self::Pose,
         Self::Odometry,
@@ -71,6 +73,7 @@ impl Topic {
         Self::Checkpoint,
         Self::Gap,
         Self::Variables,
+        Self::Truth,
     ];
 
     /// The topic's name and its message's type, `package/Name`.
@@ -90,6 +93,7 @@ impl Topic {
             Self::Checkpoint => ("/checkpoint", "onbrick_msgs/Checkpoint"),
             Self::Gap => ("/gap", "onbrick_msgs/Gap"),
             Self::Variables => ("/variables", "onbrick_msgs/Variables"),
+            Self::Truth => ("/truth", "geometry_msgs/PoseStamped"),
         }
     }
 
@@ -212,6 +216,7 @@ definitions! {
     "geometry_msgs" / "Vector3",
     "geometry_msgs" / "Quaternion",
     "geometry_msgs" / "Pose",
+    "geometry_msgs" / "PoseStamped",
     "geometry_msgs" / "PoseWithCovariance",
     "geometry_msgs" / "Twist",
     "geometry_msgs" / "TwistWithCovariance",

@@ -111,7 +111,7 @@ fn grey(cell: i8) -> u8 {
 
 /// Text as a field of CSV (RFC 4180); one that a spreadsheet would take for a formula gets an
 /// apostrophe before it.
-fn csv_text(text: &str) -> String {
+pub(super) fn csv_text(text: &str) -> String {
     let text =
         if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text.to_owned() };
     if text.contains([',', '"', '\n', '\r']) {

@@ -11,9 +11,8 @@
 
 use serde_json::{Value, json};
 
-use super::{PathPoint, Scene, Track, colours, is_single, thinned};
+use super::{PathPoint, Scene, Track, colours, escaped, is_single, thinned};
 use crate::page::inside_script;
-use crate::printable;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -80,9 +79,4 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
 
 fn round(value: f64, digits: f64) -> f64 {
     libm::round(value * digits) / digits
-}
-
-fn escaped(text: &str) -> String {
-    let text = printable::line(text);
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

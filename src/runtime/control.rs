@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use arrayvec::{ArrayString, ArrayVec};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::behavior::demands::SAY_BYTES;
+use crate::behavior::demands::{Led, SAY_BYTES};
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
 use crate::clock::Clock;
 use crate::ev3dev::StopAction;
@@ -24,6 +24,7 @@ use crate::robot::Robot;
 use crate::senses::{Channel, Senses};
 
 use super::battery::Charge;
+use super::environment::SeeTruth;
 use super::pilot::{ChangedVariables, Pilot, PilotState, Step};
 use super::{Heartbeat, Job, Lock, Pulse, StopBy, StopReason, WhenAbandoned};
 use crate::recording::{Level, MAX_LOG_BYTES, STALL_NS, TickRecord, TickSide};
@@ -151,7 +152,6 @@ pub struct Tally {
 }
 
 /// A run in motion.
-#[derive(Debug)]
 pub struct Control<'r> {
     /// What senses and acts.
     pub robot: &'r mut Robot,
@@ -169,36 +169,63 @@ pub struct Control<'r> {
     pub guard: Option<Pulse>,
     /// The tick's period, nanoseconds.
     pub period_ns: i64,
+    /// How things truly are, in a simulation.
+    pub truth: Option<&'r SeeTruth>,
     /// What was counted so far.
     pub tally: Tally,
 }
 
-/// How often a mission's text is told at most, nanoseconds: people and recordings need no more.
-const SAID_NS: i64 = 200_000_000;
+impl fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Control").field("tally", &self.tally).finish_non_exhaustive()
+    }
+}
 
-/// What a mission tells people, so that each text is told once.
-#[derive(Debug, Default)]
-struct Said {
-    text: Option<ArrayString<SAY_BYTES>>,
+/// How often a mission tells by one means at most, nanoseconds: people need no more.
+const TOLD_NS: i64 = 200_000_000;
+
+/// How often it is recorded where a simulated robot truly is, nanoseconds.
+const TRUTH_NS: i64 = 100_000_000;
+
+/// What a mission tells people by one means, so that each is told once.
+#[derive(Debug)]
+struct Told<T> {
+    value: Option<T>,
     is_told: bool,
     told_ns: Option<i64>,
 }
 
-impl Said {
-    /// The text that is to be told now; the last one is told in any case.
-    fn next(&mut self, demands: &Demands, now_ns: i64, is_last: bool) -> Option<&str> {
-        if demands.say.is_some() && demands.say != self.text {
-            self.text = demands.say;
+// Not derived, which would ask for a `Default` of what is told.
+impl<T> Default for Told<T> {
+    fn default() -> Self {
+        Self { value: None, is_told: false, told_ns: None }
+    }
+}
+
+impl<T: Copy + PartialEq> Told<T> {
+    /// What is to be told now; the last is told in any case.
+    fn next(&mut self, value: Option<T>, now_ns: i64, is_last: bool) -> Option<T> {
+        if value.is_some() && value != self.value {
+            self.value = value;
             self.is_told = false;
         }
-        let is_due = self.told_ns.is_none_or(|told_ns| now_ns - told_ns >= SAID_NS);
+        let is_due = self.told_ns.is_none_or(|told_ns| now_ns - told_ns >= TOLD_NS);
         if self.is_told || !(is_due || is_last) {
             return None;
         }
-        let text = self.text.as_deref()?;
+        let value = self.value?;
         (self.is_told, self.told_ns) = (true, Some(now_ns));
-        Some(text)
+        Some(value)
     }
+}
+
+/// What a mission says, shows and sounds.
+#[derive(Debug, Default)]
+struct Telling {
+    say: Told<ArrayString<SAY_BYTES>>,
+    led: Told<Led>,
+    /// Hertz; silence is none.
+    tone: Told<Option<u32>>,
 }
 
 /// Transitions of one tick: one a machine, and one more where the runtime moved it.
@@ -226,7 +253,8 @@ impl Control<'_> {
         let mut paused = None;
         let mut charge = Charge::Good;
         let mut variables = ChangedVariables::default();
-        let mut said = Said::default();
+        let mut telling = Telling::default();
+        let mut truth_ns = 0;
         loop {
             let now_ns = self.wait(deadline_ns);
             let late_ns = now_ns - deadline_ns;
@@ -254,8 +282,13 @@ impl Control<'_> {
                 paused = step.paused;
                 self.log_pause(paused);
             }
-            if let Some(text) = said.next(&demands, senses.time_ns, step.end.is_some()) {
-                self.recorder.said(senses.time_ns, text);
+            self.tell(&mut telling, &demands, senses.time_ns, step.end.is_some());
+            if let Some(truth) = self.truth
+                && senses.time_ns >= truth_ns
+                && let Some(truth) = truth()
+            {
+                truth_ns = senses.time_ns + TRUTH_NS;
+                self.recorder.truth(senses.time_ns, truth.pose);
             }
             if let Some(reason) = step.end {
                 return reason;
@@ -323,6 +356,25 @@ impl Control<'_> {
         let travelled_m = estimate.travelled_m;
         self.tally = Tally { ticks: senses.tick + 1, time_ns, points, travelled_m, ..self.tally };
         step
+    }
+
+    fn tell(&mut self, telling: &mut Telling, demands: &Demands, now_ns: i64, is_last: bool) {
+        if let Some(text) = telling.say.next(demands.say, now_ns, is_last) {
+            self.recorder.said(now_ns, &text);
+        }
+        if let Some(led) = telling.led.next(demands.led, now_ns, is_last) {
+            let word = Led::WORDS.iter().find(|row| row.1 == led).map_or("", |row| row.0);
+            self.log(Level::Info, format_args!("lights: {word}"));
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a cast from float saturates"
+        )]
+        let tone_hz = demands.tone_hz.map(|hz| libm::round(hz) as u32);
+        if let Some(Some(hz)) = telling.tone.next(Some(tone_hz), now_ns, is_last) {
+            self.log(Level::Info, format_args!("tone: {hz} Hz"));
+        }
     }
 
     fn log_pause(&mut self, paused: Option<Channel>) {

@@ -167,6 +167,7 @@ pub fn execute(
         heartbeat,
         guard: (job.lock == Lock::Inherited).then(|| Pulse::new(Arc::clone(&flags.guard_beats))),
         period_ns: period_ns(&mission),
+        truth: environment.truth.as_deref(),
         tally: Tally::default(),
     };
     // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
@@ -300,7 +301,7 @@ fn record(
         .map_err(|source| failed(RecordError { doing: "create the file", source }))?;
     let start = Start {
         run: job.run.clone(),
-        brick: config.name.clone(),
+        brick: job.name.clone().unwrap_or_else(|| config.name.clone()),
         mission: mission.name().to_owned(),
         robot_toml: job.robot.text.clone(),
         mission_toml: job.mission.text.clone(),

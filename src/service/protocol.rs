@@ -96,6 +96,19 @@ impl RunId {
         if fits { Ok(Self(text.to_owned())) } else { Err(NoRunId) }
     }
 
+    /// The identifier of a mission's run: the mission's name, in the letters that an identifier has
+    /// and cut where that is needed, and what no other run has.
+    ///
+    /// # Errors
+    ///
+    /// `unique` is too long, or has other signs in it.
+    pub fn of_mission(mission: &str, unique: &str) -> Result<Self, NoRunId> {
+        let room = Self::MAX_BYTES.saturating_sub(unique.len() + 1);
+        let plain = |sign: char| if sign.is_ascii_alphanumeric() { sign } else { '-' };
+        let name: String = mission.trim().chars().take(room).map(plain).collect();
+        Self::new(&format!("{name}-{unique}"))
+    }
+
     /// The text.
     #[must_use]
     pub fn as_str(&self) -> &str {

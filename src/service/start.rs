@@ -326,6 +326,7 @@ impl Service {
             sync_ns: self.inner.config.sync_ns,
             stamps_ns: 0,
             run: Some(run.to_string()),
+            name: Some(self.inner.name.to_string()),
             when_abandoned: self.inner.config.when_service_dies,
             lock: Lock::default(),
         }

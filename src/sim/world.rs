@@ -148,6 +148,19 @@ impl World {
         &self.outlines
     }
 
+    /// The corners of the blocks, metres; their outlines are among the others.
+    pub fn blocks(&self) -> impl Iterator<Item = Vec<[f64; 2]>> {
+        self.solids
+            .iter()
+            .map(|corners| corners.iter().map(|corner| [corner.x, corner.y]).collect())
+    }
+
+    /// The corners of the floor, metres; empty for one without an edge.
+    #[must_use]
+    pub fn edge(&self) -> Vec<[f64; 2]> {
+        self.floor.table.iter().map(|corner| [corner.x, corner.y]).collect()
+    }
+
     /// Distance from a place to the nearest surface, in metres: how far off a map's point is.
     /// Infinite in a world without surfaces.
     #[must_use]

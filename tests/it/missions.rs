@@ -91,6 +91,7 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
         sync_ns: SECOND_NS,
         stamps_ns: 0,
         run: None,
+        name: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     }

@@ -7,7 +7,7 @@ use std::process::Command;
 use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::recording::{Grid, Run};
 use onbrick::report::export::NamedRecording;
-use onbrick::report::{CloudPoint, PathPoint, Scene, Track, export, plot};
+use onbrick::report::{CloudPoint, FloorMark, PathPoint, Scene, Track, export, plot};
 
 use crate::recording::decoder::python;
 use crate::recording::sample::{grid, sample, tick, walls};
@@ -21,6 +21,7 @@ fn one() -> Scene {
         title: "mapper: map <the room> & back".to_owned(),
         tracks: vec![track],
         outlines: vec![walls(), block],
+        ..Scene::default()
     }
 }
 
@@ -71,7 +72,7 @@ fn pixels(bytes: &[u8]) -> (usize, Vec<[u8; 3]>) {
 }
 
 #[test]
-fn a_png_has_red_points_a_green_path_and_grey_walls() {
+fn a_png_has_vermilion_points_a_blue_path_and_grey_walls() {
     let scene = one();
     let started_ns = MonotonicClock.now_ns();
     let bytes = plot::png(&scene).unwrap();
@@ -81,10 +82,87 @@ fn a_png_has_red_points_a_green_path_and_grey_walls() {
     let (width, pixels) = pixels(&bytes);
     assert_eq!(width, 1200);
     let count = |wanted: [u8; 3]| pixels.iter().filter(|pixel| **pixel == wanted).count();
-    let (red, green, grey) =
-        (count([0xd6, 0x2a, 0x2f]), count([0x1a, 0x93, 0x4a]), count([0x9a, 0xa1, 0xa9]));
-    println!("{red} red, {green} green, {grey} grey of {} pixels", pixels.len());
-    assert!(red > 2_000 && green > 1_000 && grey > 5_000, "{red} {green} {grey}");
+    let (red, blue, grey) =
+        (count([0xd5, 0x5e, 0x00]), count([0x00, 0x72, 0xb2]), count([0x9a, 0xa1, 0xa9]));
+    println!("{red} vermilion, {blue} blue, {grey} grey of {} pixels", pixels.len());
+    assert!(red > 2_000 && blue > 1_000 && grey > 5_000, "{red} {blue} {grey}");
+}
+
+#[test]
+fn blocks_that_touch_have_one_outline_and_robots_on_one_path_are_both_seen() {
+    let square = |x: f64| vec![[x, 0.0], [x + 0.4, 0.0], [x + 0.4, 0.4], [x, 0.4]];
+    let outline = |x: f64| {
+        let mut corners = square(x);
+        corners.push(corners[0]);
+        corners
+    };
+    let count = |scene: &Scene, wanted: [u8; 3], within: u8| {
+        let (_, pixels) = pixels(&plot::png(scene).unwrap());
+        // At its rim a shape is mixed with what it lies on.
+        let is_like = |pixel: &&[u8; 3]| {
+            pixel.iter().zip(wanted).all(|(part, wanted)| part.abs_diff(wanted) <= within)
+        };
+        pixels.iter().filter(is_like).count()
+    };
+    let mut scene = Scene {
+        outlines: vec![outline(0.0), outline(0.4)],
+        blocks: vec![square(0.0), square(0.4)],
+        ..Scene::default()
+    };
+    let wall = [0x9a, 0xa1, 0xa9];
+    let together = count(&scene, wall, 0);
+    scene.blocks.clear();
+    assert!(together > 500 && together < count(&scene, wall, 0) / 2, "{together} grey pixels");
+    // Two robots that drove and found the same.
+    let path = [0.1, 0.7].map(|x_m| PathPoint { time_s: x_m, x_m, y_m: 0.2, heading_rad: 0.0 });
+    let track = Track {
+        path: path.to_vec(),
+        points: vec![CloudPoint { time_s: 0.0, x_m: 0.4, y_m: 0.3 }],
+        ..Track::default()
+    };
+    scene.tracks = vec![track; 2];
+    let colours = [[0x00, 0x40, 0x64], [0x81, 0x58, 0x00], [0x00, 0x72, 0xb2], [0xe6, 0x9f, 0x00]];
+    let seen = colours.map(|colour| count(&scene, colour, 40));
+    for track in &mut scene.tracks {
+        // The same place, so that the picture keeps its scale.
+        track.path.truncate(1);
+        track.points.clear();
+    }
+    for (colour, seen) in colours.into_iter().zip(seen) {
+        let legend = count(&scene, colour, 40);
+        assert!(seen > legend + 4, "{colour:?}: {seen} pixels, {legend} of them in the legend");
+    }
+}
+
+#[test]
+fn a_floor_has_its_marks_and_its_edge_and_the_true_path_is_dashed() {
+    let mut scene = one();
+    let without = plot::svg(&scene).unwrap();
+    scene.edges = vec![vec![[-1.0, -1.0], [1.5, -1.0], [1.5, 1.0], [-1.0, 1.0]]];
+    scene.marks = vec![FloorMark {
+        points: vec![[0.0, 0.0], [0.2, 0.0], [0.2, 0.2]],
+        width_m: None,
+        closed: true,
+        colour: [0xff, 0x00, 0x00],
+    }];
+    scene.tracks[0].truth = scene.tracks[0].path.iter().map(|p| [p.x_m + 0.02, p.y_m]).collect();
+    let with = plot::svg(&scene).unwrap();
+    keep("floor.svg", with.as_bytes());
+    for word in ["true path", "edge of the floor"] {
+        assert!(with.contains(&format!("\n{word}\n")) && !without.contains(word), "{word}");
+    }
+    assert!(with.contains("fill=\"#FF8080\"") || with.contains("fill=\"#FF7F7F\""), "a pale red");
+    let lines = |svg: &str| svg.matches("<polyline").count();
+    assert!(lines(&with) > lines(&without) + 20, "{} {}", lines(&with), lines(&without));
+}
+
+#[test]
+fn a_pdf_is_a_page_with_the_font_inside() {
+    let bytes = plot::pdf(&one()).unwrap();
+    keep("one.pdf", &bytes);
+    let text = String::from_utf8_lossy(&bytes);
+    assert!(text.starts_with("%PDF-1.") && text.trim_end().ends_with("%%EOF"));
+    assert!(text.contains("Ubuntu-Light") && text.contains("/MediaBox [0 0 800 "));
 }
 
 #[test]
@@ -107,7 +185,7 @@ fn a_cut_recording_is_still_a_picture_and_the_page_says_so() {
     let run = Run::read(&bytes[..bytes.len() / 2]).unwrap();
     let track = Track::of_run(&run, "run");
     assert!(track.path.len() > 100, "{}", track.path.len());
-    let scene = Scene { title: "cut".to_owned(), tracks: vec![track], outlines: Vec::new() };
+    let scene = Scene { title: "cut".to_owned(), tracks: vec![track], ..Scene::default() };
     assert!(plot::svg(&scene).unwrap().contains("<circle"));
     assert!(plot::html(&scene).contains("the file was cut after"));
 }

@@ -205,6 +205,7 @@ fn a_tick_allocates_nothing_after_the_first() {
         heartbeat: &mut heartbeat,
         guard: None,
         period_ns: 20_000_000,
+        truth: None,
         tally: Tally::default(),
     };
     assert_eq!(control.drive(), StopReason::Finished);

@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::scene::{draw, scene_of};
 use crate::cli::common::{
-    LoadedRun, Progress, draw, environment, load_mission, load_robot, load_world, open_run,
-    scene_of, shipped_mission, stamps_ns,
+    LoadedRun, Progress, environment, load_mission, load_robot, load_world, open_run,
+    shipped_mission, stamps_ns,
 };
+use crate::cli::folder::RunFolder;
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
 use crate::mapping::stats;
@@ -21,9 +23,10 @@ use crate::units::{degrees, wrap_rad};
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
-    /// The folder for run.mcap, map.svg, map.png, points.csv and path.csv.
-    #[arg(long, default_value = "onbrick-demo")]
-    out: PathBuf,
+    /// The folder for run.mcap, map.svg, map.png, points.csv and path.csv; without it onbrick-demo,
+    /// or the next free one, onbrick-demo-2.
+    #[arg(long)]
+    out: Option<PathBuf>,
     /// The room: a world's file, or the name of a built-in one.
     #[arg(long, default_value = "arena")]
     world: PathBuf,
@@ -52,16 +55,30 @@ struct Quality {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let job = job(arguments, output)?;
-    std::fs::create_dir_all(&arguments.out).map_err(|error| {
-        Failure::from_error(
-            Exit::Refused,
-            &format!("cannot make {}", arguments.out.display()),
-            &error,
-        )
-        .hint("--out with a folder that can be written to")
-    })?;
+    let (world, start) = load_world(&arguments.world)?;
     let robot = load_robot(None, output)?;
+    let folder = RunFolder::of_demo(arguments.out.as_deref())?;
+    let job = Job {
+        mission: Source {
+            name: "map.toml".to_owned(),
+            text: shipped_mission("map").unwrap_or_default().to_owned(),
+        },
+        robot: robot.source,
+        brick: Brick::Simulated {
+            world: world.clone(),
+            seed: arguments.seed,
+            realtime: arguments.realtime,
+        },
+        start,
+        set: vec![("time_limit_s".to_owned(), arguments.seconds)],
+        file: folder.file(),
+        sync_ns: SECOND_NS,
+        stamps_ns: stamps_ns(output),
+        run: None,
+        name: None,
+        when_abandoned: WhenAbandoned::Stop,
+        lock: Lock::Take,
+    };
     let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let mut limited = mission.clone();
@@ -76,15 +93,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         execute(&job, environment, &flags, &mut NoHeartbeat, move |event| shown.show(event))
     });
     progress.finish();
-    let ended = ended
-        .map_err(|refused| Failure::of_refused(refused.stop().to_string(), refused.way_out()))?;
+    let ended = ended.map_err(|refused| {
+        folder.take_back();
+        Failure::of_refused(refused.stop().to_string(), refused.way_out())
+    })?;
     output.line(ended.to_string());
     let loaded = open_run(&job.file)?;
-    let Brick::Simulated { world, .. } = &job.brick else {
-        return Err(Failure::new(Exit::Failed, "a demo runs on a simulated brick"));
-    };
-    draw(&arguments.out, &scene_of(std::slice::from_ref(&loaded), None))?;
-    let quality = quality(&loaded, world)?;
+    draw(&folder.path, &scene_of(std::slice::from_ref(&loaded), None))?;
+    let quality = quality(&loaded, &world)?;
     output.show(
         format!(
             "{} points: {}\n\
@@ -95,7 +111,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             quality.pose_error_m * 100.0,
             quality.heading_error_deg,
             quality.travelled_m,
-            arguments.out.display()
+            folder.path.display()
         ),
         &quality,
     );
@@ -127,24 +143,6 @@ fn seconds(text: &str) -> Result<f64, String> {
     } else {
         Err("it can be 1 to 36000".to_owned())
     }
-}
-
-fn job(arguments: &Arguments, output: &mut Output) -> Result<Job, Failure> {
-    let (world, start) = load_world(&arguments.world)?;
-    let text = shipped_mission("map").unwrap_or_default().to_owned();
-    Ok(Job {
-        mission: Source { name: "map.toml".to_owned(), text },
-        robot: load_robot(None, output)?.source,
-        brick: Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime },
-        start,
-        set: vec![("time_limit_s".to_owned(), arguments.seconds)],
-        file: arguments.out.join("run.mcap"),
-        sync_ns: SECOND_NS,
-        stamps_ns: stamps_ns(output),
-        run: None,
-        when_abandoned: WhenAbandoned::Stop,
-        lock: Lock::Take,
-    })
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {

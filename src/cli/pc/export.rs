@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::common::{LoadedRun, open_run, scene_of, write_file};
+use super::scene::scene_of;
+use crate::cli::common::{LoadedRun, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::printable::with_causes;
 use crate::recording::Grid;
-use crate::report::export;
+use crate::report::timeline::{self, Timeline};
+use crate::report::{Track, export};
 
 /// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
 /// open.
@@ -20,8 +22,9 @@ pub(in crate::cli) struct Arguments {
     /// Recordings.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// csv: points.csv and path.csv; ply: points.ply; pgm: map.pgm and map.yaml, the occupancy
-    /// grid.
+    /// csv: points.csv, path.csv, and signals.csv, a row a tick with all signals, what was
+    /// demanded, and the machines' states; ply: points.ply; pgm: map.pgm and map.yaml, the
+    /// occupancy grid.
     #[arg(long)]
     format: Format,
     /// The folder to write to.
@@ -40,10 +43,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
     let tracks = scene_of(&runs, None).tracks;
     let files: Vec<(&str, Vec<u8>)> = match arguments.format {
-        Format::Csv => vec![
-            ("points.csv", export::points_csv(&tracks).into_bytes()),
-            ("path.csv", export::path_csv(&tracks).into_bytes()),
-        ],
+        Format::Csv => {
+            let mut files = vec![
+                ("points.csv", export::points_csv(&tracks).into_bytes()),
+                ("path.csv", export::path_csv(&tracks).into_bytes()),
+            ];
+            let timelines = timelines(&runs, &tracks);
+            if !timelines.is_empty() {
+                files.push(("signals.csv", timeline::csv(&timelines).into_bytes()));
+            }
+            files
+        }
         Format::Ply => vec![("points.ply", export::ply(&tracks).into_bytes())],
         Format::Pgm => {
             let grid = grid(&runs)?;
@@ -70,6 +80,18 @@ fn write_all(
         output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
     }
     Ok(())
+}
+
+/// The runs over time; one that cannot be replayed is left out, and said so.
+fn timelines(runs: &[LoadedRun], tracks: &[Track]) -> Vec<Timeline> {
+    let one = |(loaded, track): (&LoadedRun, &Track)| {
+        let timeline = Timeline::of_run(&loaded.run);
+        let timeline = timeline.map_err(|error| {
+            log::warn!("{}: not in signals.csv: {}", loaded.name, with_causes(&error));
+        });
+        Some(Timeline { robot: track.name.clone(), ..timeline.ok()? })
+    };
+    runs.iter().zip(tracks).filter_map(one).collect()
 }
 
 /// The occupancy grid of one run: as it was recorded, or where that does not have all, made again

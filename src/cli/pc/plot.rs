@@ -2,24 +2,34 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::common::{open_run, scene_of, write_file};
+use super::scene::scene_of;
+use crate::cli::common::{LoadedRun, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
-use crate::report::plot;
+use crate::report::chart::Chart;
+use crate::report::timeline::Timeline;
+use crate::report::{PlotError, Scene, plot};
 
-/// Draw one or several runs: points red, paths green, walls grey where they are known.
+/// Draw one or several runs as a map: paths and points, and what is known of the room; or one run's
+/// signals over time.
 ///
 /// Examples:
 ///   onbrick plot onbrick-demo/run.mcap -o map.svg
 ///   onbrick plot left.mcap right.mcap -o both.html
+///   onbrick plot run.mcap --signals range_m,heading_deg,found -o signals.svg
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
     /// Recordings.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// The picture: .svg, .png, or .html for a page with zoom and a time slider.
+    /// The picture: .svg, .png, .pdf, or .html for a page with zoom and a time slider.
     #[arg(short, long)]
     output: PathBuf,
+    /// Draw these signals over time instead of the map, with the machines' states and what
+    /// happened: names as in conditions (range_m), variables, what was demanded (do.left_dps);
+    /// separated by commas.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    signals: Vec<String>,
     /// What stands above it.
     #[arg(long)]
     title: Option<String>,
@@ -28,14 +38,11 @@ pub(in crate::cli) struct Arguments {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let kind = Kind::of(&arguments.output)?;
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
-    let scene = scene_of(&runs, arguments.title.as_deref());
-    let failed =
-        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
-    let bytes = match kind {
-        Kind::Svg => plot::svg(&scene).map_err(|error| failed(&error))?.into_bytes(),
-        Kind::Png => plot::png(&scene).map_err(|error| failed(&error))?,
-        Kind::Html => plot::html(&scene).into_bytes(),
+    let bytes = match &arguments.signals[..] {
+        [] => map(kind, &scene_of(&runs, arguments.title.as_deref())),
+        names => chart(kind, &runs, names, arguments.title.as_deref())?,
     };
+    let bytes = bytes.map_err(|error| Failure::from_error(Exit::Failed, "cannot draw", &error))?;
     write_file(&arguments.output, &bytes)?;
     output.show(
         format!("wrote {}", arguments.output.display()),
@@ -44,11 +51,46 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     Ok(())
 }
 
+fn map(kind: Kind, scene: &Scene) -> Result<Vec<u8>, PlotError> {
+    match kind {
+        Kind::Svg => plot::svg(scene).map(String::into_bytes),
+        Kind::Png => plot::png(scene),
+        Kind::Pdf => plot::pdf(scene),
+        Kind::Html => Ok(plot::html(scene).into_bytes()),
+    }
+}
+
+fn chart(
+    kind: Kind,
+    runs: &[LoadedRun],
+    names: &[String],
+    title: Option<&str>,
+) -> Result<Result<Vec<u8>, PlotError>, Failure> {
+    let [loaded] = runs else {
+        return Err(Failure::new(Exit::Usage, "signals are drawn of one run")
+            .hint("once for each run, with -o for each"));
+    };
+    let doing = format!("cannot replay {}", loaded.name);
+    let timeline = Timeline::of_run(&loaded.run)
+        .map_err(|error| Failure::from_error(Exit::Failed, &doing, &error))?;
+    let signals = timeline
+        .named(names)
+        .map_err(|error| Failure::new(Exit::Usage, error.to_string()).hint(error.hint))?;
+    let chart = Chart::new(&timeline, &signals, title);
+    Ok(match kind {
+        Kind::Svg => chart.svg().map(String::into_bytes),
+        Kind::Png => chart.png(),
+        Kind::Pdf => chart.pdf(),
+        Kind::Html => chart.html().map(String::into_bytes),
+    })
+}
+
 /// What kind of picture a file's name asks for.
 #[derive(Debug, Clone, Copy)]
 enum Kind {
     Svg,
     Png,
+    Pdf,
     Html,
 }
 
@@ -58,12 +100,13 @@ impl Kind {
         match ending.as_deref() {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
+            Some("pdf") => Ok(Self::Pdf),
             Some("html") => Ok(Self::Html),
             _ => Err(Failure::new(
                 Exit::Usage,
                 format!("what kind of picture is {}?", file.display()),
             )
-            .hint("a name that ends in .svg, .png or .html")),
+            .hint("a name that ends in .svg, .png, .pdf or .html")),
         }
     }
 }

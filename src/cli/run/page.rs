@@ -11,8 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
 use super::super::common::Progress;
+use super::super::folder::next_to;
 use super::super::{Exit, Failure, Output};
-use super::{Arguments, Prepared, conclude, follow, numbered, prepare, start};
+use super::{Arguments, Prepared, conclude, follow, prepare, start};
 use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, PacedClock};
 use crate::ev3dev::{Access, Tree};
@@ -55,7 +56,7 @@ pub(super) fn run(port: u16, arguments: &Arguments, output: &mut Output) -> Resu
     }
     while hand.wait() {
         // The files are read again: they may have been changed since.
-        let out = arguments.out.as_deref().map(|out| numbered(out, 2));
+        let out = arguments.out.as_deref().map(next_to);
         result = prepare(arguments, out.as_deref(), output)
             .and_then(|next| shown(next, arguments, &board, &hand, output));
         if let Err(failure) = &result {

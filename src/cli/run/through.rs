@@ -12,7 +12,7 @@ use signal_hook::iterator::Signals;
 use super::super::common::{Progress, read_mission};
 use super::super::serve::load_config;
 use super::super::{Exit, Failure, Output};
-use super::{Arguments, Folder};
+use super::{Arguments, Happenings, RunFolder};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
 use crate::runtime::Event;
@@ -99,11 +99,13 @@ pub(super) fn run(
     // Before anything starts: a signal to this process means the run.
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
-    let run = new_id()?;
-    // Findings are the service's matter; here the mission only gives the bar its length.
+    // Findings are the service's matter; here the mission gives the run its name, and the bar its
+    // length.
     let mission = Mission::parse(&source.name, source.text.as_bytes(), &Capabilities::all()).ok();
-    let name = mission.as_ref().map_or("run", |(mission, _)| mission.name());
-    let folder = arguments.out.as_deref().map(|out| Folder::make(Some(out), name)).transpose()?;
+    let name = mission.as_ref().map_or("mission", |(mission, _)| mission.name());
+    let run = new_id(name)?;
+    let folder = arguments.out.as_deref();
+    let folder = folder.map(|out| RunFolder::of_mission(Some(out), name)).transpose()?;
     let start = Start {
         run: run.clone(),
         mission: Chosen::Text(source.text),
@@ -114,17 +116,21 @@ pub(super) fn run(
     let started: Result<Started, ClientError> =
         living.client.ask_own(&LocalOnly::StartHere(start), PATIENCE);
     started.map_err(|error| {
-        folder.iter().for_each(Folder::take_back);
+        folder.iter().for_each(RunFolder::take_back);
         failure("the run did not start", &error)
     })?;
     let progress = mission.as_ref().map(|(mission, _)| Progress::new(mission, output));
+    let recording = living.config.runs.join(run.as_str()).join("run.mcap");
+    let mut happenings = Happenings::of(recording);
     let last = follow(&mut living.client, &run, &mut signals, |event| {
         output.value(event);
+        happenings.tell(output);
         if let Some(progress) = &progress {
             progress.show(event);
         }
     });
     progress.iter().for_each(Progress::finish);
+    happenings.tell(output);
     finish(living, &run, last?, folder.as_ref(), output)
 }
 
@@ -152,14 +158,14 @@ fn finish(
     mut living: Living,
     run: &RunId,
     last: LastStop,
-    folder: Option<&Folder>,
+    folder: Option<&RunFolder>,
     output: &mut Output,
 ) -> Result<(), Failure> {
     let runs: Runs =
         living.client.ask(&Request::Runs, PATIENCE).map_err(|error| failure("the run", &error))?;
     let Some(info) = runs.runs.into_iter().find(|info| &info.run == run) else {
         // It did not start, so nothing was recorded.
-        folder.into_iter().for_each(Folder::take_back);
+        folder.into_iter().for_each(RunFolder::take_back);
         return if last.is_wanted() { Ok(()) } else { Err(Failure::refused(last.to_string())) };
     };
     let file = match folder {
@@ -231,8 +237,8 @@ fn follow(
 const HASHED_NS: i64 = 10 * SECOND_NS;
 
 /// Brings the recording to where it was asked for.
-fn bring(client: &mut Client, info: &RunInfo, folder: &Folder) -> Result<PathBuf, Failure> {
-    let path = folder.path.join("run.mcap");
+fn bring(client: &mut Client, info: &RunInfo, folder: &RunFolder) -> Result<PathBuf, Failure> {
+    let path = folder.file();
     let failed = |error: &dyn std::error::Error| {
         Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), error)
     };
@@ -277,9 +283,9 @@ fn bring(client: &mut Client, info: &RunInfo, folder: &Folder) -> Result<PathBuf
     }
 }
 
-/// An identifier that no run had before: the time, to the nanosecond, and this process.
-fn new_id() -> Result<RunId, Failure> {
-    RunId::new(&format!("here-{:x}-{:x}", wall_ns(), std::process::id()))
+/// An identifier that no run had before: the mission, the time to the nanosecond, this process.
+fn new_id(mission: &str) -> Result<RunId, Failure> {
+    RunId::of_mission(mission, &format!("{:x}-{:x}", wall_ns(), std::process::id()))
         .map_err(|error| Failure::from_error(Exit::Failed, "the run", &error))
 }
 

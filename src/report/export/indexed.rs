@@ -17,8 +17,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::recording::message::{
-    Header, LogMessage, OccupancyGridMessage, Odometry, PointCloud2, RangeMessage, TfMessage,
-    decode, encode,
+    Header, LogMessage, OccupancyGridMessage, Odometry, PointCloud2, PoseStamped, RangeMessage,
+    TfMessage, decode, encode,
 };
 use crate::recording::{FRAME_MAP, Found, ReadError, Run, Topic, sealed, walk};
 
@@ -219,6 +219,7 @@ impl Destination<'_> {
                 self.head(&mut map.header);
                 map.map_load_time = map.map_load_time.later(self.shift_ns);
             }),
+            Topic::Truth => change::<PoseStamped>(data, |truth| self.head(&mut truth.header)),
             Topic::Log => {
                 change::<LogMessage>(data, |log| log.stamp = log.stamp.later(self.shift_ns))
             }

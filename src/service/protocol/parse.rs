@@ -256,6 +256,13 @@ mod tests {
             assert!(RunId::new(bad).is_err(), "{bad}");
         }
         assert_eq!(RunId::new("map-1_X").unwrap().as_str(), "map-1_X");
+        for (mission, name) in
+            [("four walls", "four-walls-7f-1"), ("zähle", "z-hle-7f-1"), ("", "-7f-1")]
+        {
+            assert_eq!(RunId::of_mission(mission, "7f-1").unwrap().as_str(), name);
+        }
+        let long = RunId::of_mission(&"x".repeat(200), "7f-1").unwrap();
+        assert_eq!(long.as_str(), format!("{}-7f-1", "x".repeat(RunId::MAX_BYTES - 5)));
     }
 
     proptest::proptest! {

@@ -34,6 +34,7 @@ pub(crate) fn job(mission: &str, brick: &str, file: &str) -> Result<(), Box<dyn 
         sync_ns: SECOND_NS,
         stamps_ns: 0,
         run: None,
+        name: None,
         when_abandoned: WhenAbandoned::GoOn,
         lock: Lock::Take,
     };

@@ -592,6 +592,7 @@ fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording()
         sync_ns: 1_000_000_000,
         stamps_ns: 0,
         run: None,
+        name: None,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };

@@ -50,9 +50,12 @@ fn folder() -> tempfile::TempDir {
 #[test]
 fn plot_draws_one_run_and_several_in_every_format() {
     let folder = folder();
-    for (ending, begins) in
-        [("svg", &b"<svg"[..]), ("png", b"\x89PNG"), ("html", b"<!DOCTYPE html>")]
-    {
+    for (ending, begins) in [
+        ("svg", &b"<svg"[..]),
+        ("png", b"\x89PNG"),
+        ("pdf", b"%PDF-"),
+        ("html", b"<!DOCTYPE html>"),
+    ] {
         for (runs, name) in [(&["left.mcap"][..], "one"), (&["left.mcap", "right.mcap"], "both")] {
             let file = format!("{name}.{ending}");
             let arguments = [&["plot"], runs, &["-o", &file]].concat();
@@ -73,10 +76,87 @@ fn plot_draws_one_run_and_several_in_every_format() {
 }
 
 #[test]
+fn plot_draws_signals_with_states_and_what_happened_in_every_format() {
+    let folder = folder();
+    for (ending, begins) in [
+        ("svg", &b"<svg"[..]),
+        ("png", b"\x89PNG"),
+        ("pdf", b"%PDF-"),
+        ("html", b"<!doctype html>"),
+    ] {
+        let file = format!("signals.{ending}");
+        let signals = ["--signals", "range_m,heading_deg,x_m,do.left_dps"];
+        let arguments = [&["plot", "left.mcap", "-o", &file][..], &signals].concat();
+        let said = run(folder.path(), &arguments).expect(0);
+        assert_eq!((said.out, said.err), (format!("wrote {file}\n"), String::new()));
+        let drawn = std::fs::read(folder.path().join(&file)).unwrap();
+        let begins = begins.to_ascii_lowercase();
+        assert!(drawn.to_ascii_lowercase().starts_with(&begins), "{file}");
+    }
+    let svg = std::fs::read_to_string(folder.path().join("signals.svg")).unwrap();
+    for word in ["mapper: map", "drive", "look", "forward", "x_m   in m", "heading_deg   in °"] {
+        assert!(svg.contains(&format!("\n{word}\n")), "`{word}` is not in the picture");
+    }
+    assert!(svg.contains("time in seconds") && !svg.contains("x in metres"));
+    // A name that is not known: the nearest, and all.
+    let said = run(folder.path(), &["plot", "left.mcap", "-o", "x.svg", "--signals", "rangem"]);
+    let said = said.expect(2);
+    assert!(said.err.contains("the run has no signal `rangem`"), "{}", said.err);
+    assert!(said.err.contains("did you mean `range_m`?"), "{}", said.err);
+    assert!(said.err.contains("one of left_deg, right_deg, head_deg, range_m"), "{}", said.err);
+    assert!(!folder.path().join("x.svg").exists());
+    let both = ["plot", "left.mcap", "right.mcap", "-o", "x.svg", "--signals", "range_m"];
+    assert!(run(folder.path(), &both).expect(2).err.contains("one run"));
+}
+
+#[test]
+fn robots_of_one_name_are_told_apart_by_their_recordings() {
+    let folder = folder();
+    run(folder.path(), &["plot", "left.mcap", "right.mcap", "-o", "both.svg"]).expect(0);
+    let svg = std::fs::read_to_string(folder.path().join("both.svg")).unwrap();
+    for name in ["left", "right", "left, right: map"] {
+        assert!(svg.contains(&format!("\n{name}\n")), "`{name}` is not in the picture");
+    }
+    assert!(!svg.contains("\nmapper\n"), "both are called so");
+}
+
+#[test]
+fn signals_in_a_table_are_what_was_recorded_a_row_a_tick() {
+    let folder = folder();
+    run(folder.path(), &["export", "left.mcap", "right.mcap", "--format", "csv"]).expect(0);
+    let table = std::fs::read_to_string(folder.path().join("signals.csv")).unwrap();
+    let mut lines = table.lines();
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name: &str| {
+        head.iter().position(|known| *known == name).unwrap_or_else(|| panic!("{name}: {head:?}"))
+    };
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let recorded = Run::open(&folder.path().join("left.mcap")).unwrap();
+    let left: Vec<_> = rows.iter().filter(|row| row[column("robot")] == "left").collect();
+    assert_eq!(left.len(), recorded.senses.len());
+    assert!(rows.len() > left.len(), "the other run is in the table, too");
+    let number = |row: &[&str], name: &str| row[column(name)].parse::<f64>().unwrap();
+    for (row, pose) in left.iter().zip(&recorded.poses) {
+        assert!((number(row, "x_m") - pose.pose.x_m).abs() < 1e-6, "{row:?}");
+        assert!((number(row, "travelled_m") - pose.travelled_m).abs() < 1e-6, "{row:?}");
+    }
+    // The wheels were told to turn before they did.
+    let speed = |row: &&Vec<&str>| number(row, "do.left_dps") > 10.0;
+    let moves = left.iter().position(speed).expect("it drove");
+    assert!(number(left[moves], "left_deg").abs() < 0.5, "{:?}", left[moves]);
+    assert!(number(left.last().unwrap(), "left_deg") > 5.0);
+    for transition in &recorded.transitions {
+        let tick = usize::try_from(transition.tick).unwrap();
+        let name = format!("{}.state", transition.machine);
+        assert_eq!(left[tick][column(&name)], transition.to, "{transition:?}");
+    }
+}
+
+#[test]
 fn export_writes_every_format() {
     let folder = folder();
     for (format, files) in [
-        ("csv", &["path.csv", "points.csv"][..]),
+        ("csv", &["path.csv", "points.csv", "signals.csv"][..]),
         ("ply", &["points.ply"]),
         ("pgm", &["map.pgm", "map.yaml"]),
     ] {
@@ -448,7 +528,7 @@ fn a_drawing_of_nothing_is_a_drawing() {
     let scene = onbrick::report::Scene {
         title: String::new(),
         tracks: vec![Track::of_run(&run, "nothing")],
-        outlines: Vec::new(),
+        ..onbrick::report::Scene::default()
     };
     assert!(onbrick::report::plot::svg(&scene).unwrap().contains("<svg"));
     assert!(onbrick::report::plot::png(&scene).unwrap().len() > 100);

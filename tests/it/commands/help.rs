@@ -58,7 +58,7 @@ fn wrong_usage_ends_with_2_and_says_what_is_right() {
         (&["demo", "--seconds", "inf"], "1 to 36000"),
         (&["demo", "--seed", "-1"], "'-1'"),
         (&["plot", "a.mcap"], "--output"),
-        (&["plot", "a.mcap", "-o", "a.bmp"], ".svg, .png or .html"),
+        (&["plot", "a.mcap", "-o", "a.bmp"], ".svg, .png, .pdf or .html"),
         (&["export", "a.mcap", "--format", "dxf"], "csv, ply, pgm"),
         (&["replay", "a.mcap", "--robot", "b.toml"], "--out"),
         (&["new", "rover"], "mission, submachine, robot, world, service"),

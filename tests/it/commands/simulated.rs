@@ -53,12 +53,15 @@ fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
         read("onbrick-demo", "points.csv") != read("other", "points.csv"),
         "another seed, another run"
     );
-    let again = run(folder.path(), &["demo", "--seconds", "1"]).expect(0);
-    assert!(
-        again.out.contains("wrote run.mcap"),
-        "a second demo takes the first one's place: {}",
-        again.out
-    );
+    // No recording is written over: a second demo has a folder of its own.
+    let before = read("onbrick-demo", "run.mcap");
+    let said = run(folder.path(), &["demo", "--seconds", "1"]).expect(0);
+    assert!(said.out.trim_end().ends_with("/onbrick-demo-2"), "{}", said.out);
+    assert_eq!(names(&folder.path().join("onbrick-demo-2")), FILES);
+    let said = run(folder.path(), &["demo", "--seconds", "1", "--out", "onbrick-demo"]).expect(3);
+    assert!(said.err.contains("run.mcap is there already"), "{}", said.err);
+    assert!(said.err.contains("try: another folder for --out"), "{}", said.err);
+    assert!(read("onbrick-demo", "run.mcap") == before, "the first one's recording was changed");
 }
 
 #[test]
@@ -89,6 +92,53 @@ fn the_process_that_drives_says_as_much_as_the_one_that_started_it() {
         let said = run(folder.path(), &[more, &arguments].concat()).expect(0);
         assert_eq!(said.err.contains("the robot is bound"), says, "{more:?}: {}", said.err);
     }
+}
+
+#[test]
+fn with_v_a_run_tells_each_transition_and_what_the_mission_says_shows_and_sounds() {
+    let folder = tempfile::tempdir().unwrap();
+    let mission = r#"name = "two"
+[machine.m]
+start = "ahead"
+final = "home"
+[machine.m.state.ahead]
+do = { forward_mps = 0.1, led = "orange", say = "Größe {2 + 1}" }
+next = [{ when = "state_s > 1.5", go = "back" }]
+[machine.m.state.back]
+do = { drive_m = -0.05, tone_hz = 440 }
+next = [{ when = "done", go = "home" }]
+[machine.m.state.home]
+on_entry = { led = "green" }
+"#;
+    std::fs::write(folder.path().join("two.toml"), mission).unwrap();
+    let arguments = ["run", "two.toml", "--sim", "open", "--out", "told", "-v"];
+    let said = run(folder.path(), &arguments).expect(0);
+    let wanted = [
+        "    0.00 s  says: Größe 3",
+        "    0.00 s  lights: orange",
+        " s  m: ahead -> back  (state_s > 1.5)",
+        " s  tone: 440 Hz",
+        " s  m: back -> home  (done)",
+        " s  lights: green",
+        " s  the mission is finished",
+    ];
+    let mut lines = said.err.lines();
+    for line in wanted {
+        assert!(lines.any(|said| said.ends_with(line)), "`{line}` in its place: {}", said.err);
+    }
+    let quiet = run(folder.path(), &["run", "two.toml", "--sim", "open", "--out", "q"]).expect(0);
+    assert_eq!(quiet.err, "");
+    // For programs, the same as values.
+    let arguments = ["--json", "run", "two.toml", "--sim", "open", "--out", "json", "-v"];
+    let told = run(folder.path(), &arguments).expect(0).json();
+    let moved = told.iter().find(|value| value["event"] == "transition").unwrap();
+    assert_eq!((&moved["from"], &moved["to"]), (&"ahead".into(), &"back".into()));
+    // Where a simulated robot truly was is in its recording, ten times a second.
+    let recorded = Run::open(&folder.path().join("told/run.mcap")).unwrap();
+    let seconds = recorded.poses.len() / 50;
+    assert!(recorded.truth.len().abs_diff(10 * seconds) <= 10, "{}", recorded.truth.len());
+    let (truth, believed) = (recorded.truth.last().unwrap(), recorded.poses.last().unwrap().pose);
+    assert!((truth.x_m - believed.x_m).abs() < 0.03, "{truth:?} {believed:?}");
 }
 
 #[test]

@@ -88,6 +88,7 @@ fn a_recordings_texts_are_shown_and_do_nothing_else() {
         assert_eq!(done.code, Some(0), "{}", done.err);
         is_harmless(out, &std::fs::read_to_string(folder.path().join(out)).unwrap());
     }
+    only_shows(folder.path(), &["plot", "run.mcap", "-o", "s.html", "--signals", "x"]);
     for arguments in [&["replay", "run.mcap"][..], &["--json", "replay", "run.mcap"]] {
         only_shows(folder.path(), arguments);
     }

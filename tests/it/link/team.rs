@@ -107,7 +107,7 @@ impl Bricks {
     fn part_of(&self, name: &str) -> u64 {
         let entries = std::fs::read_dir(self.path("onbrick-team"));
         let files = entries.into_iter().flatten().map(|entry| entry.unwrap());
-        let is_its = |file: &str| file.starts_with(&format!("{name}-")) && file.contains(".mcap");
+        let is_its = |file: &str| file.contains(&format!("-{name}-")) && file.contains(".mcap");
         let found = files.filter(|file| is_its(file.file_name().to_str().unwrap()));
         found.filter_map(|file| Some(file.metadata().ok()?.len())).max().unwrap_or(0)
     }
@@ -214,7 +214,7 @@ fn is_one_map(team: &Bricks, pace: &Pace) {
     assert!(path.contains(",blue\n") && path.contains(",red\n"), "{path}");
     let svg = text(&team.read("map.svg"));
     // Two colours, two names, and the walls of the one world that both were in.
-    for part in ["two: map", ">\nblue\n<", ">\nred\n<", "walls", "#4F9BE6", "#F09A3E"] {
+    for part in ["two: map", ">\nblue\n<", ">\nred\n<", "walls", "#0072B2", "#E69F00"] {
         assert!(svg.contains(part), "no {part} in the picture");
     }
     let png = team.read("map.png");

@@ -117,6 +117,28 @@ fn a_mission_says_what_it_is_or_what_is_wrong_with_it() {
 }
 
 #[test]
+fn a_mission_speaks_in_the_letters_of_western_europe_and_others_leave_the_page_whole() {
+    let mut bench = Bench::ready();
+    bench.service.world().runs_by_itself = false;
+    bench.keys("dee");
+    bench.service.world().enter(State::Running);
+    let mut progress = super::scripted::progress(37.0);
+    progress.said =
+        ["Größe: 3 Äpfel, à 20°", "¿Qué? Œuf, 5 €", "мир 雪 ☃", "a\u{308} e\u{301}\u{7}\u{1b}[2J"]
+            .map(str::to_owned)
+            .to_vec();
+    progress.states[0].1 = "rückwärts".to_owned();
+    {
+        let mut world = bench.service.world();
+        let run = world.status.run.as_mut().unwrap();
+        run.mission = "grüße-zählen".to_owned();
+        run.progress = Some(progress);
+    }
+    bench.pass(1000);
+    holds("running-letters", &mut bench);
+}
+
+#[test]
 fn a_run_shows_how_it_goes_and_its_map_grows() {
     let mut bench = Bench::ready();
     bench.service.world().runs_by_itself = false;

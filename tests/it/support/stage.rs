@@ -163,6 +163,7 @@ impl Play {
             sync_ns: self.sync_ns,
             stamps_ns: 0,
             run: None,
+            name: None,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,
         }

@@ -73,8 +73,10 @@ struct Share<'p> {
 /// Starts all, follows them to their ends, and says what came of each, in the order of the file.
 pub(super) fn all(plan: &Plan<'_>, output: &mut Output) -> Result<Vec<Came>, Failure> {
     let halt = &Halt::default();
-    let runs: Result<Vec<RunId>, NoRunId> =
-        plan.team.members.iter().map(|member| new_run_id(&member.brick.name)).collect();
+    // The bricks' recordings come to lie in one folder.
+    let id =
+        |member: &Member| new_run_id(&format!("{:.9}-{}", plan.wanted.name, member.brick.name));
+    let runs: Result<Vec<RunId>, NoRunId> = plan.team.members.iter().map(id).collect();
     let runs = runs.map_err(|error| Failure::new(Exit::Failed, error.to_string()))?;
     let members = plan.team.members.iter().zip(&runs);
     let shares: Vec<Share<'_>> =

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::super::scene::{draw, scene_of};
 use super::Plan;
 use super::drive::Came;
-use crate::cli::common::{LoadedRun, draw, open_run, scene_of, write_file};
+use crate::cli::common::{LoadedRun, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::{SECOND_NS, seconds};
 use crate::recording::Info;

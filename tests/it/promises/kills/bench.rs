@@ -410,6 +410,7 @@ impl Run {
                 sync_ns: 1_000_000_000,
                 stamps_ns: 0,
                 run: None,
+                name: None,
                 when_abandoned: WhenAbandoned::Stop,
                 lock: Lock::Take,
             };

@@ -1,0 +1,78 @@
+//! The folder of a run that is recorded here.
+
+use std::path::{Path, PathBuf};
+
+use super::{Exit, Failure};
+
+/// A recording's own folder.
+pub(super) struct RunFolder {
+    pub(super) path: PathBuf,
+    /// The folders that were created, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl RunFolder {
+    /// The folder that a person names, or the next free one of a mission: `onbrick-runs/map-1`,
+    /// `map-2` and so on. A brick's clock may stand at 1970, so no dates.
+    pub(super) fn of_mission(out: Option<&Path>, mission: &str) -> Result<Self, Failure> {
+        let sign = |sign: char| if sign.is_alphanumeric() || sign == '-' { sign } else { '_' };
+        let plain: String = mission.chars().map(sign).collect();
+        let candidate = |number| numbered(&Path::new("onbrick-runs").join(&plain), number);
+        Self::make(out, candidate)
+    }
+
+    /// The folder that a person names, or the next free one of the demo's: `onbrick-demo`,
+    /// `onbrick-demo-2` and so on.
+    #[cfg(feature = "host")]
+    pub(super) fn of_demo(out: Option<&Path>) -> Result<Self, Failure> {
+        Self::make(out, |number| match number {
+            1 => PathBuf::from("onbrick-demo"),
+            _ => numbered(Path::new("onbrick-demo"), number),
+        })
+    }
+
+    /// Creates the folder if missing; never overwrites a recording.
+    fn make(out: Option<&Path>, candidate: impl Fn(u32) -> PathBuf) -> Result<Self, Failure> {
+        let next_free = || (1..).map(candidate).find(|folder| !folder.exists()).unwrap_or_default();
+        let folder = out.map_or_else(next_free, Path::to_owned);
+        let failed = |error: &std::io::Error| {
+            Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
+                .hint("--out with a folder that can be written to")
+        };
+        let named = folder.ancestors().filter(|folder| !folder.as_os_str().is_empty());
+        let made = named.take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
+        std::fs::create_dir_all(&folder).map_err(|error| failed(&error))?;
+        let run_folder =
+            Self { path: folder.canonicalize().map_err(|error| failed(&error))?, made };
+        let file = run_folder.file();
+        if file.exists() {
+            return Err(Failure::refused(format!("{} is there already", file.display()))
+                .hint("another folder for --out: a recording is never written over"));
+        }
+        Ok(run_folder)
+    }
+
+    /// Where the recording goes.
+    pub(super) fn file(&self) -> PathBuf {
+        self.path.join("run.mcap")
+    }
+
+    /// A run that was refused leaves no empty folder. One that is not empty stays.
+    pub(super) fn take_back(&self) {
+        for folder in &self.made {
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
+}
+
+/// The first free one of `path-2`, `path-3` and so on: for one more run with the same `--out`.
+#[cfg(feature = "host")]
+pub(super) fn next_to(path: &Path) -> PathBuf {
+    (2..).map(|number| numbered(path, number)).find(|path| !path.exists()).unwrap_or_default()
+}
+
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    let mut numbered = path.as_os_str().to_owned();
+    numbered.push(format!("-{number}"));
+    numbered.into()
+}

@@ -1,0 +1,92 @@
+//! Recordings as a scene to be drawn: the robots' names, and what is known of the world.
+
+use std::path::Path;
+
+use crate::cli::common::{LoadedRun, write_file};
+use crate::cli::{Exit, Failure};
+use crate::printable;
+use crate::recording::Run;
+use crate::report::{FloorMark, Scene, Track, export, plot};
+use crate::sim::{Paint, Room, World};
+
+/// All runs in one picture, with what is known of the worlds that they were in.
+pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
+    let mut tracks: Vec<Track> =
+        runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
+    tell_apart(&mut tracks, runs);
+    let mission =
+        runs.first().and_then(|loaded| loaded.run.info.as_ref()).map(|info| info.mission.clone());
+    let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
+    let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
+    let mut scene = Scene { title: title.unwrap_or(names), tracks, ..Scene::default() };
+    for world in runs.iter().filter_map(|loaded| world_of(&loaded.run)) {
+        // Runs in the same world have the same walls.
+        add_new(&mut scene.outlines, world.outlines().to_vec());
+        add_new(&mut scene.blocks, world.blocks());
+        let edge = world.edge();
+        // The floor itself is drawn below all marks, where it has an edge.
+        let marks = Room::of(&world).floor.into_iter().skip(usize::from(!edge.is_empty()));
+        add_new(&mut scene.edges, Some(edge).filter(|edge| !edge.is_empty()));
+        add_new(&mut scene.marks, marks.map(floor_mark));
+    }
+    scene
+}
+
+/// Robots of the same name get that of their recordings besides.
+fn tell_apart(tracks: &mut [Track], runs: &[LoadedRun]) {
+    let names: Vec<String> = tracks.iter().map(|track| track.name.clone()).collect();
+    for (track, loaded) in tracks.iter_mut().zip(runs) {
+        if names.iter().filter(|name| **name == track.name).count() > 1 {
+            let label = printable::line(&recording_label(&loaded.path)).into_owned();
+            // The robot's own name says nothing more.
+            track.name = label;
+        }
+    }
+}
+
+/// What a recording is called among others: its file's name, or its folder's where all are
+/// `run.mcap`.
+fn recording_label(path: &Path) -> String {
+    let plain = |name: Option<&std::ffi::OsStr>| {
+        name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    };
+    let folder = || path.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned));
+    match plain(path.file_stem()) {
+        name if name == "run" => folder().map_or(name, |folder| plain(folder.file_name())),
+        name => name,
+    }
+}
+
+fn add_new<T: PartialEq>(all: &mut Vec<T>, more: impl IntoIterator<Item = T>) {
+    for one in more {
+        if !all.contains(&one) {
+            all.push(one);
+        }
+    }
+}
+
+fn floor_mark(paint: Paint) -> FloorMark {
+    let Paint { points, width_m, closed, colour } = paint;
+    let hex = |at: usize| colour.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok());
+    FloorMark { points, width_m, closed, colour: [1, 3, 5].map(|at| hex(at).unwrap_or(0)) }
+}
+
+/// Writes a picture, as map.svg and map.png, and what is drawn in it, as points.csv and path.csv,
+/// into a folder.
+pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
+    let failed =
+        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
+    let files = [
+        ("map.svg", plot::svg(scene).map_err(|error| failed(&error))?.into_bytes()),
+        ("map.png", plot::png(scene).map_err(|error| failed(&error))?),
+        ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
+        ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
+    ];
+    files.iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), bytes))
+}
+
+/// The world that is in a recording.
+fn world_of(run: &Run) -> Option<World> {
+    let text = run.world_toml.as_ref()?;
+    World::parse("world.toml of the recording", text.as_bytes()).ok().map(|(world, _)| world)
+}
