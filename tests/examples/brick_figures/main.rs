@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! brick-figures reading BRICK COUNT     nanoseconds a typed reading, and one by ev3dev-lang-rust
-//! brick-figures stages BRICK SECONDS    nanoseconds of each stage of a tick at 100 Hz
+//! brick-figures stages BRICK SECONDS map|large   nanoseconds of each stage of a tick at 100 Hz
 //! brick-figures run FILE                what a recording says of itself, as JSON
 //! brick-figures job MISSION BRICK FILE  the job of a run into FILE, for `onbrick control`;
 //!                                       BRICK is a folder, or `simulated`
@@ -32,7 +32,7 @@ mod run;
 mod screen;
 mod stages;
 
-const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS | run FILE | \
+const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS MISSION | run FILE | \
                      job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen \
                      FRAMEBUFFER COPY [PICTURE]";
 
@@ -55,7 +55,7 @@ fn figures() -> Result<(), Box<dyn Error>> {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words.as_slice() {
         ["reading", brick, count] => reading::reading(brick, count),
-        ["stages", brick, seconds] => stages::stages(brick, seconds),
+        ["stages", brick, seconds, which] => stages::stages(brick, seconds, which),
         ["run", file] => run::run(file),
         ["job", mission, brick, file] => job::job(mission, brick, file),
         ["status", socket] => status(socket),

@@ -1,8 +1,8 @@
 //! What each stage of the tick costs, by the tick thread's own processor clock: `stages BRICK
-//! SECONDS`, at 100 Hz.
+//! SECONDS MISSION`, at 100 Hz.
 //!
-//! It drives the robot of the shipped `robot.toml` through the shipped mission `map`, stage by
-//! stage as the runtime's control loop does, but with a look at the clock between the stages, whose
+//! It drives the robot of the shipped `robot.toml` through the shipped mission `map`, or through
+//! the same among a hundred states and fifty variables (`large`), stage by stage as the runtime's control loop does, but with a look at the clock between the stages, whose
 //! own cost it measures first and takes off. It records to nowhere: what the recorder's thread does
 //! is not of the tick. The scenario `tick` runs it on the emulated brick.
 
@@ -36,10 +36,11 @@ impl Sink for Nowhere {
     }
 }
 
-pub(crate) fn stages(brick: &str, seconds: &str) -> Result<(), Box<dyn Error>> {
+pub(crate) fn stages(brick: &str, seconds: &str, which: &str) -> Result<(), Box<dyn Error>> {
     let ticks = seconds.parse::<u64>()? * 100;
     let (config, _) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes())?;
     let text = onbrick::behavior::shipped::find("map").ok_or("no mission map")?.text;
+    let text = if which == "large" { large(text) } else { text.to_owned() };
     let (mission, _) = Mission::parse("map.toml", text.as_bytes(), &config.capabilities())?;
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(brick));
     let mut robot = Robot::bind(&tree, &config, mission.senses())?;
@@ -52,6 +53,32 @@ pub(crate) fn stages(brick: &str, seconds: &str) -> Result<(), Box<dyn Error>> {
         println!("{}: {stage}", spent_ns / ticks as i64 - a_look_ns);
     }
     Ok(())
+}
+
+/// A mission of two machines with four more, which have 24 states each: in every tick each looks at
+/// four conditions, and every tenth of a second at the latest it goes on and sets three of the
+/// fifty variables.
+fn large(map: &str) -> String {
+    let mut text = map.replacen("[numbers]", "[variables]\nVARIABLES\n[numbers]", 1);
+    let variables: String = (0..50).map(|at| format!("v{at} = {at}\n")).collect();
+    text = text.replacen("VARIABLES", &variables, 1);
+    for machine in 0..4 {
+        text.push_str(&format!("\n[machine.m{machine}]\nstart = \"s0\"\n"));
+        for state in 0..24 {
+            let (next, v) = ((state + 1) % 24, (machine * 12 + state / 2) % 48);
+            text.push_str(&format!(
+                "[machine.m{machine}.state.s{state}]\nnext = [\n\
+                 {{ when = \"range_m < 0.01 * v{v} and heading_deg > 170\", go = \"s{next}\" }},\n\
+                 {{ when = \"distance_m(v{v}, 2) < 0.1\", go = \"s{next}\" }},\n\
+                 {{ when = \"abs(wrap_deg(heading_deg - 90)) < 0.01\", go = \"s{next}\" }},\n\
+                 {{ when = \"state_s > 0.1\", go = \"s{next}\", set = {{ v{v} = \"v{v} + 1\", \
+                 v{} = \"min(v{v}, 9)\", v{} = \"x_m\" }} }},\n]\n",
+                v + 1,
+                v + 2
+            ));
+        }
+    }
+    text
 }
 
 /// Nanoseconds that all the ticks spent in each stage.

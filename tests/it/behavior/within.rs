@@ -55,8 +55,8 @@ fn the_outer_and_the_inner_state_each_have_their_time_their_end_and_their_names(
     assert_eq!(names, ["hops", "drive.hop.way_m", "drive.hop.count"]);
     let mut program = mission.start().unwrap();
     #[rustfmt::skip]
-    let transcript: [(i64, &str, &str, Option<f64>, [f64; 3]); 9] = [
-        (0,     "wait",     "no no 0.25", None,      [0.0, 0.25, 0.0]),
+    let transcript = [
+        (0_i64, "wait",     "no no 0.25", None,      [0.0, 0.25, 0.0]),
         (1_000, "hop.on",   "yes no 1",     Some(1.0), [0.0, 1.0, 1.0]),
         (1_500, "hop.rest", "yes yes 1",      None,      [0.0, 1.0, 1.0]),
         (1_520, "hop.on",   "yes no 1",     Some(1.0), [0.0, 1.0, 2.0]),

@@ -66,8 +66,8 @@ fn check_for_a_robot_knows_what_it_lacks() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), &["new", "robot", "robot.toml"]).expect(0);
     run(folder.path(), &["check", "map", "--robot", "robot.toml"]).expect(0);
-    let said = run(folder.path(), &["check", "bump", "--robot", "robot.toml"]).expect(3);
-    assert!(said.out.contains("touch"), "{}", said.out);
+    let said = run(folder.path(), &["check", "remote", "--robot", "robot.toml"]).expect(3);
+    assert!(said.out.contains("[remote] in the robot's file"), "{}", said.out);
 }
 
 #[test]
