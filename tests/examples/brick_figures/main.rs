@@ -32,8 +32,8 @@ mod run;
 mod screen;
 mod stages;
 
-const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS MISSION | run FILE | \
-                     job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen \
+const USAGE: &str = "usage: brick-figures reading BRICK COUNT | stages BRICK SECONDS MISSION | run \
+                     FILE | job MISSION BRICK FILE | status SOCKET | menu RUN FRAMEBUFFER | screen \
                      FRAMEBUFFER COPY [PICTURE]";
 
 fn main() -> ExitCode {

@@ -108,7 +108,7 @@ fn promise_3_no_other_sensor_takes_the_place_of_one_that_comes_loose() {
     let mut play = pausing(30.0);
     play.world_toml.push_str("[robot.ports]\nin3 = \"infrared\"\n");
     play.robot_toml = play.robot_toml.replacen("[range]\nport = \"in1\"", "[range]", 1);
-    play.robot_toml.push_str("\n[remote]\nport = \"in3\"\n");
+    play.robot_toml = play.robot_toml.replacen("[colour]\n", "[remote]\n", 1);
     let text = "[[fault]]\nat_s = 10\nuntil_s = 14\nport = \"in1\"\nkind = \"unplug\"\n";
     let ended = play.scenario(text).play().unwrap();
     assert_eq!(ended.reason, StopReason::Finished);
