@@ -178,9 +178,9 @@
 //!
 //! # Pieces to put together
 //!
-//! A state may `use` a machine in place of `do`: a *sub-machine*, of the same file, of a file beside
-//! it that is called like it, or one that comes with the program. `done` is true when it is in its
-//! final state; `with` says what its variables begin with.
+//! A state may `use` a machine in place of `do`: a *sub-machine*, of the same file, of a file
+//! beside it that is called like it, or one that comes with the program. `done` is true when it is
+//! in its final state; `with` says what its variables begin with.
 //!
 //! ```toml
 //! name = "to-the-open"

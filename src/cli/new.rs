@@ -10,7 +10,8 @@ use crate::document::save;
 use crate::printable::with_causes;
 use crate::robot::ROBOTS;
 
-/// Write a commented template: a mission, a sub-machine, a robot, a world, a team, or the service's configuration.
+/// Write a commented file to start from: a mission, a sub-machine, a robot, a world, a team, or the
+/// service's configuration.
 ///
 /// Example: onbrick new mission my-mission.toml
 #[derive(Debug, clap::Args)]

@@ -60,7 +60,8 @@ impl<'c> Vocabulary<'c> {
     }
 
     /// The place of a variable: of the sub-machine that is read, of one that it is inside, of the
-    /// machine's sub-machines (`look.nearest_m`), of the mission, or of any (`drive.look.nearest_m`).
+    /// machine's sub-machines (`look.nearest_m`), of the mission, or of any machine's
+    /// (`drive.look.nearest_m`).
     #[must_use]
     pub fn variable(&self, name: &str) -> Option<u8> {
         let mut scope = self.scope.as_str();
@@ -83,8 +84,8 @@ impl<'c> Vocabulary<'c> {
         }
     }
 
-    /// Whether a named sensor gives a number or a truth, by its place; `None` where the robot is not
-    /// known.
+    /// Whether a named sensor gives a number or a truth, by its place; `None` where the robot is
+    /// not known.
     pub(super) fn measures(&self, place: u8) -> Option<Kind> {
         let sensors = self.capabilities.sensors.as_ref()?;
         let (_, measures) = sensors.get(usize::from(place))?;

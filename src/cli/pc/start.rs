@@ -60,8 +60,8 @@ pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
     let source = Source { name: shown.to_string(), text }.with_submachines(mission.parent());
     if source.text.len() > MAX_MISSION_BYTES {
         let message = format!(
-            "{shown} has, with its sub-machines, more than the {MAX_MISSION_BYTES} bytes that a brick takes over \
-             the network"
+            "{shown} has, with its sub-machines, more than the {MAX_MISSION_BYTES} bytes that a \
+             brick takes over the network"
         );
         return Err(Failure::refused(message).hint("copy it into the brick's folder of missions"));
     }
