@@ -128,7 +128,11 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     here(start("a", "broken"), Kind::BrokenMission, "broken.toml:1");
     here(text("[[".to_owned()), Kind::BrokenMission, "mission.toml:1");
     here(text("#".repeat(70_000)), Kind::BrokenMission, "bytes");
-    here(text(STRAIGHT.replace("time_s > 50", "remote == both_up")), Kind::BrokenMission, "mission.toml");
+    here(
+        text(STRAIGHT.replace("time_s > 50", "remote == both_up")),
+        Kind::BrokenMission,
+        "mission.toml",
+    );
     let set =
         |name: &str, value| Start { set: vec![(name.to_owned(), value)], ..start("a", "short") };
     here(set("nothing", 1.0), Kind::BadRequest, "nothing");
