@@ -7,8 +7,8 @@
 //!
 //! # Not here
 //!
-//! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O but in
-//! [`read_bounded`] and [`save`].
+//! No schema: what a robot, a mission or a world consists of stands with each of them. No I/O but
+//! in [`read_bounded`] and [`save`].
 //!
 //! # What we count on
 //!

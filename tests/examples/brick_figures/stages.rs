@@ -56,8 +56,8 @@ pub(crate) fn stages(brick: &str, seconds: &str, which: &str) -> Result<(), Box<
 }
 
 /// A mission of two machines with four more, which have 24 states each: in every tick each looks at
-/// four conditions, and every tenth of a second at the latest it goes on and sets three of the
-/// fifty variables.
+/// four conditions, and after a tenth of a second at the latest it enters the next state and sets
+/// three of the fifty variables.
 fn large(map: &str) -> String {
     let mut text = map.replacen("[numbers]", "[variables]\nVARIABLES\n[numbers]", 1);
     let variables: String = (0..50).map(|at| format!("v{at} = {at}\n")).collect();
