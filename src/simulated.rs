@@ -18,8 +18,8 @@ use crate::runtime::{
 use crate::senses::{Channel, Role};
 use crate::sim::{Observer, Simulation, World, WorldPhysics};
 
-/// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing of
-/// its robot.
+/// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing
+/// of its robot.
 #[must_use]
 pub fn furnished(world: Source, robot: &RobotConfig) -> Source {
     let has_robot = Document::new(&world.name, world.text.as_bytes())
@@ -36,8 +36,8 @@ fn body(robot: &RobotConfig) -> String {
     let wheel = |motor: &MotorRole| motor.port.as_ref().map(|port| port.short().to_owned());
     let [left, right] = [&robot.left, &robot.right];
     let mut text = format!(
-        "\n# Built like the robot `{}`.\n[robot]\nwheel_circumference_m = {:?}\ntrack_width_m = {:?}\n\
-         left_inverted = {}\nright_inverted = {}\n",
+        "\n# Built like the robot `{}`.\n[robot]\nwheel_circumference_m = {:?}\n\
+         track_width_m = {:?}\nleft_inverted = {}\nright_inverted = {}\n",
         robot.name,
         robot.wheel_circumference_m * left.ratio.abs(),
         robot.track_width_m,

@@ -204,6 +204,8 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
             start,
         ));
     }
+    #[cfg(not(feature = "sim"))]
+    let _ = robot;
     let root = arguments.brick.root();
     let tree = arguments.brick.tree();
     let inventory = Inventory::read(&(Arc::new(tree.clone()) as Arc<dyn Tree>));

@@ -46,8 +46,9 @@ pub enum BindError {
 }
 
 impl Robot {
-    /// Finds a device for each role that is needed, and for the others where it is there; puts sensors into the modes that give what is `needed`, and
-    /// takes the motors over (`reset`, then the settings of a lease). Nothing turns.
+    /// Finds a device for each role that is needed, and for the others where it is there; puts
+    /// sensors into the modes that give what is `needed`, and takes the motors over (`reset`, then
+    /// the settings of a lease). Nothing turns.
     ///
     /// Values may be stale for [`Robot::settle_ns`] from now on. Writing a mode waits for the
     /// sensor: up to half a second each.

@@ -2,9 +2,10 @@
 //! SECONDS MISSION`, at 100 Hz.
 //!
 //! It drives the robot of the shipped `robot.toml` through the shipped mission `map`, or through
-//! the same among a hundred states and fifty variables (`large`), stage by stage as the runtime's control loop does, but with a look at the clock between the stages, whose
-//! own cost it measures first and takes off. It records to nowhere: what the recorder's thread does
-//! is not of the tick. The scenario `tick` runs it on the emulated brick.
+//! the same among a hundred states and fifty variables (`large`), stage by stage as the runtime's
+//! control loop does, but with a look at the clock between the stages, whose own cost it measures
+//! first and takes off. It records to nowhere: what the recorder's thread does is not of the tick.
+//! The scenario `tick` runs it on the emulated brick.
 
 use std::error::Error;
 use std::sync::Arc;

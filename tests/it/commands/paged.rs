@@ -240,6 +240,7 @@ fn a_browser_shows_a_run_and_a_hand_steers_the_simulation() {
          seen.fresh = time() < 5 && !kept.history.look?.[20]; \
          click('[data-pace=max]'); \
          await until(() => news.run.phase === 'ended'); \
+         await until(() => time() > 59 && +canvas.dataset.points > 100); \
          seen.time = time(); \
          seen.points = +canvas.dataset.points; \
          report(seen);",

@@ -160,8 +160,8 @@ fn one_sensor_is_not_given_two_roles() {
 fn two_sensors_of_a_kind_are_told_apart_by_their_names() {
     // A black patch that only the left eye comes over, and a bumper that nothing presses.
     let world = room(
-        "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, 0], [1, 0], [1, 0.5], [0.3, 0.5]]\n\
-         colour = \"black\"\n[robot.ports]\nin1 = \"touch\"\nin2 = \"colour\"\n\
+        "[floor]\ncolour = \"white\"\n[[patch]]\npoints = [[0.3, 0], [1, 0], [1, 0.5], \
+         [0.3, 0.5]]\ncolour = \"black\"\n[robot.ports]\nin1 = \"touch\"\nin2 = \"colour\"\n\
          [robot]\nhead = \"none\"\n[robot.colour_at_m]\nin2 = [0.07, 0.03]\nin3 = [0.07, -0.03]\n",
     );
     let (wheels, _) = ROBOT.split_once("[head]").unwrap();
