@@ -15,7 +15,7 @@ for which in map large; do
   done </tmp/stages
   eval "tick_$which=$sum"
 done
-# Aimed at 20: sixteen conditions in software arithmetic, in four machines more, take what they take.
+# Aimed at 20: sixteen conditions more, in software arithmetic, take what they take.
 # shellcheck disable=SC2154  # eval sets them
 more=$((100 * (tick_large - tick_map) / tick_map))
 figure "a large mission's tick beside map's" $more "% more"
