@@ -5,7 +5,8 @@
 //! type and knows nothing of robots or files. [`expression`] is the language of conditions and of
 //! the numbers in `do`. [`mission`] reads a mission file into machines, checks them as a whole, and
 //! runs them on that same engine: each tick [`Signals`] go in and [`Demands`] come out. [`graph`]
-//! draws a mission, [`shipped`] carries those that come with the program.
+//! draws a mission, [`shipped`] carries those that come with the program, [`submachines`] puts
+//! those that a mission uses behind its text.
 //!
 //! # Not here
 //!
