@@ -84,9 +84,10 @@
 //! in-process simulation. *Robot*: roles bound to ports (`robot.toml`). *Senses*: one tick's
 //! readings in SI units. *Demands*: what the machines want of the actuators. *Machine*, *state*,
 //! *transition*: one finite-state machine of a mission. *Sub-machine*: a machine inside a state.
-//! *Mission*: machines that run side by side (`mission.toml`). *Run*: one execution of a mission, recorded in one `run.mcap`. *World*: a
-//! simulated room (`world.toml`). *Team*: several bricks with known start poses (`team.toml`).
-//! *Lease*: a motion that the kernel itself ends unless it is renewed.
+//! *Mission*: machines that run side by side (`mission.toml`). *Run*: one execution of a mission,
+//! recorded in one `run.mcap`. *World*: a simulated room (`world.toml`). *Team*: several bricks
+//! with known start poses (`team.toml`). *Lease*: a motion that the kernel itself ends unless it is
+//! renewed.
 //!
 //! # Conventions
 //!
