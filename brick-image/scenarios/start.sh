@@ -1,6 +1,6 @@
 # shellcheck shell=dash
 # How soon the first tick is (`--exact --card`): the process that drives, from its start on. Its
-# program is read from a card with ext4, and both sensors are in another mode than the run wants.
+# program is read from a card with ext4, and range and gyro are in another mode than the run wants.
 # The brick is plain files with the simulated one's texts, so that no simulator is waited for. By
 # design a run watches for five seconds that the robot and its gyro stand still, and announces
 # itself meanwhile: that is a figure of its own, and the bound is for the rest.
@@ -23,6 +23,8 @@ for sensor in /tmp/plain/sys/class/lego-sensor/*; do
   case $(cat "$sensor/driver_name") in
     *-us) echo US-LISTEN >"$sensor/mode" ;;
     *-gyro) echo GYRO-RATE >"$sensor/mode" ;;
+    # Its file keeps what another mode said.
+    *-color) echo COL-COLOR >"$sensor/mode" && echo 1 >"$sensor/value0" ;;
   esac
 done
 # card_kb: what was read from the card.
