@@ -2,7 +2,6 @@
 #![cfg(feature = "host")]
 
 use std::path::Path;
-use std::process::Command;
 
 use onbrick::clock::{Clock, MonotonicClock};
 use onbrick::recording::{Grid, Run};
@@ -11,7 +10,7 @@ use onbrick::report::{CloudPoint, FloorMark, PathPoint, Scene, Track, export, pl
 
 use crate::recording::decoder::python;
 use crate::recording::sample::{grid, sample, tick, walls};
-use crate::support::pass_over;
+use crate::support::browser;
 
 fn one() -> Scene {
     let run = Run::read(&sample(1_500, 1_000_000_000)).unwrap();
@@ -193,25 +192,7 @@ fn a_cut_recording_is_still_a_picture_and_the_page_says_so() {
 /// What a page's body holds after its script has run, opened at an address's end such as `#t=3`;
 /// `None` without a browser.
 fn browse(page: &Path, hash: &str, extra: &[&str]) -> Option<String> {
-    let profile = tempfile::tempdir().unwrap();
-    let output = Command::new("chromium")
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .args(["--window-size=800,800", "--virtual-time-budget=2000"])
-        .args(extra)
-        .arg(format!("file://{}{hash}", page.display()))
-        .output();
-    match output {
-        Ok(output) if output.status.success() => {
-            Some(String::from_utf8_lossy(&output.stdout).into_owned())
-        }
-        Ok(output) => panic!("{}", String::from_utf8_lossy(&output.stderr)),
-        Err(_) => {
-            pass_over("a browser (chromium)");
-            None
-        }
-    }
+    browser::browse(&format!("file://{}{hash}", page.display()), extra)
 }
 
 /// The value of an attribute in a page's text.
