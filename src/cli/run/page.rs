@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use super::super::common::Progress;
 use super::super::folder::next_to;
 use super::super::{Exit, Failure, Output};
-use super::{Arguments, Prepared, conclude, follow, prepare, start};
+use super::{Arguments, Happenings, Prepared, conclude, follow, prepare, start};
 use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, PacedClock};
 use crate::ev3dev::{Access, Tree};
@@ -132,17 +132,20 @@ fn simulate(
         let _ = say.send(event.clone());
     };
     let progress = Progress::new(mission, output);
+    let mut happenings = Happenings::of(job.file.clone());
     let ended = std::thread::scope(|scope| {
         scope.spawn(|| {
             for event in events {
                 screen.show(&event);
                 output.value(&event);
                 progress.show(&event);
+                happenings.tell(output);
             }
         });
         execute(job, environment, &hand.flags, &mut NoHeartbeat, report)
     });
     progress.finish();
+    happenings.tell(output);
     let ended = ended.map_err(refused)?;
     let event = Event::Ended(ended.clone());
     board.hear(&event);
