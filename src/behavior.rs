@@ -28,6 +28,7 @@ pub mod graph;
 pub mod mission;
 pub mod missions;
 pub mod motion;
+pub mod navigation;
 pub mod shipped;
 pub mod signals;
 pub mod submachines;

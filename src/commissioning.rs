@@ -14,8 +14,8 @@ mod doctor;
 mod setup;
 
 pub use calibrate::{
-    ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Measured,
-    Straight, calibrate, set_numbers,
+    ApplyError, CalibrateError, CalibrateOptions, Calibration, Doubt, EditError, Kind, Measured,
+    Straight, calibrate, set_values,
 };
 pub use dialogue::{Dialogue, NoAnswer};
 pub use doctor::{Checked, Diagnosis, Patient, Verdict, examine};

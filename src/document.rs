@@ -415,6 +415,11 @@ impl<'d> Item<'d> {
         self.value.get_ref().is_str()
     }
 
+    /// True where the value is a list.
+    pub fn is_list(&self) -> bool {
+        self.value.get_ref().is_array()
+    }
+
     /// True where the value is a table: for keys that come in a short and a long form.
     pub fn is_table(&self) -> bool {
         self.value.get_ref().is_table()

@@ -40,6 +40,7 @@
 //! | [`recording`] | `run.mcap`: the recorder's thread, and reading what it wrote, whole or cut |
 //! | [`robot`] | roles: which port is the left wheel, the head, the range sensor; senses and demands in SI units; leases |
 //! | [`behavior`] | state machines: engine, conditions, missions from TOML, checks, graphs; pure. [`behavior::missions`] shows by examples how missions are written |
+//! | [`planning`] | where to drive: frontiers of the map, ways along free cells; pure |
 //! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |
 //! | [`sim`] | simulated brick: world, body, driver behaviour (feature `sim`) |
 //! | [`page`] | a page for a browser on this machine: the server behind live pages (feature `host`) |
@@ -148,6 +149,7 @@ pub mod mapping;
 pub mod menu;
 #[cfg(feature = "host")]
 pub mod page;
+pub mod planning;
 pub mod printable;
 pub mod recording;
 #[cfg(feature = "host")]

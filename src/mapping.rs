@@ -49,18 +49,23 @@ mod bearing;
 mod cloud;
 mod estimator;
 mod events;
+mod filter;
 mod geometry;
 mod grid;
 mod gyro;
 mod history;
 mod inputs;
+mod landmarks;
 mod map;
+mod own_echoes;
 mod pose;
 mod range;
 mod room;
 mod slip;
 mod sounding;
 pub mod stats;
+mod survey;
+mod sweep;
 mod uncertainty;
 mod wheels;
 
@@ -70,10 +75,13 @@ pub use geometry::{EstimatorConfig, Geometry, GeometryError, Method, RangeMount}
 pub use grid::{Cell, OccupancyGrid};
 pub use inputs::{GyroReading, Inputs, RangeReading};
 pub use map::{Map, merge};
+pub use own_echoes::{OwnEcho, OwnEchoes};
 pub use pose::Pose;
 pub use range::Range;
 pub use slip::turns_disagree;
 pub use sounding::Sounding;
+
+use std::ops::Deref;
 
 use serde::{Deserialize, Serialize};
 
@@ -86,6 +94,42 @@ pub struct MapPoint {
     pub x_m: f64,
     /// Metres.
     pub y_m: f64,
+}
+
+/// Points that an update placed, a few at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Placed {
+    points: [MapPoint; Placed::MOST],
+    count: u8,
+}
+
+impl Placed {
+    /// The most that an update places.
+    pub const MOST: usize = 4;
+
+    fn push(&mut self, point: MapPoint) {
+        if let Some(place) = self.points.get_mut(usize::from(self.count)) {
+            *place = point;
+            self.count += 1;
+        }
+    }
+}
+
+/// The first few; what is more has no place.
+impl FromIterator<MapPoint> for Placed {
+    fn from_iter<I: IntoIterator<Item = MapPoint>>(points: I) -> Self {
+        let mut placed = Self::default();
+        points.into_iter().for_each(|point| placed.push(point));
+        placed
+    }
+}
+
+impl Deref for Placed {
+    type Target = [MapPoint];
+
+    fn deref(&self) -> &[MapPoint] {
+        self.points.get(..usize::from(self.count)).unwrap_or_default()
+    }
 }
 
 /// What one update came to.
@@ -107,6 +151,8 @@ pub struct Estimate {
     pub range: Option<Range>,
     /// The range reading in the world, in updates in which there is one to place.
     pub sounding: Option<Sounding>,
+    /// Echoes of earlier updates of which it is now known where they lie.
+    pub placed: Placed,
     /// What was noticed.
     pub events: Events,
 }

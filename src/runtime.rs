@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use crate::behavior::submachines;
 use crate::document::read_bounded;
 use crate::ev3dev::LocalTree;
-use crate::mapping::Pose;
+use crate::mapping::{Method, Pose};
 use crate::recording;
 
 mod battery;
@@ -126,6 +126,9 @@ pub struct Job {
     /// name in it.
     #[serde(default)]
     pub name: Option<String>,
+    /// How poses are estimated and points placed.
+    #[serde(default)]
+    pub method: Method,
     /// What becomes of the run when its starter is gone.
     pub when_abandoned: WhenAbandoned,
     /// Who holds the hardware's lock.

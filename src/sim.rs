@@ -17,6 +17,7 @@ mod body;
 mod brick;
 mod chance;
 mod driver;
+mod echo;
 mod fault;
 mod files;
 mod motor;
@@ -34,6 +35,7 @@ pub use driver::input::{Button, EventLayout};
 pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};
+pub use echo::EchoModel;
 pub use fault::{
     Act, ControlError, DeviceFault, FaultError, FaultRecord, Order, OrderError, Scenario,
 };
@@ -44,5 +46,5 @@ pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use ports::Port;
 pub use simulation::{MOST_BEHIND_NS, Options, Plugged, Simulation, Written};
 pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};
-pub use world::{Colour, Errors, RobotModel, StartPose, World};
+pub use world::{Colour, Errors, OwnEcho, RobotModel, StartPose, World, covered};
 pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

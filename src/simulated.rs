@@ -256,6 +256,7 @@ mod tests {
             stamps_ns: 0,
             run: None,
             name: None,
+            method: crate::mapping::Method::Default,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,
         };

@@ -40,7 +40,8 @@
 //! | `drive_m` | straight on, metres; backwards where negative; `speed_mps` may say how fast |
 //! | `turn_deg` | on the spot, degrees to the left; `speed_dps` may say how fast |
 //! | `arc = { radius_m, turn_deg }` | along a circle; backwards where the radius is negative; `speed_mps` |
-//! | `goto = [x, y]` | turns to a place of the world, metres, and drives there; `face_deg` is the heading at the end; `speed_mps`, `speed_dps` |
+//! | `goto = [x, y]` | turns to a place of the world, metres, and drives there; `face_deg` is the heading at the end; `speed_mps`, `speed_dps`; with `keep_m` it finds its way over the map and stays so far from what that shows |
+//! | `explore_m` | drives where the map is not known, no further than this from the start, metres, and looks round, until nothing is left that can be reached; `keep_m` (0.15 if left out), `speed_mps`, `speed_dps`; takes a range sensor, and moves the head, too |
 //! | `head_deg` | where the head points, degrees anticlockwise from straight ahead |
 //! | `motor.NAME` | speed of a named motor, degrees per second |
 //! | `led` | `"off"`, `"green"`, `"red"`, `"orange"`, `"yellow"` |
@@ -138,7 +139,9 @@ mod outputs;
 mod plan;
 mod program;
 
-use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
+use plan::{
+    Assignment, DrivePlan, GoalPlan, MotionPlan, NavigationGoal, NavigationPlan, Outputs, SoundPlan,
+};
 pub use plan::{MachinePlan, RegionPlan, StatePlan, TransitionPlan};
 pub use program::{Program, ProgramState};
 
@@ -369,6 +372,13 @@ impl Mission {
                 .iter()
                 .any(|outputs| outputs.led.is_some())
         })
+    }
+
+    /// Whether any state finds its way over the map.
+    #[must_use]
+    pub fn navigates(&self) -> bool {
+        let mut states = self.machines.iter().flat_map(|machine| &machine.states);
+        states.any(|state| matches!(state.doing.drive, Some(DrivePlan::Navigation(_))))
     }
 
     /// The machines, in the order of the file; [`super::Taken`] counts them so.

@@ -62,6 +62,35 @@
 //! on_entry = { say = "at {x_m:.2}, {y_m:.2}", beep = "ok" }
 //! ```
 //!
+//! # Explore, and come home
+//!
+//! With `explore_m` the robot drives where its map is not known yet, and looks round, until nothing
+//! is left that it can reach. A `goto` with `keep_m` finds its way over that map and stays so far
+//! from what it shows. Both take a range sensor and move the head, too; where the sensor is fixed,
+//! the robot turns round to look. The shipped mission `explore` is this one with a way out for
+//! wheels that are blocked.
+//!
+//! ```toml
+//! name = "round-trip"
+//! time_limit_s = 300
+//! [variables]
+//! home_x = 0
+//! home_y = 0
+//! [machine.drive]
+//! start = "begin"
+//! final = "home"
+//! [machine.drive.state.begin]
+//! on_entry = { set = { home_x = "x_m", home_y = "y_m" } }
+//! next = [{ when = "true", go = "explore" }]
+//! [machine.drive.state.explore]
+//! do = { explore_m = 3 }
+//! next = [{ when = "done or time_s > 240", go = "return" }]
+//! [machine.drive.state.return]
+//! do = { goto = ["home_x", "home_y"], keep_m = 0.15 }
+//! next = [{ when = "done", go = "home" }]
+//! [machine.drive.state.home]
+//! ```
+//!
 //! # Drive until something happens
 //!
 //! Speeds without an end: the next state comes by a condition. The first condition that holds is
@@ -289,6 +318,7 @@
 //! | a bend | `base.arc(300, angle=90)` | `mdiff.on_arc_right(30, 300, way_mm)` | Move Steering with steering | `arc = { radius_m = 0.3, turn_deg = -90 }` |
 //! | with the gyro | `base.use_gyro(True)` | `mdiff.turn_right(30, 90, use_gyro=True)` | none | a `[gyro]` in `robot.toml` |
 //! | to a place | none | `mdiff.on_to_coordinates(30, 800, -200)` | none | `goto = [0.8, -0.2]` |
+//! | explore a room | none | none | none | `explore_m = 5` |
 //! | drive on and on | `base.drive(100, 0)` | `mdiff.on(30, 30)` | Move Steering, on | `forward_mps = 0.1` |
 //! | wait for a sensor | `while not touch.pressed(): wait(10)` | `touch.wait_for_pressed()` | Wait, touch sensor | `when = "touch"` |
 //! | a variable | `n = n + 1` | `n = n + 1` | Variable, Math | `set = { n = "n + 1" }` |

@@ -10,7 +10,8 @@
 //!
 //! # Not here
 //!
-//! No obstacles: a state's conditions look for them. A wheel that is blocked is the runtime's.
+//! No obstacles: a state's conditions look for them. A wheel that is blocked is the runtime's. No
+//! ways over the map: [`super::navigation`].
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -35,6 +36,8 @@ pub struct MotionLimits {
     pub half_track_m: f64,
     /// How far the head may turn to either side, radians.
     pub head_rad: f64,
+    /// The range sensor, ahead of the middle between the wheels, metres.
+    pub range_ahead_m: f64,
 }
 
 impl Default for MotionLimits {
@@ -46,6 +49,7 @@ impl Default for MotionLimits {
             acceleration_m_s2: 0.3,
             half_track_m: 0.057,
             head_rad: FRAC_PI_2,
+            range_ahead_m: 0.05,
         }
     }
 }
@@ -130,10 +134,10 @@ enum Leg {
 
 /// Where the robot is; its heading is not wrapped.
 #[derive(Debug, Clone, Copy)]
-struct At {
-    x_m: f64,
-    y_m: f64,
-    heading_rad: f64,
+pub(super) struct At {
+    pub(super) x_m: f64,
+    pub(super) y_m: f64,
+    pub(super) heading_rad: f64,
 }
 
 /// Within so much of a line's end the robot has arrived, metres.
@@ -173,6 +177,11 @@ const STEERING: f64 = 0.4;
 const GAP_NS: i64 = 200 * MILLISECOND_NS;
 
 impl MotionState {
+    /// A motion that begins with the next step.
+    pub(super) fn with(order: Order) -> Self {
+        Self { order: Some(order), ..Self::default() }
+    }
+
     /// Whether the motion has come to its end.
     #[must_use]
     pub fn is_done(&self) -> bool {
@@ -289,7 +298,7 @@ fn next(goal: Goal, leg: Leg, at: At) -> Option<Leg> {
 }
 
 impl At {
-    fn of(signals: &Signals) -> Option<Self> {
+    pub(super) fn of(signals: &Signals) -> Option<Self> {
         Some(Self {
             x_m: signals.get(Signal::X)?,
             y_m: signals.get(Signal::Y)?,
@@ -298,7 +307,7 @@ impl At {
     }
 
     /// How far a place is, metres, and how far to the left of straight ahead, radians.
-    fn to(self, x_m: f64, y_m: f64) -> (f64, f64) {
+    pub(super) fn to(self, x_m: f64, y_m: f64) -> (f64, f64) {
         let (dx_m, dy_m) = (x_m - self.x_m, y_m - self.y_m);
         let bearing_rad = wrap_rad(libm::atan2(dy_m, dx_m) - self.heading_rad);
         (libm::hypot(dx_m, dy_m), bearing_rad)

@@ -21,8 +21,9 @@ impl Shipped {
 }
 
 /// Every mission that comes with the program.
-pub const MISSIONS: [Shipped; 10] = [
+pub const MISSIONS: [Shipped; 11] = [
     Shipped { name: "map", text: include_str!("../../brick-image/missions/map.toml") },
+    Shipped { name: "explore", text: include_str!("../../brick-image/missions/explore.toml") },
     Shipped { name: "bump", text: include_str!("../../brick-image/missions/bump.toml") },
     Shipped { name: "wall", text: include_str!("../../brick-image/missions/wall.toml") },
     Shipped { name: "line", text: include_str!("../../brick-image/missions/line.toml") },

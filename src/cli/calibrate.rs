@@ -1,4 +1,4 @@
-//! `onbrick calibrate`: measure wheel circumference and track width by driving.
+//! `onbrick calibrate`: measure wheels, track and range sensor by driving.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,16 +19,20 @@ use crate::runtime::HardwareLock;
 /// directions. Nothing is written where the measurements are not sure enough. Ctrl-C, and a
 /// button on the brick, stop it at once.
 ///
+/// With `--only range` it measures what the range sensor reads too far: have a measuring tape at
+/// hand. With `--only own-echoes` it finds where that sensor hears the robot itself.
+///
 /// Examples:
-///   onbrick calibrate                      both, asking what is needed
+///   onbrick calibrate                      wheels and track, asking what is needed
 ///   onbrick calibrate --only track --mark  by spins that you mark, without the gyro's own error
+///   onbrick calibrate --only range         bias and scale of the range sensor, after the wheels
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
     /// The robot's file; the new numbers are written into it, and what was there is kept beside it.
     #[arg(default_value = "robot.toml")]
     robot: PathBuf,
-    /// Measure only one of the two.
+    /// Measure only one of the two, or the range sensor.
     #[arg(long)]
     only: Option<Only>,
     /// How to measure the circumference, instead of asking.
@@ -58,6 +62,8 @@ pub(super) struct Arguments {
 enum Only {
     Circumference,
     Track,
+    Range,
+    OwnEchoes,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -109,8 +115,10 @@ fn options(arguments: &Arguments) -> CalibrateOptions {
         Some(How::Metre) => Straight::Metre,
     };
     CalibrateOptions {
-        straight: (arguments.only != Some(Only::Track)).then_some(straight),
-        track: arguments.only != Some(Only::Circumference),
+        straight: matches!(arguments.only, None | Some(Only::Circumference)).then_some(straight),
+        track: matches!(arguments.only, None | Some(Only::Track)),
+        range: arguments.only == Some(Only::Range),
+        own_echoes: arguments.only == Some(Only::OwnEchoes),
         mark: (arguments.mark || arguments.no_mark).then_some(arguments.mark),
         pairs: arguments.pairs,
         ..CalibrateOptions::default()

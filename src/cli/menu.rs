@@ -10,7 +10,6 @@ use super::serve::load_config;
 use super::terminal::stop_flags;
 use super::{Exit, Failure, Output};
 use crate::clock::{MonotonicClock, wall_ns};
-use crate::commissioning::CalibrateOptions;
 use crate::document::save;
 use crate::ev3dev::{Buttons, Console, LocalTree, Platform, Screen, Tree};
 use crate::menu::{
@@ -238,25 +237,23 @@ fn talk(
     robot: &Path,
 ) -> Result<String, String> {
     let text = |error: &dyn std::error::Error| crate::printable::with_causes(error);
-    let doing = match kind {
-        TalkKind::SetUp => "setting up at the menu",
-        TalkKind::Calibrate => "calibrating at the menu",
+    let measures = kind.measures();
+    let doing = match measures {
+        None => "setting up at the menu",
+        Some(_) => "calibrating at the menu",
     };
     let _lock = HardwareLock::take(brick.root(), doing).map_err(|error| text(&error))?;
     let tree: Arc<dyn Tree> = Arc::new(brick.clone());
     let flags = dialogue.flags.clone();
-    let written = match kind {
-        TalkKind::SetUp => {
-            crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
-                .map_err(|error| text(&error))?
-        }
-        TalkKind::Calibrate => {
+    let written = match measures {
+        None => crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut dialogue)
+            .map_err(|error| text(&error))?,
+        Some(options) => {
             let bytes = super::common::read_bounded(robot).map_err(|failure| failure.message)?;
             let name = robot.display().to_string();
             let (config, _) =
                 RobotConfig::load(&name, &bytes).map_err(|findings| findings.to_string())?;
             let source = Source { name, text: String::from_utf8_lossy(&bytes).into_owned() };
-            let options = CalibrateOptions::default();
             let calibration = crate::commissioning::calibrate(
                 &tree,
                 &MonotonicClock,

@@ -15,7 +15,7 @@ use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::ev3dev::{Inventory, Tree};
-use crate::mapping::Pose;
+use crate::mapping::{Method, Pose};
 use crate::robot::RobotConfig;
 use crate::runtime::{
     Brick, Ended, Event, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned,
@@ -56,6 +56,10 @@ pub(super) struct Arguments {
     #[cfg(feature = "sim")]
     #[arg(long, default_value_t = 1, requires = "sim")]
     seed: u64,
+    /// How poses are estimated and points placed: default, by odometry alone, or as the seed did.
+    #[cfg(feature = "sim")]
+    #[arg(long, default_value = "default", requires = "sim")]
+    method: Method,
     /// Let the simulation keep step with the clock on the wall.
     #[cfg(feature = "sim")]
     #[arg(long, requires = "sim")]
@@ -156,10 +160,20 @@ fn prepare(
         stamps_ns: stamps_ns(output),
         run: None,
         name: None,
+        method: method(arguments),
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
     Ok(Prepared { job, mission, folder })
+}
+
+/// How poses are estimated: on a brick there is one way.
+fn method(arguments: &Arguments) -> Method {
+    #[cfg(feature = "sim")]
+    let method = arguments.method;
+    #[cfg(not(feature = "sim"))]
+    let (Arguments { .. }, method) = (arguments, Method::Default);
+    method
 }
 
 /// Says how a run ended.

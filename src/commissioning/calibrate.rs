@@ -1,4 +1,5 @@
-//! Measuring a robot by driving it: how far a wheel rolls in a turn, and how wide its track is.
+//! Measuring a robot by driving it: how far a wheel rolls in a turn, how wide its track is, what
+//! its range sensor reads too far, and where that sensor hears the robot itself.
 //!
 //! In the manner of UMBmark (Borenstein and Feng, "Measurement and Correction of Systematic
 //! Odometry Errors in Mobile Robots", IEEE Transactions on Robotics and Automation 12(6), 1996):
@@ -11,6 +12,9 @@
 //! - **Track width**: spinning on the spot, the wheels roll `b θ / 2` each, one ahead and one back,
 //!   so `b = c (φ_right - φ_left) / (2π θ)`, with θ from the gyro, or from a person who says when
 //!   the robot stands along a line again.
+//! - **Range**: before a wall whose distance a person has measured, `reading = bias + scale ·
+//!   distance`, with the distance from the wheels' way.
+//! - **Own echoes**: readings that stay at an angle of the head while the robot turns.
 //!
 //! The track width goes by the circumference: what the heading needs is their ratio, and that is
 //! what spinning measures.
@@ -44,12 +48,13 @@ use crate::runtime::{NotReady, Source, StopFlags, prepare};
 
 mod edit;
 mod fit;
+mod range;
 mod stage;
 mod straight;
 mod turns;
 
-pub use edit::{EditError, set_numbers};
-pub use fit::{Doubt, Measured};
+pub use edit::{EditError, set_values};
+pub use fit::{Doubt, Kind, Measured};
 
 use stage::Stage;
 
@@ -60,6 +65,10 @@ pub struct CalibrateOptions {
     pub straight: Option<Straight>,
     /// Measure the track width.
     pub track: bool,
+    /// Measure bias and scale of the range sensor.
+    pub range: bool,
+    /// Look for the range sensor's echoes of the robot itself.
+    pub own_echoes: bool,
     /// Whether a person marks whole turns although there is a gyro, which removes the gyro's own
     /// error; `None` asks.
     pub mark: Option<bool>,
@@ -70,9 +79,22 @@ pub struct CalibrateOptions {
     pub turns: f64,
 }
 
+impl CalibrateOptions {
+    /// Measures nothing.
+    pub const NOTHING: Self = Self {
+        straight: None,
+        track: false,
+        range: false,
+        own_echoes: false,
+        mark: None,
+        pairs: None,
+        turns: 3.0,
+    };
+}
+
 impl Default for CalibrateOptions {
     fn default() -> Self {
-        Self { straight: Some(Straight::Ask), track: true, mark: None, pairs: None, turns: 3.0 }
+        Self { straight: Some(Straight::Ask), track: true, ..Self::NOTHING }
     }
 }
 
@@ -116,6 +138,15 @@ pub enum CalibrateError {
     /// There is no wall, or no sensor to see it.
     #[error("{0}")]
     NoWall(String),
+    /// Nothing turns the range sensor.
+    #[error("own echoes are looked for with the head, and the robot has no [head]")]
+    NoHead,
+    /// Something is near the robot on all sides.
+    #[error("something is near the robot all round: put it where nothing is within {at_m} m")]
+    NoRoom {
+        /// How much room it takes, metres.
+        at_m: f64,
+    },
     /// A motion went on for longer than it should have.
     #[error("{0}")]
     TooFar(String),
@@ -131,6 +162,12 @@ pub struct Calibration {
     /// What the gyro says for what was truly turned: 1.02 for one that counts 2 % too much. Only
     /// where turns were marked.
     pub gyro_scale: Option<f64>,
+    /// What the range sensor reads too far, metres.
+    pub range_bias_m: Option<Measured>,
+    /// What it says for each metre more, metres.
+    pub range_scale: Option<Measured>,
+    /// Where it hears the robot itself: angles of the head from and to, degrees, and metres.
+    pub own_echoes: Option<Vec<[f64; 3]>>,
 }
 
 impl Calibration {
@@ -139,6 +176,8 @@ impl Calibration {
         [
             ("drive.wheel_circumference_m", self.wheel_circumference_m.as_ref()),
             ("drive.track_width_m", self.track_width_m.as_ref()),
+            ("range.bias_m", self.range_bias_m.as_ref()),
+            ("range.scale", self.range_scale.as_ref()),
         ]
         .into_iter()
         .filter_map(|(key, measured)| Some((key, measured?)))
@@ -156,9 +195,10 @@ impl Calibration {
         {
             return Err(ApplyError::Unsure { key, doubt });
         }
-        let numbers: Vec<(&str, f64)> =
-            self.measured().map(|(key, found)| (key, found.after)).collect();
-        let text = set_numbers(robot, &numbers)?;
+        let numbers = self.measured().map(|(key, found)| (key, edit::rounded(found.after)));
+        let list = self.own_echoes.iter().map(|own| ("range.own_echoes", list_of(own)));
+        let values: Vec<(&str, String)> = numbers.chain(list).collect();
+        let text = set_values(robot, &values)?;
         RobotConfig::load(&robot.name, text.as_bytes()).map_err(ApplyError::Findings)?;
         Ok(text)
     }
@@ -224,20 +264,59 @@ pub fn calibrate(
         calibration.track_width_m = Some(measured);
         calibration.gyro_scale = gyro_scale;
     }
+    if options.range {
+        if !sees_metres(tree, config) {
+            return Err(CalibrateError::NoWall(
+                "bias and scale are those of an ultrasonic sensor in the role [range]".to_owned(),
+            ));
+        }
+        let [bias, scale] = range::bias_and_scale(&mut stage, dialogue, options.pairs)?;
+        tell(dialogue, "range bias", &bias);
+        tell(dialogue, "range scale", &scale);
+        calibration.range_bias_m = Some(bias);
+        calibration.range_scale = Some(scale);
+    }
+    if options.own_echoes {
+        let own = range::own_echoes(&mut stage, dialogue)?;
+        for [from_deg, to_deg, range_m] in &own {
+            dialogue.say(&format!(
+                "the sensor hears the robot itself from {from_deg:.0} to {to_deg:.0} degrees of \
+                 the head, at {range_m:.3} m"
+            ));
+        }
+        if own.is_empty() {
+            dialogue.say("the sensor does not hear the robot itself");
+        }
+        calibration.own_echoes = Some(own);
+    }
     Ok(calibration)
 }
 
-/// By wall only where there is an ultrasonic sensor: the infrared one measures no metres.
+/// A list of places as TOML.
+fn list_of(own: &[[f64; 3]]) -> String {
+    let place = |[from_deg, to_deg, range_m]: &[f64; 3]| {
+        format!(
+            "[{from_deg:.0}, {to_deg:.0}, {}]",
+            edit::rounded(libm::round(range_m * 1000.0) / 1000.0)
+        )
+    };
+    format!("[{}]", own.iter().map(place).collect::<Vec<_>>().join(", "))
+}
+
+/// The infrared sensor measures no metres.
+fn sees_metres(tree: &Arc<dyn Tree>, config: &RobotConfig) -> bool {
+    let port = config.sensors.get(&Role::Range);
+    port.is_some_and(|port| UltrasonicSensor::find(tree, port.as_ref()).is_ok())
+}
+
+/// By wall only where there is an ultrasonic sensor.
 fn how_straight(
     tree: &Arc<dyn Tree>,
     config: &RobotConfig,
     dialogue: &mut dyn Dialogue,
     how: Straight,
 ) -> Result<Straight, CalibrateError> {
-    let sees_metres = config
-        .sensors
-        .get(&Role::Range)
-        .is_some_and(|port| UltrasonicSensor::find(tree, port.as_ref()).is_ok());
+    let sees_metres = sees_metres(tree, config);
     match how {
         Straight::Wall if !sees_metres => Err(CalibrateError::NoWall(
             "driving at a wall needs an ultrasonic sensor in the role [range]: measure a \

@@ -40,7 +40,7 @@ const SWEEP_RAD: f64 = 0.35;
 
 /// The soundings before, as far as they are of the same sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub(super) struct Sweep {
+pub(super) struct Slope {
     last: Option<Heard>,
     before: Option<Heard>,
     /// Bearing of the last sounding, echo or not.
@@ -60,7 +60,7 @@ struct Heard {
     y_m: f64,
 }
 
-impl Sweep {
+impl Slope {
     /// Takes a sounding; returns how far off the beam's axis its echo is, radians anticlockwise, at
     /// most the half cone.
     ///
@@ -94,6 +94,16 @@ impl Sweep {
         off_rad
     }
 
+    /// Moves what is known with the map.
+    pub(super) fn correct(&mut self, place: impl Fn(f64, f64) -> [f64; 2], turn_rad: f64) {
+        for heard in [&mut self.last, &mut self.before].into_iter().flatten() {
+            heard.bearing_rad += turn_rad;
+            [heard.x_m, heard.y_m] = place(heard.x_m, heard.y_m);
+        }
+        self.bearing_rad = self.bearing_rad.map(|rad| rad + turn_rad);
+        self.echo_rad += turn_rad;
+    }
+
     /// The share of the half cone by which the echo is off the axis, −1 to 1; `None` where nothing
     /// new can be said.
     fn share(&mut self, now: &Heard, beam: &Beam, swept_rad: f64) -> Option<f64> {
@@ -108,7 +118,7 @@ impl Sweep {
             return None;
         }
         let grown_m = last.grown_m(now, beam);
-        let most_m = STEEPEST * turned_rad.abs() * now.range_m.min(last.range_m) + NOISE_M;
+        let most_m = most_grown_m(turned_rad, now.range_m.min(last.range_m));
         let before = self.before.filter(|before| {
             let onward = (last.bearing_rad - before.bearing_rad) * turned_rad > 0.0;
             onward && (now.bearing_rad - before.bearing_rad).abs() < SWEEP_RAD
@@ -125,6 +135,11 @@ impl Sweep {
             / ((now.bearing_rad - from.bearing_rad) * now.range_m.max(0.05));
         Some((-slope / STEEP).clamp(-1.0, 1.0))
     }
+}
+
+/// What a range can change by over a turn of the beam while it stays on one surface, metres.
+pub(super) fn most_grown_m(turned_rad: f64, range_m: f64) -> f64 {
+    STEEPEST * turned_rad.abs() * range_m + NOISE_M
 }
 
 impl Heard {
@@ -159,7 +174,7 @@ mod tests {
         bearings_deg: impl Iterator<Item = f64>,
         hear: impl Fn(f64) -> Range,
     ) -> Vec<(f64, f64, f64)> {
-        let mut sweep = Sweep::default();
+        let mut sweep = Slope::default();
         bearings_deg
             .filter_map(|bearing_deg| {
                 let bearing_rad = radians(bearing_deg);
@@ -211,7 +226,7 @@ mod tests {
     #[test]
     fn what_comes_into_view_does_so_at_the_leading_edge() {
         // A post's near side in front of a wall: nearer by more than any wall allows.
-        let mut sweep = Sweep::default();
+        let mut sweep = Slope::default();
         let beam = Beam { x_m: 0.0, y_m: 0.0, cos: 1.0, sin: 0.0 };
         let mut hear = |bearing_deg: f64, range_m: f64| {
             degrees(sweep.off_axis_rad(&beam, radians(bearing_deg), Range::Echo(range_m), HALF_RAD))
@@ -225,7 +240,7 @@ mod tests {
 
     #[test]
     fn driving_towards_a_wall_is_no_slope() {
-        let mut sweep = Sweep::default();
+        let mut sweep = Slope::default();
         for step in 0..10 {
             let x_m = 0.02 * f64::from(step);
             let beam = Beam { x_m, y_m: 0.0, cos: 1.0, sin: 0.0 };

@@ -18,22 +18,33 @@ pub(super) struct Thinned<T> {
 impl<T: Copy + Default> Thinned<T> {
     /// An empty list with room for `limit` entries (two at least), taken at once.
     pub(super) fn new(limit: usize) -> Self {
+        Self::with_tail(limit, 0)
+    }
+
+    /// The same with room for what stands behind the list.
+    fn with_tail(limit: usize, tail: usize) -> Self {
         let limit = limit.max(2);
-        Self { kept: room::reserved(limit), limit, stride: 1, offered: 0 }
+        Self { kept: room::reserved(limit + tail), limit, stride: 1, offered: 0 }
     }
 
     pub(super) fn offer(&mut self, entry: T) {
+        self.insert(entry, self.kept.len());
+    }
+
+    /// Offers an entry to the list's first `count`; what stands behind stays behind.
+    fn insert(&mut self, entry: T, mut count: usize) {
         let due = |list: &Self| list.offered.is_multiple_of(list.stride);
-        if due(self) && self.kept.len() == self.limit {
-            let mut index = 0_u64;
+        if due(self) && count == self.limit {
+            let mut index = 0;
             self.kept.retain(|_| {
                 index += 1;
-                index % 2 == 1
+                index % 2 == 1 || index > count
             });
+            count = count.div_ceil(2);
             self.stride = self.stride.saturating_mul(2);
         }
         if due(self) {
-            self.kept.push(entry);
+            self.kept.insert(count, entry);
         }
         self.offered = self.offered.wrapping_add(1);
     }
@@ -44,6 +55,57 @@ impl<T: Copy + Default> Thinned<T> {
 
     pub(super) fn stride(&self) -> u64 {
         self.stride
+    }
+}
+
+/// The points of a map: those that have their place, thinned, and behind them those that wait for
+/// theirs, where they are taken to be so far.
+#[derive(Debug, Clone)]
+pub(super) struct Cloud {
+    points: Thinned<MapPoint>,
+    waiting: usize,
+}
+
+/// Points that wait at most; the oldest is then as good as placed.
+const WAITING: usize = 512;
+
+impl Cloud {
+    pub(super) fn new(limit: usize) -> Self {
+        Self { points: Thinned::with_tail(limit, WAITING), waiting: 0 }
+    }
+
+    /// A point that waits.
+    pub(super) fn expect(&mut self, point: MapPoint) {
+        if self.waiting == WAITING {
+            let first = self.points.kept.remove(self.points.kept.len() - self.waiting);
+            self.waiting -= 1;
+            self.keep(first);
+        }
+        self.points.kept.push(point);
+        self.waiting += 1;
+    }
+
+    /// A point that has its place; what waited before it is gone.
+    pub(super) fn place(&mut self, point: MapPoint) {
+        let first = self.points.kept.len() - self.waiting;
+        let passed = |waiting: &MapPoint| waiting.time_ns <= point.time_ns;
+        let count = self.points.kept.iter().skip(first).take_while(|point| passed(point)).count();
+        self.points.kept.drain(first..first + count);
+        self.waiting -= count;
+        self.keep(point);
+    }
+
+    fn keep(&mut self, point: MapPoint) {
+        let tail = self.points.kept.len() - self.waiting;
+        self.points.insert(point, tail);
+    }
+
+    pub(super) fn all(&self) -> &[MapPoint] {
+        self.points.kept()
+    }
+
+    pub(super) fn stride(&self) -> u64 {
+        self.points.stride()
     }
 }
 

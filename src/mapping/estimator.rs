@@ -2,31 +2,35 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bearing::Sweep;
+use super::filter::Step;
 use super::geometry::{EstimatorConfig, Method};
 use super::gyro::{GyroInput, GyroState};
 use super::history::{History, Placement};
 use super::range::{Beam, RangeFilter};
 use super::slip::SlipState;
 use super::sounding::{Schedule, Sounding};
+use super::survey::{Heard, Survey};
 use super::uncertainty::{self, Covariance};
 use super::wheels::{WheelStep, WheelsState};
-use super::{Estimate, Events, Inputs, Pose, Range};
+use super::{Estimate, Events, Inputs, MapPoint, Pose, Range, RangeReading};
 use crate::clock::seconds_nearly;
 
 /// Speeds are smoothed over this: a whole degree of a wheel in a tick of 10 ms would else be 5
 /// cm/s.
 pub(super) const SPEED_MEMORY_S: f64 = 0.1;
 
+/// Within this a correction of the pose is half to two thirds told.
+const SETTLE_S: f64 = 0.3;
+
 /// What the estimator carries from tick to tick: everything that later results depend on, and
 /// nothing else. It is of fixed size and has only finite numbers.
 ///
 /// Text that is to carry it bit for bit has to keep floats exactly (with `serde_json` that is its
 /// feature `float_roundtrip`).
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct EstimatorState {
-    /// The pose.
-    pub pose: Pose,
+    /// The pose by odometry alone.
+    pub odometry: Pose,
     /// The time of the last update; `None` before the first.
     time_ns: Option<i64>,
     /// The heading when both wheels were last read.
@@ -41,7 +45,9 @@ pub struct EstimatorState {
     history: History,
     near: RangeFilter,
     schedule: Schedule,
-    sweep: Sweep,
+    survey: Survey,
+    /// What the pose that is told is still behind by after corrections.
+    unsettled: Pose,
 }
 
 /// Estimates the pose from wheels and gyro, and places range readings. See [`crate::mapping`] for
@@ -61,7 +67,8 @@ impl Estimator {
         let mut history = History::default();
         history.note(placement);
         let state = EstimatorState {
-            pose,
+            odometry: pose,
+            survey: Survey::new(pose),
             wheels_heading_rad: pose.heading_rad,
             covariance: uncertainty::at_start(),
             history,
@@ -79,7 +86,7 @@ impl Estimator {
     /// Everything it carries from tick to tick.
     #[must_use]
     pub fn state(&self) -> EstimatorState {
-        self.state
+        self.state.clone()
     }
 
     /// Continues from a state: the same inputs then give the same bits as without an interruption.
@@ -100,6 +107,11 @@ impl Estimator {
         self.state.gyro.bias_rad_s()
     }
 
+    /// The points that still wait for their place, at the end of a run: the sweep ends here.
+    pub fn finish(&mut self) -> Vec<MapPoint> {
+        self.state.survey.finish(self.config.geometry.range().max_m)
+    }
+
     /// Takes one tick's readings. Readings that no sensor can have made are left out and noticed;
     /// whatever comes in, the pose stays finite.
     pub fn update(&mut self, inputs: &Inputs) -> Estimate {
@@ -112,30 +124,76 @@ impl Estimator {
             inputs.right_rad,
         );
         events |= wheels.events;
-        let heading_rad = self.state.pose.heading_rad;
+        let before = self.state.odometry;
         let trust = self.turn(&inputs, &wheels, passed_s, &mut events);
-        let turned_rad = self.state.pose.heading_rad - heading_rad;
+        let turned_rad = self.state.odometry.heading_rad - before.heading_rad;
         self.step(&wheels, passed_s, trust);
         self.smooth_speeds(wheels.forward_m, turned_rad, passed_s);
-        let pose = self.state.pose;
+        if self.config.method == Method::Default {
+            self.follow(&before, passed_s, trust);
+        }
+        let pose = self.pose();
+        let told = self.told(&pose, passed_s);
         self.state.history.note(Placement {
             time_ns: inputs.time_ns,
             pose,
             head_rad: inputs.head_rad,
         });
+        let inputs =
+            Inputs { range: inputs.range.and_then(|range| self.heard(&inputs, range)), ..inputs };
         let range = self.understand(&inputs);
         let sounding = range.and_then(|range| self.sound(&inputs, range));
+        let placed = self.state.survey.placed();
         Estimate {
             time_ns: inputs.time_ns,
-            pose,
+            pose: told,
             forward_m_s: self.state.forward_m_s,
             turn_rad_s: self.state.turn_rad_s,
             covariance: self.state.covariance,
             travelled_m: self.state.travelled_m,
             range,
             sounding,
+            placed,
             events,
         }
+    }
+
+    /// The pose: that of odometry, corrected by landmarks.
+    fn pose(&self) -> Pose {
+        match self.config.method {
+            Method::Default => self.state.survey.pose(),
+            Method::Odometry | Method::Seed => self.state.odometry,
+        }
+    }
+
+    /// The pose as it is told: a correction comes in over [`SETTLE_S`], so that what drives by the
+    /// pose does not jump.
+    fn told(&mut self, pose: &Pose, passed_s: f64) -> Pose {
+        let unsettled = &mut self.state.unsettled;
+        if *unsettled == Pose::default() {
+            return *pose;
+        }
+        *unsettled = unsettled.toward(&Pose::default(), (passed_s / SETTLE_S).min(1.0));
+        // Below a micrometre nothing is left.
+        if unsettled.x_m.abs() + unsettled.y_m.abs() + unsettled.heading_rad.abs() < 1e-6 {
+            *unsettled = Pose::default();
+        }
+        pose.plus(unsettled)
+    }
+
+    /// Hands the step from an earlier pose of odometry on to what corrects it.
+    fn follow(&mut self, before: &Pose, passed_s: f64, trust: Trust) {
+        let now = self.state.odometry;
+        let (x_m, y_m) = (now.x_m - before.x_m, now.y_m - before.y_m);
+        let [cos, sin] =
+            if x_m != 0.0 || y_m != 0.0 { unit(before.heading_rad) } else { [1.0, 0.0] };
+        self.state.survey.step(&Step {
+            forward_m: x_m * cos + y_m * sin,
+            left_m: y_m * cos - x_m * sin,
+            turn_rad: now.heading_rad - before.heading_rad,
+            passed_s,
+            slip_m: trust.slip_m,
+        });
     }
 
     fn passed_s(&mut self, now_ns: i64, events: &mut Events) -> f64 {
@@ -152,7 +210,7 @@ impl Estimator {
         passed_s: f64,
         events: &mut Events,
     ) -> Trust {
-        let before_rad = self.state.pose.heading_rad;
+        let before_rad = self.state.odometry.heading_rad;
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
             value_rad: inputs.gyro.map(|gyro| gyro.value_rad),
@@ -161,8 +219,8 @@ impl Estimator {
             still: wheels.still,
         });
         *events |= step.events;
-        self.state.pose.heading_rad = match self.config.method {
-            Method::Default => step.heading_rad,
+        self.state.odometry.heading_rad = match self.config.method {
+            Method::Default | Method::Odometry => step.heading_rad,
             // Without a believable change of the gyro the seed's heading stays.
             Method::Seed => before_rad + step.change_rad.unwrap_or(0.0),
         };
@@ -184,11 +242,11 @@ impl Estimator {
     /// Burgard and Fox, section 5.4).
     fn step(&mut self, wheels: &WheelStep, passed_s: f64, trust: Trust) {
         let state = &mut self.state;
-        let after_rad = state.pose.heading_rad;
+        let after_rad = state.odometry.heading_rad;
         let turned_rad = after_rad - state.wheels_heading_rad;
         let along_rad = match self.config.method {
             Method::Seed => state.wheels_heading_rad,
-            Method::Default => state.wheels_heading_rad + turned_rad / 2.0,
+            Method::Default | Method::Odometry => state.wheels_heading_rad + turned_rad / 2.0,
         };
         if wheels.read {
             state.wheels_heading_rad = after_rad;
@@ -196,8 +254,8 @@ impl Estimator {
         let moved = wheels.left_m != 0.0 || wheels.right_m != 0.0;
         let direction = if moved { unit(along_rad) } else { [1.0, 0.0] };
         let [cos, sin] = direction;
-        state.pose.x_m += cos * wheels.forward_m;
-        state.pose.y_m += sin * wheels.forward_m;
+        state.odometry.x_m += cos * wheels.forward_m;
+        state.odometry.y_m += sin * wheels.forward_m;
         state.travelled_m += wheels.forward_m.abs();
         state.covariance = uncertainty::propagated(
             state.covariance,
@@ -228,10 +286,24 @@ impl Estimator {
         }
     }
 
+    /// A reading as the distance that it stands for: without the sensor's bias and scale, and none
+    /// where the robot has heard itself. Nothing after this knows of either.
+    fn heard(&self, inputs: &Inputs, range: RangeReading) -> Option<RangeReading> {
+        let mount = self.config.geometry.range();
+        let at_ns = range.changed_ns.min(inputs.time_ns).saturating_sub(mount.latency_ns);
+        // A reading that has not changed may be of then or of now.
+        let heads_rad = [self.state.history.at(at_ns).head_rad, inputs.head_rad];
+        let is_own = heads_rad
+            .iter()
+            .flatten()
+            .any(|head_rad| mount.own_echoes.has(*head_rad, range.value_m));
+        (!is_own).then(|| RangeReading { value_m: mount.distance_m(range.value_m), ..range })
+    }
+
     fn understand(&mut self, inputs: &Inputs) -> Option<Range> {
         let reading = inputs.range?;
         let newest =
-            Placement { time_ns: inputs.time_ns, pose: self.state.pose, head_rad: inputs.head_rad };
+            Placement { time_ns: inputs.time_ns, pose: self.pose(), head_rad: inputs.head_rad };
         let mut near = self.state.near;
         let range = near.understood(reading.value_m, || {
             // Without the head's angle the beam is taken as straight ahead: where the robot drives.
@@ -246,20 +318,33 @@ impl Estimator {
         let due_ns = self.state.schedule.due(inputs.time_ns, inputs.range?.changed_ns);
         let (time_ns, fresh) = match (self.config.method, due_ns) {
             (Method::Seed, due_ns) => (inputs.time_ns, due_ns.is_some()),
-            (Method::Default, due_ns) => {
+            (Method::Default | Method::Odometry, due_ns) => {
                 (due_ns?.saturating_sub(self.config.geometry.range().latency_ns), true)
             }
         };
         let placement = self.state.history.at(time_ns);
         let beam = self.beam(&placement)?;
-        let sounding = Sounding::new(time_ns, &beam, range, fresh);
-        if self.config.method == Method::Seed {
+        let mount = self.config.geometry.range();
+        let sounding = Sounding::new(time_ns, &beam, mount.half_cone_rad, range, fresh);
+        // What has no width needs no sweep.
+        if self.config.method == Method::Seed || mount.half_cone_rad == 0.0 {
             return Some(sounding);
         }
-        let mount = self.config.geometry.range();
         let head_rad = placement.head_rad.filter(|_| mount.on_head).unwrap_or(0.0);
-        let bearing_rad = placement.pose.heading_rad + head_rad;
-        let off_rad = self.state.sweep.off_axis_rad(&beam, bearing_rad, range, mount.half_cone_rad);
+        let (off_rad, correction) = self.state.survey.take(&Heard {
+            time_ns,
+            beam: &beam,
+            bearing_rad: placement.pose.heading_rad + head_rad,
+            range,
+            half_cone_rad: mount.half_cone_rad,
+            max_m: mount.max_m,
+            corrects: self.config.method == Method::Default,
+        });
+        if let Some(correction) = correction {
+            self.state.history.correct(&correction);
+            self.state.covariance = self.state.survey.covariance();
+            self.state.unsettled = self.state.unsettled.plus(&correction.back());
+        }
         Some(sounding.with_echo_off_axis(off_rad))
     }
 

@@ -6,7 +6,11 @@
 //! a robot of LEGO bricks can have, so that nothing after it divides by zero or overflows.
 
 use std::ops::RangeInclusive;
+use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
+use super::OwnEchoes;
 use crate::clock::MILLISECOND_NS;
 
 /// Metres per turn of the seed's wheel: 37.2 inches in five turns.
@@ -33,15 +37,43 @@ const HALF_CONE_RAD: f64 = 14.0 * (std::f64::consts::PI / 180.0);
 const RANGE_LATENCY_MAX_NS: i64 = 200 * MILLISECOND_NS;
 
 /// How the pose is estimated and which readings become points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Method {
     /// As the seed did it: heading is the gyro's, the step is made along the heading before it, and
     /// each tick with a range below the maximum is a point, seen from the pose of that tick.
     Seed,
-    /// Heading from gyro and encoders together, slip noticed, bias removed, and each reading seen
-    /// from the pose at its instant.
+    /// Heading from gyro and encoders together, slip noticed, bias removed, each reading seen from
+    /// the pose at its instant; nothing that is seen corrects the pose.
+    Odometry,
+    /// The same, corrected by landmarks.
     #[default]
     Default,
+}
+
+impl Method {
+    /// Each with its word on the command line and in recordings.
+    pub const WORDS: [(&str, Self); 3] =
+        [("default", Self::Default), ("odometry", Self::Odometry), ("seed", Self::Seed)];
+
+    /// Its word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        let mut words = Self::WORDS.into_iter();
+        words.find(|(_, method)| *method == self).map_or("", |(word, _)| word)
+    }
+}
+
+impl FromStr for Method {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let mut words = Self::WORDS.into_iter();
+        let found = words.find(|(word, _)| *word == text);
+        found
+            .map(|(_, method)| method)
+            .ok_or_else(|| "it can be default, odometry or seed".to_owned())
+    }
 }
 
 /// What an estimator is made from.
@@ -64,8 +96,16 @@ pub struct RangeMount {
     pub max_m: f64,
     /// How old a distance is when it can first be read, nanoseconds; 0 to 200 ms.
     pub latency_ns: i64,
-    /// Half of the cone that it hears in, radians; 0 to 0.5. 0 for a narrow beam.
+    /// Half of the cone that it hears in, radians; 0 to 0.5. With 0, a narrow beam, each echo lies
+    /// on its axis, and none corrects the pose. The one cone that there is: of bearings, of the
+    /// grid, and of what is recorded.
     pub half_cone_rad: f64,
+    /// What its readings are too large by, metres; −0.2 to 0.2.
+    pub bias_m: f64,
+    /// What it says for each metre more, metres; 0.5 to 2.
+    pub scale: f64,
+    /// Where it hears the robot itself.
+    pub own_echoes: OwnEchoes,
     /// Whether it sits on a head that turns. If it does, readings are placed only while the head's
     /// angle is known.
     pub on_head: bool,
@@ -76,6 +116,17 @@ impl RangeMount {
     pub const AHEAD_M: RangeInclusive<f64> = -1.0..=1.0;
     /// What [`RangeMount::max_m`] can be.
     pub const MAX_M: RangeInclusive<f64> = 0.1..=10.0;
+    /// What [`RangeMount::half_cone_rad`] can be.
+    pub const HALF_CONE_RAD: RangeInclusive<f64> = 0.0..=0.5;
+    /// What [`RangeMount::bias_m`] can be.
+    pub const BIAS_M: RangeInclusive<f64> = -0.2..=0.2;
+    /// What [`RangeMount::scale`] can be.
+    pub const SCALE: RangeInclusive<f64> = 0.5..=2.0;
+
+    /// The distance behind a reading, metres; infinite without an echo.
+    pub(super) fn distance_m(&self, reading_m: f64) -> f64 {
+        ((reading_m - self.bias_m) / self.scale).max(0.0)
+    }
 }
 
 impl Default for RangeMount {
@@ -86,6 +137,9 @@ impl Default for RangeMount {
             max_m: SEED_RANGE_MAX_M,
             latency_ns: RANGE_LATENCY_NS,
             half_cone_rad: HALF_CONE_RAD,
+            bias_m: 0.0,
+            scale: 1.0,
+            own_echoes: OwnEchoes::default(),
             on_head: true,
         }
     }
@@ -162,7 +216,9 @@ impl Geometry {
         within("range ahead_m", range.ahead_m, RangeMount::AHEAD_M)?;
         within("range left_m", range.left_m, -1.0..=1.0)?;
         within("range max_m", range.max_m, RangeMount::MAX_M)?;
-        within("range half_cone_rad", range.half_cone_rad, 0.0..=0.5)?;
+        within("range half_cone_rad", range.half_cone_rad, RangeMount::HALF_CONE_RAD)?;
+        within("range bias_m", range.bias_m, RangeMount::BIAS_M)?;
+        within("range scale", range.scale, RangeMount::SCALE)?;
         #[expect(clippy::cast_precision_loss, reason = "only compared and shown")]
         within("range latency_ns", range.latency_ns as f64, 0.0..=RANGE_LATENCY_MAX_NS as f64)?;
         Ok(Self { range, ..self })

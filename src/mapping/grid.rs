@@ -20,7 +20,7 @@
 
 mod cone;
 
-use super::{Pose, Range, Sounding, room};
+use super::{Estimate, MapPoint, Pose, Range, Sounding, room};
 use cone::{Cone, Zone, integer};
 
 /// A cell's size: the sensor's own error is a centimetre or two, its cone at 1 m is 35 cm wide.
@@ -39,6 +39,9 @@ const LIMIT: i8 = 100;
 const ODDS_STEP: f64 = 0.05;
 const HIT_AXIS: i8 = 12;
 const HIT_CONE: i8 = 5;
+/// Of a point whose place within the cone is known. One makes a cell occupied: what drives by the
+/// grid has to see it.
+const HIT_POINT: i8 = 24;
 const FREE_AXIS: i8 = -6;
 const FREE_CONE: i8 = -3;
 const MISS_AXIS: i8 = -1;
@@ -55,6 +58,18 @@ pub enum Cell {
     Free,
     /// Something there.
     Occupied,
+}
+
+impl Cell {
+    /// What a cell of these log-odds, in twentieths, is taken for.
+    #[must_use]
+    pub fn of(log_odds: i8) -> Self {
+        match log_odds {
+            OCCUPIED_FROM.. => Self::Occupied,
+            i8::MIN..=FREE_FROM => Self::Free,
+            _ => Self::Unknown,
+        }
+    }
 }
 
 /// A grid of log-odds over a rectangle of the world.
@@ -125,7 +140,20 @@ impl OccupancyGrid {
         Some(union)
     }
 
-    /// Takes one reading. `range_max_m`: from there on an echo is no echo.
+    /// Takes one update: its new reading and the points that now have their place. True where
+    /// there was any. `range_max_m`: from there on an echo is no echo.
+    pub fn take(&mut self, estimate: &Estimate, range_max_m: f64) -> bool {
+        let sounding = estimate.sounding.filter(|sounding| sounding.fresh);
+        if let Some(sounding) = &sounding {
+            self.add(sounding, range_max_m);
+        }
+        for point in estimate.placed.iter() {
+            self.hit(point);
+        }
+        sounding.is_some() || !estimate.placed.is_empty()
+    }
+
+    /// Takes one reading. Where its echo waits for its place, only what is before it is taken.
     pub fn add(&mut self, sounding: &Sounding, range_max_m: f64) {
         let most_m = range_max_m.min(REACH_M);
         let (free_m, hit) = match sounding.range {
@@ -142,8 +170,14 @@ impl OccupancyGrid {
             Range::NoEcho => [MISS_AXIS, 0],
             Range::TooNear => [0, 0],
         };
-        let at = if hit { [HIT_AXIS, HIT_CONE] } else { [0, 0] };
+        let at = if hit && !sounding.waits { [HIT_AXIS, HIT_CONE] } else { [0, 0] };
         self.weigh(&cone, before, at);
+    }
+
+    /// Takes a point that has its place: there is something.
+    pub(super) fn hit(&mut self, point: &MapPoint) {
+        let x = lattice(point.x_m);
+        self.row_at(lattice(point.y_m)).weigh(x, HIT_POINT);
     }
 
     /// Adds to the log-odds of a cone's cells: before the distance and at it, each near the axis
@@ -202,6 +236,13 @@ impl OccupancyGrid {
         self.cells.get(row.checked_mul(self.columns)?.checked_add(column)?).copied()
     }
 
+    /// The log-odds of a row's cells in twentieths, rows counted from below; none outside.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[i8] {
+        let first = row.saturating_mul(self.columns);
+        self.cells.get(first..first.saturating_add(self.columns)).unwrap_or_default()
+    }
+
     /// The probability, 0 to 1, that a cell is occupied; 0.5 where nothing is known; `None`
     /// outside.
     #[must_use]
@@ -213,11 +254,7 @@ impl OccupancyGrid {
     /// What a cell is taken for; outside nothing is known.
     #[must_use]
     pub fn cell(&self, column: usize, row: usize) -> Cell {
-        match self.log_odds(column, row).unwrap_or(0) {
-            OCCUPIED_FROM.. => Cell::Occupied,
-            i8::MIN..=FREE_FROM => Cell::Free,
-            _ => Cell::Unknown,
-        }
+        Cell::of(self.log_odds(column, row).unwrap_or(0))
     }
 
     /// What the place at x and y, metres, world frame, is taken for.
@@ -235,6 +272,12 @@ impl OccupancyGrid {
     #[must_use]
     pub fn outside(&self) -> u64 {
         self.outside
+    }
+
+    /// Gives a cell of the lattice log-odds: maps as drawings.
+    #[cfg(test)]
+    pub(crate) fn set_for_tests(&mut self, x: i32, y: i32, log_odds: i8) {
+        self.row_at(y).weigh(x, log_odds);
     }
 
     fn beyond(&self) -> [i32; 2] {
@@ -366,7 +409,17 @@ mod tests {
 
     pub(super) fn sounding(x_m: f64, y_m: f64, direction_rad: f64, range: Range) -> Sounding {
         let beam = [libm::cos(direction_rad), libm::sin(direction_rad)];
-        Sounding { time_ns: 0, x_m, y_m, beam, echo: beam, range, fresh: true }
+        Sounding {
+            time_ns: 0,
+            x_m,
+            y_m,
+            beam,
+            echo: beam,
+            half_cone_rad: 0.21,
+            range,
+            fresh: true,
+            waits: false,
+        }
     }
 
     fn repeated(range: Range) -> OccupancyGrid {
@@ -502,7 +555,7 @@ mod tests {
             for range in [Range::Echo(range), Range::NoEcho, Range::TooNear] {
                 let (beam, echo) = ([cos, sin], [cos, sin]);
                 let sounding =
-                    Sounding { time_ns: 0, x_m: x, y_m: y, beam, echo, range, fresh: true };
+                    Sounding { x_m: x, y_m: y, beam, echo, ..sounding(0.0, 0.0, 0.0, range) };
                 grid.add(&sounding, 2.0);
             }
             prop_assert_eq!(grid.cells.len(), 40_000);

@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
+use super::survey::Correction;
 use crate::clock::MILLISECOND_NS;
 
 /// Kept poses.
@@ -44,6 +45,15 @@ impl History {
             *place = now;
             self.next = (self.next + 1) % KEPT_U8;
             self.held = (self.held + 1).min(KEPT_U8);
+        }
+    }
+
+    /// Moves all poses with the map.
+    pub(super) fn correct(&mut self, correction: &Correction) {
+        for placement in self.ring.iter_mut().chain([&mut self.newest]) {
+            let pose = &mut placement.pose;
+            [pose.x_m, pose.y_m] = correction.place(pose.x_m, pose.y_m);
+            pose.heading_rad += correction.turn_rad();
         }
     }
 

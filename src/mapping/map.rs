@@ -1,7 +1,7 @@
 //! Points, path and grid of one robot, and several robots' maps together.
 
-use super::cloud::{Path, Thinned};
-use super::{Estimate, MapPoint, OccupancyGrid, Pose, Range, RangeMount};
+use super::cloud::{Cloud, Path};
+use super::{Estimate, MapPoint, OccupancyGrid, Placed, Pose, RangeMount};
 
 /// Points kept: ten a second for half an hour, at 24 bytes.
 const POINTS: usize = 20_000;
@@ -12,7 +12,7 @@ const PLACES: usize = 15_000;
 /// any length.
 #[derive(Debug, Clone)]
 pub struct Map {
-    points: Thinned<MapPoint>,
+    points: Cloud,
     path: Path,
     grid: OccupancyGrid,
     range_max_m: f64,
@@ -23,7 +23,7 @@ impl Map {
     #[must_use]
     pub fn new(range: &RangeMount, start: &Pose) -> Self {
         Self {
-            points: Thinned::new(POINTS),
+            points: Cloud::new(POINTS),
             path: Path::new(PLACES),
             grid: OccupancyGrid::around(start),
             range_max_m: range.max_m,
@@ -37,28 +37,40 @@ impl Map {
         self
     }
 
-    /// Takes one update; returns the new point, if there is one. Every point is returned, also one
-    /// that the thinned cloud does not keep.
-    pub fn add(&mut self, estimate: &Estimate) -> Option<MapPoint> {
+    /// Takes one update; returns the points that now have their place. Every point is returned,
+    /// also one that the thinned cloud does not keep.
+    pub fn add(&mut self, estimate: &Estimate) -> Placed {
         self.path.offer(estimate.time_ns, &estimate.pose);
-        let sounding = estimate.sounding?;
-        if sounding.fresh {
-            self.grid.add(&sounding, self.range_max_m);
+        self.grid.take(estimate, self.range_max_m);
+        let mut placed = estimate.placed;
+        if let Some(sounding) = &estimate.sounding
+            && let Some(point) = sounding.point(self.range_max_m)
+        {
+            if sounding.waits {
+                self.points.expect(point);
+            } else {
+                placed.push(point);
+            }
         }
-        let Range::Echo(range_m) = sounding.range else { return None };
-        if range_m >= self.range_max_m {
-            return None;
+        for point in placed.iter() {
+            self.points.place(*point);
         }
-        let [x_m, y_m] = sounding.at(range_m);
-        let point = MapPoint { time_ns: sounding.time_ns, x_m, y_m };
-        self.points.offer(point);
-        Some(point)
+        placed
     }
 
-    /// The points, in the order of their time.
+    /// Takes the points that waited when the run ended.
+    pub fn finish(&mut self, points: &[MapPoint]) {
+        for point in points {
+            self.grid.hit(point);
+            self.points.place(*point);
+        }
+    }
+
+    /// The points, in the order of their time. Those at the end may still wait for their place: the
+    /// sweep that they are of is not over.
     #[must_use]
     pub fn points(&self) -> &[MapPoint] {
-        self.points.kept()
+        self.points.all()
     }
 
     /// One of this many points found is kept: 1 until the cloud was full for the first time.

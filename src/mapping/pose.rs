@@ -46,6 +46,16 @@ impl Pose {
         }
     }
 
+    /// Number by number, in the world's frame.
+    #[must_use]
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        Self {
+            x_m: self.x_m + other.x_m,
+            y_m: self.y_m + other.y_m,
+            heading_rad: self.heading_rad + other.heading_rad,
+        }
+    }
+
     /// Whether every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Range;
 use super::range::Beam;
+use super::{MapPoint, Range};
 use crate::clock::MILLISECOND_NS;
 
 /// The sensor's period: a reading that has not changed for this long counts as a new one of the
@@ -24,27 +24,57 @@ pub struct Sounding {
     /// Unit vector of the direction in which the echo is taken to be, within the cone around the
     /// axis.
     pub echo: [f64; 2],
+    /// Half of the cone around the axis that it was heard in, radians.
+    pub half_cone_rad: f64,
     /// What it read.
     pub range: Range,
     /// Whether it is a reading of its own and not the one before once more (the seed places the
     /// same one in each tick).
     pub fresh: bool,
+    /// Whether the echo's place is only the first guess: the sweep that it is of decides
+    /// ([`super::Estimate::placed`]).
+    pub waits: bool,
 }
 
 impl Sounding {
-    pub(super) fn new(time_ns: i64, beam: &Beam, range: Range, fresh: bool) -> Self {
+    pub(super) fn new(
+        time_ns: i64,
+        beam: &Beam,
+        half_cone_rad: f64,
+        range: Range,
+        fresh: bool,
+    ) -> Self {
         let axis = [beam.cos, beam.sin];
-        Self { time_ns, x_m: beam.x_m, y_m: beam.y_m, beam: axis, echo: axis, range, fresh }
+        Self {
+            time_ns,
+            x_m: beam.x_m,
+            y_m: beam.y_m,
+            beam: axis,
+            echo: axis,
+            half_cone_rad,
+            range,
+            fresh,
+            waits: false,
+        }
     }
 
     /// The same with an echo from so far beside the axis, radians anticlockwise.
+    /// It waits for its sweep.
     pub(super) fn with_echo_off_axis(self, off_rad: f64) -> Self {
+        let waiting = Self { waits: true, ..self };
         if off_rad == 0.0 {
-            return self;
+            return waiting;
         }
         let [cos, sin] = self.beam;
         let (off_sin, off_cos) = libm::sincos(off_rad);
-        Self { echo: [cos * off_cos - sin * off_sin, sin * off_cos + cos * off_sin], ..self }
+        Self { echo: [cos * off_cos - sin * off_sin, sin * off_cos + cos * off_sin], ..waiting }
+    }
+
+    /// The point of the map that it makes, if its echo is nearer than `max_m`.
+    pub(super) fn point(&self, max_m: f64) -> Option<MapPoint> {
+        let Range::Echo(range_m) = self.range else { return None };
+        let [x_m, y_m] = self.at(range_m);
+        (range_m < max_m).then_some(MapPoint { time_ns: self.time_ns, x_m, y_m })
     }
 
     /// The place at this distance in metres in the direction of the echo, world frame.

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use super::sheet::{Row, Sheet, View};
 use super::{Menu, Showing};
-use crate::commissioning::{Dialogue, NoAnswer};
+use crate::commissioning::{CalibrateOptions, Dialogue, NoAnswer};
 use crate::ev3dev::Button;
 use crate::runtime::StopFlags;
 
@@ -26,15 +26,34 @@ pub enum TalkKind {
     SetUp,
     /// Wheel circumference and track width: `onbrick calibrate`.
     Calibrate,
+    /// What the range sensor reads too far: `onbrick calibrate --only range`.
+    Range,
+    /// Where it hears the robot itself: `onbrick calibrate --only own-echoes`.
+    OwnEchoes,
 }
 
 impl TalkKind {
-    pub(super) const ALL: [Self; 2] = [Self::SetUp, Self::Calibrate];
+    pub(super) const ALL: [Self; 4] = [Self::SetUp, Self::Calibrate, Self::Range, Self::OwnEchoes];
+
+    /// What is measured, if it is a measurement.
+    #[must_use]
+    pub fn measures(self) -> Option<CalibrateOptions> {
+        match self {
+            Self::SetUp => None,
+            Self::Calibrate => Some(CalibrateOptions::default()),
+            Self::Range => Some(CalibrateOptions { range: true, ..CalibrateOptions::NOTHING }),
+            Self::OwnEchoes => {
+                Some(CalibrateOptions { own_echoes: true, ..CalibrateOptions::NOTHING })
+            }
+        }
+    }
 
     pub(super) const fn words(self) -> &'static str {
         match self {
             Self::SetUp => "Set up the robot",
             Self::Calibrate => "Calibrate by driving",
+            Self::Range => "Measure the range",
+            Self::OwnEchoes => "Find own echoes",
         }
     }
 }
@@ -289,7 +308,7 @@ impl Talk {
     pub(super) fn sheet(&self) -> Sheet {
         let title = match self.kind {
             TalkKind::SetUp => "Set up",
-            TalkKind::Calibrate => "Calibrate",
+            TalkKind::Calibrate | TalkKind::Range | TalkKind::OwnEchoes => "Calibrate",
         };
         let mut sheet =
             self.said.iter().fold(Sheet::new(title), |sheet, text| sheet.line(text.clone()));

@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::grid::Grid;
 use super::stop::{Stop, StopReason};
 use crate::ev3dev::Technology;
-use crate::mapping::Pose;
+use crate::mapping::{MapPoint, Method, Pose};
 use crate::printable;
 use crate::senses::QUANTITIES;
 
@@ -46,6 +46,8 @@ pub struct Start {
     pub cells: Technology,
     /// Named numbers that were set for this run.
     pub settings: Vec<(String, f64)>,
+    /// How poses are estimated and points placed.
+    pub method: Method,
     /// The range sensor, where there is one.
     pub range: Option<RangeSensor>,
     /// The mission's machines, in its order.
@@ -122,6 +124,8 @@ pub struct End {
     pub time_ns: i64,
     /// Where the robot really was, where it is simulated.
     pub truth: Option<Pose>,
+    /// Points that waited for their place when it ended.
+    pub points: Vec<MapPoint>,
     /// The map, if the run made one.
     pub map: Option<Grid>,
 }
@@ -154,6 +158,9 @@ pub struct Info {
     pub cells: Technology,
     /// Named numbers that were set for the run.
     pub settings: Vec<(String, f64)>,
+    /// How poses were estimated and points placed; recordings made before this was in them have the
+    /// default.
+    pub method: Method,
 }
 
 fn by_word<S: serde::Serializer>(cells: &Technology, serializer: S) -> Result<S::Ok, S::Error> {
@@ -192,6 +199,7 @@ pub(super) mod names {
     pub(crate) const SEED: &str = "seed";
     pub(crate) const CELLS: &str = "cells";
     pub(crate) const SETTING: &str = "set.";
+    pub(crate) const METHOD: &str = "method";
     pub(crate) const CHANNEL: &str = "channel.";
     pub(crate) const ENDING: &str = "onbrick.end";
     pub(crate) const TIME_NS: &str = "time_ns";
@@ -218,6 +226,9 @@ pub(super) fn of_start(start: &Start) -> Metadata {
     put(names::CLOCK, if start.pace == Pace::Virtual { "virtual" } else { "monotonic" }.to_owned());
     put(names::SEED, start.seed.to_string());
     put(names::CELLS, start.cells.to_string());
+    if start.method != Method::default() {
+        put(names::METHOD, start.method.word().to_owned());
+    }
     for (name, value) in &start.settings {
         put(&format!("{}{name}", names::SETTING), value.to_string());
     }
@@ -273,6 +284,7 @@ pub(super) fn info(metadata: &Metadata) -> Info {
         seed: text(names::SEED).parse().ok(),
         cells: text(names::CELLS).parse().unwrap_or_default(),
         settings: metadata.metadata.iter().filter_map(setting).collect(),
+        method: text(names::METHOD).parse().unwrap_or_default(),
     }
 }
 

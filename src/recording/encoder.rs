@@ -109,12 +109,13 @@ impl Encoder {
         }
     }
 
-    pub(super) fn entry<S: Serialize>(&mut self, entry: &Entry<S>) -> Result<(), RecordError> {
+    pub(super) fn entry(&mut self, entry: &Entry) -> Result<(), RecordError> {
         match entry {
             Entry::Tick(record) => self.tick(record),
             Entry::Transition { tick, time_ns, taken } => self.transition(*tick, *time_ns, *taken),
             Entry::Variables { tick, time_ns, values } => self.variables(*tick, *time_ns, values),
-            Entry::Checkpoint { tick, time_ns, state } => self.checkpoint(*tick, *time_ns, state),
+            // The recorder has its state.
+            Entry::Checkpoint { .. } => Ok(()),
             Entry::Said { time_ns, text } => {
                 self.status.said = text.lines().map(str::to_owned).collect();
                 self.log(
@@ -141,8 +142,14 @@ impl Encoder {
         }
     }
 
-    /// Writes what was held back, and the map.
-    pub(super) fn close(&mut self, time_ns: i64, map: Option<&Grid>) -> Result<(), RecordError> {
+    /// Writes what was held back, the last points, and the map.
+    pub(super) fn close(
+        &mut self,
+        time_ns: i64,
+        points: &[MapPoint],
+        map: Option<&Grid>,
+    ) -> Result<(), RecordError> {
+        self.points.extend(points);
         self.flush_points(time_ns)?;
         self.flush_statistics(time_ns)?;
         match map {
@@ -196,7 +203,7 @@ impl Encoder {
         if record.range_is_new {
             self.range(record)?;
         }
-        self.points.extend(record.point);
+        self.points.extend(record.placed.iter());
         self.map(record)?;
         self.count(record);
         if time_ns - self.window.start_ns >= STATISTICS_PERIOD_NS {
@@ -315,10 +322,7 @@ impl Encoder {
         let (Some(sensor), time_ns) = (self.start.range, record.senses.time_ns) else {
             return Ok(());
         };
-        if let Some(sounding) = record.estimate.sounding.filter(|sounding| sounding.fresh) {
-            self.map.add(&sounding, sensor.max_m);
-            self.map_grew = true;
-        }
+        self.map_grew |= self.map.take(&record.estimate, sensor.max_m);
         if self.next_map_ns.is_none() {
             self.next_map_ns = Some(time_ns + MAP_PERIOD_NS);
         } else if due(&mut self.next_map_ns, time_ns, MAP_PERIOD_NS) && self.map_grew {
@@ -357,7 +361,8 @@ impl Encoder {
         self.put(Topic::Variables, time_ns, &message)
     }
 
-    fn checkpoint<S: Serialize>(
+    /// Writes what the pilot carries from a tick to the next.
+    pub(super) fn checkpoint<S: Serialize>(
         &mut self,
         tick: u64,
         time_ns: i64,

@@ -17,8 +17,11 @@ use super::encoder::Encoder;
 use super::file::RecordingFile;
 use super::sink::{RecordError, Sink};
 use super::status::Status;
-use super::tick::{Dropped, Entry, Flags, TickSide};
+use super::tick::{Dropped, Entry, Flags, State, TickSide};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
+
+/// Checkpoints on their way at most: one comes in a second.
+const STATES: usize = 4;
 
 /// How often the ring is looked at.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
@@ -86,9 +89,10 @@ impl Recorder {
         options: Options,
         on_status: Box<dyn FnMut(&Status) + Send>,
     ) -> Result<(Self, TickSide<S>), RecordError> {
-        const { assert!(size_of::<Entry<S>>() <= 5120, "small enough for a ring of hundreds") };
+        const { assert!(size_of::<Entry>() <= 2048, "small enough for a ring of hundreds") };
         let ring_entries = options.ring_entries.max(1);
         let (put, take) = RingBuffer::new(ring_entries);
+        let (put_states, take_states) = RingBuffer::new(STATES);
         let ring_size = u32::try_from(ring_entries).unwrap_or(u32::MAX);
         let pace = start.pace;
         let encoder = begin(sink, start, options.sync_period_ns, ring_size)?;
@@ -96,6 +100,7 @@ impl Recorder {
         let end = Arc::new(Mutex::new(Closing::default()));
         let work = Work {
             ring: take,
+            states: take_states,
             flags: Arc::clone(&flags),
             end: Arc::clone(&end),
             pace,
@@ -107,7 +112,7 @@ impl Recorder {
             .spawn(move || work.run(encoder))
             .map_err(|source| RecordError { doing: "start the recorder's thread", source })?;
         let waits_for: Option<Thread> = (pace == Pace::Virtual).then(|| thread.thread().clone());
-        let tick_side = TickSide::new(put, Arc::clone(&flags), waits_for);
+        let tick_side = TickSide::new(put, put_states, Arc::clone(&flags), waits_for);
         Ok((Self { flags, end, thread: Some(thread) }, tick_side))
     }
 
@@ -173,7 +178,8 @@ fn begin(
 
 /// What the thread works with.
 struct Work<S> {
-    ring: Consumer<Entry<S>>,
+    ring: Consumer<Entry>,
+    states: Consumer<State<S>>,
     flags: Arc<Flags>,
     end: Arc<Mutex<Closing>>,
     pace: Pace,
@@ -207,7 +213,12 @@ impl<S: Serialize> Work<S> {
             while let Ok(entries) = self.ring.read_chunk(1) {
                 for entry in entries.as_slices().0 {
                     ticks |= matches!(entry, Entry::Tick(_));
-                    encoder.entry(entry)?;
+                    match *entry {
+                        Entry::Checkpoint { tick, time_ns } => {
+                            checkpoint(&mut self.states, encoder, tick, time_ns)?;
+                        }
+                        _ => encoder.entry(entry)?,
+                    }
                 }
                 entries.commit_all();
                 self.tell(encoder.status());
@@ -239,6 +250,7 @@ impl<S: Serialize> Work<S> {
     fn discard(&mut self) {
         while !self.flags.closing.load(Ordering::Acquire) {
             while self.ring.pop().is_ok() {}
+            while self.states.pop().is_ok() {}
             std::thread::park_timeout(LOOK_PERIOD);
         }
     }
@@ -249,6 +261,25 @@ impl<S: Serialize> Work<S> {
             (self.on_status)(status);
         }
     }
+}
+
+/// Writes the state of a checkpoint. One whose entry was dropped is passed over.
+fn checkpoint<S: Serialize>(
+    states: &mut Consumer<State<S>>,
+    encoder: &mut Encoder,
+    tick: u64,
+    time_ns: i64,
+) -> Result<(), RecordError> {
+    while let Ok(states) = states.read_chunk(1) {
+        let (first, _) = states.as_slices();
+        let due = first.iter().find(|state| state.tick == tick);
+        let written = due.map(|due| encoder.checkpoint(tick, time_ns, &due.state));
+        states.commit_all();
+        if let Some(written) = written {
+            return written;
+        }
+    }
+    Ok(())
 }
 
 impl<S> Drop for Work<S> {
@@ -266,7 +297,7 @@ fn finish(encoder: &mut Encoder, closing: &Closing) -> Result<(), RecordError> {
     }
     let last_ns = encoder.status().time_ns;
     match &closing.end {
-        Some(end) => encoder.close(end.time_ns, end.map.as_ref()),
-        None => encoder.close(last_ns, None),
+        Some(end) => encoder.close(end.time_ns, &end.points, end.map.as_ref()),
+        None => encoder.close(last_ns, &[], None),
     }
 }

@@ -70,7 +70,7 @@ impl Status {
         self.overruns += u64::from(record.lateness_ns >= start.period_ns);
         self.latest_ns = self.latest_ns.max(record.lateness_ns);
         self.range = record.estimate.range;
-        self.points += u64::from(record.point.is_some());
+        self.points += record.placed.len() as u64;
         self.battery_v = record.senses.get(Channel::Battery).map(|battery| battery.value);
     }
 

@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{MAX_VARIABLES, Taken};
-use crate::mapping::{Estimate, MapPoint, Pose};
+use crate::mapping::{Estimate, Placed, Pose};
 use crate::senses::Senses;
 
 /// The longest log line, in bytes; what is beyond is cut off at a character.
@@ -32,8 +32,8 @@ pub struct TickRecord {
     pub senses: Senses,
     /// What the estimator made of it.
     pub estimate: Estimate,
-    /// The point that came into the map, if one did.
-    pub point: Option<MapPoint>,
+    /// The points that came into the map.
+    pub placed: Placed,
     /// True where the range reading is a new one and not the last one seen again.
     pub range_is_new: bool,
     /// How long after its deadline the tick began, nanoseconds.
@@ -77,18 +77,47 @@ impl Level {
     clippy::large_enum_variant,
     reason = "entries have a fixed size so that the ring never allocates"
 )]
-pub(super) enum Entry<S> {
+pub(super) enum Entry {
     Tick(TickRecord),
-    Transition { tick: u64, time_ns: i64, taken: Taken },
-    Variables { tick: u64, time_ns: i64, values: ArrayVec<f64, MAX_VARIABLES> },
-    Checkpoint { tick: u64, time_ns: i64, state: S },
-    Said { time_ns: i64, text: ArrayString<SAY_BYTES> },
-    Truth { time_ns: i64, pose: Pose },
-    Log { time_ns: i64, level: Level, text: LogText },
+    Transition {
+        tick: u64,
+        time_ns: i64,
+        taken: Taken,
+    },
+    Variables {
+        tick: u64,
+        time_ns: i64,
+        values: ArrayVec<f64, MAX_VARIABLES>,
+    },
+    /// Its state is in a ring of its own: it is large, and comes once a second.
+    Checkpoint {
+        tick: u64,
+        time_ns: i64,
+    },
+    Said {
+        time_ns: i64,
+        text: ArrayString<SAY_BYTES>,
+    },
+    Truth {
+        time_ns: i64,
+        pose: Pose,
+    },
+    Log {
+        time_ns: i64,
+        level: Level,
+        text: LogText,
+    },
     Gap(Dropped),
 }
 
 pub(super) type LogText = ArrayString<MAX_LOG_BYTES>;
+
+/// What a checkpoint carries, with its tick.
+#[derive(Debug, Clone)]
+pub(super) struct State<S> {
+    pub(super) tick: u64,
+    pub(super) state: S,
+}
 
 /// What did not fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,7 +138,8 @@ pub(super) struct Flags {
 /// unless time is simulated.
 #[derive(Debug)]
 pub struct TickSide<S> {
-    ring: Producer<Entry<S>>,
+    ring: Producer<Entry>,
+    states: Producer<State<S>>,
     flags: Arc<Flags>,
     /// The recorder, to be woken when the ring is full; only where time is simulated.
     recorder: Option<Thread>,
@@ -120,11 +150,12 @@ pub struct TickSide<S> {
 
 impl<S> TickSide<S> {
     pub(super) fn new(
-        ring: Producer<Entry<S>>,
+        ring: Producer<Entry>,
+        states: Producer<State<S>>,
         flags: Arc<Flags>,
         recorder: Option<Thread>,
     ) -> Self {
-        Self { ring, flags, recorder, tick: 0, pending: None, dropped: 0 }
+        Self { ring, states, flags, recorder, tick: 0, pending: None, dropped: 0 }
     }
 
     /// Records a tick.
@@ -149,7 +180,12 @@ impl<S> TickSide<S> {
     /// Records what the pilot carries from a tick to the next.
     pub fn checkpoint(&mut self, tick: u64, time_ns: i64, state: S) {
         self.tick = tick;
-        self.put(Entry::Checkpoint { tick, time_ns, state });
+        let has_room = self.has_room(|side| side.states.is_full());
+        if has_room && self.states.push(State { tick, state }).is_ok() {
+            self.put(Entry::Checkpoint { tick, time_ns });
+        } else {
+            self.drop_one();
+        }
     }
 
     /// Records what the mission tells people; what is too long is cut.
@@ -184,7 +220,7 @@ impl<S> TickSide<S> {
         self.pending
     }
 
-    fn put(&mut self, entry: Entry<S>) {
+    fn put(&mut self, entry: Entry) {
         if let Some(dropped) = self.pending
             && self.push(Entry::Gap(dropped))
         {
@@ -196,12 +232,12 @@ impl<S> TickSide<S> {
     }
 
     /// An entry is large: it is handed on only where there is room, and so never back.
-    fn push(&mut self, entry: Entry<S>) -> bool {
-        self.has_room() && self.ring.push(entry).is_ok()
+    fn push(&mut self, entry: Entry) -> bool {
+        self.has_room(|side| side.ring.is_full()) && self.ring.push(entry).is_ok()
     }
 
-    fn has_room(&self) -> bool {
-        while self.ring.is_full() {
+    fn has_room(&self, is_full: impl Fn(&Self) -> bool) -> bool {
+        while is_full(self) {
             match &self.recorder {
                 Some(recorder) if !self.ring.is_abandoned() => recorder.unpark(),
                 _ => return false,
@@ -236,9 +272,10 @@ mod tests {
     use super::*;
     use rtrb::RingBuffer;
 
-    fn side(entries: usize) -> (TickSide<u8>, rtrb::Consumer<Entry<u8>>) {
+    fn side(entries: usize) -> (TickSide<u8>, rtrb::Consumer<Entry>) {
         let (put, take) = RingBuffer::new(entries);
-        (TickSide::new(put, Arc::default(), None), take)
+        let (put_states, _) = RingBuffer::new(1);
+        (TickSide::new(put, put_states, Arc::default(), None), take)
     }
 
     #[test]

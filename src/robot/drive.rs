@@ -34,6 +34,10 @@ impl RobotConfig {
         let range = self.range.as_ref().map(|range| RangeMount {
             ahead_m: range.ahead_m,
             max_m: range.max_m,
+            half_cone_rad: range.half_cone_rad,
+            bias_m: range.bias_m,
+            scale: range.scale,
+            own_echoes: range.own_echoes,
             on_head: self.head.is_some(),
             ..RangeMount::default()
         });
@@ -52,6 +56,7 @@ impl RobotConfig {
             acceleration_m_s2: self.acceleration_m_s2,
             half_track_m: self.track_width_m / 2.0,
             head_rad: self.head.as_ref().map_or(0.0, |head| head.limit_rad),
+            range_ahead_m: self.range.as_ref().map_or(0.0, |range| range.ahead_m),
         }
     }
 

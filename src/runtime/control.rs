@@ -345,14 +345,14 @@ impl Control<'_> {
         self.recorder.tick(&TickRecord {
             senses: *senses,
             estimate,
-            point: step.point,
+            placed: step.placed,
             range_is_new,
             lateness_ns,
         });
         for transition in taken {
             self.recorder.transition(senses.tick, time_ns, transition);
         }
-        let points = self.tally.points + u64::from(step.point.is_some());
+        let points = self.tally.points + step.placed.len() as u64;
         let travelled_m = estimate.travelled_m;
         self.tally = Tally { ticks: senses.tick + 1, time_ns, points, travelled_m, ..self.tally };
         step

@@ -8,7 +8,6 @@ use crate::behavior::{Mission, SetError};
 use crate::clock::{SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
 use crate::ev3dev::{DeviceError, StopAction, Tree};
-use crate::mapping::Method;
 use crate::printable::with_causes;
 use crate::robot::{Aspect, BindError, LeasedMotor, Robot, RobotConfig};
 
@@ -151,7 +150,7 @@ pub fn execute(
     log::debug!("the robot stands still, and has announced itself");
     // On a brick the moment decides; it is in the recording, so that a replay draws the same.
     let seed = environment.seed.unwrap_or_else(|| wall_ns().cast_unsigned());
-    let mut pilot = Pilot::new(&config, &mission, Method::Default, job.start)?.with_seed(seed);
+    let mut pilot = Pilot::new(&config, &mission, job.method, job.start)?.with_seed(seed);
     let (recorder, mut tick_side) =
         record(job, &config, &mission, &environment, seed, Arc::clone(&report))?;
     let motors = robot.motor_ports();
@@ -172,7 +171,7 @@ pub fn execute(
     };
     // Whatever goes wrong inside a tick, the motors are stopped here and the recording is finished.
     let driven = catch_unwind(AssertUnwindSafe(|| control.drive()));
-    let tally = control.tally;
+    let mut tally = control.tally;
     let stopped = robot.stop(StopAction::Brake);
     let reason = driven.unwrap_or(StopReason::Panicked);
     let detail = match reason {
@@ -190,10 +189,13 @@ pub fn execute(
         write_owner(job, &Owner { stopped: true, ..owner(job, mission.name()) });
     }
     report(&Event::Stopped { stop: stop.clone(), stopped });
+    let points = pilot.finish();
+    tally.points += points.len() as u64;
     let end = End {
         stop: stop.clone(),
         time_ns: tally.time_ns,
         truth: environment.truth().map(|truth| truth.pose),
+        points,
         map: Some(recording::Grid::from(pilot.map().grid())),
     };
     let recording = recorder.finish(tick_side, end).err().map(|error| with_causes(&error));
@@ -315,6 +317,7 @@ fn record(
         seed,
         cells: config.battery.cells,
         settings: job.set.clone(),
+        method: job.method,
         range: recording::range_sensor(config),
         machines: recording::machines(mission),
         variables: recording::variables(mission),

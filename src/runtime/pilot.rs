@@ -20,8 +20,9 @@ use crate::clock::nanoseconds;
 use crate::ev3dev::StopAction;
 use crate::mapping::{
     Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map,
-    MapPoint, Method, OccupancyGrid, Pose, Range, RangeReading,
+    MapPoint, Method, OccupancyGrid, Placed, Pose, Range, RangeReading,
 };
+use crate::planning::Planner;
 use crate::robot::{BatteryLimits, RobotConfig};
 use crate::senses::{Channel, Role, Senses};
 
@@ -32,6 +33,9 @@ use super::stall::{Stall, StallWatch};
 
 /// How old the battery's voltage may be, nanoseconds: it is read about once a second.
 const BATTERY_AGE_NS: i64 = 3_000_000_000;
+
+/// What blocks the wheels is so far from the middle between them, metres.
+const BLOCKED_M: f64 = 0.13;
 
 /// Why a pilot cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +59,8 @@ pub struct Pilot {
     time_limit_ns: i64,
     estimator: Estimator,
     map: Map,
+    /// Where the mission finds its way over the map.
+    planner: Option<Planner>,
     program: Program,
     signals: Signals,
     stalls: StallWatch,
@@ -86,8 +92,8 @@ impl ChangedVariables {
 pub struct Step {
     /// Where the robot is.
     pub estimate: Estimate,
-    /// The point that the map gained.
-    pub point: Option<MapPoint>,
+    /// The points that now have their place in the map.
+    pub placed: Placed,
     /// A wheel is blocked.
     pub stalled: bool,
     /// What was lost, where the mission waits until it is back.
@@ -131,6 +137,8 @@ impl Pilot {
         start: Pose,
     ) -> Result<Self, PilotError> {
         let estimator = EstimatorConfig { geometry: config.geometry()?, method };
+        let map = Map::new(estimator.geometry.range(), &start);
+        let planner = mission.navigates().then(|| Planner::new(map.grid(), &start)).flatten();
         let mut required = Channel::WHEELS.to_vec();
         required.extend(config.has(Role::Gyro).then_some(Channel::Gyro));
         required
@@ -144,7 +152,8 @@ impl Pilot {
             on_lost: mission.on_lost(),
             time_limit_ns: nanoseconds(mission.time_limit_s()),
             estimator: Estimator::new(estimator, start),
-            map: Map::new(estimator.geometry.range(), &start),
+            map,
+            planner,
             program: mission.start()?.with_limits(config.motion_limits()),
             signals: Signals::default(),
             stalls: StallWatch::default(),
@@ -168,12 +177,13 @@ impl Pilot {
     ) -> Step {
         let inputs = self.inputs(senses);
         let estimate = self.estimator.update(&inputs);
-        let point = self.map.add(&estimate);
+        let placed = self.map.add(&estimate);
         let angles_rad = Channel::WHEELS.map(|wheel| senses.fresh(wheel, self.config.max_age_ns));
         let stalled = self.stalls.step(senses.time_ns, self.wheels_rad_s, angles_rad);
         let lost = self.lost(senses);
         let doubted = self.plausibility.step(senses, &estimate, self.head_rad);
         let end = self.decide(senses, &estimate, lost, stalled, demands, taken);
+        self.plan(&estimate, stalled.is_some());
         let end = end.or(doubted.map(StopReason::Implausible));
         let volts = self.fresh(senses, Channel::Battery);
         let charge = self.battery.step(&self.limits, senses.time_ns, volts);
@@ -187,7 +197,7 @@ impl Pilot {
         self.head_rad = demands.head_rad;
         Step {
             estimate,
-            point,
+            placed,
             stalled: stalled.is_some(),
             paused: lost.filter(|_| self.paused),
             charge,
@@ -205,8 +215,16 @@ impl Pilot {
     /// The same pilot, whose map has another grid. For maps that are made after the run.
     #[must_use]
     pub fn with_grid(mut self, grid: OccupancyGrid) -> Self {
+        self.planner = None;
         self.map = self.map.with_grid(grid);
         self
+    }
+
+    /// Ends the run's map: what waits for its place is placed. Returns those points.
+    pub fn finish(&mut self) -> Vec<MapPoint> {
+        let points = self.estimator.finish();
+        self.map.finish(&points);
+        points
     }
 
     /// The map so far.
@@ -241,7 +259,7 @@ impl Pilot {
     pub fn restore(&mut self, state: &PilotState) -> bool {
         let fits = self.program.restore(&state.program);
         if fits {
-            self.estimator.restore(state.estimator);
+            self.estimator.restore(state.estimator.clone());
             self.stalls = state.stalls;
             self.battery = state.battery;
             self.wheels_rad_s = state.wheels_rad_s;
@@ -319,6 +337,28 @@ impl Pilot {
                 let is_finished = self.program.waits_for_time();
                 if is_finished { StopReason::Finished } else { StopReason::TimeLimit }
             }),
+        }
+    }
+
+    /// A slice of the plan that the machines wait for.
+    fn plan(&mut self, estimate: &Estimate, stalled: bool) {
+        let Some(planner) = &mut self.planner else { return };
+        let pose = estimate.pose;
+        planner.note(
+            &pose,
+            estimate.sounding.as_ref(),
+            self.estimator.config().geometry.range().max_m,
+        );
+        if stalled {
+            // What blocks the wheels the sensor does not see, or it would not have come to that.
+            let way_m = BLOCKED_M * (self.wheels_rad_s[0] + self.wheels_rad_s[1]).signum();
+            let (sin, cos) = libm::sincos(pose.heading_rad);
+            planner.bump([pose.x_m + way_m * cos, pose.y_m + way_m * sin]);
+        }
+        if let Some(request) = self.program.request()
+            && let Some(plan) = planner.step(request, self.map.grid(), &pose)
+        {
+            self.program.answer(plan);
         }
     }
 

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use crate::behavior::{Demands, Mission, SetError, Taken};
 use crate::document::Findings;
-use crate::mapping::{MapPoint, Method, OccupancyGrid, Pose};
+use crate::mapping::{MapPoint, OccupancyGrid, Pose};
 use crate::robot::RobotConfig;
 use crate::senses::{Channel, QUANTITIES, Quantity, Role, Senses};
 
@@ -137,7 +137,7 @@ impl Cast {
         for (name, value) in &info.settings {
             mission.set(name, *value)?;
         }
-        let pilot = Pilot::new(pilots, &mission, Method::Default, info.start_pose)?
+        let pilot = Pilot::new(pilots, &mission, info.method, info.start_pose)?
             .with_seed(info.seed.unwrap_or_default());
         Ok(Self { pilot, robot, mission, info })
     }
@@ -172,14 +172,18 @@ pub fn replay(run: &Run) -> Result<Replayed, ReplayError> {
         let mut taken = Vec::new();
         let step = cast.pilot.step(senses, &mut demands, |transition| taken.push(transition));
         replayed.ticks += 1;
-        replayed.compare(senses, &step, &taken, &recorded);
+        // The map before a gap is lost, and with it the plans that a mission drives by.
+        let plans = !replayed.gaps.is_empty() && cast.mission.navigates();
+        replayed.compare(senses, &step, (!plans).then_some(&taken), &recorded);
+    }
+    if run.ending.is_some() && !lost {
+        replayed.compare_points(next_tick, &cast.pilot.finish(), &recorded);
     }
     Ok(replayed)
 }
 
-/// The occupancy grid of a run, with all that the robot has seen: the recorded one, which covers 5
-/// m around the start, or where the robot came further or the recording was cut before its end, one
-/// that is made again from the senses.
+/// The occupancy grid of a run: the recorded one, which covers 5 m around the start, or where the
+/// robot came further or the recording was cut, one that is made again from the senses.
 ///
 /// # Errors
 ///
@@ -208,6 +212,7 @@ pub fn whole_map(run: &Run) -> Result<Grid, ReplayError> {
     for senses in &run.senses {
         cast.pilot.step(senses, &mut demands, |_| {});
     }
+    cast.pilot.finish();
     Ok(Grid::from(cast.pilot.map().grid()))
 }
 
@@ -264,6 +269,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         seed: cast.info.seed.unwrap_or_default(),
         cells: cast.info.cells,
         settings: cast.info.settings.clone(),
+        method: cast.info.method,
         range: recording::range_sensor(&config),
         machines: recording::machines(&cast.mission),
         variables: recording::variables(&cast.mission),
@@ -284,7 +290,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         tick_side.tick(&TickRecord {
             senses,
             estimate: step.estimate,
-            point: step.point,
+            placed: step.placed,
             range_is_new: step.estimate.sounding.is_some_and(|sounding| sounding.fresh),
             lateness_ns: 0,
         });
@@ -294,16 +300,16 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         if let Some(values) = variables.next(cast.pilot.program().variables()) {
             tick_side.variables(senses.tick, time_ns, values);
         }
-        remade = Remade {
-            ticks: remade.ticks + 1,
-            points: remade.points + u64::from(step.point.is_some()),
-            travelled_m: step.estimate.travelled_m,
-            end: step.estimate.pose,
-        };
+        remade.ticks += 1;
+        remade.points += count(&step.placed);
+        remade.travelled_m = step.estimate.travelled_m;
+        remade.end = step.estimate.pose;
     }
     let stop = StopReason::Replayed.with(format!("with {}", config.name));
     let truth = run.ending.as_ref().and_then(|ending| ending.truth);
-    let end = End { stop, time_ns, truth, map: Some(Grid::from(cast.pilot.map().grid())) };
+    let points = cast.pilot.finish();
+    remade.points += count(&points);
+    let end = End { stop, time_ns, truth, points, map: Some(Grid::from(cast.pilot.map().grid())) };
     recorder.finish(tick_side, end)?;
     Ok(remade)
 }
@@ -398,7 +404,14 @@ impl Replayed {
         self.differing == 0
     }
 
-    fn compare(&mut self, senses: &Senses, step: &Step, taken: &[Taken], recorded: &Recorded<'_>) {
+    /// - `taken`: the transitions, where they can be compared.
+    fn compare(
+        &mut self,
+        senses: &Senses,
+        step: &Step,
+        taken: Option<&Vec<Taken>>,
+        recorded: &Recorded<'_>,
+    ) {
         let tick = senses.tick;
         let pose = step.estimate.pose;
         match recorded.poses.get(&tick) {
@@ -406,19 +419,27 @@ impl Replayed {
             None if recorded.may_lack_pose(tick) => self.unrecorded += 1,
             was => self.differ(tick, || format!("pose {pose:?} instead of {was:?}")),
         }
-        let was = step.point.as_ref().and_then(|point| recorded.points.get(&point.time_ns));
-        match (&step.point, was) {
-            (None, None) => {}
-            (Some(point), Some(was)) if same_point(point, was) => self.points += 1,
-            (Some(point), None) if recorded.may_lack_point(point.time_ns) => self.unrecorded += 1,
-            (point, was) => self.differ(tick, || format!("point {point:?} instead of {was:?}")),
-        }
+        self.compare_points(tick, &step.placed, recorded);
         let were = recorded.transitions.get(&tick).map_or(&[][..], Vec::as_slice);
+        let Some(taken) = taken else {
+            self.unrecorded += count(were);
+            return;
+        };
         if taken == were || taken.starts_with(were) && recorded.may_lack_transitions(tick) {
             self.transitions += count(were);
             self.unrecorded += count(taken) - count(were);
         } else {
             self.differ(tick, || format!("transitions {taken:?} instead of {were:?}"));
+        }
+    }
+
+    fn compare_points(&mut self, tick: u64, points: &[MapPoint], recorded: &Recorded<'_>) {
+        for point in points {
+            match recorded.points.get(&point.time_ns) {
+                Some(was) if same_point(point, was) => self.points += 1,
+                None if recorded.may_lack_point(point.time_ns) => self.unrecorded += 1,
+                was => self.differ(tick, || format!("point {point:?} instead of {was:?}")),
+            }
         }
     }
 
@@ -464,7 +485,7 @@ impl fmt::Display for Replayed {
             write!(
                 f,
                 "\n{} poses, points and transitions could not be compared: the file no longer \
-                 has them",
+                 has them, or the map that they depend on",
                 self.unrecorded
             )?;
         }

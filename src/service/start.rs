@@ -327,6 +327,7 @@ impl Service {
             stamps_ns: 0,
             run: Some(run.to_string()),
             name: Some(self.inner.name.to_string()),
+            method: crate::mapping::Method::Default,
             when_abandoned: self.inner.config.when_service_dies,
             lock: Lock::default(),
         }

@@ -7,23 +7,19 @@
 //!
 //! # What we count on
 //!
-//! - The ultrasonic is a fan of [`FAN`] rays over its cone; a surface echoes where a ray meets it
-//!   less obliquely than the limit, and the nearest echo counts. This is the model that the README
-//!   of `lego-rotating-sonar` fits to 70 scans (81 % of echoes within 5 cm of it). Concave corners
-//!   and edges do not echo by themselves.
+//! - Where an echo comes from is said in `sim::echo`; here are the errors of a reading.
 //! - The infrared sensor sees oblique surfaces too; its scale is not linear and ends at 70 cm
 //!   (interfaces 9 and 15.3).
 
 use super::body::Body;
 use super::chance::Chance;
-use super::world::geometry::{Hit, Point, direction, nearer, perpendicular};
+use super::echo;
+use super::world::geometry::{Hit, Point, Segment, direction, nearer, perpendicular};
 use super::world::{Colour, RobotModel, World};
 use crate::units::{degrees, radians, wrap_rad};
 
-/// Rays across the ultrasonic's cone.
-const FAN: i32 = 15;
 /// Furthest that the ultrasonic measures; also what it says without an echo.
-const FAR_M: f64 = 2.55;
+pub(super) const FAR_M: f64 = 2.55;
 /// Half of the infrared sensor's beam.
 const INFRARED_HALF_RAD: f64 = 0.1;
 /// Furthest that infrared proximity tells from nothing.
@@ -42,6 +38,8 @@ pub(in crate::sim) struct Scene<'s> {
     pub(in crate::sim) robot: usize,
     pub(in crate::sim) head_rad: f64,
     pub(in crate::sim) time_s: f64,
+    /// What the room's differences between places are drawn from.
+    pub(in crate::sim) seed: u64,
 }
 
 impl Scene<'_> {
@@ -59,7 +57,7 @@ impl Scene<'_> {
         );
         let mut range_m = self.echo().map_or(f64::INFINITY, |true_m| {
             let sd_m = errors.range_sd_m + errors.range_sd_per_m * true_m;
-            true_m + errors.range_bias_m + sd_m * noise
+            true_m * (1.0 + errors.range_scale) + errors.range_bias_m + sd_m * noise
         });
         if spoiled {
             range_m = errors.too_near_m + share * (range_m.min(FAR_M) - errors.too_near_m);
@@ -73,16 +71,12 @@ impl Scene<'_> {
         })
     }
 
-    /// The nearest echo in the cone, metres from the sensor, before any error.
+    /// The nearest echo, of the room or of the robot itself, metres from the sensor, before any
+    /// error.
     pub(in crate::sim) fn echo(&self) -> Option<f64> {
-        let (origin, axis_rad) = self.range_sensor()?;
-        let errors = &self.model.errors;
-        let least = libm::cos(radians(errors.incidence_deg));
-        let echo = |hit: &Hit| hit.cos_incidence >= least;
-        fan(radians(errors.cone_deg), FAN)
-            .filter_map(|off_rad| self.hit(origin, direction(axis_rad + off_rad)).filter(echo))
-            .map(|hit| hit.range_m)
-            .reduce(f64::min)
+        let head_deg = degrees(wrap_rad(self.head_rad));
+        let own = self.model.own_echoes.iter().filter(|own| own.is_at(head_deg));
+        own.map(|own| own.range_m).chain(echo::nearest(self)).reduce(f64::min)
     }
 
     /// Infrared values in a mode.
@@ -114,14 +108,16 @@ impl Scene<'_> {
         }
     }
 
-    fn hit(&self, origin: Point, toward: Point) -> Option<Hit> {
-        let others = self.bodies.iter().enumerate().filter(|(index, _)| *index != self.robot);
-        others.fold(self.world.surfaces.hit(origin, toward), |best, (_, body)| {
-            body.outline_now()
-                .hull()
-                .iter()
-                .fold(best, |best, side| nearer(best, side.hit(origin, toward)))
+    pub(super) fn hit(&self, origin: Point, toward: Point) -> Option<Hit> {
+        self.others().fold(self.world.surfaces.hit(origin, toward), |best, side| {
+            nearer(best, side.hit(origin, toward))
         })
+    }
+
+    /// The sides of the other robots.
+    pub(super) fn others(&self) -> impl Iterator<Item = Segment> {
+        let others = self.bodies.iter().enumerate().filter(|(index, _)| *index != self.robot);
+        others.flat_map(|(_, body)| body.outline_now().hull())
     }
 
     fn body(&self) -> Option<&Body> {
@@ -273,7 +269,7 @@ fn whole(value: f64) -> i32 {
 }
 
 /// Angles evenly across a beam, both edges and the middle among them.
-fn fan(half_rad: f64, rays: i32) -> impl Iterator<Item = f64> {
+pub(super) fn fan(half_rad: f64, rays: i32) -> impl Iterator<Item = f64> {
     let steps = f64::from(rays / 2);
     (-(rays / 2)..=rays / 2).map(move |ray| half_rad * f64::from(ray) / steps)
 }

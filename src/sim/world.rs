@@ -26,14 +26,16 @@
 use super::body::Outline;
 use crate::document::{Document, Findings};
 
+mod coverage;
 mod floor;
 pub(in crate::sim) mod geometry;
 mod parse;
 pub(in crate::sim) mod robot;
 
+pub use coverage::covered;
 pub use floor::Colour;
 pub(in crate::sim) use floor::{Floor, Ground, Mark};
-pub use robot::{Errors, RobotModel};
+pub use robot::{Errors, OwnEcho, RobotModel};
 
 use geometry::{Disc, Point, Surfaces};
 

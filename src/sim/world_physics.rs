@@ -55,6 +55,7 @@ pub struct NoStartPose {
 pub struct WorldPhysics {
     world: World,
     steps: i64,
+    seed: u64,
     bodies: Vec<Body>,
     motors: Vec<[Option<Motor>; 4]>,
     wheels: Vec<[Wheel; 2]>,
@@ -103,8 +104,17 @@ impl WorldPhysics {
         let wheels = rigs.iter().map(|rig| rig.wheels(model)).collect();
         let motors = vec![motors(model); robots];
         let solver = Solver::new(robots);
-        let mut physics =
-            Self { world, steps: 0, bodies, motors, wheels, rigs, solver, truths: Arc::default() };
+        let mut physics = Self {
+            world,
+            steps: 0,
+            seed,
+            bodies,
+            motors,
+            wheels,
+            rigs,
+            solver,
+            truths: Arc::default(),
+        };
         physics.publish();
         Ok(physics)
     }
@@ -183,7 +193,7 @@ impl WorldPhysics {
         self.bodies.get(robot).map(|body| body.outline_now().clearance(&self.world.surfaces))
     }
 
-    /// The nearest echo before any error of the sensor, metres; `None` without one.
+    /// The nearest echo before the errors of a reading, metres; `None` without one.
     #[must_use]
     pub fn echo(&self, robot: usize) -> Option<f64> {
         self.scene(robot)?.echo()
@@ -205,7 +215,8 @@ impl WorldPhysics {
     fn scene(&self, robot: usize) -> Option<Scene<'_>> {
         let head_rad = self.rigs.get(robot)?.head_rad;
         let (world, bodies) = (&self.world, self.bodies.as_slice());
-        Some(Scene { world, model: world.robot(), bodies, robot, head_rad, time_s: self.time_s() })
+        let (time_s, seed) = (self.time_s(), self.seed);
+        Some(Scene { world, model: world.robot(), bodies, robot, head_rad, time_s, seed })
     }
 
     fn time_s(&self) -> f64 {

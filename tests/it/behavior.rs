@@ -57,6 +57,7 @@ fn every_shipped_mission_loads_without_a_finding_and_is_called_as_its_file() {
 fn shipped_missions_need_what_their_first_lines_say() {
     for (name, senses) in [
         ("map", &[Channel::Head, Channel::Range][..]),
+        ("explore", &[Channel::Head, Channel::Range][..]),
         ("bump", &[Channel::Touch]),
         ("wall", &[Channel::Head, Channel::Range][..]),
         ("line", &[Channel::Reflect]),
@@ -412,8 +413,9 @@ fn a_mission_goes_on_from_a_checkpoint_as_if_it_had_not_been_interrupted() {
         assert!(again.restore(&checkpoint), "{}", mission.name());
         assert_eq!(again.state(), checkpoint);
         assert_eq!(run(&mut again, &mut same, 500..3000), first, "{}", mission.name());
+        // What waits for a plan stands still here.
         assert!(
-            first.iter().any(|(_, taken, _)| !taken.is_empty()),
+            mission.navigates() || first.iter().any(|(_, taken, _)| !taken.is_empty()),
             "{} stood still",
             mission.name()
         );

@@ -6,6 +6,8 @@
 
 mod brenner;
 mod encoder_gyro;
+mod explore;
 mod maps;
 mod motor_steps;
 mod sonar;
+mod sonar_model;

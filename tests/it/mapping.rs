@@ -4,7 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use onbrick::mapping::{
     Cell, Estimate, Estimator, EstimatorConfig, EstimatorState, Events, Geometry, GyroReading,
-    Inputs, Map, MapPoint, Method, Pose, Range, RangeMount, RangeReading, stats,
+    Inputs, Map, MapPoint, Method, OwnEcho, OwnEchoes, Pose, Range, RangeMount, RangeReading,
+    stats,
 };
 use onbrick::units::radians;
 
@@ -135,7 +136,8 @@ fn an_echo_at_a_metre_with_the_head_turned_left_lies_a_metre_to_the_left_of_the_
         robot.see(1.0);
         let mut estimator = Estimator::new(config(method), Pose::default());
         let mut map = Map::new(&RangeMount::default(), &Pose::default());
-        let point = map.add(&estimator.update(&robot.inputs())).expect("a point");
+        map.add(&estimator.update(&robot.inputs()));
+        let [point] = map.points() else { panic!("{:?}", map.points()) };
         assert!((point.x_m - 0.0508).abs() < 1e-9 && (point.y_m - 1.0).abs() < 1e-9, "{point:?}");
     }
 }
@@ -151,9 +153,9 @@ fn the_seeds_points_come_each_tick_and_only_below_two_metres() {
         robot.move_by(0.01, 0.0);
         robot.see(range_m);
         let estimate = estimator.update(&robot.inputs());
-        let point = map.add(&estimate);
-        assert_eq!(point.is_some(), placed, "at {range_m} m");
-        if let Some(point) = point {
+        let points = map.add(&estimate);
+        assert_eq!(points.len(), usize::from(placed), "at {range_m} m");
+        if let Some(point) = points.first() {
             let expected_m = estimate.pose.x_m + 0.0508 + range_m;
             assert!((point.x_m - expected_m).abs() < 1e-9, "{point:?}, expected x {expected_m} m");
         }
@@ -203,13 +205,11 @@ fn a_reading_that_stays_the_same_is_placed_ten_times_a_second() {
     robot.see(1.0);
     let mut estimator = Estimator::new(config(Method::Default), Pose::default());
     let mut map = Map::new(&RangeMount::default(), &Pose::default());
-    let placed = (0..500)
-        .filter(|_| {
-            robot.move_by(0.0, 0.0);
-            map.add(&estimator.update(&robot.inputs())).is_some()
-        })
-        .count();
-    assert_eq!(placed, 50, "points in five seconds");
+    for _ in 0..500 {
+        robot.move_by(0.0, 0.0);
+        map.add(&estimator.update(&robot.inputs()));
+    }
+    assert_eq!(map.points().len(), 50, "points in five seconds");
 }
 
 #[test]
@@ -308,7 +308,7 @@ fn a_wheel_that_is_replugged_is_noticed_and_moves_nothing() {
 fn the_maps_memory_is_bounded_over_ten_hours_and_keeps_first_and_last() {
     let mut map = Map::new(&RangeMount::default(), &Pose::default());
     let memory = (map.points().as_ptr(), map.path().as_ptr());
-    let mut found = 0_u32;
+    let mut found = 0;
     // Ten soundings a second while the robot drives a circle of 1 m radius at 0.1 m/s.
     for second_tenth in 0..10 * 3600 * 10_i64 {
         let angle_rad = f64::from(u16::try_from(second_tenth % 628).expect("small")) / 100.0;
@@ -325,11 +325,13 @@ fn the_maps_memory_is_bounded_over_ten_hours_and_keeps_first_and_last() {
                 y_m: 1.0 - cos,
                 beam: [sin, -cos],
                 echo: [sin, -cos],
+                half_cone_rad: 0.2,
                 range: Range::Echo(1.0),
                 fresh: true,
+                waits: false,
             });
         }
-        found += u32::from(map.add(&estimate).is_some());
+        found += map.add(&estimate).len();
     }
     let kept = map.points();
     assert_eq!(found, 36_000);
@@ -440,4 +442,48 @@ fn a_heading_without_a_gyro_grows_less_certain_than_with_one() {
     };
     let (with, without) = (heading_variance(false), heading_variance(true));
     assert!(without > 5.0 * with, "{without} rad² without, {with} rad² with");
+}
+
+#[test]
+fn a_reading_is_put_right_once_and_the_robots_own_echo_is_no_reading() {
+    let own = OwnEcho { from_rad: 0.9, to_rad: 1.1, range_m: 0.2 };
+    let mount = RangeMount {
+        bias_m: -0.014,
+        scale: 1.02,
+        own_echoes: OwnEchoes::of([own]),
+        latency_ns: 0,
+        ..RangeMount::default()
+    };
+    let geometry = Geometry::seed().with_range(mount).unwrap();
+    let config = EstimatorConfig { geometry, method: Method::Default };
+    let mut estimator = Estimator::new(config, Pose::default());
+    let mut hear = |step: i64, head_rad: f64, value_m: f64| {
+        let time_ns = step * 100_000_000;
+        let estimate = estimator.update(&Inputs {
+            time_ns,
+            head_rad: Some(head_rad),
+            range: Some(RangeReading { value_m, changed_ns: time_ns }),
+            ..Inputs::default()
+        });
+        (estimate.range, estimate.sounding.map(|sounding| sounding.range))
+    };
+    let near = |range: Option<Range>, truth_m: f64| {
+        assert!(
+            matches!(range, Some(Range::Echo(m)) if (m - truth_m).abs() < 1e-12),
+            "{range:?} instead of {truth_m}"
+        );
+    };
+    let (range, sounding) = hear(1, 0.0, 1.006);
+    near(range, 1.0);
+    near(sounding, 1.0);
+    assert_eq!(hear(2, 0.5, f64::INFINITY), (Some(Range::NoEcho), Some(Range::NoEcho)));
+    // Neither an echo nor a miss.
+    assert_eq!(hear(3, 1.0, 0.21), (None, None));
+    // In the same direction, but farther or nearer than the robot's part.
+    near(hear(4, 1.0, 1.006).0, 1.0);
+    near(hear(5, 1.0, 0.088).0, 0.1);
+    // At the same distance, elsewhere.
+    near(hear(6, 1.5, 0.19).0, 0.2);
+    let wrong = Geometry::seed().with_range(RangeMount { scale: 0.0, ..RangeMount::default() });
+    assert_eq!(wrong.unwrap_err().quantity, "range scale");
 }

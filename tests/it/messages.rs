@@ -59,6 +59,10 @@ fn every_message_about_a_robot_is_as_a_person_read_it_last() {
         ("a port that is a number", robot("\"in4\"", "4")),
         ("an empty port", robot("\"in4\"", "\"\"")),
         ("a gear without teeth", robot("[-12, 36]", "[0, 36]")),
+        ("a cone wider than a head", robot("half_cone_deg = 14", "half_cone_deg = 90")),
+        ("an own echo out of reach", robot("own_echoes = []", "own_echoes = [[80, 100, 20]]")),
+        ("an own echo without its range", robot("own_echoes = []", "own_echoes = [[80, 100]]")),
+        ("a bias in centimetres", robot("bias_m = 0.0", "bias_m = -1.4")),
         ("a gear of one number", robot("[-12, 36]", "[3]")),
         ("a gear as text", robot("[-12, 36]", "\"12:36\"")),
         ("an empty name", robot("\"mapper\"", "\"\"")),
@@ -119,6 +123,7 @@ fn every_message_about_a_world_is_as_a_person_read_it_last() {
         ("a button that the remote lacks", world("[[remote]]\nat_s = 1\ncode = 12\nchannel = 5")),
         ("a beacon nowhere", world("[beacon]\nchannel = 1")),
         ("a robot that is none", world("[robot]\ntrack_width_m = -1\nwheels = 3")),
+        ("an ear that is none", world("[robot]\necho = \"conus\"\nown_echoes = [[0, 9, 0]]")),
     ];
     let mut out = String::new();
     for (title, text) in cases {

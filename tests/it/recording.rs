@@ -41,7 +41,7 @@ fn what_is_recorded_comes_back_bit_for_bit() {
         assert_eq!(read.travelled_m.to_bits(), record.estimate.travelled_m.to_bits());
     }
     assert_eq!(run.poses.len(), 120);
-    let points: Vec<MapPoint> = expected.iter().filter_map(|record| record.point).collect();
+    let points: Vec<MapPoint> = expected.iter().flat_map(|record| record.placed.to_vec()).collect();
     assert_eq!(run.points, points);
     assert_eq!(run.map, Some(grid()));
 }
@@ -97,7 +97,7 @@ fn what_happened_is_recorded_by_name() {
     let ticks: Vec<u64> = run.checkpoints.iter().map(|checkpoint| checkpoint.tick).collect();
     assert_eq!(ticks, [0, 50, 100]);
     let state: PilotState = run.checkpoints[1].state().unwrap();
-    assert_eq!(state.estimator.pose, tick(50).estimate.pose);
+    assert_eq!(state.estimator.odometry, tick(50).estimate.pose);
     assert_eq!(state.program.machines[0].since[0].entered_m, 0.5);
     assert_eq!(state.program.variables[..], sample::variables(50));
     let found: Vec<f64> = run.variables.iter().map(|told| told.value[0]).collect();

@@ -16,6 +16,7 @@ pub(crate) mod calibrate;
 mod commands;
 mod doctor;
 mod messages;
+mod range;
 mod teach;
 
 /// A brick in a world, and the handles that a test needs.

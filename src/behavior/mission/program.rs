@@ -14,11 +14,13 @@ use crate::behavior::blackboard::{
 use crate::behavior::demands::{Demands, Drive};
 use crate::behavior::engine::{Engine, EngineError, LEVELS, Machine, Progress, State};
 use crate::behavior::motion::{MotionLimits, MotionState};
+use crate::behavior::navigation::NavigationState;
 use crate::behavior::signals::Signals;
 use crate::behavior::tune::{Playing, Sound, Tune};
 use crate::behavior::{MAX_MACHINES, Taken};
 use crate::clock::seconds;
 use crate::ev3dev::StopAction;
+use crate::planning::{Plan, Request};
 use crate::senses::Role;
 
 /// A mission under way.
@@ -49,6 +51,7 @@ struct Turn {
 pub(super) struct Ongoing {
     /// Of the one machine that moves the wheels.
     pub(super) motion: MotionState,
+    pub(super) navigation: NavigationState,
     pub(super) limits: MotionLimits,
     /// The mission's tunes.
     tunes: Vec<Tune>,
@@ -88,6 +91,8 @@ pub struct ProgramState {
     /// What each machine's `pid`s remember.
     pids: ArrayVec<[PidState; MAX_PIDS], MAX_MACHINES>,
     motion: MotionState,
+    #[serde(default)]
+    navigation: NavigationState,
     /// What each machine plays.
     playing: ArrayVec<Option<Playing>, MAX_MACHINES>,
 }
@@ -176,6 +181,17 @@ impl Program {
         !self.on_stall.is_empty()
     }
 
+    /// The request for a plan that the machines wait for.
+    #[must_use]
+    pub fn request(&self) -> Option<&Request> {
+        self.turn.ongoing.navigation.request()
+    }
+
+    /// The plan to the request; the machines follow it from the next step on.
+    pub fn answer(&mut self, plan: &Plan) {
+        self.turn.ongoing.navigation.answer(plan);
+    }
+
     /// Whether nothing is left but the end of the mission's time: each machine is in its final
     /// state or has none.
     #[must_use]
@@ -204,6 +220,7 @@ impl Program {
             variables: self.variables().iter().copied().collect(),
             pids: pids.take(self.states.len()).collect(),
             motion: self.turn.ongoing.motion,
+            navigation: self.turn.ongoing.navigation.clone(),
             playing: self.turn.ongoing.playing.iter().take(self.states.len()).copied().collect(),
         }
     }
@@ -221,6 +238,7 @@ impl Program {
                 .all(|(at, states)| usize::from(at.state) < *states);
         if fits {
             self.turn.ongoing.motion = state.motion;
+            self.turn.ongoing.navigation.clone_from(&state.navigation);
             for (playing, was) in self.turn.ongoing.playing.iter_mut().zip(&state.playing) {
                 *playing = *was;
             }
@@ -346,6 +364,7 @@ fn actions(
             turn.set(place, &set);
             if moves {
                 turn.ongoing.motion = MotionState::default();
+                turn.ongoing.navigation.reset();
             }
             turn.apply(place, &entry);
             let scope = place.sees(&turn.board);

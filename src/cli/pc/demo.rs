@@ -5,21 +5,26 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::scene::{draw, scene_of};
+use crate::behavior::shipped::{MISSIONS, Shipped, find};
 use crate::cli::common::{
-    LoadedRun, Progress, environment, load_mission, load_robot, load_world, open_run,
-    shipped_mission, stamps_ns,
+    LoadedRun, Progress, environment, load_mission, load_robot, load_world, open_run, stamps_ns,
 };
 use crate::cli::folder::RunFolder;
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
-use crate::mapping::stats;
+use crate::document::nearest;
+use crate::mapping::{Method, stats};
+use crate::recording::Run;
+use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, StopFlags, WhenAbandoned, execute};
-use crate::sim::World;
+use crate::sim::{World, covered};
 use crate::units::{degrees, wrap_rad};
 
-/// Send a simulated robot through a room of cinder blocks and draw the map it makes.
+/// Let a simulated robot explore a room of cinder blocks, come home, and draw the map it makes.
 ///
-/// Example: onbrick demo --world rooms --seed 7
+/// Examples:
+///   onbrick demo --world rooms --seconds 600 --seed 7
+///   onbrick demo --mission map --seconds 120 --method seed      as the seed's robot did it
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(in crate::cli) struct Arguments {
@@ -30,8 +35,14 @@ pub(in crate::cli) struct Arguments {
     /// The room: a world's file, or the name of a built-in one.
     #[arg(long, default_value = "arena")]
     world: PathBuf,
-    /// How long the robot explores, in seconds of its own time.
-    #[arg(long, default_value_t = 120.0, value_parser = seconds)]
+    /// What the robot does: a shipped mission.
+    #[arg(long, default_value = "explore", value_parser = shipped)]
+    mission: String,
+    /// How poses are estimated and points placed: default, by odometry alone, or as the seed did.
+    #[arg(long, default_value = "default")]
+    method: Method,
+    /// How long the robot has at most, in seconds of its own time.
+    #[arg(long, default_value_t = 300.0, value_parser = seconds)]
     seconds: f64,
     /// The seed of all random numbers: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
@@ -41,6 +52,9 @@ pub(in crate::cli) struct Arguments {
     realtime: bool,
 }
 
+/// A point is near a wall, and a wall covered by a point, within this, metres.
+const NEAR_M: f64 = 0.05;
+
 /// How good a map is, against what only a simulation knows.
 #[derive(Debug, Serialize)]
 struct Quality {
@@ -48,6 +62,11 @@ struct Quality {
     /// Distance from the points to the nearest wall, metres; none without points or without walls.
     wall_median_m: Option<f64>,
     wall_p90_m: Option<f64>,
+    /// The share of points within 5 cm of a wall; none as above.
+    near_wall: Option<f64>,
+    /// The share of the walls that can echo to a robot on the floor that it can reach, of which the
+    /// map has a point within 5 cm; none without such walls.
+    coverage: Option<f64>,
     /// The last pose against the true one.
     pose_error_m: f64,
     heading_error_deg: f64,
@@ -60,8 +79,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let folder = RunFolder::of_demo(arguments.out.as_deref())?;
     let job = Job {
         mission: Source {
-            name: "map.toml".to_owned(),
-            text: shipped_mission("map").unwrap_or_default().to_owned(),
+            name: format!("{}.toml", arguments.mission),
+            text: find(&arguments.mission).map(Shipped::whole).unwrap_or_default(),
         },
         robot: robot.source,
         brick: Brick::Simulated {
@@ -76,6 +95,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         stamps_ns: stamps_ns(output),
         run: None,
         name: None,
+        method: arguments.method,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
@@ -103,11 +123,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let quality = quality(&loaded, &world)?;
     output.show(
         format!(
-            "{} points: {}\n\
+            "{} points: {}\n{}\
              final pose: {:.1} cm and {:.1} degrees from the true one, after {:.2} m\n\
              wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
             quality.points,
             from_walls(&quality),
+            covered_walls(&quality),
             quality.pose_error_m * 100.0,
             quality.heading_error_deg,
             quality.travelled_m,
@@ -128,12 +149,32 @@ fn from_walls(quality: &Quality) -> String {
         (Some(median_m), Some(p90_m)) => {
             let [median_cm, p90_cm] = [median_m, p90_m].map(|metres| metres * 100.0);
             format!(
-                "to the nearest wall {median_cm:.1} cm (median), {p90_cm:.1} cm (90th percentile)"
+                "to the nearest wall {median_cm:.1} cm (median), {p90_cm:.1} cm (90th \
+                 percentile), {:.0} % under 5 cm",
+                quality.near_wall.unwrap_or_default() * 100.0
             )
         }
         _ if quality.points == 0 => "the robot heard no echo".to_owned(),
         _ => "there is no wall in this world to compare them with".to_owned(),
     }
+}
+
+/// How much of the walls is in the map, as far as there are walls.
+fn covered_walls(quality: &Quality) -> String {
+    let Some(coverage) = quality.coverage else { return String::new() };
+    format!(
+        "coverage: {:.0} % of the walls that the robot can hear have a point within 5 cm\n",
+        coverage * 100.0
+    )
+}
+
+fn shipped(text: &str) -> Result<String, String> {
+    let names = || MISSIONS.iter().map(|mission| mission.name);
+    if find(text).is_some() {
+        return Ok(text.to_owned());
+    }
+    let hint = nearest(text, names());
+    Err(hint.unwrap_or_else(|| format!("it can be {}", names().collect::<Vec<_>>().join(", "))))
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -156,14 +197,29 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
         .collect();
     // A world without walls has no nearest one.
     distances.retain(|distance_m| distance_m.is_finite());
+    let near = distances.iter().filter(|distance_m| **distance_m < NEAR_M).count();
+    #[expect(clippy::cast_precision_loss, reason = "there are some thousands")]
+    let near_wall = (!distances.is_empty()).then(|| near as f64 / distances.len() as f64);
+    let start = run.info.as_ref().map(|info| info.start_pose).unwrap_or_default();
+    let walls = world.echoing_walls(start.x_m, start.y_m, reach_m(run));
+    let coverage = covered(&walls, run.points.iter().map(|point| [point.x_m, point.y_m]), NEAR_M);
     let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();
     let truth = run.ending.as_ref().and_then(|ending| ending.truth).unwrap_or(believed);
     Ok(Quality {
         points: run.points.len(),
+        near_wall,
+        coverage,
         wall_median_m: stats::quantile(&mut distances, 0.5),
         wall_p90_m: stats::quantile(&mut distances, 0.9),
         pose_error_m: libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m),
         heading_error_deg: degrees(wrap_rad(believed.heading_rad - truth.heading_rad)).abs(),
         travelled_m: run.poses.last().map_or(0.0, |pose| pose.travelled_m),
     })
+}
+
+/// How far a reading makes a point, metres.
+fn reach_m(run: &Run) -> f64 {
+    let robot = run.robot_toml.as_ref();
+    let robot = robot.and_then(|text| RobotConfig::load("robot.toml", text.as_bytes()).ok());
+    robot.and_then(|(robot, _)| robot.range).map_or(0.0, |range| range.max_m)
 }

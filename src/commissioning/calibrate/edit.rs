@@ -21,33 +21,39 @@ pub enum EditError {
     },
 }
 
-/// The file's text with other numbers under some keys (`drive.track_width_m`), rounded to a
-/// micrometre. Comments behind a number stay in their column where there is room.
+/// The file's text with other values under some keys (`drive.track_width_m`), which are numbers and
+/// lists as TOML writes them. Comments behind a value stay in their column where there is room. A
+/// key that the file does not have gets a line of its own under its section's head.
 ///
 /// # Errors
 ///
-/// [`EditError`]; no number is put in where one of them has no place.
-pub fn set_numbers(source: &Source, numbers: &[(&str, f64)]) -> Result<String, EditError> {
+/// [`EditError`]; no value is put in where one of them has no place.
+pub fn set_values(source: &Source, values: &[(&str, String)]) -> Result<String, EditError> {
     let document =
         Document::new(&source.name, source.text.as_bytes()).map_err(EditError::Findings)?;
     let places = document
-        .read(|root| Some(numbers.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
+        .read(|root| Some(values.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
     let (places, _) = places.map_err(EditError::Findings)?;
     let mut edits = Vec::new();
-    for ((key, number), place) in numbers.iter().zip(places) {
+    for ((key, value), place) in values.iter().zip(places) {
         let missing = || EditError::Missing { file: source.name.clone(), key: (*key).to_owned() };
-        edits.push((place.ok_or_else(missing)?, rounded(*number)));
+        let edit = match place {
+            Some(place) => (place, value.clone()),
+            None => new_line(&source.text, key, value).ok_or_else(missing)?,
+        };
+        edits.push(edit);
     }
-    // From the end, so that the places before stay right.
+    // From the end, so that the places before stay right; what begins at one place stays in order.
+    edits.reverse();
     edits.sort_by_key(|(place, _)| std::cmp::Reverse(place.start));
     let mut text = source.text.clone();
-    for (place, number) in edits {
-        put(&mut text, place, &number);
+    for (place, value) in edits {
+        put(&mut text, place, &value);
     }
     Ok(text)
 }
 
-/// Where a number stands, if it is there and is one.
+/// Where a value stands, if it is there and is a number or a list.
 fn place(root: &Section<'_>, key: &str) -> Option<Range<usize>> {
     let mut parts = key.split('.');
     let last = parts.next_back()?;
@@ -56,11 +62,27 @@ fn place(root: &Section<'_>, key: &str) -> Option<Range<usize>> {
         section = section.section(part)?;
     }
     let item = section.get(last)?;
-    item.number(f64::MIN..=f64::MAX)?;
-    Some(item.place())
+    (item.is_list() || item.number(f64::MIN..=f64::MAX).is_some()).then(|| item.place())
 }
 
-fn rounded(number: f64) -> String {
+/// The place behind the head of a key's section, and the line to put there.
+fn new_line(text: &str, key: &str, value: &str) -> Option<(Range<usize>, String)> {
+    let (section, last) = key.rsplit_once('.')?;
+    let head = format!("[{section}]");
+    let mut at = 0;
+    for line in text.split_inclusive('\n') {
+        at += line.len();
+        let behind = line.trim_start().strip_prefix(&head).map(str::trim_start);
+        if behind.is_some_and(|behind| behind.is_empty() || behind.starts_with('#')) {
+            let begin = if line.ends_with('\n') { "" } else { "\n" };
+            return Some((at..at, format!("{begin}{last} = {value}\n")));
+        }
+    }
+    None
+}
+
+/// A number to a micrometre.
+pub(super) fn rounded(number: f64) -> String {
     let text = format!("{number:.6}");
     let short = text.trim_end_matches('0');
     // TOML wants a digit behind the point.
@@ -91,6 +113,33 @@ mod tests {
 
     fn source(text: &str) -> Source {
         Source { name: "robot.toml".to_owned(), text: text.to_owned() }
+    }
+
+    fn set_numbers(source: &Source, numbers: &[(&str, f64)]) -> Result<String, EditError> {
+        let values: Vec<(&str, String)> =
+            numbers.iter().map(|(key, number)| (*key, rounded(*number))).collect();
+        set_values(source, &values)
+    }
+
+    #[test]
+    fn a_list_is_put_in_and_what_is_not_there_gets_a_line_in_its_section() {
+        let values = [
+            ("range.bias_m", "-0.014".to_owned()),
+            ("range.scale", "1.01".to_owned()),
+            ("range.own_echoes", "[[1, 2, 0.2]]".to_owned()),
+        ];
+        let old = "[range]  # eye\nport = \"in1\"\nown_echoes = []  # none\n[gyro]\n";
+        assert_eq!(
+            set_values(&source(old), &values).unwrap(),
+            "[range]  # eye\nbias_m = -0.014\nscale = 1.01\nport = \"in1\"\n\
+             own_echoes = [[1, 2, 0.2]] # none\n[gyro]\n"
+        );
+        let error = set_values(&source("[gyro]\n"), &values).unwrap_err();
+        assert_eq!(error.to_string(), "robot.toml has no `range.bias_m` to write to");
+        assert_eq!(
+            set_values(&source("[range]"), &values[..1]).unwrap(),
+            "[range]\nbias_m = -0.014\n"
+        );
     }
 
     #[test]
@@ -131,9 +180,9 @@ mod tests {
 
     #[test]
     fn a_number_that_is_not_there_is_said_and_nothing_is_put_in() {
-        let error = set_numbers(&source("[drive]\na = 1\n"), &[("drive.a", 2.0), ("drive.b", 2.0)])
+        let error = set_numbers(&source("[drive]\na = 1\n"), &[("drive.a", 2.0), ("head.b", 2.0)])
             .unwrap_err();
-        assert_eq!(error.to_string(), "robot.toml has no `drive.b` to write to");
+        assert_eq!(error.to_string(), "robot.toml has no `head.b` to write to");
         assert!(set_numbers(&source("[drive\n"), &[("drive.a", 2.0)]).is_err());
         assert!(set_numbers(&source("drive = 1\n"), &[("drive.a", 2.0)]).is_err());
         assert!(set_numbers(&source("drive.a = \"wide\"\n"), &[("drive.a", 2.0)]).is_err());

@@ -14,6 +14,12 @@ const MOST_DIFFERENCE: f64 = 0.03;
 /// Beyond this ratio to the old number it is no correction, but another robot.
 const MOST_CHANGE: f64 = 2.0;
 
+/// The most that an offset may be unsure by, metres; that its directions may differ by; and that it
+/// may be.
+const MOST_OFFSET_ERROR_M: f64 = 0.005;
+const MOST_OFFSET_DIFFERENCE_M: f64 = 0.02;
+const MOST_OFFSET_M: f64 = 0.15;
+
 /// Fewer measurements have no spread worth the name.
 const FEWEST: usize = 3;
 
@@ -35,8 +41,22 @@ pub struct Measured {
     /// The share by which all measurements may be off together, which no spread shows: a gyro's own
     /// scale.
     pub unseen: f64,
+    /// What kind of number it is.
+    pub kind: Kind,
     /// Why the number should not be trusted, if it should not.
     pub doubt: Option<Doubt>,
+}
+
+/// What kind of number is measured; what is sure enough goes by it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Metres, unsure by a share.
+    Length,
+    /// A number without a unit, unsure by a share.
+    Ratio,
+    /// Metres about 0, unsure by millimetres.
+    Offset,
 }
 
 /// Why a number should not be trusted.
@@ -68,6 +88,26 @@ pub enum Doubt {
          (onbrick setup)"
     )]
     Far(f64),
+    /// The measurements of an offset scatter.
+    #[error(
+        "the measurements scatter: the mean is unsure by {mm:.0} mm, at most {limit:.0} mm will \
+         do; a plainer wall, more repeats (--pairs)",
+        mm = .0 * 1000.0, limit = MOST_OFFSET_ERROR_M * 1000.0
+    )]
+    Unsure(f64),
+    /// An offset differs from one direction to the other.
+    #[error(
+        "the two directions differ by {mm:.0} mm: a wheel slips, or the wall is not plain",
+        mm = .0 * 1000.0
+    )]
+    Apart(f64),
+    /// An offset that no sensor has.
+    #[error(
+        "it reads {cm:.0} cm off: measure from the middle between the wheels, and look at ahead_m \
+         in robot.toml",
+        cm = .0 * 100.0
+    )]
+    Off(f64),
 }
 
 impl Measured {
@@ -77,6 +117,12 @@ impl Measured {
     /// the difference of the directions too.
     #[must_use]
     pub fn of(before: f64, directions: [&[f64]; 2]) -> Self {
+        Self::new(Kind::Length, before, directions)
+    }
+
+    /// The same of any kind.
+    #[must_use]
+    pub(super) fn new(kind: Kind, before: f64, directions: [&[f64]; 2]) -> Self {
         let [ahead, back] = directions.map(finite);
         let all: Vec<f64> = ahead.iter().chain(&back).copied().collect();
         let count = all.len();
@@ -99,6 +145,7 @@ impl Measured {
             directions,
             count,
             unseen: 0.0,
+            kind,
             doubt: None,
         };
         measured.doubt = measured.doubt();
@@ -118,9 +165,26 @@ impl Measured {
         self
     }
 
+    fn offset_doubt(&self) -> Option<Doubt> {
+        let [ahead, back] = self.directions;
+        let difference_m = (ahead - back).abs();
+        if self.after.abs() > MOST_OFFSET_M {
+            Some(Doubt::Off(self.after))
+        } else if difference_m > MOST_OFFSET_DIFFERENCE_M {
+            Some(Doubt::Apart(difference_m))
+        } else if self.standard_error > MOST_OFFSET_ERROR_M {
+            Some(Doubt::Unsure(self.standard_error))
+        } else {
+            None
+        }
+    }
+
     fn doubt(&self) -> Option<Doubt> {
         if self.count < FEWEST {
             return Some(Doubt::TooFew(self.count));
+        }
+        if self.kind == Kind::Offset {
+            return self.offset_doubt();
         }
         let change = self.after / self.before;
         let error = self.standard_error / self.after.abs();
@@ -140,10 +204,11 @@ impl Measured {
 
 impl fmt::Display for Measured {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = if self.kind == Kind::Ratio { "" } else { " m" };
         write!(
             f,
-            "{:.4} m ± {:.4} (was {:.4}; {} measurements, {:.4} from the smallest to the largest, \
-             {:.4} and {:.4} in the two directions)",
+            "{:.4}{unit} ± {:.4} (was {:.4}; {} measurements, {:.4} from the smallest to the \
+             largest, {:.4} and {:.4} in the two directions)",
             self.after,
             self.standard_error,
             self.before,
@@ -168,6 +233,12 @@ impl fmt::Display for Measured {
 /// does not vary.
 #[must_use]
 pub(super) fn slope(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<f64> {
+    line(points, noise, fewest).map(|(_, slope)| slope)
+}
+
+/// The same line's intercept and slope.
+#[must_use]
+pub(super) fn line(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<(f64, f64)> {
     const DEVIATIONS: f64 = 3.0 * 1.4826;
     let mut kept: Vec<[f64; 2]> =
         points.iter().copied().filter(|[x, y]| x.is_finite() && y.is_finite()).collect();
@@ -183,7 +254,7 @@ pub(super) fn slope(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<f6
         }
         line = least_squares(&kept)?;
     }
-    Some(line.1)
+    Some(line)
 }
 
 /// Intercept and slope by least squares.
@@ -209,7 +280,7 @@ fn median_line(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     Some((intercept, slope))
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }
@@ -257,6 +328,17 @@ mod tests {
         assert!(matches!(other.doubt, Some(Doubt::Far(_))), "{other:?}");
         let none = Measured::of(0.1, [&[], &[]]);
         assert_eq!(none.doubt, Some(Doubt::TooFew(0)));
+    }
+
+    #[test]
+    fn an_offset_is_unsure_by_millimetres_and_not_by_a_share_of_itself() {
+        let of =
+            |ahead: &[f64], back: &[f64]| Measured::new(Kind::Offset, 0.0, [ahead, back]).doubt;
+        assert_eq!(of(&[0.001, -0.002, 0.001], &[0.0, 0.002, -0.001]), None);
+        assert!(matches!(of(&[0.03, -0.03], &[0.03, -0.03]), Some(Doubt::Unsure(_))));
+        assert!(matches!(of(&[0.02, 0.02], &[-0.02, -0.02]), Some(Doubt::Apart(_))));
+        assert!(matches!(of(&[0.2, 0.2], &[0.2, 0.2]), Some(Doubt::Off(_))));
+        assert_eq!(of(&[0.01], &[f64::NAN]), Some(Doubt::TooFew(1)));
     }
 
     #[test]

@@ -29,6 +29,12 @@ const BLOCKED_NS: i64 = SECOND_NS;
 /// What counts as having turned, radians: three counts of the motor.
 const TURNED_RAD: f64 = 0.05;
 
+/// How near the head comes to where it is to look, radians.
+const LOOK_RAD: f64 = 0.035;
+
+/// The range sensor has a new reading after this, nanoseconds: two of its periods.
+const READ_NS: i64 = 220 * MILLISECOND_NS;
+
 /// The robot, ready to be measured. Dropping it stops its motors.
 #[derive(Debug)]
 pub(super) struct Stage<'s> {
@@ -162,6 +168,30 @@ impl<'s> Stage<'s> {
             self.wait();
         }
         Ok(ranges)
+    }
+
+    /// Turns the head to an angle, radians, waits for a new reading, and gives it: metres, none
+    /// without an echo.
+    pub(super) fn look_at(&mut self, head_rad: f64) -> Result<Option<f64>, CalibrateError> {
+        let begin_ns = self.clock.now_ns();
+        let mut there_ns = None;
+        loop {
+            self.look()?;
+            let now_ns = self.clock.now_ns();
+            let at_rad = self.fresh(Channel::Head)?;
+            if (at_rad - head_rad).abs() < LOOK_RAD {
+                there_ns = there_ns.or(Some(now_ns));
+            } else if now_ns - begin_ns > PATIENCE_NS {
+                return Err(CalibrateError::Blocked);
+            }
+            if there_ns.is_some_and(|there_ns| now_ns - there_ns >= READ_NS) {
+                let reading_m = self.fresh(Channel::Range)?;
+                return Ok(reading_m.is_finite().then_some(reading_m));
+            }
+            let demands = Demands { head_rad: Some(head_rad), ..Demands::default() };
+            self.robot.act(&demands, now_ns);
+            self.wait();
+        }
     }
 
     fn motion(

@@ -12,7 +12,7 @@ use super::{CalibrateError, NoAnswer};
 
 /// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a
 /// loud echo, far enough not to touch.
-const NEAR_M: f64 = 0.2;
+pub(super) const NEAR_M: f64 = 0.2;
 const FAR_M: f64 = 0.7;
 
 /// How far off the wall may be to begin with, metres.
@@ -54,16 +54,32 @@ pub(super) fn by_wall(
         return Err(NoAnswer::Declined.into());
     }
     let before_m = stage.config().wheel_circumference_m;
-    let range_m = wall_ahead(stage)?;
-    if range_m > NEAR_M {
-        leg(stage, 1.0, range_m - NEAR_M)?;
-    }
+    // What the sensor says for a metre, by the file.
+    let scale = stage.config().range.as_ref().map_or(1.0, |range| range.scale);
+    to_the_wall(stage)?;
     let (mut ahead, mut back) = (Vec::new(), Vec::new());
+    let rolled = |points: Vec<[f64; 2]>| {
+        slope(&points, RANGE_NOISE_M, FEWEST_ECHOES).map(|per_rad| -2.0 * PI * per_rad / scale)
+    };
     for _ in 0..pairs.unwrap_or(3) {
-        back.extend(leg(stage, -1.0, FAR_M - NEAR_M)?);
-        ahead.extend(leg(stage, 1.0, FAR_M - NEAR_M)?);
+        back.extend(rolled(leg(stage, -1.0)?));
+        ahead.extend(rolled(leg(stage, 1.0)?));
     }
     Ok(Measured::of(before_m, [&ahead, &back]))
+}
+
+/// Drives up to the wall; returns what the sensor said before.
+pub(super) fn to_the_wall(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
+    let range_m = wall_ahead(stage)?;
+    if range_m > NEAR_M {
+        way(stage, 1.0, range_m - NEAR_M)?;
+    }
+    Ok(range_m)
+}
+
+/// One way between the two ranges; see [`way`].
+pub(super) fn leg(stage: &mut Stage<'_>, way: f64) -> Result<Vec<[f64; 2]>, CalibrateError> {
+    self::way(stage, way, FAR_M - NEAR_M)
 }
 
 /// How far off the wall is: the middle of a second's echoes.
@@ -84,8 +100,9 @@ fn wall_ahead(stage: &mut Stage<'_>) -> Result<f64, CalibrateError> {
     )))
 }
 
-/// One way between the two ranges; the circumference that it says, if it had enough echoes.
-fn leg(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Option<f64>, CalibrateError> {
+/// Drives ahead to the near range or back to the far one; the wheels' angle, radians, and the
+/// reading of each echo on the way, metres.
+fn way(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Vec<[f64; 2]>, CalibrateError> {
     stage.rest()?;
     let mut echoes = Echoes::new(way);
     let ended = stage.drive(forward(way), limit(stage, length_m), |senses| echoes.look(senses))?;
@@ -103,8 +120,7 @@ fn leg(stage: &mut Stage<'_>, way: f64, length_m: f64) -> Result<Option<f64>, Ca
             if way > 0.0 { NEAR_M } else { FAR_M }
         )));
     }
-    Ok(slope(&echoes.points, RANGE_NOISE_M, FEWEST_ECHOES)
-        .map(|metres_per_rad| -2.0 * PI * metres_per_rad))
+    Ok(echoes.points)
 }
 
 fn forward(way: f64) -> Drive {

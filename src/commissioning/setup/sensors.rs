@@ -66,6 +66,7 @@ fn infrared_role(
         1 => {
             draft.sensors.insert(Role::Range, port);
             draft.range_max_m = 0.7;
+            draft.range_half_cone_deg = 6.0;
         }
         _ => {}
     }

@@ -29,6 +29,8 @@ pub struct Draft {
     pub range_ahead_m: f64,
     /// Nothing beyond this becomes a point of the map, metres.
     pub range_max_m: f64,
+    /// Half of the cone in which the range sensor hears, degrees.
+    pub range_half_cone_deg: f64,
     /// Further motors: name and port.
     pub motors: Vec<(String, String)>,
 }
@@ -63,6 +65,7 @@ impl Default for Draft {
             sensors: BTreeMap::new(),
             range_ahead_m: 0.0508,
             range_max_m: 2.0,
+            range_half_cone_deg: 14.0,
             motors: Vec::new(),
         }
     }
@@ -188,6 +191,19 @@ impl Draft {
                 page.line(
                     &format!("max_m = {:?}", self.range_max_m),
                     "nothing beyond this becomes a point of the map",
+                );
+                page.line(
+                    &format!("half_cone_deg = {}", self.range_half_cone_deg),
+                    "it hears in this cone; 14 fits real scans, 6 infrared",
+                );
+                page.line("bias_m = 0.0", "it reads this much too far, and");
+                page.line(
+                    "scale = 1.0",
+                    "says this for a metre more: onbrick calibrate --only range",
+                );
+                page.line(
+                    "own_echoes = []",
+                    "hears itself: [[80, 100, 0.2]] from 80 to 100 deg at 0.2 m",
                 );
             }
         }
@@ -353,6 +369,7 @@ mod tests {
                 .collect(),
                 range_ahead_m: ahead_m,
                 range_max_m: 0.7,
+                range_half_cone_deg: 6.0,
                 motors: port(there[1], "outD")
                     .map(|port| ("arm".to_owned(), port))
                     .into_iter()

@@ -12,10 +12,9 @@ const PARTS_PER_M: f64 = 16.0 / CELL_M;
 const UNIT: i32 = 1024;
 /// From the middle of a cell to its corner, and a little more.
 const TOUCHED: i32 = 12;
-/// Tangents of the cone's half angles, in [`UNIT`]s: 5° around the axis, 12° in all (the beam's is
-/// given as 10 to 20°).
+/// Tangent of 5°, in [`UNIT`]s: nearer than that to the axis a place is heard best. No cone is
+/// narrower.
 const TAN_AXIS: i32 = 90;
-const TAN_CONE: i32 = 218;
 
 /// The cone may include this many cells beside an edge: a tolerance of half a cell, the tip's place
 /// in its cell, and rounding.
@@ -47,6 +46,8 @@ pub(super) struct Cone {
     /// cells that it touches.
     free_below: i32,
     arc_to: i32,
+    /// Tangent of the cone's half angle, in [`UNIT`]s.
+    tangent: i32,
     /// The greater of them, in whole cells, rounded up.
     reach: i32,
 }
@@ -61,6 +62,9 @@ impl Cone {
         }
         let [x, y] = [integer(x), integer(y)];
         let range = integer(range_m.clamp(0.0, REACH_M) * PARTS_PER_M);
+        // A tangent of more than a right angle's half is no sonar's.
+        let half_rad = sounding.half_cone_rad.clamp(0.0, 0.5);
+        let tangent = integer(libm::round(libm::tan(half_rad) * f64::from(UNIT)));
         let (near, far) = ((range - TOUCHED).max(0), range + TOUCHED);
         Some(Self {
             tip: [x.div_euclid(PARTS), y.div_euclid(PARTS)],
@@ -68,6 +72,7 @@ impl Cone {
             axis: sounding.beam.map(|part| integer(libm::round(part * f64::from(UNIT)))),
             free_below: near * near,
             arc_to: far * far,
+            tangent: tangent.max(TAN_AXIS),
             reach: far / PARTS + 1,
         })
     }
@@ -78,7 +83,7 @@ impl Cone {
         let [cos, sin] = self.axis;
         // The ends lie at (1, ±tan) from the axis, a little outside of the arc; so does all that
         // bulges between them.
-        let side = [-sin * TAN_CONE / UNIT, cos * TAN_CONE / UNIT];
+        let side = [-sin * self.tangent / UNIT, cos * self.tangent / UNIT];
         let extent = |axis: i32, side: i32| {
             let ends = [0, axis, axis + side, axis - side].map(|part| part * self.reach);
             let low = ends.into_iter().fold(0, i32::min);
@@ -108,7 +113,7 @@ impl Cone {
     /// y.
     pub(super) fn edges(&self) -> [i32; 2] {
         let [cos, sin] = self.axis;
-        [TAN_CONE, -TAN_CONE].map(|tan| {
+        [self.tangent, -self.tangent].map(|tan| {
             let (x, y) = (cos * UNIT - sin * tan, sin * UNIT + cos * tan);
             // Only a vector that is no direction has none of it along its greater component.
             x.checked_div(y / UNIT).unwrap_or(0)
@@ -123,7 +128,7 @@ impl Cone {
     }
 
     /// The place of a cell's middle. All products stay below 2³¹: sixteenths below 2¹⁰, 1024ths
-    /// below 2¹¹, tangents below 2⁸.
+    /// below 2¹¹, tangents below 2¹⁰, and no place is further than 2.6 m.
     pub(super) fn place(&self, x: i32, y: i32) -> Offset {
         let dx = (x - self.tip[0]) * PARTS + PARTS / 2 - self.within[0];
         let dy = (y - self.tip[1]) * PARTS + PARTS / 2 - self.within[1];
@@ -136,7 +141,7 @@ impl Cone {
         // Half a cell is granted to each side, so that a cone is a cell wide where it is narrowest.
         let across = if place.across < 0 { -place.across } else { place.across };
         let beside = if across > UNIT * PARTS / 2 { across - UNIT * PARTS / 2 } else { 0 };
-        if place.along < 0 || beside > place.along * TAN_CONE / UNIT {
+        if place.along < 0 || beside > place.along * self.tangent / UNIT {
             return Zone::Outside;
         }
         let squared = place.dx * place.dx + place.dy * place.dy;

@@ -116,17 +116,79 @@ pub(in crate::sim) fn nearer(one: Option<Hit>, other: Option<Hit>) -> Option<Hit
     }
 }
 
+/// Where two walls meet at right angles, in whichever of its four quarters they have arms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::sim) struct Corner {
+    pub(in crate::sim) place: Point,
+    pub(in crate::sim) arms: [Arm; 2],
+}
+
+/// One of the walls of a corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::sim) struct Arm {
+    /// The wall's unit vector.
+    pub(in crate::sim) along: Point,
+    /// How far the wall reaches from the corner against `along` and with it, metres.
+    pub(in crate::sim) reach_m: [f64; 2],
+}
+
+/// Walls that come as near to each other as this form a corner.
+const CORNER_GAP_M: f64 = 0.02;
+/// The cosine of the angle between walls at which a corner still sends the sound back: 84°.
+const SQUARE_COS: f64 = 0.1;
+
+impl Corner {
+    fn of(one: &Segment, other: &Segment) -> Option<Self> {
+        let [(a, a_m), (b, b_m)] = [one, other].map(|wall| {
+            let along = wall.to - wall.from;
+            let length_m = along.norm();
+            (along / length_m.max(1e-9), length_m)
+        });
+        if a.dot(&b).abs() > SQUARE_COS || a_m.min(b_m) < CORNER_GAP_M {
+            return None;
+        }
+        let across = cross(a, b);
+        let at_a = cross(other.from - one.from, b) / across;
+        let at_b = cross(other.from - one.from, a) / across;
+        let near = |at: f64, length_m: f64| (-CORNER_GAP_M..=length_m + CORNER_GAP_M).contains(&at);
+        let arm = |along, at: f64, length_m: f64| Arm {
+            along,
+            reach_m: [at.max(0.0), (length_m - at).max(0.0)],
+        };
+        (near(at_a, a_m) && near(at_b, b_m)).then(|| Self {
+            place: one.from + a * at_a,
+            arms: [arm(a, at_a, a_m), arm(b, at_b, b_m)],
+        })
+    }
+}
+
 /// Everything that stands in a world.
 #[derive(Debug, Clone, Default)]
 pub(in crate::sim) struct Surfaces {
     pub(in crate::sim) segments: Vec<Segment>,
     pub(in crate::sim) discs: Vec<Disc>,
+    pub(in crate::sim) corners: Vec<Corner>,
 }
 
 impl Surfaces {
     /// Adds the sides of a polyline; `closed` joins its ends.
     pub(in crate::sim) fn add_polyline(&mut self, points: &[Point], closed: bool) {
         self.segments.extend(sides(points, closed));
+    }
+
+    /// Finds the corners of all walls. Walls are sorted from left to right, so that each is
+    /// compared with those only that it may meet.
+    pub(in crate::sim) fn find_corners(&mut self) {
+        let span = |wall: &Segment| (wall.from.x.min(wall.to.x), wall.from.x.max(wall.to.x));
+        let mut walls = self.segments.clone();
+        walls.sort_by(|one, other| span(one).0.total_cmp(&span(other).0));
+        let mut rest = walls.as_slice();
+        while let Some((wall, further)) = rest.split_first() {
+            rest = further;
+            let meets = |other: &&Segment| span(other).0 <= span(wall).1 + CORNER_GAP_M;
+            let corners = further.iter().take_while(meets);
+            self.corners.extend(corners.filter_map(|other| Corner::of(wall, other)));
+        }
     }
 
     /// Distance from a place to the nearest surface, in metres; infinite where there is none.
@@ -197,6 +259,19 @@ mod tests {
         let oblique = wall.hit(at(0.0, 0.0), direction(1.0)).unwrap();
         assert!((oblique.cos_incidence - libm::cos(1.0)).abs() < 1e-12, "{oblique:?}");
         assert_eq!(wall.hit(at(0.0, 0.0), direction(3.0)), None);
+    }
+
+    #[test]
+    fn corners_are_where_walls_meet_at_right_angles() {
+        let mut room = Surfaces::default();
+        room.add_polyline(&[at(0.0, 0.0), at(2.0, 0.0), at(2.0, 1.0), at(0.5, 1.5)], false);
+        // A wall that ends a centimetre before another.
+        room.add_polyline(&[at(1.0, 0.01), at(1.0, 0.4)], false);
+        room.find_corners();
+        let mut places: Vec<[f64; 2]> =
+            room.corners.iter().map(|corner| [corner.place.x, corner.place.y]).collect();
+        places.sort_by(|one, other| one[0].total_cmp(&other[0]));
+        assert_eq!(places, [[1.0, 0.0], [2.0, 0.0]]);
     }
 
     #[test]

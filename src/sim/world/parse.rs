@@ -60,6 +60,7 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
             world.add_disc(Disc { centre, radius_m });
         }
     }
+    world.surfaces.find_corners();
     starts(root, &mut world);
     Some(world)
 }

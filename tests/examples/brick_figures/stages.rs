@@ -109,8 +109,8 @@ fn tick_by_tick(
         robot.act(&demands, senses.time_ns);
         looks_ns[3] = used_ns()?;
         let range_is_new = step.estimate.sounding.is_some_and(|sounding| sounding.fresh);
-        let (estimate, point) = (step.estimate, step.point);
-        record.tick(&TickRecord { senses, estimate, point, range_is_new, lateness_ns: 0 });
+        let (estimate, placed) = (step.estimate, step.placed);
+        record.tick(&TickRecord { senses, estimate, placed, range_is_new, lateness_ns: 0 });
         looks_ns[4] = used_ns()?;
         for (spent_ns, looks_ns) in spent_ns.iter_mut().zip(looks_ns.windows(2)) {
             *spent_ns += looks_ns[1] - looks_ns[0];
@@ -149,6 +149,7 @@ fn start(mission: &Mission) -> Start {
         pace: Pace::Real,
         seed: 0,
         cells: Technology::default(),
+        method: Method::Default,
         settings: Vec::new(),
         range: None,
         machines: Vec::new(),

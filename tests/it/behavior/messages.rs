@@ -49,6 +49,12 @@ fn cases() -> Vec<(&'static str, String)> {
     vec![
         ("nothing in it", String::new()),
         ("a sub-machine that is unknown", state("use = \"look\"")),
+        ("exploring, and the head besides", state("do = { explore_m = 3, head_deg = 20 }")),
+        (
+            "exploring, too far and too near",
+            state("do = { explore_m = 30, keep_m = 2, face_deg = 1 }"),
+        ),
+        ("a distance to keep where no way is found", state("do = { drive_m = 1, keep_m = 0.2 }")),
         (
             "sub-machines, used wrongly",
             format!(

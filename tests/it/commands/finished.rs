@@ -22,7 +22,7 @@ fn recorded() -> &'static Path {
                 "--sim",
                 "arena",
                 "--set",
-                "time_limit_s=2",
+                "time_limit_s=4",
                 "--seed",
                 seed,
                 "--out",
@@ -387,8 +387,12 @@ fn make_up(file: &Path) {
     let (recorder, mut side) =
         Recorder::start::<()>(sink, start, Options::default(), Box::new(|_| {})).unwrap();
     (0..100).for_each(|number| side.tick(&tick(number)));
-    let end =
-        End { stop: StopReason::Finished.into(), time_ns: 2_000_000_000, truth: None, map: None };
+    let end = End {
+        stop: StopReason::Finished.into(),
+        time_ns: 2_000_000_000,
+        truth: None,
+        ..End::default()
+    };
     recorder.finish(side, end).unwrap();
 }
 

@@ -13,23 +13,30 @@ const FILES: [&str; 5] = ["map.png", "map.svg", "path.csv", "points.csv", "run.m
 #[test]
 fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
-    let said = run(folder.path(), &["demo", "--seconds", "5"]).expect(0);
+    let said = run(folder.path(), &["demo", "--seconds", "30"]).expect(0);
     assert!(
-        said.out.contains("to the nearest wall") && said.out.contains("onbrick-demo"),
+        said.out.contains("to the nearest wall")
+            && said.out.contains("under 5 cm")
+            && said.out.contains("coverage: ")
+            && said.out.contains("onbrick-demo"),
         "{}",
         said.out
     );
     assert_eq!(said.err, "", "progress is for terminals");
     assert_eq!(names(&folder.path().join("onbrick-demo")), FILES);
     for (out, seed) in [("again", "1"), ("third", "1"), ("other", "2")] {
-        let json =
-            run(folder.path(), &["demo", "--seconds", "5", "--seed", seed, "--out", out, "--json"])
-                .expect(0);
+        let json = run(
+            folder.path(),
+            &["demo", "--seconds", "30", "--seed", seed, "--out", out, "--json"],
+        )
+        .expect(0);
         let [quality] = json.json().try_into().unwrap();
         assert_eq!(
             keys(&quality),
             [
+                "coverage",
                 "heading_error_deg",
+                "near_wall",
                 "points",
                 "pose_error_m",
                 "travelled_m",
@@ -62,6 +69,26 @@ fn demo_leaves_its_files_and_the_same_seed_gives_the_same_bytes() {
     assert!(said.err.contains("run.mcap is there already"), "{}", said.err);
     assert!(said.err.contains("try: another folder for --out"), "{}", said.err);
     assert!(read("onbrick-demo", "run.mcap") == before, "the first one's recording was changed");
+}
+
+#[test]
+fn demo_runs_the_seeds_robot_and_its_estimator_and_replays_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let demo = |out: &str, method: &str| {
+        let arguments =
+            ["demo", "--mission", "map", "--seconds", "20", "--method", method, "--out", out];
+        run(folder.path(), &arguments).expect(0);
+        Run::open(&folder.path().join(out).join("run.mcap")).unwrap()
+    };
+    let (seed, default) = (demo("seed", "seed"), demo("default", "default"));
+    // The seed has a point a tick, the default one a reading.
+    assert!(seed.points.len() > 2 * default.points.len(), "{}", seed.points.len());
+    run(folder.path(), &["replay", "seed/run.mcap"]).expect(0);
+    run(folder.path(), &["replay", "default/run.mcap"]).expect(0);
+    let said = run(folder.path(), &["demo", "--mission", "mapp"]).expect(2);
+    assert!(said.err.contains("map"), "{}", said.err);
+    let said = run(folder.path(), &["demo", "--method", "sed"]).expect(2);
+    assert!(said.err.contains("default, odometry or seed"), "{}", said.err);
 }
 
 #[test]

@@ -41,23 +41,26 @@ fn the_defaults_cloud_of_real_scans_lies_nearer_to_the_walls() {
 fn errors_of(folder: &Path, method: Method) -> BTreeMap<String, Vec<f64>> {
     let walls = walls(folder);
     let mut teams: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    let scans = rows(&folder.join("alignment_nominal.csv"));
-    for scan in scans
-        .iter()
-        .filter(|scan| (scan[0].as_str(), scan[1].as_str()) != ("team02-jh300", "loc_01.dat"))
-    {
-        let distances =
-            cloud(folder, scan, method).into_iter().map(|point| to_nearest_wall(&walls, point));
+    for scan in scans(folder, "alignment_nominal.csv") {
+        let points = cloud(&scan, &readings(folder, &scan), method);
+        let distances = points.into_iter().map(|point| to_nearest_wall(&walls, point));
         teams.entry(scan[0].clone()).or_default().extend(distances);
     }
     teams
+}
+
+/// The rows of an alignment, without the scan whose heading is suspect.
+pub(super) fn scans(folder: &Path, alignment: &str) -> Vec<Vec<String>> {
+    let mut scans = rows(&folder.join(alignment));
+    scans.retain(|scan| (scan[0].as_str(), scan[1].as_str()) != ("team02-jh300", "loc_01.dat"));
+    scans
 }
 
 /// The recording does not say how long a reading took; the sensor makes ten a second.
 const READING_NS: i64 = 100_000_000;
 /// This and more is what the sensor says without an echo, with and without team 1's 12 cm.
 const NO_ECHO_CM: f64 = 255.0;
-const TEAM_1_AHEAD_M: f64 = 0.12;
+pub(super) const TEAM_1_AHEAD_M: f64 = 0.12;
 
 #[test]
 fn the_seeds_cloud_of_real_scans_lies_at_the_walls() {
@@ -97,13 +100,49 @@ fn print(name: &str, errors: &mut [f64]) -> [f64; 5] {
     figures
 }
 
-/// One scan's points, from the row of its alignment.
-fn cloud(folder: &Path, scan: &[String], method: Method) -> Vec<MapPoint> {
-    let number = |column: usize| scan[column].parse::<f64>().expect("a number");
-    let start =
-        Pose { x_m: number(3) / 100.0, y_m: number(4) / 100.0, heading_rad: radians(number(6)) };
-    let (samples, direction) = (number(2), number(5));
-    let whole_robot = scan[0].starts_with("team01");
+/// What the sensor said at an angle from where the scan began.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reading {
+    pub(super) turned_rad: f64,
+    /// Metres from the sensor; none without an echo.
+    pub(super) range_m: Option<f64>,
+}
+
+/// True for the team that turned the whole robot.
+pub(super) fn turns_whole(scan: &[String]) -> bool {
+    scan[0].starts_with("team01")
+}
+
+pub(super) fn number(scan: &[String], column: usize) -> f64 {
+    scan[column].parse::<f64>().expect("a number")
+}
+
+/// One scan's readings, from the row of its alignment.
+pub(super) fn readings(folder: &Path, scan: &[String]) -> Vec<Reading> {
+    let (samples, direction) = (number(scan, 2), number(scan, 5));
+    let text = fs::read_to_string(folder.join(&scan[0]).join(&scan[1])).expect("a scan");
+    (0_i32..)
+        .zip(text.split_whitespace().map(|line| line.parse::<f64>().expect("a distance")))
+        // In the scans of 720 every other angle was not sampled and is 0.
+        .filter(|(_, cm)| !(samples > 700.0 && *cm == 0.0))
+        .map(|(index, cm)| Reading {
+            turned_rad: radians(direction * f64::from(index) * 360.0 / samples),
+            range_m: (cm < NO_ECHO_CM).then(|| {
+                let ahead_m = if turns_whole(scan) { TEAM_1_AHEAD_M } else { 0.0 };
+                (cm / 100.0 - ahead_m).max(0.0)
+            }),
+        })
+        .collect()
+}
+
+/// The points of a scan's readings, seen from its mark.
+pub(super) fn cloud(scan: &[String], readings: &[Reading], method: Method) -> Vec<MapPoint> {
+    let start = Pose {
+        x_m: number(scan, 3) / 100.0,
+        y_m: number(scan, 4) / 100.0,
+        heading_rad: radians(number(scan, 6)),
+    };
+    let whole_robot = turns_whole(scan);
     let mount = RangeMount {
         ahead_m: if whole_robot { TEAM_1_AHEAD_M } else { 0.0 },
         // The recording says nothing of the time.
@@ -114,27 +153,14 @@ fn cloud(folder: &Path, scan: &[String], method: Method) -> Vec<MapPoint> {
     let geometry = Geometry::seed().with_range(mount).expect("a mount");
     let mut estimator = Estimator::new(EstimatorConfig { geometry, method }, start);
     let mut map = Map::new(geometry.range(), &start);
-    let text = fs::read_to_string(folder.join(&scan[0]).join(&scan[1])).expect("a scan");
-    let readings: Vec<f64> =
-        text.split_whitespace().map(|line| line.parse().expect("a distance")).collect();
-    for (index, cm) in (0_i32..).zip(&readings) {
-        // In the scans of 720 every other angle was not sampled and is 0.
-        if samples > 700.0 && *cm == 0.0 {
-            continue;
-        }
-        let turned_rad = radians(direction * f64::from(index) * 360.0 / samples);
-        let time_ns = i64::from(index) * READING_NS;
-        let value_m = if *cm >= NO_ECHO_CM {
-            f64::INFINITY
-        } else if whole_robot {
-            (cm / 100.0 - TEAM_1_AHEAD_M).max(0.0)
-        } else {
-            cm / 100.0
-        };
+    for (index, reading) in (0_i64..).zip(readings) {
+        let time_ns = index * READING_NS;
+        let value_rad = reading.turned_rad;
+        let value_m = reading.range_m.unwrap_or(f64::INFINITY);
         map.add(&estimator.update(&Inputs {
             time_ns,
-            gyro: whole_robot.then_some(GyroReading { value_rad: turned_rad, changed_ns: time_ns }),
-            head_rad: (!whole_robot).then_some(turned_rad),
+            gyro: whole_robot.then_some(GyroReading { value_rad, changed_ns: time_ns }),
+            head_rad: (!whole_robot).then_some(value_rad),
             range: Some(RangeReading { value_m, changed_ns: time_ns }),
             ..Inputs::default()
         }));
@@ -143,16 +169,16 @@ fn cloud(folder: &Path, scan: &[String], method: Method) -> Vec<MapPoint> {
 }
 
 /// A wall's ends, metres.
-type Wall = [f64; 4];
+pub(super) type Wall = [f64; 4];
 
-fn walls(folder: &Path) -> Vec<Wall> {
+pub(super) fn walls(folder: &Path) -> Vec<Wall> {
     rows(&folder.join("arena_walls.csv"))
         .iter()
         .map(|row| [1, 2, 3, 4].map(|column| row[column].parse::<f64>().expect("a number") / 100.0))
         .collect()
 }
 
-fn to_nearest_wall(walls: &[Wall], point: MapPoint) -> f64 {
+pub(super) fn to_nearest_wall(walls: &[Wall], point: MapPoint) -> f64 {
     walls.iter().map(|wall| to_wall(wall, point)).fold(f64::INFINITY, f64::min)
 }
 

@@ -32,10 +32,10 @@ struct AtTheScreen {
 }
 
 impl AtTheScreen {
-    fn new(person: Measurer) -> Self {
+    fn new(person: Measurer, keys: &str, kind: TalkKind) -> Self {
         let mut menu = Bench::ready();
-        menu.keys("rrr d e");
-        assert_eq!(menu.effects, [Effect::Talk(TalkKind::Calibrate)]);
+        menu.keys(keys);
+        assert_eq!(menu.effects, [Effect::Talk(kind)]);
         let (sender, told) = channel();
         let (answers, replies) = channel();
         let (pressed, flags) = (Arc::default(), StopFlags::default());
@@ -198,7 +198,7 @@ fn calibrated(what: &str, straight: Straight) -> Vec<String> {
         make_room(&bench);
     }
     let robot = wrong(0.9, 1.1, straight != Straight::Metre);
-    let mut screen = AtTheScreen::new(Measurer::new(&bench));
+    let mut screen = AtTheScreen::new(Measurer::new(&bench), "rrr d e", TalkKind::Calibrate);
     let flags = screen.replies.flags.clone();
     let options = CalibrateOptions { straight: Some(straight), ..CalibrateOptions::default() };
     let outcome =
@@ -230,4 +230,19 @@ fn a_robot_is_calibrated_at_the_screen_with_five_buttons() {
 fn numbers_read_from_a_tape_are_written_letter_by_letter_at_the_screen() {
     let pages = calibrated("at the screen, tape, marks", Straight::Metre);
     assert!(pages.iter().any(|page| page.contains("stand along the line")), "{}", pages.join("\n"));
+}
+
+#[test]
+fn the_range_sensor_is_measured_at_the_screen() {
+    let bench = setup::Bench::new("[robot.errors]\nrange_walls_sd_db = 0.0\n", 1);
+    let robot = wrong(1.0, 1.0, true);
+    let mut screen = AtTheScreen::new(Measurer::new(&bench), "rrr dd e", TalkKind::Range);
+    let flags = screen.replies.flags.clone();
+    let options = TalkKind::Range.measures().unwrap();
+    let outcome =
+        calibrate(&bench.tree, &*bench.clock, &flags, &mut screen, &load(&robot), &options);
+    let calibration =
+        outcome.unwrap_or_else(|error| panic!("{error}\n{}", screen.pages.join("\n")));
+    let bias = calibration.range_bias_m.unwrap();
+    assert!((bias.after + 0.014).abs() < 0.006 && bias.doubt.is_none(), "{bias}");
 }

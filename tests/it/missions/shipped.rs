@@ -115,7 +115,8 @@ fn map_looks_round_without_touching_a_wall() {
         );
         assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(run.points.len() > 700, "{} points", run.points.len());
-        assert!(near > 0.9, "{near} of the points are near walls");
+        // Of real scans, 86 % are (`figures`): the sound goes round, and corners echo.
+        assert!(near > 0.85, "{near} of the points are near walls");
         assert!(touching_s < 1.0, "touching for {touching_s} s");
     }
 }
@@ -167,9 +168,9 @@ fn wall_keeps_near_its_wall() {
         assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(near > 0.9, "{near} of the time");
         assert!(way_m > 4.0, "{way_m} m driven");
-        // The sensor does not see a wall ahead that the beam meets obliquely; blocked wheels are
-        // noticed within a second.
-        assert!(touching_s < 2.2, "touching for {touching_s} s");
+        // The sensor looks to the right and does not see a wall ahead; blocked wheels are noticed
+        // within a second, and half of the back-off slides along the wall.
+        assert!(touching_s < 3.0, "touching for {touching_s} s");
     }
 }
 
@@ -257,7 +258,10 @@ fn remote_drives_as_its_buttons_say() {
     let robot = robot().replace("[range]\nport = \"in1\"", "[remote]\nport = \"in1\"");
     let robot: String = robot
         .lines()
-        .filter(|line| !line.starts_with("ahead_m") && !line.starts_with("max_m"))
+        .filter(|line| {
+            let of_range = ["ahead_m", "max_m", "half_cone_deg", "bias_m", "scale", "own_echoes"];
+            !of_range.iter().any(|key| line.starts_with(key))
+        })
         .fold(String::new(), |text, line| text + line + "\n");
     for seed in seeds(3) {
         let played = play(|file| job("remote", &robot, ("remote", world), seed, file));

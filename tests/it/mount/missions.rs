@@ -56,7 +56,7 @@ fn map(pace: &Pace, mounted: &Mounted, out: &Path) -> Output {
     let start = mounted.observer.as_ref().unwrap().truth(0).unwrap();
     let pose = format!("{},{},{}", start.x_m, start.y_m, start.heading_rad.to_degrees());
     let run = Pace::command(PROGRAM)
-        .args(["run", "map", "--set", "time_limit_s=8", "--pose", &pose, "--brick"])
+        .args(["run", "map", "--set", "time_limit_s=12", "--pose", &pose, "--brick"])
         .arg(mounted.root())
         .arg("--out")
         .arg(out.join("out"))

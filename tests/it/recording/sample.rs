@@ -55,6 +55,7 @@ pub(crate) fn start(pace: Pace) -> Start {
         pace,
         seed: 7,
         cells: Technology::LiIon,
+        method: onbrick::mapping::Method::Default,
         settings: vec![("near_m".to_owned(), 0.1 + 0.2)],
         range: Some(RangeSensor {
             ahead_m: 0.05,
@@ -107,14 +108,16 @@ pub(crate) fn tick(number: u64) -> TickRecord {
         8 => Range::TooNear,
         _ => Range::Echo(wall(pose, direction_rad)),
     };
-    let point = match range {
+    let placed = match range {
         Range::Echo(range_m) if number.is_multiple_of(5) => Some(MapPoint {
             time_ns,
             x_m: pose.x_m + range_m * libm::cos(direction_rad),
             y_m: pose.y_m + range_m * libm::sin(direction_rad),
         }),
         _ => None,
-    };
+    }
+    .into_iter()
+    .collect();
     let estimate = Estimate {
         time_ns,
         pose,
@@ -127,7 +130,7 @@ pub(crate) fn tick(number: u64) -> TickRecord {
     };
     let on_time_ns = i64::try_from(number % 50).unwrap() * 1000;
     let lateness_ns = if number % 50 == 3 { PERIOD_NS + 1 } else { on_time_ns };
-    TickRecord { senses, estimate, point, range_is_new: number.is_multiple_of(5), lateness_ns }
+    TickRecord { senses, estimate, placed, range_is_new: number.is_multiple_of(5), lateness_ns }
 }
 
 /// From a pose to the wall of a square from (−1, −1) to (1, 1).
@@ -170,7 +173,7 @@ pub(crate) fn put(side: &mut TickSide<PilotState>, number: u64) {
     side.tick(&record);
     if number.is_multiple_of(50) {
         let mut state = PilotState::default();
-        state.estimator.pose = record.estimate.pose;
+        state.estimator.odometry = record.estimate.pose;
         let since =
             Since { done: true, entered_ns: time_ns, entered_m: 0.5, entered_heading_rad: 0.25 };
         let since = [since].into_iter().collect();
@@ -195,6 +198,7 @@ pub(crate) fn end(ticks: u64) -> End {
         stop: StopReason::Finished.into(),
         time_ns: tick(ticks).senses.time_ns,
         truth: Some(Pose { x_m: 0.5, y_m: 0.25, heading_rad: -0.125 }),
+        points: Vec::new(),
         map: Some(grid()),
     }
 }

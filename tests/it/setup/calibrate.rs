@@ -24,7 +24,7 @@ pub(crate) struct Measurer {
     /// Never presses Enter.
     asleep: bool,
     /// How wrong the tape is read, in turn, metres.
-    tape_errors_m: Vec<f64>,
+    pub(crate) tape_errors_m: Vec<f64>,
 }
 
 impl Measurer {
@@ -88,6 +88,11 @@ impl Dialogue for Measurer {
     }
 
     fn text(&mut self, question: &str, default: &str) -> Result<String, NoAnswer> {
+        if question.contains("from the middle between the wheels") {
+            // The bench's wall.
+            let off_m = 0.6 - truth(&self.simulation).x_m + self.tape_errors_m[0];
+            return Ok(format!("{off_m:.3}"));
+        }
         if !question.contains("from its mark") {
             return Ok(default.to_owned());
         }
@@ -122,7 +127,7 @@ fn measure(
     measure_with(bench, robot, options, &mut person)
 }
 
-fn measure_with(
+pub(crate) fn measure_with(
     bench: &Bench,
     robot: &Source,
     options: &CalibrateOptions,

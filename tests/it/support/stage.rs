@@ -164,6 +164,7 @@ impl Play {
             stamps_ns: 0,
             run: None,
             name: None,
+            method: onbrick::mapping::Method::Default,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,
         }

@@ -5,14 +5,14 @@ use std::ops::Range;
 
 use super::{Outputs, Reader, shown};
 use crate::behavior::expression::{Expression, Mistake};
-use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
+use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan, NavigationGoal, NavigationPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::senses::{QUANTITIES, Role};
 use crate::units::radians;
 
 /// What can be asked in `do`.
-pub(super) const ACTIONS: [&str; 21] = [
+pub(super) const ACTIONS: [&str; 23] = [
     "left_dps",
     "right_dps",
     "forward_mps",
@@ -22,7 +22,9 @@ pub(super) const ACTIONS: [&str; 21] = [
     "turn_deg",
     "arc",
     "goto",
+    "explore_m",
     "face_deg",
+    "keep_m",
     "speed_mps",
     "speed_dps",
     "head_deg",
@@ -37,7 +39,7 @@ pub(super) const ACTIONS: [&str; 21] = [
 ];
 
 /// Keys that move the wheels; those of one row go together.
-const DRIVES: [(&str, usize); 9] = [
+const DRIVES: [(&str, usize); 10] = [
     ("left_dps", 0),
     ("right_dps", 0),
     ("forward_mps", 1),
@@ -47,13 +49,15 @@ const DRIVES: [(&str, usize); 9] = [
     ("turn_deg", 4),
     ("arc", 5),
     ("goto", 6),
+    ("explore_m", 7),
 ];
 
 /// Keys that go with some motions that end, and with which.
-const OF_MOTIONS: [(&str, &[&str]); 3] = [
-    ("speed_mps", &["drive_m", "arc", "goto"]),
-    ("speed_dps", &["turn_deg", "goto"]),
+const OF_MOTIONS: [(&str, &[&str]); 4] = [
+    ("speed_mps", &["drive_m", "arc", "goto", "explore_m"]),
+    ("speed_dps", &["turn_deg", "goto", "explore_m"]),
     ("face_deg", &["goto"]),
+    ("keep_m", &["goto", "explore_m"]),
 ];
 
 /// No actuator is asked for more by a slip of the finger: degrees per second, metres per second.
@@ -66,6 +70,11 @@ const TURN_DEG: (f64, f64) = (-3600.0, 3600.0);
 /// How fast it may be asked to be: a speed has no direction there.
 const SPEED_MPS: (f64, f64) = (0.001, MPS.1);
 const SPEED_DPS: (f64, f64) = (1.0, DPS.1);
+
+/// How far from the start can be explored, metres: the map's grid reaches 5.
+const EXPLORE_M: (f64, f64) = (0.1, 5.0);
+/// How far a robot may keep from things, metres: less is no robot, more is no room.
+const KEEP_M: (f64, f64) = (0.05, 0.45);
 
 type Moves = BTreeMap<Role, Range<usize>>;
 
@@ -106,6 +115,10 @@ impl<'d> Reader<'_, 'd, '_> {
                 let turn_dps = turn_dps?.unwrap_or_else(none);
                 self.is_within_reach(first, &forward_mps, &turn_dps);
                 Some(DrivePlan::Twist { forward_mps, turn_dps })
+            }
+            _ if *row == 7 || table.get("keep_m").is_some() => {
+                let plan = self.navigation(table, first, moves);
+                plan.map(|plan| DrivePlan::Navigation(Box::new(plan)))
             }
             3.. => self.motion(table, first).map(|plan| DrivePlan::Motion(Box::new(plan))),
             _ => first
@@ -155,6 +168,52 @@ impl<'d> Reader<'_, 'd, '_> {
         let speed_dps = self.optional(table, "speed_dps", SPEED_DPS);
         self.vocabulary.pids = pids;
         Some(MotionPlan { goal: goal?, speed_mps: speed_mps?, speed_dps: speed_dps? })
+    }
+
+    /// A motion that finds its way over the map.
+    fn navigation(
+        &mut self,
+        table: &Section<'d>,
+        item: &Item<'d>,
+        moves: &mut Moves,
+    ) -> Option<NavigationPlan> {
+        let pids = self.vocabulary.pids.take();
+        let goal = self.navigation_goal(table, item);
+        let keep_m = self.optional(table, "keep_m", KEEP_M);
+        let speed_mps = self.optional(table, "speed_mps", SPEED_MPS);
+        let speed_dps = self.optional(table, "speed_dps", SPEED_DPS);
+        self.vocabulary.pids = pids;
+        // It looks where it drives, with the head where there is one.
+        let keeps = table.get("keep_m").filter(|_| item.key() != "explore_m");
+        self.moves(Role::Range, keeps.as_ref().unwrap_or(item), &mut Moves::new());
+        let moves_head = self.vocabulary.capabilities().has(Role::Head);
+        if moves_head {
+            self.moves(Role::Head, item, moves);
+            if let Some(head) = table.get("head_deg") {
+                head.error_at_key(format!("`{}` moves the head itself", item.key()))
+                    .hint("leave `head_deg` out");
+            }
+        }
+        Some(NavigationPlan {
+            goal: goal?,
+            keep_m: keep_m?,
+            speed_mps: speed_mps?,
+            speed_dps: speed_dps?,
+            moves_head,
+        })
+    }
+
+    fn navigation_goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<NavigationGoal> {
+        if item.key() == "explore_m" {
+            return Some(NavigationGoal::Explore { within_m: self.number(item, EXPLORE_M)? });
+        }
+        match self.goal(table, item)? {
+            GoalPlan::Place { x_m, y_m, face_deg } => {
+                Some(NavigationGoal::Place { x_m, y_m, face_deg })
+            }
+            // `keep_m` beside any other motion is a finding of its own.
+            _ => None,
+        }
     }
 
     fn goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<GoalPlan> {

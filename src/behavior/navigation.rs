@@ -1,0 +1,477 @@
+//! Motions that find their way over the map: to what is not known yet, and to a place.
+//!
+//! The [`crate::planning::Planner`] plans; this drives. It asks for a plan with a [`Request`],
+//! follows the plan's places with the head swinging from side to side, and asks again while it
+//! drives, so that what the map has gained meanwhile counts. At the end of a way to something
+//! unknown it looks there with the head, or where the range sensor is fixed, by turning once on the
+//! spot, to the left and to the right in turn. Exploring is done when two plans in a row have found
+//! nothing, with a look round between them.
+//!
+//! An echo from within the robot's own lane stops it; it becomes an obstacle of the next plan. A
+//! robot that is stopped again and again in one place backs off.
+//!
+//! # Not here
+//!
+//! No map and no planner: the runtime hands requests on and plans back. Turning to what is looked
+//! at, backing off and the last piece to a place are motions of their own ([`super::motion`]).
+
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+mod looking;
+mod tick;
+
+use super::demands::Drive;
+use super::motion::{self, At, MotionLimits, MotionState};
+use super::signals::{Signal, Signals};
+use crate::clock::{MILLISECOND_NS, seconds};
+use crate::ev3dev::StopAction;
+use crate::planning::{self, Outcome, Plan, Request, View};
+use crate::units::wrap_rad;
+use looking::HEAD_NEAR_RAD;
+use tick::Tick;
+
+/// What is to be reached.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Goal {
+    /// Everything unknown that can be reached.
+    Explore {
+        /// Not further from the start than this, metres.
+        within_m: f64,
+    },
+    /// A place.
+    Place {
+        /// World x, metres.
+        x_m: f64,
+        /// World y, metres.
+        y_m: f64,
+        /// The heading at the end, radians.
+        face_rad: Option<f64>,
+    },
+}
+
+/// A goal and how to drive to it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Order {
+    /// What is to be reached.
+    pub goal: Goal,
+    /// How far the robot's middle stays away from what the map shows, metres.
+    pub keep_m: f64,
+    /// Metres per second.
+    pub speed_m_s: Option<f64>,
+    /// Radians per second, on the spot.
+    pub turn_rad_s: Option<f64>,
+}
+
+/// How far the middle of a usual robot stays away from things, metres: it can turn there.
+pub const KEEP_M: f64 = 0.15;
+
+/// What is being done.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+enum Phase {
+    #[default]
+    Begin,
+    /// For a plan.
+    Wait,
+    Drive,
+    /// Towards what is looked at.
+    Face,
+    Look {
+        /// From which angle of the head to which, and whether it is on its way to the second.
+        from_rad: f64,
+        to_rad: f64,
+        back: bool,
+    },
+    /// Round on the spot, as the sensor is fixed.
+    TurnRound,
+    BackOff,
+    /// The last piece to a place.
+    Arrive,
+    FaceEnd,
+    Done,
+}
+
+/// A way under way.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct NavigationState {
+    order: Option<Order>,
+    phase: Phase,
+    /// The last request; plans answer it by its serial.
+    request: Option<Request>,
+    serial: u32,
+    plan: Plan,
+    /// The plan has not been looked at.
+    is_new: bool,
+    /// The waypoint that is driven to.
+    next: u8,
+    /// It turns on the spot to this heading, to face the way; not wrapped.
+    pivot_rad: Option<f64>,
+    /// The way is narrow.
+    is_slow: bool,
+    /// The heading at the first step of all, not wrapped.
+    first_rad: Option<f64>,
+    forward_m_s: f64,
+    turn_rad_s: f64,
+    last_ns: i64,
+    planned_ns: i64,
+    /// The head swings to the left.
+    head_left: bool,
+    /// The next turn round is to the left.
+    turns_left: bool,
+    /// It comes nearer to things than it should, as there is no other way.
+    is_tight: bool,
+    /// It tries what it tried before once more.
+    is_second: bool,
+    /// Plans in a row that found nothing.
+    empty: u8,
+    /// Stops in a row, and metres driven at the last one.
+    stops: u8,
+    stopped_m: f64,
+}
+
+/// A plan is this old when the next one is asked for, nanoseconds.
+const REPLAN_NS: i64 = 500 * MILLISECOND_NS;
+
+/// A step that took longer begins again from rest, nanoseconds.
+const GAP_NS: i64 = 200 * MILLISECOND_NS;
+
+/// The way is steered for so far ahead, metres.
+const LOOKAHEAD_M: f64 = 0.13;
+
+/// A way's end is reached within this, metres.
+const END_M: f64 = 0.03;
+
+/// A robot that faces further beside its way than the first turns on the spot, up to the second.
+const PIVOT_RAD: [f64; 2] = [50.0 * (PI / 180.0), 12.0 * (PI / 180.0)];
+
+/// How many times the error of the heading is turned in a second.
+const HOLD_PER_S: f64 = 3.0;
+
+/// On the spot the wheels are slower than on the way by this: it takes the pose with it.
+const TURNING: f64 = 0.7;
+
+/// The slowest on the way, metres per second.
+const CREEP_M_S: f64 = 0.02;
+
+/// What is further beside straight ahead is turned to before it is looked at.
+const FACE_RAD: f64 = 50.0 * (PI / 180.0);
+
+/// On a narrow way it is no faster, and a robot that finds no other way comes nearer to things by
+/// this.
+const NARROW_M_S: f64 = 0.045;
+const TIGHT: f64 = 0.75;
+
+/// Stops within this are in one place, metres; this number in a row makes it back off by the last.
+const SAME_PLACE_M: f64 = 0.10;
+const STOPS: u8 = 3;
+const BACK_OFF_M: f64 = 0.08;
+
+/// A place that cannot be reached is driven to straight from within this, metres.
+const STRAIGHT_M: f64 = 0.30;
+
+const STILL: Drive = Drive::Stop(StopAction::Brake);
+
+impl NavigationState {
+    /// Whether the goal is reached, or nothing is left to explore.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.phase == Phase::Done
+    }
+
+    /// The request for a plan that is not answered yet.
+    #[must_use]
+    pub fn request(&self) -> Option<&Request> {
+        self.request.as_ref().filter(|request| request.serial != self.plan.serial)
+    }
+
+    /// The plan to the request.
+    pub(super) fn answer(&mut self, plan: &Plan) {
+        if self.request().is_some_and(|request| request.serial == plan.serial) {
+            self.plan.clone_from(plan);
+            self.is_new = true;
+        }
+    }
+
+    /// Nothing under way; requests count on.
+    pub(super) fn reset(&mut self) {
+        let Self { serial, turns_left, head_left, first_rad, .. } = *self;
+        *self = Self { serial, turns_left, head_left, first_rad, ..Self::default() };
+        self.plan.serial = serial;
+    }
+
+    /// One tick: what the wheels are to do, and where the head is to point.
+    ///
+    /// - `order`: asked for once.
+    /// - `motion`: what is done besides following a way.
+    pub(super) fn step(
+        &mut self,
+        order: impl FnOnce() -> Option<Order>,
+        motion: &mut MotionState,
+        signals: &Signals,
+        limits: &MotionLimits,
+    ) -> (Drive, Option<f64>) {
+        let Some(at) = At::of(signals) else { return (STILL, None) };
+        self.order = self.order.or_else(order);
+        let Some(order) = self.order else { return (STILL, None) };
+        let step_ns = signals.time_ns() - self.last_ns;
+        self.last_ns = signals.time_ns();
+        let step_s = if (0..GAP_NS).contains(&step_ns) { seconds(step_ns) } else { 0.0 };
+        if step_s <= 0.0 {
+            self.rest();
+        }
+        let first_rad = *self.first_rad.get_or_insert(at.heading_rad);
+        let keep_m = if self.is_tight { TIGHT * order.keep_m } else { order.keep_m };
+        let tick = Tick { first_rad, keep_m, order, at, signals, limits, step_s };
+        let drive = match self.phase {
+            Phase::Begin => {
+                match order.goal {
+                    Goal::Explore { .. } => self.look_round(&tick, motion),
+                    Goal::Place { .. } => self.ask(&tick, None, None),
+                }
+                STILL
+            }
+            Phase::Wait => {
+                if self.is_new {
+                    self.adopt(&tick, motion);
+                }
+                STILL
+            }
+            Phase::Drive => self.drive(&tick, motion),
+            Phase::Look { from_rad, to_rad, back } => {
+                let target_rad = if back { to_rad } else { from_rad };
+                let head_rad = tick.head_rad();
+                if (head_rad - target_rad).abs() < HEAD_NEAR_RAD {
+                    if back {
+                        self.ask(&tick, Some(View::Ahead), None);
+                    } else {
+                        self.phase = Phase::Look { from_rad, to_rad, back: true };
+                    }
+                }
+                STILL
+            }
+            Phase::Face | Phase::TurnRound | Phase::BackOff | Phase::Arrive | Phase::FaceEnd => {
+                self.moving(&tick, motion)
+            }
+            Phase::Done => STILL,
+        };
+        (drive, self.head(&tick))
+    }
+
+    /// A motion of its own, and what follows it.
+    fn moving(&mut self, tick: &Tick<'_>, motion: &mut MotionState) -> Drive {
+        if self.phase == Phase::Arrive && tick.is_ahead().is_some() {
+            self.stop(tick, motion);
+            return STILL;
+        }
+        let drive = motion.step(|| None, tick.signals, tick.limits);
+        if motion.is_done() {
+            match self.phase {
+                Phase::Face => self.look_at(tick, self.plan.goal()),
+                Phase::TurnRound => self.ask(tick, Some(View::Around), None),
+                Phase::Arrive => self.face_end(tick, motion),
+                Phase::FaceEnd => self.phase = Phase::Done,
+                _ => self.look_round(tick, motion),
+            }
+            return STILL;
+        }
+        drive
+    }
+
+    fn rest(&mut self) {
+        (self.forward_m_s, self.turn_rad_s) = (0.0, 0.0);
+    }
+
+    fn ask(&mut self, tick: &Tick<'_>, looked: Option<View>, obstacle: Option<[f64; 2]>) {
+        let goal = match tick.order.goal {
+            Goal::Explore { within_m } => planning::Goal::Frontier { within_m },
+            Goal::Place { x_m, y_m, .. } => planning::Goal::Place { x_m, y_m },
+        };
+        self.serial = self.serial.wrapping_add(1);
+        let serial = self.serial;
+        let keep_m = self.keep_m(tick);
+        self.request = Some(Request { serial, goal, keep_m, looked, again: false, obstacle });
+        self.is_new = false;
+        if self.phase != Phase::Drive || looked.is_some() || obstacle.is_some() {
+            self.phase = Phase::Wait;
+        }
+    }
+
+    /// How far it stays away from things now.
+    fn keep_m(&self, tick: &Tick<'_>) -> f64 {
+        if self.is_tight { TIGHT * tick.order.keep_m } else { tick.order.keep_m }
+    }
+
+    /// A plan has come.
+    fn adopt(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
+        self.is_new = false;
+        self.planned_ns = tick.signals.time_ns();
+        self.next = 0;
+        if self.plan.outcome == Outcome::Nothing {
+            self.rest();
+            self.empty = self.empty.saturating_add(1);
+            if self.empty == 1 {
+                self.look_round(tick, motion);
+            } else if !self.is_tight {
+                self.is_tight = true;
+                self.ask(tick, None, None);
+            } else if !self.is_second {
+                (self.is_second, self.is_tight, self.empty) = (true, false, 0);
+                self.ask(tick, None, None);
+                self.request = self.request.map(|request| Request { again: true, ..request });
+            } else {
+                self.phase = Phase::Done;
+            }
+            return;
+        }
+        if self.plan.outcome == Outcome::Near && !self.is_tight {
+            self.is_tight = true;
+            self.phase = Phase::Wait;
+            self.ask(tick, None, None);
+            return;
+        }
+        self.phase = Phase::Drive;
+    }
+
+    /// Along the way.
+    fn drive(&mut self, tick: &Tick<'_>, motion: &mut MotionState) -> Drive {
+        if self.is_new {
+            self.adopt(tick, motion);
+            if self.phase != Phase::Drive {
+                return STILL;
+            }
+        } else if self.request().is_none() && tick.signals.time_ns() - self.planned_ns > REPLAN_NS {
+            self.ask(tick, None, None);
+        }
+        let Some((target, left_m)) = self.target(tick.at) else {
+            self.rest();
+            self.reached(tick, motion);
+            return STILL;
+        };
+        let (_, bearing_rad) = tick.at.to(target[0], target[1]);
+        if self.pivot_rad.is_none() && bearing_rad.abs() > PIVOT_RAD[0] {
+            self.pivot_rad = Some(tick.at.heading_rad + tick.turn_rad(bearing_rad));
+        }
+        let pivot_rad = self.pivot_rad.map(|to_rad| to_rad - tick.at.heading_rad);
+        let pivot_rad = pivot_rad.filter(|left_rad| left_rad.abs() > PIVOT_RAD[1]);
+        if pivot_rad.is_none() {
+            self.pivot_rad = None;
+        }
+        let beside_rad = pivot_rad.unwrap_or(bearing_rad);
+        if pivot_rad.is_none() && tick.is_ahead().is_some() {
+            self.stop(tick, motion);
+            return STILL;
+        }
+        let limits = tick.limits;
+        let fastest_m_s = tick.order.speed_m_s.unwrap_or(limits.speed_m_s).min(limits.max_m_s);
+        self.is_slow = self.is_tight || self.plan.is_narrow(usize::from(self.next));
+        let fastest_m_s = if self.is_slow { fastest_m_s.min(NARROW_M_S) } else { fastest_m_s };
+        let turning_m_s = TURNING * limits.speed_m_s;
+        let most_rad_s = tick.order.turn_rad_s.unwrap_or(turning_m_s / limits.half_track_m);
+        let braking_m_s = libm::sqrt(limits.acceleration_m_s2 * left_m);
+        let forward_m_s = if pivot_rad.is_some() {
+            0.0
+        } else {
+            (fastest_m_s * libm::cos(bearing_rad)).min(braking_m_s).max(CREEP_M_S)
+        };
+        let turn_rad_s = (HOLD_PER_S * beside_rad).clamp(-most_rad_s, most_rad_s);
+        let more_m_s = limits.acceleration_m_s2 * tick.step_s;
+        let more_rad_s = more_m_s / limits.half_track_m;
+        self.forward_m_s = toward(self.forward_m_s, forward_m_s, more_m_s);
+        self.turn_rad_s = toward(self.turn_rad_s, turn_rad_s, more_rad_s);
+        Drive::Twist { forward_m_s: self.forward_m_s, turn_rad_s: self.turn_rad_s }
+    }
+
+    /// The place to steer for, and how far the way's end is; none at the end.
+    fn target(&mut self, at: At) -> Option<([f64; 2], f64)> {
+        let far_m = |place: [f64; 2]| at.to(place[0], place[1]).0;
+        let left = self.plan.waypoints().enumerate().skip(usize::from(self.next));
+        let nearest = left.min_by(|(_, one), (_, other)| far_m(*one).total_cmp(&far_m(*other)));
+        let (nearest, _) = nearest?;
+        self.next = u8::try_from(nearest).unwrap_or(u8::MAX);
+        let end = self.plan.waypoints().next_back()?;
+        let count = self.plan.waypoints().len();
+        let end_m = far_m(end);
+        if nearest + 2 >= count && end_m < END_M || nearest + 1 == count && end_m < 2.0 * END_M {
+            return None;
+        }
+        let mut ahead = self.plan.waypoints().skip(nearest);
+        let target = ahead.find(|place| far_m(*place) > LOOKAHEAD_M).unwrap_or(end);
+        // Where the way is longer than what is told of it, it does not end there.
+        Some((target, if self.plan.whole { end_m.max(far_m(target)) } else { f64::INFINITY }))
+    }
+
+    /// The way's end.
+    fn reached(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
+        if !self.plan.whole {
+            self.ask(tick, None, None);
+            self.phase = Phase::Wait;
+            return;
+        }
+        match tick.order.goal {
+            Goal::Explore { .. } => {
+                (self.empty, self.is_tight) = (0, false);
+                let [x_m, y_m] = self.plan.goal();
+                let (_, bearing_rad) = tick.at.to(x_m, y_m);
+                if tick.limits.head_rad <= 0.0 {
+                    self.look_round(tick, motion);
+                } else if bearing_rad.abs() > FACE_RAD {
+                    let turn_rad = tick.turn_rad(bearing_rad);
+                    self.begin(Phase::Face, motion, motion::Goal::Turn { turn_rad });
+                } else {
+                    self.look_at(tick, [x_m, y_m]);
+                }
+            }
+            Goal::Place { x_m, y_m, .. } => {
+                let (far_m, _) = tick.at.to(x_m, y_m);
+                self.empty = self.empty.saturating_add(1);
+                if self.plan.outcome == Outcome::Way || far_m < STRAIGHT_M || self.empty > 2 {
+                    let goal = motion::Goal::Place { x_m, y_m, face_rad: None };
+                    self.begin(Phase::Arrive, motion, goal);
+                } else {
+                    self.look_round(tick, motion);
+                }
+            }
+        }
+    }
+
+    /// Turns to the heading at the end of all.
+    fn face_end(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
+        let Goal::Place { face_rad: Some(face_rad), .. } = tick.order.goal else {
+            self.phase = Phase::Done;
+            return;
+        };
+        let face_rad = tick.first_rad + wrap_rad(face_rad - tick.first_rad);
+        let turn_rad = face_rad - tick.at.heading_rad;
+        self.begin(Phase::FaceEnd, motion, motion::Goal::Turn { turn_rad });
+    }
+
+    /// Something is in the way.
+    fn stop(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
+        self.rest();
+        let obstacle = tick.is_ahead();
+        let travelled_m = tick.signals.get(Signal::Travelled).unwrap_or(self.stopped_m);
+        let is_same_place = (travelled_m - self.stopped_m).abs() < SAME_PLACE_M;
+        self.stops = if is_same_place { self.stops.saturating_add(1) } else { 1 };
+        self.stopped_m = travelled_m;
+        if self.stops >= STOPS {
+            self.stops = 0;
+            self.begin(Phase::BackOff, motion, motion::Goal::Ahead { way_m: -BACK_OFF_M });
+            return;
+        }
+        self.ask(tick, None, obstacle);
+    }
+
+    fn begin(&mut self, phase: Phase, motion: &mut MotionState, goal: motion::Goal) {
+        let turn_rad_s = self.order.and_then(|order| order.turn_rad_s);
+        // What is behind is not seen, and the last piece may lead near to things.
+        let speed_m_s = Some(NARROW_M_S);
+        *motion = MotionState::with(motion::Order { goal, speed_m_s, turn_rad_s });
+        self.phase = phase;
+    }
+}
+
+/// A value on its way to another, by a step at most.
+fn toward(from: f64, to: f64, most: f64) -> f64 {
+    from + (to - from).clamp(-most, most)
+}

@@ -1,0 +1,73 @@
+//! Where the range sensor looks: from side to side on the way, at a place, all around.
+
+use std::f64::consts::{PI, TAU};
+
+use super::tick::Tick;
+use super::{NavigationState, Phase};
+use crate::behavior::motion::{self, MotionState};
+
+/// How far the head swings to either side on the way.
+const SWING_RAD: f64 = 80.0 * (PI / 180.0);
+
+/// The same on a narrow way, where what is ahead matters most.
+const NARROW_SWING_RAD: f64 = 45.0 * (PI / 180.0);
+
+/// How far to either side of what is looked at the head looks.
+const LOOK_RAD: f64 = 50.0 * (PI / 180.0);
+
+/// The head has arrived within this.
+pub(super) const HEAD_NEAR_RAD: f64 = 4.0 * (PI / 180.0);
+
+impl NavigationState {
+    /// Where the head points: from side to side on the way.
+    pub(super) fn head(&mut self, tick: &Tick<'_>) -> Option<f64> {
+        let swing_rad =
+            if self.phase == Phase::Drive && self.is_slow { NARROW_SWING_RAD } else { SWING_RAD };
+        let most_rad = swing_rad.min(tick.limits.head_rad);
+        if tick.limits.head_rad <= 0.0 {
+            return None;
+        }
+        match self.phase {
+            Phase::Look { from_rad, to_rad, back } => Some(if back { to_rad } else { from_rad }),
+            Phase::Done | Phase::Arrive | Phase::FaceEnd => Some(0.0),
+            _ => {
+                let target_rad = if self.head_left { most_rad } else { -most_rad };
+                if (tick.head_rad() - target_rad) * target_rad.signum() > -HEAD_NEAR_RAD {
+                    self.head_left = !self.head_left;
+                }
+                Some(target_rad)
+            }
+        }
+    }
+
+    /// Looks at a place that lies within the head's reach.
+    pub(super) fn look_at(&mut self, tick: &Tick<'_>, [x_m, y_m]: [f64; 2]) {
+        let (_, bearing_rad) = tick.at.to(x_m, y_m);
+        self.look(tick, bearing_rad - LOOK_RAD, bearing_rad + LOOK_RAD);
+    }
+
+    /// Looks to all sides.
+    pub(super) fn look_round(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
+        self.rest();
+        let most_rad = tick.limits.head_rad;
+        if most_rad > 0.0 {
+            self.look(tick, -most_rad, most_rad);
+        } else {
+            self.turns_left = !self.turns_left;
+            let turn_rad = if self.turns_left { TAU } else { -TAU };
+            self.begin(Phase::TurnRound, motion, motion::Goal::Turn { turn_rad });
+        }
+    }
+
+    fn look(&mut self, tick: &Tick<'_>, right_rad: f64, left_rad: f64) {
+        self.rest();
+        let most_rad = tick.limits.head_rad;
+        let [right_rad, left_rad] = [right_rad, left_rad].map(|rad| rad.clamp(-most_rad, most_rad));
+        // From the nearer end.
+        let head_rad = tick.head_rad();
+        let from_left = (left_rad - head_rad).abs() < (right_rad - head_rad).abs();
+        let (from_rad, to_rad) =
+            if from_left { (left_rad, right_rad) } else { (right_rad, left_rad) };
+        self.phase = Phase::Look { from_rad, to_rad, back: false };
+    }
+}

@@ -1,0 +1,73 @@
+//! What a navigation knows in one tick, and what follows from that alone.
+
+use std::f64::consts::{PI, TAU};
+
+use super::Order;
+use crate::behavior::motion::{At, MotionLimits};
+use crate::behavior::signals::{Signal, Signals};
+use crate::senses::Channel;
+
+/// An echo is taken to be so far beside the sensor's axis, towards the way.
+const CONE_RAD: f64 = 4.0 * (PI / 180.0);
+
+/// So far ahead the robot looks for what it would come near to, and by so much it may come nearer
+/// than it keeps from what the map shows, metres. What is beside it or behind it is no hindrance.
+const AHEAD_M: f64 = 0.09;
+const SLACK_M: f64 = 0.03;
+const BESIDE_M: f64 = 0.04;
+
+/// Turns that would sum up to more than this are made the other way round.
+const WOUND_RAD: f64 = 200.0 * (PI / 180.0);
+
+/// What a tick knows.
+pub(super) struct Tick<'t> {
+    /// How far the robot stays away from things now, metres.
+    pub(super) keep_m: f64,
+    /// The heading at the first step of all, not wrapped.
+    pub(super) first_rad: f64,
+    pub(super) order: Order,
+    pub(super) at: At,
+    pub(super) signals: &'t Signals,
+    pub(super) limits: &'t MotionLimits,
+    pub(super) step_s: f64,
+}
+
+impl Tick<'_> {
+    pub(super) fn head_rad(&self) -> f64 {
+        self.signals.get(Signal::Sensed(Channel::Head)).unwrap_or(0.0)
+    }
+
+    /// How far to turn to what lies so far beside straight ahead: the other way round where the
+    /// turns would sum up, and with them the error of the gyro's scale.
+    pub(super) fn turn_rad(&self, bearing_rad: f64) -> f64 {
+        let wound_rad = self.at.heading_rad + bearing_rad - self.first_rad;
+        if wound_rad.abs() > WOUND_RAD {
+            bearing_rad - TAU * wound_rad.signum()
+        } else {
+            bearing_rad
+        }
+    }
+
+    /// An echo from something that the robot would come too near to on its next piece of way: where
+    /// that is.
+    pub(super) fn is_ahead(&self) -> Option<[f64; 2]> {
+        let range_m = self.signals.get(Signal::Sensed(Channel::Range))?;
+        let head_rad = self.head_rad();
+        let (sin, cos) = libm::sincos(head_rad);
+        let ahead_m = self.limits.range_ahead_m + range_m * cos;
+        // Within the cone it may be nearer to the lane.
+        let aside_m = range_m * libm::sin((head_rad.abs() - CONE_RAD).max(0.0));
+        let left_m = range_m * sin;
+        // On the next piece of the way the middle would come nearer to it than it may.
+        let next_m = ahead_m.clamp(0.0, AHEAD_M);
+        let comes_near = libm::hypot(ahead_m - next_m, aside_m) < self.keep_m - SLACK_M;
+        if !range_m.is_finite() || ahead_m < BESIDE_M || !comes_near {
+            return None;
+        }
+        let (sin, cos) = libm::sincos(self.at.heading_rad);
+        Some([
+            self.at.x_m + ahead_m * cos - left_m * sin,
+            self.at.y_m + ahead_m * sin + left_m * cos,
+        ])
+    }
+}

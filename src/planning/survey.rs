@@ -1,0 +1,381 @@
+//! What each cell of the grid is for a plan.
+//!
+//! Properties are worked out as layers of bits, a row at a time, and put together into a byte a
+//! cell, which is what the wave looks at.
+
+use std::ops::Range;
+
+use super::layer::{COLUMNS, Layer, Place, Row, beside, both, either, widened, without};
+use crate::mapping::{Cell, OccupancyGrid};
+
+/// How much wider than the distance to keep the band is where a way costs four times as much, and
+/// the one where it costs twice as much, cells.
+const BANDS: [f64; 2] = [1.0, 2.5];
+/// The furthest that anything is widened, cells.
+const WIDEST: u8 = 12;
+/// So near to where it stands the robot may get away over any cell that is not solid, cells.
+const ESCAPE: i32 = 4;
+
+/// What a cell is for a plan: a bit for each property.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Kind(u8);
+
+impl Kind {
+    /// A step to it costs twice, four times as much.
+    const DEAR: [u8; 2] = [0x02, 0x04];
+    const DRIVABLE: u8 = 0x08;
+    const PASSABLE: u8 = 0x10;
+    const STOOD: u8 = 0x20;
+    const INTEREST: u8 = 0x40;
+
+    /// The robot can drive there.
+    pub(super) fn is_drivable(self) -> bool {
+        self.0 & Self::DRIVABLE != 0
+    }
+
+    /// The robot can drive or at least look there.
+    pub(super) fn is_passable(self) -> bool {
+        self.0 & (Self::DRIVABLE | Self::PASSABLE) != 0
+    }
+
+    pub(super) fn is_of_interest(self) -> bool {
+        self.0 & Self::INTEREST != 0
+    }
+
+    /// How many times its length a step there costs.
+    pub(super) fn weight(self) -> u16 {
+        if self.0 & Self::DEAR[1] != 0 || !self.is_drivable() {
+            4
+        } else if self.0 & Self::DEAR[0] != 0 {
+            2
+        } else {
+            1
+        }
+    }
+}
+
+/// Properties of cells.
+#[derive(Debug, Clone)]
+pub(super) struct Survey {
+    first_m: [f64; 2],
+    cell_m: f64,
+    columns: usize,
+    rows: usize,
+    /// The robot stood there.
+    pub(super) stood: Layer,
+    /// A point of the map is there or beside it.
+    pub(super) pointed: Layer,
+    /// The robot looked at it from near.
+    pub(super) tried: Layer,
+    /// Something is there that the grid need not show.
+    pub(super) obstacles: Layer,
+    /// What the grid says.
+    free: Layer,
+    occupied: Layer,
+    pub(super) interest: Layer,
+    /// How much speaks for something in a cell, of what was heard.
+    evidence: Vec<u8>,
+    /// Where that is enough, and where there is any.
+    walls: Layer,
+    suspects: Layer,
+    /// A beam passed through from near.
+    pub(super) swept: Layer,
+    kinds: Vec<Kind>,
+}
+
+/// Evidence is at most this; from the second on something is there, from the third on it may be.
+const MOST: i8 = 18;
+const WALL: u8 = 5;
+const SUSPECT: u8 = 2;
+
+impl Survey {
+    pub(super) fn new(grid: &OccupancyGrid) -> Option<Self> {
+        let (columns, rows) = (grid.columns(), grid.rows());
+        if columns > COLUMNS || rows > usize::from(u8::MAX) || columns * rows > 65_000 {
+            return None;
+        }
+        let layer = || Layer::new(rows);
+        Some(Self {
+            first_m: grid.origin_m(),
+            cell_m: grid.cell_m(),
+            columns,
+            rows,
+            stood: layer(),
+            pointed: layer(),
+            tried: layer(),
+            obstacles: layer(),
+            free: layer(),
+            occupied: layer(),
+            interest: layer(),
+            evidence: vec![0; columns * rows],
+            walls: layer(),
+            suspects: layer(),
+            swept: layer(),
+            kinds: vec![Kind::default(); columns * rows],
+        })
+    }
+
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The cell of a place of the world; `None` outside.
+    pub(super) fn place(&self, x_m: f64, y_m: f64) -> Option<Place> {
+        let cell = |m: f64, first_m: f64, count: usize| {
+            let place = libm::floor((m - first_m) / self.cell_m);
+            let count = u16::try_from(count).ok()?;
+            #[expect(clippy::cast_possible_truncation, reason = "it is within the grid")]
+            (0.0..f64::from(count)).contains(&place).then_some(place as i32)
+        };
+        Some(Place {
+            column: cell(x_m, self.first_m[0], self.columns)?,
+            row: cell(y_m, self.first_m[1], self.rows)?,
+        })
+    }
+
+    /// A cell's number; that of none outside.
+    pub(super) fn index(&self, place: Place) -> u16 {
+        let inside = |at: i32, count: usize| usize::try_from(at).ok().filter(|at| *at < count);
+        let places = inside(place.column, self.columns).zip(inside(place.row, self.rows));
+        let index = places.map(|(column, row)| row * self.columns + column);
+        index.and_then(|index| u16::try_from(index).ok()).unwrap_or(u16::MAX)
+    }
+
+    pub(super) fn place_of(&self, index: u16) -> Place {
+        let columns = u16::try_from(self.columns).unwrap_or(u16::MAX).max(1);
+        Place { column: i32::from(index % columns), row: i32::from(index / columns) }
+    }
+
+    /// The numbers of the cells of some rows.
+    pub(super) fn cells(&self, rows: Range<usize>) -> Range<usize> {
+        rows.start * self.columns..rows.end.min(self.rows) * self.columns
+    }
+
+    /// The robot stands there: nothing else does.
+    pub(super) fn stand(&mut self, middle: Place, radius: i32) {
+        self.stood.fill_disc(middle, radius);
+        for rows in -radius..=radius {
+            for columns in -radius..=radius {
+                let place = Place { column: middle.column + columns, row: middle.row + rows };
+                if place.distance2(middle) <= radius * radius {
+                    self.weigh(place, -MOST);
+                }
+            }
+        }
+    }
+
+    /// Something was heard at a place, or nothing was heard there.
+    pub(super) fn hear(&mut self, x_m: f64, y_m: f64, weight: i8) {
+        if let Some(place) = self.place(x_m, y_m) {
+            self.weigh(place, weight);
+        }
+    }
+
+    /// Something that is not heard is at a place.
+    pub(super) fn block(&mut self, middle: Place) {
+        for rows in -1..=1 {
+            for columns in -1..=1 {
+                let place = Place { column: middle.column + columns, row: middle.row + rows };
+                self.weigh(place, MOST);
+            }
+        }
+    }
+
+    fn weigh(&mut self, place: Place, weight: i8) {
+        let index = usize::from(self.index(place));
+        let Some(evidence) = self.evidence.get_mut(index) else { return };
+        *evidence = evidence.saturating_add_signed(weight).min(MOST.unsigned_abs());
+        if *evidence >= WALL {
+            self.walls.set(place);
+        } else {
+            self.walls.unset(place);
+        }
+        if *evidence >= SUSPECT {
+            self.suspects.set(place);
+        } else {
+            self.suspects.unset(place);
+        }
+    }
+
+    /// Reads rows of the grid.
+    pub(super) fn scan(&mut self, grid: &OccupancyGrid, rows: Range<usize>) {
+        for row in rows.start..rows.end.min(self.rows) {
+            let (mut free, mut occupied) = (Row::default(), Row::default());
+            let words = grid.row(row).chunks(32).zip(free.iter_mut().zip(&mut occupied));
+            for (cells, (free, occupied)) in words {
+                for (bit, log_odds) in cells.iter().enumerate() {
+                    match Cell::of(*log_odds) {
+                        Cell::Free => *free |= 1 << bit,
+                        Cell::Occupied => *occupied |= 1 << bit,
+                        Cell::Unknown => {}
+                    }
+                }
+            }
+            self.free.set_row(signed(row), free);
+            self.occupied.set_row(signed(row), occupied);
+        }
+    }
+
+    /// Works out what follows for rows, after all were read. Returns the first row that is left:
+    /// those without anything known cost little.
+    ///
+    /// - `keep`: the distance to keep, cells.
+    pub(super) fn grow(&mut self, first: usize, most: usize, keep: f64) -> usize {
+        let widest = f64::from(WIDEST);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "it is at most the square of the widest"
+        )]
+        let reach2 = [keep, keep + BANDS[0], keep + BANDS[1]]
+            .map(|cells| cells.clamp(0.0, widest))
+            .map(|cells| (cells * cells) as i32);
+        let mut done = 0;
+        let mut row = first;
+        while row < self.rows && done < most && row < first + 8 * most {
+            let known = self.known(signed(row));
+            if known == Row::default() {
+                self.interest.set_row(signed(row), known);
+                let cells = self.cells(row..row + 1);
+                self.kinds[cells].fill(Kind::default());
+            } else {
+                self.derive(row, known, reach2);
+                done += 1;
+            }
+            row += 1;
+        }
+        row
+    }
+
+    /// What follows for a row.
+    fn derive(&mut self, at: usize, known: Row, reach2: [i32; 3]) {
+        const ALL: Row = [u32::MAX; 7];
+        let row = signed(at);
+        let [close] = near(row, [reach2[0]], |row| self.solid(row));
+        let [inner, outer] = near(row, [reach2[1], reach2[2]], |row| {
+            either(self.solid(row), self.suspects.row(row))
+        });
+        let solid = self.solid(row);
+        let passable = without(known, solid);
+        let unknown = |row: i32| without(ALL, either(self.known(row), self.solid(row)));
+        let unknown = either(either(unknown(row - 1), unknown(row)), unknown(row + 1));
+        let unknown = widened(unknown);
+        let drivable = without(without(passable, close), unknown);
+        // Two cells further from what is not known nothing unseen stands in the way.
+        let inner = either(inner, widened(widened(unknown)));
+        let inner =
+            either(inner, without(passable, either(self.swept.row(row), self.stood.row(row))));
+        let open = |row: i32| without(ALL, either(self.known(row), self.pointed.row(row)));
+        let open = either(either(beside(open(row)), open(row - 1)), open(row + 1));
+        // Through a crack in a wall nothing is seen.
+        let beside_solid =
+            [row - 1, row + 1].into_iter().fold(solid, |all, row| either(all, self.solid(row)));
+        let passable = without(passable, widened(beside_solid));
+        let interest = without(both(passable, open), self.tried.row(row));
+        self.interest.set_row(row, interest);
+        let properties = [
+            (outer, Kind::DEAR[0]),
+            (inner, Kind::DEAR[1]),
+            (drivable, Kind::DRIVABLE),
+            (passable, Kind::PASSABLE),
+            (self.stood.row(row), Kind::STOOD),
+            (interest, Kind::INTEREST),
+        ];
+        // The outermost cells stay blocked, so that each of the others has eight neighbours.
+        let is_edge = at == 0 || at + 1 == self.rows;
+        let (columns, cells) = (self.columns, self.cells(at..at + 1));
+        for (column, kind) in self.kinds[cells].iter_mut().enumerate() {
+            *kind = Kind::default();
+            let (word, bit) = (column >> 5, column & 31);
+            if known[word] >> bit & 1 == 0 || is_edge || column == 0 || column + 1 == columns {
+                continue;
+            }
+            for (bits, property) in &properties {
+                if bits[word] >> bit & 1 == 1 {
+                    kind.0 |= property;
+                }
+            }
+        }
+    }
+
+    /// Free, or the robot stood there.
+    fn known(&self, row: i32) -> Row {
+        without(either(self.free.row(row), self.stood.row(row)), self.occupied.row(row))
+    }
+
+    /// Occupied, but for single cells.
+    fn solid(&self, row: i32) -> Row {
+        either(self.walls.row(row), self.obstacles.row(row))
+    }
+
+    /// Lets the robot get away from where it stands, over what it may not drive on otherwise.
+    pub(super) fn escape(&mut self, start: Place) {
+        for rows in -ESCAPE..=ESCAPE {
+            for columns in -ESCAPE..=ESCAPE {
+                let cell = Place { column: start.column + columns, row: start.row + rows };
+                let index = usize::from(self.index(cell));
+                let stood = self.stood.has(cell);
+                let Some(kind) = self.kinds.get_mut(index) else { continue };
+                if cell.distance2(start) <= ESCAPE * ESCAPE
+                    && !kind.is_drivable()
+                    && (kind.is_passable() || stood)
+                {
+                    kind.0 |= Kind::DRIVABLE | Kind::DEAR[1];
+                }
+            }
+        }
+    }
+
+    /// What a cell is.
+    pub(super) fn kind(&self, index: u16) -> Kind {
+        self.kinds.get(usize::from(index)).copied().unwrap_or_default()
+    }
+
+    /// The eight neighbours of a cell that is not at the edge, with how far they are, centimetres.
+    pub(super) fn neighbours(&self, index: u16) -> [(u16, u16); 8] {
+        let up = u16::try_from(self.columns).unwrap_or(0);
+        let at = |offset: u16| index.wrapping_add(offset);
+        let back = |offset: u16| index.wrapping_sub(offset);
+        [
+            (at(1), 5),
+            (at(up), 5),
+            (back(1), 5),
+            (back(up), 5),
+            (at(up + 1), 7),
+            (at(up - 1), 7),
+            (back(up + 1), 7),
+            (back(up - 1), 7),
+        ]
+    }
+}
+
+fn signed(place: usize) -> i32 {
+    i32::try_from(place).unwrap_or(i32::MAX)
+}
+
+/// Which cells of a row are within each of some distances of a cell that `solid` has, whose squares
+/// are given, the furthest last, in cells.
+fn near<const N: usize>(row: i32, reach2: [i32; N], solid: impl Fn(i32) -> Row) -> [Row; N] {
+    let mut near = [Row::default(); N];
+    let (widest, furthest2) = (i32::from(WIDEST), reach2.last().copied().unwrap_or(0));
+    for rows in (-widest..=widest).filter(|rows| rows * rows <= furthest2) {
+        let mut solid = solid(row + rows);
+        if solid == Row::default() {
+            continue;
+        }
+        for columns in 0..=widest {
+            let distance2 = rows * rows + columns * columns;
+            if distance2 > furthest2 {
+                break;
+            }
+            for (near, reach2) in near.iter_mut().zip(reach2) {
+                // Further out all that is nearer is among it.
+                let next2 = rows * rows + (columns + 1) * (columns + 1);
+                if distance2 <= reach2 && next2 > reach2 {
+                    *near = either(*near, solid);
+                }
+            }
+            solid = widened(solid);
+        }
+    }
+    near
+}

@@ -1,0 +1,266 @@
+//! Plans over maps as drawings, and over any map.
+
+use super::*;
+use crate::mapping::{Range, Sounding};
+use proptest::prelude::*;
+
+/// A grid from a drawing, around a start in its middle: `#` occupied, `.` free, ` ` unknown, a
+/// character a cell, the first line furthest in y. The start's cell is (100, 100).
+struct Drawn {
+    grid: OccupancyGrid,
+    planner: Planner,
+    start: Pose,
+}
+
+const START: Pose = Pose { x_m: 0.025, y_m: 0.025, heading_rad: 0.0 };
+
+impl Drawn {
+    fn of(lines: &[&str], robot: [i32; 2]) -> Self {
+        let mut grid = OccupancyGrid::around(&START);
+        let top = i32::try_from(lines.len()).unwrap() / 2;
+        for (y, line) in (0..).zip(lines) {
+            let left = i32::try_from(line.len()).unwrap() / 2;
+            for (x, letter) in (0..).zip(line.chars()) {
+                let cell = [x - left, top - y];
+                match letter {
+                    '#' => put(&mut grid, cell, 100),
+                    '.' => put(&mut grid, cell, -100),
+                    _ => {}
+                }
+            }
+        }
+        let planner = Planner::new(&grid, &START).expect("a usual grid");
+        let [x_m, y_m] = robot.map(|cell| (f64::from(cell) + 0.5) * 0.05);
+        let start = Pose { x_m, y_m, heading_rad: 0.0 };
+        Self { grid, planner, start }
+    }
+
+    fn plan(&mut self, request: &Request) -> (Plan, usize) {
+        self.planner.note(&self.start, None, 2.0);
+        for ticks in 1..2000 {
+            if let Some(plan) = self.planner.step(request, &self.grid, &self.start) {
+                return (plan.clone(), ticks);
+            }
+        }
+        panic!("no plan");
+    }
+}
+
+/// Makes a cell of the lattice free or occupied, through the sensor's own model.
+fn put(grid: &mut OccupancyGrid, [x, y]: [i32; 2], log_odds: i8) {
+    grid.set_for_tests(x, y, log_odds);
+}
+
+fn exploring(serial: u32) -> Request {
+    Request {
+        serial,
+        goal: Goal::Frontier { within_m: 5.0 },
+        keep_m: 0.15,
+        looked: None,
+        again: false,
+        obstacle: None,
+    }
+}
+
+fn to_place(serial: u32, [x, y]: [i32; 2]) -> Request {
+    let [x_m, y_m] = [x, y].map(|cell| (f64::from(cell) + 0.5) * 0.05);
+    Request { goal: Goal::Place { x_m, y_m }, ..exploring(serial) }
+}
+
+/// A room of 40 by 20 cells whose right wall is open in the middle.
+fn room() -> Vec<String> {
+    let wall = "#".repeat(42);
+    let mut lines = vec![wall.clone()];
+    for row in 0..20 {
+        let end = if (6..14).contains(&row) { ' ' } else { '#' };
+        lines.push(format!("#{}{end}", ".".repeat(40)));
+    }
+    lines.push(wall);
+    lines
+}
+
+fn drawn(lines: &[String], robot: [i32; 2]) -> Drawn {
+    let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
+    Drawn::of(&lines, robot)
+}
+
+/// An echo from every occupied cell, so often.
+fn hear(drawn: &mut Drawn, times: usize) {
+    for row in 0..200 {
+        for column in 0..200 {
+            if drawn.grid.cell(column, row) != crate::mapping::Cell::Occupied {
+                continue;
+            }
+            let [x_m, y_m] = drawn.grid.origin_m();
+            let place = |cell: usize, m: f64| (cell as f64 + 0.5) * 0.05 + m;
+            let one = sounding(place(column, x_m) - 0.1, place(row, y_m), 0.0, 0.1);
+            for _ in 0..times {
+                drawn.planner.note(&drawn.start, Some(&one), 2.0);
+            }
+        }
+    }
+}
+
+fn sounding(x_m: f64, y_m: f64, direction: f64, range_m: f64) -> Sounding {
+    let beam = [libm::cos(direction), libm::sin(direction)];
+    let range = Range::Echo(range_m);
+    Sounding {
+        time_ns: 0,
+        x_m,
+        y_m,
+        beam,
+        echo: beam,
+        half_cone_rad: 0.21,
+        range,
+        fresh: true,
+        waits: false,
+    }
+}
+
+#[test]
+fn the_gap_in_the_wall_is_where_to_go() {
+    let mut drawn = drawn(&room(), [-15, 0]);
+    hear(&mut drawn, 2);
+    let (plan, ticks) = drawn.plan(&exploring(1));
+    assert_eq!(plan.outcome, Outcome::Way);
+    let [x_m, y_m] = plan.goal();
+    assert!((x_m - 0.95).abs() < 0.1 && y_m.abs() < 0.25, "({x_m}, {y_m})");
+    let end = plan.waypoints().next_back().expect("a way");
+    assert!(end[0] < 0.8 && end[0] > 0.5, "it looks from some way off: {end:?}");
+    assert!(ticks < 60, "{ticks} ticks");
+}
+
+#[test]
+fn what_was_looked_at_is_asked_for_no_more_and_then_nothing_is_left() {
+    let mut drawn = drawn(&room(), [15, 0]);
+    hear(&mut drawn, 2);
+    let mut looks = 0;
+    let mut request = exploring(1);
+    while drawn.plan(&request).0.outcome != Outcome::Nothing {
+        looks += 1;
+        assert!(looks < 10, "it ends");
+        request = Request { looked: Some(View::Ahead), ..exploring(request.serial + 1) };
+    }
+    assert!(looks > 0);
+}
+
+#[test]
+fn a_wall_without_a_point_is_of_interest_as_well() {
+    let mut room = room();
+    for line in &mut room {
+        *line = line.replace(' ', "#");
+    }
+    let mut drawn = drawn(&room, [0, 0]);
+    assert_eq!(drawn.plan(&exploring(1)).0.outcome, Outcome::Way);
+    hear(&mut drawn, 2);
+    assert_eq!(drawn.plan(&exploring(2)).0.outcome, Outcome::Nothing);
+}
+
+#[test]
+fn a_way_leads_round_a_wall_and_keeps_away_from_it() {
+    let mut room = room();
+    for line in room.iter_mut().take(14) {
+        line.replace_range(20..22, "##");
+    }
+    let mut drawn = drawn(&room, [-10, 5]);
+    hear(&mut drawn, 2);
+    let (plan, _) = drawn.plan(&to_place(1, [10, 5]));
+    assert_eq!(plan.outcome, Outcome::Way);
+    let way: Vec<[f64; 2]> = plan.waypoints().collect();
+    assert!(way.iter().any(|[_, y_m]| *y_m < -0.1), "{way:?}");
+    for [x_m, y_m] in way {
+        // The wall in the middle: x from -0.05 to 0.05, y from -0.1 on.
+        let beside_m = (x_m.abs() - 0.05).max(0.0);
+        let below_m = (-0.1 - y_m).max(0.0);
+        assert!(libm::hypot(beside_m, below_m) > 0.12, "({x_m}, {y_m})");
+    }
+}
+
+#[test]
+fn a_place_behind_walls_is_come_near_to() {
+    let mut room = room();
+    for line in &mut room {
+        line.replace_range(20..22, "##");
+    }
+    let mut drawn = drawn(&room, [-10, 0]);
+    hear(&mut drawn, 2);
+    let (plan, _) = drawn.plan(&to_place(1, [10, 0]));
+    assert_eq!(plan.outcome, Outcome::Near);
+    let end = plan.waypoints().next_back().expect("a way");
+    assert!(end[0] < -0.15 && end[0] > -0.4, "{end:?}");
+}
+
+#[test]
+fn an_echo_that_was_heard_once_closes_no_passage_and_an_obstacle_does_for_a_while() {
+    let mut room = room();
+    for (at, line) in room.iter_mut().enumerate() {
+        if !(7..14).contains(&at) {
+            line.replace_range(20..22, "##");
+        }
+    }
+    let far = [10, 0];
+    let mut free = drawn(&room, [-10, 0]);
+    hear(&mut free, 2);
+    free.planner.note(&START, Some(&sounding(-0.1, 0.0, 0.0, 0.1)), 2.0);
+    let (way, _) = free.plan(&to_place(1, far));
+    assert_eq!(way.outcome, Outcome::Way);
+    let obstacle = Some([0.0, 0.0]);
+    let blocked = free.plan(&Request { obstacle, ..to_place(2, far) }).0;
+    assert_eq!(blocked.outcome, Outcome::Near);
+    let again = (3..40).find(|serial| free.plan(&to_place(*serial, far)).0.outcome == Outcome::Way);
+    assert!(again.is_some(), "what the map does not confirm is forgotten");
+}
+
+#[test]
+fn a_robot_that_stands_too_near_to_a_wall_gets_away() {
+    let mut drawn = drawn(&room(), [-19, 0]);
+    hear(&mut drawn, 2);
+    let (plan, _) = drawn.plan(&to_place(1, [10, 0]));
+    assert_eq!(plan.outcome, Outcome::Way);
+}
+
+#[test]
+fn a_grid_too_large_has_no_planner() {
+    let grid = OccupancyGrid::covering([0.0, 0.0], [20.0, 5.0]).expect("a grid");
+    assert!(Planner::new(&grid, &START).is_none());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+    #[test]
+    fn ways_over_any_map_lead_from_cell_to_cell_and_through_nothing_solid(
+        soundings in prop::collection::vec((-1.0..1.0, -1.0..1.0, -3.2..3.2, 0.1..1.9), 5..60),
+        x in -20..20, y in -20..20, explores in any::<bool>(), looked in any::<bool>(),
+    ) {
+        let mut grid = OccupancyGrid::around(&START);
+        let mut heard = Vec::new();
+        for (x_m, y_m, direction, range) in soundings {
+            heard.push(sounding(x_m, y_m, direction, range));
+        }
+        for one in heard.iter().flat_map(|one| std::iter::repeat_n(one, 5)) {
+            grid.add(one, 2.0);
+        }
+        let mut planner = Planner::new(&grid, &START).expect("a usual grid");
+        for one in &heard {
+            planner.note(&START, Some(one), 2.0);
+        }
+        let mut drawn = Drawn { grid, planner, start: START };
+        let request = if explores { exploring(1) } else { to_place(1, [x, y]) };
+        let request = Request { looked: looked.then_some(View::Around), ..request };
+        let (plan, ticks) = drawn.plan(&request);
+        prop_assert!(ticks < 500, "{} ticks", ticks);
+        let (again, _) = drawn.plan(&Request { serial: 2, ..request });
+        if !looked {
+            prop_assert_eq!(plan.waypoints().len(), again.waypoints().len());
+        }
+        let way: Vec<[f64; 2]> = plan.waypoints().collect();
+        for two in way.windows(2) {
+            let far_m = libm::hypot(two[0][0] - two[1][0], two[0][1] - two[1][1]);
+            prop_assert!(far_m < 0.16, "{:?}", two);
+        }
+        for [x_m, y_m] in way {
+            let near_start = libm::hypot(x_m - START.x_m, y_m - START.y_m) < 0.22;
+            prop_assert!(near_start || drawn.grid.at(x_m, y_m) == crate::mapping::Cell::Free);
+        }
+    }
+}

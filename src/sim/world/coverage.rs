@@ -1,0 +1,189 @@
+//! Which parts of a world's walls a robot can map, and how much of them a map has.
+//!
+//! A wall is sampled; a sample can echo where a robot that has driven there can stand before it,
+//! within the sensor's reach, square enough, and with nothing between. What cannot be driven to
+//! does not count, and neither does the far side of a block in a corner.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use super::World;
+use super::geometry::{Point, direction};
+use crate::units::radians;
+
+/// Between two samples of a wall, and between two places of the floor, metres.
+const SAMPLE_M: f64 = 0.02;
+const FLOOR_M: f64 = 0.03;
+/// No further from the start is driven, metres.
+const FURTHEST_M: f64 = 12.0;
+/// Directions in which a sample is looked at, to either side of its normal.
+const DIRECTIONS: i32 = 4;
+
+impl World {
+    /// Samples of the walls that can echo to a robot which drives on the floor that it can reach
+    /// from a place; world frame, metres.
+    ///
+    /// - `reach_m`: what is further away is not heard, or makes no point.
+    #[must_use]
+    pub fn echoing_walls(&self, x_m: f64, y_m: f64, reach_m: f64) -> Vec<[f64; 2]> {
+        let floor = Reachable::from(self, Point::new(x_m, y_m));
+        let mut found = Vec::new();
+        for outline in &self.outlines {
+            for ends in outline.windows(2) {
+                let [from, to] = [ends[0], ends[1]].map(|[x, y]| Point::new(x, y));
+                let along = to - from;
+                let length_m = along.norm();
+                if length_m <= 0.0 {
+                    continue;
+                }
+                let normal_rad = libm::atan2(along.x, -along.y);
+                let count = libm::ceil(length_m / SAMPLE_M);
+                let mut at = 0.5;
+                while at < count {
+                    let place = from + along * (at / count);
+                    let sides = [normal_rad, normal_rad + std::f64::consts::PI];
+                    if sides.iter().any(|side| floor.hears(place, *side, reach_m)) {
+                        found.push([place.x, place.y]);
+                    }
+                    at += 1.0;
+                }
+            }
+        }
+        found
+    }
+}
+
+/// The share of places within a distance of which one of the points is; `None` without places.
+#[must_use]
+pub fn covered(
+    places: &[[f64; 2]],
+    points: impl Iterator<Item = [f64; 2]> + Clone,
+    within_m: f64,
+) -> Option<f64> {
+    if places.is_empty() {
+        return None;
+    }
+    let is_near = |place: &&[f64; 2]| {
+        points.clone().any(|[x_m, y_m]| libm::hypot(x_m - place[0], y_m - place[1]) <= within_m)
+    };
+    let near = places.iter().filter(is_near).count();
+    #[expect(clippy::cast_precision_loss, reason = "there are some thousands")]
+    Some(near as f64 / places.len() as f64)
+}
+
+/// The floor that a robot can reach: places of a lattice.
+struct Reachable<'w> {
+    world: &'w World,
+    places: BTreeSet<[i32; 2]>,
+}
+
+impl<'w> Reachable<'w> {
+    fn from(world: &'w World, start: Point) -> Self {
+        let robot = world.robot();
+        // It can turn on the spot there.
+        let radius_m = libm::hypot(robot.front_m.max(robot.rear_m), robot.half_width_m);
+        let first = cell(start);
+        let mut places = BTreeSet::from([first]);
+        let mut edge = VecDeque::from([first]);
+        while let Some([x, y]) = edge.pop_front() {
+            for next in [[x + 1, y], [x - 1, y], [x, y + 1], [x, y - 1]] {
+                let place = Point::new(f64::from(next[0]), f64::from(next[1])) * FLOOR_M;
+                if (place - start).norm() < FURTHEST_M
+                    && world.surfaces.distance(place) > radius_m
+                    && places.insert(next)
+                {
+                    edge.push_back(next);
+                }
+            }
+        }
+        Self { world, places }
+    }
+
+    /// Whether a robot hears a wall's place from the side that a normal points to.
+    fn hears(&self, place: Point, normal_rad: f64, reach_m: f64) -> bool {
+        let steepest_rad = radians(self.world.robot().errors.incidence_deg);
+        (-DIRECTIONS..=DIRECTIONS).any(|step| {
+            let off_rad = steepest_rad * 0.95 * f64::from(step) / f64::from(DIRECTIONS);
+            let toward = direction(normal_rad + off_rad);
+            let from = place + toward * 1e-6;
+            let hit_m =
+                self.world.surfaces.hit(from, toward).map_or(f64::INFINITY, |hit| hit.range_m);
+            let most_m = hit_m.min(reach_m);
+            let mut at_m = FLOOR_M;
+            while at_m < most_m {
+                if self.places.contains(&cell(place + toward * at_m)) {
+                    return true;
+                }
+                at_m += FLOOR_M;
+            }
+            false
+        })
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "worlds are some metres large")]
+fn cell(place: Point) -> [i32; 2] {
+    [place.x, place.y].map(|m| libm::round(m / FLOOR_M) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn world(text: &str) -> World {
+        World::parse("world.toml", text.as_bytes()).unwrap().0
+    }
+
+    #[test]
+    fn all_of_a_square_room_echoes_and_nothing_of_the_room_beside_it() {
+        let text = r#"
+name = "two"
+[[start]]
+at = [0.0, 0.0]
+[[wall]]
+points = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+closed = true
+[[wall]]
+points = [[2.0, -1.0], [4.0, -1.0], [4.0, 1.0], [2.0, 1.0]]
+closed = true
+"#;
+        let walls = world(text).echoing_walls(0.0, 0.0, 2.0);
+        assert!((380..=400).contains(&walls.len()), "8 m, a sample each 2 cm: {}", walls.len());
+        assert!(walls.iter().all(|[x_m, _]| *x_m < 1.1));
+    }
+
+    #[test]
+    fn what_is_behind_a_gap_too_narrow_is_not_reached() {
+        let room = |gap_m: f64| {
+            world(&format!(
+                r#"
+name = "gap"
+[[start]]
+at = [-0.5, 0.0]
+[[wall]]
+points = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+closed = true
+[[wall]]
+points = [[0.0, -1.0], [0.0, {}]]
+[[wall]]
+points = [[0.0, {}], [0.0, 1.0]]
+"#,
+                -gap_m / 2.0,
+                gap_m / 2.0
+            ))
+        };
+        let right = |gap_m: f64| {
+            let walls = room(gap_m).echoing_walls(-0.5, 0.0, 2.0);
+            walls.iter().filter(|[x_m, y_m]| *x_m > 0.9 && y_m.abs() > 0.75).count()
+        };
+        assert_eq!(right(0.2), 0);
+        assert!(right(0.5) > 15, "{}", right(0.5));
+    }
+
+    #[test]
+    fn a_place_is_covered_within_the_distance() {
+        let places = [[0.0, 0.0], [1.0, 0.0]];
+        assert_eq!(covered(&places, [[0.04, 0.0]].into_iter(), 0.05), Some(0.5));
+        assert_eq!(covered(&places, std::iter::empty(), 0.05), Some(0.0));
+        assert_eq!(covered(&[], std::iter::empty(), 0.05), None);
+    }
+}

@@ -1,0 +1,256 @@
+//! How much of a room mission `explore` maps, and whether it comes home, against what only a
+//! simulation knows.
+//!
+//! `cargo test --test it figures_of_explore -- --nocapture` takes two seeds a world; with
+//! `ONBRICK_LONG=1` it takes all: 20 in `arena` and `rooms`, 10 in each of the others. The others
+//! stand in this file alone.
+//!
+//! Each world is also taken with a robot whose gyro and wheels are as its file says: what is
+//! missing there, exploring has not found; what is missing besides, the drift of the pose has
+//! spoiled.
+
+use onbrick::mapping::MapPoint;
+use onbrick::recording::Run;
+use onbrick::robot::RobotConfig;
+use onbrick::runtime::{Job, Source};
+use onbrick::sim::{World, covered};
+use onbrick::simulated::furnished;
+use onbrick::units::{degrees, wrap_rad};
+
+use crate::missions::{job, play, robot};
+
+/// Posts of a hand's width.
+const PILLARS: &str = r#"
+name = "pillars"
+[[start]]
+at = [0.0, 0.0]
+[[wall]]
+points = [[-1.0, -1.1], [2.2, -1.1], [2.2, 1.1], [-1.0, 1.1]]
+closed = true
+[[circle]]
+at = [0.7, 0.45]
+radius_m = 0.08
+[[circle]]
+at = [0.8, -0.5]
+radius_m = 0.10
+[[circle]]
+at = [1.6, 0.1]
+radius_m = 0.06
+[[circle]]
+at = [-0.4, 0.6]
+radius_m = 0.05
+"#;
+
+/// Two rooms with half a metre between the ends of the wall between them.
+const GAP: &str = r#"
+name = "gap"
+[[start]]
+at = [-0.6, 0.2]
+heading_deg = -20
+[[wall]]
+points = [[-1.2, -0.9], [1.6, -0.9], [1.6, 1.0], [-1.2, 1.0]]
+closed = true
+[[wall]]
+points = [[0.2, -0.9], [0.2, -0.35]]
+[[wall]]
+points = [[0.2, 0.15], [0.2, 1.0]]
+"#;
+
+/// Blocks and walls at angles.
+const SLANTED: &str = r#"
+name = "slanted"
+[[start]]
+at = [0.0, 0.0]
+heading_deg = 45
+[[wall]]
+points = [[-1.1, -1.2], [1.9, -1.0], [2.1, 1.2], [-0.9, 1.0]]
+closed = true
+[[block]]
+at = [0.55, 0.5]
+size_m = [0.4, 0.2]
+turn_deg = 30
+[[block]]
+at = [1.1, -0.4]
+size_m = [0.4, 0.2]
+turn_deg = -50
+[[block]]
+at = [-0.4, -0.6]
+size_m = [0.3, 0.2]
+turn_deg = 15
+"#;
+
+/// No scale of the gyro and no size of the wheels other than the robot's file says.
+const AS_THE_FILE_SAYS: &str = "\n[robot.errors]\ngyro_scale_sd = 0.0\nwheel_sd = 0.0\n";
+
+/// Within this a wall is covered by a point, metres.
+const NEAR_M: f64 = 0.05;
+/// At home is within this, metres and degrees.
+const HOME: (f64, f64) = (0.10, 10.0);
+/// What touches faster is a collision, metres per second.
+const COLLISION_M_S: f64 = 0.05;
+
+/// One run.
+#[derive(Debug, Default)]
+struct Figures {
+    coverage: f64,
+    /// The share of points that are within 5 cm of a wall.
+    near: f64,
+    /// Where it ended: from its start by truth, and by odometry; metres and degrees.
+    home: [(f64, f64); 2],
+    collisions: usize,
+    stalls: usize,
+    seconds: f64,
+}
+
+fn explored(name: &str, text: &str, seed: u64, limit_s: f64) -> Figures {
+    explored_with(&robot(), name, text, seed, limit_s)
+}
+
+fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -> Figures {
+    let played = play(|file| {
+        let set = vec![("time_limit_s".to_owned(), limit_s)];
+        Job { set, ..job("explore", robot, (name, text), seed, file) }
+    });
+    let world = World::parse(name, text.as_bytes()).unwrap().0;
+    let run = played.run();
+    let start = world.starts()[0];
+    let walls = world.echoing_walls(start.x_m, start.y_m, 2.0);
+    let points = run.points.iter().map(|point| [point.x_m, point.y_m]);
+    let is_near =
+        |point: &&MapPoint| world.distance_to_nearest_surface(point.x_m, point.y_m) < NEAR_M;
+    let from_start = |x_m: f64, y_m: f64, heading_rad: f64| {
+        let way_m = libm::hypot(x_m - start.x_m, y_m - start.y_m);
+        (way_m, degrees(wrap_rad(heading_rad - start.heading_rad)).abs())
+    };
+    let truth = played.truths.last().unwrap();
+    let believed = run.poses.last().unwrap().pose;
+    let collides = played.truths.windows(2).filter(|two| {
+        !two[0].touching && two[1].touching && two[0].speed_mps.abs() > COLLISION_M_S
+    });
+    Figures {
+        coverage: covered(&walls, points, NEAR_M).expect("there are walls"),
+        near: run.points.iter().filter(is_near).count() as f64 / run.points.len() as f64,
+        home: [
+            from_start(truth.x_m, truth.y_m, truth.heading_rad),
+            from_start(believed.x_m, believed.y_m, believed.heading_rad),
+        ],
+        collisions: collides.count(),
+        stalls: stalls(&run) + usize::from(!played.ended.stop.reason.is_wanted()),
+        seconds: played.ended.time_s,
+    }
+}
+
+/// How often the wheels were blocked.
+fn stalls(run: &Run) -> usize {
+    run.transitions.iter().filter(|taken| taken.taken.transition.is_none()).count()
+}
+
+impl Figures {
+    fn is_home(&self, by: usize) -> bool {
+        self.home[by].0 < HOME.0 && self.home[by].1 < HOME.1
+    }
+
+    fn print(&self, name: &str) {
+        let [truth, odometry] = self.home;
+        println!(
+            "  {name:24} {:6.1} {:6.1}   {:5.1} {:5.1}   {:5.1} {:5.1}   {:4} {:4}  {:5.0}",
+            self.coverage * 100.0,
+            self.near * 100.0,
+            truth.0 * 100.0,
+            truth.1,
+            odometry.0 * 100.0,
+            odometry.1,
+            self.collisions,
+            self.stalls,
+            self.seconds
+        );
+    }
+}
+
+/// What a world's runs come to.
+struct Summary {
+    coverage: f64,
+    home: [f64; 2],
+    collisions: usize,
+    stalls: usize,
+}
+
+fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
+    let runs: Vec<Figures> =
+        crate::support::seeds(seeds).map(|seed| explored(name, text, seed, limit_s)).collect();
+    for (seed, figures) in (1..).zip(&runs) {
+        figures.print(&format!("{name}, seed {seed}"));
+    }
+    let count = runs.len() as f64;
+    let share = |so: &dyn Fn(&Figures) -> bool| {
+        runs.iter().filter(|figures| so(figures)).count() as f64 / count
+    };
+    let summary = Summary {
+        coverage: runs.iter().map(|figures| figures.coverage).sum::<f64>() / count,
+        home: [0, 1].map(|by| share(&|figures| figures.is_home(by))),
+        collisions: runs.iter().map(|figures| figures.collisions).sum(),
+        stalls: runs.iter().map(|figures| figures.stalls).sum(),
+    };
+    println!(
+        "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs); home by \
+         truth {:.0} %, by odometry {:.0} %; {} collisions, {} stalls",
+        summary.coverage * 100.0,
+        share(&|figures| figures.coverage >= 0.95) * 100.0,
+        summary.home[0] * 100.0,
+        summary.home[1] * 100.0,
+        summary.collisions,
+        summary.stalls
+    );
+    summary
+}
+
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
+fn figures_of_explore() {
+    let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
+    println!(
+        "explore: coverage, points under 5 cm, %; home by truth, by odometry: cm, degrees; \
+         collisions above 5 cm/s, stalls; s"
+    );
+    let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
+    for (name, text, limit_s, most) in [
+        ("arena", arena, 300.0, 20),
+        ("rooms", rooms, 600.0, 20),
+        ("pillars", PILLARS, 300.0, 10),
+        ("gap", GAP, 300.0, 10),
+        ("slanted", SLANTED, 300.0, 10),
+    ] {
+        let seeds = if is_long { most } else { 2 };
+        let drifting = summary(name, text, seeds, limit_s);
+        let as_the_file_says = format!("{text}{AS_THE_FILE_SAYS}");
+        let true_name = format!("{name}, no drift");
+        let steady = summary(&true_name, &as_the_file_says, seeds, limit_s);
+        // With the lobe `gap` is often left half explored, its passage of 0.4 m taken for closed,
+        // and what stands slanted in `slanted` is heard from few places.
+        let least = match name {
+            "gap" => [0.55, 0.5],
+            "slanted" => [0.7, 0.65],
+            _ => [0.8, 0.65],
+        };
+        assert!(steady.coverage > least[0] && drifting.coverage > least[1], "{name}: coverage");
+        assert!(steady.home[0] >= 0.9, "{name}: {} at home by truth", steady.home[0]);
+        assert!(drifting.home[1] >= 0.8, "{name}: {} at home by odometry", drifting.home[1]);
+        let runs = usize::try_from(2 * seeds).unwrap();
+        let collisions = drifting.collisions + steady.collisions;
+        assert!(collisions <= runs, "{name}: {collisions} collisions in {runs} runs");
+    }
+}
+
+/// LEGO's Driving Base, whose sensor looks straight ahead.
+const EDUCATOR: &str = include_str!("../../../src/robot/shipped/educator.toml");
+
+#[test]
+fn a_robot_whose_sensor_is_fixed_turns_round_to_look_and_comes_home() {
+    let robot = RobotConfig::load("educator.toml", EDUCATOR.as_bytes()).unwrap().0;
+    let text = World::text("arena").unwrap().to_owned();
+    let world = furnished(Source { name: "arena".to_owned(), text }, &robot);
+    let figures = explored_with(EDUCATOR, "arena", &world.text, 1, 300.0);
+    figures.print("educator, arena");
+    assert!(figures.coverage > 0.5, "{figures:?}");
+    assert!(figures.is_home(1), "{figures:?}");
+}
