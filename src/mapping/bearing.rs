@@ -24,6 +24,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Range;
+use super::pose::Correction;
 use super::range::Beam;
 
 /// dr/db / r from which on the echo is at the edge: the tangent of 7°. Ranges are noisy by half a
@@ -95,13 +96,13 @@ impl Slope {
     }
 
     /// Moves what is known with the map.
-    pub(super) fn correct(&mut self, place: impl Fn(f64, f64) -> [f64; 2], turn_rad: f64) {
+    pub(super) fn correct(&mut self, correction: &Correction) {
         for heard in [&mut self.last, &mut self.before].into_iter().flatten() {
-            heard.bearing_rad += turn_rad;
-            [heard.x_m, heard.y_m] = place(heard.x_m, heard.y_m);
+            correction.apply(&mut heard.x_m, &mut heard.y_m, &mut heard.bearing_rad);
         }
-        self.bearing_rad = self.bearing_rad.map(|rad| rad + turn_rad);
-        self.echo_rad += turn_rad;
+        for bearing_rad in self.bearing_rad.iter_mut().chain([&mut self.echo_rad]) {
+            correction.turn(bearing_rad);
+        }
     }
 
     /// The share of the half cone by which the echo is off the axis, −1 to 1; `None` where nothing

@@ -47,7 +47,7 @@ const TURN_RAD2_RAD: f64 = 1e-5;
 /// The same after a second: 0.04°, after a minute 0.3°.
 const TIME_RAD2_S: f64 = 5e-7;
 
-/// An observation's derivatives by pose (x, y, heading) and by its landmark's three numbers, for
+/// An innovation's derivatives by pose (x, y, heading) and by its landmark's three numbers, for
 /// bearing and distance.
 pub(super) type Jacobian = [[f32; 6]; 2];
 
@@ -168,14 +168,25 @@ impl Filter {
 
     /// The covariance of an innovation: H P Hᵀ for the pose and one landmark.
     pub(super) fn of_innovation(&self, landmark: usize, by: &Jacobian) -> Symmetric {
-        let rows = rows_of(landmark);
-        let block: [[f32; 6]; 6] = rows.map(|row| rows.map(|column| self.covariance(row, column)));
-        let half = by.map(|by| block.map(|row| dot(&by, &row)));
-        [dot(&by[0], &half[0]), dot(&by[0], &half[1]), dot(&by[1], &half[1])]
+        let [[first, mixed], [_, second]] = self.of_innovations((landmark, by), (landmark, by));
+        [first, mixed, second]
     }
 
-    /// Takes an observation of a landmark: what was seen less what was expected, its derivatives,
-    /// and its covariance with all that is in it.
+    /// The covariance between two innovations, each for the pose and a landmark.
+    pub(super) fn of_innovations(
+        &self,
+        (one, by_one): (usize, &Jacobian),
+        (other, by_other): (usize, &Jacobian),
+    ) -> [[f32; 2]; 2] {
+        let columns = rows_of(other);
+        let block: [[f32; 6]; 6] =
+            rows_of(one).map(|row| columns.map(|column| self.covariance(row, column)));
+        let half = by_other.map(|by| block.map(|row| dot(&by, &row)));
+        by_one.map(|by| [dot(&by, &half[0]), dot(&by, &half[1])])
+    }
+
+    /// Takes an observation of a landmark: the innovation (what was seen less what was
+    /// expected), its derivatives, and its covariance with all that is in it.
     pub(super) fn observe(
         &mut self,
         landmark: usize,
@@ -332,4 +343,135 @@ pub(super) fn inverse([first, mixed, second]: Symmetric) -> Option<Symmetric> {
 #[expect(clippy::cast_possible_truncation, reason = "rounded")]
 pub(super) fn single(number: f64) -> f32 {
     number as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A place seen from the true pose: bearing and distance, less what the filter expects, with
+    /// the derivatives of that.
+    fn of_point(
+        filter: &Filter,
+        landmark: usize,
+        truth: &Pose,
+        place: [f64; 2],
+    ) -> ([f32; 2], Jacobian) {
+        let see = |pose: &Pose, place: [f64; 2]| {
+            let to = [place[0] - pose.x_m, place[1] - pose.y_m];
+            (libm::atan2(to[1], to[0]) - pose.heading_rad, libm::hypot(to[0], to[1]))
+        };
+        let [x_m, y_m, _] = filter.landmark(landmark);
+        let (seen, expected) = (see(truth, place), see(&filter.pose, [x_m, y_m]));
+        let [x, y] = [(x_m - filter.pose.x_m) / expected.1, (y_m - filter.pose.y_m) / expected.1];
+        let [nx, ny] = [-y / expected.1, x / expected.1];
+        let by = [[nx, ny, 1.0, -nx, -ny, 0.0], [x, y, 0.0, -x, -y, 0.0]];
+        let innovation = [crate::units::wrap_rad(seen.0 - expected.0), seen.1 - expected.1];
+        (innovation.map(single), by.map(|row| row.map(single)))
+    }
+
+    fn observe(filter: &mut Filter, landmark: usize, truth: &Pose, place: [f64; 2]) {
+        filter.settle();
+        let (innovation, by) = of_point(filter, landmark, truth, place);
+        let [bearing, mixed, distance] = filter.of_innovation(landmark, &by);
+        filter.observe(landmark, innovation, &by, [bearing + 1e-4, mixed, distance + 1e-4]);
+    }
+
+    const PLACES: [[f64; 2]; 3] = [[2.0, 0.5], [0.5, 2.0], [-1.0, -1.0]];
+    const NONE: [[f32; 3]; 3] = [[0.0; 3]; 3];
+
+    /// A filter at the origin that knows three places exactly.
+    fn knows_places() -> Filter {
+        let mut filter = Filter::default();
+        for [x_m, y_m] in PLACES {
+            filter.add([x_m, y_m, 0.0], [[0.0; 3]; 3], NONE);
+        }
+        filter
+    }
+
+    #[test]
+    fn scales_of_gyro_and_wheels_are_learnt_from_what_stands_still() {
+        let (gyro_off, wheels_off) = (0.02, -0.015);
+        let mut filter = knows_places();
+        let mut odometry = Filter::default();
+        let mut truth = Pose::default();
+        for tick in 0..3000 {
+            let (forward_m, turn_rad) = (0.002, 0.006);
+            let (sin, cos) = libm::sincos(truth.heading_rad);
+            truth.x_m += cos * forward_m * (1.0 + wheels_off);
+            truth.y_m += sin * forward_m * (1.0 + wheels_off);
+            truth.heading_rad += turn_rad * (1.0 + gyro_off);
+            let step = Step { forward_m, turn_rad, passed_s: 0.01, ..Step::default() };
+            filter.step(&step);
+            odometry.step(&step);
+            if tick % 50 == 0 {
+                observe(&mut filter, tick / 50 % 3, &truth, PLACES[tick / 50 % 3]);
+            }
+        }
+        let off_m = |pose: &Pose| libm::hypot(pose.x_m - truth.x_m, pose.y_m - truth.y_m);
+        assert!(off_m(&filter.pose) < 0.01, "{:?}, not {truth:?}", filter.pose);
+        assert!((filter.pose.heading_rad - truth.heading_rad).abs() < 0.01);
+        assert!(off_m(&odometry.pose) > 0.05, "odometry alone: {:?}", odometry.pose);
+        let [gyro, wheels] = filter.scales;
+        assert!((gyro - gyro_off).abs() < 0.003, "gyro {gyro}");
+        assert!((wheels - wheels_off).abs() < 0.006, "wheels {wheels}");
+    }
+
+    #[test]
+    fn steps_settled_one_by_one_and_together_come_to_the_same() {
+        let (mut one_by_one, mut together) = (knows_places(), knows_places());
+        for tick in 0..200 {
+            let turn_rad = if tick % 40 < 20 { 0.01 } else { -0.004 };
+            let step =
+                Step { forward_m: 0.003, turn_rad, passed_s: 0.01, slip_m: 1e-5, left_m: 1e-4 };
+            one_by_one.step(&step);
+            one_by_one.settle();
+            together.step(&step);
+        }
+        together.settle();
+        let (one, other) = (one_by_one.of_pose(), together.of_pose());
+        for (at, [row, column]) in
+            [[0, 0], [0, 3], [0, 5], [3, 3], [3, 5], [5, 5]].iter().enumerate()
+        {
+            // What the heading's own noise adds to the place in between is left out.
+            let most = 0.05 * libm::sqrt(one[*row] * one[*column]);
+            assert!((one[at] - other[at]).abs() < most, "{one:?} {other:?}");
+        }
+        assert_eq!(one_by_one.pose, together.pose);
+    }
+
+    #[test]
+    fn a_landmark_that_is_forgotten_leaves_the_others_as_they_are() {
+        let by_pose = [[1.0, 0.0, 0.5], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0]];
+        let measured = [[1e-3, 0.0, 0.0], [0.0, 2e-3, 0.0], [0.0, 0.0, 3e-3]];
+        let filled = |landmarks: &[f64]| {
+            let mut filter = Filter::default();
+            for x_m in landmarks {
+                filter.add([*x_m, 1.0, 0.0], by_pose, measured);
+            }
+            filter
+        };
+        let mut filter = filled(&[1.0, 2.0, 3.0]);
+        filter.remove(1);
+        assert_eq!(filter, filled(&[1.0, 3.0]));
+        filter.remove(7);
+        assert_eq!(filter, filled(&[1.0, 3.0]), "one that is not there");
+    }
+
+    #[test]
+    fn an_observation_makes_what_it_is_of_more_certain() {
+        let mut filter = Filter::default();
+        filter.step(&Step { forward_m: 1.0, turn_rad: 1.0, passed_s: 5.0, ..Step::default() });
+        filter.settle();
+        filter.add([2.0, 0.5, 0.0], [[0.0; 3]; 3], NONE);
+        let before = filter.of_pose();
+        let truth = Pose { x_m: 1.0, y_m: 0.0, heading_rad: 1.01 };
+        observe(&mut filter, 0, &truth, [2.0, 0.5]);
+        let after = filter.of_pose();
+        for variance in [0, 3, 5] {
+            assert!(after[variance] <= before[variance], "{before:?} {after:?}");
+            assert!(after[variance] > 0.0, "{after:?}");
+        }
+        assert!(after[5] < 0.5 * before[5], "{before:?} {after:?}");
+    }
 }

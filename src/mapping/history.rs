@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
-use super::survey::Correction;
+use super::pose::Correction;
 use crate::clock::MILLISECOND_NS;
 
 /// Kept poses.
@@ -52,8 +52,7 @@ impl History {
     pub(super) fn correct(&mut self, correction: &Correction) {
         for placement in self.ring.iter_mut().chain([&mut self.newest]) {
             let pose = &mut placement.pose;
-            [pose.x_m, pose.y_m] = correction.place(pose.x_m, pose.y_m);
-            pose.heading_rad += correction.turn_rad();
+            correction.apply(&mut pose.x_m, &mut pose.y_m, &mut pose.heading_rad);
         }
     }
 

@@ -10,6 +10,10 @@
 //! distance. One that fits none is a new landmark; one that fits one badly is left out, because
 //! either the landmark or the pose is wrong and it cannot be told which.
 //!
+//! A single foot of a known landmark does not correct the pose: where the heading is uncertain by
+//! 10°, one of three known walls fits by chance. It waits until a foot of another landmark says the
+//! same of the pose.
+//!
 //! # Not here
 //!
 //! The filter's algebra (`filter`). How feet are found (`sweep`).
@@ -29,7 +33,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Pose;
 use super::filter::{Filter, Jacobian, LANDMARKS, Step, Symmetric, inverse, single};
+use super::pose::Correction;
 use super::sweep::Foot;
+use crate::clock::SECOND_NS;
 use crate::units::wrap_rad;
 
 /// Standard deviations of a foot's bearing, 5°, and distance. A region's ends are known to a
@@ -49,6 +55,13 @@ const NEAR_M: f64 = 0.3;
 const TURNED_RAD: f64 = 0.436;
 /// A point nearer than this to the sensor has no bearing, metres.
 const NEAREST_M: f64 = 0.05;
+/// The same of four numbers, for two feet together: tighter than chance would have it, since most
+/// feet are better than [`BEARING_RAD`] says.
+const TOGETHER: f32 = 4.0;
+/// Feet that wait for another at most, and for how long. What the odometry is off by in between is
+/// left out.
+const ALONE: usize = 6;
+const ALONE_NS: i64 = 40 * SECOND_NS;
 /// What a single foot can say for wall or point, and from where on it is decided: likelihoods of
 /// 20 to 1.
 const SAYS: f32 = 8.0;
@@ -95,8 +108,12 @@ pub(super) struct Sighting {
 /// A foot taken for a landmark, as a wall or as a point.
 #[derive(Debug, Clone, Copy)]
 struct Match {
+    index: usize,
     kind: Kind,
+    /// Squared Mahalanobis distance.
     distance: f32,
+    /// By how much it is nearer as a wall than as a point, where it can be both.
+    says: f32,
     innovation: [f32; 2],
     by: Jacobian,
     covariance: Symmetric,
@@ -107,11 +124,13 @@ struct Match {
 pub(super) struct Landmarks {
     filter: Filter,
     known: ArrayVec<Landmark, LANDMARKS>,
+    /// Feet of known landmarks, with their times, that wait for another one to bear them out.
+    alone: ArrayVec<(Foot, i64), ALONE>,
 }
 
 impl Landmarks {
     pub(super) fn new(pose: Pose) -> Self {
-        Self { filter: Filter::new(pose), known: ArrayVec::new() }
+        Self { filter: Filter::new(pose), ..Self::default() }
     }
 
     pub(super) fn pose(&self) -> Pose {
@@ -134,29 +153,71 @@ impl Landmarks {
             return None;
         }
         self.filter.settle();
+        self.alone.retain(|(_, since_ns)| time_ns.saturating_sub(*since_ns) < ALONE_NS);
+        let mut seen = self.seen(foot);
+        let Some(best) = self.best(&seen).filter(|best| best.distance < OTHER) else {
+            return Some(self.add(&seen, time_ns));
+        };
+        if best.distance >= SAME {
+            return None;
+        }
+        let Some(other) = self.borne_out_by(&best) else {
+            if self.alone.is_full() {
+                self.alone.remove(0);
+            }
+            self.alone.push((*foot, time_ns));
+            return None;
+        };
+        let (other, since_ns) = self.alone.remove(other);
+        let other = self.seen(&other);
+        if let Some(best) = self.best(&other) {
+            let correction = self.observe(&best, &other, since_ns);
+            let mut foot = *foot;
+            foot.correct(&correction);
+            seen = self.seen(&foot);
+        }
+        let best = self.matches(best.index, &seen)?;
+        self.observe(&best, &seen, time_ns);
+        Some(self.sighting(best.index))
+    }
+
+    fn seen(&self, foot: &Foot) -> Seen {
         let (sin, cos) = libm::sincos(foot.bearing_rad);
-        let seen = Seen {
+        Seen {
             foot: *foot,
             normal: [cos, sin],
             at: [foot.x_m + cos * foot.distance_m, foot.y_m + sin * foot.distance_m],
-            // How the sensor's place moves as the robot turns.
             lever: [self.filter.pose.y_m - foot.y_m, foot.x_m - self.filter.pose.x_m],
-        };
-        let best = (0..self.known.len())
-            .filter_map(|index| Some((index, self.matches(index, &seen)?)))
-            .min_by(|(_, one), (_, other)| one[0].distance.total_cmp(&other[0].distance));
-        match best {
-            Some((index, matches)) if matches[0].distance < SAME => {
-                Some(self.observe(index, &matches, &seen, time_ns))
-            }
-            Some((_, matches)) if matches[0].distance < OTHER => None,
-            _ => Some(self.add(&seen, time_ns)),
         }
     }
 
-    /// The ways in which a foot can be of a landmark, the better one first; `None` where there is
-    /// none.
-    fn matches(&self, index: usize, seen: &Seen) -> Option<ArrayVec<Match, 2>> {
+    /// The landmark that a foot fits best.
+    fn best(&self, seen: &Seen) -> Option<Match> {
+        (0..self.known.len())
+            .filter_map(|index| self.matches(index, seen))
+            .min_by(|one, other| one.distance.total_cmp(&other.distance))
+    }
+
+    /// The foot that waits and fits together with a match (Neira and Tardós, *Data association in
+    /// stochastic mapping using the joint compatibility test*, 2001): what the one leaves of the
+    /// other's innovation is weighed.
+    fn borne_out_by(&self, one: &Match) -> Option<usize> {
+        let one_inverse = inverse(one.covariance)?;
+        self.alone.iter().position(|(foot, _)| {
+            let other = self.best(&self.seen(foot));
+            other.filter(|other| other.index != one.index && other.distance < SAME).is_some_and(
+                |other| {
+                    let between =
+                        self.filter.of_innovations((one.index, &one.by), (other.index, &other.by));
+                    let rest = given(&other, &between, one_inverse, one.innovation);
+                    rest.is_some_and(|rest| one.distance + rest < TOGETHER)
+                },
+            )
+        })
+    }
+
+    /// How a foot fits a landmark; `None` where it can't be of it.
+    fn matches(&self, index: usize, seen: &Seen) -> Option<Match> {
         let known = self.known.get(index)?;
         let [x_m, y_m, direction_rad] = self.filter.landmark(index);
         let to = [x_m - seen.at[0], y_m - seen.at[1]];
@@ -164,49 +225,55 @@ impl Landmarks {
         if to[0] * to[0] + to[1] * to[1] > reach_m * reach_m {
             return None;
         }
-        let mut matches = ArrayVec::new();
         let as_point = (known.kind != Kind::Wall).then(|| seen.as_point([x_m, y_m])).flatten();
         let as_wall = (known.kind != Kind::Point)
             .then(|| seen.as_wall([x_m, y_m], direction_rad, [known.from_m, known.to_m]))
             .flatten();
-        for (kind, innovation, by) in as_point.into_iter().chain(as_wall) {
-            let [bearing, mixed, distance] = self.filter.of_innovation(index, &by);
-            let covariance =
-                [bearing + BEARING_RAD * BEARING_RAD, mixed, distance + DISTANCE_M * DISTANCE_M];
-            let Some([first, mixed, second]) = inverse(covariance) else { continue };
-            let [bearing, distance] = innovation;
-            let distance = bearing * bearing * first
-                + 2.0 * bearing * distance * mixed
-                + distance * distance * second;
-            matches.push(Match { kind, distance, innovation, by, covariance });
+        let [point, wall] = [as_point, as_wall].map(|as_it| self.weighed(index, as_it?));
+        match (point, wall) {
+            (Some(point), Some(wall)) => {
+                let says = point.distance - wall.distance;
+                Some(Match { says, ..if says > 0.0 { wall } else { point } })
+            }
+            (only, None) | (None, only) => only,
         }
-        matches.sort_by(|one: &Match, other| one.distance.total_cmp(&other.distance));
-        (!matches.is_empty()).then_some(matches)
     }
 
-    fn observe(&mut self, index: usize, matches: &[Match], seen: &Seen, time_ns: i64) -> Sighting {
-        if let (Some(best), Some(known)) = (matches.first(), self.known.get_mut(index)) {
-            if let Some(other) = matches.get(1) {
-                let says = (other.distance - best.distance).min(SAYS);
-                known.wall += if best.kind == Kind::Wall { says } else { -says };
-                known.kind = match known.wall {
-                    wall if wall > DECIDED => Kind::Wall,
-                    wall if wall < -DECIDED => Kind::Point,
-                    _ => Kind::Unknown,
-                };
-            }
+    fn weighed(
+        &self,
+        index: usize,
+        (kind, innovation, by): (Kind, [f32; 2], Jacobian),
+    ) -> Option<Match> {
+        let [bearing, mixed, distance] = self.filter.of_innovation(index, &by);
+        let covariance =
+            [bearing + BEARING_RAD * BEARING_RAD, mixed, distance + DISTANCE_M * DISTANCE_M];
+        let distance = squared(innovation, inverse(covariance)?);
+        Some(Match { index, kind, distance, says: 0.0, innovation, by, covariance })
+    }
+
+    fn observe(&mut self, best: &Match, seen: &Seen, time_ns: i64) -> Correction {
+        let from = self.filter.pose;
+        self.filter.observe(best.index, best.innovation, &best.by, best.covariance);
+        let [x_m, y_m, direction_rad] = self.filter.landmark(best.index);
+        if let Some(known) = self.known.get_mut(best.index) {
+            known.wall += best.says.clamp(-SAYS, SAYS);
+            known.kind = match known.wall {
+                wall if wall > DECIDED => Kind::Wall,
+                wall if wall < -DECIDED => Kind::Point,
+                _ => Kind::Unknown,
+            };
             known.seen = known.seen.saturating_add(1);
             known.last_ns = time_ns;
-            self.filter.observe(index, best.innovation, &best.by, best.covariance);
             if best.kind == Kind::Wall {
-                let [x_m, y_m, direction_rad] = self.filter.landmark(index);
                 let (sin, cos) = libm::sincos(direction_rad);
                 let along_m = (seen.at[1] - y_m) * cos - (seen.at[0] - x_m) * sin;
                 known.from_m = known.from_m.min(along_m);
                 known.to_m = known.to_m.max(along_m);
             }
         }
-        self.sighting(index)
+        let correction = Correction { from, to: self.filter.pose };
+        self.alone.iter_mut().for_each(|(foot, _)| foot.correct(&correction));
+        correction
     }
 
     fn add(&mut self, seen: &Seen, time_ns: i64) -> Sighting {
@@ -259,6 +326,37 @@ impl Landmarks {
     }
 }
 
+/// The squared Mahalanobis distance of an innovation.
+fn squared([first, second]: [f32; 2], [one, mixed, other]: Symmetric) -> f32 {
+    first * first * one + 2.0 * first * second * mixed + second * second * other
+}
+
+/// The squared Mahalanobis distance of a match, given another innovation with the inverse of its
+/// covariance, and the covariance between the two.
+fn given(
+    one: &Match,
+    between: &[[f32; 2]; 2],
+    inverse_other: Symmetric,
+    innovation: [f32; 2],
+) -> Option<f32> {
+    let [first, mixed, second] = inverse_other;
+    // What a column of the covariance between both makes of the other: Cᵀ S⁻¹.
+    let by = [0, 1].map(|at: usize| {
+        let [one, other] = [between[0][at], between[1][at]];
+        [one * first + other * mixed, one * mixed + other * second]
+    });
+    let dot = |one: [f32; 2], other: [f32; 2]| one[0] * other[0] + one[1] * other[1];
+    let column = |at: usize| [between[0][at], between[1][at]];
+    let [first, mixed, second] = one.covariance;
+    let left = [
+        first - dot(by[0], column(0)),
+        mixed - dot(by[0], column(1)),
+        second - dot(by[1], column(1)),
+    ];
+    let rest = [0, 1].map(|at: usize| one.innovation[at] - dot(by[at], innovation));
+    Some(squared(rest, inverse(left)?))
+}
+
 /// A foot, and what follows from it.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
@@ -267,7 +365,7 @@ struct Seen {
     normal: [f64; 2],
     /// The foot's place.
     at: [f64; 2],
-    /// Derivative of the sensor's place by the robot's heading.
+    /// How the sensor's place moves as the robot turns: its derivative by the heading.
     lever: [f64; 2],
 }
 
@@ -317,5 +415,124 @@ impl Seen {
         let by = [[0.0, 0.0, 1.0, 0.0, 0.0, -1.0], [cos, sin, along, -cos, -sin, -across_m]];
         let innovation = [turned_rad, self.foot.distance_m - distance_m];
         Some((Kind::Wall, innovation.map(single), by.map(|row| row.map(single))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::radians;
+    use std::f64::consts::FRAC_PI_2;
+
+    const WIDTH_RAD: f64 = 0.7;
+
+    /// What a robot at a pose sees of the wall x = 2, of the wall y = 1.5 and of a post.
+    fn feet(pose: &Pose) -> [Foot; 3] {
+        let foot = |direction_rad: f64, distance_m: f64| Foot {
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            bearing_rad: direction_rad,
+            distance_m,
+            width_rad: WIDTH_RAD,
+        };
+        let to = [0.4 - pose.x_m, -0.8 - pose.y_m];
+        [
+            foot(0.0, 2.0 - pose.x_m),
+            foot(FRAC_PI_2, 1.5 - pose.y_m),
+            foot(libm::atan2(to[1], to[0]), libm::hypot(to[0], to[1])),
+        ]
+    }
+
+    /// The same as a robot takes it to be that is off by a turn.
+    fn turned(foot: &Foot, pose: &Pose, turn_rad: f64) -> Foot {
+        let mut foot = *foot;
+        let to = Pose { heading_rad: pose.heading_rad + turn_rad, ..*pose };
+        foot.correct(&Correction { from: *pose, to });
+        foot
+    }
+
+    /// Landmarks of a robot that has driven to and fro between the walls.
+    fn has_driven(ways: u32) -> (Landmarks, Pose) {
+        let mut landmarks = Landmarks::new(Pose::default());
+        let (mut pose, mut time_ns) = (Pose::default(), 0);
+        for way in 0..ways {
+            for _ in 0..4 {
+                for foot in feet(&pose) {
+                    landmarks.take(&foot, time_ns);
+                    time_ns += SECOND_NS;
+                }
+                let [forward_m, left_m] = if way % 2 == 0 { [0.2, 0.1] } else { [-0.2, -0.1] };
+                let step = Step { forward_m, left_m, passed_s: 1.0, ..Step::default() };
+                landmarks.step(&step);
+                (pose.x_m, pose.y_m) = (pose.x_m + forward_m, pose.y_m + left_m);
+            }
+        }
+        (landmarks, pose)
+    }
+
+    #[test]
+    fn feet_from_many_places_tell_walls_from_posts() {
+        let (landmarks, pose) = has_driven(4);
+        let kinds: Vec<Kind> = landmarks.known.iter().map(|known| known.kind).collect();
+        assert_eq!(kinds, [Kind::Wall, Kind::Wall, Kind::Point]);
+        let [x_m, y_m, _] = landmarks.filter.landmark(2);
+        assert!((x_m - 0.4).abs() < 0.02 && (y_m + 0.8).abs() < 0.02, "the post at {x_m}, {y_m}");
+        let off_m = libm::hypot(landmarks.pose().x_m - pose.x_m, landmarks.pose().y_m - pose.y_m);
+        assert!(off_m < 0.01, "{:?}, not {pose:?}", landmarks.pose());
+        // The feet of the first wall lay along the way between them: 0.4 m.
+        let wall = landmarks.known[0];
+        assert!((0.3..0.6).contains(&(wall.to_m - wall.from_m)), "{wall:?}");
+    }
+
+    #[test]
+    fn a_foot_alone_corrects_nothing_and_a_second_one_that_agrees_corrects_the_heading() {
+        let (mut landmarks, pose) = has_driven(4);
+        landmarks.step(&Step { turn_rad: 6.0, passed_s: 60.0, ..Step::default() });
+        let off_rad = radians(6.0);
+        let [first, second, _] = feet(&pose).map(|foot| turned(&foot, &pose, off_rad));
+        let before = landmarks.pose();
+        assert!(landmarks.take(&first, 100 * SECOND_NS).is_none());
+        assert_eq!(landmarks.pose(), before);
+        let sighting = landmarks.take(&second, 101 * SECOND_NS).expect("a known wall");
+        assert!(sighting.is_known && sighting.kind == Kind::Wall, "{sighting:?}");
+        let turned_rad = landmarks.pose().heading_rad - before.heading_rad;
+        assert!((-1.1 * off_rad..-0.5 * off_rad).contains(&turned_rad), "turned by {turned_rad}");
+    }
+
+    #[test]
+    fn feet_that_contradict_each_other_correct_nothing() {
+        let (mut landmarks, pose) = has_driven(4);
+        landmarks.step(&Step { turn_rad: 6.0, passed_s: 60.0, ..Step::default() });
+        let before = landmarks.pose();
+        let [first, second, _] = feet(&pose);
+        landmarks.take(&turned(&first, &pose, radians(12.0)), 100 * SECOND_NS);
+        landmarks.take(&turned(&second, &pose, radians(-12.0)), 101 * SECOND_NS);
+        assert_eq!(landmarks.pose(), before);
+        // Nor does one that comes too late.
+        landmarks.take(&turned(&second, &pose, radians(12.0)), 200 * SECOND_NS);
+        assert_eq!(landmarks.pose(), before);
+    }
+
+    #[test]
+    fn what_is_new_when_the_memory_is_full_takes_the_place_of_what_was_seen_least_and_longest_ago()
+    {
+        let (mut landmarks, pose) = has_driven(4);
+        for post in 0..2 * LANDMARKS {
+            let [mut foot, ..] = feet(&pose);
+            foot.x_m += 10.0 * (post as f64 + 1.0);
+            landmarks.take(&foot, (100 + post as i64) * SECOND_NS);
+        }
+        assert_eq!(landmarks.known.len(), LANDMARKS);
+        let seen: Vec<u16> = landmarks.known.iter().map(|known| known.seen).take(4).collect();
+        assert!(seen[..3].iter().all(|seen| *seen >= KNOWN) && seen[3] == 1, "{seen:?}");
+        assert_eq!(landmarks.known[3].last_ns, (100 + LANDMARKS as i64 + 3) * SECOND_NS);
+    }
+
+    #[test]
+    fn a_narrow_foot_says_nothing() {
+        let mut landmarks = Landmarks::new(Pose::default());
+        let [foot, ..] = feet(&Pose::default());
+        assert!(landmarks.take(&Foot { width_rad: 0.3, ..foot }, 0).is_none());
+        assert!(landmarks.known.is_empty());
     }
 }

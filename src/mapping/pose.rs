@@ -63,6 +63,42 @@ impl Pose {
     }
 }
 
+/// By how much the pose was corrected, and with it what was placed by it lately.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Correction {
+    pub from: Pose,
+    pub to: Pose,
+}
+
+impl Correction {
+    /// Moves a place and a direction of the map as it was to where they are in the map as it is.
+    pub(super) fn apply(&self, x_m: &mut f64, y_m: &mut f64, direction_rad: &mut f64) {
+        let (sin, cos) = libm::sincos(self.turn_rad());
+        let (from_x_m, from_y_m) = (*x_m - self.from.x_m, *y_m - self.from.y_m);
+        *x_m = self.to.x_m + cos * from_x_m - sin * from_y_m;
+        *y_m = self.to.y_m + sin * from_x_m + cos * from_y_m;
+        self.turn(direction_rad);
+    }
+
+    /// The same for a direction alone.
+    pub(super) fn turn(&self, direction_rad: &mut f64) {
+        *direction_rad += self.turn_rad();
+    }
+
+    /// What undoes it, number by number.
+    pub(super) fn back(&self) -> Pose {
+        Pose {
+            x_m: self.from.x_m - self.to.x_m,
+            y_m: self.from.y_m - self.to.y_m,
+            heading_rad: -self.turn_rad(),
+        }
+    }
+
+    fn turn_rad(&self) -> f64 {
+        self.to.heading_rad - self.from.heading_rad
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -81,5 +117,21 @@ mod tests {
         let round = (0..4).fold(Pose::default(), |pose, _| pose.then(&side));
         assert!(round.x_m.abs() < 1e-12 && round.y_m.abs() < 1e-12, "{round:?}");
         assert!((round.heading_rad - 4.0 * FRAC_PI_2).abs() < 1e-12, "{round:?}");
+    }
+
+    #[test]
+    fn a_correction_takes_its_own_pose_along_and_what_stands_before_it() {
+        let from = Pose { x_m: 1.0, y_m: 2.0, heading_rad: 0.3 };
+        let to = Pose { x_m: 1.1, y_m: 1.9, heading_rad: 0.3 + FRAC_PI_2 };
+        let correction = Correction { from, to };
+        for ahead_m in [0.0, 1.5] {
+            let ([mut x_m, mut y_m], mut direction_rad) = (from.place(ahead_m, 0.2), 0.3);
+            correction.apply(&mut x_m, &mut y_m, &mut direction_rad);
+            let [to_x_m, to_y_m] = to.place(ahead_m, 0.2);
+            assert!((x_m - to_x_m).abs() < 1e-12 && (y_m - to_y_m).abs() < 1e-12, "{x_m} {y_m}");
+            assert!((direction_rad - to.heading_rad).abs() < 1e-12);
+        }
+        let back = to.plus(&correction.back());
+        assert!((back.x_m - from.x_m).abs() + (back.heading_rad - 0.3).abs() < 1e-12, "{back:?}");
     }
 }

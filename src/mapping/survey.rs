@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::Step;
 use super::landmarks::{Kind, Landmarks, Sighting};
+use super::pose::Correction;
 use super::range::Beam;
 use super::sweep::{Echo, Foot, Sweep, Valley};
 use super::{MapPoint, Placed, Pose, Range};
@@ -47,35 +48,6 @@ pub(super) struct Heard<'a> {
     pub max_m: f64,
     /// Whether landmarks correct the pose.
     pub corrects: bool,
-}
-
-/// By how much the pose was corrected.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Correction {
-    pub from: Pose,
-    pub to: Pose,
-}
-
-impl Correction {
-    /// A place of the map as it was, in the map as it is.
-    pub(super) fn place(&self, x_m: f64, y_m: f64) -> [f64; 2] {
-        let (sin, cos) = libm::sincos(self.turn_rad());
-        let (x_m, y_m) = (x_m - self.from.x_m, y_m - self.from.y_m);
-        [self.to.x_m + cos * x_m - sin * y_m, self.to.y_m + sin * x_m + cos * y_m]
-    }
-
-    /// What undoes it, number by number.
-    pub(super) fn back(&self) -> Pose {
-        Pose {
-            x_m: self.from.x_m - self.to.x_m,
-            y_m: self.from.y_m - self.to.y_m,
-            heading_rad: -self.turn_rad(),
-        }
-    }
-
-    pub(super) fn turn_rad(&self) -> f64 {
-        self.to.heading_rad - self.from.heading_rad
-    }
 }
 
 impl Survey {
@@ -133,16 +105,8 @@ impl Survey {
         let correction = Correction { from, to: self.pose() };
         let moved = correction.from != correction.to;
         if moved {
-            let turn_rad = correction.turn_rad();
-            self.sweep.correct(|x_m, y_m| correction.place(x_m, y_m), turn_rad);
-            for echo in &mut valley.echoes {
-                [echo.x_m, echo.y_m] = correction.place(echo.x_m, echo.y_m);
-                echo.bearing_rad += turn_rad;
-            }
-            if let Some(foot) = &mut valley.foot {
-                [foot.x_m, foot.y_m] = correction.place(foot.x_m, foot.y_m);
-                foot.bearing_rad += turn_rad;
-            }
+            self.sweep.correct(&correction);
+            valley.correct(&correction);
         }
         self.place(&valley, sighting, heard.max_m);
         moved.then_some(correction)
@@ -224,5 +188,107 @@ impl Surface {
                 ]
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::radians;
+
+    const STEP_NS: i64 = 50_000_000;
+
+    /// A sweep from −80° to 80° past a wall 0.8 m ahead.
+    fn sweep(survey: &mut Survey) -> usize {
+        let mut echoes = 0;
+        for step in 0..40_i32 {
+            let bearing_rad = radians(4.3f64.mul_add(f64::from(step), -84.0));
+            let (sin, cos) = libm::sincos(bearing_rad);
+            let nearest_rad = (bearing_rad.abs() - radians(14.0)).max(0.0);
+            let range = if nearest_rad > radians(32.0) {
+                Range::NoEcho
+            } else {
+                echoes += 1;
+                Range::Echo(0.8 / libm::cos(nearest_rad))
+            };
+            survey.take(&Heard {
+                time_ns: i64::from(step) * STEP_NS,
+                beam: &Beam { x_m: 0.0, y_m: 0.0, cos, sin },
+                bearing_rad,
+                range,
+                half_cone_rad: radians(14.0),
+                max_m: 2.0,
+                corrects: true,
+            });
+        }
+        echoes
+    }
+
+    #[test]
+    fn the_echoes_of_a_wall_lie_on_it_and_come_a_few_at_a_time() {
+        let mut survey = Survey::new(Pose::default());
+        let echoes = sweep(&mut survey);
+        let mut points = Vec::new();
+        loop {
+            let placed = survey.placed();
+            if placed.is_empty() {
+                break;
+            }
+            points.extend(placed.iter().copied());
+        }
+        assert!(survey.finish(2.0).is_empty(), "the sweep was over");
+        assert_eq!(points.len(), echoes);
+        for point in &points {
+            assert!((point.x_m - 0.8).abs() < 0.01, "{point:?}");
+        }
+        let across_m = points.iter().map(|point| point.y_m.abs()).fold(0.0, f64::max);
+        assert!((0.1..0.6).contains(&across_m), "from -{across_m} to {across_m} m");
+    }
+
+    #[test]
+    fn what_waits_at_the_end_is_handed_out_and_what_is_too_far_is_not() {
+        let mut survey = Survey::new(Pose::default());
+        for step in 0..5_i32 {
+            let bearing_rad = radians(4.3 * f64::from(step));
+            let (sin, cos) = libm::sincos(bearing_rad);
+            survey.take(&Heard {
+                time_ns: i64::from(step) * STEP_NS,
+                beam: &Beam { x_m: 0.0, y_m: 0.0, cos, sin },
+                bearing_rad,
+                range: Range::Echo(if step < 3 { 0.8 } else { 0.81 }),
+                half_cone_rad: radians(14.0),
+                max_m: 0.805,
+                corrects: true,
+            });
+        }
+        assert!(survey.placed().is_empty(), "the sweep is not over");
+        assert_eq!(survey.finish(0.805).len(), 3);
+    }
+
+    #[test]
+    fn a_known_point_draws_its_echoes_to_itself_and_a_known_wall_lets_them_lie_along_it() {
+        let echo = |bearing_deg: f64, range_m: f64| Echo {
+            bearing_rad: radians(bearing_deg),
+            range_m,
+            ..Echo::default()
+        };
+        let point = Surface::Point([1.0, 0.0]);
+        for bearing_deg in [-14.0, 0.0, 10.0] {
+            let [x_m, y_m] = point.place(&echo(bearing_deg, 0.99));
+            assert!((x_m - 0.99).abs() < 1e-9 && y_m.abs() < 1e-9, "{x_m}, {y_m}");
+        }
+        let wall = |reach_m: f64| Surface::Wall {
+            place: [1.0, 0.0],
+            direction_rad: 0.0,
+            from_m: -reach_m,
+            to_m: reach_m,
+        };
+        let [x_m, short_m] = wall(0.1).place(&echo(20.0, 1.0));
+        let [_, long_m] = wall(1.0).place(&echo(20.0, 1.0));
+        assert!((x_m - 1.0).abs() < 1e-9 && (short_m - 0.1).abs() < 1e-9, "{x_m}, {short_m}");
+        assert!((long_m - libm::tan(radians(20.0))).abs() < 1e-9, "{long_m}");
+        // A range that is longer says how far beside the foot it is.
+        let [_, by_range_m] = wall(0.1).place(&echo(20.0, 1.05));
+        assert!((by_range_m - libm::sqrt(1.05 * 1.05 - 1.0)).abs() < 1e-9, "{by_range_m}");
     }
 }

@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Range;
 use super::bearing::{self, Slope};
+use super::pose::Correction;
 use super::range::Beam;
 
 /// Echoes of one valley at most: more than a sweep of a degree a reading has over any surface.
@@ -59,7 +60,7 @@ pub(super) struct Echo {
 }
 
 /// Where a surface stands square to the sensor.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Foot {
     /// Where the sensor was, in the middle of the region.
     pub x_m: f64,
@@ -126,14 +127,11 @@ impl Sweep {
         self.split(last, seen)
     }
 
-    /// Moves what waits: `place` gives each place in the corrected map, `turn_rad` its turn.
-    pub(super) fn correct(&mut self, place: impl Fn(f64, f64) -> [f64; 2], turn_rad: f64) {
-        for echo in &mut self.echoes {
-            [echo.x_m, echo.y_m] = place(echo.x_m, echo.y_m);
-            echo.bearing_rad += turn_rad;
-        }
-        self.last_rad = self.last_rad.map(|rad| rad + turn_rad);
-        self.slope.correct(place, turn_rad);
+    /// Moves what waits with the map.
+    pub(super) fn correct(&mut self, correction: &Correction) {
+        self.echoes.iter_mut().for_each(|echo| echo.correct(correction));
+        self.last_rad.iter_mut().for_each(|last_rad| correction.turn(last_rad));
+        self.slope.correct(correction);
     }
 
     /// Notes which way the head turns; true where it turned back.
@@ -201,6 +199,10 @@ impl Sweep {
 }
 
 impl Echo {
+    fn correct(&mut self, correction: &Correction) {
+        correction.apply(&mut self.x_m, &mut self.y_m, &mut self.bearing_rad);
+    }
+
     /// Its range as it would be from another place of the sensor, metres.
     fn reduced_m(&self, x_m: f64, y_m: f64) -> f64 {
         let (sin, cos) = libm::sincos(self.bearing_rad);
@@ -211,6 +213,21 @@ impl Echo {
     pub(super) fn by_slope(&self) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.bearing_rad + self.off_rad);
         [self.x_m + cos * self.range_m, self.y_m + sin * self.range_m]
+    }
+}
+
+impl Foot {
+    /// Moves it with the map.
+    pub(super) fn correct(&mut self, correction: &Correction) {
+        correction.apply(&mut self.x_m, &mut self.y_m, &mut self.bearing_rad);
+    }
+}
+
+impl Valley {
+    /// Moves it with the map.
+    pub(super) fn correct(&mut self, correction: &Correction) {
+        self.echoes.iter_mut().for_each(|echo| echo.correct(correction));
+        self.foot.iter_mut().for_each(|foot| foot.correct(correction));
     }
 }
 
@@ -255,4 +272,141 @@ fn foot(echoes: &[Echo], begin_seen: bool, end_seen: bool) -> Option<Foot> {
 #[expect(clippy::cast_possible_truncation, reason = "below the count of echoes")]
 fn small(index: usize) -> u8 {
     index as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{degrees, radians};
+
+    const HALF_RAD: f64 = 14.0 * std::f64::consts::PI / 180.0;
+    const STEP_NS: i64 = 50_000_000;
+
+    /// What a sensor at the origin hears of a wall at a distance in front of it, whose cone has 14°
+    /// and which echoes up to an incidence of 32°.
+    fn wall(distance_m: f64, aside_deg: f64) -> Range {
+        let nearest_deg = (aside_deg.abs() - 14.0).max(0.0);
+        if nearest_deg > 32.0 {
+            Range::NoEcho
+        } else {
+            Range::Echo(distance_m / libm::cos(radians(nearest_deg)))
+        }
+    }
+
+    /// The valleys of a sweep over these bearings, the last one at its end.
+    fn sweep(bearings_deg: &[f64], hear: impl Fn(f64) -> Range) -> Vec<Valley> {
+        let mut sweep = Sweep::default();
+        let mut valleys = Vec::new();
+        for (at, bearing_deg) in (0..).zip(bearings_deg) {
+            let bearing_rad = radians(*bearing_deg);
+            let (sin, cos) = libm::sincos(bearing_rad);
+            let beam = Beam { x_m: 0.0, y_m: 0.0, cos, sin };
+            let range = hear(*bearing_deg);
+            valleys.extend(sweep.take(at * STEP_NS, &beam, bearing_rad, range, HALF_RAD).1);
+        }
+        valleys.extend(sweep.end(false));
+        valleys
+    }
+
+    fn bearings(from_deg: f64, step_deg: f64, count: u32) -> Vec<f64> {
+        (0..count).map(|step| f64::from(step).mul_add(step_deg, from_deg)).collect()
+    }
+
+    #[test]
+    fn a_wall_swept_past_has_its_foot_where_it_stands_square() {
+        for (step_deg, count) in [(1.0_f64, 180), (4.3, 42), (-4.3, 42)] {
+            let from_deg = -90.0 * step_deg.signum();
+            let valleys = sweep(&bearings(from_deg, step_deg, count), |deg| wall(0.8, deg - 10.0));
+            assert_eq!(valleys.len(), 1, "steps of {step_deg} degrees");
+            let foot = valleys[0].foot.expect("a foot");
+            let off_deg = degrees(foot.bearing_rad) - 10.0;
+            assert!(off_deg.abs() < 2.5, "off by {off_deg} degrees in steps of {step_deg}");
+            assert!((foot.distance_m - 0.8).abs() < 0.01, "{foot:?}");
+            // The cone, and what a reading of 1.5 cm more lies beside it.
+            assert!((28.0..52.0).contains(&degrees(foot.width_rad)), "{foot:?}");
+        }
+    }
+
+    #[test]
+    fn a_corner_between_two_walls_is_two_feet() {
+        let nearer = |deg: f64| match (wall(0.8, deg), wall(0.9, deg - 90.0)) {
+            (Range::Echo(one), Range::Echo(other)) => Range::Echo(one.min(other)),
+            (Range::Echo(one), _) | (_, Range::Echo(one)) => Range::Echo(one),
+            _ => Range::NoEcho,
+        };
+        let valleys = sweep(&bearings(-80.0, 4.3, 60), nearer);
+        let feet: Vec<f64> =
+            valleys.iter().filter_map(|valley| Some(degrees(valley.foot?.bearing_rad))).collect();
+        assert_eq!(feet.len(), 2, "{feet:?}");
+        assert!(feet[0].abs() < 3.0 && (feet[1] - 90.0).abs() < 3.0, "{feet:?}");
+    }
+
+    #[test]
+    fn a_jump_ends_a_valley_and_its_region_with_it() {
+        // A narrow thing in front of a wall: its region is the cone.
+        let valleys = sweep(&bearings(-60.0, 4.3, 28), |deg| match deg {
+            -14.0..14.0 => Range::Echo(0.4),
+            _ => wall(1.0, deg),
+        });
+        let feet: Vec<Foot> = valleys.iter().filter_map(|valley| valley.foot).collect();
+        assert_eq!(feet.len(), 1, "{valleys:?}");
+        assert!(
+            (feet[0].distance_m - 0.4).abs() < 1e-9 && degrees(feet[0].bearing_rad).abs() < 3.0
+        );
+        assert_eq!(valleys.len(), 3, "{valleys:?}");
+    }
+
+    #[test]
+    fn one_missing_echo_is_a_whim_and_two_are_a_gap() {
+        for (missing, valleys) in [(vec![20], 1), (vec![20, 21], 2)] {
+            let bearings = bearings(-80.0, 4.3, 40);
+            let gone: Vec<f64> = missing.iter().map(|at: &usize| bearings[*at]).collect();
+            let hear = |deg| if gone.contains(&deg) { Range::NoEcho } else { wall(0.8, deg) };
+            assert_eq!(sweep(&bearings, hear).len(), valleys, "{missing:?}");
+        }
+    }
+
+    #[test]
+    fn a_head_that_turns_back_has_not_seen_the_end() {
+        let mut to_and_fro = bearings(-80.0, 4.3, 20);
+        to_and_fro.extend(bearings(1.0, -4.3, 20));
+        let valleys = sweep(&to_and_fro, |deg| wall(0.8, deg));
+        assert_eq!(valleys.len(), 2);
+        assert!(valleys[0].foot.is_none(), "{:?}", valleys[0].foot);
+    }
+
+    proptest::proptest! {
+        /// Whatever is heard, each echo comes out once and in order, and feet are finite.
+        #[test]
+        fn every_echo_comes_out_once(
+            heard in proptest::collection::vec((-40.0..40.0, 0.0..3.0, 0..4), 1..400)
+        ) {
+            let mut sweep = Sweep::default();
+            let (mut bearing_rad, mut valleys, mut echoes) = (0.0, Vec::new(), Vec::new());
+            for (at, (turned_deg, range_m, missed)) in (0_i64..).zip(heard) {
+                bearing_rad += radians(turned_deg);
+                let (sin, cos) = libm::sincos(bearing_rad);
+                let beam = Beam { x_m: range_m, y_m: -range_m, cos, sin };
+                let range = if missed == 0 { Range::NoEcho } else { Range::Echo(range_m) };
+                let time_ns = at * STEP_NS;
+                if missed != 0 {
+                    echoes.push(time_ns);
+                }
+                let (off_rad, over) = sweep.take(time_ns, &beam, bearing_rad, range, HALF_RAD);
+                proptest::prop_assert!(off_rad.abs() <= HALF_RAD);
+                valleys.extend(over);
+            }
+            valleys.extend(sweep.end(false));
+            let out: Vec<i64> = valleys
+                .iter()
+                .flat_map(|valley| valley.echoes.iter().map(|echo| echo.time_ns))
+                .collect();
+            proptest::prop_assert_eq!(out, echoes);
+            for foot in valleys.iter().filter_map(|valley| valley.foot) {
+                let numbers = [foot.x_m, foot.y_m, foot.bearing_rad, foot.distance_m];
+                proptest::prop_assert!(numbers.iter().all(|number| number.is_finite()));
+                proptest::prop_assert!((NARROWEST_RAD..WIDEST_RAD).contains(&foot.width_rad));
+            }
+        }
+    }
 }
