@@ -113,6 +113,9 @@ impl Survey {
     }
 
     fn place(&mut self, valley: &Valley, sighting: Option<Sighting>, max_m: f64) {
+        if valley.stray {
+            return;
+        }
         let surface = valley.foot.map(|foot| Surface::of(&foot, sighting));
         for echo in valley.echoes.iter().filter(|echo| echo.range_m < max_m) {
             let [x_m, y_m] = surface.map_or_else(|| echo.by_slope(), |surface| surface.place(echo));

@@ -8,6 +8,10 @@
 //! All echoes of the valley come from that surface: those beside the region lie on the tangent
 //! through the foot, at the range that they have.
 //!
+//! A surface is heard over the width of the beam. What is heard over a few degrees alone, with a
+//! jump or a gap on both sides, is mostly sound that went round, and is left out of the map: in
+//! real scans 3 % of the echoes, of which five in six lay more than 5 cm from every wall.
+//!
 //! A valley ends where the range jumps, where echoes are missing, where the range begins to fall
 //! again (a corner between two surfaces), where the head turns back, and when it is full. Its foot
 //! counts only if both ends of its region were seen.
@@ -34,6 +38,10 @@ const RIM_M: f64 = 0.04;
 /// A region narrower than this is no region, radians: 15°. A surface that echoes is heard over the
 /// whole width of the beam.
 const NARROWEST_RAD: f64 = 0.26;
+/// A whole valley narrower than this is no surface's, radians: 5°.
+const STRAY_RAD: f64 = 0.087;
+/// A sensor that has moved by less stood, metres: one that is driven past a surface need not turn.
+const STOOD_M: f64 = 0.05;
 /// A region wider than this is more than one surface, radians: 100°.
 const WIDEST_RAD: f64 = 1.75;
 /// Bearings nearer than this to each other are the same, radians: 1°.
@@ -77,6 +85,8 @@ pub(super) struct Foot {
 pub(super) struct Valley {
     pub echoes: ArrayVec<Echo, ECHOES>,
     pub foot: Option<Foot>,
+    /// Whether it is narrower than any surface can be heard: sound that went round.
+    pub stray: bool,
 }
 
 /// The valley that is being swept.
@@ -194,7 +204,8 @@ impl Sweep {
         self.lowest_m = heights.map_or(0.0, |heights| heights.fold(f64::INFINITY, f64::min));
         self.rim = None;
         let foot = foot(&echoes, self.begun, end_seen);
-        (!echoes.is_empty()).then_some(Valley { echoes, foot })
+        let stray = self.begun && end_seen && is_narrow(&echoes);
+        (!echoes.is_empty()).then_some(Valley { echoes, foot, stray })
     }
 }
 
@@ -229,6 +240,13 @@ impl Valley {
         self.echoes.iter_mut().for_each(|echo| echo.correct(correction));
         self.foot.iter_mut().for_each(|foot| foot.correct(correction));
     }
+}
+
+/// Whether the head alone passed what echoed, within [`STRAY_RAD`].
+fn is_narrow(echoes: &[Echo]) -> bool {
+    let (Some(first), Some(last)) = (echoes.first(), echoes.last()) else { return false };
+    (last.bearing_rad - first.bearing_rad).abs() < STRAY_RAD
+        && (last.x_m - first.x_m).abs() + (last.y_m - first.y_m).abs() < STOOD_M
 }
 
 /// The foot of a valley, where its region of constant depth is wide enough and whole.
@@ -363,6 +381,23 @@ mod tests {
             let gone: Vec<f64> = missing.iter().map(|at: &usize| bearings[*at]).collect();
             let hear = |deg| if gone.contains(&deg) { Range::NoEcho } else { wall(0.8, deg) };
             assert_eq!(sweep(&bearings, hear).len(), valleys, "{missing:?}");
+        }
+    }
+
+    #[test]
+    fn an_echo_with_nothing_on_both_sides_is_a_stray_unless_the_sensor_was_driven_there() {
+        for (driven_m, stray) in [(0.0, true), (0.1, false)] {
+            let mut sweep = Sweep::default();
+            let mut over = Vec::new();
+            for (at, heard) in (0_i64..).zip([false, false, true, true, false, false]) {
+                let range = if heard { Range::Echo(0.8) } else { Range::NoEcho };
+                let y_m = if at > 2 { driven_m } else { 0.0 };
+                let beam = Beam { x_m: 0.0, y_m, cos: 1.0, sin: 0.0 };
+                let bearing_rad = radians(2.0 * at as f64);
+                over.extend(sweep.take(at * STEP_NS, &beam, bearing_rad, range, HALF_RAD).1);
+            }
+            assert_eq!(over.len(), 1);
+            assert_eq!(over[0].stray, stray, "{driven_m} m");
         }
     }
 
