@@ -15,9 +15,10 @@ use super::sink::RecordError;
 use super::status::{SAYS, Status};
 use super::tick::{Dropped, Entry, Level, TickRecord};
 use super::topic::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Topic};
+use super::walls;
 use crate::behavior::Taken;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Pose, Range};
+use crate::mapping::{self, Estimate, MapPoint, OccupancyGrid, Pose, Range, Sight};
 use crate::senses::Channel;
 
 /// How often odometry and transforms are written for viewers; `/pose` has every tick.
@@ -48,6 +49,9 @@ pub(super) struct Encoder {
     map: OccupancyGrid,
     map_grew: bool,
     points: Vec<MapPoint>,
+    /// What walls are made from at the end, where time is simulated: on a brick, making them would
+    /// keep the file open for seconds after the run.
+    for_walls: Option<[Vec<MapPoint>; 2]>,
     window: Window,
     ring: RingUse,
     senses: message::SensesMessage,
@@ -79,6 +83,7 @@ impl Encoder {
     ) -> Self {
         let status = Status::at_start(&start);
         let map = OccupancyGrid::around(&start.start_pose);
+        let for_walls = (start.pace == Pace::Virtual).then(<[Vec<MapPoint>; 2]>::default);
         Self {
             file,
             start,
@@ -89,6 +94,7 @@ impl Encoder {
             map,
             map_grew: false,
             points: Vec::new(),
+            for_walls,
             window: Window::default(),
             ring: RingUse { high_water: 0, size: ring_size },
             senses: message::SensesMessage::default(),
@@ -152,6 +158,7 @@ impl Encoder {
         self.points.extend(points);
         self.flush_points(time_ns)?;
         self.flush_statistics(time_ns)?;
+        self.walls(time_ns)?;
         match map {
             Some(map) => {
                 self.put(Topic::Map, time_ns, &grid::message(map, self.header(time_ns, FRAME_MAP)))
@@ -204,6 +211,10 @@ impl Encoder {
             self.range(record)?;
         }
         self.points.extend(record.placed.iter());
+        if let Some([_, path]) = &mut self.for_walls {
+            let Pose { x_m, y_m, .. } = record.estimate.pose;
+            path.push(MapPoint { time_ns: record.estimate.time_ns, x_m, y_m });
+        }
         self.map(record)?;
         self.count(record);
         if time_ns - self.window.start_ns >= STATISTICS_PERIOD_NS {
@@ -420,8 +431,22 @@ impl Encoder {
             return Ok(());
         }
         let message = points::message(&self.points, self.header(time_ns, FRAME_MAP));
+        if let Some([points, _]) = &mut self.for_walls {
+            points.extend(&self.points);
+        }
         self.points.clear();
         self.put(Topic::Points, time_ns, &message)
+    }
+
+    /// Writes the walls that all points make, if there are any.
+    fn walls(&mut self, time_ns: i64) -> Result<(), RecordError> {
+        let Some([points, path]) = self.for_walls.take() else { return Ok(()) };
+        let walls = mapping::walls(&Sight::of(&points, &path));
+        if walls.is_empty() {
+            return Ok(());
+        }
+        let message = walls::message(&walls, self.header(time_ns, FRAME_MAP));
+        self.put(Topic::Walls, time_ns, &message)
     }
 
     fn transform(
