@@ -94,6 +94,7 @@
 //!   inherit it.
 
 mod about;
+mod covariance;
 mod encoder;
 mod file;
 mod followed;

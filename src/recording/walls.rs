@@ -8,11 +8,31 @@
 use serde::{Deserialize, Serialize};
 
 use super::message::{Header, Pose3, Quaternion, Time, Vector3};
-use crate::mapping::Wall;
+use crate::mapping::{self, Estimate, MapPoint, Sight, Wall};
 
 const LINE_LIST: i32 = 5;
 /// How thick the lines are drawn, metres.
 const THICK_M: f64 = 0.03;
+
+/// What walls are made from: a run's points, and where the robot was.
+#[derive(Debug, Default)]
+pub(super) struct Surveyed {
+    pub(super) points: Vec<MapPoint>,
+    path: Vec<MapPoint>,
+}
+
+impl Surveyed {
+    pub(super) fn note_pose(&mut self, estimate: &Estimate) {
+        let (x_m, y_m) = (estimate.pose.x_m, estimate.pose.y_m);
+        self.path.push(MapPoint { time_ns: estimate.time_ns, x_m, y_m });
+    }
+
+    /// The walls, if there are any.
+    pub(super) fn message(&self, header: Header) -> Option<Marker> {
+        let walls = mapping::walls(&Sight::of(&self.points, &self.path));
+        (!walls.is_empty()).then(|| message(&walls, header))
+    }
+}
 
 /// `std_msgs/ColorRGBA`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -50,8 +70,8 @@ pub(super) struct Marker {
     pub(super) mesh_use_embedded_materials: bool,
 }
 
-/// Walls as one marker, two points a wall; one without points takes the last one's place.
-pub(super) fn message(walls: &[Wall], header: Header) -> Marker {
+/// Walls as one marker, two points a wall.
+fn message(walls: &[Wall], header: Header) -> Marker {
     let ends = walls.iter().flat_map(|wall| [wall.from_m, wall.to_m]);
     Marker {
         header,
