@@ -27,6 +27,7 @@
 //! | covariance | first order; wheel errors grow with the way, gyro errors with turn and time | *Probabilistic Robotics* 5.4; Chong, Kleeman 1997; UMBmark for what calibration removes |
 //! | point | pose × (translation to the sensor) × (rotation by the head) × (range, 0), for the default at the instant of the reading | MappingRobots.jl |
 //! | echo | off the axis towards falling ranges, for the default | `mapping/bearing.rs` |
+//! | walls | lines that points vote for, fitted by total least squares; after the run | `mapping/walls.rs` |
 //! | grid | log-odds, a sonar cone | *Probabilistic Robotics* 9.2; Elfes 1989 |
 //!
 //! # Not here
@@ -67,6 +68,7 @@ pub mod stats;
 mod survey;
 mod sweep;
 mod uncertainty;
+mod walls;
 mod wheels;
 
 pub use estimator::{Estimator, EstimatorState};
@@ -80,6 +82,7 @@ pub use pose::Pose;
 pub use range::Range;
 pub use slip::turns_disagree;
 pub use sounding::Sounding;
+pub use walls::{Sight, Wall, walls};
 
 use std::ops::Deref;
 

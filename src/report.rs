@@ -27,6 +27,7 @@ pub mod timeline;
 pub use canvas::PlotError;
 
 use crate::clock::seconds;
+use crate::mapping::{self, MapPoint, Sight, Wall};
 use crate::printable;
 use crate::recording::Run;
 
@@ -37,6 +38,8 @@ pub struct Scene {
     pub title: String,
     /// Each run's path and points.
     pub tracks: Vec<Track>,
+    /// The walls that all points together make.
+    pub walls: Vec<Wall>,
     /// Walls and obstacles as lines through points in metres; one that ends where it began is a
     /// closed shape.
     pub outlines: Vec<Vec<[f64; 2]>>,
@@ -141,6 +144,21 @@ impl Track {
     }
 }
 
+impl Track {
+    fn sights(&self) -> Vec<Sight> {
+        #[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
+        let place = |time_s: f64, x_m: f64, y_m: f64| {
+            // As the times were made: a point and the place of its tick have the same.
+            MapPoint { time_ns: libm::round(time_s * 1e9) as i64, x_m, y_m }
+        };
+        let points: Vec<MapPoint> =
+            self.points.iter().map(|point| place(point.time_s, point.x_m, point.y_m)).collect();
+        let path: Vec<MapPoint> =
+            self.path.iter().map(|at| place(at.time_s, at.x_m, at.y_m)).collect();
+        Sight::of(&points, &path)
+    }
+}
+
 /// A rectangle in the world, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bounds {
@@ -149,6 +167,12 @@ struct Bounds {
 }
 
 impl Scene {
+    /// Finds the walls that the points of all tracks make, in the frame that the tracks are in.
+    pub fn find_walls(&mut self) {
+        let sights: Vec<Sight> = self.tracks.iter().flat_map(Track::sights).collect();
+        self.walls = mapping::walls(&sights);
+    }
+
     /// The least rectangle around everything; a metre around the origin where there is nothing.
     fn bounds(&self) -> Bounds {
         let paths = self.tracks.iter().flat_map(|track| track.path.iter().map(|p| [p.x_m, p.y_m]));

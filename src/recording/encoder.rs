@@ -7,6 +7,7 @@
 use serde::Serialize;
 
 use super::about::{Pace, Start};
+use super::covariance::from_put_down;
 use super::file::RecordingFile;
 use super::grid::{self, Grid};
 use super::message::{self, Gap, Header, PLANAR_VARIANCE, Quaternion, Time, Vector3, planar};
@@ -15,9 +16,10 @@ use super::sink::RecordError;
 use super::status::{SAYS, Status};
 use super::tick::{Dropped, Entry, Level, TickRecord};
 use super::topic::{FRAME_BASE, FRAME_MAP, FRAME_ODOM, FRAME_RANGE, Topic};
+use super::walls::Surveyed;
 use crate::behavior::Taken;
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
-use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Pose, Range};
+use crate::mapping::{Estimate, MapPoint, OccupancyGrid, Range};
 use crate::senses::Channel;
 
 /// How often odometry and transforms are written for viewers; `/pose` has every tick.
@@ -25,11 +27,6 @@ const ODOMETRY_PERIOD_NS: i64 = 100 * MILLISECOND_NS;
 
 /// How often the map is written while it grows.
 const MAP_PERIOD_NS: i64 = 5 * SECOND_NS;
-
-/// How exactly a robot is put down by hand at the pose that the run starts from, metres and radians
-/// (1 cm, 1°): standard deviations.
-const PUT_DOWN_M: f64 = 0.01;
-const PUT_DOWN_RAD: f64 = std::f64::consts::PI / 180.0;
 
 /// How often there are statistics.
 const STATISTICS_PERIOD_NS: i64 = SECOND_NS;
@@ -48,6 +45,9 @@ pub(super) struct Encoder {
     map: OccupancyGrid,
     map_grew: bool,
     points: Vec<MapPoint>,
+    /// What walls are made from at the end, where time is simulated: on a brick, making them would
+    /// keep the file open for seconds after the run.
+    surveyed: Option<Surveyed>,
     window: Window,
     ring: RingUse,
     senses: message::SensesMessage,
@@ -79,6 +79,7 @@ impl Encoder {
     ) -> Self {
         let status = Status::at_start(&start);
         let map = OccupancyGrid::around(&start.start_pose);
+        let surveyed = (start.pace == Pace::Virtual).then(Surveyed::default);
         Self {
             file,
             start,
@@ -89,6 +90,7 @@ impl Encoder {
             map,
             map_grew: false,
             points: Vec::new(),
+            surveyed,
             window: Window::default(),
             ring: RingUse { high_water: 0, size: ring_size },
             senses: message::SensesMessage::default(),
@@ -152,6 +154,7 @@ impl Encoder {
         self.points.extend(points);
         self.flush_points(time_ns)?;
         self.flush_statistics(time_ns)?;
+        self.walls(time_ns)?;
         match map {
             Some(map) => {
                 self.put(Topic::Map, time_ns, &grid::message(map, self.header(time_ns, FRAME_MAP)))
@@ -204,6 +207,9 @@ impl Encoder {
             self.range(record)?;
         }
         self.points.extend(record.placed.iter());
+        if let Some(surveyed) = &mut self.surveyed {
+            surveyed.note_pose(&record.estimate);
+        }
         self.map(record)?;
         self.count(record);
         if time_ns - self.window.start_ns >= STATISTICS_PERIOD_NS {
@@ -420,8 +426,20 @@ impl Encoder {
             return Ok(());
         }
         let message = points::message(&self.points, self.header(time_ns, FRAME_MAP));
+        if let Some(surveyed) = &mut self.surveyed {
+            surveyed.points.extend(&self.points);
+        }
         self.points.clear();
         self.put(Topic::Points, time_ns, &message)
+    }
+
+    /// Writes the walls that all points make, if there are any.
+    fn walls(&mut self, time_ns: i64) -> Result<(), RecordError> {
+        let header = self.header(time_ns, FRAME_MAP);
+        let Some(message) = self.surveyed.take().and_then(|all| all.message(header)) else {
+            return Ok(());
+        };
+        self.put(Topic::Walls, time_ns, &message)
     }
 
     fn transform(
@@ -472,21 +490,6 @@ fn rank(sorted: &[i64], percent: usize) -> i64 {
     sorted.get(place).copied().unwrap_or(0)
 }
 
-/// The covariance of a pose together with what the start is uncertain by: an error of the start's
-/// heading turns all that was driven since about the start.
-fn from_put_down([xx, xy, xh, yy, yh, hh]: [f64; 6], pose: Pose, start: Pose) -> [f64; 6] {
-    let (m2, rad2) = (PUT_DOWN_M * PUT_DOWN_M, PUT_DOWN_RAD * PUT_DOWN_RAD);
-    let (x, y) = (pose.x_m - start.x_m, pose.y_m - start.y_m);
-    [
-        xx + m2 + y * y * rad2,
-        xy - x * y * rad2,
-        xh - y * rad2,
-        yy + m2 + x * x * rad2,
-        yh + x * rad2,
-        hh + rad2,
-    ]
-}
-
 fn state_bytes<T: Serialize + ?Sized>(state: &T) -> Result<Vec<u8>, RecordError> {
     message::encode(&state).map_err(|error| RecordError {
         doing: "encode a checkpoint",
@@ -510,17 +513,6 @@ mod tests {
         );
         assert!(due(&mut next, 10_000, 20));
         assert!(!due(&mut next, 10_019, 20));
-    }
-
-    #[test]
-    fn a_start_that_is_a_degree_off_puts_what_is_ten_metres_ahead_17_cm_beside() {
-        let ahead = Pose { x_m: 11.0, y_m: 2.0, heading_rad: 0.0 };
-        let start = Pose { x_m: 1.0, y_m: 2.0, heading_rad: 0.0 };
-        let [xx, xy, xh, yy, yh, hh] = from_put_down([0.0; 6], ahead, start);
-        let beside_m2 = yy - PUT_DOWN_M * PUT_DOWN_M;
-        assert!((libm::sqrt(beside_m2) - 0.1745).abs() < 1e-4, "{yy}");
-        assert!((yh / libm::sqrt(beside_m2 * hh) - 1.0).abs() < 1e-12, "all of it by the heading");
-        assert!((libm::sqrt(xx) - PUT_DOWN_M).abs() < 1e-12 && xy.abs() + xh.abs() < 1e-12);
     }
 
     #[test]

@@ -254,7 +254,11 @@ impl Collected {
             Topic::Checkpoint => run.checkpoints.push(checkpoint(message::decode(data)?)),
             Topic::Gap => run.gaps.push(message::decode(data)?),
             // For viewers: nothing in them that is not in the others.
-            Topic::Odometry | Topic::Transforms | Topic::StaticTransforms | Topic::Range => {}
+            Topic::Odometry
+            | Topic::Transforms
+            | Topic::StaticTransforms
+            | Topic::Range
+            | Topic::Walls => {}
         }
         Some(())
     }

@@ -54,11 +54,13 @@ pub enum Topic {
     Variables = 13,
     /// `/truth`.
     Truth = 14,
+    /// `/walls`.
+    Walls = 15,
 }
 
 impl Topic {
     /// Every topic, by channel number.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Senses,
         Self::Pose,
         Self::Odometry,
@@ -74,6 +76,7 @@ impl Topic {
         Self::Gap,
         Self::Variables,
         Self::Truth,
+        Self::Walls,
     ];
 
     /// The topic's name and its message's type, `package/Name`.
@@ -94,6 +97,7 @@ impl Topic {
             Self::Gap => ("/gap", "onbrick_msgs/Gap"),
             Self::Variables => ("/variables", "onbrick_msgs/Variables"),
             Self::Truth => ("/truth", "geometry_msgs/PoseStamped"),
+            Self::Walls => ("/walls", "visualization_msgs/Marker"),
         }
     }
 
@@ -148,12 +152,12 @@ impl Topic {
         text
     }
 
-    /// What else is said about the channel: `rosbag2` plays `/tf_static` and `/map` to late
-    /// listeners only if asked to.
+    /// What else is said about the channel: `rosbag2` plays `/tf_static`, `/map` and `/walls`
+    /// to late listeners only if asked to.
     #[must_use]
     pub fn channel_metadata(self) -> BTreeMap<String, String> {
         let mut metadata = BTreeMap::new();
-        if matches!(self, Self::StaticTransforms | Self::Map) {
+        if matches!(self, Self::StaticTransforms | Self::Map | Self::Walls) {
             metadata.insert("offered_qos_profiles".to_owned(), LATCHED.to_owned());
         }
         metadata
@@ -211,7 +215,9 @@ macro_rules! definitions {
 
 definitions! {
     "builtin_interfaces" / "Time",
+    "builtin_interfaces" / "Duration",
     "std_msgs" / "Header",
+    "std_msgs" / "ColorRGBA",
     "geometry_msgs" / "Point",
     "geometry_msgs" / "Vector3",
     "geometry_msgs" / "Quaternion",
@@ -229,6 +235,10 @@ definitions! {
     "sensor_msgs" / "Range",
     "sensor_msgs" / "PointField",
     "sensor_msgs" / "PointCloud2",
+    "sensor_msgs" / "CompressedImage",
+    "visualization_msgs" / "Marker",
+    "visualization_msgs" / "MeshFile",
+    "visualization_msgs" / "UVCoordinate",
     "rcl_interfaces" / "Log",
     "onbrick_msgs" / "Senses",
     "onbrick_msgs" / "Pose",

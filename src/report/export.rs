@@ -1,14 +1,17 @@
-//! Runs for other people's programs: CSV, PLY, PGM with Nav2's YAML, MCAP with an index.
+//! Runs for other people's programs: CSV, PLY, DXF, PGM with Nav2's YAML, MCAP with an index.
 
+mod drawing;
 mod indexed;
 
 use std::fmt::Write;
 
 use super::Track;
+use crate::mapping::Wall;
 use crate::printable;
 use crate::recording::Grid;
 use crate::units::degrees;
 
+pub use drawing::dxf;
 pub use indexed::{ExportError, NamedRecording, mcap};
 
 /// The points of all tracks: `time_s,x_m,y_m,robot`.
@@ -37,6 +40,28 @@ pub fn path_csv(tracks: &[Track]) -> String {
             let _ =
                 writeln!(text, "{:.6},{:.6},{:.6},{heading_deg:.4},{name}", p.time_s, p.x_m, p.y_m);
         }
+    }
+    text
+}
+
+/// Walls, the best first: `x1_m,y1_m,x2_m,y2_m,length_m,direction_deg,offset_sd_m,`
+/// `direction_sd_deg,points`; both standard deviations are of the line, across itself at its middle
+/// and of its direction.
+#[must_use]
+pub fn walls_csv(walls: &[Wall]) -> String {
+    let mut text = String::from(
+        "x1_m,y1_m,x2_m,y2_m,length_m,direction_deg,offset_sd_m,direction_sd_deg,points\n",
+    );
+    for wall in walls {
+        let ([x1, y1], [x2, y2]) = (wall.from_m, wall.to_m);
+        let direction_deg = degrees(libm::atan2(y2 - y1, x2 - x1));
+        let direction_sd_deg = degrees(wall.direction_sd_rad);
+        let (length_m, offset_sd_m, points) = (wall.length_m(), wall.offset_sd_m, wall.points);
+        let _ = writeln!(
+            text,
+            "{x1:.4},{y1:.4},{x2:.4},{y2:.4},{length_m:.4},{direction_deg:.2},{offset_sd_m:.4},\
+             {direction_sd_deg:.2},{points}"
+        );
     }
     text
 }

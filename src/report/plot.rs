@@ -175,6 +175,9 @@ impl Drawing for Picture<'_> {
                 canvas.dot(self.layout.place(point.x_m, point.y_m), radius, colour)?;
             }
         }
+        for wall in &self.scene.walls {
+            canvas.line(&self.placed([wall.from_m, wall.to_m]), INK, 4.5)?;
+        }
         for (place, track) in tracks() {
             let path = thinned(&track.path, LEAST_STEP_M);
             let line = self.placed(path.iter().map(|p| [p.x_m, p.y_m]));
@@ -278,6 +281,10 @@ impl Picture<'_> {
             canvas.dot([x + step, row], 2.3, points)?;
         }
         x = word("points", x + 30.0)?;
+        if !self.scene.walls.is_empty() {
+            canvas.line(&[[x, row], [x + 26.0, row]], INK, 4.5)?;
+            x = word("walls found", x + 34.0)?;
+        }
         start_mark(canvas, [x + 6.0, row])?;
         x = word("start", x + 20.0)?;
         end_mark(canvas, [x + 8.0, row], 0.0)?;

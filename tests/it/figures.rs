@@ -11,3 +11,4 @@ mod maps;
 mod motor_steps;
 mod sonar;
 mod sonar_model;
+mod walls;

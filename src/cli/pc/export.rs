@@ -8,9 +8,9 @@ use crate::cli::{Exit, Failure, Output};
 use crate::printable::with_causes;
 use crate::recording::Grid;
 use crate::report::timeline::{self, Timeline};
-use crate::report::{Track, export};
+use crate::report::{Scene, Track, export};
 
-/// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
+/// Write runs as CSV, PLY, DXF, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
 /// open.
 ///
 /// Examples:
@@ -22,9 +22,10 @@ pub(in crate::cli) struct Arguments {
     /// Recordings.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// csv: points.csv, path.csv, and signals.csv, a row a tick with all signals, what was
-    /// demanded, and the machines' states; ply: points.ply; pgm: map.pgm and map.yaml, the
-    /// occupancy grid.
+    /// csv: points.csv, path.csv, walls.csv, the straight stretches that the points make, with
+    /// standard deviations, and signals.csv, a row a tick with all signals, what was demanded, and
+    /// the machines' states; ply: points.ply; dxf: walls.dxf, the walls as lines in metres; pgm:
+    /// map.pgm and map.yaml, the occupancy grid.
     #[arg(long)]
     format: Format,
     /// The folder to write to.
@@ -36,17 +37,19 @@ pub(in crate::cli) struct Arguments {
 enum Format {
     Csv,
     Ply,
+    Dxf,
     Pgm,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let runs = arguments.runs.iter().map(|path| open_run(path)).collect::<Result<Vec<_>, _>>()?;
-    let tracks = scene_of(&runs, None).tracks;
+    let Scene { tracks, walls, .. } = scene_of(&runs, None);
     let files: Vec<(&str, Vec<u8>)> = match arguments.format {
         Format::Csv => {
             let mut files = vec![
                 ("points.csv", export::points_csv(&tracks).into_bytes()),
                 ("path.csv", export::path_csv(&tracks).into_bytes()),
+                ("walls.csv", export::walls_csv(&walls).into_bytes()),
             ];
             let timelines = timelines(&runs, &tracks);
             if !timelines.is_empty() {
@@ -55,6 +58,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             files
         }
         Format::Ply => vec![("points.ply", export::ply(&tracks).into_bytes())],
+        Format::Dxf => vec![("walls.dxf", export::dxf(&walls).into_bytes())],
         Format::Pgm => {
             let grid = grid(&runs)?;
             vec![

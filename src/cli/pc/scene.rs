@@ -19,6 +19,7 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
     let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
     let mut scene = Scene { title: title.unwrap_or(names), tracks, ..Scene::default() };
+    scene.find_walls();
     for world in runs.iter().filter_map(|loaded| world_of(&loaded.run)) {
         // Runs in the same world have the same walls.
         add_new(&mut scene.outlines, world.outlines().to_vec());

@@ -156,8 +156,9 @@ fn signals_in_a_table_are_what_was_recorded_a_row_a_tick() {
 fn export_writes_every_format() {
     let folder = folder();
     for (format, files) in [
-        ("csv", &["path.csv", "points.csv", "signals.csv"][..]),
+        ("csv", &["path.csv", "points.csv", "signals.csv", "walls.csv"][..]),
         ("ply", &["points.ply"]),
+        ("dxf", &["walls.dxf"]),
         ("pgm", &["map.pgm", "map.yaml"]),
     ] {
         let said =

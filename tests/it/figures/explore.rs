@@ -20,7 +20,7 @@ use onbrick::units::{degrees, wrap_rad};
 use crate::missions::{job, play, robot};
 
 /// Posts of a hand's width.
-const PILLARS: &str = r#"
+pub(super) const PILLARS: &str = r#"
 name = "pillars"
 [[start]]
 at = [0.0, 0.0]
@@ -42,7 +42,7 @@ radius_m = 0.05
 "#;
 
 /// Two rooms with half a metre between the ends of the wall between them.
-const GAP: &str = r#"
+pub(super) const GAP: &str = r#"
 name = "gap"
 [[start]]
 at = [-0.6, 0.2]
@@ -57,7 +57,7 @@ points = [[0.2, 0.15], [0.2, 1.0]]
 "#;
 
 /// Blocks and walls at angles.
-const SLANTED: &str = r#"
+pub(super) const SLANTED: &str = r#"
 name = "slanted"
 [[start]]
 at = [0.0, 0.0]
