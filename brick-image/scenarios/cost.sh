@@ -7,10 +7,11 @@ brick_up
 
 # A mission of a hundred states and fifty variables beside the shipped one.
 for which in map large; do
-  brick-figures stages /tmp/brick 10 $which >/tmp/stages
+  brick-figures stages /tmp/brick 60 $which >/tmp/stages
   sum=0
-  while IFS=: read -r ns stage; do
+  while IFS=: read -r ns worst_ns stage; do
     figure "stage, $which: $stage" $((ns / 4)) "instructions a tick"
+    figure "stage, $which: $stage, worst" $((worst_ns / 4)) "instructions in a tick"
     sum=$((sum + ns / 4))
   done </tmp/stages
   eval "tick_$which=$sum"
