@@ -1,13 +1,23 @@
 //! Which parts of a world's walls a robot can map, and how much of them a map has.
 //!
-//! A wall is sampled; a sample can echo where a robot that has driven there can stand before it,
-//! within the sensor's reach, square enough, and with nothing between. What cannot be driven to
-//! does not count, and neither does the far side of a block in a corner.
+//! A wall is sampled; a sample can echo where the sensor of a robot that has driven there can be
+//! before it, within the sensor's reach, square enough, and with nothing between. What cannot be
+//! driven to does not count, and neither does the far side of a block in a corner.
+//!
+//! How square is square enough the world's echo model says. With the lobe a wall answers from the
+//! foot of the perpendicular alone, and a concave corner from its place in all directions; with the
+//! cone anything answers that is met less obliquely than the limit.
+//!
+//! # Not here
+//!
+//! Loudness: the lobe hears a wall's end worse than its middle, and some places worse than others.
+//! Those count as if they were heard, so that the measure is never kinder than the sensor.
 
 use std::collections::{BTreeSet, VecDeque};
 
 use super::World;
 use super::geometry::{Point, direction};
+use crate::sim::EchoModel;
 use crate::units::radians;
 
 /// Between two samples of a wall, and between two places of the floor, metres.
@@ -17,6 +27,10 @@ const FLOOR_M: f64 = 0.03;
 const FURTHEST_M: f64 = 12.0;
 /// Directions in which a sample is looked at, to either side of its normal.
 const DIRECTIONS: i32 = 4;
+/// The most oblique of them before a concave corner, degrees.
+const CORNER_DEG: f64 = 45.0;
+/// In so many directions the sensor can be ahead of the robot's middle, as that turns.
+const TURNS: i32 = 16;
 
 impl World {
     /// Samples of the walls that can echo to a robot which drives on the floor that it can reach
@@ -70,7 +84,7 @@ pub fn covered(
     Some(near as f64 / places.len() as f64)
 }
 
-/// The floor that a robot can reach: places of a lattice.
+/// Where the sensor of a robot can be on the floor that it can reach: places of a lattice.
 struct Reachable<'w> {
     world: &'w World,
     places: BTreeSet<[i32; 2]>,
@@ -79,7 +93,7 @@ struct Reachable<'w> {
 impl<'w> Reachable<'w> {
     fn from(world: &'w World, start: Point) -> Self {
         let robot = world.robot();
-        // It can turn on the spot there.
+        // It can turn on the spot there, and the sensor with it.
         let radius_m = libm::hypot(robot.front_m.max(robot.rear_m), robot.half_width_m);
         let first = cell(start);
         let mut places = BTreeSet::from([first]);
@@ -95,14 +109,36 @@ impl<'w> Reachable<'w> {
                 }
             }
         }
+        let ahead_m = robot.range_ahead_m;
+        let around = |turn: i32| {
+            direction(std::f64::consts::TAU * f64::from(turn) / f64::from(TURNS)) * ahead_m
+        };
+        let sensor = |[x, y]: &[i32; 2]| {
+            let middle = Point::new(f64::from(*x), f64::from(*y)) * FLOOR_M;
+            (0..TURNS).map(move |turn| cell(middle + around(turn)))
+        };
+        let places = places.iter().flat_map(sensor).collect();
         Self { world, places }
+    }
+
+    /// How far from its normal a wall's place answers, radians.
+    fn steepest_rad(&self, place: Point) -> f64 {
+        let robot = self.world.robot();
+        let is_at = |corner: Point| (corner - place).norm() < SAMPLE_M;
+        match robot.echo {
+            EchoModel::Cone => radians(robot.errors.incidence_deg) * 0.95,
+            EchoModel::Lobe if self.world.surfaces.corners.iter().any(|at| is_at(at.place)) => {
+                radians(CORNER_DEG)
+            }
+            EchoModel::Lobe => 0.0,
+        }
     }
 
     /// Whether a robot hears a wall's place from the side that a normal points to.
     fn hears(&self, place: Point, normal_rad: f64, reach_m: f64) -> bool {
-        let steepest_rad = radians(self.world.robot().errors.incidence_deg);
+        let steepest_rad = self.steepest_rad(place);
         (-DIRECTIONS..=DIRECTIONS).any(|step| {
-            let off_rad = steepest_rad * 0.95 * f64::from(step) / f64::from(DIRECTIONS);
+            let off_rad = steepest_rad * f64::from(step) / f64::from(DIRECTIONS);
             let toward = direction(normal_rad + off_rad);
             let from = place + toward * 1e-6;
             let hit_m =
@@ -177,6 +213,41 @@ points = [[0.0, {}], [0.0, 1.0]]
         };
         assert_eq!(right(0.2), 0);
         assert!(right(0.5) > 15, "{}", right(0.5));
+    }
+
+    #[test]
+    fn a_wall_that_is_met_obliquely_alone_echoes_to_the_cone_and_not_to_the_lobe() {
+        // Through a slit; the wall behind stands square to the sensor right behind it alone.
+        let behind = |echo: &str| {
+            let text = format!(
+                r#"
+name = "slit"
+[[start]]
+at = [-0.5, 0.0]
+[[wall]]
+points = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+closed = true
+[[wall]]
+points = [[0.0, -1.0], [0.0, -0.1]]
+[[wall]]
+points = [[0.0, 0.1], [0.0, 1.0]]
+[robot]
+echo = "{echo}"
+"#
+            );
+            let walls = world(&text).echoing_walls(-0.5, 0.0, 2.0);
+            let of = |aside: fn(f64) -> bool| {
+                walls.iter().filter(|[x_m, y_m]| *x_m > 0.9 && aside(y_m.abs())).count()
+            };
+            let corners = walls.iter().filter(|[x_m, y_m]| *x_m < -0.98 && y_m.abs() > 0.98);
+            [of(|m| m < 0.1), of(|m| (0.12..0.9).contains(&m)), corners.count()]
+        };
+        let ([square, oblique, _], [square_cone, oblique_cone, _]) =
+            (behind("lobe"), behind("cone"));
+        assert_eq!([square, square_cone], [10, 10]);
+        assert_eq!(oblique, 0);
+        assert!(oblique_cone > 20, "{oblique_cone}");
+        assert!(behind("lobe")[2] >= 4, "a concave corner answers, two walls each");
     }
 
     #[test]
