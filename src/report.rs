@@ -93,6 +93,9 @@ pub struct PathPoint {
     pub heading_rad: f64,
 }
 
+/// What a track was moved by at its start, metres and radians, or why it was not.
+pub type Correction = Result<(f64, f64), Misfit>;
+
 /// Something that a robot found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CloudPoint {
@@ -196,7 +199,7 @@ impl Scene {
     /// is moved as a whole where its map fits the map of one that is in its place. Gives for each
     /// track but the first what it was moved by, metres at its start and radians, or why it was
     /// not: the last of the reasons.
-    pub fn align(&mut self) -> Vec<(usize, Result<(f64, f64), Misfit>)> {
+    pub fn align(&mut self) -> Vec<(usize, Correction)> {
         let mut outcomes = Vec::new();
         let mut placed: Vec<Vec<Sight>> = self.tracks.iter().take(1).map(Track::sights).collect();
         let mut waiting: Vec<usize> = (1..self.tracks.len()).collect();
