@@ -28,6 +28,7 @@
 //! | point | pose × (translation to the sensor) × (rotation by the head) × (range, 0), for the default at the instant of the reading | MappingRobots.jl |
 //! | echo | off the axis towards falling ranges, for the default | `mapping/bearing.rs` |
 //! | walls | lines that points vote for, fitted by total least squares; after the run | `mapping/walls.rs` |
+//! | maps of several robots | correlative scan matching, and echoes from behind the other's walls | `mapping/align.rs` |
 //! | grid | log-odds, a sonar cone | *Probabilistic Robotics* 9.2; Elfes 1989 |
 //!
 //! # Not here
@@ -46,6 +47,7 @@
 //! Hz takes 27,000 instructions for estimate, map and decisions together. The most expensive is a
 //! tick in which a sweep's foot is taken for a landmark.
 
+mod align;
 mod bearing;
 mod cloud;
 mod estimator;
@@ -71,6 +73,7 @@ mod uncertainty;
 mod walls;
 mod wheels;
 
+pub use align::{Misfit, align};
 pub use estimator::{Estimator, EstimatorState};
 pub use events::Events;
 pub use geometry::{EstimatorConfig, Geometry, GeometryError, Method, RangeMount};

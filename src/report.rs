@@ -27,7 +27,7 @@ pub mod timeline;
 pub use canvas::PlotError;
 
 use crate::clock::seconds;
-use crate::mapping::{self, MapPoint, Sight, Wall};
+use crate::mapping::{self, MapPoint, Misfit, Pose, Sight, Wall};
 use crate::printable;
 use crate::recording::Run;
 
@@ -93,6 +93,9 @@ pub struct PathPoint {
     pub heading_rad: f64,
 }
 
+/// What a track was moved by at its start, metres and radians, or why it was not.
+pub type Correction = Result<(f64, f64), Misfit>;
+
 /// Something that a robot found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CloudPoint {
@@ -145,6 +148,25 @@ impl Track {
 }
 
 impl Track {
+    fn start_m(&self) -> [f64; 2] {
+        self.path.first().map_or([0.0; 2], |start| [start.x_m, start.y_m])
+    }
+
+    /// Moves path and points: `by` is the pose of their frame's origin in the common one. Where the
+    /// robot truly was stays.
+    fn shift(&mut self, by: &Pose) {
+        let (sin, cos) = libm::sincos(by.heading_rad);
+        let place =
+            |x_m: f64, y_m: f64| (by.x_m + cos * x_m - sin * y_m, by.y_m + sin * x_m + cos * y_m);
+        for at in &mut self.path {
+            (at.x_m, at.y_m) = place(at.x_m, at.y_m);
+            at.heading_rad += by.heading_rad;
+        }
+        for point in &mut self.points {
+            (point.x_m, point.y_m) = place(point.x_m, point.y_m);
+        }
+    }
+
     fn sights(&self) -> Vec<Sight> {
         #[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
         let place = |time_s: f64, x_m: f64, y_m: f64| {
@@ -171,6 +193,52 @@ impl Scene {
     pub fn find_walls(&mut self) {
         let sights: Vec<Sight> = self.tracks.iter().flat_map(Track::sights).collect();
         self.walls = mapping::walls(&sights);
+    }
+
+    /// Corrects the tracks' start poses against each other: the first stays, and each of the others
+    /// is moved as a whole where its map fits the map of one that is in its place. Gives for each
+    /// track but the first what it was moved by, metres at its start and radians, or why it was
+    /// not: the last of the reasons.
+    pub fn align(&mut self) -> Vec<(usize, Correction)> {
+        let mut outcomes = Vec::new();
+        let mut placed: Vec<Vec<Sight>> = self.tracks.iter().take(1).map(Track::sights).collect();
+        let mut waiting: Vec<usize> = (1..self.tracks.len()).collect();
+        // One that fits none may fit one that is placed after it.
+        while !waiting.is_empty() {
+            let before = waiting.len();
+            let mut refused = Vec::new();
+            waiting.retain(|&place| {
+                let Some(track) = self.tracks.get_mut(place) else { return false };
+                let (sights, start_m) = (track.sights(), track.start_m());
+                let mut outcome = Err(Misfit::Few);
+                for reference in placed.iter().rev() {
+                    outcome = mapping::align(reference, &sights, start_m);
+                    if outcome.is_ok() {
+                        break;
+                    }
+                }
+                match outcome {
+                    Ok(by) => {
+                        track.shift(&by);
+                        let [x_m, y_m] = track.start_m();
+                        let moved_m = libm::hypot(x_m - start_m[0], y_m - start_m[1]);
+                        outcomes.push((place, Ok((moved_m, by.heading_rad))));
+                        placed.push(track.sights());
+                        false
+                    }
+                    Err(misfit) => {
+                        refused.push((place, Err(misfit)));
+                        true
+                    }
+                }
+            });
+            if waiting.len() == before {
+                outcomes.append(&mut refused);
+                break;
+            }
+        }
+        outcomes.sort_by_key(|(place, _)| *place);
+        outcomes
     }
 
     /// The least rectangle around everything; a metre around the origin where there is nothing.

@@ -38,7 +38,11 @@ fn data(scene: &Scene) -> Value {
         "high": bounds.high,
         "duration": round(scene.duration_s(), 1e3),
         "outlines": scene.outlines.iter().map(|line| outline(line)).collect::<Vec<_>>(),
-        "walls": scene.walls.iter().map(|wall| outline(&[wall.from_m, wall.to_m])).collect::<Vec<_>>(),
+        "walls": scene
+            .walls
+            .iter()
+            .map(|wall| outline(&[wall.from_m, wall.to_m]))
+            .collect::<Vec<_>>(),
         "tracks": scene
             .tracks
             .iter()

@@ -11,4 +11,5 @@ mod maps;
 mod motor_steps;
 mod sonar;
 mod sonar_model;
+mod team;
 mod walls;

@@ -10,7 +10,7 @@ use crate::recording::Grid;
 use crate::report::timeline::{self, Timeline};
 use crate::report::{Scene, Track, export};
 
-/// Write runs as CSV, PLY, DXF, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
+/// Write runs as CSV, PLY, or PGM with Nav2's YAML. The recording itself is MCAP, which viewers
 /// open.
 ///
 /// Examples:
@@ -24,8 +24,8 @@ pub(in crate::cli) struct Arguments {
     runs: Vec<PathBuf>,
     /// csv: points.csv, path.csv, walls.csv, the straight stretches that the points make, with
     /// standard deviations, and signals.csv, a row a tick with all signals, what was demanded, and
-    /// the machines' states; ply: points.ply; dxf: walls.dxf, the walls as lines in metres; pgm:
-    /// map.pgm and map.yaml, the occupancy grid.
+    /// the machines' states; ply: points.ply; pgm: map.pgm and map.yaml, the
+    /// occupancy grid.
     #[arg(long)]
     format: Format,
     /// The folder to write to.
@@ -37,7 +37,6 @@ pub(in crate::cli) struct Arguments {
 enum Format {
     Csv,
     Ply,
-    Dxf,
     Pgm,
 }
 
@@ -58,7 +57,6 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             files
         }
         Format::Ply => vec![("points.ply", export::ply(&tracks).into_bytes())],
-        Format::Dxf => vec![("walls.dxf", export::dxf(&walls).into_bytes())],
         Format::Pgm => {
             let grid = grid(&runs)?;
             vec![

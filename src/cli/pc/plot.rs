@@ -7,7 +7,7 @@ use crate::cli::common::{LoadedRun, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::report::chart::Chart;
 use crate::report::timeline::Timeline;
-use crate::report::{PlotError, Scene, plot};
+use crate::report::{PlotError, Scene, export, plot};
 
 /// Draw one or several runs as a map: paths and points, and what is known of the room; or one run's
 /// signals over time.
@@ -22,7 +22,8 @@ pub(in crate::cli) struct Arguments {
     /// Recordings.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// The picture: .svg, .png, .pdf, or .html for a page with zoom and a time slider.
+    /// The picture: .svg, .png, .pdf, or .html for a page with zoom and a time slider; or .dxf, the
+    /// walls alone as lines in metres, for CAD.
     #[arg(short, long)]
     output: PathBuf,
     /// Draw these signals over time instead of the map, with the machines' states and what
@@ -57,6 +58,7 @@ fn map(kind: Kind, scene: &Scene) -> Result<Vec<u8>, PlotError> {
         Kind::Png => plot::png(scene),
         Kind::Pdf => plot::pdf(scene),
         Kind::Html => Ok(plot::html(scene).into_bytes()),
+        Kind::Dxf => Ok(export::dxf(&scene.walls).into_bytes()),
     }
 }
 
@@ -82,6 +84,10 @@ fn chart(
         Kind::Png => chart.png(),
         Kind::Pdf => chart.pdf(),
         Kind::Html => chart.html().map(String::into_bytes),
+        Kind::Dxf => {
+            return Err(Failure::new(Exit::Usage, "signals are not drawn as DXF")
+                .hint("a name that ends in .svg, .png, .pdf or .html"));
+        }
     })
 }
 
@@ -92,6 +98,7 @@ enum Kind {
     Png,
     Pdf,
     Html,
+    Dxf,
 }
 
 impl Kind {
@@ -102,11 +109,12 @@ impl Kind {
             Some("png") => Ok(Self::Png),
             Some("pdf") => Ok(Self::Pdf),
             Some("html") => Ok(Self::Html),
+            Some("dxf") => Ok(Self::Dxf),
             _ => Err(Failure::new(
                 Exit::Usage,
                 format!("what kind of picture is {}?", file.display()),
             )
-            .hint("a name that ends in .svg, .png, .pdf or .html")),
+            .hint("a name that ends in .svg, .png, .pdf or .html; .dxf for the walls alone")),
         }
     }
 }

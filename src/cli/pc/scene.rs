@@ -8,6 +8,7 @@ use crate::printable;
 use crate::recording::Run;
 use crate::report::{FloorMark, Scene, Track, export, plot};
 use crate::sim::{Paint, Room, World};
+use crate::units::degrees;
 
 /// All runs in one picture, with what is known of the worlds that they were in.
 pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
@@ -19,6 +20,7 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
     let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
     let mut scene = Scene { title: title.unwrap_or(names), tracks, ..Scene::default() };
+    correct(&mut scene);
     scene.find_walls();
     for world in runs.iter().filter_map(|loaded| world_of(&loaded.run)) {
         // Runs in the same world have the same walls.
@@ -31,6 +33,22 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
         add_new(&mut scene.marks, marks.map(floor_mark));
     }
     scene
+}
+
+/// Corrects start poses against each other, and says of each run but the first what came of it.
+fn correct(scene: &mut Scene) {
+    let names: Vec<String> = scene.tracks.iter().map(|track| track.name.clone()).collect();
+    for (place, outcome) in scene.align() {
+        let name = names.get(place).map_or("", String::as_str);
+        match outcome {
+            Ok((moved_m, turned_rad)) => log::info!(
+                "{name}: its map fits; its start was corrected by {:.0} cm and {:.1} degrees",
+                moved_m * 100.0,
+                degrees(turned_rad)
+            ),
+            Err(misfit) => log::info!("{name}: its start pose stands: {misfit}"),
+        }
+    }
 }
 
 /// Robots of the same name get that of their recordings besides.

@@ -158,7 +158,6 @@ fn export_writes_every_format() {
     for (format, files) in [
         ("csv", &["path.csv", "points.csv", "signals.csv", "walls.csv"][..]),
         ("ply", &["points.ply"]),
-        ("dxf", &["walls.dxf"]),
         ("pgm", &["map.pgm", "map.yaml"]),
     ] {
         let said =

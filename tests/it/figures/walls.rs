@@ -22,7 +22,7 @@ use crate::missions::{job, play, robot};
 use crate::support;
 
 /// Posts and slanted blocks in a room with a step.
-const CLUTTER: &str = r#"
+pub(super) const CLUTTER: &str = r#"
 name = "clutter"
 [[start]]
 at = [0.0, 0.0]

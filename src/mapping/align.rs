@@ -1,0 +1,328 @@
+//! One robot's map against another's: where it fits, and whether it does.
+//!
+//! A likelihood field is made of each map's points, and the other's points are laid into it, turned
+//! and moved, in ever finer steps (correlative scan matching: Olson, *Real-time correlative scan
+//! matching*, 2009; likelihood fields: Thrun, Burgard and Fox, *Probabilistic Robotics*, 6.4).
+//! Another room may score high, too: so both maps have to explain each other, and echoes of neither
+//! may come from behind walls of the other ([`walls()`]).
+//!
+//! # Not here
+//!
+//! No bending: a map is moved as a whole, with the drift that is in it. No joining of maps that
+//! have only a part in common: that is refused, like another room.
+//!
+//! # Measured
+//!
+//! 16 pairs of runs in one room each and 56 in different ones, starts wrong by up to 20 cm and 10°:
+//! the worse score is 0.48 to 0.82 and below 0.47, the worse share of echoes from behind the
+//! other's walls is up to 0.14 and mostly above 0.17.
+
+use super::{Pose, Sight, Wall, walls};
+
+/// How far a start may be wrong, to each side and in turn: 24 cm and 12°.
+const STEPS: i32 = 8;
+const STEP_M: f64 = 0.03;
+const STEP_RAD: f64 = 0.026;
+/// Then each step is half of the one before, this often.
+const HALVINGS: i32 = 3;
+/// The field's cell, and the standard deviation of a point in it, metres.
+const CELL_M: f64 = 0.02;
+const SD_M: f64 = 0.03;
+/// What is further from the start than this takes no part, metres.
+const REACH_M: f64 = 15.0;
+/// Points are thinned to one in a square of this side, metres, where there are two at least.
+const APART_M: f64 = 0.04;
+/// Fewer of these are too few.
+const FEWEST: usize = 60;
+/// The least share of its points that each map finds in the other, weighed by the field.
+const EXPLAINED: f64 = 0.5;
+/// The largest share of echoes from behind the other's walls, of this many at least that meet them;
+/// and how far behind, metres.
+const CONTRADICTED: f64 = 0.15;
+const MET: f64 = 100.0;
+const BEHIND_M: f64 = 0.1;
+
+/// Why a map was not moved.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Misfit {
+    /// One of the maps has too few points.
+    #[error("too few points")]
+    Few,
+    /// Too little of one map is in the other.
+    #[error("only {:.0} % of one map is in the other", explained * 100.0)]
+    Apart {
+        /// The share.
+        explained: f64,
+    },
+    /// Too few echoes meet walls of the other map.
+    #[error("too few walls in common")]
+    Unmet,
+    /// Echoes come from behind walls of the other map.
+    #[error("{:.0} % of the echoes come through walls of the other map", through * 100.0)]
+    Contradicted {
+        /// The share.
+        through: f64,
+    },
+}
+
+/// How a map is moved as a whole so that it fits another one's: the pose, in the frame of both, of
+/// its origin.
+///
+/// - `about_m`: where its robot started, metres; it turns about that place.
+///
+/// # Errors
+///
+/// [`Misfit`] where it fits nowhere near.
+pub fn align(reference: &[Sight], other: &[Sight], about_m: [f64; 2]) -> Result<Pose, Misfit> {
+    let near = |sights: &[Sight]| -> Vec<Sight> {
+        let is_near = |sight: &&Sight| {
+            libm::hypot(sight.at_m[0] - about_m[0], sight.at_m[1] - about_m[1]) < REACH_M
+        };
+        sights.iter().filter(is_near).copied().collect()
+    };
+    let (reference, other) = (near(reference), near(other));
+    let pair = [Laid::of(&reference), Laid::of(&other)];
+    if pair.iter().any(|laid| laid.points.len() < FEWEST) {
+        return Err(Misfit::Few);
+    }
+    let best = search(&pair, about_m);
+    let [there, back] = [best.pose(about_m), inverse(&best.pose(about_m))];
+    let explained = best.scores[0].min(best.scores[1]);
+    if explained < EXPLAINED {
+        return Err(Misfit::Apart { explained });
+    }
+    let shares = [
+        contradiction(&other, &there, &walls(&reference)),
+        contradiction(&reference, &back, &walls(&other)),
+    ];
+    let [Some(one), Some(two)] = shares else { return Err(Misfit::Unmet) };
+    let through = one.max(two);
+    if through > CONTRADICTED { Err(Misfit::Contradicted { through }) } else { Ok(there) }
+}
+
+/// A move and what it scores: the share of the other's points in the reference, and of the
+/// reference's in the other.
+#[derive(Debug, Clone, Copy, Default)]
+struct Candidate {
+    by: [f64; 3],
+    scores: [f64; 2],
+}
+
+impl Candidate {
+    fn of(by: [f64; 3], [reference, other]: &[Laid; 2], about_m: [f64; 2]) -> Self {
+        let there = Self { by, scores: [0.0; 2] }.pose(about_m);
+        let scores = [
+            reference.share(&other.points, &there),
+            other.share(&reference.points, &inverse(&there)),
+        ];
+        Self { by, scores }
+    }
+
+    fn sum(&self) -> f64 {
+        self.scores[0] + self.scores[1]
+    }
+
+    /// The move as the pose of the moved map's origin: turned about a place, then shifted.
+    fn pose(&self, [x_m, y_m]: [f64; 2]) -> Pose {
+        let [dx_m, dy_m, turn_rad] = self.by;
+        let (sin, cos) = libm::sincos(turn_rad);
+        Pose {
+            x_m: x_m + dx_m - (cos * x_m - sin * y_m),
+            y_m: y_m + dy_m - (sin * x_m + cos * y_m),
+            heading_rad: turn_rad,
+        }
+    }
+}
+
+fn search(pair: &[Laid; 2], about_m: [f64; 2]) -> Candidate {
+    let mut best = Candidate::default();
+    let look = |middle: [f64; 3], steps: i32, scale: f64, best: &mut Candidate| {
+        for turn in -steps..=steps {
+            for (dx, dy) in (-steps..=steps).flat_map(|dx| (-steps..=steps).map(move |dy| (dx, dy)))
+            {
+                let by = [
+                    middle[0] + f64::from(dx) * scale * STEP_M,
+                    middle[1] + f64::from(dy) * scale * STEP_M,
+                    middle[2] + f64::from(turn) * scale * STEP_RAD,
+                ];
+                let candidate = Candidate::of(by, pair, about_m);
+                if candidate.sum() > best.sum() {
+                    *best = candidate;
+                }
+            }
+        }
+    };
+    look([0.0; 3], STEPS, 1.0, &mut best);
+    for halving in 1..=HALVINGS {
+        let middle = best.by;
+        look(middle, 2, libm::exp2(f64::from(-halving)), &mut best);
+    }
+    best
+}
+
+/// A map's points, thinned, and their likelihood field.
+struct Laid {
+    points: Vec<[f64; 2]>,
+    low_m: [f64; 2],
+    columns: usize,
+    field: Vec<f32>,
+}
+
+impl Laid {
+    fn of(sights: &[Sight]) -> Self {
+        const MARGIN_M: f64 = 0.1;
+        let least = |axis: usize| sights.iter().map(|s| s.at_m[axis]).fold(f64::INFINITY, f64::min);
+        let most =
+            |axis: usize| sights.iter().map(|s| s.at_m[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let low_m = [0, 1].map(|axis| least(axis) - MARGIN_M);
+        let cells = |axis: usize| {
+            usize::try_from(whole((most(axis) + MARGIN_M - low_m[axis]) / CELL_M) + 1)
+        };
+        let [columns, rows] = [0, 1].map(|axis| cells(axis).unwrap_or(0));
+        let mut laid =
+            Self { points: thinned(sights), low_m, columns, field: vec![0.0; columns * rows] };
+        sights.iter().for_each(|sight| laid.add(sight.at_m));
+        // A place that many points agree on is hardly surer than one with four.
+        laid.field.iter_mut().for_each(|value| *value /= *value + 2.0);
+        laid
+    }
+
+    fn add(&mut self, at_m: [f64; 2]) {
+        const AROUND: i32 = 5;
+        let around = (-AROUND..=AROUND).flat_map(|dy| (-AROUND..=AROUND).map(move |dx| (dx, dy)));
+        for (dx, dy) in around {
+            let beside = [at_m[0] + f64::from(dx) * CELL_M, at_m[1] + f64::from(dy) * CELL_M];
+            let squares = f64::from(dx * dx + dy * dy) * CELL_M * CELL_M;
+            #[expect(clippy::cast_possible_truncation, reason = "a likelihood of two digits")]
+            let likelihood = libm::exp(-squares / (2.0 * SD_M * SD_M)) as f32;
+            if let Some(value) = self.cell(beside).and_then(|cell| self.field.get_mut(cell)) {
+                *value += likelihood;
+            }
+        }
+    }
+
+    fn cell(&self, [x_m, y_m]: [f64; 2]) -> Option<usize> {
+        let column = usize::try_from(whole((x_m - self.low_m[0]) / CELL_M)).ok()?;
+        let row = usize::try_from(whole((y_m - self.low_m[1]) / CELL_M)).ok()?;
+        (column < self.columns).then_some(row * self.columns + column)
+    }
+
+    /// The mean likelihood of points that were moved.
+    fn share(&self, points: &[[f64; 2]], by: &Pose) -> f64 {
+        let (sin, cos) = libm::sincos(by.heading_rad);
+        let at = |[x_m, y_m]: &[f64; 2]| {
+            self.cell([by.x_m + cos * x_m - sin * y_m, by.y_m + sin * x_m + cos * y_m])
+        };
+        let value = |point| at(point).and_then(|cell| self.field.get(cell)).copied().unwrap_or(0.0);
+        let sum: f64 = points.iter().map(|point| f64::from(value(point))).sum();
+        sum / f64::from(u32::try_from(points.len()).unwrap_or(u32::MAX)).max(1.0)
+    }
+}
+
+fn thinned(sights: &[Sight]) -> Vec<[f64; 2]> {
+    let square = |sight: &Sight| sight.at_m.map(|m| whole(m / APART_M));
+    let mut placed: Vec<([i32; 2], [f64; 2])> =
+        sights.iter().map(|sight| (square(sight), sight.at_m)).collect();
+    placed.sort_by_key(|(square, _)| *square);
+    let squares = placed.chunk_by(|a, b| a.0 == b.0).filter(|points| points.len() >= 2);
+    squares.filter_map(|points| points.first().map(|(_, at_m)| *at_m)).collect()
+}
+
+/// The share of echoes from behind walls, of those that meet walls at all; `None` where too few do.
+fn contradiction(sights: &[Sight], by: &Pose, walls: &[Wall]) -> Option<f64> {
+    let (mut met, mut through) = (0.0, 0.0);
+    for sight in sights {
+        let [at_m, from_m] = [moved(by, sight.at_m), moved(by, sight.from_m)];
+        let meetings = || walls.iter().filter_map(|wall| meeting(wall, from_m, at_m));
+        if meetings().any(|is_behind| is_behind) {
+            through += 1.0;
+        } else if meetings().next().is_some() {
+            met += 1.0;
+        }
+    }
+    (met + through >= MET).then(|| through / (met + through))
+}
+
+/// Whether an echo comes from a wall, false, or from behind it, true.
+fn meeting(wall: &Wall, from_m: [f64; 2], at_m: [f64; 2]) -> Option<bool> {
+    const ENDS_M: f64 = 0.05;
+    let length_m = wall.length_m();
+    let along = [0, 1].map(|axis| (wall.to_m[axis] - wall.from_m[axis]) / length_m);
+    let frame = |[x_m, y_m]: [f64; 2]| {
+        let [x_m, y_m] = [x_m - wall.from_m[0], y_m - wall.from_m[1]];
+        [x_m * along[0] + y_m * along[1], y_m * along[0] - x_m * along[1]]
+    };
+    let ([at_m, beside_m], [from_m, from_beside_m]) = (frame(at_m), frame(from_m));
+    if beside_m.abs() <= BEHIND_M {
+        return (at_m > 0.0 && at_m < length_m).then_some(false);
+    }
+    let crosses = beside_m * from_beside_m < 0.0 && from_beside_m.abs() > BEHIND_M / 2.0;
+    let crossing_m = from_m + from_beside_m / (from_beside_m - beside_m) * (at_m - from_m);
+    (crosses && crossing_m > ENDS_M && crossing_m < length_m - ENDS_M).then_some(true)
+}
+
+/// A place of a map that is moved, metres.
+fn moved(by: &Pose, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = libm::sincos(by.heading_rad);
+    [by.x_m + cos * x_m - sin * y_m, by.y_m + sin * x_m + cos * y_m]
+}
+
+fn inverse(by: &Pose) -> Pose {
+    let (sin, cos) = libm::sincos(by.heading_rad);
+    Pose {
+        x_m: -(cos * by.x_m + sin * by.y_m),
+        y_m: sin * by.x_m - cos * by.y_m,
+        heading_rad: -by.heading_rad,
+    }
+}
+
+/// The next whole number below; what is too large for one stays at its end.
+#[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
+fn whole(value: f64) -> i32 {
+    libm::floor(value) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points every centimetre, twice, along closed lines, seen from the origin.
+    fn room(corners: &[[f64; 2]]) -> Vec<Sight> {
+        let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+        sides
+            .flat_map(|(a, b)| {
+                let count = whole(libm::hypot(b[0] - a[0], b[1] - a[1]) / 0.005);
+                (0..count).map(move |step| {
+                    let part = f64::from(step) / f64::from(count);
+                    let at_m = [0, 1].map(|axis| a[axis] + part * (b[axis] - a[axis]));
+                    Sight { at_m, from_m: [0.0, 0.0] }
+                })
+            })
+            .collect()
+    }
+
+    const CORNERS: [[f64; 2]; 6] =
+        [[-1.0, -0.9], [1.8, -0.9], [1.8, 0.5], [0.9, 0.5], [0.9, 1.2], [-1.0, 1.2]];
+
+    #[test]
+    fn a_start_that_is_wrong_by_15_cm_and_8_degrees_is_corrected() {
+        let error = Pose { x_m: 0.12, y_m: -0.09, heading_rad: 0.14 };
+        let place = |m| moved(&error, m);
+        let shifted = |s: &Sight| Sight { at_m: place(s.at_m), from_m: place(s.from_m) };
+        let other: Vec<Sight> = room(&CORNERS).iter().map(shifted).collect();
+        let by = align(&room(&CORNERS), &other, place([0.0, 0.0])).unwrap();
+        let [x_m, y_m] = moved(&by, place([0.0, 0.0]));
+        assert!(libm::hypot(x_m, y_m) < 0.02, "{x_m} {y_m}");
+        assert!((by.heading_rad + error.heading_rad).abs() < 0.01, "{by:?}");
+    }
+
+    #[test]
+    fn another_room_and_no_room_are_refused() {
+        let other = CORNERS.map(|[x, y]| [x, if y > 0.0 { y + 0.6 } else { y }]);
+        let refused = align(&room(&CORNERS), &room(&other), [0.0, 0.0]);
+        assert!(refused.is_err(), "{refused:?}");
+        assert_eq!(align(&room(&CORNERS), &[], [0.0, 0.0]), Err(Misfit::Few));
+        let nan = [Sight { at_m: [f64::NAN; 2], from_m: [f64::NAN; 2] }; 99];
+        assert_eq!(align(&nan, &nan, [0.0, 0.0]), Err(Misfit::Few));
+    }
+}

@@ -1,0 +1,160 @@
+//! How well maps of several robots are put together, and whether maps of different rooms are.
+//!
+//! Starts are wrong by up to 20 cm to each side and 10°, by chance. What is wrong afterwards
+//! counts the drift of both maps, too: they are moved as a whole.
+
+use std::collections::BTreeMap;
+
+use onbrick::mapping::stats;
+use onbrick::recording::Run;
+use onbrick::report::{Scene, Track};
+use onbrick::sim::World;
+use onbrick::units::{degrees, radians};
+
+use super::explore::{GAP, PILLARS, SLANTED};
+use super::walls::CLUTTER;
+use crate::missions::{job, play, robot};
+
+/// Numbers between −1 and 1 (Knuth's MMIX generator).
+fn chance(state: &mut u64) -> f64 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    f64::from(u32::try_from(*state >> 33).unwrap()) / f64::from(1_u32 << 30) - 1.0
+}
+
+/// A track as a robot would have it that was put down elsewhere than it was told.
+fn misplaced(track: &Track, [dx_m, dy_m, turn_rad]: [f64; 3]) -> Track {
+    let mut track = track.clone();
+    let start = track.path[0];
+    let (sin, cos) = libm::sincos(turn_rad);
+    let place = |x_m: f64, y_m: f64| {
+        let (x_m, y_m) = (x_m - start.x_m, y_m - start.y_m);
+        (start.x_m + dx_m + cos * x_m - sin * y_m, start.y_m + dy_m + sin * x_m + cos * y_m)
+    };
+    for at in &mut track.path {
+        (at.x_m, at.y_m) = place(at.x_m, at.y_m);
+        at.heading_rad += turn_rad;
+    }
+    for point in &mut track.points {
+        (point.x_m, point.y_m) = place(point.x_m, point.y_m);
+    }
+    track
+}
+
+/// Share of points under 5 cm from a wall, percent, and their median, cm.
+fn points(tracks: &[Track], world: &World) -> [f64; 2] {
+    let all = tracks.iter().flat_map(|track| &track.points);
+    let mut distances: Vec<f64> =
+        all.map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)).collect();
+    let share = stats::share(&distances, |m| m < 0.05).unwrap();
+    [share * 100.0, stats::median(&mut distances).unwrap() * 100.0]
+}
+
+/// How far a path is from where the robot truly was at its end and its start, in the mean, metres.
+fn path_error(track: &Track) -> f64 {
+    let far = |at: Option<&onbrick::report::PathPoint>, truth: Option<&[f64; 2]>| {
+        let (at, truth) = (at.unwrap(), truth.unwrap());
+        libm::hypot(at.x_m - truth[0], at.y_m - truth[1])
+    };
+    (far(track.path.first(), track.truth.first()) + far(track.path.last(), track.truth.last()))
+        / 2.0
+}
+
+#[test]
+#[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
+fn figures_of_maps_put_together() {
+    let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
+    let built_in = |name| World::text(name).unwrap();
+    let worlds = [
+        ("arena", built_in("arena")),
+        ("rooms", built_in("rooms")),
+        ("cylinders", built_in("cylinders")),
+        ("corridor", built_in("corridor")),
+        ("pillars", PILLARS),
+        ("gap", GAP),
+        ("slanted", SLANTED),
+        ("clutter", CLUTTER),
+        ("two-arenas", built_in("two-arenas")),
+    ];
+    let seeds = 4..=if is_long { 7 } else { 5 };
+    let mut tracks: BTreeMap<&str, Vec<Track>> = BTreeMap::new();
+    for (name, text) in worlds {
+        for seed in seeds.clone().chain((name == "rooms").then_some(6)) {
+            let run: Run = play(|file| job("explore", &robot(), (name, text), seed, file)).run();
+            tracks.entry(name).or_default().push(Track::of_run(&run, name));
+        }
+    }
+    let mut state = 7;
+    let mut error = || {
+        let mut part = |most: f64| most * chance(&mut state);
+        [part(0.2), part(0.2), part(radians(10.0))]
+    };
+    println!(
+        "the same room: start wrong by, cm, degrees; corrected, wrong by; path, cm, before, after; \
+         points < 5 cm, %, median, cm: the better robot's, both by starts, both corrected"
+    );
+    let (mut fits, mut within, mut pairs) = (0, 0, 0);
+    for (name, text) in worlds {
+        let world = World::parse(name, text.as_bytes()).unwrap().0;
+        for two in tracks[name].windows(2) {
+            let wrong = error();
+            let other = misplaced(&two[1], wrong);
+            let before_cm = path_error(&other) * 100.0;
+            let mut scene = Scene { tracks: vec![two[0].clone(), other], ..Scene::default() };
+            let by_starts = points(&scene.tracks, &world);
+            let outcome = scene.align().remove(0).1;
+            let (start, now) = (two[1].path[0], scene.tracks[1].path[0]);
+            let left_cm = libm::hypot(now.x_m - start.x_m, now.y_m - start.y_m) * 100.0;
+            let left_deg = degrees(now.heading_rad - start.heading_rad).abs();
+            let single = two.iter().map(|track| points(std::slice::from_ref(track), &world));
+            let best =
+                single.fold([0.0, 0.0], |best, one| if one[0] > best[0] { one } else { best });
+            let [before, after] = [by_starts, points(&scene.tracks, &world)];
+            let said = outcome.map_or_else(|misfit| misfit.to_string(), |_| "fits".to_owned());
+            println!(
+                "  {name:12} {:3.0} {:4.1}   {left_cm:4.1} {left_deg:4.1}   {before_cm:3.0} \
+                 {:4.1}   {:3.0} {:3.1}  {:3.0} {:3.1}  {:3.0} {:3.1}   {said}",
+                libm::hypot(wrong[0], wrong[1]) * 100.0,
+                degrees(wrong[2]).abs(),
+                path_error(&scene.tracks[1]) * 100.0,
+                best[0],
+                best[1],
+                before[0],
+                before[1],
+                after[0],
+                after[1]
+            );
+            pairs += 1;
+            if outcome.is_ok() {
+                fits += 1;
+                within += u32::from(left_cm < 5.0 && left_deg < 2.0);
+                assert!(left_cm < 15.0 && left_deg < 7.0, "{name}: a false fit");
+            } else {
+                let stands = scene.tracks[1] == misplaced(&two[1], wrong);
+                assert!(stands, "{name}: refused, and moved");
+            }
+        }
+    }
+    println!("{fits} of {pairs} pairs fit; {within} within 5 cm and 2 degrees");
+    assert!(2 * fits >= pairs, "{fits} of {pairs}");
+
+    let mut wrong_pairs = 0;
+    for (place, (one, _)) in worlds.iter().enumerate() {
+        for (other, _) in &worlds[place + 1..] {
+            // The first of the two arenas is built like the arena.
+            if wrong_pairs == 30 || (*one, *other) == ("arena", "two-arenas") {
+                continue;
+            }
+            wrong_pairs += 1;
+            let moved = misplaced(&tracks[other][0], error());
+            let mut scene =
+                Scene { tracks: vec![tracks[one][0].clone(), moved], ..Scene::default() };
+            let outcome = scene.align().remove(0).1;
+            println!(
+                "  {one}, {other}: {}",
+                outcome.map_or_else(|m| m.to_string(), |_| "FITS".into())
+            );
+            assert!(outcome.is_err(), "{one} and {other} are different rooms");
+        }
+    }
+    assert_eq!(wrong_pairs, 30);
+}
