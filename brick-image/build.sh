@@ -25,9 +25,9 @@ END
 target=armv5te-unknown-linux-gnueabi
 built=${CARGO_TARGET_DIR:-$checkout/target}
 brick=$checkout/target/brick
-# No larger than this, everything inside; bytes. The aim is 6,000,000: exploring and the landmarks
-# with their checkpoints made it 6,098,820.
-largest=6150000
+# No larger than this, everything inside; bytes. The aim is 6,000,000: exploring, landmarks and
+# walls made it 6,156,164.
+largest=6200000
 # The emulated processor, under the name of the brick's kernel.
 arm926=(qemu-arm -cpu arm926 -r 4.14.117-ev3dev-2.3.5-ev3)
 # System calls that a 4.14 kernel lacks, those from 398 on. The C library's calls for the time after

@@ -464,7 +464,7 @@ fn map_by_both_doors(pace: &Pace) {
     let off_m = |door: &str, place: &str| -> Option<f64> {
         let out = folder.path().join(door);
         let run = Pace::command(PROGRAM)
-            .args(["run", "map", "--set", "time_limit_s=20", &pose, door, place, "--out"])
+            .args(["run", "map", "--set", "time_limit_s=30", &pose, door, place, "--out"])
             .arg(&out)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

@@ -95,7 +95,8 @@ fn tick_by_tick(
         Options::default(),
         Box::new(|_| {}),
     )?;
-    let (mut senses, mut demands, mut spent_ns) = (Senses::default(), Demands::default(), [[0; 2]; 4]);
+    let (mut senses, mut demands) = (Senses::default(), Demands::default());
+    let mut spent_ns = [[0; 2]; 4];
     let start_ns = MonotonicClock.now_ns();
     for tick in 0..ticks {
         MonotonicClock.sleep_until_ns(start_ns + tick as i64 * PERIOD_NS);
