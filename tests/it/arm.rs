@@ -154,6 +154,6 @@ fn the_same_mission_is_recorded_on_the_bricks_processor_byte_for_byte() {
 fn short_job(folder: &Path, name: &str) -> Job {
     let file = folder.join(format!("{name}.mcap"));
     // A point waits for the sweep that tells what it was: about three are placed in a second.
-    let set = vec![("time_limit_s".to_owned(), 20.0)];
+    let set = vec![("time_limit_s".to_owned(), 30.0)];
     Job { set, ..job("map", DEFAULT_ROBOT, ("arena", World::text("arena").unwrap()), 7, file) }
 }

