@@ -213,7 +213,7 @@ fn figures_of_walls_in_simulated_rooms() {
     for (name, off) in ["offset", "direction"].into_iter().zip(&mut off) {
         let within = stats::share(off, |sds| sds < 2.0).unwrap() * 100.0;
         println!("  {name}: {within:.0} % within two standard deviations");
-        // The standard deviations do not have the pose's drift in them: with five seeds 89 and 96 %.
+        // They do not have the drift of the pose in them: with five seeds 89 and 96 %.
         assert!(within > 70.0, "{name}: {within} %");
     }
 }
