@@ -205,7 +205,7 @@ mod tests {
     fn sweep(survey: &mut Survey) -> usize {
         let mut echoes = 0;
         for step in 0..40_i32 {
-            let bearing_rad = radians(4.3f64.mul_add(f64::from(step), -84.0));
+            let bearing_rad = radians(4.3 * f64::from(step) - 84.0);
             let (sin, cos) = libm::sincos(bearing_rad);
             let nearest_rad = (bearing_rad.abs() - radians(14.0)).max(0.0);
             let range = if nearest_rad > radians(32.0) {

@@ -327,7 +327,7 @@ mod tests {
     }
 
     fn bearings(from_deg: f64, step_deg: f64, count: u32) -> Vec<f64> {
-        (0..count).map(|step| f64::from(step).mul_add(step_deg, from_deg)).collect()
+        (0..count).map(|step| f64::from(step) * step_deg + from_deg).collect()
     }
 
     #[test]
