@@ -1,4 +1,4 @@
-//! Points, path and grid of one robot, and several robots' maps together.
+//! Points, path and grid of one robot.
 
 use super::cloud::{Cloud, Path};
 use super::{Estimate, MapPoint, OccupancyGrid, Placed, Pose, RangeMount};
@@ -89,40 +89,5 @@ impl Map {
     #[must_use]
     pub fn grid(&self) -> &OccupancyGrid {
         &self.grid
-    }
-}
-
-/// Several robots' points one after the other in one frame, as the seed's master did it.
-///
-/// Each robot's points are in a frame of which `Pose` is the place in the common one: where the
-/// robot started, if it counted from its own start, and `Pose::default()`, if it was told its start
-/// pose (`--pose`) and its points are in the common frame already.
-#[must_use]
-pub fn merge(maps: &[(Pose, &[MapPoint])]) -> Vec<MapPoint> {
-    maps.iter()
-        .flat_map(|(start, points)| {
-            let to_common = start.body_to_world();
-            points.iter().map(move |point| {
-                let placed = to_common * nalgebra::Point2::new(point.x_m, point.y_m);
-                MapPoint { time_ns: point.time_ns, x_m: placed.x, y_m: placed.y }
-            })
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::FRAC_PI_2;
-
-    #[test]
-    fn the_seeds_second_robot_at_3_0_turned_left_finds_its_points_to_the_left() {
-        let point = MapPoint { time_ns: 7, x_m: 1.0, y_m: 0.0 };
-        let second = Pose { x_m: 3.0, y_m: 0.0, heading_rad: FRAC_PI_2 };
-        let both = merge(&[(Pose::default(), &[point]), (second, &[point])]);
-        assert_eq!(both[0], point);
-        assert_eq!(both[1].time_ns, 7);
-        assert!((both[1].x_m - 3.0).abs() < 1e-12 && (both[1].y_m - 1.0).abs() < 1e-12, "{both:?}");
-        assert!(merge(&[]).is_empty());
     }
 }

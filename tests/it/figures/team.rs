@@ -11,8 +11,7 @@ use onbrick::report::{Scene, Track};
 use onbrick::sim::World;
 use onbrick::units::{degrees, radians};
 
-use super::explore::{GAP, PILLARS, SLANTED};
-use super::walls::CLUTTER;
+use super::walls::worlds;
 use crate::missions::{job, play, robot};
 
 /// Numbers between −1 and 1 (Knuth's MMIX generator).
@@ -63,21 +62,11 @@ fn path_error(track: &Track) -> f64 {
 #[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
 fn figures_of_maps_put_together() {
     let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
-    let built_in = |name| World::text(name).unwrap();
-    let worlds = [
-        ("arena", built_in("arena")),
-        ("rooms", built_in("rooms")),
-        ("cylinders", built_in("cylinders")),
-        ("corridor", built_in("corridor")),
-        ("pillars", PILLARS),
-        ("gap", GAP),
-        ("slanted", SLANTED),
-        ("clutter", CLUTTER),
-        ("two-arenas", built_in("two-arenas")),
-    ];
+    let mut worlds = worlds().to_vec();
+    worlds.push(("two-arenas", World::text("two-arenas").unwrap()));
     let seeds = 4..=if is_long { 7 } else { 5 };
     let mut tracks: BTreeMap<&str, Vec<Track>> = BTreeMap::new();
-    for (name, text) in worlds {
+    for (name, text) in worlds.iter().copied() {
         for seed in seeds.clone().chain((name == "rooms").then_some(6)) {
             let run: Run = play(|file| job("explore", &robot(), (name, text), seed, file)).run();
             tracks.entry(name).or_default().push(Track::of_run(&run, name));
@@ -93,7 +82,7 @@ fn figures_of_maps_put_together() {
          points < 5 cm, %, median, cm: the better robot's, both by starts, both corrected"
     );
     let (mut fits, mut within, mut pairs) = (0, 0, 0);
-    for (name, text) in worlds {
+    for (name, text) in worlds.iter().copied() {
         let world = World::parse(name, text.as_bytes()).unwrap().0;
         for two in tracks[name].windows(2) {
             let wrong = error();

@@ -22,7 +22,7 @@ use crate::missions::{job, play, robot};
 use crate::support;
 
 /// Posts and slanted blocks in a room with a step.
-pub(super) const CLUTTER: &str = r#"
+const CLUTTER: &str = r#"
 name = "clutter"
 [[start]]
 at = [0.0, 0.0]
@@ -160,6 +160,16 @@ fn straight(world: &World) -> Vec<Ends> {
     ends.filter(|[x1, y1, x2, y2]| libm::hypot(x2 - x1, y2 - y1) > 0.1).collect()
 }
 
+/// Rooms of all kinds.
+pub(super) fn worlds() -> [(&'static str, &'static str); 8] {
+    let built_in = |name| (name, World::text(name).unwrap());
+    let [arena, rooms, cylinders, corridor] =
+        ["arena", "rooms", "cylinders", "corridor"].map(built_in);
+    let ours = [("pillars", PILLARS), ("gap", GAP), ("slanted", SLANTED), ("clutter", CLUTTER)];
+    let [pillars, gap, slanted, clutter] = ours;
+    [arena, rooms, cylinders, corridor, pillars, gap, slanted, clutter]
+}
+
 #[test]
 #[cfg_attr(target_arch = "arm", ignore = "long runs, the same bits as on a PC")]
 fn figures_of_walls_in_simulated_rooms() {
@@ -168,18 +178,8 @@ fn figures_of_walls_in_simulated_rooms() {
         "walls: segments, metres; precision, phantoms %; recall of segments, of points %; mission \
          explore, 300 s"
     );
-    let built_in = |name| World::text(name).unwrap();
     let (mut all, mut off): (BTreeMap<&str, Figures>, [Vec<f64>; 2]) = Default::default();
-    for (name, text) in [
-        ("arena", built_in("arena")),
-        ("rooms", built_in("rooms")),
-        ("cylinders", built_in("cylinders")),
-        ("corridor", built_in("corridor")),
-        ("pillars", PILLARS),
-        ("gap", GAP),
-        ("slanted", SLANTED),
-        ("clutter", CLUTTER),
-    ] {
+    for (name, text) in worlds() {
         for echo in ["lobe", "cone"] {
             let text = format!("{text}\n[robot]\necho = \"{echo}\"\n");
             let world = World::parse(name, text.as_bytes()).unwrap().0;
