@@ -72,6 +72,13 @@ pub fn wrap_rad(angle_rad: f64) -> f64 {
     }
 }
 
+/// A number held between two others. Where they are not in order, or are no numbers, `f64::clamp`
+/// panics, and this gives the upper one: for bounds that come from a file's numbers.
+#[must_use]
+pub fn within(number: f64, low: f64, high: f64) -> f64 {
+    number.max(low).min(high)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -151,7 +151,7 @@ impl Scope<'_> {
         if let Some((before, then_ns)) = last
             && now_ns > then_ns
         {
-            let step_s = seconds(now_ns - then_ns).min(LONGEST_STEP_S);
+            let step_s = seconds(now_ns.saturating_sub(then_ns)).min(LONGEST_STEP_S);
             rate = (error - before) / step_s;
             sum += error * step_s;
         }

@@ -21,7 +21,7 @@ use super::demands::Drive;
 use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::StopAction;
-use crate::units::wrap_rad;
+use crate::units::{within, wrap_rad};
 
 /// What a robot's motions keep to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -203,7 +203,7 @@ impl MotionState {
         self.order = self.order.or_else(order);
         let Some(order) = self.order else { return STILL };
         let now_ns = signals.time_ns();
-        let step_ns = now_ns - self.last_ns;
+        let step_ns = now_ns.saturating_sub(self.last_ns);
         if !(0..GAP_NS).contains(&step_ns) {
             (self.speed_m_s, self.last_ns) = (0.0, now_ns);
         }
@@ -214,7 +214,7 @@ impl MotionState {
         let profile = Profile {
             fastest_m_s: order.fastest_m_s(leg, limits),
             acceleration_m_s2: limits.acceleration_m_s2,
-            step_s: seconds(now_ns - self.last_ns),
+            step_s: seconds(now_ns.saturating_sub(self.last_ns)),
             stays: self.arrived_ns.is_some(),
         };
         self.last_ns = now_ns;
@@ -225,7 +225,7 @@ impl MotionState {
             return STILL;
         };
         self.speed_m_s = speed_m_s;
-        if self.arrived_ns.is_some_and(|arrived_ns| now_ns - arrived_ns > TRY_NS) {
+        if self.arrived_ns.is_some_and(|arrived_ns| now_ns.saturating_sub(arrived_ns) > TRY_NS) {
             self.finish(order.goal, leg, at);
             return STILL;
         }
@@ -241,7 +241,7 @@ impl MotionState {
     /// The leg has arrived; once the robot has stood there, the next one begins.
     fn arrive(&mut self, goal: Goal, leg: Leg, at: At, now_ns: i64) {
         let arrived_ns = *self.arrived_ns.get_or_insert(now_ns);
-        if now_ns - arrived_ns >= STAND_NS {
+        if now_ns.saturating_sub(arrived_ns) >= STAND_NS {
             self.finish(goal, leg, at);
         }
     }
@@ -330,7 +330,7 @@ impl At {
         let back_rad = -libm::atan2(aside_m, LOOKAHEAD_M) * forward_m_s.signum();
         let most_rad_s = STEERING * forward_m_s.abs() / half_track_m;
         let turn_rad_s = HOLD_PER_S * (heading_rad + back_rad - self.heading_rad);
-        turn_rad_s.clamp(-most_rad_s, most_rad_s)
+        within(turn_rad_s, -most_rad_s, most_rad_s)
     }
 }
 

@@ -28,7 +28,7 @@ use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, seconds};
 use crate::ev3dev::StopAction;
 use crate::planning::{self, Outcome, Plan, Request, View};
-use crate::units::wrap_rad;
+use crate::units::{within, wrap_rad};
 use looking::HEAD_NEAR_RAD;
 use tick::Tick;
 
@@ -214,7 +214,7 @@ impl NavigationState {
         let Some(at) = At::of(signals) else { return (STILL, None) };
         self.order = self.order.or_else(order);
         let Some(order) = self.order else { return (STILL, None) };
-        let step_ns = signals.time_ns() - self.last_ns;
+        let step_ns = signals.time_ns().saturating_sub(self.last_ns);
         self.last_ns = signals.time_ns();
         let step_s = if (0..GAP_NS).contains(&step_ns) { seconds(step_ns) } else { 0.0 };
         if step_s <= 0.0 {
@@ -340,7 +340,9 @@ impl NavigationState {
             if self.phase != Phase::Drive {
                 return STILL;
             }
-        } else if self.request().is_none() && tick.signals.time_ns() - self.planned_ns > REPLAN_NS {
+        } else if self.request().is_none()
+            && tick.signals.time_ns().saturating_sub(self.planned_ns) > REPLAN_NS
+        {
             self.ask(tick, None, None);
         }
         let Some((target, left_m)) = self.target(tick.at) else {
@@ -374,7 +376,7 @@ impl NavigationState {
         } else {
             (fastest_m_s * libm::cos(bearing_rad)).min(braking_m_s).max(CREEP_M_S)
         };
-        let turn_rad_s = (HOLD_PER_S * beside_rad).clamp(-most_rad_s, most_rad_s);
+        let turn_rad_s = within(HOLD_PER_S * beside_rad, -most_rad_s, most_rad_s);
         let more_m_s = limits.acceleration_m_s2 * tick.step_s;
         let more_rad_s = more_m_s / limits.half_track_m;
         self.forward_m_s = toward(self.forward_m_s, forward_m_s, more_m_s);

@@ -90,8 +90,13 @@ impl Estimator {
     }
 
     /// Continues from a state: the same inputs then give the same bits as without an interruption.
-    pub fn restore(&mut self, state: EstimatorState) {
-        self.state = state;
+    /// Returns false, and changes nothing, if the state's parts do not fit each other.
+    pub fn restore(&mut self, state: EstimatorState) -> bool {
+        let fits = state.survey.is_whole();
+        if fits {
+            self.state = state;
+        }
+        fits
     }
 
     /// The pose at a time within the last quarter of a second; the newest for later times, the

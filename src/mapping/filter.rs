@@ -288,6 +288,12 @@ impl Filter {
             .map(|(row, column)| f64::from(self.covariance(row, column)))
     }
 
+    /// Whether it has this number of landmarks, and their covariances.
+    pub(super) fn is_of(&self, landmarks: usize) -> bool {
+        let size = self.size();
+        self.landmarks.len() == landmarks && self.covariances.len() == size * (size + 1) / 2
+    }
+
     fn size(&self) -> usize {
         OWN + EACH * self.landmarks.len()
     }

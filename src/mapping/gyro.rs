@@ -31,6 +31,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Events;
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds, seconds_nearly};
+use crate::units::within;
 
 /// One step of the sensor, and the unit of this file: a degree in radians.
 pub(super) const DEGREE_RAD: f64 = std::f64::consts::PI / 180.0;
@@ -169,7 +170,11 @@ impl GyroState {
         self.centre_rad += gyro_rad;
         let from_rad = self.stand(input, change_rad).unwrap_or(predicted_rad);
         HeadingStep {
-            heading_rad: from_rad.clamp(self.centre_rad - WINDOW_RAD, self.centre_rad + WINDOW_RAD),
+            heading_rad: within(
+                from_rad,
+                self.centre_rad - WINDOW_RAD,
+                self.centre_rad + WINDOW_RAD,
+            ),
             change_rad: Some(change_rad),
             gyro_rad: Some(gyro_rad),
             events: Events::NONE,
@@ -291,7 +296,7 @@ impl Standstill {
                 // Steps that have stopped coming mean less than those that came.
                 let most =
                     (turned_rad.abs() + DEGREE_RAD) / seconds(now_ns.saturating_sub(first.time_ns));
-                return Some((turned_rad / seconds(between_ns)).clamp(-most, most));
+                return Some(within(turned_rad / seconds(between_ns), -most, most));
             }
         }
         let stood_s = seconds_nearly(stood_ns);

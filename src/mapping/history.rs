@@ -44,7 +44,7 @@ impl History {
         if due && let Some(place) = self.ring.get_mut(usize::from(self.next)) {
             *place = now;
             self.next = (self.next + 1) % KEPT_U8;
-            self.held = (self.held + 1).min(KEPT_U8);
+            self.held = self.held.saturating_add(1).min(KEPT_U8);
         }
     }
 
@@ -75,8 +75,8 @@ impl History {
 
     /// The kept placement that many places before the last one kept.
     fn back(&self, steps: u8) -> Option<Placement> {
-        let place = (self.next + KEPT_U8 - 1 - steps % KEPT_U8) % KEPT_U8;
-        (steps < self.held).then(|| self.ring.get(usize::from(place)).copied()).flatten()
+        let place = (usize::from(self.next) + KEPT - 1 - usize::from(steps) % KEPT) % KEPT;
+        (steps < self.held).then(|| self.ring.get(place).copied()).flatten()
     }
 }
 

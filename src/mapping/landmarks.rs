@@ -141,6 +141,11 @@ impl Landmarks {
         Self { filter: Filter::new(pose), ..Self::default() }
     }
 
+    /// Whether its parts fit each other: what was read back need not have been written by us.
+    pub(super) fn is_whole(&self) -> bool {
+        self.filter.is_of(self.known.len())
+    }
+
     pub(super) fn pose(&self) -> Pose {
         self.filter.pose
     }

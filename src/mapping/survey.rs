@@ -17,7 +17,7 @@ use super::pose::Correction;
 use super::range::Beam;
 use super::sweep::{Echo, Foot, Sweep, Valley};
 use super::{MapPoint, Placed, Pose, Range};
-use crate::units::wrap_rad;
+use crate::units::{within, wrap_rad};
 
 /// Places that wait to be handed out.
 const WAITING: usize = 256;
@@ -53,6 +53,11 @@ pub(super) struct Heard<'a> {
 impl Survey {
     pub(super) fn new(pose: Pose) -> Self {
         Self { landmarks: Landmarks::new(pose), ..Self::default() }
+    }
+
+    /// See [`Landmarks::is_whole`].
+    pub(super) fn is_whole(&self) -> bool {
+        self.landmarks.is_whole()
     }
 
     pub(super) fn pose(&self) -> Pose {
@@ -178,7 +183,7 @@ impl Surface {
                 let along_m = to[1] * cos - to[0] * sin;
                 let aside_rad = wrap_rad(echo.bearing_rad - direction_rad);
                 let by_bearing_m = distance_m * libm::tan(aside_rad.clamp(-ASIDE_RAD, ASIDE_RAD));
-                let within_m = by_bearing_m.clamp(from_m + along_m, to_m + along_m);
+                let within_m = within(by_bearing_m, from_m + along_m, to_m + along_m);
                 // A range beyond the foot's is of a place beside it, as far as it says.
                 let beyond_m2 = echo.range_m * echo.range_m - distance_m * distance_m;
                 let by_range_m = libm::sqrt(beyond_m2.max(0.0))

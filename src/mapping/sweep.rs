@@ -197,7 +197,8 @@ impl Sweep {
 
     /// Takes the first echoes out as a valley; the others become the next one's.
     fn split(&mut self, count: usize, end_seen: bool) -> Option<Valley> {
-        let echoes: ArrayVec<Echo, ECHOES> = self.echoes.drain(..count).collect();
+        let echoes: ArrayVec<Echo, ECHOES> =
+            self.echoes.drain(..count.min(self.echoes.len())).collect();
         let first = self.echoes.first().copied();
         let heights = first
             .map(|first| self.echoes.iter().map(move |echo| echo.reduced_m(first.x_m, first.y_m)));

@@ -254,12 +254,12 @@ impl Pilot {
         }
     }
 
-    /// Continues from the state of a tick; the map keeps what it has. Returns false, and changes
-    /// nothing, if the state does not fit the mission.
+    /// Continues from the state of a tick; the map keeps what it has. Returns false if the state
+    /// does not fit the mission or itself: then only another state makes the pilot whole again.
     pub fn restore(&mut self, state: &PilotState) -> bool {
-        let fits = self.program.restore(&state.program);
+        let fits =
+            self.program.restore(&state.program) && self.estimator.restore(state.estimator.clone());
         if fits {
-            self.estimator.restore(state.estimator.clone());
             self.stalls = state.stalls;
             self.battery = state.battery;
             self.wheels_rad_s = state.wheels_rad_s;

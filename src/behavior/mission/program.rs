@@ -70,8 +70,9 @@ impl Ongoing {
     fn tone_hz(&mut self, now_ns: i64) -> Option<Option<f64>> {
         let mut heard = None;
         for playing in &mut self.playing {
-            let tone_hz = playing
-                .and_then(|begun| begun.tone_hz(&self.tunes, seconds(now_ns - begun.began_ns)));
+            let tone_hz = playing.and_then(|begun| {
+                begun.tone_hz(&self.tunes, seconds(now_ns.saturating_sub(begun.began_ns)))
+            });
             if tone_hz.is_none() {
                 *playing = None;
             }

@@ -1,5 +1,6 @@
 //! Replays of the shipped missions' recordings.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::Command;
 
 use onbrick::recording::Run;
@@ -89,6 +90,42 @@ fn exploring_replays_bit_for_bit_and_after_a_gap_as_far_as_it_can() {
     // Poses and points are compared; the plans would need the map before the gap.
     assert!(replayed.is_same(), "{replayed}");
     assert!(replayed.poses > whole.senses.len() as u64 * 9 / 10, "{replayed}");
+}
+
+/// A checksum vouches for what was written, not for who wrote it: whatever bytes a checkpoint has,
+/// no panic follows. At each byte of the states of missions that map, plan, drive and play begins
+/// a number that no state has, and the run goes on from there.
+#[test]
+fn promise_7_whatever_a_checkpoint_carries_a_replay_ends() {
+    let others = [
+        vec![0xff],
+        vec![0x7f],
+        f64::NAN.to_le_bytes().to_vec(),
+        (-1e300_f64).to_le_bytes().to_vec(),
+        i64::MIN.to_le_bytes().to_vec(),
+        i64::MAX.to_le_bytes().to_vec(),
+    ];
+    for (mission, world) in [("explore", "arena"), ("dance", "open")] {
+        let mut run = play_in(mission, world, 2).run();
+        let at = run.checkpoints[run.checkpoints.len() / 2].clone();
+        let followed = at.tick..at.tick + 20;
+        run.senses.retain(|senses| senses.tick == 0 || followed.contains(&senses.tick));
+        run.checkpoints.retain(|checkpoint| checkpoint.tick == at.tick);
+        run.ending = None;
+        assert_eq!(replay(&run).unwrap().ticks, 20, "{mission}: it goes on from the checkpoint");
+        let mut failed = Vec::new();
+        for (place, other) in (0..at.state.len()).flat_map(|at| others.iter().map(move |o| (at, o)))
+        {
+            let state = &mut run.checkpoints[0].state;
+            let Some(bytes) = state.get_mut(place..place + other.len()) else { continue };
+            bytes.copy_from_slice(other);
+            if catch_unwind(AssertUnwindSafe(|| replay(&run))).is_err() {
+                failed.push((place, other));
+            }
+            run.checkpoints[0].state.clone_from(&at.state);
+        }
+        assert!(failed.is_empty(), "{mission}: of {} bytes {failed:?}", at.state.len());
+    }
 }
 
 #[test]
