@@ -94,7 +94,7 @@ fn exploring_replays_bit_for_bit_and_after_a_gap_as_far_as_it_can() {
 
 /// A checksum vouches for what was written, not for who wrote it: whatever bytes a checkpoint has,
 /// no panic follows. At each byte of the states of missions that map, plan, drive and play begins
-/// a number that no state has, and the run goes on from there.
+/// a number that no state has, and the run is replayed from there.
 #[test]
 fn promise_7_whatever_a_checkpoint_carries_a_replay_ends() {
     let others = [
@@ -112,7 +112,7 @@ fn promise_7_whatever_a_checkpoint_carries_a_replay_ends() {
         run.senses.retain(|senses| senses.tick == 0 || followed.contains(&senses.tick));
         run.checkpoints.retain(|checkpoint| checkpoint.tick == at.tick);
         run.ending = None;
-        assert_eq!(replay(&run).unwrap().ticks, 20, "{mission}: it goes on from the checkpoint");
+        assert_eq!(replay(&run).unwrap().ticks, 20, "{mission}: from the checkpoint");
         let mut failed = Vec::new();
         for (place, other) in (0..at.state.len()).flat_map(|at| others.iter().map(move |o| (at, o)))
         {
