@@ -33,8 +33,8 @@
 //!
 //! # Not here
 //!
-//! No I/O and no clock: time is in the inputs. No loop closing over what is no landmark any more,
-//! and no matching of several robots' maps. No scoring of maps against walls; what that needs of
+//! No I/O and no clock: time is in the inputs. No loop closing over what is no landmark any more.
+//! No scoring of maps against walls; what that needs of
 //! statistics is in [`stats`].
 //!
 //! # What it costs

@@ -316,18 +316,20 @@
 //! | half a metre ahead | `base.straight(500)` | `mdiff.on_for_distance(30, 500)` | Move Steering, on for rotations | `drive_m = 0.5` |
 //! | a quarter to the right | `base.turn(90)` | `mdiff.turn_right(30, 90)` | Move Tank, on for degrees | `turn_deg = -90` |
 //! | a bend | `base.arc(300, angle=90)` | `mdiff.on_arc_right(30, 300, way_mm)` | Move Steering with steering | `arc = { radius_m = 0.3, turn_deg = -90 }` |
-//! | with the gyro | `base.use_gyro(True)` | `mdiff.turn_right(30, 90, use_gyro=True)` | none | a `[gyro]` in `robot.toml` |
-//! | to a place | none | `mdiff.on_to_coordinates(30, 800, -200)` | none | `goto = [0.8, -0.2]` |
+//! | with the gyro | none on the EV3 | `mdiff.gyro = GyroSensor()`, `mdiff.turn_right(30, 90, use_gyro=True)` | none | a `[gyro]` in `robot.toml` |
+//! | to a place | `base.move_by(800, -200)`, from where it is | `mdiff.odometry_start(0)`, `mdiff.on_to_coordinates(30, 800, -200)` | none | `goto = [0.8, -0.2]` |
 //! | explore a room | none | none | none | `explore_m = 5` |
 //! | drive on and on | `base.drive(100, 0)` | `mdiff.on(30, 30)` | Move Steering, on | `forward_mps = 0.1` |
 //! | wait for a sensor | `while not touch.pressed(): wait(10)` | `touch.wait_for_pressed()` | Wait, touch sensor | `when = "touch"` |
 //! | a variable | `n = n + 1` | `n = n + 1` | Variable, Math | `set = { n = "n + 1" }` |
 //! | four times | `for i in range(4):` | `for i in range(4):` | Loop, count | a variable and `when = "n == 4"` |
 //! | a piece with a name | `def hop():` | `def hop():` | My Block | `[submachine.hop]` and `use = "hop"` |
-//! | at the same time | `multitask(a(), b())` | `threading.Thread` | a second start block | a second `[machine.…]` |
+//! | at the same time | `await multitask(a(), b())` | `threading.Thread` | a second start block | a second `[machine.…]` |
 //! | a colour | `sensor.color() == Color.RED` | `sensor.color == 5` | Switch, colour | `when = "colour == red"` |
 //! | a tune | `ev3.speaker.play_notes(["C4/4"])` | `sound.play_song([("C4", "q")])` | Sound, play note | `tune = "C4/4"` |
-//! | show a value | `print(n)` | `print(n)` | Display, text | `say = "{n}"` |
+//! | show a value | `ev3.screen.print(n)` | `print(n)` | Display, text | `say = "{n}"` |
 //!
-//! Pybricks and LEGO's blocks turn to the right for a positive angle; here it is the left, as in
-//! mathematics and ROS.
+//! Pybricks is version 4, with a firmware of its own; its version 2, for ev3dev, has no `arc`,
+//! `move_by` and `multitask`. LEGO's blocks are those of EV3 Lab. Pybricks, LEGO's blocks and
+//! `turn_degrees` of python-ev3dev2 turn to the right for a positive angle; here it is the left, as
+//! in mathematics and ROS. In coordinates y is to the left everywhere.

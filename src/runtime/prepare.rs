@@ -3,9 +3,9 @@
 //! Roles and sensor modes have been seen to when the robot was bound. What is left is to watch for
 //! a moment: every reading has come, wheels and gyro stand still, and the gyro does not drift. A
 //! gyro that was moved while it started drifts for the whole session (`ev3dev-interfaces`, 6.4),
-//! and only unplugging it helps. It says whole degrees, so a drift is seen once it has made one: a
-//! faster one than a degree in [`GYRO_NS`] always is, a slower one not always. On a brick the last
-//! three seconds are those in which it beeps.
+//! and only unplugging it helps. It says whole degrees, so a drift is seen once it has made one: one
+//! that makes a degree in less than `watch_s` of `robot.toml` always is, a slower one not always. On
+//! a brick the last three seconds are those in which it beeps.
 
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
@@ -17,10 +17,6 @@ use crate::units::degrees;
 
 /// How long everything must have stood still, nanoseconds.
 const STILL_NS: i64 = SECOND_NS;
-
-/// How long a gyro must have said no new degree, nanoseconds: a drift of 0.2 degrees a second, 24
-/// degrees in two minutes, makes one in less.
-const GYRO_NS: i64 = 5_200 * MILLISECOND_NS;
 
 /// How long people near are told that the robot is about to move, nanoseconds.
 const ANNOUNCING_NS: i64 = 3 * SECOND_NS;
@@ -69,7 +65,7 @@ pub enum NotReady {
     Moving(Channel),
     /// The gyro turns although the wheels stand.
     #[error(
-        "the gyro drifts ({0:.1} degrees a second): unplug it, hold the robot still, and plug it \
+        "the gyro drifts ({0:.2} degrees a second): unplug it, hold the robot still, and plug it \
          in again"
     )]
     GyroDrifts(f64),
@@ -120,10 +116,12 @@ impl Standing {
     }
 
     /// When it has stood for long enough, if nothing happens until then.
-    fn enough_ns(&self, announce: bool) -> i64 {
+    ///
+    /// - `watch_ns`: how long the gyro must have said no new degree.
+    fn enough_ns(&self, watch_ns: i64, announce: bool) -> i64 {
         let announcing_ns = if announce { ANNOUNCING_NS } else { 0 };
         let still_ns = self.since_ns + STILL_NS + announcing_ns;
-        if self.gyro_rad.is_some() { still_ns.max(self.gyro_ns + GYRO_NS) } else { still_ns }
+        if self.gyro_rad.is_some() { still_ns.max(self.gyro_ns + watch_ns) } else { still_ns }
     }
 }
 
@@ -181,7 +179,7 @@ fn stand(
             None => {
                 let standing = standing.get_or_insert_with(|| Standing::new(senses));
                 standing.look(&senses);
-                let enough_ns = standing.enough_ns(announce);
+                let enough_ns = standing.enough_ns(robot.config().gyro_watch_ns, announce);
                 if announce && senses.time_ns >= enough_ns - ANNOUNCING_NS {
                     robot.announce(senses.time_ns - (enough_ns - ANNOUNCING_NS));
                 }

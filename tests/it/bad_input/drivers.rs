@@ -319,9 +319,10 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
             (self.1)(deadline_ns / MILLISECOND_NS);
         }
     }
-    let outcome = |happens: &(dyn Fn(&FakeTree, i64) + Sync)| {
+    type Happens<'h> = &'h (dyn Fn(&FakeTree, i64) + Sync);
+    let outcome_of = |config: &RobotConfig, happens: Happens<'_>| {
         let fake = shipped_brick();
-        let mut robot = Robot::bind(&fake.tree(), &shipped(), &[]).unwrap();
+        let mut robot = Robot::bind(&fake.tree(), config, &[]).unwrap();
         let clock = Turning(VirtualClock::default(), |now_ms| happens(&fake, now_ms));
         let mut said = Vec::new();
         let ready = prepare(&mut robot, &clock, &StopFlags::default(), false, |what| {
@@ -329,6 +330,7 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
         });
         (ready, said, clock.now_ns() / MILLISECOND_NS)
     };
+    let outcome = |happens: Happens<'_>| outcome_of(&shipped(), happens);
     let put = |fake: &FakeTree, folder: &str, name: &str, value: i64| {
         fake.put(folder, name, format!("{value}\n").as_bytes())
     };
@@ -354,6 +356,17 @@ fn a_robot_that_is_moved_is_waited_for_and_a_drifting_gyro_is_not() {
             (0.15..0.5).contains(&dps) && at_ms <= 11_000,
             "{dps} degrees a second, after {at_ms} ms"
         );
+    }
+    // A twentieth: seen by those who wait for it.
+    let watched = RobotConfig { gyro_watch_ns: 21_000 * MILLISECOND_NS, ..shipped() };
+    for begin_ms in [0, 1000, 10_000, 19_990] {
+        let creeps = |fake: &FakeTree, now_ms: i64| {
+            put(fake, SENSORS[1], "value0", (now_ms + begin_ms) / 20_000)
+        };
+        let (ready, _, at_ms) = outcome_of(&watched, &creeps);
+        let Err(NotReady::GyroDrifts(dps)) = ready else { panic!("{ready:?} after {at_ms} ms") };
+        assert!((0.04..0.13).contains(&dps) && at_ms <= 42_000, "{dps} after {at_ms} ms");
+        assert!(outcome(&creeps).0.is_ok(), "5.2 s do not show it");
     }
     let (ready, said, _) =
         outcome(&|fake, now_ms| put(fake, SENSORS[1], "value0", i64::from(now_ms % 700 < 300)));
