@@ -115,12 +115,16 @@ mod tests {
             };
             let mut plain = vec![u32::MAX; 400];
             plain[usize::from(start)] = 0;
-            while let Some((from, to)) = (0..400)
-                .filter(|from| plain[*from] != u32::MAX)
-                .flat_map(|from| neighbours(from).into_iter().map(move |to| (from, to)))
-                .find(|(from, to)| plain[*from] + u32::from(weights[*to]) < plain[*to])
-            {
-                plain[to] = plain[from] + u32::from(weights[to]);
+            // Bellman and Ford: over all edges, until no way becomes shorter.
+            let mut is_shorter = true;
+            while std::mem::take(&mut is_shorter) {
+                for from in 0..400 {
+                    for to in neighbours(from) {
+                        let cost = plain[from].saturating_add(weights[to].into());
+                        is_shorter |= cost < plain[to];
+                        plain[to] = plain[to].min(cost);
+                    }
+                }
             }
             let mut wave = Wave::new(400);
             wave.begin(start);
