@@ -43,7 +43,7 @@ use bind::Bound;
 use mend::{Mended, Mender};
 
 pub use battery::{BatteryConfig, BatteryLimits};
-pub use bind::BindError;
+pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
 pub use config::{HeadRole, MotorRole, NamedMotor, NamedSensor, RangeRole, RobotConfig};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};

@@ -58,7 +58,7 @@ pub use execute::{Refused, execute};
 pub use guard::{Lines, MISSED_NS, Pulse, Watch};
 pub use lock::{HardwareLock, LockError, Owner};
 pub use pilot::{ChangedVariables, Pilot, PilotError, PilotState, Step};
-pub use prepare::{GYRO_STILL_RAD, MOST_V, NotReady, prepare};
+pub use prepare::{GYRO_STILL_RAD, NotReady, prepare};
 #[cfg(feature = "cli")]
 pub use process::{ProcessError, control, guard};
 pub use replay::{Cast, Difference, Remade, ReplayError, Replayed, replay, replay_with, whole_map};

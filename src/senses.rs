@@ -320,6 +320,9 @@ const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
 const TRUTH: (f64, f64) = (0.0, 1.0);
 const PERCENT: (f64, f64) = (0.0, 100.0);
 
+/// No cells that fit into a brick give more, volts: above, the reading is wrong.
+pub const MOST_V: f64 = 10.0;
+
 /// The gyro sensor counts clockwise; from here on anticlockwise is positive.
 const ANTICLOCKWISE_RAD: f64 = -std::f64::consts::PI / 180.0;
 
@@ -395,7 +398,7 @@ quantities! {
         infrared(InfraredMode::Remote, (0, 11), 1.0),
     ];
     /// Battery.
-    Battery: "battery_v", "battery", Volts, POSITIVE, Role::Brick, [];
+    Battery: "battery_v", "battery", Volts, (0.0, MOST_V), Role::Brick, [];
     /// Angle of the first named motor at its axle; the others follow.
     Motor0: "", "first named motor", Radians, ANY, Role::Motor(0), [];
     /// Angle of the second named motor.

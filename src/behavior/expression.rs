@@ -60,6 +60,7 @@ mod implication;
 mod lexer;
 mod mistake;
 mod parser;
+mod reach;
 mod vocabulary;
 
 pub(super) use implication::Claims;
@@ -240,18 +241,6 @@ impl Expression {
         }
     }
 
-    /// A distance in metres that is compared with more than any sensor measures: the number may
-    /// have been meant in centimetres.
-    pub(super) fn centimetres(&self) -> Option<f64> {
-        const RANGE: Op = Op::Signal(Input::Signal(Signal::Sensed(Channel::Range)));
-        let number = self.ops.windows(3).find_map(|ops| match *ops {
-            [RANGE, Op::Number(number), Op::Infix(Infix::Compare(_))]
-            | [Op::Number(number), RANGE, Op::Infix(Infix::Compare(_))] => Some(number),
-            _ => None,
-        });
-        number.filter(|number| *number > FARTHEST_M)
-    }
-
     /// What its signals take of what a robot senses.
     pub(super) fn channels(&self) -> impl Iterator<Item = Channel> {
         self.ops.iter().filter_map(|op| match op {
@@ -297,9 +286,6 @@ impl fmt::Display for Expression {
         f.write_str(&stack.pop().unwrap_or_default())
     }
 }
-
-/// The farthest that a range sensor measures, metres (`ev3dev-interfaces`, 6.4).
-const FARTHEST_M: f64 = 2.55;
 
 /// A number as the language writes it; very large and very small ones by powers of ten.
 fn literal(number: f64) -> String {

@@ -242,6 +242,27 @@ impl From<&Quantity> for Word {
     }
 }
 
+impl Word {
+    /// The least and the greatest value that can come: where the domain has no end, what the
+    /// sensors can say.
+    pub(super) fn reach(&self) -> (f64, f64) {
+        match self.input {
+            Input::Signal(Signal::Sensed(channel)) => channel.quantity().reach(),
+            _ => self.domain,
+        }
+    }
+
+    /// What its values are in; times and truths are numbers here.
+    pub(super) fn unit(&self) -> Unit {
+        match self.input {
+            Input::Signal(Signal::Sensed(channel)) => channel.quantity().unit,
+            Input::Signal(Signal::Heading) | Input::StateTurn => Unit::Radians,
+            Input::Signal(Signal::X | Signal::Y) | Input::StateDistance => Unit::Metres,
+            _ => Unit::Number,
+        }
+    }
+}
+
 impl Input {
     /// What is known of it; `None` for a named motor's angle and a variable, which can be any
     /// number.

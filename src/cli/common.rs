@@ -167,8 +167,18 @@ pub(super) fn load_mission(
 /// the robot has.
 pub(super) fn broken_mission(source: &Source, findings: &Findings) -> Failure {
     let (name, text) = (source.name.as_str(), source.text.as_bytes());
-    let hint = if Mission::parse(name, text, &Capabilities::all()).is_ok() {
-        format!("the mission is in order and wants another robot; {SHOW_ROBOT}")
+    let fits = |capabilities: &Capabilities| Mission::parse(name, text, capabilities).is_ok();
+    let hint = if fits(&Capabilities::all()) {
+        let shipped = ROBOTS.iter().find(|robot| {
+            RobotConfig::load(robot.name, robot.text.as_bytes())
+                .is_ok_and(|(config, _)| fits(&config.capabilities()))
+        });
+        let other = shipped.map(|robot| format!("; or --robot {}, which has it", robot.name));
+        format!(
+            "the mission is in order and wants another robot: plug in what is missing and let \
+             onbrick setup write a robot.toml{}",
+            other.unwrap_or_default()
+        )
     } else {
         "onbrick new mission, which shows a whole file with comments".to_owned()
     };

@@ -26,6 +26,8 @@ pub enum StopReason {
     Remote,
     /// A person in the brick's menu, or a program on the brick, asked for it.
     Here,
+    /// A person at a run's page in a browser.
+    Page,
     /// The menu on the brick is gone, and runs were to end with it.
     #[serde(rename = "menu closed")]
     MenuClosed,
@@ -98,6 +100,7 @@ impl StopReason {
                 | Self::Button
                 | Self::Remote
                 | Self::Here
+                | Self::Page
                 | Self::MenuClosed
                 | Self::Signal
         )
@@ -118,6 +121,7 @@ impl fmt::Display for StopReason {
             Self::Button => f.write_str("stopped by a button on the brick"),
             Self::Remote => f.write_str("stopped over the network"),
             Self::Here => f.write_str("stopped on the brick"),
+            Self::Page => f.write_str("stopped on the page"),
             Self::MenuClosed => f.write_str("the brick's menu is gone"),
             Self::Signal => f.write_str("stopped by a signal"),
             Self::Abandoned => f.write_str("the process that started the run is gone"),

@@ -11,7 +11,8 @@
 
 use serde_json::{Value, json};
 
-use super::{PathPoint, Scene, Track, colours, escaped, is_single, thinned};
+use super::plot::pale;
+use super::{FloorMark, PathPoint, Scene, Track, colours, escaped, is_single, thinned};
 use crate::page::inside_script;
 
 const TEMPLATE: &str = include_str!("page.html");
@@ -37,6 +38,7 @@ fn data(scene: &Scene) -> Value {
         "low": bounds.low,
         "high": bounds.high,
         "duration": round(scene.duration_s(), 1e3),
+        "floor": scene.marks.iter().map(floor_mark).collect::<Vec<_>>(),
         "outlines": scene.outlines.iter().map(|line| outline(line)).collect::<Vec<_>>(),
         "walls": scene
             .walls
@@ -53,6 +55,19 @@ fn data(scene: &Scene) -> Value {
     })
 }
 
+fn floor_mark(mark: &FloorMark) -> Value {
+    json!({
+        "points": outline(&mark.points),
+        "width": mark.width_m,
+        "closed": mark.closed,
+        "colour": hex(pale(mark.colour)),
+    })
+}
+
+fn hex([red, green, blue]: [u8; 3]) -> String {
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
 fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let finite = line.iter().filter(|place| place.iter().all(|value| value.is_finite()));
     finite.map(|place| place.map(|value| round(value, 1e4))).collect()
@@ -62,7 +77,6 @@ fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// run stays a few megabytes.
 fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     let colours = colours(place, scene.tracks.len());
-    let hex = |[red, green, blue]: [u8; 3]| format!("#{red:02x}{green:02x}{blue:02x}");
     let of_path = |p: PathPoint| {
         [round(p.time_s, 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4), round(p.heading_rad, 1e3)]
     };
@@ -74,12 +88,21 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
             .into_iter()
             .flat_map(of_path)
             .collect::<Vec<_>>(),
+        // A scene's true path has no times: the page shows the whole of it.
+        "truth": thinned(&track.truth.iter().copied().map(untimed).collect::<Vec<_>>(), LEAST_STEP_M)
+            .into_iter()
+            .map(|p| [round(p.x_m, 1e4), round(p.y_m, 1e4)])
+            .collect::<Vec<_>>(),
         "points": track
             .points
             .iter()
             .flat_map(|p| [round(p.time_s, 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4)])
             .collect::<Vec<_>>(),
     })
+}
+
+fn untimed([x_m, y_m]: [f64; 2]) -> PathPoint {
+    PathPoint { time_s: 0.0, x_m, y_m, heading_rad: 0.0 }
 }
 
 fn round(value: f64, digits: f64) -> f64 {

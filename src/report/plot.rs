@@ -207,9 +207,9 @@ impl Picture<'_> {
             Some(width_m) => {
                 let width = width_m * self.layout.scale;
                 let line = if mark.closed { closed(&mark.points) } else { points.collect() };
-                canvas.line(&self.placed(line), pale(mark.colour), width)
+                canvas.line(&self.placed(line), rgb(pale(mark.colour)), width)
             }
-            None => canvas.polygon(&self.placed(points), pale(mark.colour)),
+            None => canvas.polygon(&self.placed(points), rgb(pale(mark.colour))),
         }
     }
 
@@ -358,9 +358,9 @@ fn closed(corners: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// A colour of the floor, on which what was measured stands out.
-fn pale(colour: [u8; 3]) -> RGBColor {
+pub(super) fn pale(colour: [u8; 3]) -> [u8; 3] {
     let half = |part: u8| 255 - (255 - part) / 2;
-    rgb(colour.map(half))
+    colour.map(half)
 }
 
 #[cfg(test)]

@@ -10,6 +10,13 @@ use crate::senses::{Channel, Role};
 use super::mend::Mender;
 use super::{Aspect, LeasedMotor, MOTORS, MotorRole, Robot, RobotConfig, RoleSensor, button};
 
+/// What to do about a device that is not where the file says.
+pub const PLUG_IN: &str = "plug it in there and wait three seconds, or let onbrick setup write a \
+                           robot.toml with what is plugged in";
+
+/// What to do about a device that is there and does not answer.
+pub const PLUG_AGAIN: &str = "unplug it, plug it in again, and wait three seconds";
+
 /// Why a role could not be bound to a device.
 #[derive(Debug, thiserror::Error)]
 pub enum BindError {
@@ -43,6 +50,21 @@ pub enum BindError {
         /// Its port.
         port: String,
     },
+}
+
+impl BindError {
+    /// What to do, where the message does not say it.
+    #[must_use]
+    pub fn way_out(&self) -> Option<&'static str> {
+        match self {
+            Self::Find { source: FindError::Nothing { .. } | FindError::Other { .. }, .. } => {
+                Some(PLUG_IN)
+            }
+            Self::Find { source: FindError::Device(error), .. }
+            | Self::Device { source: error, .. } => (!error.is_denied()).then_some(PLUG_AGAIN),
+            Self::Find { .. } | Self::Shared { .. } => None,
+        }
+    }
 }
 
 impl Robot {

@@ -69,6 +69,8 @@ pub enum StopBy {
     /// A person in the brick's menu, or a program on the brick:
     /// [`StopReason::Here`](super::StopReason::Here).
     Here,
+    /// A person at a run's page: [`StopReason::Page`](super::StopReason::Page).
+    Page,
     /// The menu is gone: [`StopReason::MenuClosed`](super::StopReason::MenuClosed).
     MenuClosed,
     /// The starter was told to stop by a signal: [`StopReason::Signal`](super::StopReason::Signal).
@@ -87,7 +89,8 @@ impl StopBy {
             Self::Here => Signal::SIGUSR2,
             // No process of a run sets an alarm.
             Self::MenuClosed => Signal::SIGALRM,
-            Self::Terminal | Self::Abandoned => Signal::SIGTERM,
+            // A page stops the runs that it started, and has a pipe to them.
+            Self::Page | Self::Terminal | Self::Abandoned => Signal::SIGTERM,
         }
     }
 }

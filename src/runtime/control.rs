@@ -43,6 +43,8 @@ pub struct StopFlags {
     pub remote: Arc<AtomicBool>,
     /// A stop was asked for on the brick.
     pub here: Arc<AtomicBool>,
+    /// A stop was asked for on the run's page.
+    pub page: Arc<AtomicBool>,
     /// The menu is gone.
     pub menu_closed: Arc<AtomicBool>,
     /// The guard is gone.
@@ -107,6 +109,7 @@ impl StopFlags {
         match by {
             StopBy::Remote => &self.remote,
             StopBy::Here => &self.here,
+            StopBy::Page => &self.page,
             StopBy::MenuClosed => &self.menu_closed,
             StopBy::Terminal => &self.signal,
             StopBy::Abandoned => &self.abandoned,
@@ -126,6 +129,7 @@ impl StopFlags {
             (&self.signal, StopReason::Signal),
             (&self.remote, StopReason::Remote),
             (&self.here, StopReason::Here),
+            (&self.page, StopReason::Page),
             (&self.menu_closed, StopReason::MenuClosed),
             (&self.abandoned, StopReason::Abandoned),
             (&self.unguarded, StopReason::Unguarded),

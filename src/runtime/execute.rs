@@ -94,10 +94,7 @@ impl Refused {
                 "look at the permissions of the lock file and its folder; no other program needs \
                  the file, so it can be deleted",
             ),
-            Self::Bind(_) => Some(
-                "onbrick devices shows what is plugged in; plug it in there, or change the \
-                 robot's file",
-            ),
+            Self::Bind(error) => error.way_out(),
             Self::Buttons(_) => Some("a user of the group input, or root"),
             Self::Record { .. } => {
                 Some("--out with a folder that can be written to, on a disk with room")

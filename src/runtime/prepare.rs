@@ -10,7 +10,7 @@
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
 use crate::robot::Robot;
-use crate::senses::{Channel, Senses};
+use crate::senses::{Channel, MOST_V, Senses};
 
 use super::{StopFlags, StopReason};
 use crate::units::degrees;
@@ -35,9 +35,6 @@ const SLOWEST_HAND_DPS: f64 = 1.0;
 
 /// A wheel at rest may stand on the edge between two counts.
 const WHEEL_STILL_RAD: f64 = 0.0175 * 1.5;
-
-/// No cells that fit into a brick give more, volts: above, the reading is wrong.
-pub const MOST_V: f64 = 10.0;
 
 /// What a person is told before the gyro itself is blamed.
 const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the robot still";

@@ -21,6 +21,34 @@ pub fn told(driver: Driver, mode: &str, number: i32) -> Option<(&'static str, St
 }
 
 impl Quantity {
+    /// The least and the greatest value that can come, as conditions see it: where the domain has
+    /// no end, what its sensors can say. Infinity for "nothing" is not among them.
+    #[must_use]
+    pub fn reach(&self) -> (f64, f64) {
+        let (low, high) = self.domain;
+        let said = |source: &Source| {
+            let (first, last) = source.legal;
+            // A number that people read: 2.55, and not what 2550 times 0.001 is.
+            let value = |number: i32| {
+                let value = self.unit.in_conditions(f64::from(number) * source.scale);
+                libm::round(value * 1e6) / 1e6
+            };
+            [value(first), value(last)]
+        };
+        let (least, most) = self
+            .sources
+            .iter()
+            .flat_map(said)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
+                (least.min(value), most.max(value))
+            });
+        let is_said = least <= most;
+        (
+            if low.is_infinite() && is_said { least } else { low },
+            if high.is_infinite() && is_said { most } else { high },
+        )
+    }
+
     /// A value for people.
     #[must_use]
     pub fn told(&self, value: f64) -> String {

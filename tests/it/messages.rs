@@ -211,6 +211,7 @@ fn every_message_before_a_start_is_as_a_person_read_it_last() {
         StopReason::Button,
         StopReason::Remote,
         StopReason::Here,
+        StopReason::Page,
         StopReason::MenuClosed,
         StopReason::Signal,
         StopReason::Abandoned,

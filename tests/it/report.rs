@@ -133,19 +133,24 @@ fn blocks_that_touch_have_one_outline_and_robots_on_one_path_are_both_seen() {
     }
 }
 
+/// With a patch and a line on the floor, a table's edge, and a true path beside the path.
+fn on_a_table() -> Scene {
+    let mut scene = one();
+    scene.edges = vec![vec![[-1.0, -1.0], [1.5, -1.0], [1.5, 1.0], [-1.0, 1.0]]];
+    let red = [0xff, 0x00, 0x00];
+    let mark = |points, width_m, closed| FloorMark { points, width_m, closed, colour: red };
+    scene.marks = vec![
+        mark(vec![[0.0, 0.0], [0.2, 0.0], [0.2, 0.2]], None, true),
+        mark(vec![[0.0, 0.5], [0.4, 0.5]], Some(0.02), false),
+    ];
+    scene.tracks[0].truth = scene.tracks[0].path.iter().map(|p| [p.x_m + 0.02, p.y_m]).collect();
+    scene
+}
+
 #[test]
 fn a_floor_has_its_marks_and_its_edge_and_the_true_path_is_dashed() {
-    let mut scene = one();
-    let without = plot::svg(&scene).unwrap();
-    scene.edges = vec![vec![[-1.0, -1.0], [1.5, -1.0], [1.5, 1.0], [-1.0, 1.0]]];
-    scene.marks = vec![FloorMark {
-        points: vec![[0.0, 0.0], [0.2, 0.0], [0.2, 0.2]],
-        width_m: None,
-        closed: true,
-        colour: [0xff, 0x00, 0x00],
-    }];
-    scene.tracks[0].truth = scene.tracks[0].path.iter().map(|p| [p.x_m + 0.02, p.y_m]).collect();
-    let with = plot::svg(&scene).unwrap();
+    let without = plot::svg(&one()).unwrap();
+    let with = plot::svg(&on_a_table()).unwrap();
     keep("floor.svg", with.as_bytes());
     for word in ["true path", "edge of the floor"] {
         assert!(with.contains(&format!("\n{word}\n")) && !without.contains(word), "{word}");
@@ -222,6 +227,31 @@ fn a_browser_draws_the_page_and_its_slider_moves_through_time() {
         assert!((x - last.x_m).abs() < 2e-3, "{x} is drawn at {hash}, {} was recorded", last.x_m);
         assert!(dom.contains("mapper: map &lt;the room&gt; &amp; back</h1>"));
     }
+}
+
+#[test]
+fn a_browser_draws_the_floors_marks_and_the_true_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("map.html");
+    let html = plot::html(&on_a_table());
+    keep("floor.html", html.as_bytes());
+    std::fs::write(&page, &html).unwrap();
+    let Some(dom) = browse(&page, "#t=10", &["--dump-dom"]) else { return };
+    let marks: Vec<&str> = dom.split("<path class=\"floor\"").skip(1).collect();
+    let [patch, line] = marks.as_slice() else { panic!("{} marks", marks.len()) };
+    assert!(attribute(patch, "style").starts_with("fill:#ff7f7f") || patch.contains("#ff8080"));
+    assert!(
+        attribute(patch, "d").ends_with('Z') && attribute(patch, "d").matches('L').count() == 2
+    );
+    assert!(attribute(line, "style").starts_with("stroke:"), "{line:.200}");
+    assert!(attribute(line, "stroke-width").parse::<f64>().unwrap() > 1.0, "{line:.200}");
+    let truth = dom.split("stroke-dasharray=\"5 5\" class=\"truth\"").nth(1).unwrap();
+    assert!(attribute(truth, "d").matches('L').count() > 100, "{truth:.200}");
+    assert!(dom.contains("true path</li>"));
+    // Where neither is known, the legend does not promise it.
+    std::fs::write(&page, plot::html(&one())).unwrap();
+    let Some(dom) = browse(&page, "", &["--dump-dom"]) else { return };
+    assert!(!dom.contains("true path</li>") && !dom.contains("class=\"floor\""));
 }
 
 /// What a person's hands do: slide to 10 s, zoom in at (400, 300), drag by (40, −25).

@@ -156,9 +156,11 @@ fn late<'c>(
         let earlier = before.iter().find(|(_, earlier)| claim.implies(earlier));
         let (error, warning) = (Severity::Error, Severity::Warning);
         let never = claim.is_never();
+        let beyond = next.when.beyond().map(|beyond| beyond.why());
+        let why = |else_hint: &str| beyond.clone().unwrap_or_else(|| else_hint.to_owned());
         if never {
             root.note(place.clone(), error, "this condition can never hold".to_owned())
-                .hint("look at its numbers, or take it out");
+                .hint(why("look at its numbers, or take it out"));
         } else if let Some((earlier, _)) = earlier {
             let other = earlier.when.text();
             let message =
@@ -166,7 +168,7 @@ fn late<'c>(
             root.note(place.clone(), error, message).hint("put the narrower condition first");
         } else if claim.is_always() && next.when.text() != "true" {
             root.note(place.clone(), warning, "this condition always holds".to_owned())
-                .hint("write `true` if that is meant");
+                .hint(why("write `true` if that is meant"));
         }
         impossible.push(never || earlier.is_some());
         before.push(transition);

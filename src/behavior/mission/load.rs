@@ -8,7 +8,9 @@ use std::ops::Range;
 use super::{Mission, OnLost, Outputs, checks};
 use crate::behavior::MAX_VARIABLES;
 use crate::behavior::engine::Finish;
-use crate::behavior::expression::{Expression, Kind, Misreading, Vocabulary, is_plain};
+use crate::behavior::expression::{
+    Claims, Expression, Kind, Misreading, Mistake, Vocabulary, is_plain,
+};
 use crate::behavior::signals::Capabilities;
 use crate::behavior::tune::Tune;
 use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity, nearest};
@@ -51,6 +53,7 @@ pub(super) fn load(
             root,
             vocabulary,
             uses: Vec::new(),
+            absent: BTreeSet::new(),
             tunes: Vec::new(),
             states: 0,
             used: BTreeSet::new(),
@@ -65,6 +68,8 @@ pub(super) struct Reader<'r, 'd, 'c> {
     pub(super) vocabulary: Vocabulary<'c>,
     /// What of the robot is sensed or moved, and where in the file.
     pub(super) uses: Vec<(Channel, Range<usize>)>,
+    /// The parts of which it was said that the robot does not have them.
+    absent: BTreeSet<&'static str>,
     /// The tunes so far.
     tunes: Vec<Tune>,
     /// How many states there are so far.
@@ -199,15 +204,23 @@ impl<'d> Reader<'_, 'd, '_> {
         match read {
             Ok(expression) => {
                 self.uses.extend(expression.channels().map(|channel| (channel, item.place())));
-                if let Some(number) = expression.centimetres() {
-                    let message = format!("`range_m` is in metres, and no sensor sees {number} m");
-                    let hint = format!("{number} cm are {}", number / 100.0);
-                    item.warning(message).hint(hint);
+                if let Some(beyond) = expression.beyond() {
+                    let claims = Claims::of(&expression);
+                    // One that never holds, or always does, is told as that.
+                    if !claims.is_never() && !claims.is_always() {
+                        item.warning(beyond.message()).hint(beyond.hint());
+                    }
                 }
                 Some(expression)
             }
             Err(misreadings) => {
                 for Misreading { place, mistake, hint } in misreadings {
+                    // A part that is missing is one thing to do, wherever it is asked for.
+                    if let Mistake::NoPart { part, .. } = mistake
+                        && !self.absent.insert(part)
+                    {
+                        continue;
+                    }
                     let place = item.place_within(place.start + start..place.end + start);
                     self.root
                         .note(place, Severity::Error, mistake.to_string())

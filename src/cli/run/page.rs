@@ -214,17 +214,17 @@ impl Hand {
 
     fn grant(&self, wish: Wish) {
         self.again.store(wish == Wish::Again, Ordering::Relaxed);
-        self.flags.raise(StopBy::Here);
+        self.flags.raise(StopBy::Page);
         if let Some(stopper) = &*self.stopper() {
             // A run that is gone needs no telling.
-            let _ = stopper.stop(StopBy::Here);
+            let _ = stopper.stop(StopBy::Page);
         }
     }
 
     /// A run begins, of which nothing has been wanted yet.
     fn begin(&self) {
         self.again.store(false, Ordering::Relaxed);
-        self.flags.here.store(false, Ordering::Relaxed);
+        self.flags.page.store(false, Ordering::Relaxed);
     }
 
     fn hold(&self, stopper: Stopper) {

@@ -2,7 +2,8 @@
 
 use crate::ev3dev::{Battery, Button, Buttons, DeviceError, Inventory, Sound, StatusLights};
 use crate::robot::{BatteryConfig, BatteryLimits};
-use crate::runtime::{HardwareLock, LockError, MOST_V};
+use crate::runtime::{HardwareLock, LockError};
+use crate::senses::MOST_V;
 
 use super::{Diagnosis, Examination, with_causes};
 

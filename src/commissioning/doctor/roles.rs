@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{DeviceError, TachoMotor, Tree};
-use crate::robot::{MotorRole, RobotConfig, RoleSensor};
+use crate::robot::{MotorRole, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor};
 use crate::runtime::GYRO_STILL_RAD;
 use crate::senses::{Role, Unit};
 use crate::units::degrees;
@@ -20,13 +20,6 @@ const LOOK_NS: i64 = 20 * MILLISECOND_NS;
 /// A sensor that was just put into a mode needs this long, nanoseconds; a UART sensor takes up to
 /// half a second.
 const SETTLE_NS: i64 = SECOND_NS / 2;
-
-/// What to do about a device that is not where the file says.
-const REPLUG: &str =
-    "plug it in there and wait three seconds, or let onbrick setup rewrite robot.toml";
-
-/// What to do about a device that is there and does not answer.
-const LOOSE: &str = "unplug it, plug it in again, and wait three seconds";
 
 pub(super) fn file(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "robot.toml";
@@ -71,7 +64,7 @@ pub(super) fn motors(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
 fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis: &mut Diagnosis) {
     let motor = match TachoMotor::find(tree, wanted.port.as_ref(), None) {
         Ok(motor) => motor,
-        Err(error) => return diagnosis.fail(role, with_causes(&error), REPLUG),
+        Err(error) => return diagnosis.fail(role, with_causes(&error), PLUG_IN),
     };
     let identity = motor.identity();
     let what = format!("{} on {}", identity.driver, identity.address.short());
@@ -79,7 +72,7 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
     let (state, position, commands) = match read {
         Ok(read) => read,
         Err(error) => {
-            return diagnosis.fail(role, format!("{what}: {}", with_causes(&error)), LOOSE);
+            return diagnosis.fail(role, format!("{what}: {}", with_causes(&error)), PLUG_AGAIN);
         }
     };
     if state.is_running() {
@@ -115,7 +108,9 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         match Watch::begin(tree, config, *role, may_set) {
             Ok(watch) => watched.push(watch),
             // A run does without it where the mission does.
-            Err((found, to_do)) if to_do == REPLUG && !matches!(role, Role::Range | Role::Gyro) => {
+            Err((found, to_do))
+                if to_do == PLUG_IN && !matches!(role, Role::Range | Role::Gyro) =>
+            {
                 diagnosis.warn(&config.section(*role), found, to_do);
             }
             Err((found, to_do)) => diagnosis.fail(&config.section(*role), found, to_do),
@@ -154,7 +149,7 @@ impl Watch {
         may_set: bool,
     ) -> Result<Self, (String, &'static str)> {
         let mut sensor = RoleSensor::find(tree, config, role, &[])
-            .map_err(|error| (with_causes(&error), REPLUG))?;
+            .map_err(|error| (with_causes(&error), PLUG_IN))?;
         if !sensor.is_in_mode() {
             if !may_set {
                 let found = format!(
@@ -163,7 +158,7 @@ impl Watch {
                 );
                 return Err((found, "look again when the other program is done"));
             }
-            sensor.set_mode().map_err(|error| (with_causes(&error), LOOSE))?;
+            sensor.set_mode().map_err(|error| (with_causes(&error), PLUG_AGAIN))?;
         }
         Ok(Self { name: config.section(role), sensor, values: Vec::new(), failed: None })
     }
@@ -187,10 +182,10 @@ impl Watch {
         let role = self.sensor.role();
         let name = &self.name;
         if let Some(error) = &self.failed {
-            return diagnosis.fail(name, format!("{what}: {}", with_causes(error)), LOOSE);
+            return diagnosis.fail(name, format!("{what}: {}", with_causes(error)), PLUG_AGAIN);
         }
         let (Some(first), Some(last)) = (self.values.first(), self.values.last()) else {
-            return diagnosis.fail(name, format!("{what} was not read"), LOOSE);
+            return diagnosis.fail(name, format!("{what} was not read"), PLUG_AGAIN);
         };
         let moved = (last - first).abs();
         match role {

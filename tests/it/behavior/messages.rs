@@ -201,6 +201,14 @@ fn cases() -> Vec<(&'static str, String)> {
         ("a speed with a unit", "name = \"m\"\ntime_limit_s = \"10s\"\n".to_owned()),
         ("a time with a unit", when("state_s > 10s")),
         ("centimetres", when("range_m < 25")),
+        (
+            "centimetres in a number",
+            when("touch or close_m > range_m").replace("close_m = 0.25", "close_m = 25"),
+        ),
+        ("millivolts", when("battery_v < 7200")),
+        ("more than all", when("touch and reflect_pct < 150")),
+        ("more than all, which is never so", when("reflect_pct > 150")),
+        ("a direction beyond half a turn", when("heading_deg > 270")),
         ("a world", onbrick::sim::World::text("line").unwrap().to_owned()),
         ("a robot", onbrick::robot::DEFAULT_ROBOT.to_owned()),
         ("a text without quotes", "name = m\n".to_owned()),
@@ -372,4 +380,18 @@ fn every_message_is_as_a_person_read_it_last() {
         assert_eq!(now, read, "line {} of {path}; ONBRICK_BLESS=1 rewrites it", at + 1);
     }
     assert_eq!(now.lines().count(), read.lines().count(), "{path}");
+}
+
+#[test]
+fn numbers_that_a_signal_can_be_are_not_remarked_upon() {
+    for condition in [
+        "x_m > 150 or y_m < -150 or state_m > 100 or state_turn_deg > 720",
+        "range_m < 2.55 or reflect_pct < 100 or battery_v < 7.2 or heading_deg > 179",
+        "range_m * 100 < 25 or range_m - 5 < 0 or colour != 7",
+    ] {
+        let text = when(condition);
+        let (_, warnings) =
+            Mission::parse("mission.toml", text.as_bytes(), &Capabilities::all()).unwrap();
+        assert!(warnings.is_empty(), "{condition}:\n{warnings}");
+    }
 }

@@ -728,7 +728,8 @@ fn preparing_says_what_a_person_should_do_and_an_unready_robot_is_refused() {
                 let pull = |brick: &TurningBrick| {
                     std::fs::remove_dir_all(brick.path("lego-sensor/sensor1", "")).unwrap()
                 };
-                refused(&pull, &["gyro", "in4", "lego-ev3-us on in1"]);
+                let plug_in = "try: plug it in there and wait three seconds, or let onbrick setup";
+                refused(&pull, &["gyro", "in4", "lego-ev3-us on in1", plug_in]);
             });
             scope.spawn(|| {
                 refused(

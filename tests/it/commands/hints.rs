@@ -25,7 +25,8 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
         (&["graph", "robot.toml"], "this file is a robot, not a mission"),
         (
             &["run", "map", "--robot", "blind.toml", "--sim", "arena"],
-            "wants another robot; onbrick new robot",
+            "wants another robot: plug in what is missing and let onbrick setup write a \
+             robot.toml; or --robot mapper",
         ),
         (&["run", "broken.toml", "--sim", "arena"], "onbrick new mission"),
     ] {
@@ -33,5 +34,22 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
         assert!(said.contains(hint), "{arguments:?}: {said}");
+    }
+}
+
+#[test]
+fn a_part_that_the_robot_lacks_is_told_once_however_often_it_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("blind.toml"), TWO_WHEELS).unwrap();
+    for (arguments, part) in [
+        (&["run", "line", "--robot", "blind.toml", "--sim", "line"][..], "takes a colour sensor"),
+        (&["run", "explore", "--robot", "blind.toml", "--sim", "arena"], "takes a range sensor"),
+    ] {
+        let output = onbrick(folder.path(), arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
+        assert_eq!(said.matches(part).count(), 1, "{said}");
+        let ways_out = said.matches("plug in what is missing").count();
+        assert!(ways_out == 1 && said.contains("or --robot mapper"), "{said}");
     }
 }

@@ -263,7 +263,7 @@ fn a_browser_shows_a_run_and_a_hand_steers_the_simulation() {
     assert!((1.5..6.0).contains(&number("rate")), "{} times as fast", number("rate"));
     assert!(number("off") < -0.3, "the robot does not know that it was carried");
     let ended = seen["ended"].as_str().unwrap();
-    assert!(ended.contains("stopped") && ended.contains("map-1/run.mcap"), "{ended}");
+    assert!(ended.contains("stopped on the page") && ended.contains("map-1/run.mcap"), "{ended}");
     assert_eq!((&seen["hidden"], &seen["fresh"]), (&true.into(), &true.into()));
     assert!(number("again").abs() < 0.1, "it starts where it started");
     assert!(number("time") > 59.0 && number("points") > 100.0);
@@ -307,7 +307,7 @@ fn a_run_on_a_mounted_brick_is_shown_and_can_be_stopped() {
             page.post("/wish", "stop");
             let state = page.until_state(is_over);
             let note = state["run"]["note"].as_str().unwrap();
-            pace.ensure(note.contains("stopped on the brick"), || note.to_owned());
+            pace.ensure(note.contains("stopped on the page"), || note.to_owned());
             assert_eq!(state["can"], serde_json::json!([]));
         }
         // Its exit code is the run's.

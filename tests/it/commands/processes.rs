@@ -39,6 +39,7 @@ fn a_run_is_stopped_on_somebodys_behalf_and_says_so_before_its_recording_is_fini
         || {
             for (by, word) in [
                 (StopBy::Remote, "remote"),
+                (StopBy::Page, "page"),
                 (StopBy::MenuClosed, "menu closed"),
                 (StopBy::Terminal, "signal"),
             ] {

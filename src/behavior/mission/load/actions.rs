@@ -293,7 +293,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let sensed =
             QUANTITIES.iter().filter(|quantity| quantity.role == role && role != Role::Wheels);
         self.uses.extend(sensed.map(|quantity| (quantity.channel, item.key_place())));
-        if !self.vocabulary.capabilities().has(role) {
+        if !self.vocabulary.capabilities().has(role) && self.absent.insert(role.what()) {
             item.error_at_key(format!(
                 "`{}` takes {}, which the robot does not have",
                 item.key(),

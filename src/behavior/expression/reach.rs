@@ -1,0 +1,99 @@
+//! Signals that are compared with a number that they never are: another unit may have been meant.
+
+use super::{Expression, Infix, Op};
+use crate::behavior::signals::Word;
+use crate::senses::Unit;
+
+/// A comparison with a number out of a signal's reach.
+#[derive(Debug)]
+pub(in crate::behavior) struct Beyond {
+    signal: Word,
+    number: f64,
+}
+
+impl Beyond {
+    /// What is wrong.
+    pub(in crate::behavior) fn message(&self) -> String {
+        format!("{}, and {} is beyond", self.domain(), self.number)
+    }
+
+    /// What to do about it.
+    pub(in crate::behavior) fn hint(&self) -> String {
+        let (least, most) = self.signal.reach();
+        self.meant().unwrap_or_else(|| format!("write a number from {least} to {most}"))
+    }
+
+    /// Why a condition never holds, or always does.
+    pub(in crate::behavior) fn why(&self) -> String {
+        let meant = self.meant().map(|meant| format!("; {meant}"));
+        format!("{}{}", self.domain(), meant.unwrap_or_default())
+    }
+
+    /// What the signal can be.
+    fn domain(&self) -> String {
+        let (name, (least, most)) = (self.signal.name, self.signal.reach());
+        format!("`{name}` is {}, from {least} to {most}", unit(self.signal.unit()).0)
+    }
+
+    /// The number in the signal's unit, if it was meant in one that people use for the same.
+    fn meant(&self) -> Option<String> {
+        let (least, most) = self.signal.reach();
+        unit(self.signal.unit()).1.iter().find_map(|(symbol, parts)| {
+            let number = self.number / parts;
+            let fits = (least..=most).contains(&number);
+            fits.then(|| format!("{} {symbol} are {number}", self.number))
+        })
+    }
+}
+
+/// How messages name the unit that conditions have, and smaller ones of its kind: how many of them
+/// it has.
+fn unit(unit: Unit) -> (&'static str, &'static [(&'static str, f64)]) {
+    match unit {
+        Unit::Truth | Unit::Number => ("a number", &[]),
+        Unit::Percent => ("in percent", &[]),
+        Unit::Metres => ("in metres", &[("cm", 100.0), ("mm", 1000.0)]),
+        Unit::Radians => ("in degrees", &[]),
+        Unit::RadiansPerSecond => ("in degrees a second", &[]),
+        Unit::Volts => ("in volts", &[("mV", 1000.0)]),
+    }
+}
+
+impl Expression {
+    /// The first comparison of a signal with a number that it cannot be.
+    ///
+    /// Places and ways have no bound that a robot could not pass, so nothing is said of them.
+    pub(in crate::behavior) fn beyond(&self) -> Option<Beyond> {
+        (0..self.ops.len()).find_map(|at| {
+            let (one, rest) = operand(&self.ops[at..])?;
+            let (other, rest) = operand(rest)?;
+            let Some(Op::Infix(Infix::Compare(_))) = rest.first() else { return None };
+            let (signal, number) = match (one, other) {
+                (Operand::Signal(signal), Operand::Number(number))
+                | (Operand::Number(number), Operand::Signal(signal)) => (signal, number),
+                _ => return None,
+            };
+            let (least, most) = signal.reach();
+            (number < least || number > most).then_some(Beyond { signal, number })
+        })
+    }
+}
+
+enum Operand {
+    Signal(Word),
+    Number(f64),
+}
+
+/// A signal or a number at the beginning of some operations, and what follows it.
+fn operand(ops: &[Op]) -> Option<(Operand, &[Op])> {
+    match *ops {
+        [Op::Signal(input), ref rest @ ..] => Some((Operand::Signal(input.word()?), rest)),
+        [Op::Number(value) | Op::Named { value, .. }, Op::Negate, ref rest @ ..] => {
+            Some((Operand::Number(-value), rest))
+        }
+        [Op::Number(value) | Op::Named { value, .. }, ref rest @ ..] => {
+            Some((Operand::Number(value), rest))
+        }
+        _ => None,
+    }
+}
