@@ -22,7 +22,7 @@
 //! | step, turn | (d_right + d_left) / 2, (d_right − d_left) / track width | Borenstein, Everett, Feng, *Where am I?* 1.1 |
 //! | the seed's pose | pose ⊗ (rotation by the gyro's change, translation by the step along x): the step is made along the heading before it | MappingRobots.jl |
 //! | the default's pose | the step along the mean of the headings before and after | Thrun, Burgard, Fox, *Probabilistic Robotics* 5.4 |
-//! | the default's heading | the encoders' turn, held within half a degree of the gyro's angle; its bias removed, learnt at standstills | `mapping/gyro.rs` |
+//! | the default's heading | the encoders' turn, held within half a degree of the gyro's angle; its bias removed, learnt at standstills and, where it is slow, by the wheels | `mapping/gyro.rs`, `mapping/drift.rs` |
 //! | slip | recent turns by encoders and gyro differ by more than 4° and a fifth | `mapping/slip.rs` |
 //! | covariance | first order; wheel errors grow with the way, gyro errors with turn and time | *Probabilistic Robotics* 5.4; Chong, Kleeman 1997; UMBmark for what calibration removes |
 //! | point | pose × (translation to the sensor) × (rotation by the head) × (range, 0), for the default at the instant of the reading | MappingRobots.jl |
@@ -50,6 +50,7 @@
 mod align;
 mod bearing;
 mod cloud;
+mod drift;
 mod estimator;
 mod events;
 mod filter;

@@ -102,9 +102,10 @@ drive_through() {
   }
 }
 
-# mission NAME RATE SECONDS: the shipped mission of this name, at another rate and for another time.
+# mission NAME RATE SECONDS: the shipped mission of this name, at this rate and for this time.
 mission() {
-  sed -e "s/^rate_hz = .*/rate_hz = $2/" -e "s/^time_limit_s = .*/time_limit_s = $3/" \
+  sed -e '/^rate_hz = /d' -e '/^time_limit_s = /d' \
+    -e "s/^name = .*/&\nrate_hz = $2\ntime_limit_s = $3/" \
     "/etc/onbrick/missions/$1.toml" >"/tmp/$1.toml"
   echo "/tmp/$1.toml"
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::drift::{DriftWatch, Turned};
 use super::filter::Step;
 use super::geometry::{EstimatorConfig, Method};
 use super::gyro::{GyroInput, GyroState};
@@ -41,6 +42,7 @@ pub struct EstimatorState {
     turn_rad_s: f64,
     wheels: WheelsState,
     gyro: GyroState,
+    drift: DriftWatch,
     slip: SlipState,
     history: History,
     near: RangeFilter,
@@ -231,14 +233,30 @@ impl Estimator {
         };
         let by_gyro = step.gyro_rad.is_some();
         let Some(gyro_rad) = step.gyro_rad.filter(|_| wheels.read) else {
+            self.watch_drift(None);
             return Trust { by_gyro, slip_m: 0.0 };
         };
         let slipping = self.state.slip.update(passed_s, wheels.turn_rad, gyro_rad);
+        self.watch_drift(step.change_rad.filter(|_| !slipping).map(|gyro_rad| Turned {
+            passed_s,
+            forward_m: wheels.forward_m,
+            wheels_m: wheels.left_m.abs() + wheels.right_m.abs(),
+            encoder_rad: wheels.turn_rad,
+            gyro_rad,
+        }));
         *events |= Events::SLIP.when(slipping);
         let unexplained_rad = if slipping { wheels.turn_rad - gyro_rad } else { 0.0 };
         Trust {
             by_gyro,
             slip_m: unexplained_rad.abs() * self.config.geometry.track_width_m() / 2.0,
+        }
+    }
+
+    /// Tells a slow drift of the gyro by the wheels.
+    fn watch_drift(&mut self, turned: Option<Turned>) {
+        let per_track_width_m = self.config.geometry.per_track_width_m();
+        if let Some(drift) = self.state.drift.update(turned, per_track_width_m) {
+            self.state.gyro.drifts(drift);
         }
     }
 

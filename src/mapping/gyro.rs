@@ -30,6 +30,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Events;
+use super::drift::Drift;
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds, seconds_nearly};
 use crate::units::within;
 
@@ -145,6 +146,13 @@ impl GyroState {
     /// The bias that is being removed, rad/s.
     pub(super) fn bias_rad_s(&self) -> f64 {
         self.bias_rad_s
+    }
+
+    /// Takes what driving says of the bias. A standstill finds its own, for all of its time.
+    pub(super) fn drifts(&mut self, drift: Drift) {
+        if self.still.is_none() {
+            self.bias_rad_s = drift.bias_rad_s(self.bias_rad_s);
+        }
     }
 
     /// Takes one tick's reading.
