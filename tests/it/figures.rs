@@ -5,6 +5,7 @@
 //! this repository.
 
 mod brenner;
+mod drift;
 mod encoder_gyro;
 mod explore;
 mod maps;
