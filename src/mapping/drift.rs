@@ -19,9 +19,9 @@
 //! Heading after two minutes, root mean square and worst of eight runs in `arena` and `rooms`
 //! (`cargo test --test it figures::drift -- --nocapture`): exploring, a drift of 0.19 °/s leaves 4°
 //! and 7°, where it left 15° and 22°; 0.1 °/s leaves 7° and 10°. The mission `map`, which seldom
-//! stands and turns one way, leaves 14° of 0.19 °/s, where it left 22°: in one run of four all of it
-//! for two minutes, as always of 0.1 °/s. One that follows a wall leaves all of either. Without a
-//! drift none is taken up.
+//! stands and turns one way, leaves 14° of 0.19 °/s, where it left 22°: in one run of four all of
+//! it for two minutes, as always of 0.1 °/s. One that follows a wall leaves all of either. Without
+//! a drift none is taken up.
 //!
 //! # Not here
 //!
@@ -159,8 +159,8 @@ mod tests {
     const STEP_M: f64 = 0.002;
 
     /// A robot that drives for four seconds, turns on the spot for two, to and fro, and looks round
-    /// for six: with this drift of its gyro and this mismatch of its wheels. Returns the bias at the
-    /// end, in degrees a second; at `hand_s` a hand turns it by 20°.
+    /// for six: with this drift of its gyro and this mismatch of its wheels. Returns the bias at
+    /// the end, in degrees a second; at `hand_s` a hand turns it by 20°.
     fn driven(seconds: u32, drift_dps: f64, mismatch: f64, hand_s: Option<u32>) -> f64 {
         let per_track_width_m = Geometry::seed().per_track_width_m();
         let (mut watch, mut bias_rad_s, mut told_rad) = (DriftWatch::default(), 0.0, 0.0);

@@ -5,17 +5,21 @@
 //! Nothing is looked up on a brick: whether something is plugged in where the file says shows when
 //! the robot is bound.
 
+mod range;
+
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
+pub use range::RangeRole;
+
 use super::battery::{BatteryConfig, battery};
 use crate::document::{Document, Findings, Item, Kind, Section};
 use crate::ev3dev::PortAddress;
-use crate::mapping::{Geometry, OwnEcho, OwnEchoes, RangeMount};
+use crate::mapping::Geometry;
 use crate::printable::is_printable;
 use crate::senses::{Channel, Role};
-use crate::units::{degrees, radians};
+use crate::units::radians;
 
 /// A robot as its file describes it.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,25 +80,6 @@ pub struct HeadRole {
     pub speed_rad_s: f64,
     /// How far the head may turn to either side, radians.
     pub limit_rad: f64,
-}
-
-/// How the range sensor sits and measures.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RangeRole {
-    /// Metres from the middle of the axle to the sensor, ahead.
-    pub ahead_m: f64,
-    /// Readings from here on make no point of the map, metres.
-    pub max_m: f64,
-    /// Half of the cone that it hears in, radians.
-    pub half_cone_rad: f64,
-    /// What its readings are too large by, metres.
-    pub bias_m: f64,
-    /// What it says for each metre more, metres.
-    pub scale: f64,
-    /// Where it hears the robot itself.
-    pub own_echoes: OwnEchoes,
-    /// Metres for one percent of the infrared sensor's proximity: LEGO says 100 % is about 0.7 m.
-    pub infrared_m_per_pct: f64,
 }
 
 /// A motor with a name of its own.
@@ -191,7 +176,7 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let drive =
         root.require("drive").and_then(|item| item.section()).and_then(|section| drive(&section));
     let head = root.value_or("head", None, |item| head(&item.section()?).map(Some));
-    let range = root.value_or("range", None, |item| range(&item.section()?).map(Some));
+    let range = root.value_or("range", None, |item| range::range(&item.section()?).map(Some));
     let gyro_watch_s = gyro_watch_s(root);
     let sensors = sensors(root);
     let named_sensors = named_sensors(root);
@@ -329,68 +314,6 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
     })
 }
 
-fn range(section: &Section<'_>) -> Option<RangeRole> {
-    section.allow(&[
-        "port",
-        "ahead_m",
-        "max_m",
-        "half_cone_deg",
-        "bias_m",
-        "scale",
-        "own_echoes",
-        "infrared_m_per_pct",
-    ]);
-    let usual = RangeMount::default();
-    let ahead_m = section.value_or("ahead_m", 0.0, |item| item.number(RangeMount::AHEAD_M));
-    // The sensor's own end.
-    let max_m =
-        section.value_or("max_m", 2.0, |item| item.number(*RangeMount::MAX_M.start()..=2.55));
-    let infrared = section.value_or("infrared_m_per_pct", 0.007, |item| item.number(0.0001..=0.1));
-    let (least_rad, most_rad) = RangeMount::HALF_CONE_RAD.into_inner();
-    let half_cone_rad = section.value_or("half_cone_deg", usual.half_cone_rad, |item| {
-        item.number(degrees(least_rad)..=libm::floor(degrees(most_rad))).map(radians)
-    });
-    let bias_m = section.value_or("bias_m", usual.bias_m, |item| item.number(RangeMount::BIAS_M));
-    let scale = section.value_or("scale", usual.scale, |item| item.number(RangeMount::SCALE));
-    let own_echoes = section.value_or("own_echoes", OwnEchoes::default(), own_echoes);
-    Some(RangeRole {
-        ahead_m: ahead_m?,
-        max_m: max_m?,
-        half_cone_rad: half_cone_rad?,
-        bias_m: bias_m?,
-        scale: scale?,
-        own_echoes: own_echoes?,
-        infrared_m_per_pct: infrared?,
-    })
-}
-
-/// Angles of the head from and to, degrees, and what the sensor says there, metres.
-fn own_echoes(item: &Item<'_>) -> Option<OwnEchoes> {
-    let list = item.list()?;
-    if list.len() > OwnEchoes::MAX {
-        item.error(format!(
-            "`{}` has {} places; it takes {}",
-            item.path(),
-            list.len(),
-            OwnEchoes::MAX
-        ))
-        .hint("places side by side can be one, from the first to the last");
-        return None;
-    }
-    let own = |item: &Item<'_>| {
-        let [from_deg, to_deg, range_m] = item.numbers::<3>(-360.0..=360.0)?;
-        if !OwnEchoes::RANGE_M.contains(&range_m) {
-            let (least, most) = OwnEchoes::RANGE_M.into_inner();
-            item.error(format!("a part of the robot is {least} to {most} m off, not {range_m}"))
-                .hint("from and to, degrees of the head, then metres: [80, 100, 0.2]");
-            return None;
-        }
-        Some(OwnEcho { from_rad: radians(from_deg), to_rad: radians(to_deg), range_m })
-    };
-    list.iter().map(own).collect::<Option<Vec<_>>>().map(OwnEchoes::of)
-}
-
-/// The sensors that the file has; `None` where one of them is wrong.
 /// Where the file says nothing, seconds: a drift of 0.2 degrees a second, 24 degrees in two
 /// minutes, makes a degree in less. No one waits for longer than a minute.
 const GYRO_WATCH_S: f64 = 5.2;
@@ -402,6 +325,7 @@ fn gyro_watch_s(root: &Section<'_>) -> Option<f64> {
     })
 }
 
+/// The sensors that the file has; `None` where one of them is wrong.
 fn sensors(root: &Section<'_>) -> Option<BTreeMap<Role, Option<PortAddress>>> {
     let sensor = |role: Role| {
         let section = root.get(role.section())?.section();
