@@ -435,6 +435,7 @@ fn place_of_port(root: &Section<'_>, role: &str) -> std::ops::Range<usize> {
 mod tests {
     use super::super::DEFAULT_ROBOT;
     use super::*;
+    use crate::mapping::RangeMount;
 
     fn findings(text: &str) -> String {
         RobotConfig::load("robot.toml", text.as_bytes())
