@@ -3,9 +3,9 @@
 //! Roles and sensor modes have been seen to when the robot was bound. What is left is to watch for
 //! a moment: every reading has come, wheels and gyro stand still, and the gyro does not drift. A
 //! gyro that was moved while it started drifts for the whole session (`ev3dev-interfaces`, 6.4),
-//! and only unplugging it helps. It says whole degrees, so a drift is seen once it has made one: one
-//! that makes a degree in less than `watch_s` of `robot.toml` always is, a slower one not always. On
-//! a brick the last three seconds are those in which it beeps.
+//! and only unplugging it helps. It says whole degrees, so a drift is seen once it has made one:
+//! always where that takes less than `watch_s` of `robot.toml`, and not always where it takes
+//! longer. On a brick the last three seconds are those in which it beeps.
 
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
