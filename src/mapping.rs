@@ -34,8 +34,7 @@
 //! # Not here
 //!
 //! No I/O and no clock: time is in the inputs. No loop closing over what is no landmark any more.
-//! No scoring of maps against walls; what that needs of
-//! statistics is in [`stats`].
+//! No scoring of maps against walls; what that needs of statistics is in [`stats`].
 //!
 //! # What it costs
 //!

@@ -72,8 +72,9 @@ pub fn wrap_rad(angle_rad: f64) -> f64 {
     }
 }
 
-/// A number held between two others. Where they are not in order, or are no numbers, `f64::clamp`
-/// panics, and this gives the upper one: for bounds that come from a file's numbers.
+/// A number held between two others, for bounds that come from a file's numbers: `f64::clamp`
+/// panics where they are not in order or not numbers. Here the upper one then holds, and one that
+/// is not a number does not.
 #[must_use]
 pub fn within(number: f64, low: f64, high: f64) -> f64 {
     number.max(low).min(high)

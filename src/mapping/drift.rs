@@ -17,11 +17,10 @@
 //! # What it comes to
 //!
 //! Heading after two minutes, root mean square and worst of eight runs in `arena` and `rooms`
-//! (`cargo test --test it figures::drift -- --nocapture`): exploring, a drift of 0.19 °/s leaves 4°
-//! and 7°, where it left 15° and 22°; 0.1 °/s leaves 7° and 10°. The mission `map`, which seldom
-//! stands and turns one way, leaves 14° of 0.19 °/s, where it left 22°: in one run of four all of
-//! it for two minutes, as always of 0.1 °/s. One that follows a wall leaves all of either. Without
-//! a drift none is taken up.
+//! (`cargo test --test it figures::drift -- --nocapture`): exploring, a drift of 0.19 °/s, 23° in
+//! all, leaves 4° and 7°; 0.1 °/s, 12° in all, leaves 7° and 10°. The mission `map`, which seldom
+//! stands and turns one way, leaves 14° of 0.19 °/s, in the worst run all of it, and all of 0.1
+//! °/s: mismatched wheels explain it as well.
 //!
 //! # Not here
 //!

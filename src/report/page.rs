@@ -88,11 +88,7 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
             .into_iter()
             .flat_map(of_path)
             .collect::<Vec<_>>(),
-        // A scene's true path has no times: the page shows the whole of it.
-        "truth": thinned(&track.truth.iter().copied().map(untimed).collect::<Vec<_>>(), LEAST_STEP_M)
-            .into_iter()
-            .map(|p| [round(p.x_m, 1e4), round(p.y_m, 1e4)])
-            .collect::<Vec<_>>(),
+        "truth": true_path(&track.truth),
         "points": track
             .points
             .iter()
@@ -101,8 +97,12 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     })
 }
 
-fn untimed([x_m, y_m]: [f64; 2]) -> PathPoint {
-    PathPoint { time_s: 0.0, x_m, y_m, heading_rad: 0.0 }
+/// It has no times: the page shows the whole of it.
+fn true_path(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let untimed = |&[x_m, y_m]: &[f64; 2]| PathPoint { time_s: 0.0, x_m, y_m, heading_rad: 0.0 };
+    let path: Vec<PathPoint> = places.iter().map(untimed).collect();
+    let thinned = thinned(&path, LEAST_STEP_M).into_iter();
+    thinned.map(|point| [round(point.x_m, 1e4), round(point.y_m, 1e4)]).collect()
 }
 
 fn round(value: f64, digits: f64) -> f64 {

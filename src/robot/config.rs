@@ -315,9 +315,9 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
 }
 
 /// Where the file says nothing, seconds: a drift of 0.2 degrees a second, 24 degrees in two
-/// minutes, makes a degree in less. No one waits for longer than a minute.
+/// minutes, makes a degree in less. A shorter watch would let faster drifts drive.
 const GYRO_WATCH_S: f64 = 5.2;
-const GYRO_WATCHES_S: RangeInclusive<f64> = 1.0..=60.0;
+const GYRO_WATCHES_S: RangeInclusive<f64> = GYRO_WATCH_S..=60.0;
 
 fn gyro_watch_s(root: &Section<'_>) -> Option<f64> {
     root.value_or("gyro", GYRO_WATCH_S, |item| {
@@ -484,7 +484,7 @@ mod tests {
             ("max_dps = 360", "max_dps = -5", "it can be 1 to 15600"),
             ("port = \"in4\"", "port = \"in1\"", "`gyro` and `range` are both on in1"),
             ("port = \"in4\"", "port = \"out Z\"", "such as \"outA\""),
-            ("port = \"in4\"", "port = \"in4\"\nwatch_s = 0", "it can be 1 to 60"),
+            ("port = \"in4\"", "port = \"in4\"\nwatch_s = 1", "it can be 5.2 to 60"),
             ("name = \"mapper\"", "name = \"\"", "must be 1 to 64 bytes"),
             ("name = \"mapper\"", "", "`name` is missing"),
         ];

@@ -29,7 +29,7 @@ fn a_drift_that_the_start_lets_pass_is_removed_while_the_robot_drives() {
         ("explore", [(0.0, 1.0, 2.0), (0.1, 7.0, 12.0), (-0.15, 5.0, 10.0), (0.19, 6.0, 10.0)]),
         ("map", [(0.0, 4.5, 7.0), (0.1, 15.0, 19.0), (-0.15, 17.0, 23.0), (0.19, 17.0, 28.0)]),
     ] {
-        for (drift_dps, least_deg, most_deg) in bounds {
+        for (drift_dps, rms_bound_deg, worst_bound_deg) in bounds {
             let off_deg: Vec<f64> = ["arena", "rooms"]
                 .into_iter()
                 .flat_map(|world| (31..35).map(move |seed| (world, seed)))
@@ -40,7 +40,7 @@ fn a_drift_that_the_start_lets_pass_is_removed_while_the_robot_drives() {
             let worst_deg = off_deg.iter().copied().fold(0.0, f64::max);
             println!("| {mission} | {drift_dps} | {rms_deg:.1}, {worst_deg:.1} |");
             assert!(
-                rms_deg < least_deg && worst_deg < most_deg,
+                rms_deg < rms_bound_deg && worst_deg < worst_bound_deg,
                 "{mission}, {drift_dps} degrees a second: {off_deg:.1?}"
             );
         }
