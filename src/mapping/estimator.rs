@@ -221,6 +221,7 @@ impl Estimator {
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
             value_rad: inputs.gyro.map(|gyro| gyro.value_rad),
+            per_scale: self.config.geometry.per_gyro_scale(),
             heading_rad: before_rad,
             encoder_rad: wheels.turn_rad,
             still: wheels.still,
