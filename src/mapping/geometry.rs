@@ -230,8 +230,8 @@ impl Geometry {
         Ok(Self { range, ..self })
     }
 
-    /// The same robot with a gyro that says this for a degree that is turned: sensors count 1 to 4 %
-    /// too much or too little.
+    /// The same robot with a gyro that says this for a degree that is turned: sensors count 1 to
+    /// 4 % too much or too little.
     ///
     /// # Errors
     ///
