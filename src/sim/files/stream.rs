@@ -7,10 +7,11 @@ use std::time::Duration;
 use nix::errno::Errno;
 
 use super::{brick_of, copy, wait};
+use crate::ev3dev::Button;
 use crate::ev3dev::{Access, AttributeFile};
 use crate::sim::brick::Brick;
 use crate::sim::brick::tree::SPEAKER;
-use crate::sim::driver::input::{Button, EventLayout, Events};
+use crate::sim::driver::input::{EventLayout, Events};
 use crate::sim::simulation::Shared;
 
 /// The input devices of a brick.

@@ -12,7 +12,7 @@ use crate::setup::calibrate::{Measurer, measure_with, wrong};
 fn calibrated(seed: u64) -> String {
     // A file that is wrong one way or the other.
     let (circumference, track) =
-        [(0.9, 1.1), (1.1, 0.9), (1.1, 1.1), (0.9, 0.9)][seed as usize % 4];
+        [(0.9, 1.1), (1.1, 0.9), (1.1, 1.1), (0.9, 0.9)][usize::try_from(seed % 4).unwrap()];
     let robot = wrong(circumference, track, true);
     let bench = Bench::new("", seed);
     let mut person = Measurer::new(&bench);
