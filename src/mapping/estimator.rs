@@ -7,6 +7,8 @@ use super::filter::Step;
 use super::geometry::{EstimatorConfig, Method};
 use super::gyro::{GyroInput, GyroState};
 use super::history::{History, Placement};
+use super::keyframes::KeyframeList;
+use super::pose::Correction;
 use super::range::{Beam, RangeFilter};
 use super::slip::SlipState;
 use super::sounding::{Schedule, Sounding};
@@ -114,6 +116,16 @@ impl Estimator {
         self.state.gyro.bias_rad_s()
     }
 
+    /// What is known now of where the robot was, for [`where_now`](super::where_now); empty where
+    /// nothing corrects the pose.
+    #[must_use]
+    pub fn keyframes(&self) -> KeyframeList {
+        match (self.config.method, self.state.time_ns) {
+            (Method::Default, Some(now_ns)) => self.state.survey.keyframes(now_ns),
+            _ => KeyframeList::default(),
+        }
+    }
+
     /// The points that still wait for their place, at the end of a run: the sweep ends here.
     pub fn finish(&mut self) -> Vec<MapPoint> {
         self.state.survey.finish(self.config.geometry.range().max_m)
@@ -138,6 +150,7 @@ impl Estimator {
         self.smooth_speeds(wheels.forward_m, turned_rad, passed_s);
         if self.config.method == Method::Default {
             self.follow(&before, passed_s, trust);
+            self.state.survey.keep_pose(inputs.time_ns);
         }
         let pose = self.pose();
         let told = self.told(&pose, passed_s);
@@ -199,6 +212,7 @@ impl Estimator {
             left_m: y_m * cos - x_m * sin,
             turn_rad: now.heading_rad - before.heading_rad,
             passed_s,
+            by_gyro: trust.by_gyro,
             slip_m: trust.slip_m,
         });
     }
@@ -218,6 +232,7 @@ impl Estimator {
         events: &mut Events,
     ) -> Trust {
         let before_rad = self.state.odometry.heading_rad;
+        let bias_rad_s = self.state.gyro.bias_rad_s();
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
             value_rad: inputs.gyro.map(|gyro| gyro.value_rad),
@@ -227,6 +242,9 @@ impl Estimator {
             still: wheels.still,
         });
         *events |= step.events;
+        if self.state.gyro.bias_rad_s().to_bits() != bias_rad_s.to_bits() {
+            self.state.survey.forget_bias();
+        }
         self.state.odometry.heading_rad = match self.config.method {
             Method::Default | Method::Odometry => step.heading_rad,
             // Without a believable change of the gyro the seed's heading stays.
@@ -256,9 +274,20 @@ impl Estimator {
     /// Tells a slow drift of the gyro by the wheels.
     fn watch_drift(&mut self, turned: Option<Turned>) {
         let per_track_width_m = self.config.geometry.per_track_width_m();
-        if let Some(drift) = self.state.drift.update(turned, per_track_width_m) {
-            self.state.gyro.drifts(drift);
+        let Some(drift) = self.state.drift.update(turned, per_track_width_m) else { return };
+        let by_rad_s = self.state.gyro.drifts(drift);
+        if by_rad_s != 0.0 && self.config.method == Method::Default {
+            let correction = self.state.survey.rebias(by_rad_s);
+            self.correct(&correction);
         }
+    }
+
+    /// Follows a correction of the pose.
+    fn correct(&mut self, correction: &Correction) {
+        let state = &mut self.state;
+        state.history.correct(correction);
+        state.covariance = state.survey.covariance();
+        state.unsettled = state.unsettled.plus(&correction.back());
     }
 
     /// Moves the pose along the wheels' way: the seed along the heading before, the default along
@@ -365,9 +394,7 @@ impl Estimator {
             corrects: self.config.method == Method::Default,
         });
         if let Some(correction) = correction {
-            self.state.history.correct(&correction);
-            self.state.covariance = self.state.survey.covariance();
-            self.state.unsettled = self.state.unsettled.plus(&correction.back());
+            self.correct(&correction);
         }
         Some(sounding.with_echo_off_axis(off_rad))
     }
