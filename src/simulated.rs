@@ -16,7 +16,7 @@ use crate::runtime::{
     Brick, Ended, Environment, Heartbeat, Job, Refused, Source, StopFlags, Truth, execute,
 };
 use crate::senses::{Channel, Role};
-use crate::sim::{Observer, Simulation, World, WorldPhysics};
+use crate::sim::{Observer, SensorKind, Simulation, World, WorldPhysics};
 
 /// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing
 /// of its robot.
@@ -100,17 +100,12 @@ fn body(robot: &RobotConfig) -> String {
 /// A range sensor that is to see no farther than this is the infrared one, metres.
 const INFRARED_M: f64 = 0.75;
 
-/// What worlds call the sensor that measures a quantity.
+/// What worlds call the sensor that measures a quantity: of a role's sensors the preferred one.
 fn kind(measured: Channel, infrared: bool) -> &'static str {
-    match measured.quantity().role {
-        Role::Range if infrared => "infrared",
-        Role::Range => "ultrasonic",
-        Role::Gyro => "gyro",
-        Role::Touch => "touch",
-        Role::Colour => "colour",
-        Role::Remote => "infrared",
-        _ => "none",
-    }
+    let drivers = measured.quantity().role.drivers();
+    let mut words = drivers.filter_map(|driver| SensorKind::word_of(driver.as_str()));
+    let is_second = infrared && measured == Channel::Range;
+    if is_second { words.nth(1) } else { words.next() }.unwrap_or("none")
 }
 
 const OUTPUTS: [&str; 4] = ["outA", "outB", "outC", "outD"];

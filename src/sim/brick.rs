@@ -22,12 +22,12 @@ use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
 use super::driver::lcd::Lcd;
 use super::driver::led::Led;
-use super::driver::sensor::{Sensor, SerialLine};
+use super::driver::sensor::{Sensor, SerialLine, model};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
 use super::driver::{Context, Driver, Spec, Stored, readwriteable};
 use super::fault::{PortFaults, Reading};
-use super::physics::{Bridge, Physics, SensorKind};
+use super::physics::{Bridge, Physics};
 use super::simulation::Options;
 
 const ADDRESSES: [&str; 8] = [
@@ -251,8 +251,8 @@ impl Brick {
             Wanted::Tacho(_) => "legoev3-motor",
             Wanted::Dc => "rcx-motor",
             Wanted::Led => "rcx-led",
-            Wanted::Sensor(SensorKind::Touch) => "ev3-analog-sensor",
-            Wanted::Sensor(_) => "ev3-uart-host",
+            Wanted::Sensor(kind) if model(kind).uart => "ev3-uart-host",
+            Wanted::Sensor(_) => "ev3-analog-sensor",
         };
         let driver_name = self.driver_name(id).unwrap_or_default();
         let bound = Device::Bus(BusDevice::new(bus_driver, driver_name, address));

@@ -3,7 +3,7 @@
 
 use nix::errno::Errno;
 
-use crate::sim::driver::sensor::HANDSHAKE_NS;
+use crate::sim::driver::sensor::{HANDSHAKE_NS, model};
 use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
 use crate::sim::driver::text::word;
 use crate::sim::driver::{Context, Wait};
@@ -179,11 +179,9 @@ impl PortState {
             ("tacho-motor", _) => Some(Wanted::Tacho(self.motor_driver.unwrap_or(Model::large()))),
             ("dc-motor", _) => Some(Wanted::Dc),
             ("led", _) => Some(Wanted::Led),
-            ("auto", Some(Plugged::Sensor(kind))) => Some(Wanted::Sensor(kind)),
-            ("ev3-analog", Some(Plugged::Sensor(SensorKind::Touch))) => {
-                Some(Wanted::Sensor(SensorKind::Touch))
-            }
-            ("ev3-uart", Some(Plugged::Sensor(kind))) if kind != SensorKind::Touch => {
+            (mode, Some(Plugged::Sensor(kind)))
+                if mode == "auto" || mode == model(kind).port_mode() =>
+            {
                 Some(Wanted::Sensor(kind))
             }
             _ => None,
@@ -193,8 +191,8 @@ impl PortState {
     fn status(&self) -> &'static str {
         match (self.is_input, self.mode, self.plugged) {
             (true, _, None) => "no-sensor",
-            (true, _, Some(Plugged::Sensor(SensorKind::Touch))) => "ev3-analog",
-            (true, _, Some(_)) => "ev3-uart",
+            (true, _, Some(Plugged::Sensor(kind))) => model(kind).port_mode(),
+            (true, _, Some(Plugged::Motor(_))) => "error",
             (false, 0, None) => "no-motor",
             (false, 0, Some(Plugged::Motor(MotorKind::Rcx))) => "dc-motor",
             (false, 0, Some(_)) => "tacho-motor",
@@ -213,7 +211,7 @@ impl PortState {
         self.vanish_ns = None;
         let delay_ns = match (self.mode, self.plugged) {
             (0, Some(plugged)) => detection_ns(plugged),
-            (_, Some(Plugged::Sensor(kind))) if kind != SensorKind::Touch => HANDSHAKE_NS,
+            (_, Some(Plugged::Sensor(kind))) if model(kind).uart => HANDSHAKE_NS,
             _ => 0,
         };
         self.appear_ns = Some(now_ns + delay_ns);
@@ -222,8 +220,8 @@ impl PortState {
 
 fn detection_ns(plugged: Plugged) -> i64 {
     match plugged {
-        Plugged::Motor(_) | Plugged::Sensor(SensorKind::Touch) => DETECT_NS,
-        Plugged::Sensor(_) => DETECT_NS + HANDSHAKE_NS,
+        Plugged::Sensor(kind) if model(kind).uart => DETECT_NS + HANDSHAKE_NS,
+        Plugged::Motor(_) | Plugged::Sensor(_) => DETECT_NS,
     }
 }
 

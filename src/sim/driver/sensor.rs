@@ -12,8 +12,7 @@ mod models;
 use nix::errno::Errno;
 use rand_chacha::rand_core::Rng as _;
 
-pub(crate) use self::models::Mode;
-use self::models::{Model, model};
+pub(crate) use self::models::{MODELS, Mode, Model, model};
 use super::text::word;
 use super::{
     Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
@@ -365,13 +364,11 @@ impl Sensor {
             let name = self.model.modes.get(index).map_or("", |mode| mode.name);
             (name == "US-LISTEN", name.starts_with("US-SI"))
         };
-        match self.kind {
-            SensorKind::Touch | SensorKind::Gyro => 0,
-            SensorKind::Colour => 20_000_000,
-            SensorKind::Infrared => 50_000_000,
-            SensorKind::Ultrasonic if family(before) == family(self.mode) => 100_000_000,
-            // Up to two seconds were reported between very different modes.
-            SensorKind::Ultrasonic => 1_000_000_000,
+        if family(before) == family(self.mode) {
+            self.model.settles_ns
+        } else {
+            // Up to two seconds were reported between very different modes of the ultrasonic.
+            1_000_000_000
         }
     }
 
