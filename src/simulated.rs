@@ -9,14 +9,15 @@ use std::sync::Arc;
 
 use crate::clock::{Clock, MonotonicClock, VirtualClock};
 use crate::document::Document;
+use crate::ev3dev::PortAddress;
 use crate::mapping::Pose;
 use crate::recording::{Pace, STALL_NS};
-use crate::robot::{MotorRole, RobotConfig};
+use crate::robot::{MotorRole, RobotConfig, StopButton};
 use crate::runtime::{
     Brick, Ended, Environment, Heartbeat, Job, Refused, Source, StopFlags, Truth, execute,
 };
 use crate::senses::{Channel, Role};
-use crate::sim::{Observer, SensorKind, Simulation, World, WorldPhysics};
+use crate::sim::{Observer, Port, SensorKind, Simulation, World, WorldPhysics};
 
 /// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing
 /// of its robot.
@@ -33,7 +34,12 @@ pub fn furnished(world: Source, robot: &RobotConfig) -> Source {
 
 /// The section `[robot]` of a world.
 fn body(robot: &RobotConfig) -> String {
-    let wheel = |motor: &MotorRole| motor.port.as_ref().map(|port| port.short().to_owned());
+    // Worlds call ports as an EV3 does.
+    let name = |port: &PortAddress| {
+        Port::named(port.short())
+            .map_or_else(|| port.short().to_owned(), |port| port.as_str().to_owned())
+    };
+    let wheel = |motor: &MotorRole| motor.port.as_ref().map(name);
     let [left, right] = [&robot.left, &robot.right];
     let mut text = format!(
         "\n# Built like the robot `{}`.\n[robot]\nwheel_circumference_m = {:?}\n\
@@ -86,9 +92,12 @@ fn body(robot: &RobotConfig) -> String {
             role => role.quantities().next().map(|quantity| quantity.channel),
         };
         let Some(measured) = measured else { continue };
-        let port = port.as_ref().map(|port| port.short().to_owned());
+        let port = port.as_ref().map(name);
         let infrared = robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
         plug(port, &INPUTS, kind(measured, infrared));
+    }
+    if let Some(StopButton::Touch(port)) = &robot.stop_button {
+        plug(Some(name(port)), &INPUTS, "touch");
     }
     text.push_str("[robot.ports]\n");
     for (port, what) in ports {
@@ -251,6 +260,7 @@ mod tests {
             stamps_ns: 0,
             run: None,
             name: None,
+            no_button: false,
             method: crate::mapping::Method::Default,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,

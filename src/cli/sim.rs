@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::common::{chosen_robot, load_robot, load_world, read_source, warn, write_file};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
+use crate::ev3dev::{EV3, PLATFORMS, Platform};
 use crate::runtime::StopFlags;
 use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
@@ -25,6 +26,7 @@ use crate::simulated::furnished;
 /// Examples:
 ///   onbrick sim /tmp/brick                        then: onbrick run map --brick /tmp/brick
 ///   onbrick sim /tmp/bricks --robots 2 --world two-arenas --page
+///   onbrick sim /tmp/brick --board brickpi3
 ///   onbrick sim /tmp/brick --scenario loose-plug.toml --show end.svg
 ///   onbrick sim fault /tmp/brick in1 stuck
 ///   onbrick sim press /tmp/brick enter --for 1s
@@ -52,6 +54,10 @@ pub(super) struct Arguments {
     /// How many robots are in it; each takes one of the world's start poses.
     #[arg(long, default_value_t = 1, value_parser = robots)]
     robots: usize,
+    /// Which board it is; other boards than the EV3 call ports otherwise, and most of them do not
+    /// find out what is plugged in.
+    #[arg(long, default_value = EV3.name, value_parser = PLATFORMS.map(|platform| platform.name))]
+    board: String,
     /// What all chance comes from.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -306,7 +312,8 @@ fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, 
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")
     })?;
-    let options = Options { lcd: arguments.lcd, udev: true, ..Options::default() };
+    let platform = Platform::named(&arguments.board).unwrap_or_default();
+    let options = Options { platform, lcd: arguments.lcd, udev: true, ..Options::default() };
     let clock = Arc::new(MonotonicClock);
     let simulation = Simulation::with_options(clock, Box::new(physics), arguments.seed, options);
     simulation.give_up_behind_ns(MOST_BEHIND_NS);
@@ -341,11 +348,13 @@ fn tell(arguments: &Arguments, mount: &Mount, found: Found, output: &mut Output)
     } else {
         format!("{} simulated bricks", bricks.len())
     };
+    let board = Platform::named(&arguments.board).unwrap_or_default();
+    let no_button = if board.buttons.is_none() { " --no-button" } else { "" };
     output.show(
         format!(
             "mounted {what} at {point}; Ctrl-C unmounts. Try, in another terminal:\n\
              \x20 onbrick devices --brick {first}\n\
-             \x20 onbrick run map --brick {first}\n\
+             \x20 onbrick run map --brick {first}{no_button}\n\
              \x20 cat {first}/sys/class/tacho-motor/motor0/position"
         ),
         &Mounted {

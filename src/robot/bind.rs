@@ -8,6 +8,7 @@ use crate::ev3dev::{
 use crate::senses::{Channel, Role};
 
 use super::mend::Mender;
+use super::stop::StopSwitch;
 use super::{Aspect, LeasedMotor, MOTORS, MotorRole, Robot, RobotConfig, RoleSensor, button};
 
 /// What to do about a device that is not where the file says.
@@ -36,6 +37,17 @@ pub enum BindError {
         /// What it answered.
         source: DeviceError,
     },
+    /// The board does not find out what is plugged in, and the file does not say where.
+    #[error(
+        "{role}: the ports of a {board} do not find out what is plugged in, so the section has to \
+         name one"
+    )]
+    NoPort {
+        /// The role, as `robot.toml` calls it.
+        role: String,
+        /// The board.
+        board: &'static str,
+    },
     /// Two roles come to the same sensor, which gives one kind of value at a time.
     #[error(
         "{role} and {other} are both the {driver} on {port}: name another port for one of them"
@@ -62,6 +74,7 @@ impl BindError {
             }
             Self::Find { source: FindError::Device(error), .. }
             | Self::Device { source: error, .. } => (!error.is_denied()).then_some(PLUG_AGAIN),
+            Self::NoPort { .. } => Some("port = \"S1\", as it is printed beside the socket"),
             Self::Find { .. } | Self::Shared { .. } => None,
         }
     }
@@ -94,14 +107,15 @@ impl Robot {
         let battery = Battery::open(tree, platform).ok();
         let mut known = config.clone();
         // Cells that cannot be asked are taken for the usual ones.
-        known.battery.cells =
-            battery.as_ref().and_then(|battery| battery.technology().ok()).unwrap_or_default();
+        let cells = battery.as_ref().and_then(|battery| battery.technology().ok());
+        known.battery = known.battery.on(cells.unwrap_or_default(), platform);
         let left = binder.motor(Channel::Left)?;
         let right = binder.motor(Channel::Right)?;
         let head = config.head.as_ref().map(|_| binder.motor(Channel::Head)).transpose()?;
         let named = Channel::MOTORS.into_iter().take(config.motors.len());
         let motors = named.map(|channel| binder.motor(channel)).collect::<Result<_, _>>()?;
-        let mut settle_ns = 0;
+        // Until the board has read its sensors again.
+        let mut settle_ns = if platform.detects { 0 } else { 2 * platform.poll_ns };
         let mut sensors: Vec<RoleSensor> = Vec::new();
         for role in config.sensors.keys() {
             let (sensor, settles_ns) = match binder.sensor(*role) {
@@ -139,6 +153,13 @@ impl Robot {
             battery,
             battery_due_ns: 0,
             buttons: Buttons::open(tree, platform),
+            stop_switch: config
+                .stop_button
+                .as_ref()
+                .map(|button| StopSwitch::open(tree, button))
+                .transpose()?,
+            stop_read_ns: 0,
+            stop_trouble: None,
             lights: StatusLights::open(tree, platform).ok(),
             sound: Sound::open(tree, platform).ok(),
             led: None,

@@ -108,6 +108,9 @@ pub(crate) struct Sensor {
     model: &'static Model,
     address: &'static str,
     make: GyroMake,
+    /// How often the board's controller is asked for the sensor's values; none where the sensor
+    /// sends them to the driver.
+    polls_ns: Option<i64>,
     line: SerialLine,
     faulty_line: SerialLine,
     /// Since when the sensor has sent nothing.
@@ -138,6 +141,7 @@ impl Sensor {
         kind: SensorKind,
         address: &'static str,
         make: GyroMake,
+        polls_ns: Option<i64>,
         now_ns: i64,
     ) -> Self {
         Self {
@@ -145,6 +149,7 @@ impl Sensor {
             model: model(kind),
             address,
             make,
+            polls_ns,
             line: SerialLine::Sound,
             faulty_line: SerialLine::Sound,
             silent_since_ns: None,
@@ -193,7 +198,7 @@ impl Sensor {
         if now_ns < self.next_frame_ns {
             return;
         }
-        self.next_frame_ns = now_ns + self.model.period_ns;
+        self.next_frame_ns = now_ns + self.model.period_ns.max(self.polls_ns.unwrap_or_default());
         if self.fed
             || self.spent
             || self.line() != SerialLine::Sound
@@ -250,7 +255,9 @@ impl Sensor {
         let since_ns =
             (self.wire() == SerialLine::Silent).then(|| self.silent_since_ns.unwrap_or(now_ns));
         self.silent_since_ns = since_ns;
-        if since_ns.is_some_and(|since_ns| now_ns - since_ns >= KEEP_ALIVE_NS) {
+        let missed = |since_ns| now_ns - since_ns >= KEEP_ALIVE_NS;
+        // A controller that is asked answers with what it has.
+        if self.polls_ns.is_none() && since_ns.is_some_and(missed) {
             self.missed_until_ns = Some(now_ns + HANDSHAKE_NS);
         }
         self.missed_until_ns = self.missed_until_ns.filter(|until_ns| now_ns < *until_ns);
@@ -331,6 +338,13 @@ impl Sensor {
         }
         if self.switch.is_some() {
             return Err(Errno::EBUSY);
+        }
+        if let Some(polls_ns) = self.polls_ns {
+            // The controller is told, and nothing waits for the sensor.
+            self.switch = Some(Switch { mode, due_ns: context.now_ns });
+            self.finish_switch(context.now_ns);
+            self.next_frame_ns = context.now_ns + polls_ns;
+            return Ok(None);
         }
         if self.line() == SerialLine::Silent {
             let due_ns = context.now_ns + TIMEOUT_NS;
