@@ -81,6 +81,17 @@ pub(super) struct Arguments {
         default_missing_value = "0",
     )]
     page: Option<u16>,
+    /// Serve the brick's files to programs for the seed's node, on this machine alone, at port 5555
+    /// or one of your choice; with several robots, each has the port after the one before.
+    #[cfg(feature = "link")]
+    #[arg(
+        long,
+        value_name = "PORT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "5555",
+    )]
+    node: Option<u16>,
     /// At the end, draw the room, what the robots drove and what they saw.
     #[arg(long, value_name = "FILE.svg")]
     show: Option<PathBuf>,
@@ -226,10 +237,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     tell(arguments, &mount, found, output);
     #[cfg(feature = "host")]
     let _page = page(arguments, &simulation, output)?;
+    #[cfg(feature = "link")]
+    let nodes = nodes(arguments, &mount, output)?;
     while !flags.is_raised() && !mount.is_over() {
         MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
     }
     let unmounted_by_others = mount.is_over();
+    // What they have open would keep the brick mounted.
+    #[cfg(feature = "link")]
+    drop(nodes);
     mount.unmount().map_err(|error| {
         Failure::from_error(Exit::Failed, "cannot take the mount away", &error).hint(error.hint())
     })?;
@@ -288,6 +304,36 @@ fn page(
     output
         .show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     Ok(Some(page))
+}
+
+/// Serves the bricks' files, where it is asked for.
+#[cfg(feature = "link")]
+fn nodes(
+    arguments: &Arguments,
+    mount: &Mount,
+    output: &mut Output,
+) -> Result<Vec<crate::link::Node>, Failure> {
+    let Some(first) = arguments.node else { return Ok(Vec::new()) };
+    let mut nodes = Vec::new();
+    for robot in 0..arguments.robots {
+        // From 0 on, each takes any that is free.
+        let beyond = if first == 0 { 0 } else { robot };
+        let port = u16::try_from(beyond).ok().and_then(|beyond| first.checked_add(beyond));
+        let port = port.ok_or_else(|| {
+            Failure::new(Exit::Usage, format!("there are too few ports from {first} on"))
+                .hint("--node with a smaller number")
+        })?;
+        let served = crate::link::Node::serve(&mount.root(robot), &format!("127.0.0.1:{port}"));
+        let node = served.map_err(|error| {
+            Failure::from_error(Exit::Refused, "no node", &error).hint("--node with another number")
+        })?;
+        output.show(
+            format!("the files of robot {} are at tcp://{}", robot + 1, node.address()),
+            &serde_json::json!({ "robot": robot + 1, "node": node.address() }),
+        );
+        nodes.push(node);
+    }
+    Ok(nodes)
 }
 
 /// The scenario, read before anything is mounted.
