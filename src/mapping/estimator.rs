@@ -7,6 +7,7 @@ use super::filter::Step;
 use super::geometry::{EstimatorConfig, Method};
 use super::gyro::{GyroInput, GyroState};
 use super::history::{History, Placement};
+use super::pose::Correction;
 use super::range::{Beam, RangeFilter};
 use super::slip::SlipState;
 use super::sounding::{Schedule, Sounding};
@@ -199,6 +200,7 @@ impl Estimator {
             left_m: y_m * cos - x_m * sin,
             turn_rad: now.heading_rad - before.heading_rad,
             passed_s,
+            by_gyro: trust.by_gyro,
             slip_m: trust.slip_m,
         });
     }
@@ -218,6 +220,7 @@ impl Estimator {
         events: &mut Events,
     ) -> Trust {
         let before_rad = self.state.odometry.heading_rad;
+        let bias_rad_s = self.state.gyro.bias_rad_s();
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
             value_rad: inputs.gyro.map(|gyro| gyro.value_rad),
@@ -226,6 +229,9 @@ impl Estimator {
             still: wheels.still,
         });
         *events |= step.events;
+        if self.state.gyro.bias_rad_s().to_bits() != bias_rad_s.to_bits() {
+            self.state.survey.forget_bias();
+        }
         self.state.odometry.heading_rad = match self.config.method {
             Method::Default | Method::Odometry => step.heading_rad,
             // Without a believable change of the gyro the seed's heading stays.
@@ -255,9 +261,20 @@ impl Estimator {
     /// Tells a slow drift of the gyro by the wheels.
     fn watch_drift(&mut self, turned: Option<Turned>) {
         let per_track_width_m = self.config.geometry.per_track_width_m();
-        if let Some(drift) = self.state.drift.update(turned, per_track_width_m) {
-            self.state.gyro.drifts(drift);
+        let Some(drift) = self.state.drift.update(turned, per_track_width_m) else { return };
+        let by_rad_s = self.state.gyro.drifts(drift);
+        if by_rad_s != 0.0 && self.config.method == Method::Default {
+            let correction = self.state.survey.rebias(by_rad_s);
+            self.correct(&correction);
         }
+    }
+
+    /// Follows a correction of the pose.
+    fn correct(&mut self, correction: &Correction) {
+        let state = &mut self.state;
+        state.history.correct(correction);
+        state.covariance = state.survey.covariance();
+        state.unsettled = state.unsettled.plus(&correction.back());
     }
 
     /// Moves the pose along the wheels' way: the seed along the heading before, the default along
@@ -364,9 +381,7 @@ impl Estimator {
             corrects: self.config.method == Method::Default,
         });
         if let Some(correction) = correction {
-            self.state.history.correct(&correction);
-            self.state.covariance = self.state.survey.covariance();
-            self.state.unsettled = self.state.unsettled.plus(&correction.back());
+            self.correct(&correction);
         }
         Some(sounding.with_echo_off_axis(off_rad))
     }

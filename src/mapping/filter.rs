@@ -11,6 +11,14 @@
 //! [`LANDMARKS`] landmarks make 77 numbers and 3,003 covariances, in single precision: 12.3 kB. An
 //! observation touches each covariance once.
 //!
+//! # The gyro's bias
+//!
+//! is no number of the state (`landmarks` says what came of that), but what the state would be with
+//! another bias is carried along: each number's derivative by it, which steps and observations
+//! change by the same formulas as the covariances. So a bias that is found late
+//! ([`Filter::rebias`]) puts pose and landmarks where they would be had it been known. What is long
+//! past fades ([`BIAS_MEMORY_S`]): a drift need not be as old as the run.
+//!
 //! # Not here
 //!
 //! Which landmark an observation is of, and what it should have been (`landmarks`).
@@ -47,6 +55,10 @@ const TURN_RAD2_RAD: f64 = 1e-5;
 /// The same after a second: 0.04°, after a minute 0.3°.
 const TIME_RAD2_S: f64 = 5e-7;
 
+/// How long a bias that is found is taken to have been there, seconds: as long as `drift` takes to
+/// find one that begins in mid-run.
+const BIAS_MEMORY_S: f64 = 80.0;
+
 /// An innovation's derivatives by pose (x, y, heading) and by its landmark's three numbers, for
 /// bearing and distance.
 pub(super) type Jacobian = [[f32; 6]; 2];
@@ -60,7 +72,11 @@ pub(super) type Symmetric = [f32; 3];
 struct Passed {
     /// Of x and y by heading, gyro scale, wheel scale.
     place: [[f64; 3]; 2],
+    /// Of x and y by the gyro's bias.
+    by_bias: [f64; 2],
     turned_rad: f64,
+    /// How long the gyro's bias was in the turn.
+    biased_s: f64,
     way_m2: f64,
     turn_rad2: f64,
 }
@@ -72,6 +88,8 @@ pub(super) struct Step {
     pub left_m: f64,
     pub turn_rad: f64,
     pub passed_s: f64,
+    /// Whether the turn is the gyro's, and its bias in it.
+    pub by_gyro: bool,
     /// By what a slip may have falsified it.
     pub slip_m: f64,
 }
@@ -86,6 +104,8 @@ pub(super) struct Filter {
     landmarks: ArrayVec<[f64; EACH], LANDMARKS>,
     /// The lower triangle, row by row.
     covariances: ArrayVec<f32, COVARIANCES>,
+    /// Derivatives of all numbers by the gyro's bias, a second.
+    by_bias: ArrayVec<f32, SIZE>,
     passed: Passed,
 }
 
@@ -109,6 +129,7 @@ impl Filter {
             scales: [0.0; 2],
             landmarks: ArrayVec::new(),
             covariances,
+            by_bias: ArrayVec::from_iter([0.0; OWN]),
             passed: Passed::default(),
         }
     }
@@ -133,6 +154,8 @@ impl Filter {
                 by[1] += across_m * passed.turned_rad;
                 by[2] += along_m;
             }
+            passed.by_bias[0] += y_m * passed.biased_s;
+            passed.by_bias[1] -= x_m * passed.biased_s;
             self.pose.x_m += x_m * (1.0 + wheel_scale);
             self.pose.y_m += y_m * (1.0 + wheel_scale);
             passed.way_m2 += WAY_M2_M * (step.forward_m.abs() + step.left_m.abs());
@@ -140,6 +163,7 @@ impl Filter {
         passed.way_m2 += step.slip_m * step.slip_m;
         self.pose.heading_rad += step.turn_rad * (1.0 + gyro_scale);
         passed.turned_rad += step.turn_rad;
+        passed.biased_s += if step.by_gyro { step.passed_s } else { 0.0 };
         passed.turn_rad2 += TURN_RAD2_RAD * step.turn_rad.abs() + TIME_RAD2_S * step.passed_s;
     }
 
@@ -147,6 +171,12 @@ impl Filter {
     pub(super) fn settle(&mut self) {
         let passed = std::mem::take(&mut self.passed);
         let moved = passed.transition();
+        let faded = 1.0 - single((passed.biased_s / BIAS_MEMORY_S).min(1.0));
+        self.by_bias.iter_mut().for_each(|value| *value *= faded);
+        let own: [f32; OWN] = array::from_fn(|row| self.bias_derivative(row));
+        for ((value, by), came) in self.by_bias.iter_mut().zip(&moved).zip(passed.came_by_bias()) {
+            *value = dot(by, &own) + came;
+        }
         let block: [[f32; OWN]; OWN] =
             array::from_fn(|row| array::from_fn(|column| self.covariance(row, column)));
         for column in OWN..self.size() {
@@ -164,6 +194,21 @@ impl Filter {
                 self.set(row, column, dot(by, half) + noise);
             }
         }
+    }
+
+    /// Puts pose and landmarks where they would be if the gyro's bias had been known to be greater
+    /// by this, rad/s.
+    pub(super) fn rebias(&mut self, by_rad_s: f64) {
+        self.settle();
+        for row in 0..self.size() {
+            self.shift(row, f64::from(self.bias_derivative(row)) * by_rad_s);
+        }
+    }
+
+    /// Forgets what the bias has done so far: it was another one, or is made up for.
+    pub(super) fn forget_bias(&mut self) {
+        self.settle();
+        self.by_bias.fill(0.0);
     }
 
     /// The covariance of an innovation: H P Hᵀ for the pose and one landmark.
@@ -223,12 +268,16 @@ impl Filter {
             let of = rows.map(|column| self.covariance(row, column));
             shared.push(by.map(|by| dot(&by, &of)));
         }
+        let by_bias = by.map(|by| dot(&by, &rows.map(|row| self.bias_derivative(row))));
         for (row, [first, second]) in shared.iter().enumerate() {
             let gain = [
                 first * inverse[0] + second * inverse[1],
                 first * inverse[1] + second * inverse[2],
             ];
             self.shift(row, -f64::from(dot(&gain, &innovation)));
+            if let Some(value) = self.by_bias.get_mut(row) {
+                *value -= dot(&gain, &by_bias);
+            }
             let start = row * (row + 1) / 2;
             let Some(line) = self.covariances.get_mut(start..=start + row) else { return };
             for (value, shared) in line.iter_mut().zip(&shared) {
@@ -256,7 +305,9 @@ impl Filter {
             }
         }
         self.landmarks.push(landmark);
+        let pose_by_bias: [f32; POSE] = array::from_fn(|at| self.bias_derivative(at));
         for row in 0..EACH {
+            self.by_bias.push(dot(&by_pose[row], &pose_by_bias));
             self.covariances.extend(shared[row].iter().copied().take(size));
             for column in 0..=row {
                 let of_pose: [f32; POSE] = array::from_fn(|at| shared[row][at]);
@@ -279,6 +330,7 @@ impl Filter {
             }
         }
         self.covariances.truncate(kept);
+        self.by_bias.drain(gone);
         self.landmarks.remove(landmark);
     }
 
@@ -291,7 +343,9 @@ impl Filter {
     /// Whether it has this number of landmarks, and their covariances.
     pub(super) fn is_of(&self, landmarks: usize) -> bool {
         let size = self.size();
-        self.landmarks.len() == landmarks && self.covariances.len() == size * (size + 1) / 2
+        self.landmarks.len() == landmarks
+            && self.covariances.len() == size * (size + 1) / 2
+            && self.by_bias.len() == size
     }
 
     fn size(&self) -> usize {
@@ -300,6 +354,10 @@ impl Filter {
 
     fn covariance(&self, row: usize, column: usize) -> f32 {
         self.covariances.get(place(row, column)).copied().unwrap_or(0.0)
+    }
+
+    fn bias_derivative(&self, row: usize) -> f32 {
+        self.by_bias.get(row).copied().unwrap_or(0.0)
     }
 
     fn set(&mut self, row: usize, column: usize, value: f32) {
@@ -335,6 +393,12 @@ impl Passed {
         }
         rows[2][3] = single(self.turned_rad);
         rows
+    }
+
+    /// What came to the derivatives of the pose by the gyro's bias.
+    fn came_by_bias(&self) -> [f32; POSE] {
+        let [x, y] = self.by_bias;
+        [x, y, -self.biased_s].map(single)
     }
 
     fn noise(&self) -> [f32; OWN] {
@@ -448,8 +512,14 @@ mod tests {
         let (mut one_by_one, mut together) = (knows_places(), knows_places());
         for tick in 0..200 {
             let turn_rad = if tick % 40 < 20 { 0.01 } else { -0.004 };
-            let step =
-                Step { forward_m: 0.003, turn_rad, passed_s: 0.01, slip_m: 1e-5, left_m: 1e-4 };
+            let step = Step {
+                forward_m: 0.003,
+                turn_rad,
+                passed_s: 0.01,
+                slip_m: 1e-5,
+                left_m: 1e-4,
+                by_gyro: true,
+            };
             one_by_one.step(&step);
             one_by_one.settle();
             together.step(&step);
@@ -464,6 +534,70 @@ mod tests {
             assert!((one[at] - other[at]).abs() < most, "{one:?} {other:?}");
         }
         assert_eq!(one_by_one.pose, together.pose);
+    }
+
+    #[test]
+    fn a_bias_that_is_found_late_leaves_what_it_would_have_left_had_it_been_known() {
+        const BIAS_RAD_S: f64 = 0.02;
+        let run = |known_rad_s: f64| {
+            let mut filter = Filter::default();
+            let mut truth = Pose::default();
+            for tick in 0..400_usize {
+                let (forward_m, turn_rad) = (0.002, if tick % 100 < 50 { 0.01 } else { -0.006 });
+                let (sin, cos) = libm::sincos(truth.heading_rad);
+                truth.x_m += cos * forward_m;
+                truth.y_m += sin * forward_m;
+                truth.heading_rad += turn_rad;
+                let turn_rad = turn_rad + (BIAS_RAD_S - known_rad_s) * 0.01;
+                let step =
+                    Step { forward_m, turn_rad, passed_s: 0.01, by_gyro: true, ..Step::default() };
+                filter.step(&step);
+                match tick {
+                    60 | 120 | 180 => {
+                        filter.settle();
+                        let [x_m, y_m] = PLACES[tick / 60 - 1];
+                        // As if it had been seen from where the robot believes to be.
+                        let by = [
+                            [1.0, 0.0, single(filter.pose.y_m - y_m)],
+                            [0.0, 1.0, single(x_m - filter.pose.x_m)],
+                            [0.0, 0.0, 1.0],
+                        ];
+                        let off_rad = filter.pose.heading_rad - truth.heading_rad;
+                        let (sin, cos) = libm::sincos(off_rad);
+                        let to = [x_m - truth.x_m, y_m - truth.y_m];
+                        let x_m = filter.pose.x_m + cos * to[0] - sin * to[1];
+                        let y_m = filter.pose.y_m + sin * to[0] + cos * to[1];
+                        let measured = [[1e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 1e-4]];
+                        filter.add([x_m, y_m, off_rad], by, measured);
+                    }
+                    250 | 300 | 350 => {
+                        let place = tick / 50 - 5;
+                        observe(&mut filter, place, &truth, PLACES[place]);
+                    }
+                    _ => {}
+                }
+            }
+            filter
+        };
+        let numbers = |filter: &Filter| {
+            let Pose { x_m, y_m, heading_rad } = filter.pose;
+            let mut numbers = vec![x_m, y_m, heading_rad];
+            numbers.extend((0..3).flat_map(|at| filter.landmark(at)));
+            numbers
+        };
+        let (mut late, known) = (run(0.0), run(BIAS_RAD_S));
+        let (before, after) = (numbers(&late), numbers(&known));
+        let most = before.iter().zip(&after).map(|(one, other)| (one - other).abs());
+        let most = most.fold(0.0, f64::max);
+        assert!(most > 0.02, "the bias has done something: {most}");
+        late.rebias(BIAS_RAD_S);
+        for (late, known) in numbers(&late).iter().zip(&after) {
+            assert!((late - known).abs() < 0.15 * most, "{late}, not {known}: {before:?}");
+        }
+        late.forget_bias();
+        let before = numbers(&late);
+        late.rebias(BIAS_RAD_S);
+        assert_eq!(numbers(&late), before, "it is forgotten");
     }
 
     #[test]

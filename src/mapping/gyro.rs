@@ -148,11 +148,14 @@ impl GyroState {
         self.bias_rad_s
     }
 
-    /// Takes what driving says of the bias. A standstill finds its own, for all of its time.
-    pub(super) fn drifts(&mut self, drift: Drift) {
+    /// Takes what driving says of the bias; returns by how much it is greater now. A standstill
+    /// finds its own, for all of its time.
+    pub(super) fn drifts(&mut self, drift: Drift) -> f64 {
+        let before_rad_s = self.bias_rad_s;
         if self.still.is_none() {
             self.bias_rad_s = drift.bias_rad_s(self.bias_rad_s);
         }
+        self.bias_rad_s - before_rad_s
     }
 
     /// Takes one tick's reading.

@@ -155,6 +155,18 @@ impl Landmarks {
         self.filter.of_pose()
     }
 
+    /// See [`Filter::rebias`].
+    pub(super) fn rebias(&mut self, by_rad_s: f64) -> Correction {
+        let from = self.filter.pose;
+        self.filter.rebias(by_rad_s);
+        self.corrected(from)
+    }
+
+    /// See [`Filter::forget_bias`].
+    pub(super) fn forget_bias(&mut self) {
+        self.filter.forget_bias();
+    }
+
     pub(super) fn step(&mut self, step: &Step) {
         self.filter.step(step);
     }
@@ -298,6 +310,11 @@ impl Landmarks {
                 known.to_m = known.to_m.max(along_m);
             }
         }
+        self.corrected(from)
+    }
+
+    /// Moves the feet that wait along with the pose.
+    fn corrected(&mut self, from: Pose) -> Correction {
         let correction = Correction { from, to: self.filter.pose };
         self.alone.iter_mut().for_each(|(foot, _)| foot.correct(&correction));
         correction

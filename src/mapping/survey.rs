@@ -69,6 +69,18 @@ impl Survey {
         self.landmarks.covariance()
     }
 
+    /// See [`Landmarks::rebias`].
+    pub(super) fn rebias(&mut self, by_rad_s: f64) -> Correction {
+        let correction = self.landmarks.rebias(by_rad_s);
+        self.sweep.correct(&correction);
+        correction
+    }
+
+    /// See [`Landmarks::forget_bias`].
+    pub(super) fn forget_bias(&mut self) {
+        self.landmarks.forget_bias();
+    }
+
     pub(super) fn step(&mut self, step: &Step) {
         self.landmarks.step(step);
     }
