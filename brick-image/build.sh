@@ -7,14 +7,16 @@ source "$(dirname "${BASH_SOURCE[0]}")/emulator/common.sh"
 
 usage() {
   cat <<'END'
-Usage: brick-image/build.sh
+Usage: brick-image/build.sh [--for PROCESSOR]
 
-Builds, strips and checks onbrick for the EV3's processor, and puts into target/brick:
+Builds, strips and checks onbrick for a processor, and puts into target/brick:
 
-  onbrick                     the brick's program: one static file
+  onbrick                     for armv5te, the EV3's and the default: one static file
   onbrick_VERSION_armel.deb   the same as a package, with service, missions and configuration
+  onbrick-armv7               for armv7, a Raspberry Pi 2 and later or a BeagleBone
+  onbrick_VERSION_armhf.deb   the same as a package
   onbrick-linux-CPU           the program for a PC like this one
-  SHA256SUMS                  their checksums
+  SHA256SUMS                  the checksums of all that is there
 
 Installs what is missing: a cross compiler, QEMU, and Rust's standard library for the brick's
 processor, from rustup if that can fetch it, else from Debian. Exit codes: 0 done; 1 something could
@@ -22,14 +24,11 @@ not be built or installed; 3 what was built is not fit for a brick.
 END
 }
 
-target=armv5te-unknown-linux-gnueabi
 built=${CARGO_TARGET_DIR:-$checkout/target}
 brick=$checkout/target/brick
 # No larger than this, everything inside; bytes. The aim is 6,000,000: exploring, landmarks and
 # walls made it 6,156,164.
 largest=6200000
-# The emulated processor, under the name of the brick's kernel.
-arm926=(qemu-arm -cpu arm926 -r 4.14.117-ev3dev-2.3.5-ev3)
 # System calls that a 4.14 kernel lacks, those from 398 on. The C library's calls for the time after
 # 2038 (clock_gettime64 and its like) are not among them: it tries them first, and falls back to the
 # older ones; `emulate.sh old-kernel` refuses them all.
@@ -41,14 +40,13 @@ newer+='|memfd_secret|futex_waitv|set_mempolicy_home_node|cachestat|fchmodat2'
 say() { printf 'build: %s\n' "$*" >&2; }
 
 unfit() {
-  printf 'error: target/brick/onbrick is not fit for a brick: %s\n' "$1" >&2
+  printf 'error: target/brick/onbrick%s is not fit for a brick: %s\n' "$suffix" "$1" >&2
   exit 3
 }
 
 install_tools() {
-  needs g++=g++ make=make dpkg-deb=dpkg arm-linux-gnueabi-g++=g++-arm-linux-gnueabi \
-    qemu-arm=qemu-user
-  [ -e /usr/arm-linux-gnueabi/lib/libc.a ] || install_packages libc6-dev-armel-cross
+  needs g++=g++ make=make dpkg-deb=dpkg "$gnu-g++=g++-$gnu" qemu-arm=qemu-user
+  [ -e "/usr/$gnu/lib/libc.a" ] || install_packages "libc6-dev-$architecture-cross"
 }
 
 # Rust's standard library for the brick's processor: what is there, else rustup's, else Debian's,
@@ -67,11 +65,11 @@ install_rust() {
 build_brick() {
   arm_cargo build --release --no-default-features --features link ||
     fail "the brick's program could not be built"
-  arm-linux-gnueabi-strip -o "$brick/onbrick" "$built/$target/release/onbrick"
+  "$gnu-strip" -o "$program" "$built/$target/release/onbrick"
 }
 
 build_tools() {
-  tools=$("$here/tools.sh") ||
+  tools=$("$here/tools.sh" "$processor") ||
     fail "the brick's program with the simulated brick could not be built"
 }
 
@@ -84,21 +82,44 @@ build_pc() {
 # What the file says of itself.
 check_file() {
   local header attributes dynamic segments size
-  header=$(arm-linux-gnueabi-readelf -h "$brick/onbrick")
+  header=$("$gnu-readelf" -h "$program")
   grep -q 'Machine: *ARM$' <<<"$header" || unfit "it is not for ARM"
-  grep -q 'Flags:.*Version5 EABI.*soft-float ABI' <<<"$header" ||
-    unfit "it is not EABI 5 with soft float"
-  attributes=$(arm-linux-gnueabi-readelf -A "$brick/onbrick")
-  grep -q 'Tag_CPU_arch: v5TE$' <<<"$attributes" ||
-    unfit "it is not for ARMv5TE: $(grep Tag_CPU_arch <<<"$attributes")"
-  ! grep -q 'Tag_FP_arch' <<<"$attributes" || unfit "it wants a floating-point unit"
-  dynamic=$(arm-linux-gnueabi-readelf -d "$brick/onbrick")
+  attributes=$("$gnu-readelf" -A "$program")
+  "check_$processor" "$header" "$attributes"
+  dynamic=$("$gnu-readelf" -d "$program")
   grep -q 'no dynamic section' <<<"$dynamic" || unfit "it is linked dynamically"
-  segments=$(arm-linux-gnueabi-readelf -lW "$brick/onbrick")
+  segments=$("$gnu-readelf" -lW "$program")
   ! grep -q INTERP <<<"$segments" || unfit "it wants a loader"
-  size=$(stat -c %s "$brick/onbrick")
+  size=$(stat -c %s "$program")
   [ "$size" -le "$largest" ] || unfit "$size bytes are more than $largest"
-  say "ARM, EABI 5, soft float, v5TE, static, $size bytes"
+  say "$processor, static, $size bytes"
+}
+
+# check_PROCESSOR HEADER ATTRIBUTES
+check_armv5te() {
+  grep -q 'Flags:.*Version5 EABI.*soft-float ABI' <<<"$1" ||
+    unfit "it is not EABI 5 with soft float"
+  grep -q 'Tag_CPU_arch: v5TE$' <<<"$2" ||
+    unfit "it is not for ARMv5TE: $(grep Tag_CPU_arch <<<"$2")"
+  ! grep -q 'Tag_FP_arch' <<<"$2" || unfit "it wants a floating-point unit"
+}
+
+# A fused multiply-add rounds once where a PC rounds twice, so a replay would differ.
+check_armv7() {
+  local code fused
+  grep -q 'Flags:.*Version5 EABI.*hard-float ABI' <<<"$1" ||
+    unfit "it is not EABI 5 with hard float"
+  grep -q 'Tag_CPU_arch: v7$' <<<"$2" || unfit "it is not for ARMv7: $(grep Tag_CPU_arch <<<"$2")"
+  grep -q 'Tag_FP_arch: VFPv3\(-D16\)\{0,1\}$' <<<"$2" ||
+    unfit "it is not for VFPv3: $(grep Tag_FP_arch <<<"$2")"
+  # With its symbols, which tell instructions from data.
+  code=$("$gnu-objdump" -d --no-show-raw-insn "$built/$target/release/onbrick")
+  grep -q '\bvmul\.f64\b' <<<"$code" || fail "objdump did not show what it calculates"
+  fused=$(grep -cE '\bvfn?m[as]' <<<"$code" || true)
+  [ "$fused" = 0 ] || unfit "$fused of its instructions multiply and add with one rounding"
+  # A BeagleBone's processor has none, and refuses them.
+  qemu-arm -cpu cortex-a8 "$program" --version >/dev/null || unfit "a Cortex-A8 does not run it"
+  say "no fused multiply-add"
 }
 
 # drive FILE COMMAND…: the shipped mission that maps, all of its time, in the simulated arena,
@@ -107,7 +128,7 @@ check_file() {
 drive() {
   local file=$1 last
   shift
-  "${arm926[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" \
+  "${emulated[@]}" "$tools/brick-figures" job brick-image/missions/map.toml simulated "$file" \
     >"$work/job"
   last=$("$@" control <"$work/job" | grep -v '^$' | tail -n 1) || true
   case $last in
@@ -116,16 +137,16 @@ drive() {
   esac
 }
 
-# A whole mission on an emulated ARM926EJ-S, which refuses any instruction that the brick lacks:
-# recorded as on this PC, byte for byte, and without a system call that the brick lacks. The program
-# is the brick's with the simulated brick inside.
+# A whole mission on the emulated processor, which refuses any instruction that it lacks: recorded
+# as on this PC, byte for byte, and without a system call that the brick lacks. The program is the
+# brick's with the simulated brick inside.
 check_mission() {
   local called
-  "${arm926[@]}" "$brick/onbrick" --version >/dev/null || unfit "an ARM926EJ-S does not run it"
+  "${emulated[@]}" "$program" --version >/dev/null || unfit "${emulated[*]} does not run it"
   drive "$work/pc.mcap" "$built/release/onbrick"
-  drive "$work/arm.mcap" "${arm926[@]}" -strace -D "$work/calls" "$tools/onbrick-sim"
+  drive "$work/arm.mcap" "${emulated[@]}" -strace -D "$work/calls" "$tools/onbrick-sim"
   cmp "$work/pc.mcap" "$work/arm.mcap" || unfit "it does not record what a PC records"
-  say "a mission on an ARM926EJ-S recorded the same" \
+  say "a mission on ${emulated[2]} recorded the same" \
     "$(stat -c %s "$work/pc.mcap") bytes as on this PC"
   grep -q 'fdatasync(' "$work/calls" || fail "QEMU did not list the system calls"
   # One that was answered with ENOSYS (38), after which the mission went on as on the PC, may be
@@ -138,26 +159,32 @@ check_mission() {
 make_package() {
   local version
   version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
-  "$checkout/brick-image/package.sh" "$brick/onbrick" "$version" "$brick"
+  "$checkout/brick-image/package.sh" "$program" "$version" "$brick" "$architecture"
 }
 
 make_checksums() {
   local sums
+  rm -f "$brick/SHA256SUMS"
   sums=$(cd "$brick" && sha256sum -- *)
   printf "%s\n" "$sums" >"$brick/SHA256SUMS"
 }
 
+processor=armv5te
 case ${1:-} in
   '') ;;
+  --for) processor=${2:?--for needs a processor} ;;
   -h | --help) usage && exit 0 ;;
   *) usage >&2 && exit 2 ;;
 esac
+choose_processor "$processor"
 
 cd "$checkout"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-rm -rf "$brick"
+program=$brick/onbrick$suffix
 mkdir -p "$brick"
+# What was made for another processor stays.
+rm -f "$program" "$brick"/onbrick_*_"$architecture".deb "$brick"/onbrick-linux-*
 install_tools
 install_rust
 build_brick

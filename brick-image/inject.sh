@@ -7,8 +7,9 @@ usage() {
   cat <<'END'
 Usage: brick-image/inject.sh IMAGE [OPTIONS]
 
-Puts the package into IMAGE, an ev3dev SD card image (unpacked: a file that ends in .img). At its
-first start the brick installs it by itself. Needs no root. A dozen bricks are twelve commands:
+Puts the package into IMAGE, an ev3dev SD card image for an EV3 or a Raspberry Pi 2 and later
+(unpacked: a file that ends in .img). At its first start the brick installs it by itself. Needs no
+root. A dozen bricks are twelve commands:
   brick-image/inject.sh ev3dev.img --out red.img --name red --wifi "Room 12" \
     --key "$(onbrick key show)"
 
@@ -18,7 +19,7 @@ first start the brick installs it by itself. Needs no root. A dozen bricks are t
                     standard input
   --key KEY         let this PC in: what `onbrick key show` prints, or a file with that in it;
                     can be repeated
-  --deb FILE        the package (default: target/brick/onbrick_*_armel.deb)
+  --deb FILE        the package (default: the one in target/brick for the image's board)
   -h, --help        this
 END
 }
@@ -94,12 +95,23 @@ read_password() {
     fail "a wireless password has at least 8 signs" "nothing for an open network"
 }
 
+# Of the architecture that the image's dpkg has.
 find_deb() {
+  local architecture
+  architecture=$(get /var/lib/dpkg/status |
+    sed -n '/^Package: dpkg$/,/^$/s/^Architecture: //p' | head -n 1)
+  case $architecture in
+    armel | armhf) ;;
+    *) fail "$image is for a processor that onbrick is not built for: ${architecture:-unknown}" \
+      "an ev3dev image for the EV3, or for a Raspberry Pi 2 or later" ;;
+  esac
+  local built_by=brick-image/build.sh
+  [ $architecture = armel ] || built_by+=' --for armv7'
   [ -n "$deb" ] ||
-    deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null |
+    deb=$(find "$here/../target/brick" -name "onbrick_*_$architecture.deb" 2>/dev/null |
       sort -V | tail -n 1)
   if [ -z "$deb" ] || [ ! -f "$deb" ]; then
-    fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"
+    fail "there is no package ${deb:-for $architecture in target/brick}" "$built_by, which makes it"
   fi
   [ "$(head -c 7 "$deb")" = '!<arch>' ] || fail "$deb is no Debian package" \
     "brick-image/build.sh makes one"
@@ -129,8 +141,13 @@ check_image() {
   fi
   boot=$image@@$((fat_sector * 512))
   offset=$((root_sector * 512))
-  MTOOLS_SKIP_CHECK=1 mdir -b -i "$boot" ::uImage >/dev/null 2>&1 ||
-    fail "there is no kernel for an EV3 (uImage) in $image" "an image for the EV3"
+  local kernel kernels=(uImage kernel7.img)
+  for kernel in "${kernels[@]}" ''; do
+    ! MTOOLS_SKIP_CHECK=1 mdir -b -i "$boot" "::$kernel" >/dev/null 2>&1 || break
+  done
+  [ -n "$kernel" ] ||
+    fail "there is no kernel for an EV3 (uImage) or a Raspberry Pi 2 (kernel7.img) in $image" \
+      "an image for one of them"
   local release
   release=$(debugfs -R 'cat /etc/ev3dev-release' "$image?offset=$offset" 2>/dev/null | head -n 1)
   [ -n "$release" ] || fail "$image is no ev3dev image: it has no /etc/ev3dev-release" \
@@ -138,13 +155,16 @@ check_image() {
   e2fsck -fn "$image?offset=$offset" >/dev/null 2>&1 ||
     fail "the Linux partition of $image is not in order" \
       "unpack the image again; or, if a brick ran from it, e2fsck it"
-  # dpkg unpacks the package beside the old one, so that three times its size is enough.
+  say "$image is $release"
+}
+
+# dpkg unpacks the package beside the old one, so that three times its size is enough.
+check_room() {
   local free
   free=$(dumpe2fs -h "$image?offset=$offset" 2>/dev/null |
     awk -F: '/^Free blocks/ { n = $2 } /^Block size/ { size = $2 } END { print n * size }')
   [ "$free" -gt $((3 * $(stat -c %s "$deb") + (16 << 20))) ] ||
     fail "there is no room in $image" "an image that nothing else was put into"
-  say "$image is $release"
 }
 
 # in_root COMMAND…: one of debugfs's commands on the root partition. It ends with 0 whatever
@@ -226,7 +246,6 @@ put_keys() {
 check_tools
 check_name
 read_keys
-find_deb
 work=$(mktemp -d)
 made=''
 # An image that did not come to its end is none.
@@ -237,6 +256,8 @@ clean_up() {
 }
 trap clean_up EXIT
 check_image
+find_deb
+check_room
 read_password
 if [ -n "$out" ]; then
   [ ! -e "$out" ] || fail "$out is there already" "another name, or delete it"

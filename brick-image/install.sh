@@ -13,7 +13,7 @@ ev3dev.local, ssh://robot@10.0.0.7:22.
 
   --name NAME    give the brick a name on the network; new ones are all called ev3dev
   --no-key       do not let this PC in; it can be paired later (onbrick pair)
-  --deb FILE     the package (default: target/brick/onbrick_*_armel.deb)
+  --deb FILE     the package (default: the one in target/brick for the brick's processor)
   --onbrick FILE this PC's onbrick (default: target/brick/onbrick-linux-CPU, target/release/onbrick
                  or the one in PATH)
   -h, --help     this
@@ -55,11 +55,8 @@ esac
 if [ -n "$name" ] && ! [[ $name =~ ^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$ ]]; then
   fail "$name cannot be a brick's name" "small letters a to z, digits, and - in between; at most 63"
 fi
-if [ -z "$deb" ]; then
-  deb=$(find "$here/../target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null | sort -V | tail -n 1)
-fi
-if [ -z "$deb" ] || [ ! -f "$deb" ]; then
-  fail "there is no package ${deb:-in target/brick}" "brick-image/build.sh, which makes it"
+if [ -n "$deb" ] && [ ! -f "$deb" ]; then
+  fail "there is no package $deb" "brick-image/build.sh, which makes it"
 fi
 
 if [ -z "$onbrick" ]; then
@@ -83,12 +80,30 @@ on_brick() { ssh "${control[@]}" "$host" "$@"; }
 say "connecting to $host"
 on_brick true </dev/null || fail "ssh did not get through to $host" \
   "ssh $host; the password of a new ev3dev is maker" 4
-machine=$(on_brick 'uname -m; cat /etc/ev3dev-release 2>/dev/null || echo unknown' </dev/null)
-case $machine in
-  armv5*) ;;
-  *) fail "$host is no EV3: its processor is ${machine%%$'\n'*}" "the brick's address" 3 ;;
+machine=$(on_brick '
+  uname -m
+  dpkg --print-architecture
+  cat /etc/ev3dev-release 2>/dev/null || echo unknown' </dev/null)
+{ read -r processor && read -r architecture && read -r release; } <<<"$machine" || true
+case $processor/$architecture in
+  armv5*/armel) built_by=brick-image/build.sh ;;
+  armv7*/armhf | aarch64/armhf) built_by='brick-image/build.sh --for armv7' ;;
+  *)
+    fail "$host is no board that onbrick is built for: $processor, ${architecture:-not Debian}" \
+      "the address of an EV3, a Raspberry Pi 2 or later with a board for motors, or a BeagleBone" 3
+    ;;
 esac
-say "found ${machine##*$'\n'}"
+say "found $release"
+[ -n "$deb" ] || deb=$(find "$here/../target/brick" -name "onbrick_*_$architecture.deb" \
+  2>/dev/null | sort -V | tail -n 1)
+[ -n "$deb" ] || fail "there is no package for $architecture in target/brick" \
+  "$built_by, which makes it"
+case $(basename "$deb") in
+  onbrick_*_armel.deb | onbrick_*_armhf.deb)
+    [[ $deb == *_$architecture.deb ]] ||
+      fail "$(basename "$deb") is not for $host, which takes $architecture" "$built_by"
+    ;;
+esac
 
 # The brick's sudo: without a password where it needs none, else with one that is asked for once.
 password=''

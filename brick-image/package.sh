@@ -5,18 +5,19 @@ set -euo pipefail
 
 usage() {
   cat <<'END'
-Usage: brick-image/package.sh BINARY VERSION DIR
+Usage: brick-image/package.sh BINARY VERSION DIR [ARCHITECTURE]
 
-Makes DIR/onbrick_VERSION_armel.deb of the brick's BINARY, the service, the default configuration,
-robot.toml and the missions.
+Makes DIR/onbrick_VERSION_ARCHITECTURE.deb of the brick's BINARY, the service, the default
+configuration, robot.toml and the missions. ARCHITECTURE is Debian's word: armel (the default) or
+armhf.
 END
 }
 
 case ${1:-} in
   -h | --help) usage && exit 0 ;;
 esac
-if [ $# != 3 ]; then usage >&2 && exit 2; fi
-binary=$1 version=$2 folder=$3
+if [ $# -lt 3 ] || [ $# -gt 4 ]; then usage >&2 && exit 2; fi
+binary=$1 version=$2 folder=$3 architecture=${4:-armel}
 image=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 [ -f "$binary" ] || {
   printf 'error: there is no %s\n  try: brick-image/build.sh, which makes it\n' "$binary" >&2 &&
@@ -54,7 +55,8 @@ printf '%s\n' /etc/onbrick/onbrick.toml /etc/avahi/services/onbrick.service \
 (cd "$root" && find . -path ./DEBIAN -prune -o -type f -printf '%P\0' | sort -z | xargs -0 md5sum) \
   >"$root/DEBIAN/md5sums"
 size_kb=$(du -s -k --exclude=DEBIAN "$root" | cut -f1)
-sed -e "s/@VERSION@/$version/" -e "s/@SIZE@/$size_kb/" "$image/package/control" \
+sed -e "s/@VERSION@/$version/" -e "s/@ARCHITECTURE@/$architecture/" \
+  -e "s/@SIZE@/$size_kb/" "$image/package/control" \
   >"$root/DEBIAN/control"
 
 # The same input makes the same file: one time for everything, and sorted names (dpkg-deb sorts).
@@ -62,4 +64,4 @@ export SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-1577836800}
 find "$root" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +
 mkdir -p "$folder"
 # xz, because Debian 9's dpkg knows no zstd.
-dpkg-deb --root-owner-group -Zxz --build "$root" "$folder/onbrick_${version}_armel.deb"
+dpkg-deb --root-owner-group -Zxz --build "$root" "$folder/onbrick_${version}_$architecture.deb"

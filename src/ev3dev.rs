@@ -113,7 +113,9 @@ pub use motor::{
     TachoMotor,
 };
 pub use node::{AttributeSpec, Direction};
-pub use platform::{EV3, FrameBuffer, PLATFORMS, Platform};
+pub use platform::{
+    BRICKPI, BRICKPI3, EV3, EVB, FrameBuffer, Hue, Lamp, PISTORMS, PLATFORMS, Platform,
+};
 pub use port::LegoPort;
 pub use screen::{Console, Screen, ScreenError, ScreenLayout};
 pub use sensor::{

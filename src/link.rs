@@ -12,6 +12,7 @@
 //! | [`pairing`] | introducing a PC to a brick |
 //! | [`team`] | several bricks with start poses: `team.toml` |
 //! | `discover` | bricks that make themselves known (feature `host`) |
+//! | `node` | a simulated brick's files for programs of the seed (feature `sim`) |
 //! | [`curve`] | that the libzmq that is linked can encrypt |
 //!
 //! # Not here
@@ -109,6 +110,8 @@ pub mod discover;
 mod held;
 pub mod keys;
 mod monitor;
+#[cfg(feature = "sim")]
+mod node;
 pub mod pairing;
 pub mod server;
 pub mod team;
@@ -122,6 +125,8 @@ use crate::service::protocol::{
 
 pub use client::{Client, ClientError, FetchProgress, Patience};
 pub use keys::{KeyPair, KnownBrick, KnownBricks, PublicKey};
+#[cfg(feature = "sim")]
+pub use node::{Node, NodeError};
 pub use server::{LinkState, Server, ServerConfig};
 pub use team::Team;
 

@@ -36,19 +36,26 @@ mod drive;
 mod halt;
 mod lease;
 mod mend;
+mod ports;
 mod sensor;
 mod shipped;
+mod stop;
 
 use bind::Bound;
 use mend::{Mended, Mender};
+use stop::StopSwitch;
 
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
-pub use config::{HeadRole, MotorRole, NamedMotor, NamedSensor, RangeRole, RobotConfig};
+pub use config::{
+    HeadRole, MotorRole, NamedMotor, NamedSensor, RangeRole, RobotConfig, StopButton,
+};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
+pub use ports::{equip, equip_port};
 pub use sensor::RoleSensor;
 pub use shipped::{DEFAULT_ROBOT, ROBOTS, ShippedRobot};
+pub use stop::stop_button_answers;
 
 /// How near the head must come to what is asked of it, radians: half a degree, less than the gears'
 /// play.
@@ -73,6 +80,10 @@ pub struct Robot {
     battery: Option<Battery>,
     battery_due_ns: i64,
     buttons: Result<Buttons, DeviceError>,
+    stop_switch: Option<StopSwitch>,
+    /// When the stop switch was read last, nanoseconds, and why it could not be since.
+    stop_read_ns: i64,
+    stop_trouble: Option<DeviceError>,
     lights: Option<StatusLights>,
     sound: Option<Sound>,
     led: Option<Led>,
@@ -145,7 +156,16 @@ impl Robot {
     ///
     /// What opening the buttons gave.
     pub fn stop_button(&self) -> Result<(), &DeviceError> {
-        self.buttons.as_ref().map(|_| ())
+        match &self.stop_switch {
+            Some(_) => Ok(()),
+            None => self.buttons.as_ref().map(|_| ()),
+        }
+    }
+
+    /// Why the stop button of `robot.toml` can no longer be read, if so.
+    #[must_use]
+    pub fn stop_trouble(&self) -> Option<&DeviceError> {
+        self.stop_trouble.as_ref()
     }
 
     /// From now on devices that were unplugged are looked for by a thread of their own, as a run in
@@ -160,7 +180,8 @@ impl Robot {
     }
 
     /// Reads everything once, one system call an attribute, and notes it in `senses`, whose tick
-    /// and time the caller has set. True if Enter or Back was pressed.
+    /// and time the caller has set. True if Enter or Back was pressed, or the robot's stop button,
+    /// or if that cannot be read for longer than a reading may be old.
     ///
     /// What cannot be read keeps its last reading. The battery is read about once a second. A
     /// replugged device continues from its last reading, because its own count starts at 0 again.
@@ -183,7 +204,22 @@ impl Robot {
             self.head_rad = Some(reading.value);
         }
         self.look_for_others(senses.time_ns);
-        self.read_buttons(senses)
+        let is_stopped = self.read_stop_switch(senses.time_ns);
+        self.read_buttons(senses) || is_stopped
+    }
+
+    fn read_stop_switch(&mut self, now_ns: i64) -> bool {
+        let Some(switch) = &mut self.stop_switch else { return false };
+        match switch.is_pressed() {
+            Ok(is_pressed) => {
+                (self.stop_read_ns, self.stop_trouble) = (now_ns, None);
+                is_pressed
+            }
+            Err(error) => {
+                self.stop_trouble = Some(error);
+                now_ns - self.stop_read_ns > self.config.max_age_ns
+            }
+        }
     }
 
     /// The motor that another program has commanded or reset, if one has; it is left alone from
@@ -370,7 +406,7 @@ impl Robot {
 
     /// The time of the senses begins at 0 again: what is due by it is due at once.
     pub(crate) fn restart_time(&mut self) {
-        self.battery_due_ns = 0;
+        (self.battery_due_ns, self.stop_read_ns) = (0, 0);
     }
 
     /// Notes the buttons that the mission asks for; true if Enter or Back went down since the last

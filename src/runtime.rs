@@ -126,6 +126,9 @@ pub struct Job {
     /// name in it.
     #[serde(default)]
     pub name: Option<String>,
+    /// It may be run where no button beside the robot stops it.
+    #[serde(default)]
+    pub no_button: bool,
     /// How poses are estimated and points placed.
     #[serde(default)]
     pub method: Method,

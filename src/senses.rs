@@ -320,8 +320,8 @@ const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
 const TRUTH: (f64, f64) = (0.0, 1.0);
 const PERCENT: (f64, f64) = (0.0, 100.0);
 
-/// No cells that fit into a brick give more, volts: above, the reading is wrong.
-pub const MOST_V: f64 = 10.0;
+/// No board takes more, volts ([`Platform::most_v`](crate::ev3dev::Platform)).
+pub const MOST_V: f64 = 13.0;
 
 /// The gyro sensor counts clockwise; from here on anticlockwise is positive.
 const ANTICLOCKWISE_RAD: f64 = -std::f64::consts::PI / 180.0;

@@ -13,6 +13,7 @@
 //! NXT and I²C sensors, `raw` ports, the screen's grey levels, sampled sound. A sensor's values are
 //! integers of whole frames; nothing is known of the electrical side of a port.
 
+mod board;
 mod body;
 mod brick;
 mod chance;

@@ -9,14 +9,15 @@ use std::sync::Arc;
 
 use crate::clock::{Clock, MonotonicClock, VirtualClock};
 use crate::document::Document;
+use crate::ev3dev::PortAddress;
 use crate::mapping::Pose;
 use crate::recording::{Pace, STALL_NS};
-use crate::robot::{MotorRole, RobotConfig};
+use crate::robot::{MotorRole, RobotConfig, StopButton};
 use crate::runtime::{
     Brick, Ended, Environment, Heartbeat, Job, Refused, Source, StopFlags, Truth, execute,
 };
 use crate::senses::{Channel, Role};
-use crate::sim::{Observer, Simulation, World, WorldPhysics};
+use crate::sim::{Observer, Port, SensorKind, Simulation, World, WorldPhysics};
 
 /// A world whose robot is built as `robot.toml` describes it, where the world itself says nothing
 /// of its robot.
@@ -33,7 +34,12 @@ pub fn furnished(world: Source, robot: &RobotConfig) -> Source {
 
 /// The section `[robot]` of a world.
 fn body(robot: &RobotConfig) -> String {
-    let wheel = |motor: &MotorRole| motor.port.as_ref().map(|port| port.short().to_owned());
+    // Worlds call ports as an EV3 does.
+    let name = |port: &PortAddress| {
+        Port::named(port.short())
+            .map_or_else(|| port.short().to_owned(), |port| port.as_str().to_owned())
+    };
+    let wheel = |motor: &MotorRole| motor.port.as_ref().map(name);
     let [left, right] = [&robot.left, &robot.right];
     let mut text = format!(
         "\n# Built like the robot `{}`.\n[robot]\nwheel_circumference_m = {:?}\n\
@@ -86,9 +92,12 @@ fn body(robot: &RobotConfig) -> String {
             role => role.quantities().next().map(|quantity| quantity.channel),
         };
         let Some(measured) = measured else { continue };
-        let port = port.as_ref().map(|port| port.short().to_owned());
+        let port = port.as_ref().map(name);
         let infrared = robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
         plug(port, &INPUTS, kind(measured, infrared));
+    }
+    if let Some(StopButton::Touch(port)) = &robot.stop_button {
+        plug(Some(name(port)), &INPUTS, "touch");
     }
     text.push_str("[robot.ports]\n");
     for (port, what) in ports {
@@ -100,17 +109,12 @@ fn body(robot: &RobotConfig) -> String {
 /// A range sensor that is to see no farther than this is the infrared one, metres.
 const INFRARED_M: f64 = 0.75;
 
-/// What worlds call the sensor that measures a quantity.
+/// What worlds call the sensor that measures a quantity: of a role's sensors the preferred one.
 fn kind(measured: Channel, infrared: bool) -> &'static str {
-    match measured.quantity().role {
-        Role::Range if infrared => "infrared",
-        Role::Range => "ultrasonic",
-        Role::Gyro => "gyro",
-        Role::Touch => "touch",
-        Role::Colour => "colour",
-        Role::Remote => "infrared",
-        _ => "none",
-    }
+    let drivers = measured.quantity().role.drivers();
+    let mut words = drivers.filter_map(|driver| SensorKind::word_of(driver.as_str()));
+    let is_second = infrared && measured == Channel::Range;
+    if is_second { words.nth(1) } else { words.next() }.unwrap_or("none")
 }
 
 const OUTPUTS: [&str; 4] = ["outA", "outB", "outC", "outD"];
@@ -256,6 +260,7 @@ mod tests {
             stamps_ns: 0,
             run: None,
             name: None,
+            no_button: false,
             method: crate::mapping::Method::Default,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,

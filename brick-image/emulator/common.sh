@@ -63,18 +63,39 @@ locked() {
   ) 9>"$cache/$name.lock"
 }
 
-# arm_cargo ARGUMENTS…: cargo for the brick's processor, with whichever compiler is there (build.sh
+# choose_processor NAME: what building for a processor, and emulating it, takes; armv5te is the
+# EV3's, armv7 that of a Raspberry Pi 2 and later and of a BeagleBone.
+# shellcheck disable=SC2034  # for the scripts that source this
+choose_processor() {
+  case $1 in
+    armv5te)
+      target=armv5te-unknown-linux-gnueabi gnu=arm-linux-gnueabi architecture=armel suffix=''
+      # Under the name of the brick's kernel.
+      emulated=(qemu-arm -cpu arm926 -r 4.14.117-ev3dev-2.3.5-ev3)
+      ;;
+    armv7)
+      target=armv7-unknown-linux-gnueabihf gnu=arm-linux-gnueabihf architecture=armhf suffix=-armv7
+      emulated=(qemu-arm -cpu cortex-a7 -r 4.14.117-ev3dev-2.3.5-rpi2)
+      ;;
+    *) fail "there is no processor $1 here" "armv5te, or armv7" ;;
+  esac
+}
+
+# Unless a script chooses another.
+choose_processor armv5te
+
+# arm_cargo ARGUMENTS…: cargo for the chosen processor, with whichever compiler is there (build.sh
 # installs one).
 arm_cargo() {
-  local target=armv5te-unknown-linux-gnueabi
-  if [ -d "$(rustc --print target-libdir --target $target 2>/dev/null)" ]; then
-    cargo "$@" --config "$checkout/cross.toml"
+  set -- "$@" --config "$checkout/cross.toml" --target "$target"
+  if [ -d "$(rustc --print target-libdir --target "$target" 2>/dev/null)" ]; then
+    cargo "$@"
   elif [ -d /usr/lib/rustlib/src/rust/library ]; then
     # Debian's, which builds the standard library as well. The PATH keeps rustup's programs out of
     # the way.
-    RUSTC_BOOTSTRAP=1 PATH=/usr/bin:/bin cargo "$@" --config "$checkout/cross.toml"
+    RUSTC_BOOTSTRAP=1 PATH=/usr/bin:/bin cargo "$@"
   else
-    fail "there is no Rust compiler for the brick's processor" \
+    fail "there is no Rust compiler for $target" \
       "brick-image/build.sh, which installs one"
   fi
 }

@@ -125,12 +125,14 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
         let mut window = Window::open().map_err(|error| failed(&error.into()))?;
         return show(&mut TerminalKeys::open(), &mut window);
     }
-    let mut buttons = open_buttons(arguments)?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
-    let Some(built_in) = &Platform::of(&tree).screen else {
-        return Err(Failure::new(Exit::Refused, "this board has no screen")
-            .hint("onbrick menu --window, on a PC"));
-    };
+    let platform = Platform::of(&tree);
+    let built_in = platform.screen.as_ref().map_err(|why| {
+        let message = format!("the menu is not shown on a {}: {why}", platform.what);
+        Failure::new(Exit::Refused, message)
+            .hint("onbrick start and onbrick status from a PC, or onbrick run here")
+    })?;
+    let mut buttons = open_buttons(arguments)?;
     let root = arguments.brick.root();
     let path = arguments.screen.clone().unwrap_or_else(|| root.join(built_in.device));
     let mut screen = Screen::open(&path, &root.join(built_in.description))

@@ -93,6 +93,11 @@ pub(super) struct Arguments {
     #[cfg_attr(feature = "sim", arg(conflicts_with = "sim"))]
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
+    /// Run although no button beside the robot stops it, on a board that has none: keep a hand near
+    /// the plug. To be said each time.
+    #[cfg_attr(feature = "sim", arg(conflicts_with = "sim"))]
+    #[arg(long)]
+    no_button: bool,
     /// Seconds between two syncs: a power cut loses at most this much of the recording.
     #[arg(long, default_value_t = 1.0, value_parser = sync_period)]
     sync_s: f64,
@@ -160,6 +165,7 @@ fn prepare(
         stamps_ns: stamps_ns(output),
         run: None,
         name: None,
+        no_button: arguments.no_button,
         method: method(arguments),
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,

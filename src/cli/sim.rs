@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::common::{chosen_robot, load_robot, load_world, read_source, warn, write_file};
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
+use crate::ev3dev::{EV3, PLATFORMS, Platform};
 use crate::runtime::StopFlags;
 use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
@@ -25,6 +26,7 @@ use crate::simulated::furnished;
 /// Examples:
 ///   onbrick sim /tmp/brick                        then: onbrick run map --brick /tmp/brick
 ///   onbrick sim /tmp/bricks --robots 2 --world two-arenas --page
+///   onbrick sim /tmp/brick --board brickpi3
 ///   onbrick sim /tmp/brick --scenario loose-plug.toml --show end.svg
 ///   onbrick sim fault /tmp/brick in1 stuck
 ///   onbrick sim press /tmp/brick enter --for 1s
@@ -52,6 +54,10 @@ pub(super) struct Arguments {
     /// How many robots are in it; each takes one of the world's start poses.
     #[arg(long, default_value_t = 1, value_parser = robots)]
     robots: usize,
+    /// Which board it is; other boards than the EV3 call ports otherwise, and most of them do not
+    /// find out what is plugged in.
+    #[arg(long, default_value = EV3.name, value_parser = PLATFORMS.map(|platform| platform.name))]
+    board: String,
     /// What all chance comes from.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -75,6 +81,17 @@ pub(super) struct Arguments {
         default_missing_value = "0",
     )]
     page: Option<u16>,
+    /// Serve the brick's files to programs for the seed's node, on this machine alone, at port 5555
+    /// or one of your choice; with several robots, each has the port after the one before.
+    #[cfg(feature = "link")]
+    #[arg(
+        long,
+        value_name = "PORT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "5555",
+    )]
+    node: Option<u16>,
     /// At the end, draw the room, what the robots drove and what they saw.
     #[arg(long, value_name = "FILE.svg")]
     show: Option<PathBuf>,
@@ -220,10 +237,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     tell(arguments, &mount, found, output);
     #[cfg(feature = "host")]
     let _page = page(arguments, &simulation, output)?;
+    #[cfg(feature = "link")]
+    let nodes = nodes(arguments, &mount, output)?;
     while !flags.is_raised() && !mount.is_over() {
         MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
     }
     let unmounted_by_others = mount.is_over();
+    // What they have open would keep the brick mounted.
+    #[cfg(feature = "link")]
+    drop(nodes);
     mount.unmount().map_err(|error| {
         Failure::from_error(Exit::Failed, "cannot take the mount away", &error).hint(error.hint())
     })?;
@@ -284,6 +306,36 @@ fn page(
     Ok(Some(page))
 }
 
+/// Serves the bricks' files, where it is asked for.
+#[cfg(feature = "link")]
+fn nodes(
+    arguments: &Arguments,
+    mount: &Mount,
+    output: &mut Output,
+) -> Result<Vec<crate::link::Node>, Failure> {
+    let Some(first) = arguments.node else { return Ok(Vec::new()) };
+    let mut nodes = Vec::new();
+    for robot in 0..arguments.robots {
+        // From 0 on, each takes any that is free.
+        let beyond = if first == 0 { 0 } else { robot };
+        let port = u16::try_from(beyond).ok().and_then(|beyond| first.checked_add(beyond));
+        let port = port.ok_or_else(|| {
+            Failure::new(Exit::Usage, format!("there are too few ports from {first} on"))
+                .hint("--node with a smaller number")
+        })?;
+        let served = crate::link::Node::serve(&mount.root(robot), &format!("127.0.0.1:{port}"));
+        let node = served.map_err(|error| {
+            Failure::from_error(Exit::Refused, "no node", &error).hint("--node with another number")
+        })?;
+        output.show(
+            format!("the files of robot {} are at tcp://{}", robot + 1, node.address()),
+            &serde_json::json!({ "robot": robot + 1, "node": node.address() }),
+        );
+        nodes.push(node);
+    }
+    Ok(nodes)
+}
+
 /// The scenario, read before anything is mounted.
 fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
     let Some(path) = &arguments.scenario else { return Ok(None) };
@@ -306,7 +358,8 @@ fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, 
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")
     })?;
-    let options = Options { lcd: arguments.lcd, udev: true, ..Options::default() };
+    let platform = Platform::named(&arguments.board).unwrap_or_default();
+    let options = Options { platform, lcd: arguments.lcd, udev: true, ..Options::default() };
     let clock = Arc::new(MonotonicClock);
     let simulation = Simulation::with_options(clock, Box::new(physics), arguments.seed, options);
     simulation.give_up_behind_ns(MOST_BEHIND_NS);
@@ -341,11 +394,13 @@ fn tell(arguments: &Arguments, mount: &Mount, found: Found, output: &mut Output)
     } else {
         format!("{} simulated bricks", bricks.len())
     };
+    let board = Platform::named(&arguments.board).unwrap_or_default();
+    let no_button = if board.buttons.is_none() { " --no-button" } else { "" };
     output.show(
         format!(
             "mounted {what} at {point}; Ctrl-C unmounts. Try, in another terminal:\n\
              \x20 onbrick devices --brick {first}\n\
-             \x20 onbrick run map --brick {first}\n\
+             \x20 onbrick run map --brick {first}{no_button}\n\
              \x20 cat {first}/sys/class/tacho-motor/motor0/position"
         ),
         &Mounted {

@@ -40,7 +40,7 @@ use serde::Serialize;
 use crate::clock::Clock;
 use crate::document::Findings;
 use crate::ev3dev::{Tree, UltrasonicSensor};
-use crate::robot::{BindError, Robot, RobotConfig};
+use crate::robot::{BindError, Robot, RobotConfig, equip};
 use crate::senses::{Channel, Role};
 
 use super::{Dialogue, NoAnswer};
@@ -237,6 +237,7 @@ pub fn calibrate(
     config: &RobotConfig,
     options: &CalibrateOptions,
 ) -> Result<Calibration, CalibrateError> {
+    equip(tree, config, clock)?;
     let mut robot = Robot::bind(tree, config, &[])?;
     clock.sleep_until_ns(clock.now_ns() + robot.settle_ns());
     prepare(&mut robot, clock, flags, false, |why| dialogue.say(why))?;

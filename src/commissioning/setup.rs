@@ -20,7 +20,7 @@ use std::sync::Arc;
 use crate::clock::{Clock, MILLISECOND_NS};
 use crate::document::Findings;
 use crate::ev3dev::{
-    Class, DeviceError, FindError, Identity, StopAction, TachoMotor, Tree, devices,
+    Class, DeviceError, FindError, Identity, Platform, StopAction, TachoMotor, Tree, devices,
 };
 use crate::mapping::{Geometry, RangeMount};
 use crate::printable::is_printable;
@@ -117,7 +117,11 @@ pub fn setup(
     flags: &StopFlags,
     dialogue: &mut dyn Dialogue,
 ) -> Result<String, SetupError> {
+    let platform = Platform::of(tree);
     let motors = motors(tree)?;
+    if !platform.detects {
+        sensors::declare(tree, platform, clock, dialogue)?;
+    }
     let sensors = devices(tree, Class::LegoSensor)?;
     introduce(dialogue, &motors, &sensors);
     if motors.len() < 2 {
@@ -141,6 +145,9 @@ pub fn setup(
         return Err(SetupError::NoWheel(side));
     }
     sensors::assign(dialogue, &sensors, &mut draft)?;
+    if platform.buttons.is_none() {
+        sensors::stop_button(dialogue, platform, &mut draft)?;
+    }
     measures(dialogue, &mut draft)?;
     let text = draft.to_toml();
     RobotConfig::load("robot.toml", text.as_bytes()).map_err(SetupError::Findings)?;

@@ -3,7 +3,8 @@
 //! People write `outB`; the kernel writes `ev3-ports:outB`, `ev3-ports:in1:i2c1` for an I²C device,
 //! and on other platforms of ev3dev `spi0.1:MA`. An address is a list of segments between colons,
 //! and a wanted address fits where its segments stand together in the device's, from the first or
-//! the second on: so the name of the board may be left out, and the I²C part too.
+//! the second on: so the name of the board may be left out, and the I²C part too. The EV3's names
+//! mean the same place on every board: `outB` is `MB` on a BrickPi3.
 
 use std::fmt;
 use std::str::FromStr;
@@ -41,7 +42,9 @@ impl PortAddress {
     #[must_use]
     pub fn fits(&self, device: &Self) -> bool {
         let from_second = device.0.split_once(':').map_or("", |(_, rest)| rest);
-        starts_with_segments(&device.0, &self.0) || starts_with_segments(from_second, &self.0)
+        starts_with_segments(&device.0, &self.0)
+            || starts_with_segments(from_second, &self.0)
+            || Platform::is_port(&self.0, &device.0)
     }
 }
 
@@ -117,6 +120,8 @@ mod tests {
             ("spi0.1:MA",         "spi0.1:MA",            true),
             ("MA",                "spi0.1:MA",            true),
             ("spi0.0:MA",         "spi0.1:MA",            false),
+            ("outA",              "spi0.1:MA",            true),
+            ("outB",              "spi0.1:MA",            false),
             ("outB",              "outB",                 true),
             ("ev3-ports:outB",    "outB",                 false),
         ];

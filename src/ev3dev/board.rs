@@ -9,9 +9,11 @@ use super::node::Node;
 use super::tree::{Access, Tree};
 use super::value::Legal;
 
-/// What the main board says of itself. A board may leave out any of it.
+/// What a board says of itself. A board may leave out any of it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct BoardInfo {
+    /// It is the board with the processor.
+    pub is_main: bool,
     /// `LEGO MINDSTORMS EV3`, or another platform's name.
     pub model: Option<String>,
     /// Revision of the hardware.
@@ -30,11 +32,20 @@ impl BoardInfo {
     ///
     /// # Errors
     ///
-    /// [`Cause::Malformed`] for a description that is no text; what listing and reading give.
+    /// As [`BoardInfo::read_all`].
     pub fn read(tree: &Arc<dyn Tree>) -> Result<Option<Self>, DeviceError> {
+        Ok(Self::read_all(tree)?.into_iter().find(|board| board.is_main))
+    }
+
+    /// Every board's: a Raspberry Pi with a BrickPi3 has two.
+    ///
+    /// # Errors
+    ///
+    /// [`Cause::Malformed`] for a description that is no text; what listing and reading give.
+    pub fn read_all(tree: &Arc<dyn Tree>) -> Result<Vec<Self>, DeviceError> {
         let mut boards = match tree.list(FOLDER) {
             Ok(boards) => boards,
-            Err(Errno::ENOENT) => return Ok(None),
+            Err(Errno::ENOENT) => return Ok(Vec::new()),
             Err(errno) => {
                 return Err(Node::new(tree, FOLDER, None).error(
                     "uevent",
@@ -44,18 +55,17 @@ impl BoardInfo {
             }
         };
         boards.sort();
-        for board in boards {
+        let read = |board: &String| {
             let text = description(&Node::new(tree, &format!("{FOLDER}/{board}"), None))?;
-            if value(&text, "TYPE").as_deref() == Some("main") {
-                return Ok(Some(Self {
-                    model: value(&text, "MODEL"),
-                    hardware_revision: value(&text, "HW_REV"),
-                    rom_revision: value(&text, "ROM_REV"),
-                    serial_number: value(&text, "SERIAL_NUM"),
-                }));
-            }
-        }
-        Ok(None)
+            Ok(Self {
+                is_main: value(&text, "TYPE").as_deref() == Some("main"),
+                model: value(&text, "MODEL"),
+                hardware_revision: value(&text, "HW_REV"),
+                rom_revision: value(&text, "ROM_REV"),
+                serial_number: value(&text, "SERIAL_NUM"),
+            })
+        };
+        boards.iter().map(read).collect()
     }
 }
 

@@ -167,7 +167,15 @@ impl Buttons {
     /// [`Cause::Other`](super::Cause::Other) with EACCES for a user who is not in the group
     /// `input`.
     pub fn open(tree: &Arc<dyn Tree>, platform: &Platform) -> Result<Self, DeviceError> {
-        let path = platform.buttons.ok_or_else(|| not_built_in(tree, "buttons"))?;
+        Self::open_at(tree, platform.buttons.ok_or_else(|| not_built_in(tree, "buttons"))?)
+    }
+
+    /// Opens another input device with keys, by its path below the root.
+    ///
+    /// # Errors
+    ///
+    /// As [`Buttons::open`].
+    pub fn open_at(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
         let node = stream_node(tree, path);
         let source = match Self::open_device(tree, path, &node)? {
             Some(source) => source,

@@ -108,8 +108,9 @@ fn position_motor<K: MotorKind>(
     readings: &mut Vec<LiveValue>,
 ) -> Result<(), DeviceError> {
     readings.push(live("position", motor.position()?, "counts"));
-    readings.push(live("speed", motor.speed()?, "counts/s"));
-    readings.push(live("duty_cycle", motor.duty_cycle()?.percent(), "%"));
+    readings.extend(known(motor.speed())?.map(|speed| live("speed", speed, "counts/s")));
+    let duty = known(motor.duty_cycle())?;
+    readings.extend(duty.map(|duty| live("duty_cycle", duty.percent(), "%")));
     readings.push(live("state", motor.state()?, ""));
     Ok(())
 }
@@ -145,8 +146,8 @@ fn battery_entry(battery: Result<Battery, DeviceError>) -> Entry {
     let mut readings = Vec::new();
     let outcome = battery.and_then(|battery| {
         readings.push(live("voltage", battery.voltage_v()?, "V"));
-        readings.push(live("current", battery.current_a()?, "A"));
-        readings.push(live("technology", battery.technology()?, ""));
+        readings.extend(known(battery.current_a())?.map(|amperes| live("current", amperes, "A")));
+        readings.extend(known(battery.technology())?.map(|cells| live("technology", cells, "")));
         Ok(())
     });
     let problem = outcome.err().map(|error| error.to_string());
@@ -158,6 +159,15 @@ fn battery_entry(battery: Result<Battery, DeviceError>) -> Entry {
         driver: String::new(),
         readings,
         problem,
+    }
+}
+
+/// What a driver may not have: on other boards than the EV3 the PiStorms' motors have no speed, and
+/// few batteries a current.
+fn known<T>(read: Result<T, DeviceError>) -> Result<Option<T>, DeviceError> {
+    match read {
+        Err(error) if error.is_absent() => Ok(None),
+        read => read.map(Some),
     }
 }
 

@@ -1,10 +1,10 @@
-//! Lights: any LED, and the brick's two status lights, each a red and a green LED.
+//! Lights: any LED, and the brick's status lights, of an EV3 two of a red and a green LED each.
 
 use std::sync::Arc;
 
 use super::error::{Cause, DeviceError};
 use super::node::{Attribute, AttributeSpec, Node, attributes};
-use super::platform::Platform;
+use super::platform::{Hue, Lamp, Platform};
 use super::stream::not_built_in;
 use super::tree::Tree;
 use super::value::{Legal, Value, Words};
@@ -126,11 +126,10 @@ pub enum Side {
     Right,
 }
 
-/// The brick's two status lights.
+/// The brick's status lights, left and right; a board may have one, and other colours.
 #[derive(Debug)]
 pub struct StatusLights {
-    left: (Led, Led),
-    right: (Led, Led),
+    sides: [Vec<(Hue, Led)>; 2],
 }
 
 impl StatusLights {
@@ -140,10 +139,18 @@ impl StatusLights {
     ///
     /// [`Cause::Gone`] where there are none.
     pub fn open(tree: &Arc<dyn Tree>, platform: &Platform) -> Result<Self, DeviceError> {
-        let [left, right] = platform.lights.ok_or_else(|| not_built_in(tree, "lights"))?;
-        let light =
-            |[red, green]: [&str; 2]| Ok((Led::named(tree, red)?, Led::named(tree, green)?));
-        Ok(Self { left: light(left)?, right: light(right)? })
+        if platform.lights.iter().all(|lamps| lamps.is_empty()) {
+            return Err(not_built_in(tree, "lights"));
+        }
+        let light = |lamps: &[Lamp]| -> Result<Vec<_>, DeviceError> {
+            lamps.iter().map(|lamp| Ok((lamp.hue, Led::named(tree, lamp.led)?))).collect()
+        };
+        let [left, right] = platform.lights;
+        Ok(Self { sides: [light(left)?, light(right)?] })
+    }
+
+    fn leds(&self) -> impl Iterator<Item = &Led> {
+        self.sides.iter().flatten().map(|(_, led)| led)
     }
 
     /// Whether the lights could be switched; nothing is.
@@ -152,10 +159,7 @@ impl StatusLights {
     ///
     /// [`Cause::Other`] with EACCES for a user who is not in the group `ev3dev`.
     pub fn check_writable(&self) -> Result<(), DeviceError> {
-        for led in [&self.left.0, &self.left.1, &self.right.0, &self.right.1] {
-            led.files.brightness.open_for_writing(&led.node)?;
-        }
-        Ok(())
+        self.leds().try_for_each(|led| led.files.brightness.open_for_writing(&led.node))
     }
 
     /// Takes the lights from whatever else switches them: brickman lets them blink while a program
@@ -165,7 +169,7 @@ impl StatusLights {
     ///
     /// What writing gives.
     pub fn take(&self) -> Result<(), DeviceError> {
-        for led in [&self.left.0, &self.left.1, &self.right.0, &self.right.1] {
+        for led in self.leds() {
             if led.trigger()? != "none" {
                 led.set_trigger("none")?;
             }
@@ -173,22 +177,32 @@ impl StatusLights {
         Ok(())
     }
 
-    /// Sets a light's colour: two writes. On kernels before 2.3.0 every mix is full on.
+    /// Sets a light's colour: a write an LED. On kernels of the EV3 before 2.3.0 every mix is full
+    /// on; a light of one LED shines in any colour.
     ///
     /// # Errors
     ///
     /// What writing gives.
     pub fn set(&self, side: Side, colour: LightColour) -> Result<(), DeviceError> {
-        let (red, green) = match side {
-            Side::Left => &self.left,
-            Side::Right => &self.right,
+        let [left, right] = &self.sides;
+        let lamps = match side {
+            Side::Left => left,
+            Side::Right => right,
         };
-        let (red_255, green_255) = colour.mix();
-        red.set_brightness(scaled(red_255, red.max_brightness()))?;
-        green.set_brightness(scaled(green_255, green.max_brightness()))
+        let (red, green) = colour.mix();
+        for (hue, led) in lamps {
+            let part = match hue {
+                Hue::Red => red,
+                Hue::Green => green,
+                Hue::Blue => 0,
+                Hue::Only => red.max(green),
+            };
+            led.set_brightness(scaled(part, led.max_brightness()))?;
+        }
+        Ok(())
     }
 
-    /// Sets both lights' colour: four writes.
+    /// Sets both lights' colour.
     ///
     /// # Errors
     ///

@@ -299,6 +299,22 @@ words! {
 }
 
 impl Driver {
+    /// The mode of an input port for such a sensor, where the port does not find it out; `None` for
+    /// what is no sensor, and for those of I²C, which are told by their bus address.
+    #[must_use]
+    pub const fn port_mode(self) -> Option<PortMode> {
+        match self {
+            Self::Touch => Some(PortMode::Ev3Analog),
+            Self::Colour | Self::Ultrasonic | Self::Gyro | Self::Infrared => {
+                Some(PortMode::Ev3Uart)
+            }
+            Self::NxtTouch | Self::NxtLight | Self::NxtSound | Self::NxtAnalog => {
+                Some(PortMode::NxtAnalog)
+            }
+            _ => None,
+        }
+    }
+
     /// What people call the device; for those without a type of their own, the driver's name.
     #[must_use]
     pub const fn what(self) -> &'static str {

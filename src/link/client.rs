@@ -292,7 +292,8 @@ impl Client {
         pose: Option<[f64; 3]>,
         set: &[(String, f64)],
     ) -> Result<Started, ClientError> {
-        let mut start = Start { run, mission, token: None, pose, set: set.to_vec() };
+        let mut start =
+            Start { run, mission, token: None, pose, set: set.to_vec(), no_button: false };
         let until_ns = self.line.deadline_ns();
         loop {
             start.token = Some(self.status()?.token);

@@ -344,8 +344,14 @@ impl Menu {
         self.started += 1;
         let unique = format!("{:x}-{}", self.options.seed, self.started);
         let Ok(run) = RunId::of_mission(&mission, &unique) else { return };
-        let start =
-            Start { run, mission: Chosen::Name(mission), token: None, pose: None, set: Vec::new() };
+        let start = Start {
+            run,
+            mission: Chosen::Name(mission),
+            token: None,
+            pose: None,
+            set: Vec::new(),
+            no_button: false,
+        };
         self.asks.order(LocalRequest::Own(LocalOnly::StartHere(start)));
     }
 

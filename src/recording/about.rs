@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::grid::Grid;
 use super::stop::{Stop, StopReason};
-use crate::ev3dev::Technology;
+use crate::ev3dev::{Platform, Technology};
 use crate::mapping::{MapPoint, Method, Pose};
 use crate::printable;
 use crate::senses::QUANTITIES;
@@ -44,6 +44,8 @@ pub struct Start {
     pub seed: u64,
     /// What the brick runs on, which decides about the thresholds of its battery.
     pub cells: Technology,
+    /// The board that the robot sits on.
+    pub board: &'static Platform,
     /// Named numbers that were set for this run.
     pub settings: Vec<(String, f64)>,
     /// How poses are estimated and points placed.
@@ -156,6 +158,9 @@ pub struct Info {
     /// What the brick ran on.
     #[serde(serialize_with = "by_word")]
     pub cells: Technology,
+    /// The board it ran on; recordings made before this was in them have the EV3.
+    #[serde(serialize_with = "by_name")]
+    pub board: &'static Platform,
     /// Named numbers that were set for the run.
     pub settings: Vec<(String, f64)>,
     /// How poses were estimated and points placed; recordings made before this was in them have the
@@ -165,6 +170,13 @@ pub struct Info {
 
 fn by_word<S: serde::Serializer>(cells: &Technology, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(cells.as_str())
+}
+
+fn by_name<S: serde::Serializer>(
+    board: &&'static Platform,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(board.name)
 }
 
 /// How a run ended.
@@ -198,6 +210,7 @@ pub(super) mod names {
     pub(crate) const CLOCK: &str = "clock";
     pub(crate) const SEED: &str = "seed";
     pub(crate) const CELLS: &str = "cells";
+    pub(crate) const BOARD: &str = "board";
     pub(crate) const SETTING: &str = "set.";
     pub(crate) const METHOD: &str = "method";
     pub(crate) const CHANNEL: &str = "channel.";
@@ -226,6 +239,7 @@ pub(super) fn of_start(start: &Start) -> Metadata {
     put(names::CLOCK, if start.pace == Pace::Virtual { "virtual" } else { "monotonic" }.to_owned());
     put(names::SEED, start.seed.to_string());
     put(names::CELLS, start.cells.to_string());
+    put(names::BOARD, start.board.name.to_owned());
     if start.method != Method::default() {
         put(names::METHOD, start.method.word().to_owned());
     }
@@ -283,6 +297,7 @@ pub(super) fn info(metadata: &Metadata) -> Info {
         virtual_time: text(names::CLOCK) == "virtual",
         seed: text(names::SEED).parse().ok(),
         cells: text(names::CELLS).parse().unwrap_or_default(),
+        board: Platform::named(&text(names::BOARD)).unwrap_or_default(),
         settings: metadata.metadata.iter().filter_map(setting).collect(),
         method: text(names::METHOD).parse().unwrap_or_default(),
     }

@@ -19,27 +19,44 @@
 //! `stop` is above what shuts the brick down, and above 5 V. For NiMH cells they are 1.1, 1.0 and
 //! 0.93 V a cell, above the kernel's 0.9.
 //!
+//! A board that is fed with eight cells has eight sixths of that.
+//!
 //! # Not here
 //!
 //! What a run does about it (`runtime::battery`).
 
+use super::RobotConfig;
 use crate::document::Section;
-use crate::ev3dev::Technology;
+use crate::ev3dev::{Platform, Technology};
+use crate::senses::MOST_V;
 
-/// Volts that a threshold can be: fewer do not run a brick, more it does not take.
-const VOLTS: std::ops::RangeInclusive<f64> = 4.5..=10.0;
+/// Volts that a threshold can be: fewer do not run a brick, more no board takes.
+const VOLTS: std::ops::RangeInclusive<f64> = 4.5..=MOST_V;
+
+/// The cells of which the thresholds speak.
+const CELLS: u8 = 6;
 
 /// The thresholds as the file has them, and the cells that decide where it says nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BatteryConfig {
     /// What the brick runs on: known once the robot is bound, and in recordings.
     pub cells: Technology,
+    /// How many cells are in series: the board's.
+    pub count: u8,
     /// The file's own [`BatteryLimits::warn_v`].
     pub warn_v: Option<f64>,
     /// The file's own [`BatteryLimits::slow_v`].
     pub slow_v: Option<f64>,
     /// The file's own [`BatteryLimits::stop_v`].
     pub stop_v: Option<f64>,
+}
+
+impl RobotConfig {
+    /// The same robot on a board, with cells of a kind.
+    #[must_use]
+    pub fn fed_by(self, cells: Technology, board: &Platform) -> Self {
+        Self { battery: self.battery.on(cells, board), ..self }
+    }
 }
 
 /// The thresholds of a run, volts; each is at least the next.
@@ -53,11 +70,29 @@ pub struct BatteryLimits {
     pub stop_v: f64,
 }
 
+impl Default for BatteryConfig {
+    fn default() -> Self {
+        Self {
+            cells: Technology::default(),
+            count: CELLS,
+            warn_v: None,
+            slow_v: None,
+            stop_v: None,
+        }
+    }
+}
+
 impl BatteryConfig {
+    /// As the file has it, with these cells on a board.
+    #[must_use]
+    pub fn on(self, cells: Technology, platform: &Platform) -> Self {
+        Self { cells, count: platform.cells, ..self }
+    }
+
     /// What holds for these cells.
     #[must_use]
     pub fn limits(&self) -> BatteryLimits {
-        let own = BatteryLimits::of(self.cells);
+        let own = BatteryLimits::of(self.cells).times(f64::from(self.count) / f64::from(CELLS));
         // One threshold that the file moves takes the others along, so that their order holds.
         let stop_v = self.stop_v.unwrap_or_else(|| {
             own.stop_v
@@ -72,7 +107,15 @@ impl BatteryConfig {
 }
 
 impl BatteryLimits {
-    /// The usual ones; see the module.
+    fn times(self, factor: f64) -> Self {
+        Self {
+            warn_v: self.warn_v * factor,
+            slow_v: self.slow_v * factor,
+            stop_v: self.stop_v * factor,
+        }
+    }
+
+    /// The usual ones of six cells; see the module.
     #[must_use]
     pub const fn of(cells: Technology) -> Self {
         match cells {
@@ -113,6 +156,7 @@ pub(super) fn battery(section: &Section<'_>) -> Option<BatteryConfig> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ev3dev::{BRICKPI3, EV3};
     use crate::robot::{DEFAULT_ROBOT, RobotConfig};
 
     fn limits(section: &str, cells: Technology) -> BatteryLimits {
@@ -132,6 +176,14 @@ mod tests {
             let BatteryLimits { warn_v, slow_v, stop_v } = limits("", cells);
             assert!(warn_v > slow_v && slow_v > stop_v && stop_v > 5.0, "{cells}");
         }
+    }
+
+    #[test]
+    fn a_board_with_eight_cells_has_eight_sixths_of_the_thresholds() {
+        let six = BatteryConfig::default().on(Technology::Unknown, &EV3);
+        assert_eq!(six.limits(), BatteryLimits::of(Technology::Unknown));
+        let eight = six.on(Technology::Unknown, &BRICKPI3).limits();
+        assert!((eight.stop_v - 5.2 * 8.0 / 6.0).abs() < 1e-9, "{eight:?}");
     }
 
     #[test]
@@ -157,7 +209,7 @@ mod tests {
     fn thresholds_that_make_no_sense_are_refused() {
         for (section, expected) in [
             ("warn_v = 5.0\nstop_v = 6.0", "`warn_v` is 5, which is below `stop_v`, 6"),
-            ("stop_v = 3.0", "it can be 4.5 to 10"),
+            ("stop_v = 3.0", "it can be 4.5 to 13"),
             ("stopp_v = 6.0", "did you mean `stop_v`?"),
         ] {
             let text = format!("{DEFAULT_ROBOT}\n[battery]\n{section}\n");

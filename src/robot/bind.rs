@@ -9,6 +9,7 @@ use crate::printable::with_causes;
 use crate::senses::{Channel, Role};
 
 use super::mend::Mender;
+use super::stop::StopSwitch;
 use super::{Aspect, LeasedMotor, MOTORS, MotorRole, Robot, RobotConfig, RoleSensor, button};
 
 /// What to do about a device that is not where the file says.
@@ -36,6 +37,17 @@ pub enum BindError {
         role: String,
         /// What it answered.
         source: DeviceError,
+    },
+    /// The board does not find out what is plugged in, and the file does not say where.
+    #[error(
+        "{role}: the ports of a {board} do not find out what is plugged in, so the section has to \
+         name one"
+    )]
+    NoPort {
+        /// The role, as `robot.toml` calls it.
+        role: String,
+        /// The board.
+        board: &'static str,
     },
     /// Two roles come to the same sensor, which gives one kind of value at a time.
     #[error(
@@ -66,6 +78,7 @@ impl BindError {
             }
             Self::Find { source: FindError::Device(error), .. }
             | Self::Device { source: error, .. } => (!error.is_denied()).then_some(PLUG_AGAIN),
+            Self::NoPort { .. } => Some("port = \"S1\", as it is printed beside the socket"),
             Self::Find { .. } | Self::Shared { .. } => None,
             Self::Several(all) => all.iter().find_map(Self::way_out),
         }
@@ -110,15 +123,16 @@ impl Robot {
         let battery = Battery::open(tree, platform).ok();
         let mut known = config.clone();
         // Cells that cannot be asked are taken for the usual ones.
-        known.battery.cells =
-            battery.as_ref().and_then(|battery| battery.technology().ok()).unwrap_or_default();
+        let cells = battery.as_ref().and_then(|battery| battery.technology().ok());
+        known.battery = known.battery.on(cells.unwrap_or_default(), platform);
         let mut wrong = Vec::new();
         let mut motor = |channel| binder.motor(channel).map_err(|error| wrong.push(error)).ok();
         let (left, right) = (motor(Channel::Left), motor(Channel::Right));
         let head = config.head.as_ref().and_then(|_| motor(Channel::Head));
         let named = Channel::MOTORS.into_iter().take(config.motors.len());
         let motors = named.filter_map(motor).collect();
-        let mut settle_ns = 0;
+        // Until the board has read its sensors again.
+        let mut settle_ns = if platform.detects { 0 } else { 2 * platform.poll_ns };
         let mut sensors: Vec<RoleSensor> = Vec::new();
         for role in config.sensors.keys() {
             let (sensor, settles_ns) = match binder.sensor(*role) {
@@ -164,6 +178,13 @@ impl Robot {
             battery,
             battery_due_ns: 0,
             buttons: Buttons::open(tree, platform),
+            stop_switch: config
+                .stop_button
+                .as_ref()
+                .map(|button| StopSwitch::open(tree, button))
+                .transpose()?,
+            stop_read_ns: 0,
+            stop_trouble: None,
             lights: StatusLights::open(tree, platform).ok(),
             sound: Sound::open(tree, platform).ok(),
             led: None,

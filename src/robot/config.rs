@@ -6,16 +6,18 @@
 //! the robot is bound.
 
 mod range;
+mod stop_button;
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
 pub use range::RangeRole;
+pub use stop_button::StopButton;
 
 use super::battery::{BatteryConfig, battery};
 use crate::document::{Document, Findings, Item, Kind, Section};
-use crate::ev3dev::PortAddress;
+use crate::ev3dev::{Driver, PortAddress};
 use crate::mapping::Geometry;
 use crate::printable::is_printable;
 use crate::senses::{Channel, Role};
@@ -48,6 +50,10 @@ pub struct RobotConfig {
     /// The sensors that it has, named ones among them, each with its port; `None` where only one
     /// sensor fits.
     pub sensors: BTreeMap<Role, Option<PortAddress>>,
+    /// The drivers of sensors, where the file says which of several a role has.
+    pub drivers: BTreeMap<Role, Driver>,
+    /// What stops a run besides the board's own buttons.
+    pub stop_button: Option<StopButton>,
     /// What missions call the named sensors; at most [`RobotConfig::MAX_SENSORS`].
     pub named_sensors: Vec<NamedSensor>,
     /// How the range sensor sits and measures, where it has one.
@@ -154,7 +160,12 @@ impl RobotConfig {
     /// named.
     pub fn ports(&self) -> impl Iterator<Item = (String, Option<&PortAddress>)> {
         let sensors = self.sensors.iter().map(|(role, port)| (self.section(*role), port.as_ref()));
-        self.motor_roles().map(|(role, motor)| (role, motor.port.as_ref())).chain(sensors)
+        let stop = match &self.stop_button {
+            Some(StopButton::Touch(port)) => Some(("stop_button".to_owned(), Some(port))),
+            _ => None,
+        };
+        let motors = self.motor_roles().map(|(role, motor)| (role, motor.port.as_ref()));
+        motors.chain(sensors).chain(stop)
     }
 }
 
@@ -168,7 +179,7 @@ const FASTEST_DPS: f64 = 15_600.0;
 fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let mut keys = vec!["name", "max_age_s", "drive", "head"];
     keys.extend(Role::SENSORS.map(Role::section));
-    keys.extend(["battery", "motor", "sensor"]);
+    keys.extend(["battery", "motor", "sensor", "stop_button"]);
     if root.is_of_another_kind(Kind::Robot) {
         return None;
     }
@@ -189,10 +200,15 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let sensors = sensors(root);
     let named_sensors = named_sensors(root);
     let battery = root.value_or("battery", None, |item| battery(&item.section()?).map(Some));
+    let stop_button = root
+        .value_or("stop_button", None, |item| stop_button::stop_button(&item.section()?).map(Some));
     let motors = named_motors(root);
     let drive = drive?;
-    let (named_sensors, named_ports): (Vec<_>, Vec<_>) = named_sensors?.into_iter().unzip();
-    let places = (0..).map(Role::Sensor).zip(named_ports);
+    let (named_sensors, plugs): (Vec<_>, Vec<_>) = named_sensors?.into_iter().unzip();
+    let plugs = sensors?.into_iter().chain((0..).map(Role::Sensor).zip(plugs));
+    let (sensors, drivers): (BTreeMap<_, _>, Vec<_>) = plugs
+        .map(|(role, Plug { port, driver })| ((role, port), driver.map(|driver| (role, driver))))
+        .unzip();
     let config = RobotConfig {
         name: name?,
         max_age_ns: crate::clock::nanoseconds(max_age_s?),
@@ -204,7 +220,9 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         speed_m_s: drive.speed_m_s,
         acceleration_m_s2: drive.acceleration_m_s2,
         head: head?,
-        sensors: sensors?.into_iter().chain(places).collect(),
+        sensors,
+        drivers: drivers.into_iter().flatten().collect(),
+        stop_button: stop_button?,
         named_sensors,
         range: range?,
         gyro_watch_ns: crate::clock::nanoseconds(gyro_watch_s?),
@@ -328,17 +346,31 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
 const GYRO_WATCH_S: f64 = 5.2;
 const GYRO_WATCHES_S: RangeInclusive<f64> = GYRO_WATCH_S..=60.0;
 
+/// Where a sensor is plugged in, and its driver where the file says it.
+struct Plug {
+    port: Option<PortAddress>,
+    driver: Option<Driver>,
+}
+
+/// Reads where a sensor of a kind is plugged in.
+fn plug(section: &Section<'_>, kind: Role) -> Option<Plug> {
+    let words: Vec<(&str, Driver)> =
+        kind.drivers().map(|driver| (driver.as_str(), driver)).collect();
+    let driver = section.value_or("driver", None, |item| item.word(&words).map(Some));
+    Some(Plug { port: port(section)?, driver: driver? })
+}
+
 /// The sensors that the file has; `None` where one of them is wrong.
-fn sensors(root: &Section<'_>) -> Option<BTreeMap<Role, Option<PortAddress>>> {
+fn sensors(root: &Section<'_>) -> Option<BTreeMap<Role, Plug>> {
     let sensor = |role: Role| {
         let section = root.get(role.section())?.section();
         Some(section.and_then(|section| {
             match role {
                 Role::Range => {}
-                Role::Gyro => section.allow(&["port", "watch_s", "scale"]),
-                _ => section.allow(&["port"]),
+                Role::Gyro => section.allow(&["port", "driver", "watch_s", "scale"]),
+                _ => section.allow(&["port", "driver"]),
             }
-            Some((role, port(&section)?))
+            Some((role, plug(&section, role)?))
         }))
     };
     // Each of them is looked at, also behind one that is wrong.
@@ -383,7 +415,7 @@ fn own_name(item: &Item<'_>, what: &str) -> Option<String> {
 }
 
 /// The named sensors, each with its port.
-fn named_sensors(root: &Section<'_>) -> Option<Vec<(NamedSensor, Option<PortAddress>)>> {
+fn named_sensors(root: &Section<'_>) -> Option<Vec<(NamedSensor, Plug)>> {
     let Some(sensors) = root.get("sensor") else { return Some(Vec::new()) };
     let items = sensors.section()?.items();
     if items.len() > RobotConfig::MAX_SENSORS {
@@ -397,15 +429,16 @@ fn named_sensors(root: &Section<'_>) -> Option<Vec<(NamedSensor, Option<PortAddr
     items.iter().map(named_sensor).collect()
 }
 
-fn named_sensor(item: &Item<'_>) -> Option<(NamedSensor, Option<PortAddress>)> {
+fn named_sensor(item: &Item<'_>) -> Option<(NamedSensor, Plug)> {
     let section = item.section()?;
-    section.allow(&["port", "measures"]);
+    section.allow(&["port", "driver", "measures"]);
     let name = own_name(item, "sensor");
-    let port = port(&section);
     let words: Vec<(&str, Channel)> =
         Channel::measurable().map(|quantity| (quantity.name, quantity.channel)).collect();
     let measures = section.require("measures").and_then(|item| item.word(&words));
-    Some((NamedSensor { name: name?, measures: measures? }, port?))
+    let measures = measures?;
+    let plug = plug(&section, measures.quantity().role);
+    Some((NamedSensor { name: name?, measures }, plug?))
 }
 
 /// Two roles cannot share a port, but range and remote may both be named for the one infrared

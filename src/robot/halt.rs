@@ -51,8 +51,11 @@ pub fn halt(tree: &Arc<dyn Tree>) -> Result<Vec<Halted>, HaltError> {
         };
         if identity.class == Class::DcMotor {
             let motor = DcMotor::bind(tree, identity);
-            motor.set_stop_action(StopAction::Brake)?;
-            motor.stop()?;
+            // The BrickPi's driver can only let it coast.
+            match motor.set_stop_action(StopAction::Brake) {
+                Err(error) if error.is_gone() => return Err(error),
+                _ => motor.stop()?,
+            }
         } else {
             brake(&TachoMotor::bind(tree, identity)?)?;
         }
@@ -136,14 +139,14 @@ fn still_once(
     let mut motors = Vec::new();
     let told = tell(tree, ports, |motor| motors.push(motor));
     let deadline_ns = clock.now_ns() + ROLL_NS;
-    while clock.now_ns() < deadline_ns && !turning(&motors).is_empty() {
+    while clock.now_ns() < deadline_ns && !turning(&motors, clock).is_empty() {
         clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
     }
-    let reset = each(turning(&motors), TachoMotor::reset);
+    let reset = each(turning(&motors, clock), TachoMotor::reset);
     told?;
     reset?;
     // What was reset coasts from now on.
-    let turning = turning(&motors);
+    let turning = turning(&motors, clock);
     if turning.is_empty() {
         return Ok(());
     }
@@ -172,19 +175,28 @@ fn brake(motor: &TachoMotor) -> Result<(), DeviceError> {
     let settings = [
         motor.set_ramp_down_sp(0),
         motor.set_ramp_up_sp(0),
-        motor.set_stop_action(StopAction::Brake),
+        motor.set_stop_action(motor.nearest_action(StopAction::Brake)),
         motor.stop(),
     ];
     settings.into_iter().collect()
 }
 
-/// The motors that turn; one whose speed cannot be read counts as turning, unless it is gone.
-fn turning(motors: &[TachoMotor]) -> Vec<&TachoMotor> {
+/// The motors that turn; one of which that cannot be read counts as turning, unless it is gone.
+fn turning<'m>(motors: &'m [TachoMotor], clock: &dyn Clock) -> Vec<&'m TachoMotor> {
     let turns = |motor: &&TachoMotor| match motor.speed() {
         Ok(speed) => speed != 0,
+        // The PiStorms' driver does not know speeds.
+        Err(error) if error.is_absent() => moves(motor, clock),
         Err(error) => !error.is_gone(),
     };
     motors.iter().filter(turns).collect()
+}
+
+/// Whether a motor moves between two looks; one whose position cannot be read counts as moving.
+fn moves(motor: &TachoMotor, clock: &dyn Clock) -> bool {
+    let before = motor.position();
+    clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
+    before.is_err() || before != motor.position()
 }
 
 /// Watches for `watch_ns` and names the motors that turn at the end of it, by port and how far they

@@ -1,7 +1,8 @@
 //! Motion as a lease: a motor turns for 300 ms at most unless it is told so again.
 //!
 //! Every motion is a `run-timed` of [`LEASE_MS`], renewed about every [`RENEW_NS`] while the loop
-//! is healthy. Without a renewal the kernel itself brakes the motor. Renewing leaves the speed
+//! is healthy. Without a renewal the kernel itself brakes the motor, or on a BrickPi, which cannot
+//! brake, has it hold its position. Renewing leaves the speed
 //! steady (kernel transcript, scenario 21). Ramps stay 0, because a ramp would outlast the lease
 //! (`ev3dev-interfaces`, 2.4).
 //!
@@ -114,6 +115,8 @@ pub struct LeasedMotor {
     /// A motion was begun, and no stop has got through since.
     moving: bool,
     stop_action: StopAction,
+    /// What braking comes to with this driver.
+    brake: StopAction,
     /// What was written last, or what `reset` left.
     speed_sp: Option<i32>,
     hand: Hand,
@@ -138,7 +141,8 @@ impl LeasedMotor {
     /// What the driver answers.
     pub fn take(motor: TachoMotor, ratio: f64, max_rad_s: f64) -> Result<Self, DeviceError> {
         motor.reset()?;
-        motor.set_stop_action(StopAction::Brake)?;
+        let brake = motor.nearest_action(StopAction::Brake);
+        motor.set_stop_action(brake)?;
         motor.set_time_sp(LEASE_MS)?;
         let speed_sp = motor.speed_sp().ok();
         let axle_rad_per_count = 2.0 * PI * ratio / f64::from(motor.count_per_rot());
@@ -151,7 +155,8 @@ impl LeasedMotor {
             asked: (0.0, 0),
             lease: None,
             moving: false,
-            stop_action: StopAction::Brake,
+            stop_action: brake,
+            brake,
             speed_sp,
             hand: Hand::Ours,
         };
@@ -208,7 +213,7 @@ impl LeasedMotor {
         // Until the command is through, the next call must count on nothing.
         self.lease = None;
         self.moving = true;
-        self.set_stop_action(StopAction::Brake)?;
+        self.set_stop_action(self.brake)?;
         if same.is_none() {
             self.motor.set_speed_sp(speed_counts_s)?;
             self.speed_sp = Some(speed_counts_s);
@@ -226,6 +231,7 @@ impl LeasedMotor {
     /// What the driver answers; the motor then still counts as moving, and the next call tries
     /// again.
     pub fn stop(&mut self, action: StopAction) -> Result<(), DeviceError> {
+        let action = if action == StopAction::Brake { self.brake } else { action };
         if matches!(self.hand, Hand::Theirs(_)) || (!self.moving && self.stop_action == action) {
             return Ok(());
         }
@@ -264,7 +270,7 @@ impl LeasedMotor {
     /// another program's from now on.
     fn end_own_motion(&mut self) {
         let _ = self.motor.set_ramp_down_sp(0);
-        let _ = self.motor.set_stop_action(StopAction::Brake);
+        let _ = self.motor.set_stop_action(self.brake);
         let _ = self.motor.stop();
         self.lease = None;
     }
@@ -294,8 +300,8 @@ impl LeasedMotor {
     fn contradicts(&self, aspect: Aspect, now_ns: i64) -> bool {
         match aspect {
             Aspect::State => self.motor.state().is_ok_and(|state| match self.lease {
-                Some(lease) => !state.is_running() && now_ns - lease.given_ns < RUNS_NS,
-                None => state.is_running() && !self.moving,
+                Some(lease) => !state.is_driven() && now_ns - lease.given_ns < RUNS_NS,
+                None => state.is_driven() && !self.moving,
             }),
             Aspect::Speed => self
                 .speed_sp

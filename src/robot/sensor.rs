@@ -63,7 +63,9 @@ impl RoleSensor {
         let port = config.sensors.get(&role).and_then(Option::as_ref);
         let wanted = Wanted::of(config, role);
         let mut first = None;
-        for driver in wanted.kind.drivers() {
+        let said = config.drivers.get(&role).copied();
+        let drivers = wanted.kind.drivers();
+        for driver in drivers.filter(|driver| said.is_none_or(|said| said == *driver)) {
             match Sensor::find_kind(tree, port, driver) {
                 Ok(sensor) => return Ok(Self::of(sensor, driver, config, &wanted, needed)),
                 // Most people mean the kind that is preferred.

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use crate::behavior::{Mission, SetError};
 use crate::clock::{SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
-use crate::ev3dev::{DeviceError, StopAction, Tree};
+use crate::ev3dev::{DeviceError, Platform, StopAction, Tree};
 use crate::printable::with_causes;
-use crate::robot::{Aspect, BindError, LeasedMotor, Robot, RobotConfig};
+use crate::robot::{Aspect, BindError, LeasedMotor, Robot, RobotConfig, equip};
 
 use super::control::{Control, Tally};
 use super::environment::{Environment, Floor};
@@ -42,6 +42,9 @@ pub enum Refused {
     /// A person beside the robot could not stop it.
     #[error("the brick's buttons cannot be read, so a person beside the robot could not stop it")]
     Buttons(#[source] DeviceError),
+    /// The board has no buttons, and neither the file nor the command line says what stops a run.
+    #[error("a {0} has no buttons, so a person beside the robot could not stop it")]
+    NoButton(&'static str),
     /// There is no room for the thread that looks for devices that were unplugged.
     #[error("cannot start a thread")]
     Helper(#[source] std::io::Error),
@@ -95,7 +98,14 @@ impl Refused {
                  the file, so it can be deleted",
             ),
             Self::Bind(error) => error.way_out(),
-            Self::Buttons(_) => Some("a user of the group input, or root"),
+            Self::Buttons(_) => Some(
+                "a user of the group input, or root; [stop_button] in robot.toml, where they have \
+                 another name",
+            ),
+            Self::NoButton(_) => Some(
+                "[stop_button] in robot.toml, a touch sensor (port) or a button on a GPIO \
+                 (device); or --no-button, each time, with a hand near the plug",
+            ),
             Self::Record { .. } => {
                 Some("--out with a folder that can be written to, on a disk with room")
             }
@@ -133,6 +143,7 @@ pub fn execute(
         fallen: Arc::clone(&flags.fallen),
         next: heartbeat,
     };
+    equip(&environment.tree, &config, &*environment.clock)?;
     let mut robot = Robot::bind(&environment.tree, &config, mission.senses())?;
     // As it was bound: with the cells that the brick runs on.
     let config = robot.config().clone();
@@ -148,8 +159,14 @@ pub fn execute(
     // On a brick the moment decides; it is in the recording, so that a replay draws the same.
     let seed = environment.seed.unwrap_or_else(|| wall_ns().cast_unsigned());
     let mut pilot = Pilot::new(&config, &mission, job.method, job.start)?.with_seed(seed);
-    let (recorder, mut tick_side) =
-        record(job, &config, &mission, &environment, seed, Arc::clone(&report))?;
+    let (recorder, mut tick_side) = record(
+        job,
+        &config,
+        &mission,
+        &environment,
+        (seed, robot.platform()),
+        Arc::clone(&report),
+    )?;
     let motors = robot.motor_ports();
     write_owner(job, &Owner { motors: motors.clone(), ..owner(job, mission.name()) });
     report(&Event::Driving { file: job.file.clone(), motors });
@@ -173,6 +190,7 @@ pub fn execute(
     let reason = driven.unwrap_or(StopReason::Panicked);
     let detail = match reason {
         StopReason::Lost(_) => robot.trouble().map(|trouble| trouble.to_string()),
+        StopReason::Button => robot.stop_trouble().map(ToString::to_string),
         StopReason::Outside(channel) => {
             robot.motor(channel).map(|motor| hand_on(motor, &environment.tree))
         }
@@ -215,14 +233,20 @@ fn period_ns(mission: &Mission) -> i64 {
     SECOND_NS / i64::from(mission.rate_hz().max(1))
 }
 
-/// On a brick with buttons, Enter and Back must stop a run. A brick below another root is a test
+/// Something beside the robot must stop a run: the board's buttons, else the robot's stop button,
+/// unless the person who starts it does without. A brick with buttons below another root is a test
 /// bench, with a person at the keyboard.
 fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
     match (&job.brick, robot.stop_button()) {
         (_, Ok(())) => Ok(()),
-        (Brick::Local(tree), Err(error))
-            if tree.is_machine() && robot.platform().buttons.is_some() =>
-        {
+        (_, Err(_)) if job.no_button => {
+            log::warn!("no button stops this run, as --no-button says");
+            Ok(())
+        }
+        (_, Err(_)) if robot.platform().buttons.is_none() => {
+            Err(Refused::NoButton(robot.platform().what))
+        }
+        (Brick::Local(tree), Err(error)) if tree.is_machine() => {
             Err(Refused::Buttons(error.clone()))
         }
         (Brick::Local(tree), Err(error)) => {
@@ -293,7 +317,7 @@ fn record(
     config: &RobotConfig,
     mission: &Mission,
     environment: &Environment,
-    seed: u64,
+    (seed, board): (u64, &'static Platform),
     report: Arc<Report>,
 ) -> Result<(Recorder, recording::TickSide<PilotState>), Refused> {
     let failed = |source| Refused::Record { file: job.file.clone(), source };
@@ -314,6 +338,7 @@ fn record(
         pace: environment.pace,
         seed,
         cells: config.battery.cells,
+        board,
         settings: job.set.clone(),
         method: job.method,
         range: recording::range_sensor(config),

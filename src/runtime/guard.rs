@@ -282,6 +282,7 @@ mod tests {
             stamps_ns: 0,
             run: None,
             name: None,
+            no_button: false,
             method: crate::mapping::Method::Default,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,

@@ -10,7 +10,7 @@
 use crate::clock::{Clock, MILLISECOND_NS, SECOND_NS, seconds};
 use crate::ev3dev::DeviceError;
 use crate::robot::Robot;
-use crate::senses::{Channel, MOST_V, Senses};
+use crate::senses::{Channel, Senses};
 
 use super::{StopFlags, StopReason};
 use crate::units::degrees;
@@ -68,8 +68,8 @@ pub enum NotReady {
     GyroDrifts(f64),
     /// The battery is flat, or its reading is nonsense.
     #[error(
-        "the battery has {volts:.1} V: charge it, or put in fresh cells (it takes {least_v} to \
-         {MOST_V} V)"
+        "the battery has {volts:.1} V: charge it, or put in fresh cells (it takes {least_v:.1} \
+         to {most_v} V)"
     )]
     Battery {
         /// What was read, volts.
@@ -77,6 +77,8 @@ pub enum NotReady {
         /// The robot's [`slow_v`](crate::robot::BatteryLimits): a run that began below it would not
         /// get far.
         least_v: f64,
+        /// The most that the board takes.
+        most_v: f64,
     },
     /// It was asked to stop, or a button was pressed.
     #[error("{0}, before it started")]
@@ -223,10 +225,11 @@ fn unready(robot: &Robot, senses: &Senses, standing: Option<&Standing>) -> Optio
         });
     }
     let least_v = robot.config().battery.limits().slow_v;
+    let most_v = robot.platform().most_v;
     if let Some(battery) = senses.get(Channel::Battery)
-        && !(least_v..=MOST_V).contains(&battery.value)
+        && !(least_v..=most_v).contains(&battery.value)
     {
-        return Some(NotReady::Battery { volts: battery.value, least_v });
+        return Some(NotReady::Battery { volts: battery.value, least_v, most_v });
     }
     let standing = standing?;
     let moved =

@@ -122,12 +122,9 @@ impl Cast {
             run.robot_toml.as_ref().ok_or(ReplayError::Beheaded("with which robot it was made"))?;
         let mission =
             run.mission_toml.as_ref().ok_or(ReplayError::Beheaded("which mission was run"))?;
-        let (mut robot, _) = RobotConfig::load("robot.toml of the recording", robot.as_bytes())?;
-        robot.battery.cells = info.cells;
-        let mut other = other.cloned();
-        if let Some(other) = &mut other {
-            other.battery.cells = info.cells;
-        }
+        let (robot, _) = RobotConfig::load("robot.toml of the recording", robot.as_bytes())?;
+        let robot = robot.fed_by(info.cells, info.board);
+        let other = other.map(|other| other.clone().fed_by(info.cells, info.board));
         let pilots = other.as_ref().unwrap_or(&robot);
         let (mut mission, _) = Mission::parse(
             "mission.toml of the recording",
@@ -268,6 +265,7 @@ pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, Rep
         pace: Pace::Virtual,
         seed: cast.info.seed.unwrap_or_default(),
         cells: cast.info.cells,
+        board: cast.info.board,
         settings: cast.info.settings.clone(),
         method: cast.info.method,
         range: recording::range_sensor(&config),

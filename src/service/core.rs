@@ -7,7 +7,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use serde::Serialize;
 
 use super::config::Config;
-use super::hardware::Hardware;
+use super::hardware::{Charge, Hardware};
 use super::machine::{Happening, Machine};
 use super::protocol::{
     Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
@@ -187,9 +187,11 @@ impl Service {
         let Some(charge) = inner.hardware.battery(now_ns).filter(|_| sensed_v.is_none()) else {
             return status;
         };
-        let least_v = BatteryConfig { cells: charge.cells, ..wanted }.limits().slow_v;
-        let volts = charge.volts;
-        let low = (volts < least_v).then(|| NotReady::Battery { volts, least_v }.to_string());
+        let Charge { volts, cells, platform } = charge;
+        let least_v = wanted.on(cells, platform).limits().slow_v;
+        let most_v = platform.most_v;
+        let low =
+            (volts < least_v).then(|| NotReady::Battery { volts, least_v, most_v }.to_string());
         Status { battery_v: Some(volts), battery: low, ..status }
     }
 

@@ -48,6 +48,7 @@ pub(super) struct Hardware {
 pub(super) struct Charge {
     pub(super) volts: f64,
     pub(super) cells: Technology,
+    pub(super) platform: &'static Platform,
 }
 
 /// A motor that is being turned.
@@ -170,11 +171,12 @@ impl Hardware {
             return charge;
         }
         let tree: Arc<dyn Tree> = Arc::new(tree.clone());
+        let platform = Platform::of(&tree);
         let read = |battery: Battery| {
             let cells = battery.technology().unwrap_or_default();
-            battery.voltage_v().map(|volts| Charge { volts, cells })
+            battery.voltage_v().map(|volts| Charge { volts, cells, platform })
         };
-        let charge = Battery::open(&tree, Platform::of(&tree)).and_then(read).ok();
+        let charge = Battery::open(&tree, platform).and_then(read).ok();
         *known = Some((now_ns, charge));
         charge
     }

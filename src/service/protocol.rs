@@ -245,6 +245,9 @@ pub struct Start {
     /// The mission's own numbers that are set otherwise for this run.
     #[serde(default)]
     pub set: Vec<(String, f64)>,
+    /// It may be run where no button beside the robot stops it.
+    #[serde(default)]
+    pub no_button: bool,
 }
 
 /// A mission, by name or as text.

@@ -96,6 +96,7 @@ struct Prepared {
     robot: Source,
     start: Pose,
     set: Vec<(String, f64)>,
+    no_button: bool,
 }
 
 impl Service {
@@ -302,7 +303,7 @@ impl Service {
                 .set(Mission::TIME_LIMIT, limit_s)
                 .map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
         }
-        let start = match start.pose {
+        let pose = match start.pose {
             Some(pose) if !pose.iter().all(|number| number.abs() <= FARTHEST) => {
                 return Err(Refusal::new(
                     Kind::BadRequest,
@@ -312,7 +313,14 @@ impl Service {
             Some([x_m, y_m, deg]) => Pose { x_m, y_m, heading_rad: radians(deg) },
             None => inner.place.start,
         };
-        Ok(Prepared { mission, source, robot: robot.source, start, set })
+        Ok(Prepared {
+            mission,
+            source,
+            robot: robot.source,
+            start: pose,
+            set,
+            no_button: start.no_button,
+        })
     }
 
     fn job(&self, run: &RunId, prepared: Prepared, file: PathBuf) -> Job {
@@ -327,6 +335,7 @@ impl Service {
             stamps_ns: 0,
             run: Some(run.to_string()),
             name: Some(self.inner.name.to_string()),
+            no_button: prepared.no_button,
             method: crate::mapping::Method::Default,
             when_abandoned: self.inner.config.when_service_dies,
             lock: Lock::default(),

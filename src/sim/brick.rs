@@ -9,6 +9,9 @@ mod faults;
 mod port;
 pub(crate) mod tree;
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
 use nix::errno::Errno;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
@@ -16,30 +19,21 @@ use rand_chacha::rand_core::SeedableRng as _;
 pub(crate) use self::class::Class;
 pub use self::port::Plugged;
 use self::port::{Change, PortState, Wanted};
-use super::driver::board::{Battery, Board};
+use super::board::Board;
+use super::driver::board::{Battery, BoardInfo};
 use super::driver::bus::{BusDevice, POWER, read_power, store_power};
 use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
 use super::driver::lcd::Lcd;
 use super::driver::led::Led;
-use super::driver::sensor::{Sensor, SerialLine};
+use super::driver::sensor::{Sensor, SerialLine, model};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
 use super::driver::{Context, Driver, Spec, Stored, readwriteable};
 use super::fault::{PortFaults, Reading};
-use super::physics::{Bridge, Physics, SensorKind};
+use super::physics::{Bridge, Physics};
 use super::simulation::Options;
-
-const ADDRESSES: [&str; 8] = [
-    "ev3-ports:in1",
-    "ev3-ports:in2",
-    "ev3-ports:in3",
-    "ev3-ports:in4",
-    "ev3-ports:outA",
-    "ev3-ports:outB",
-    "ev3-ports:outC",
-    "ev3-ports:outD",
-];
+use crate::ev3dev::Hue;
 
 /// Ports before this one are input ports.
 const FIRST_OUTPUT: usize = 4;
@@ -63,7 +57,7 @@ enum Device {
     Led(Led),
     Lcd(Lcd),
     Battery(Battery),
-    Board(Board),
+    Board(BoardInfo),
 }
 
 #[derive(Debug)]
@@ -90,9 +84,12 @@ struct Counters {
 pub(crate) struct Brick {
     robot: usize,
     options: Options,
+    pub(crate) board: &'static Board,
     ports: [PortState; 8],
     nodes: Vec<Node>,
     counters: Counters,
+    /// What the co-processor has counted on each output port.
+    counted: [(i64, f64); 4],
     chance: ChaCha8Rng,
     faults: [PortFaults; 8],
     pub(crate) buttons: Buttons,
@@ -112,18 +109,19 @@ impl Brick {
         let sensors = plug.sensors.map(|sensor| sensor.map(Plugged::Sensor));
         let motors = plug.motors.map(|motor| motor.map(Plugged::Motor));
         let mut plugged = sensors.into_iter().chain(motors);
-        let mut index = 0;
-        let ports = ADDRESSES.map(|address| {
-            let port = PortState::new(address, index < FIRST_OUTPUT, plugged.next().flatten());
-            index += 1;
-            port
+        let board = Board::of(options.platform);
+        let ports = [0, 1, 2, 3, 4, 5, 6, 7].map(|index| {
+            let plugged = plugged.next().flatten();
+            PortState::new(address(board, index), board, index < FIRST_OUTPUT, plugged)
         });
         let mut brick = Self {
             robot,
             options,
+            board,
             ports,
             nodes: Vec::new(),
             counters: Counters::default(),
+            counted: [(0, 0.0); 4],
             chance: ChaCha8Rng::seed_from_u64(seed),
             faults: [0, 1, 2, 3, 4, 5, 6, 7].map(|port| PortFaults::new(seed, port)),
             buttons: Buttons::default(),
@@ -135,25 +133,26 @@ impl Brick {
     }
 
     fn register_fixed(&mut self) {
-        for index in 0..ADDRESSES.len() {
+        let (board, platform) = (self.board, self.board.platform);
+        for index in 0..self.ports.len() {
             self.register(Class::Port, format!("port{index}"), 0, Device::Port(index));
         }
-        for (name, brightness) in
-            [("led0:red", 0), ("led0:green", 255), ("led1:red", 0), ("led1:green", 255)]
-        {
-            let led = Device::Led(Led::new(brightness, 255));
-            self.register(Class::Leds, format!("{name}:brick-status"), 0, led);
+        for lamp in platform.lights.into_iter().flatten() {
+            let is_on = matches!(lamp.hue, Hue::Green | Hue::Only);
+            let brightness = if is_on { board.brightest } else { 0 };
+            let led = Device::Led(Led::new(brightness, board.brightest));
+            self.register(Class::Leds, lamp.led.to_owned(), 0, led);
         }
-        let lcd = Device::Lcd(Lcd::new(self.options.lcd));
-        self.register(Class::Graphics, "fb0".to_owned(), 0, lcd);
-        let battery = Device::Battery(Battery::new(self.options.pack));
-        self.register(Class::PowerSupply, "lego-ev3-battery".to_owned(), 0, battery);
-        self.register(
-            Class::BoardInfo,
-            "board0".to_owned(),
-            0,
-            Device::Board(Board::new(self.robot)),
-        );
+        if platform.screen.is_ok() {
+            let lcd = Device::Lcd(Lcd::new(self.options.lcd));
+            self.register(Class::Graphics, "fb0".to_owned(), 0, lcd);
+        }
+        let battery = Device::Battery(Battery::new(self.options.pack, board));
+        self.register(Class::PowerSupply, platform.battery.to_owned(), 0, battery);
+        for (number, says) in board.boards.iter().enumerate() {
+            let described = Device::Board(BoardInfo::new(self.robot, says));
+            self.register(Class::BoardInfo, format!("board{number}"), 0, described);
+        }
     }
 
     /// What happens in one step: plugs, then every device.
@@ -166,20 +165,28 @@ impl Brick {
         for node in &mut self.nodes {
             match &mut node.device {
                 Device::Tacho(out, motor) => {
-                    let count = (physics.edges(robot, *out), physics.edge_position(robot, *out));
                     let Some(faults) = self.faults.get_mut(FIRST_OUTPUT + *out) else { continue };
+                    let Some(count) = self.counted.get_mut(*out) else { continue };
+                    // A port that was told so has a motor whatever is plugged in.
+                    if self.ports.get(FIRST_OUTPUT + *out).is_some_and(PortState::has_motor) {
+                        *count = (physics.edges(robot, *out), physics.edge_position(robot, *out));
+                    }
                     if !faults.is_endless() {
                         motor.end_when_due(now_ns);
                     }
-                    motor.tick(faults.count(count, now_ns), now_ns);
+                    motor.tick(faults.count(*count, now_ns), now_ns);
                 }
                 Device::Dc(_, motor) => motor.tick(now_ns),
                 Device::Sensor(input, sensor) => {
                     let Some(faults) = self.faults.get_mut(*input) else { continue };
                     let kind = sensor.kind();
+                    // A port that was told so has a driver for what is not plugged in.
+                    let is_in = self.ports.get(*input).and_then(PortState::sensor) == Some(kind);
                     sensor.suffer(faults.line(), faults.stale_ns());
                     sensor.tick(now_ns, |mode| {
-                        faults.frame(kind, mode, now_ns, || physics.measure(robot, *input, mode))
+                        faults
+                            .frame(kind, mode, now_ns, || physics.measure(robot, *input, mode))
+                            .filter(|_| is_in)
                     });
                 }
                 Device::Battery(battery) if now_ns % BATTERY_NS == 0 => {
@@ -218,13 +225,14 @@ impl Brick {
         now_ns: i64,
         physics: &mut dyn Physics,
     ) {
-        let address = ADDRESSES.get(index).copied().unwrap_or_default();
+        let board = self.board;
+        let address = address(board, index);
         let out = index.saturating_sub(FIRST_OUTPUT);
         let (class, name, device) = match wanted {
             Wanted::Tacho(model) => {
                 let count =
                     (physics.edges(self.robot, out), physics.edge_position(self.robot, out));
-                let motor = TachoMotor::new(model, address, count, now_ns);
+                let motor = TachoMotor::new(model, &board.motors, address, count, now_ns);
                 let number = next(&mut self.counters.tacho);
                 let name = if motor.is_linear() {
                     format!("linear{number}")
@@ -242,17 +250,19 @@ impl Brick {
             }
             Wanted::Sensor(kind) => {
                 let name = format!("sensor{}", next(&mut self.counters.sensor));
-                let sensor = Sensor::new(kind, address, self.options.gyro, now_ns);
+                let sensor =
+                    Sensor::new(kind, address, self.options.gyro, board.polls_ns(), now_ns);
                 (Class::Sensor, name, Device::Sensor(index, Box::new(sensor)))
             }
         };
         let id = self.register(class, name, now_ns, device);
+        let [analog, serial, motor_driver] = board.bus;
         let bus_driver = match wanted {
-            Wanted::Tacho(_) => "legoev3-motor",
+            Wanted::Tacho(_) => motor_driver,
             Wanted::Dc => "rcx-motor",
             Wanted::Led => "rcx-led",
-            Wanted::Sensor(SensorKind::Touch) => "ev3-analog-sensor",
-            Wanted::Sensor(_) => "ev3-uart-host",
+            Wanted::Sensor(kind) if model(kind).uart => serial,
+            Wanted::Sensor(_) => analog,
         };
         let driver_name = self.driver_name(id).unwrap_or_default();
         let bound = Device::Bus(BusDevice::new(bus_driver, driver_name, address));
@@ -280,7 +290,8 @@ impl Brick {
                 _ => continue,
             };
             let off = self.faults.get(FIRST_OUTPUT + out).is_some_and(PortFaults::is_off);
-            if let Some(entry) = bridges.get_mut(out).filter(|_| !off) {
+            let is_in = self.ports.get(FIRST_OUTPUT + out).is_some_and(PortState::has_motor);
+            if let Some(entry) = bridges.get_mut(out).filter(|_| is_in && !off) {
                 *entry = bridge;
             }
         }
@@ -424,6 +435,15 @@ impl Brick {
             _ => None,
         }
     }
+}
+
+/// The address of a board's port. It lives as long as the program: a simulation has few bricks, and
+/// each board's addresses are made once.
+fn address(board: &'static Board, index: usize) -> &'static str {
+    static MADE: Mutex<BTreeMap<String, &'static str>> = Mutex::new(BTreeMap::new());
+    let address = board.address(index).unwrap_or_default();
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    made.entry(address).or_insert_with_key(|address| String::leak(address.clone()))
 }
 
 fn next(counter: &mut u32) -> u32 {

@@ -22,11 +22,11 @@ pub(crate) use self::orders::{OrdersFile, Tells};
 pub(crate) use self::stream::{Device, StreamFile};
 pub(crate) use self::truth::TruthFile;
 use super::brick::Brick;
-use super::brick::tree::{BUTTONS, FAULTS, ORDERS, SCREEN, SPEAKER, TRUTH};
+use super::brick::tree::{FAULTS, ORDERS, TRUTH};
 use super::driver::Entry;
 use super::driver::input::EventLayout;
 use super::simulation::{Shared, State};
-use crate::ev3dev::{Access, AttributeFile, Tree};
+use crate::ev3dev::{Access, AttributeFile, Platform, Tree};
 
 /// The interval at which waiting readers look again: the period of the fastest worker that wakes
 /// any.
@@ -88,12 +88,24 @@ impl SimBrick {
         access: Access,
         layout: EventLayout,
     ) -> Option<Result<StreamFile, Errno>> {
-        let device = match path {
-            BUTTONS => Device::Buttons,
-            SPEAKER => Device::Speaker,
-            _ => return None,
+        let platform = self.platform()?;
+        let device = if platform.buttons == Some(path) {
+            Device::Buttons
+        } else if platform.speaker == Some(path) {
+            Device::Speaker
+        } else {
+            return None;
         };
         Some(StreamFile::open(&self.shared, self.robot, device, access, layout))
+    }
+
+    fn platform(&self) -> Option<&'static Platform> {
+        self.look(|brick| Ok(brick.board.platform)).ok()
+    }
+
+    /// Whether a path is the screen's memory.
+    pub(crate) fn is_screen(&self, path: &str) -> bool {
+        self.look(|brick| Ok(brick.is_screen(path))).unwrap_or(false)
     }
 
     /// Opens the truth; none at any other path.
@@ -140,7 +152,7 @@ impl Tree for SimBrick {
         if let Some(stream) = self.open_stream(path, access, EventLayout::NATIVE) {
             return Ok(Box::new(stream?));
         }
-        if path == SCREEN {
+        if self.is_screen(path) {
             let brick = Self::new(Arc::clone(&self.shared), self.robot);
             return Ok(Box::new(ScreenFile { brick, access }));
         }

@@ -1,10 +1,13 @@
-//! The eight ports of a brick, by name and by number.
+//! The eight ports of a brick, by name and by number. They are called as on an EV3, whatever the
+//! board calls them.
 //!
 //! # Not here
 //!
 //! What is plugged in and how it is found: `sim::brick`.
 
 use std::fmt;
+
+use crate::ev3dev::{PLATFORMS, Platform};
 
 /// A port of the brick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -55,11 +58,14 @@ impl Port {
         }
     }
 
-    /// The port with a name, short or full (`outB`, `ev3-ports:outB`).
+    /// The port with a name, as any board has it, short or full (`outB`, `MB`, `spi0.1:MB`).
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
-        let short = name.strip_prefix("ev3-ports:").unwrap_or(name);
-        Self::ALL.into_iter().find(|port| port.as_str() == short)
+        let short = Platform::short(name);
+        let place = PLATFORMS
+            .into_iter()
+            .find_map(|platform| platform.ports().position(|port| port == short))?;
+        Self::ALL.get(place).copied()
     }
 
     pub(crate) fn index(self) -> usize {

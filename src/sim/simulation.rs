@@ -27,11 +27,13 @@ use super::ports::Port;
 use super::view::Trail;
 use super::world_physics::WorldPhysics;
 use crate::clock::{Clock, MILLISECOND_NS};
-use crate::ev3dev::Button;
+use crate::ev3dev::{Button, Platform};
 
 /// How a brick is made, where bricks differ.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Options {
+    /// Which board it is.
+    pub platform: &'static Platform,
     /// How gyros take a change of mode.
     pub gyro: GyroMake,
     /// What feeds the brick.

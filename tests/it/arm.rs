@@ -1,5 +1,6 @@
 //! The brick's own program, for its own processor, under `qemu-arm -cpu arm926`: on a mounted
-//! brick, and beside this PC's program on a simulated one.
+//! brick, and beside this PC's program on a simulated one. The other boards' program, under
+//! `qemu-arm -cpu cortex-a7`, beside this PC's as well.
 //!
 //! `brick-image/build.sh` makes the programs. What it finds out about them by itself (format, size,
 //! instructions, system calls) is not done again here.
@@ -31,9 +32,12 @@ use crate::support::{not_asked_for, pass_over};
 /// then `ONBRICK_ARM=1 cargo test arm::`.
 const ASKED_FOR: &str = "ONBRICK_ARM";
 
+/// The same after `brick-image/build.sh --for armv7`.
+const ARMV7_ASKED_FOR: &str = "ONBRICK_ARMV7";
+
 /// The emulator's command for a program that `brick-image/build.sh` has left in a folder of
 /// `target`.
-fn emulated(program: &str) -> Option<[String; 4]> {
+fn emulated(program: &str, processor: &str) -> Option<[String; 4]> {
     let folder = Path::new(PROGRAM).parent()?.parent()?;
     let file = folder.join(program);
     let emulator = Command::new("qemu-arm").arg("--version").output();
@@ -43,7 +47,7 @@ fn emulated(program: &str) -> Option<[String; 4]> {
         ));
         return None;
     }
-    Some(["qemu-arm".to_owned(), "-cpu".to_owned(), "arm926".to_owned(), file.to_str()?.to_owned()])
+    Some(["qemu-arm", "-cpu", processor, file.to_str()?].map(str::to_owned))
 }
 
 /// Hands a job to a process that drives; its last word.
@@ -82,7 +86,7 @@ fn the_bricks_program_maps_a_mounted_room_as_well_as_this_pcs_does() {
     if no_fuse() {
         return;
     }
-    let Some(brick) = emulated("brick/onbrick") else { return };
+    let Some(brick) = emulated("brick/onbrick", "arm926") else { return };
     let _alone = real_time();
     in_real_time("ARM through the mount", |pace| map_a_room(pace, &brick));
 }
@@ -130,7 +134,19 @@ fn the_same_mission_is_recorded_on_the_bricks_processor_byte_for_byte() {
     if not_asked_for(ASKED_FOR) {
         return;
     }
-    let Some(brick) = emulated("emulator/onbrick-sim") else { return };
+    records_what_a_pc_records("emulator/onbrick-sim", "arm926");
+}
+
+#[test]
+fn the_same_mission_is_recorded_on_other_boards_processors_byte_for_byte() {
+    if not_asked_for(ARMV7_ASKED_FOR) {
+        return;
+    }
+    records_what_a_pc_records("emulator-armv7/onbrick-sim", "cortex-a7");
+}
+
+fn records_what_a_pc_records(program: &str, processor: &str) {
+    let Some(brick) = emulated(program, processor) else { return };
     let folder = tempfile::tempdir().unwrap();
     in_real_time("ARM and PC", |pace| {
         let recorded = |command: &[String], name: &str| -> Option<Vec<u8>> {

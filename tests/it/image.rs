@@ -239,6 +239,11 @@ fn the_package_has_everything_in_its_place() {
     for field in ["Package: onbrick", "Version: 1.2.3", "Architecture: armel"] {
         assert!(fields.lines().any(|line| line == field), "{field} in {fields}");
     }
+    let made = script("package.sh", &[&binary.display().to_string(), "1.2.3", &out, "armhf"]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let other = folder.path().join("onbrick_1.2.3_armhf.deb");
+    let field = Command::new("dpkg-deb").arg("--field").arg(other).arg("Architecture").output();
+    assert_eq!(field.unwrap().stdout, b"armhf\n");
     let first = std::fs::read(&package).unwrap();
     assert!(script("package.sh", &[&binary.display().to_string(), "1.2.3", &out]).status.success());
     assert!(first == std::fs::read(&package).unwrap(), "the same input makes the same package");
@@ -253,6 +258,61 @@ fn the_package_has_everything_in_its_place() {
         members.is_empty() || String::from_utf8_lossy(&members).contains("data.tar.xz"),
         "compressed for Debian 9"
     );
+}
+
+/// What `install.sh` says to a brick whose shell answers so about its processor, Debian's word for
+/// it, and its image; it never gets further than to copying.
+fn installs(machine: [&str; 3], deb: Option<&str>) -> (Option<i32>, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, text).unwrap();
+        std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o755))
+            .unwrap();
+    };
+    let words = machine.map(|word| format!("'{word}'")).join(" ");
+    let ssh = format!(
+        "#!/bin/bash\ncase \"${{*: -1}}\" in\n*'uname -m'*) printf '%s\\n' {words} ;;\n\
+         *'cat >'*) exit 9 ;;\nesac\n"
+    );
+    put("ssh", &ssh);
+    put(
+        "brick-image/install.sh",
+        &std::fs::read_to_string(brick_image().join("install.sh")).unwrap(),
+    );
+    put("target/brick/onbrick_1.2.3_armel.deb", "!<arch>\n");
+    let mut install = Command::new(folder.path().join("brick-image/install.sh"));
+    install.args(["--no-key", "red.local"]);
+    if let Some(deb) = deb {
+        put(deb, "!<arch>\n");
+        install.arg("--deb").arg(folder.path().join(deb));
+    }
+    let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").unwrap());
+    let said = install.env("PATH", path).stdin(std::process::Stdio::null()).output().unwrap();
+    (said.status.code(), String::from_utf8_lossy(&said.stderr).into_owned())
+}
+
+#[test]
+fn install_takes_the_package_for_the_boards_processor() {
+    let ev3 = ["armv5tejl", "armel", "ev3dev-stretch-ev3-generic"];
+    let pi = ["armv7l", "armhf", "ev3dev-stretch-rpi2-generic"];
+    let arrives = "the package did not arrive whole";
+    for (machine, deb, code, says) in [
+        (ev3, None, 1, arrives),
+        (pi, None, 1, "there is no package for armhf"),
+        (pi, None, 1, "try: brick-image/build.sh --for armv7"),
+        (pi, Some("onbrick_1.2.3_armhf.deb"), 1, arrives),
+        (["aarch64", "armhf", "ev3dev"], Some("mine.deb"), 1, arrives),
+        (pi, Some("onbrick_1.2.3_armel.deb"), 1, "which takes armhf"),
+        (ev3, Some("onbrick_1.2.3_armhf.deb"), 1, "which takes armel"),
+        (["armv6l", "armhf", "ev3dev-stretch-rpi-generic"], None, 3, "is no board that onbrick"),
+        (["x86_64", "amd64", "unknown"], None, 3, "is no board that onbrick"),
+    ] {
+        let (ended, said) = installs(machine, deb);
+        assert_eq!(ended, Some(code), "{machine:?}, {deb:?}: {said}");
+        assert!(said.contains(says), "{machine:?}, {deb:?}: {said}");
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@
 mod arm;
 mod bad_input;
 mod behavior;
+mod boards;
 mod commands;
 mod drivers_bench;
 mod ev3dev;

@@ -92,6 +92,7 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
         stamps_ns: 0,
         run: None,
         name: None,
+        no_button: false,
         method: onbrick::mapping::Method::Default,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,

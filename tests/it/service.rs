@@ -266,6 +266,7 @@ pub fn start(run: &str, mission: &str) -> Start {
         token: None,
         pose: None,
         set: Vec::new(),
+        no_button: false,
     }
 }
 

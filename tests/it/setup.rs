@@ -7,11 +7,12 @@ use std::sync::atomic::Ordering;
 
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
 use onbrick::commissioning::{Dialogue, NoAnswer};
-use onbrick::ev3dev::Tree;
+use onbrick::ev3dev::{EV3, Platform, Tree};
 use onbrick::robot::{DEFAULT_ROBOT, RobotConfig};
 use onbrick::runtime::{Source, StopFlags};
-use onbrick::sim::{RobotModel, Simulation, Truth, World, WorldPhysics};
+use onbrick::sim::{Options, RobotModel, Simulation, Truth, World, WorldPhysics};
 
+mod boards;
 pub(crate) mod calibrate;
 mod commands;
 mod doctor;
@@ -32,6 +33,11 @@ impl Bench {
     /// A plain wall ahead, half a metre before the sensor, and room all around; `robot` is what
     /// else the world's file says of it.
     pub(crate) fn new(robot: &str, seed: u64) -> Self {
+        Self::on(&EV3, robot, seed)
+    }
+
+    /// The same on another board.
+    fn on(platform: &'static Platform, robot: &str, seed: u64) -> Self {
         let text = format!(
             "name = \"bench\"\n[[start]]\nat = [0.0, 0.0]\n[[wall]]\n\
              points = [[0.6, -2.0], [0.6, 2.0]]\n{robot}"
@@ -42,7 +48,8 @@ impl Bench {
         let clock = Arc::new(VirtualClock::default());
         let physics = WorldPhysics::new(world, 1, seed).unwrap();
         let shared: Arc<dyn Clock> = clock.clone();
-        let simulation = Simulation::new(shared, Box::new(physics), seed);
+        let options = Options { platform, ..Options::default() };
+        let simulation = Simulation::with_options(shared, Box::new(physics), seed, options);
         let tree: Arc<dyn Tree> = simulation.brick(0);
         let bench = Self { clock, simulation, tree, flags: StopFlags::default(), model };
         bench.pass(3.0);

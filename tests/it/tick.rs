@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, VirtualClock};
-use onbrick::ev3dev::{Technology, Tree};
+use onbrick::ev3dev::{EV3, Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::recording::{MachineNames, Options, Pace, Recorder, Sink, Start};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
@@ -247,6 +247,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         pace: Pace::Virtual,
         seed: 0,
         cells: Technology::Unknown,
+        board: &EV3,
         method: Method::Default,
         settings: Vec::new(),
         range: None,

@@ -95,6 +95,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         stamps_ns: stamps_ns(output),
         run: None,
         name: None,
+        no_button: false,
         method: arguments.method,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,

@@ -112,6 +112,7 @@ pub(super) fn run(
         token: None,
         pose: arguments.pose,
         set: arguments.set.clone(),
+        no_button: arguments.no_button,
     };
     let started: Result<Started, ClientError> =
         living.client.ask_own(&LocalOnly::StartHere(start), PATIENCE);

@@ -135,8 +135,8 @@ impl PrivateError {
 /// The view that this process is in.
 #[derive(Debug)]
 pub(super) struct PrivateView {
-    brick_screen: File,
-    screen: File,
+    /// The brick's screen and the view's; none where the board has none.
+    screens: Option<[File; 2]>,
     shown: Vec<u8>,
     lacking: Vec<&'static str>,
 }
@@ -184,19 +184,25 @@ impl PrivateView {
             let doing = format!("cannot {doing}");
             move |source: io::Error| PrivateError::Failed { doing, source }
         };
-        let brick_screen = File::options()
-            .read(true)
-            .write(true)
-            .open(brick.join(SCREEN))
-            .map_err(failed("open the brick's screen"))?;
+        let brick_screen = match File::options().read(true).write(true).open(brick.join(SCREEN)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            opened => Some(opened.map_err(failed("open the brick's screen"))?),
+        };
+        let inputs = brick.join("dev/input/by-path");
+        let mut events: Vec<OsString> = fs::read_dir(&inputs)
+            .into_iter()
+            .flatten()
+            .filter_map(|entry| Some(entry.ok()?.file_name()))
+            .collect();
+        events.sort();
         become_private()?;
         // What was opened before belongs to the machine's own view, and can be put nowhere in this
         // one.
         let keep =
             |path: &Path| Kept::new(path).map_err(failed(&format!("open {}", path.display())));
-        let [sys, sim, input] =
-            ["sys", "sim", "dev/input/by-path"].map(|folder| keep(&brick.join(folder)));
-        let (sys, sim, input) = (sys?, sim?, input?);
+        let [sys, sim] = ["sys", "sim"].map(|folder| keep(&brick.join(folder)));
+        let (sys, sim) = (sys?, sim?);
+        let input = inputs.exists().then(|| keep(&inputs)).transpose()?;
         let devices = Path::new("/dev");
         let machine: Vec<(&str, Kept)> = KEPT
             .into_iter()
@@ -218,10 +224,10 @@ impl PrivateView {
                 CONSOLES.into_iter().try_for_each(|name| console.bind(&devices.join(name)))?;
             }
             fs::create_dir(devices.join("input"))?;
-            input.bind(&devices.join("input/by-path"))?;
-            for (number, device) in
-                ["platform-gpio_keys-event", "platform-sound-event"].iter().enumerate()
-            {
+            if let Some(input) = &input {
+                input.bind(&devices.join("input/by-path"))?;
+            }
+            for (number, device) in events.iter().enumerate() {
                 symlink(
                     Path::new("by-path").join(device),
                     devices.join(format!("input/event{number}")),
@@ -229,10 +235,13 @@ impl PrivateView {
             }
             sim.bind(&Path::new(OURS).join("sim"))?;
             let mut shown = Vec::new();
-            io::Read::read_to_end(&mut &brick_screen, &mut shown)?;
-            fs::write(devices.join("fb0"), &shown)?;
-            let screen = File::open(devices.join("fb0"))?;
-            Ok(Self { brick_screen, screen, shown, lacking: Vec::new() })
+            let mut screens = None;
+            if let Some(mut brick_screen) = brick_screen {
+                io::Read::read_to_end(&mut brick_screen, &mut shown)?;
+                fs::write(devices.join("fb0"), &shown)?;
+                screens = Some([brick_screen, File::open(devices.join("fb0"))?]);
+            }
+            Ok(Self { screens, shown, lacking: Vec::new() })
         })()
         .map_err(failed("put the brick's files into /dev"))?;
         view.lacking = stand_ins(program).map_err(failed("make the stand-ins"))?;
@@ -268,11 +277,12 @@ impl PrivateView {
     ///
     /// The brick is gone.
     pub(super) fn refresh(&mut self) -> io::Result<()> {
+        let Some([brick_screen, screen]) = &self.screens else { return Ok(()) };
         let mut drawn = vec![0; self.shown.len()];
-        let length = self.screen.read_at(&mut drawn, 0)?;
+        let length = screen.read_at(&mut drawn, 0)?;
         drawn.truncate(length);
         if self.shown.get(..length) != Some(drawn.as_slice()) {
-            self.brick_screen.write_all_at(&drawn, 0)?;
+            brick_screen.write_all_at(&drawn, 0)?;
             if let Some(shown) = self.shown.get_mut(..length) {
                 shown.copy_from_slice(&drawn);
             }

@@ -1,9 +1,8 @@
 //! The brick itself: its files, its owner, and what people see, hear and press.
 
 use crate::ev3dev::{Battery, Button, Buttons, DeviceError, Inventory, Sound, StatusLights};
-use crate::robot::{BatteryConfig, BatteryLimits};
+use crate::robot::{BatteryConfig, BatteryLimits, StopButton, stop_button_answers};
 use crate::runtime::{HardwareLock, LockError};
-use crate::senses::MOST_V;
 
 use super::{Diagnosis, Examination, with_causes};
 
@@ -22,7 +21,8 @@ pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
             ),
         Ok(inventory) => {
             let devices = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
-            diagnosis.ok("brick", format!("{} devices below {root}", devices.count()));
+            let what = examination.platform.what;
+            diagnosis.ok("brick", format!("{what}, {} devices below {root}", devices.count()));
         }
     }
 }
@@ -56,17 +56,18 @@ pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     const CHECK: &str = "battery";
     let config =
         examination.config.as_ref().map_or_else(BatteryConfig::default, |config| config.battery);
+    let most_v = examination.platform.most_v;
     let read = Battery::open(examination.patient.tree, examination.platform).and_then(|battery| {
         let volts = battery.voltage_v()?;
         let cells = battery.technology().unwrap_or_default();
-        Ok((volts, BatteryConfig { cells, ..config }.limits()))
+        Ok((volts, config.on(cells, examination.platform).limits()))
     });
     match read {
-        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=MOST_V).contains(&volts) => {
+        Ok((volts, BatteryLimits { slow_v, .. })) if !(slow_v..=most_v).contains(&volts) => {
             diagnosis.fail(
                 CHECK,
                 format!("{volts:.2} V"),
-                &format!("charge it, or put in fresh cells; a run needs at least {slow_v} V"),
+                &format!("charge it, or put in fresh cells; a run needs at least {slow_v:.1} V"),
             )
         }
         Ok((volts, BatteryLimits { warn_v, .. })) if volts < warn_v => {
@@ -86,13 +87,34 @@ pub(super) fn battery(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 /// A run that a person beside the robot cannot stop may never happen, so this is no warning.
 pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     const CHECK: &str = "buttons";
+    let Examination { patient, platform, config, .. } = &*examination;
+    let own = config.as_ref().and_then(|config| config.stop_button.as_ref());
+    if let Some(button) = own {
+        let what = match button {
+            StopButton::Touch(port) => format!("the touch sensor on {port} stops a run"),
+            StopButton::Device(device) => format!("{} stops a run", device.display()),
+        };
+        let to_do = "[stop_button] of robot.toml names what is there";
+        return match stop_button_answers(patient.tree, button) {
+            Ok(()) => diagnosis.ok(CHECK, what),
+            Err(error) => diagnosis.fail(CHECK, with_causes(&error), to_do),
+        };
+    }
+    if platform.buttons.is_none() {
+        let found = format!("a {} has none, and a run is refused without", platform.what);
+        let to_do = "a touch sensor as [stop_button] in robot.toml, or --no-button each time";
+        return diagnosis.fail(CHECK, found, to_do);
+    }
     let opened = Buttons::open(examination.patient.tree, examination.platform);
     let looked = opened.and_then(|mut buttons| buttons.changes().map(|_| buttons.held()));
     match looked {
         Ok(held) if [Button::Enter, Button::Back].into_iter().any(|stop| held.contains(stop)) => {
             diagnosis.warn(CHECK, "Enter or Back is held down", "let go of it: it stops a run");
         }
-        Ok(_) => diagnosis.ok(CHECK, "Enter and Back stop a run"),
+        Ok(_) => {
+            let verb = if platform.stop_buttons.contains(' ') { "stop" } else { "stops" };
+            diagnosis.ok(CHECK, format!("{} {verb} a run", platform.stop_buttons));
+        }
         Err(error) => {
             diagnosis.fail(
                 CHECK,
@@ -104,6 +126,9 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 }
 
 pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    if examination.platform.lights.iter().all(|lamps| lamps.is_empty()) {
+        return diagnosis.ok("lights", format!("a {} has none", examination.platform.what));
+    }
     match StatusLights::open(examination.patient.tree, examination.platform)
         .and_then(|lights| lights.check_writable())
     {
@@ -117,6 +142,10 @@ pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
 }
 
 pub(super) fn speaker(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
+    if examination.platform.speaker.is_none() {
+        return diagnosis
+            .ok("speaker", format!("none is known on a {}", examination.platform.what));
+    }
     match Sound::open(examination.patient.tree, examination.platform) {
         Ok(_) => diagnosis.ok("speaker", "it can be heard"),
         Err(error) => diagnosis.warn(

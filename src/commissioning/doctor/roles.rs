@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::ev3dev::{DeviceError, TachoMotor, Tree};
-use crate::robot::{MotorRole, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor};
+use crate::robot::{MotorRole, PLUG_AGAIN, PLUG_IN, RobotConfig, RoleSensor, equip};
 use crate::runtime::GYRO_STILL_RAD;
 use crate::senses::{Role, Unit};
 use crate::units::degrees;
@@ -75,7 +75,7 @@ fn examine_motor(tree: &Arc<dyn Tree>, role: &str, wanted: &MotorRole, diagnosis
             return diagnosis.fail(role, format!("{what}: {}", with_causes(&error)), PLUG_AGAIN);
         }
     };
-    if state.is_running() {
+    if state.is_driven() {
         diagnosis.fail(
             role,
             format!("{what} is running"),
@@ -103,6 +103,10 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
     let Some(config) = &examination.config else { return };
     let tree = examination.patient.tree;
     let may_set = examination.is_free;
+    if may_set && let Err(error) = equip(tree, config, examination.patient.clock) {
+        let to_do = error.way_out().unwrap_or(PLUG_IN);
+        diagnosis.fail("ports", with_causes(&error), to_do);
+    }
     let mut watched = Vec::new();
     for role in config.sensors.keys() {
         match Watch::begin(tree, config, *role, may_set) {

@@ -1,10 +1,67 @@
 //! Which sensor has which role: mostly its kind says it.
 
+use std::sync::Arc;
+
+use crate::clock::Clock;
 use crate::commissioning::{Dialogue, NoAnswer};
-use crate::ev3dev::{Driver, Identity};
+use crate::ev3dev::{Class, Driver, Identity, Platform, Tree, devices};
+use crate::robot::equip_port;
 use crate::senses::Role;
 
-use super::Draft;
+use super::{Draft, SetupError};
+
+/// Asks what is on each input port of a board that does not find out, and tells the ports.
+pub(super) fn declare(
+    tree: &Arc<dyn Tree>,
+    platform: &Platform,
+    clock: &dyn Clock,
+    dialogue: &mut dyn Dialogue,
+) -> Result<(), SetupError> {
+    dialogue.say(&format!("A {} does not find out which sensors are plugged in.", platform.what));
+    let drivers =
+        [Driver::Touch, Driver::Colour, Driver::Ultrasonic, Driver::Gyro, Driver::Infrared];
+    let mut words = vec!["nothing"];
+    words.extend(drivers.map(Driver::what));
+    for name in platform.inputs {
+        let Ok(port) = format!("{}:{name}", platform.parent).parse() else { continue };
+        let default = devices(tree, Class::LegoSensor)?
+            .iter()
+            .filter(|sensor| sensor.address == port)
+            .find_map(|sensor| drivers.into_iter().position(|it| sensor.known_driver() == Some(it)))
+            .map_or(0, |place| place + 1);
+        let answer = dialogue.choose(&format!("What is plugged into {name}?"), &words, default)?;
+        if let Some(driver) = answer.checked_sub(1).and_then(|place| drivers.get(place)) {
+            equip_port(tree, &port, *driver, clock)?;
+        }
+    }
+    Ok(())
+}
+
+/// Offers a touch sensor as stop button, where the board has none; it is no bumper then.
+pub(super) fn stop_button(
+    dialogue: &mut dyn Dialogue,
+    platform: &Platform,
+    draft: &mut Draft,
+) -> Result<(), NoAnswer> {
+    let Some(port) = draft.sensors.get(&Role::Touch).cloned() else {
+        dialogue.say(&format!(
+            "A {} has no buttons, and a run needs one: a touch sensor as [stop_button] of \
+             robot.toml, or --no-button each time.",
+            platform.what
+        ));
+        return Ok(());
+    };
+    let question = format!(
+        "A {} has no buttons. Does the touch sensor on {port} stop the robot, instead of being its \
+         bumper?",
+        platform.what
+    );
+    if dialogue.confirm(&question)? {
+        draft.sensors.remove(&Role::Touch);
+        draft.stop_button = Some(port);
+    }
+    Ok(())
+}
 
 /// Gives each sensor the role of its kind; asks only where there is a choice.
 pub(super) fn assign(
@@ -65,6 +122,7 @@ fn infrared_role(
         }
         1 => {
             draft.sensors.insert(Role::Range, port);
+            draft.range_driver = Some(Driver::Infrared);
             draft.range_max_m = 0.7;
             draft.range_half_cone_deg = 6.0;
         }

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use crate::ev3dev::PortAddress;
+use crate::ev3dev::{Driver, PortAddress};
 use crate::robot::{ROBOTS, RobotConfig, ShippedRobot};
 use crate::senses::Role;
 
@@ -31,6 +31,11 @@ pub struct Draft {
     pub range_max_m: f64,
     /// Half of the cone in which the range sensor hears, degrees.
     pub range_half_cone_deg: f64,
+    /// The range sensor's driver, where it is not the one that is preferred: a board whose ports do
+    /// not find out is told so.
+    pub range_driver: Option<Driver>,
+    /// The port of the touch sensor that stops a run.
+    pub stop_button: Option<String>,
     /// Further motors: name and port.
     pub motors: Vec<(String, String)>,
 }
@@ -66,6 +71,8 @@ impl Default for Draft {
             range_ahead_m: 0.0508,
             range_max_m: 2.0,
             range_half_cone_deg: 14.0,
+            range_driver: None,
+            stop_button: None,
             motors: Vec::new(),
         }
     }
@@ -128,6 +135,11 @@ impl Draft {
         self.head(&mut page);
         self.sensors(&mut page);
         self.motors(&mut page);
+        if let Some(port) = &self.stop_button {
+            page.bare("");
+            page.line("[stop_button]", "the touch sensor that stops a run");
+            page.bare(&format!("port = {}", quoted(port)));
+        }
         page.text
     }
 
@@ -184,6 +196,9 @@ impl Draft {
                     &format!("port = {}", quoted(port)),
                     "ultrasonic, or infrared (with infrared_m_per_pct)",
                 );
+                if let Some(driver) = self.range_driver {
+                    page.bare(&format!("driver = {}", quoted(driver.as_str())));
+                }
                 page.line(
                     &format!("ahead_m = {}", self.range_ahead_m),
                     "the sensor, ahead of the middle between the wheels",
@@ -370,6 +385,8 @@ mod tests {
                 range_ahead_m: ahead_m,
                 range_max_m: 0.7,
                 range_half_cone_deg: 6.0,
+                range_driver: there[2].then_some(Driver::Infrared),
+                stop_button: port(there[2] && !there[1], "in1"),
                 motors: port(there[1], "outD")
                     .map(|port| ("arm".to_owned(), port))
                     .into_iter()

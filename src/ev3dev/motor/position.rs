@@ -201,6 +201,18 @@ impl<K: MotorKind> PositionMotor<K> {
         self.command(TachoCommand::Stop)
     }
 
+    /// What comes nearest to a stop action among those that the driver has: where it cannot brake,
+    /// as on a BrickPi, the motor holds its position. A driver that does not say what it has gets
+    /// the action itself.
+    #[must_use]
+    pub fn nearest_action(&self, wanted: StopAction) -> StopAction {
+        let has = |action: StopAction| {
+            self.stop_actions().map_or(true, |actions| actions.contains(action.as_str()))
+        };
+        let others = [StopAction::Hold, StopAction::Coast];
+        if has(wanted) { wanted } else { others.into_iter().find(|it| has(*it)).unwrap_or(wanted) }
+    }
+
     /// Whether a command could be written; nothing is.
     ///
     /// # Errors

@@ -23,7 +23,7 @@ impl MotorState {
         self.has(1)
     }
 
-    /// The position is being held. A motor that holds is not running.
+    /// The position is being held. On an EV3 a motor that holds is not running.
     #[must_use]
     pub const fn is_holding(self) -> bool {
         self.has(2)
@@ -39,6 +39,13 @@ impl MotorState {
     #[must_use]
     pub const fn is_stalled(self) -> bool {
         self.has(4)
+    }
+
+    /// It is to turn: a run command is in effect, and has not come to holding the position, which
+    /// BrickPi3 and PiStorms call running as well.
+    #[must_use]
+    pub const fn is_driven(self) -> bool {
+        self.is_running() && !self.is_holding()
     }
 
     const fn has(self, place: u8) -> bool {

@@ -26,6 +26,7 @@ pub struct RangeRole {
 pub(super) fn range(section: &Section<'_>) -> Option<RangeRole> {
     section.allow(&[
         "port",
+        "driver",
         "ahead_m",
         "max_m",
         "half_cone_deg",

@@ -3,7 +3,9 @@
 
 use nix::errno::Errno;
 
-use crate::sim::driver::sensor::HANDSHAKE_NS;
+use crate::ev3dev::PISTORMS;
+use crate::sim::board::{Board, PortKind};
+use crate::sim::driver::sensor::{HANDSHAKE_NS, MODELS, model};
 use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
 use crate::sim::driver::text::word;
 use crate::sim::driver::{Context, Wait};
@@ -20,19 +22,6 @@ const ATTRIBUTES: &[Spec] = &[
     writeable("set_device"),
     readable("status"),
 ];
-
-const INPUT_MODES: &[&str] = &[
-    "auto",
-    "nxt-analog",
-    "nxt-color",
-    "nxt-i2c",
-    "other-i2c",
-    "ev3-analog",
-    "ev3-uart",
-    "other-uart",
-    "raw",
-];
-const OUTPUT_MODES: &[&str] = &["auto", "tacho-motor", "dc-motor", "led", "raw"];
 
 /// A plug is believed once it has been stable for 350 ms, and the pins have settled twice for 20
 /// ms.
@@ -63,12 +52,15 @@ pub(crate) enum Wanted {
 #[derive(Debug)]
 pub(crate) struct PortState {
     pub(crate) address: &'static str,
+    board: &'static Board,
     is_input: bool,
     mode: usize,
     plugged: Option<Plugged>,
     /// What was last put in: it is put back after a pull.
     pub(crate) home: Option<Plugged>,
     motor_driver: Option<&'static Model>,
+    /// What the port was told that it has, where it does not find out.
+    named: Option<SensorKind>,
     appear_ns: Option<i64>,
     vanish_ns: Option<i64>,
     /// A store has asked for the device to be registered again.
@@ -88,21 +80,43 @@ pub(crate) enum Change {
 }
 
 impl PortState {
-    /// A port in mode auto, with what was plugged in before the brick was switched on.
-    pub(crate) fn new(address: &'static str, is_input: bool, plugged: Option<Plugged>) -> Self {
-        Self {
+    /// A port in its first mode, with what was plugged in before the brick was switched on.
+    pub(crate) fn new(
+        address: &'static str,
+        board: &'static Board,
+        is_input: bool,
+        plugged: Option<Plugged>,
+    ) -> Self {
+        let mut port = Self {
             address,
+            board,
             is_input,
             mode: 0,
             plugged,
             home: plugged,
             motor_driver: None,
-            appear_ns: plugged.map(|_| 0),
+            named: None,
+            appear_ns: None,
             vanish_ns: None,
             renew: false,
             device: None,
             on_bus: None,
+        };
+        port.appear_ns = port.wanted().map(|_| 0);
+        port
+    }
+
+    /// The sensor that is in the port.
+    pub(crate) fn sensor(&self) -> Option<SensorKind> {
+        match self.plugged {
+            Some(Plugged::Sensor(kind)) => Some(kind),
+            _ => None,
         }
+    }
+
+    /// A motor is in the port.
+    pub(crate) fn has_motor(&self) -> bool {
+        matches!(self.plugged, Some(Plugged::Motor(_)))
     }
 
     /// Puts something in, or takes it out.
@@ -133,7 +147,7 @@ impl PortState {
 
     fn change(&mut self, plugged: Option<Plugged>, now_ns: i64) {
         self.plugged = plugged;
-        if self.mode != 0 {
+        if self.mode_name() != "auto" {
             // A forced mode detects nothing.
             return;
         }
@@ -163,27 +177,35 @@ impl PortState {
         self.modes().get(self.mode).copied().unwrap_or_default()
     }
 
-    fn modes(&self) -> &'static [&'static str] {
-        if self.is_input { INPUT_MODES } else { OUTPUT_MODES }
+    fn kind(&self) -> &'static PortKind {
+        if self.is_input { &self.board.inputs } else { &self.board.outputs }
     }
 
-    fn driver_name(&self) -> &'static str {
-        if self.is_input { "ev3-input-port" } else { "ev3-output-port" }
+    fn modes(&self) -> &'static [&'static str] {
+        self.kind().modes
     }
 
     fn wanted(&self) -> Option<Wanted> {
+        let detects = self.board.platform.detects;
         match (self.mode_name(), self.plugged) {
             ("auto", Some(Plugged::Motor(kind))) => {
                 Some(Model::of(kind).map_or(Wanted::Dc, Wanted::Tacho))
             }
-            ("tacho-motor", _) => Some(Wanted::Tacho(self.motor_driver.unwrap_or(Model::large()))),
+            ("tacho-motor", _) => {
+                let usual = if detects { Model::large() } else { Model::nxt() };
+                Some(Wanted::Tacho(self.motor_driver.unwrap_or(usual)))
+            }
             ("dc-motor", _) => Some(Wanted::Dc),
             ("led", _) => Some(Wanted::Led),
-            ("auto", Some(Plugged::Sensor(kind))) => Some(Wanted::Sensor(kind)),
-            ("ev3-analog", Some(Plugged::Sensor(SensorKind::Touch))) => {
-                Some(Wanted::Sensor(SensorKind::Touch))
+            ("ev3-analog" | "ev3-uart", _) if self.named.is_some() => {
+                self.named.map(Wanted::Sensor)
             }
-            ("ev3-uart", Some(Plugged::Sensor(kind))) if kind != SensorKind::Touch => {
+            ("ev3-analog", _) if !detects => Some(Wanted::Sensor(SensorKind::Touch)),
+            // The controllers of BrickPi and BrickPi3 do not ask a serial sensor what it is.
+            ("ev3-uart", _) if !detects && self.board.platform != &PISTORMS => None,
+            (mode, Some(Plugged::Sensor(kind)))
+                if mode == "auto" || mode == model(kind).port_mode() =>
+            {
                 Some(Wanted::Sensor(kind))
             }
             _ => None,
@@ -192,9 +214,10 @@ impl PortState {
 
     fn status(&self) -> &'static str {
         match (self.is_input, self.mode, self.plugged) {
+            _ if !self.board.platform.detects => self.mode_name(),
             (true, _, None) => "no-sensor",
-            (true, _, Some(Plugged::Sensor(SensorKind::Touch))) => "ev3-analog",
-            (true, _, Some(_)) => "ev3-uart",
+            (true, _, Some(Plugged::Sensor(kind))) => model(kind).port_mode(),
+            (true, _, Some(Plugged::Motor(_))) => "error",
             (false, 0, None) => "no-motor",
             (false, 0, Some(Plugged::Motor(MotorKind::Rcx))) => "dc-motor",
             (false, 0, Some(_)) => "tacho-motor",
@@ -205,15 +228,30 @@ impl PortState {
     fn set_mode(&mut self, mode: usize, now_ns: i64) {
         self.mode = mode;
         self.motor_driver = None;
+        self.named = None;
         self.register_again(now_ns);
+    }
+
+    /// What a port that does not find out is told to have, in the mode for it.
+    fn name_sensor(&mut self, bytes: &[u8], context: &Context<'_>) -> Result<(), Errno> {
+        if !self.is_input || self.mode == 0 {
+            return Err(Errno::EOPNOTSUPP);
+        }
+        let fitting = MODELS.iter().filter(|model| model.port_mode() == self.mode_name());
+        let kinds: Vec<_> = fitting.map(|model| (model.driver_name, model.kind)).collect();
+        let place = word(bytes, kinds.iter().map(|(name, _)| *name))?;
+        self.named = kinds.get(place).map(|(_, kind)| *kind);
+        self.register_again(context.now_ns);
+        Ok(())
     }
 
     fn register_again(&mut self, now_ns: i64) {
         self.renew = true;
         self.vanish_ns = None;
         let delay_ns = match (self.mode, self.plugged) {
+            _ if !self.board.platform.detects => 0,
             (0, Some(plugged)) => detection_ns(plugged),
-            (_, Some(Plugged::Sensor(kind))) if kind != SensorKind::Touch => HANDSHAKE_NS,
+            (_, Some(Plugged::Sensor(kind))) if model(kind).uart => HANDSHAKE_NS,
             _ => 0,
         };
         self.appear_ns = Some(now_ns + delay_ns);
@@ -222,8 +260,8 @@ impl PortState {
 
 fn detection_ns(plugged: Plugged) -> i64 {
     match plugged {
-        Plugged::Motor(_) | Plugged::Sensor(SensorKind::Touch) => DETECT_NS,
-        Plugged::Sensor(_) => DETECT_NS + HANDSHAKE_NS,
+        Plugged::Sensor(kind) if model(kind).uart => DETECT_NS + HANDSHAKE_NS,
+        Plugged::Motor(_) | Plugged::Sensor(_) => DETECT_NS,
     }
 }
 
@@ -235,7 +273,7 @@ impl Driver for PortState {
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
             "address" => line(out, self.address),
-            "driver_name" => line(out, self.driver_name()),
+            "driver_name" => line(out, self.kind().driver),
             "mode" => line(out, self.mode_name()),
             "modes" => list(out, self.modes().iter().copied()),
             "status" => line(out, self.status()),
@@ -255,6 +293,7 @@ impl Driver for PortState {
                 let mode = word(bytes, self.modes().iter().copied())?;
                 self.set_mode(mode, context.now_ns);
             }
+            "set_device" if !self.board.platform.detects => self.name_sensor(bytes, context)?,
             "set_device" if self.mode_name() == "tacho-motor" => {
                 self.motor_driver = Model::named(word(bytes, DRIVER_NAMES)?);
                 self.register_again(context.now_ns);
@@ -270,7 +309,7 @@ impl Driver for PortState {
 
     fn uevent(&self, out: &mut Vec<u8>) {
         out.extend_from_slice(b"DEVTYPE=");
-        line(out, self.driver_name());
-        lego_uevent(out, self.driver_name(), self.address);
+        line(out, self.kind().driver);
+        lego_uevent(out, self.kind().driver, self.address);
     }
 }

@@ -12,18 +12,9 @@
 
 use nix::errno::Errno;
 
-use super::{ADDRESSES, Brick, Class, Device, UEVENT};
+use super::{Brick, Class, Device, UEVENT};
 use crate::sim::driver::bus::{BusDevice, POWER};
 use crate::sim::driver::{Entry, Spec, readable, readwriteable};
-
-/// The buttons' stream of events.
-pub(crate) const BUTTONS: &str = "dev/input/by-path/platform-gpio_keys-event";
-
-/// The speaker's stream of events.
-pub(crate) const SPEAKER: &str = "dev/input/by-path/platform-sound-event";
-
-/// The screen's memory.
-pub(crate) const SCREEN: &str = "dev/fb0";
 
 /// Where a robot truly is: no file of a real brick, and so outside the folders that programs look
 /// into.
@@ -45,15 +36,11 @@ const FIXED: &[(&str, &[&str])] = &[
     ("sys", &["bus", "class", "devices"]),
     ("sys/bus", &["lego"]),
     ("sys/bus/lego", &["devices", "drivers"]),
-    ("sys/bus/lego/drivers", &BusDevice::DRIVERS),
 ];
 
 /// Where the devices of the bus are listed, and its drivers, each with those that are bound to it.
 const BUS_DEVICES: &str = "sys/bus/lego/devices";
 const BUS_DRIVERS: &str = "sys/bus/lego/drivers/";
-
-/// Files outside `sys`.
-const FILES: &[&str] = &[BUTTONS, SPEAKER, SCREEN, TRUTH, FAULTS, ORDERS];
 
 impl Brick {
     /// The entries of any folder as `lstat` shows them, sorted by name. A path may go through the
@@ -65,8 +52,8 @@ impl Brick {
     pub(crate) fn list(&self, folder: &str) -> Result<Vec<Entry>, Errno> {
         let mut entries = if let Some((_, folders)) = FIXED.iter().find(|(path, _)| *path == folder)
         {
-            let files = FILES
-                .iter()
+            let files = self
+                .files()
                 .filter_map(|path| path.rsplit_once('/').filter(|(parent, _)| *parent == folder));
             let files = files.map(|(_, name)| self.other_file(name));
             folders.iter().map(|name| Entry::folder(name)).chain(files).collect()
@@ -74,8 +61,10 @@ impl Brick {
             Class::ALL.iter().map(|class| Entry::folder(class.as_str())).collect()
         } else if folder == BUS_DEVICES {
             self.names(Class::LegoBus).map(Entry::link).collect()
+        } else if folder == BUS_DRIVERS.trim_end_matches('/') {
+            BusDevice::drivers(self.board).map(Entry::folder).collect()
         } else if let Some(driver) = folder.strip_prefix(BUS_DRIVERS) {
-            if !BusDevice::DRIVERS.contains(&driver) {
+            if !BusDevice::drivers(self.board).any(|known| known == driver) {
                 return Err(Errno::ENOENT);
             }
             let bound = self.nodes.iter().filter(
@@ -97,6 +86,19 @@ impl Brick {
         };
         entries.sort_by(|one, other| one.name.cmp(&other.name));
         Ok(entries)
+    }
+
+    /// The files outside `sys` that this board has.
+    fn files(&self) -> impl Iterator<Item = &'static str> {
+        let platform = self.board.platform;
+        let screen = platform.screen.as_ref().ok().map(|screen| screen.device);
+        let built_in = [platform.buttons, platform.speaker, screen];
+        built_in.into_iter().flatten().chain([TRUTH, FAULTS, ORDERS])
+    }
+
+    /// Whether a path is the screen's memory.
+    pub(crate) fn is_screen(&self, path: &str) -> bool {
+        self.board.platform.screen.as_ref().is_ok_and(|screen| screen.device == path)
     }
 
     /// One entry, as `lstat` shows it.
@@ -191,7 +193,7 @@ impl Brick {
         if TRUTH.ends_with(name) {
             return Entry { name: name.to_owned(), size: 0, ..Entry::file(&readable("")) };
         }
-        let size = if SCREEN.ends_with(name) { self.lcd_bytes().len() } else { 0 };
+        let size = if name == "fb0" { self.lcd_bytes().len() } else { 0 };
         let file = Entry::file(&readwriteable(""));
         Entry {
             name: name.to_owned(),
@@ -263,7 +265,10 @@ impl Brick {
     fn folder(&self, id: u32) -> Option<String> {
         let node = self.node(id)?;
         let parent = match (&node.device, self.port_of(id)) {
-            (Device::Port(index), _) => format!("ev3-ports/{}", ADDRESSES.get(*index)?),
+            (Device::Port(index), _) if self.board.nested => {
+                format!("{}/{}", self.board.parent, self.ports.get(*index)?.address)
+            }
+            (Device::Port(_), _) => self.board.parent.to_owned(),
             (Device::Bus(_), Some(port)) => {
                 return Some(format!("{}/{}", self.folder(self.port_node(port)?)?, node.name));
             }
@@ -271,13 +276,13 @@ impl Brick {
                 let on_bus = self.folder(self.ports.get(port)?.on_bus?)?;
                 return Some(format!("{on_bus}/{}/{}", node.class.as_str(), node.name));
             }
-            (Device::Battery(_), _) => "battery".to_owned(),
-            (Device::Board(_), _) => "board".to_owned(),
-            (Device::Lcd(_), _) => "display".to_owned(),
-            (Device::Led(_), _) => "leds".to_owned(),
-            _ => "servo-controller".to_owned(),
+            (Device::Battery(_), _) => "platform/battery".to_owned(),
+            (Device::Board(_), _) => "platform/board".to_owned(),
+            (Device::Lcd(_), _) => "platform/display".to_owned(),
+            (Device::Led(_), _) => "platform/leds".to_owned(),
+            _ => "platform/servo-controller".to_owned(),
         };
-        Some(format!("devices/platform/{parent}/{}/{}", node.class.as_str(), node.name))
+        Some(format!("devices/{parent}/{}/{}", node.class.as_str(), node.name))
     }
 
     /// The port that a device is on.

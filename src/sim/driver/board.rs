@@ -5,23 +5,14 @@ use std::io::Write as _;
 use nix::errno::Errno;
 
 use super::text::word;
-use super::{Context, Driver, Spec, Wait, line, readable, readwriteable};
-
-/// One step of the 10-bit converter that measures the voltage, in microvolts.
-const VOLTAGE_STEP_UV: f64 = 9_775.0;
+use super::{Context, Driver, Spec, Wait, line};
+use crate::sim::board::Board;
 
 /// One step of the current, in microamperes.
 const CURRENT_STEP_UA: f64 = 6_500.0;
 
-const BATTERY: &[Spec] = &[
-    readable("current_now"),
-    readable("scope"),
-    readwriteable("technology"),
-    readable("type"),
-    readable("voltage_max_design"),
-    readable("voltage_min_design"),
-    readable("voltage_now"),
-];
+/// The cells of which physics knows the voltage.
+const CELLS: f64 = 6.0;
 
 /// What the brick is fed from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -54,27 +45,29 @@ impl Pack {
     }
 }
 
-/// `lego-ev3-battery`.
+/// A board's battery: what its driver knows.
 #[derive(Debug)]
 pub(crate) struct Battery {
+    board: &'static Board,
     pack: Pack,
     voltage_v: f64,
     current_a: f64,
 }
 
 impl Battery {
-    /// A battery with these cells.
-    pub(crate) fn new(pack: Pack) -> Self {
-        Self { pack, voltage_v: 0.0, current_a: 0.0 }
+    /// A board's battery with these cells.
+    pub(crate) fn new(pack: Pack, board: &'static Board) -> Self {
+        Self { board, pack, voltage_v: 0.0, current_a: 0.0 }
     }
 
     /// Takes what the converter sees.
     pub(crate) fn sample(&mut self, (voltage_v, current_a): (f64, f64)) {
-        (self.voltage_v, self.current_a) = (voltage_v, current_a);
+        let cells = f64::from(self.board.platform.cells);
+        (self.voltage_v, self.current_a) = (voltage_v * cells / CELLS, current_a);
     }
 
     fn voltage_uv(&self) -> f64 {
-        quantised(self.voltage_v * 1e6, VOLTAGE_STEP_UV)
+        quantised(self.voltage_v * 1e6, self.board.battery.step_uv)
     }
 
     fn current_ua(&self) -> f64 {
@@ -82,19 +75,23 @@ impl Battery {
     }
 }
 
-/// The nearest whole number of steps, within what a 10-bit converter has.
+/// The nearest whole number of steps, within what a 10-bit converter has; those of other boards
+/// have more.
 fn quantised(value: f64, step: f64) -> f64 {
-    libm::round((value / step).clamp(0.0, 1023.0)) * step
+    let most = if step < 9_000.0 { 65_535.0 } else { 1023.0 };
+    libm::round((value / step).clamp(0.0, most)) * step
 }
 
 impl Driver for Battery {
     fn attributes(&self) -> &'static [Spec] {
-        BATTERY
+        self.board.battery.attributes
     }
 
     fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno> {
         match attribute {
             "current_now" => line(out, self.current_ua()),
+            "present" => line(out, 1),
+            "status" => line(out, "Discharging"),
             "scope" => line(out, "System"),
             "technology" => line(out, self.pack.technology()),
             "type" => line(out, "Battery"),
@@ -123,34 +120,43 @@ impl Driver for Battery {
     }
 
     fn uevent(&self, out: &mut Vec<u8>) {
-        let (max, min) = self.pack.design_uv();
-        let _ = writeln!(
-            out,
-            "POWER_SUPPLY_NAME=lego-ev3-battery\nPOWER_SUPPLY_TYPE=Battery\n\
-             POWER_SUPPLY_TECHNOLOGY={}\n\
-             POWER_SUPPLY_VOLTAGE_MAX_DESIGN={max}\nPOWER_SUPPLY_VOLTAGE_MIN_DESIGN={min}\n\
-             POWER_SUPPLY_VOLTAGE_NOW={}\nPOWER_SUPPLY_CURRENT_NOW={}\nPOWER_SUPPLY_SCOPE=System",
-            self.pack.technology(),
-            self.voltage_uv(),
-            self.current_ua(),
-        );
+        let _ = writeln!(out, "POWER_SUPPLY_NAME={}", self.board.platform.battery);
+        // The order in which the EV3's driver has them.
+        for attribute in [
+            "type",
+            "status",
+            "present",
+            "technology",
+            "voltage_max_design",
+            "voltage_min_design",
+            "voltage_now",
+            "current_now",
+            "scope",
+        ] {
+            if self.attributes().iter().any(|spec| spec.name == attribute) {
+                let _ = write!(out, "POWER_SUPPLY_{}=", attribute.to_ascii_uppercase());
+                let _ = self.read(attribute, out);
+            }
+        }
     }
 }
 
 /// `board0`: everything is in its `uevent`.
 #[derive(Debug)]
-pub(crate) struct Board {
+pub(crate) struct BoardInfo {
+    says: &'static [&'static str],
     serial: String,
 }
 
-impl Board {
-    /// A brick whose serial number tells the robots of one simulation apart.
-    pub(crate) fn new(robot: usize) -> Self {
-        Self { serial: format!("0016535{robot:05X}") }
+impl BoardInfo {
+    /// A board that says these things of itself, and whose serial number tells the robots of one
+    /// simulation apart.
+    pub(crate) fn new(robot: usize, says: &'static [&'static str]) -> Self {
+        Self { says, serial: format!("0016535{robot:05X}") }
     }
 }
 
-impl Driver for Board {
+impl Driver for BoardInfo {
     fn attributes(&self) -> &'static [Spec] {
         &[]
     }
@@ -169,11 +175,12 @@ impl Driver for Board {
     }
 
     fn uevent(&self, out: &mut Vec<u8>) {
-        let _ = writeln!(
-            out,
-            "BOARD_INFO_HW_REV=7\nBOARD_INFO_MODEL=LEGO MINDSTORMS EV3\nBOARD_INFO_ROM_REV=6\n\
-             BOARD_INFO_SERIAL_NUM={}\nBOARD_INFO_TYPE=main",
-            self.serial
-        );
+        for says in self.says {
+            // The kernel sorts them.
+            if *says == "TYPE=main" {
+                let _ = writeln!(out, "BOARD_INFO_SERIAL_NUM={}", self.serial);
+            }
+            let _ = writeln!(out, "BOARD_INFO_{says}");
+        }
     }
 }

@@ -6,6 +6,7 @@ use nix::errno::Errno;
 
 use super::text::word;
 use super::{Context, Driver, Spec, Wait, lego_uevent, line, readable, readwriteable};
+use crate::sim::board::Board;
 
 /// Runtime power management, which no driver of the brick takes part in
 /// (`drivers/base/power/sysfs.c`).
@@ -57,12 +58,13 @@ pub(crate) struct BusDevice {
 }
 
 impl BusDevice {
-    /// Every driver of the bus that is simulated.
-    pub(crate) const DRIVERS: [&str; 5] =
-        ["ev3-analog-sensor", "ev3-uart-host", "legoev3-motor", "rcx-led", "rcx-motor"];
+    /// Every driver of the bus that a simulated board has.
+    pub(crate) fn drivers(board: &Board) -> impl Iterator<Item = &'static str> {
+        board.bus.into_iter().chain(["rcx-led", "rcx-motor"])
+    }
 
     /// What was plugged in, under the name that its class gives it, bound to one of
-    /// [`BusDevice::DRIVERS`].
+    /// [`BusDevice::drivers`].
     pub(crate) fn new(
         driver: &'static str,
         driver_name: &'static str,

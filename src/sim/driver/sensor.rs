@@ -12,8 +12,7 @@ mod models;
 use nix::errno::Errno;
 use rand_chacha::rand_core::Rng as _;
 
-pub(crate) use self::models::Mode;
-use self::models::{Model, model};
+pub(crate) use self::models::{MODELS, Mode, Model, model};
 use super::text::word;
 use super::{
     Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
@@ -109,6 +108,9 @@ pub(crate) struct Sensor {
     model: &'static Model,
     address: &'static str,
     make: GyroMake,
+    /// How often the board's controller is asked for the sensor's values; none where the sensor
+    /// sends them to the driver.
+    polls_ns: Option<i64>,
     line: SerialLine,
     faulty_line: SerialLine,
     /// Since when the sensor has sent nothing.
@@ -139,6 +141,7 @@ impl Sensor {
         kind: SensorKind,
         address: &'static str,
         make: GyroMake,
+        polls_ns: Option<i64>,
         now_ns: i64,
     ) -> Self {
         Self {
@@ -146,6 +149,7 @@ impl Sensor {
             model: model(kind),
             address,
             make,
+            polls_ns,
             line: SerialLine::Sound,
             faulty_line: SerialLine::Sound,
             silent_since_ns: None,
@@ -194,7 +198,7 @@ impl Sensor {
         if now_ns < self.next_frame_ns {
             return;
         }
-        self.next_frame_ns = now_ns + self.model.period_ns;
+        self.next_frame_ns = now_ns + self.model.period_ns.max(self.polls_ns.unwrap_or_default());
         if self.fed
             || self.spent
             || self.line() != SerialLine::Sound
@@ -251,7 +255,9 @@ impl Sensor {
         let since_ns =
             (self.wire() == SerialLine::Silent).then(|| self.silent_since_ns.unwrap_or(now_ns));
         self.silent_since_ns = since_ns;
-        if since_ns.is_some_and(|since_ns| now_ns - since_ns >= KEEP_ALIVE_NS) {
+        let missed = |since_ns| now_ns - since_ns >= KEEP_ALIVE_NS;
+        // A controller that is asked answers with what it has.
+        if self.polls_ns.is_none() && since_ns.is_some_and(missed) {
             self.missed_until_ns = Some(now_ns + HANDSHAKE_NS);
         }
         self.missed_until_ns = self.missed_until_ns.filter(|until_ns| now_ns < *until_ns);
@@ -333,6 +339,13 @@ impl Sensor {
         if self.switch.is_some() {
             return Err(Errno::EBUSY);
         }
+        if let Some(polls_ns) = self.polls_ns {
+            // The controller is told, and nothing waits for the sensor.
+            self.switch = Some(Switch { mode, due_ns: context.now_ns });
+            self.finish_switch(context.now_ns);
+            self.next_frame_ns = context.now_ns + polls_ns;
+            return Ok(None);
+        }
         if self.line() == SerialLine::Silent {
             let due_ns = context.now_ns + TIMEOUT_NS;
             self.switch = Some(Switch { mode: self.mode, due_ns });
@@ -365,13 +378,11 @@ impl Sensor {
             let name = self.model.modes.get(index).map_or("", |mode| mode.name);
             (name == "US-LISTEN", name.starts_with("US-SI"))
         };
-        match self.kind {
-            SensorKind::Touch | SensorKind::Gyro => 0,
-            SensorKind::Colour => 20_000_000,
-            SensorKind::Infrared => 50_000_000,
-            SensorKind::Ultrasonic if family(before) == family(self.mode) => 100_000_000,
-            // Up to two seconds were reported between very different modes.
-            SensorKind::Ultrasonic => 1_000_000_000,
+        if family(before) == family(self.mode) {
+            self.model.settles_ns
+        } else {
+            // Up to two seconds were reported between very different modes of the ultrasonic.
+            1_000_000_000
         }
     }
 

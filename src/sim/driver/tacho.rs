@@ -26,6 +26,7 @@ use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
 use super::text::{int, int_in, word};
 use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, wrap};
 use crate::ev3dev::StopAction;
+use crate::sim::board::MotorDriver;
 use crate::sim::physics::Bridge;
 
 /// How often the worker looks for a changed state, to wake those who poll it.
@@ -107,6 +108,7 @@ struct Ramp {
 #[derive(Debug)]
 pub(crate) struct TachoMotor {
     model: &'static Model,
+    driver: &'static MotorDriver,
     address: &'static str,
     set: SetPoints,
     active: SetPoints,
@@ -122,9 +124,11 @@ pub(crate) struct TachoMotor {
 }
 
 impl TachoMotor {
-    /// As after plugging in, on a port whose counter stands at `edges`.
+    /// As after plugging in, on a board whose driver it has, and on a port whose counter stands at
+    /// `edges`.
     pub(crate) fn new(
         model: &'static Model,
+        driver: &'static MotorDriver,
         address: &'static str,
         (edges, exact): (i64, f64),
         now_ns: i64,
@@ -133,6 +137,7 @@ impl TachoMotor {
             Motor::new(Encoder::new(edges, exact, now_ns), Model::speed_pid(), model.hold_pid());
         Self {
             model,
+            driver,
             address,
             set: SetPoints::default(),
             active: SetPoints::default(),
@@ -199,11 +204,11 @@ impl TachoMotor {
 
     fn state(&self) -> [bool; 5] {
         [
-            self.motor.is_running(),
+            self.motor.is_running() || (self.driver.holding_runs && self.motor.is_holding()),
             self.ramp.flagged || self.motor.is_ramping_down(),
             self.motor.is_holding(),
             self.motor.is_overloaded(),
-            self.motor.is_stalled(),
+            self.driver.stalls && self.motor.is_stalled(),
         ]
     }
 
@@ -245,13 +250,20 @@ impl TachoMotor {
             Command::Reset => self.motor.reset(Model::speed_pid(), self.model.hold_pid()),
             Command::RunDirect => self.motor.run_direct(active.duty),
             _ if ramps => self.start_ramp(now_ns),
-            Command::RunForever | Command::RunTimed => self.motor.run_regulated(active.speed),
+            Command::RunForever | Command::RunTimed => self.run_regulated(active.speed),
             Command::RunToRelPos if self.set.position == 0 => self.motor.stop(active.stop_action),
-            Command::RunToAbsPos | Command::RunToRelPos => {
-                self.motor.run_to(active.position, active.speed, active.stop_action);
-            }
+            Command::RunToAbsPos | Command::RunToRelPos => self.run_to(active.speed),
             Command::Stop => self.motor.stop(active.stop_action),
         }
+    }
+
+    fn run_regulated(&mut self, speed: i32) {
+        self.motor.run_regulated((self.driver.speed)(speed));
+    }
+
+    fn run_to(&mut self, speed: i32) {
+        let active = self.active;
+        self.motor.run_to(active.position, (self.driver.speed)(speed), active.stop_action);
     }
 
     fn end_run_timed(&mut self, now_ns: i64) {
@@ -316,9 +328,9 @@ impl TachoMotor {
             self.ramp.last_speed = self.ramp.end.wrapping_sub(behind);
         }
         if matches!(self.active_command, Command::RunToAbsPos | Command::RunToRelPos) {
-            self.motor.run_to(active.position, self.ramp.last_speed, active.stop_action);
+            self.run_to(self.ramp.last_speed);
         } else {
-            self.motor.run_regulated(self.ramp.last_speed);
+            self.run_regulated(self.ramp.last_speed);
         }
         let delay = (RAMP_PERIOD - (now - self.ramp.last_step)).max(0);
         self.ramp.last_step = now;
@@ -330,6 +342,23 @@ impl TachoMotor {
     /// Turns a number between the file's frame and the hardware's.
     fn signed(&self, value: i32) -> i32 {
         if self.set.inversed { value.wrapping_neg() } else { value }
+    }
+
+    fn commands(&self) -> impl Iterator<Item = &'static str> {
+        let direct = self.driver.direct;
+        COMMANDS.into_iter().filter(move |command| direct || *command != "run-direct")
+    }
+
+    fn stop_actions(&self) -> impl Iterator<Item = &'static str> + use<> {
+        self.driver.stop_actions.iter().map(|action| action.as_str())
+    }
+
+    /// What the board's driver has no function for.
+    fn is_unsupported(&self, attribute: &str) -> bool {
+        match attribute {
+            "speed" | "duty_cycle" => !self.driver.rates,
+            _ => !self.driver.gains && attribute.contains("_pid/"),
+        }
     }
 
     fn gain(&mut self, attribute: &str) -> Option<&mut i32> {
@@ -349,6 +378,9 @@ impl TachoMotor {
         Some(match attribute {
             "position" => self.signed(self.motor.position()),
             "speed" => self.signed(self.motor.speed()),
+            "duty_cycle" if self.driver.odd_duty => {
+                self.signed(self.motor.duty() * 255 / 100 * 255 / 100)
+            }
             "duty_cycle" => self.signed(self.motor.duty()),
             "duty_cycle_sp" => self.signed(self.set.duty),
             "speed_sp" => self.signed(self.set.speed),
@@ -380,8 +412,8 @@ impl Driver for TachoMotor {
         match attribute {
             "address" => line(out, self.address),
             "driver_name" => line(out, self.model.driver_name),
-            "commands" => list(out, COMMANDS),
-            "stop_actions" => list(out, StopAction::ALL.iter().map(|action| action.as_str())),
+            "commands" => list(out, self.commands()),
+            "stop_actions" => list(out, self.stop_actions()),
             "stop_action" => line(out, self.set.stop_action),
             "polarity" => list(out, POLARITIES.get(usize::from(self.set.inversed)).copied()),
             "state" => {
@@ -394,6 +426,7 @@ impl Driver for TachoMotor {
                         .filter_map(|(word, set)| set.then_some(word)),
                 );
             }
+            _ if self.is_unsupported(attribute) => return Err(Errno::EOPNOTSUPP),
             _ => line(out, self.number(attribute).ok_or(Errno::ENODEV)?),
         }
         Ok(())
@@ -408,15 +441,26 @@ impl Driver for TachoMotor {
         match attribute {
             "command" => {
                 let index = word(bytes, COMMANDS)?;
-                self.command(*Command::ALL.get(index).ok_or(Errno::EINVAL)?, context.now_ns);
+                let command = *Command::ALL.get(index).ok_or(Errno::EINVAL)?;
+                if command == Command::RunDirect && !self.driver.direct {
+                    return Err(Errno::EINVAL);
+                }
+                self.command(command, context.now_ns);
             }
             "stop_action" => {
-                let index = word(bytes, StopAction::ALL.iter().map(|action| action.as_str()))?;
-                self.set.stop_action = *StopAction::ALL.get(index).ok_or(Errno::EINVAL)?;
+                let index = word(bytes, self.stop_actions())?;
+                self.set.stop_action = *self.driver.stop_actions.get(index).ok_or(Errno::EINVAL)?;
             }
             "polarity" => self.set.inversed = word(bytes, POLARITIES)? == 1,
             "position" => {
                 let position = int(bytes)?;
+                if self.driver.zero_only && position != 0 {
+                    return Err(Errno::EINVAL);
+                }
+                let driven = self.motor.is_running() || self.motor.is_holding();
+                if self.driver.still_for_position && driven {
+                    return Err(Errno::EBUSY);
+                }
                 self.motor.set_position(self.signed(position));
             }
             "position_sp" => self.set.position = self.signed(int(bytes)?),
@@ -438,6 +482,7 @@ impl Driver for TachoMotor {
             "time_sp" => self.set.time_ms = int_in(bytes, 0, i32::MAX)?,
             "ramp_up_sp" => self.set.ramp_up_ms = int_in(bytes, 0, 60_000)?,
             "ramp_down_sp" => self.set.ramp_down_ms = int_in(bytes, 0, 60_000)?,
+            _ if self.is_unsupported(attribute) => return Err(Errno::EOPNOTSUPP),
             _ => {
                 let value = int_in(bytes, 0, i32::MAX)?;
                 *self.gain(attribute).ok_or(Errno::EIO)? = value;

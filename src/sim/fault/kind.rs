@@ -5,7 +5,8 @@ use std::fmt;
 use super::{FaultError, Port};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
 use crate::sim::brick::Plugged;
-use crate::sim::physics::{MotorKind, SensorKind};
+use crate::sim::driver::sensor::model;
+use crate::sim::physics::MotorKind;
 
 /// What is wrong with the device on a port. The text form is what [`fmt::Display`] writes.
 ///
@@ -140,7 +141,7 @@ impl DeviceFault {
             _ if matches!(self, Self::Block | Self::Endless) && !port.is_output() => {
                 "nothing turns there"
             }
-            Some(Plugged::Sensor(SensorKind::Touch)) if of_line => {
+            Some(Plugged::Sensor(kind)) if of_line && !model(kind).uart => {
                 "a touch sensor has no serial line"
             }
             Some(Plugged::Motor(MotorKind::Rcx)) if of_signal => "the motor has no encoder",

@@ -6,7 +6,7 @@ use nix::errno::Errno;
 
 use super::DeviceFault;
 use crate::sim::chance::Chance;
-use crate::sim::driver::sensor::SerialLine;
+use crate::sim::driver::sensor::{SerialLine, model};
 use crate::sim::physics::{STEP_NS, SensorKind};
 
 /// Streams of chance below this belong to the world.
@@ -325,19 +325,9 @@ fn plausible(
     values: [i32; 8],
     change: impl Fn(i32) -> i64,
 ) -> [i32; 8] {
-    let (least, most) = match (kind, mode) {
-        (SensorKind::Ultrasonic, "US-LISTEN") | (SensorKind::Touch, _) => (0, 1),
-        (SensorKind::Ultrasonic, mode) if mode.ends_with("IN") => (0, 1003),
-        (SensorKind::Ultrasonic, _) => (0, 2550),
-        (SensorKind::Colour, "COL-COLOR") => (0, 7),
-        (SensorKind::Colour, "COL-REFLECT" | "COL-AMBIENT") | (SensorKind::Infrared, "IR-PROX") => {
-            (0, 100)
-        }
-        (SensorKind::Colour, _) => (0, 1020),
-        (SensorKind::Infrared, "IR-REMOTE") => (0, 11),
-        (SensorKind::Infrared, "IR-SEEK" | "IR-S-ALT") => (-128, 127),
-        (SensorKind::Infrared | SensorKind::Gyro, _) => (i64::from(i16::MIN), i64::from(i16::MAX)),
-    };
+    let known = model(kind).modes.iter().find(|known| known.name == mode);
+    let (least, most) = known.map_or((i32::MIN, i32::MAX), |known| known.range);
+    let (least, most) = (i64::from(least), i64::from(most));
     values.map(|value| i32::try_from(change(value).clamp(least, most)).unwrap_or(0))
 }
 

@@ -7,10 +7,8 @@ use std::time::Duration;
 use nix::errno::Errno;
 
 use super::{brick_of, copy, wait};
-use crate::ev3dev::Button;
-use crate::ev3dev::{Access, AttributeFile};
+use crate::ev3dev::{Access, AttributeFile, Button};
 use crate::sim::brick::Brick;
-use crate::sim::brick::tree::SPEAKER;
 use crate::sim::driver::input::{EventLayout, Events};
 use crate::sim::simulation::Shared;
 
@@ -120,7 +118,8 @@ impl AttributeFile for StreamFile {
         let mut state = self.shared.now();
         let now_ns = state.now_ns;
         let answer = brick_of(&mut state, self.robot)?.speaker.write(value, self.layout, now_ns);
-        state.note(self.robot, SPEAKER, value, answer);
+        let path = brick_of(&mut state, self.robot)?.board.platform.speaker.unwrap_or_default();
+        state.note(self.robot, path, value, answer);
         answer
     }
 

@@ -14,7 +14,6 @@ use super::nodes::{NodePath, Nodes, ROOT};
 use super::open::Open;
 use crate::clock::{WallTime, wall_time};
 use crate::ev3dev::Access;
-use crate::sim::brick::tree::SCREEN;
 use crate::sim::driver::input::EventLayout;
 use crate::sim::{Entry, EntryKind, SimBrick};
 
@@ -155,7 +154,7 @@ impl Files {
             OpenAccMode::O_WRONLY => Access::Write,
             OpenAccMode::O_RDWR => Access::ReadWrite,
         };
-        if place.path == SCREEN {
+        if brick.is_screen(&place.path) {
             // With the kernel's pages under it, so that it can be mapped, and with a last write
             // when it is closed.
             return Ok((Handle::Screen(Arc::clone(brick)), FopenFlags::empty()));

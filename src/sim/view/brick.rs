@@ -1,7 +1,7 @@
 //! What of a brick's devices a person is shown: what a program would read now.
 
 use super::{DeviceView, Light};
-use crate::ev3dev::PortAddress;
+use crate::ev3dev::{Hue, Lamp, PortAddress};
 use crate::printable::is_printable;
 use crate::senses;
 use crate::sim::brick::{Brick, Class};
@@ -59,13 +59,16 @@ impl Brick {
         })
     }
 
-    /// The two lights of the brick, left and right.
+    /// The lights of the brick, left and right; a light of one LED shines in both colours.
     pub(crate) fn lights(&self) -> [Light; 2] {
-        let brightness = |name: &str| self.led(name).map_or(0, |(brightness, _)| brightness);
-        ["led0", "led1"].map(|light| Light {
-            red: brightness(&format!("{light}:red:brick-status")),
-            green: brightness(&format!("{light}:green:brick-status")),
-        })
+        let part = |lamps: &[Lamp], hue: Hue| {
+            let lamp = lamps.iter().find(|lamp| lamp.hue == hue || lamp.hue == Hue::Only);
+            lamp.and_then(|lamp| self.led(lamp.led)).map_or(0, |(brightness, _)| brightness)
+        };
+        self.board
+            .platform
+            .lights
+            .map(|lamps| Light { red: part(lamps, Hue::Red), green: part(lamps, Hue::Green) })
     }
 }
 

@@ -8,6 +8,7 @@
 //! `robot.toml`, which is what the program *believes*; a test may make the two differ.
 
 use crate::document::{Item, Section};
+use crate::sim::driver::sensor::MODELS;
 use crate::sim::echo::EchoModel;
 use crate::sim::physics::{MotorKind, Plug, SensorKind};
 
@@ -243,15 +244,6 @@ const MOTORS: [(&str, Option<MotorKind>); 6] = [
     ("linear100", Some(MotorKind::Linear100)),
     ("rcx", Some(MotorKind::Rcx)),
 ];
-const SENSORS: [(&str, Option<SensorKind>); 6] = [
-    ("none", None),
-    ("touch", Some(SensorKind::Touch)),
-    ("colour", Some(SensorKind::Colour)),
-    ("ultrasonic", Some(SensorKind::Ultrasonic)),
-    ("gyro", Some(SensorKind::Gyro)),
-    ("infrared", Some(SensorKind::Infrared)),
-];
-
 impl RobotModel {
     /// Reads `[robot]`; what is left out keeps its default.
     pub(super) fn read(section: &Section<'_>) -> Self {
@@ -390,8 +382,10 @@ fn plug(section: &Section<'_>, mut plug: Plug) -> Plug {
             *slot = kind;
         }
     }
+    let kinds = MODELS.iter().map(|model| (model.word, Some(model.kind)));
+    let sensors: Vec<_> = std::iter::once(("none", None)).chain(kinds).collect();
     for (name, slot) in INPUTS.iter().zip(&mut plug.sensors) {
-        if let Some(kind) = section.get(name).and_then(|item| item.word(&SENSORS)) {
+        if let Some(kind) = section.get(name).and_then(|item| item.word(&sensors)) {
             *slot = kind;
         }
     }

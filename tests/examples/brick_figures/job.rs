@@ -35,6 +35,7 @@ pub(crate) fn job(mission: &str, brick: &str, file: &str) -> Result<(), Box<dyn 
         stamps_ns: 0,
         run: None,
         name: None,
+        no_button: false,
         method: onbrick::mapping::Method::Default,
         when_abandoned: WhenAbandoned::GoOn,
         lock: Lock::Take,

@@ -14,7 +14,7 @@ use std::time::Duration;
 use nix::time::{ClockId, clock_gettime};
 use onbrick::behavior::{Demands, Mission};
 use onbrick::clock::{Clock, MonotonicClock};
-use onbrick::ev3dev::{LocalTree, StopAction, Technology, Tree};
+use onbrick::ev3dev::{EV3, LocalTree, StopAction, Technology, Tree};
 use onbrick::mapping::{Method, Pose};
 use onbrick::recording::{Options, Pace, Recorder, Sink, Start, TickRecord};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
@@ -149,6 +149,7 @@ fn start(mission: &Mission) -> Start {
         pace: Pace::Real,
         seed: 0,
         cells: Technology::default(),
+        board: &EV3,
         method: Method::Default,
         settings: Vec::new(),
         range: None,

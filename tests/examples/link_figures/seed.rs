@@ -1,17 +1,14 @@
 //! The seed's way, beside which ours is measured: the loop is on the PC, and every attribute is
 //! read and written by a request over the network.
 //!
-//! Server and messages are the seed's: one REP socket without keys, `r:PATH`, `w:DATA:PATH`,
-//! `l:PATH`, files kept open. So is the robot: its devices, its speeds, its two machines, and what
-//! it reads and writes in a turn. One thing is not: it makes at most fifty turns a second, as many
-//! as our tick, because on a cable without delay it would take a whole processor for thousands.
+//! Server and messages are the seed's: those of `onbrick sim --node`. So is the robot: its devices,
+//! its speeds, its two machines, and what it reads and writes in a turn. One thing is not: it makes
+//! at most fifty turns a second, as many as our tick, because on a cable without delay it would
+//! take a whole processor for thousands.
 
-use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
-use std::os::unix::fs::FileExt as _;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
+use onbrick::link::Node;
 use onbrick::mapping::Pose;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -28,50 +25,10 @@ const HOLE_M: f64 = 0.02;
 
 /// Serves the files below a brick's root.
 pub(crate) fn serve(brick: &str, address: &str) -> Outcome<()> {
-    let context = zmq::Context::new();
-    let socket = context.socket(zmq::REP)?;
-    socket.bind(&format!("tcp://{address}"))?;
+    let _node = Node::serve(brick.as_ref(), address)?;
     println!("listening");
-    let mut kept = BTreeMap::new();
     loop {
-        let request = socket.recv_bytes(0)?;
-        let answer = answer(brick.as_ref(), &String::from_utf8_lossy(&request), &mut kept);
-        socket.send(answer.unwrap_or_else(|| "error".to_owned()).as_str(), 0)?;
-    }
-}
-
-fn answer(
-    brick: &Path,
-    request: &str,
-    kept: &mut BTreeMap<(String, bool), File>,
-) -> Option<String> {
-    let (what, rest) = request.split_once(':')?;
-    let mut file = |path: &str, write: bool| {
-        let key = (path.to_owned(), write);
-        if !kept.contains_key(&key) {
-            let file = OpenOptions::new().read(!write).write(write).open(brick.join(path)).ok()?;
-            kept.insert(key.clone(), file);
-        }
-        kept.get(&key)?.try_clone().ok()
-    };
-    match what {
-        "r" => {
-            let mut text = [0; 4096];
-            let read = file(rest, false)?.read_at(&mut text, 0).ok()?;
-            Some(String::from_utf8_lossy(text.get(..read)?).trim_end().to_owned())
-        }
-        "w" => {
-            let (data, path) = rest.split_once(':')?;
-            file(path, true)?.write_at(data.as_bytes(), 0).ok()?;
-            Some("ok".to_owned())
-        }
-        "l" => {
-            let names = std::fs::read_dir(brick.join(rest)).ok()?;
-            let names: Vec<String> =
-                names.filter_map(|name| name.ok()?.file_name().into_string().ok()).collect();
-            Some(names.join(" "))
-        }
-        _ => None,
+        std::thread::park();
     }
 }
 

@@ -593,6 +593,7 @@ fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording()
         stamps_ns: 0,
         run: None,
         name: None,
+        no_button: false,
         method: onbrick::mapping::Method::Default,
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,

@@ -139,6 +139,7 @@ impl Served {
             token: None,
             pose: None,
             set: Vec::new(),
+            no_button: false,
         };
         let asked = LocalOnly::StartHere(start);
         // The run before may just be letting go of the hardware.

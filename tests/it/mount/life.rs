@@ -383,6 +383,54 @@ fn a_simulator_follows_a_scenario_shows_a_page_and_leaves_a_still() {
 }
 
 #[test]
+fn another_board_is_mounted_and_its_files_are_served_to_a_program_of_the_seeds() {
+    if no_fuse() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("secret"), "of the machine").unwrap();
+    let point = folder.path().join("brick");
+    let arguments = ["--board", "brickpi3", "--node=0"];
+    let simulator = simulate(&point, &arguments, "the files of robot 1 are at tcp://");
+    let (_, address) = simulator.greeting.trim_end().rsplit_once(' ').unwrap();
+    assert!(address.starts_with("tcp://127.0.0.1:"), "{address}");
+    let socket = zmq::Context::new().socket(zmq::REQ).unwrap();
+    socket.set_rcvtimeo(30_000).unwrap();
+    socket.connect(address).unwrap();
+    let ask = |request: &str| {
+        socket.send(request, 0).unwrap();
+        socket.recv_string(0).unwrap().unwrap()
+    };
+    let ports = ask("l:sys/class/lego-port");
+    let is_first =
+        |port: &&str| ask(&format!("r:sys/class/lego-port/{port}/address")) == "spi0.1:S1";
+    let port = ports.split(' ').find(is_first).unwrap();
+    // A program for the seed names files as a brick has them.
+    assert_eq!(ask(&format!("w:ev3-uart:/sys/class/lego-port/{port}/mode")), "ok");
+    assert_eq!(ask(&format!("w:lego-ev3-us:/sys/class/lego-port/{port}/set_device")), "ok");
+    let sensor = ask("l:sys/class/lego-sensor");
+    let seen = || ask(&format!("r:sys/class/lego-sensor/{sensor}/value0")).parse::<i32>().unwrap();
+    await_or_fail("a range", || seen() > 0);
+    assert_eq!(ask("w:moonwalk:sys/class/tacho-motor/motor0/command"), "error");
+    for outside in ["../secret", "/etc/passwd", "sys/../../../etc/passwd", "proc/self/mem"] {
+        assert_eq!(ask(&format!("r:{outside}")), "error", "{outside}");
+    }
+    assert_eq!(ask("l:.."), ask("l:"));
+    let doctor = Command::new(PROGRAM)
+        .args(["doctor", "--brick"])
+        .arg(&point)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&doctor.stdout);
+    assert!(said.contains("BrickPi3") && said.contains("--no-button"), "{said}");
+    simulator.signal(Signal::SIGTERM);
+    let (code, last) = simulator.end();
+    assert_eq!(code, Some(0), "{last}");
+    assert!(names(&point).is_empty());
+}
+
+#[test]
 fn a_scenario_with_a_mistake_is_refused_before_anything_is_mounted() {
     let folder = tempfile::tempdir().unwrap();
     let (scenario, point) = (folder.path().join("loose.toml"), folder.path().join("brick"));

@@ -4,7 +4,7 @@ use std::io;
 use std::sync::{Arc, Mutex};
 
 use onbrick::behavior::{MachineState, Since, Taken};
-use onbrick::ev3dev::Technology;
+use onbrick::ev3dev::{EV3, Technology};
 use onbrick::mapping::{Estimate, MapPoint, Pose, Range};
 use onbrick::recording::{
     End, Grid, Level, MachineNames, Options, Pace, RangeSensor, Recorder, Sink, Start, StateNames,
@@ -55,6 +55,7 @@ pub(crate) fn start(pace: Pace) -> Start {
         pace,
         seed: 7,
         cells: Technology::LiIon,
+        board: &EV3,
         method: onbrick::mapping::Method::Default,
         settings: vec![("near_m".to_owned(), 0.1 + 0.2)],
         range: Some(RangeSensor {

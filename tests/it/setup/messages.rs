@@ -20,7 +20,11 @@ fn every_message_says_what_is_wrong_in_one_style() {
         Box::new(SetupError::TooFewMotors { found: "one is".to_owned() }),
         Box::new(SetupError::NoWheel("left")),
         Box::new(SetupError::Stopped),
-        Box::new(CalibrateError::NotReady(NotReady::Battery { volts: 5.1, least_v: 5.5 })),
+        Box::new(CalibrateError::NotReady(NotReady::Battery {
+            volts: 5.1,
+            least_v: 5.5,
+            most_v: 10.0,
+        })),
         Box::new(CalibrateError::Stopped),
         Box::new(CalibrateError::Lost { channel: Channel::Gyro, trouble: "no reading".to_owned() }),
         Box::new(CalibrateError::Blocked),

@@ -6,7 +6,7 @@ use onbrick::senses::Role;
 use onbrick::sim::Written;
 
 /// Sees what truly moves, and answers so; everything else is left at its default.
-struct Onlooker {
+pub(super) struct Onlooker {
     simulation: Simulation,
     model: RobotModel,
     before: Truth,
@@ -18,7 +18,7 @@ struct Onlooker {
 }
 
 impl Onlooker {
-    fn new(bench: &Bench) -> Self {
+    pub(super) fn new(bench: &Bench) -> Self {
         Self {
             simulation: bench.simulation.clone(),
             model: bench.model.clone(),

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
-use onbrick::ev3dev::{Access, Tree};
+use onbrick::ev3dev::{Access, EV3, Platform, Tree};
 use onbrick::mapping::Pose;
 use onbrick::recording::{Pace, Run};
 use onbrick::robot::DEFAULT_ROBOT;
@@ -39,6 +39,9 @@ pub struct Play {
     /// Keep what is written to the brick from the run's beginning on.
     pub journal: bool,
     pub pack: Pack,
+    pub platform: &'static Platform,
+    /// As `--no-button` says.
+    pub no_button: bool,
     /// Stands at 0.
     pub clock: Arc<VirtualClock>,
     /// The clock that the run sees, made of that one.
@@ -62,6 +65,8 @@ impl Play {
             wall_offset_ns: 0,
             journal: false,
             pack: Pack::Aa,
+            platform: &EV3,
+            no_button: false,
             clock: Arc::default(),
             seen_clock: |clock| clock,
         }
@@ -93,7 +98,11 @@ impl Play {
             self.clock.clone(),
             Box::new(physics),
             self.seed,
-            onbrick::sim::Options { pack: self.pack, ..Default::default() },
+            onbrick::sim::Options {
+                platform: self.platform,
+                pack: self.pack,
+                ..Default::default()
+            },
         );
         self.attributes.rest();
         let tree: Arc<dyn Tree> =
@@ -164,6 +173,7 @@ impl Play {
             stamps_ns: 0,
             run: None,
             name: None,
+            no_button: self.no_button,
             method: onbrick::mapping::Method::Default,
             when_abandoned: WhenAbandoned::Stop,
             lock: Lock::Take,
@@ -235,8 +245,10 @@ fn state_of(tree: &dyn Tree, port: &str) -> String {
         Some(String::from_utf8_lossy(&buffer[..length]).trim().to_owned())
     };
     let names = tree.list("sys/class/tacho-motor").unwrap();
-    let address = Some(format!("ev3-ports:{port}"));
-    let found =
-        names.iter().find(|name| read(&format!("sys/class/tacho-motor/{name}/address")) == address);
+    let is_there = |name: &&String| {
+        read(&format!("sys/class/tacho-motor/{name}/address"))
+            .is_some_and(|address| Platform::is_port(port, &address))
+    };
+    let found = names.iter().find(is_there);
     found.and_then(|name| read(&format!("sys/class/tacho-motor/{name}/state"))).unwrap_or_default()
 }

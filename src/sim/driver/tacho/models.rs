@@ -109,6 +109,11 @@ impl Model {
         &LARGE
     }
 
+    /// What a port binds that does not find out what is plugged in.
+    pub(crate) fn nxt() -> &'static Self {
+        &NXT
+    }
+
     /// The model at a place in [`DRIVER_NAMES`].
     pub(crate) fn named(index: usize) -> Option<&'static Self> {
         [&NXT, &LARGE, &MEDIUM, &LINEAR_50, &LINEAR_100].get(index).copied()

@@ -411,6 +411,7 @@ impl Run {
                 stamps_ns: 0,
                 run: None,
                 name: None,
+                no_button: false,
                 method: onbrick::mapping::Method::Default,
                 when_abandoned: WhenAbandoned::Stop,
                 lock: Lock::Take,
