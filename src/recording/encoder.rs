@@ -128,20 +128,15 @@ impl Encoder {
             }
             Entry::Keyframes { time_ns, keyframes } => {
                 let keyframes = keyframes.to_vec();
-                let message = message::Keyframes { keyframes };
-                self.put(Topic::Keyframes, *time_ns, &message)?;
                 if let Some(surveyed) = &mut self.surveyed {
-                    surveyed.keyframes = message.keyframes;
+                    surveyed.keyframes.clone_from(&keyframes);
                 }
-                Ok(())
+                self.put(Topic::Keyframes, *time_ns, &message::Keyframes { keyframes })
             }
             Entry::Truth { time_ns, pose } => {
-                let position = Vector3 { x: pose.x_m, y: pose.y_m, z: 0.0 };
-                let orientation = Quaternion::of_yaw(pose.heading_rad);
-                let pose = message::Pose3 { position, orientation };
                 let header = self.header(*time_ns, FRAME_MAP);
-                let message = message::PoseStamped { header, pose };
-                self.put(Topic::Truth, *time_ns, &message)
+                let pose = message::Pose3::on_floor(pose);
+                self.put(Topic::Truth, *time_ns, &message::PoseStamped { header, pose })
             }
             Entry::Log { time_ns, level, text } => {
                 if *level >= Level::Warn {
@@ -279,12 +274,11 @@ impl Encoder {
     fn odometry(&mut self, record: &TickRecord) -> Result<(), RecordError> {
         let Estimate { time_ns, pose, forward_m_s, turn_rad_s, covariance, .. } = record.estimate;
         let [forward, turn] = record.estimate.speed_variances();
-        let position = Vector3 { x: pose.x_m, y: pose.y_m, z: 0.0 };
-        let orientation = Quaternion::of_yaw(pose.heading_rad);
+        let body = message::Pose3::on_floor(&pose);
         let message = message::Odometry {
             header: self.header(time_ns, FRAME_ODOM),
             child_frame_id: FRAME_BASE.to_owned(),
-            pose: message::Pose3 { position, orientation },
+            pose: body,
             pose_covariance: planar(from_put_down(covariance, pose, self.start.start_pose)),
             twist: message::Twist {
                 linear: Vector3 { x: forward_m_s, ..Vector3::default() },
@@ -295,7 +289,7 @@ impl Encoder {
         };
         self.put(Topic::Odometry, time_ns, &message)?;
         let mut transforms =
-            vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, position, orientation)];
+            vec![self.transform(time_ns, FRAME_ODOM, FRAME_BASE, body.position, body.orientation)];
         if let Some(range) = self.start.range {
             let head_rad = record.senses.get(Channel::Head).map_or(0.0, |head| head.value);
             let (sin, cos) = libm::sincos(head_rad);

@@ -8,7 +8,7 @@
 //!
 //! - CDR aligns to the start of the body, after the four bytes (DDS-RTPS 10.2).
 
-use crate::mapping::Keyframe;
+use crate::mapping::{Keyframe, Pose};
 use byteorder::LittleEndian;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize, Serializer};
@@ -125,6 +125,15 @@ impl Quaternion {
 pub struct Pose3 {
     pub position: Vector3,
     pub orientation: Quaternion,
+}
+
+impl Pose3 {
+    /// A pose on the floor.
+    #[must_use]
+    pub fn on_floor(pose: &Pose) -> Self {
+        let position = Vector3 { x: pose.x_m, y: pose.y_m, z: 0.0 };
+        Self { position, orientation: Quaternion::of_yaw(pose.heading_rad) }
+    }
 }
 
 /// `geometry_msgs/PoseStamped`.
