@@ -118,13 +118,13 @@ impl Track {
             .or(run.poses.first().map(|pose| pose.time_ns))
             .unwrap_or(0);
         let since_start_s = |time_ns: i64| seconds(time_ns.saturating_sub(start_ns));
-        let path = run.poses.iter().map(|recorded| PathPoint {
-            time_s: since_start_s(recorded.time_ns),
-            x_m: recorded.pose.x_m,
-            y_m: recorded.pose.y_m,
-            heading_rad: recorded.pose.heading_rad,
+        let path = run.path_now().map(|(time_ns, pose)| PathPoint {
+            time_s: since_start_s(time_ns),
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            heading_rad: pose.heading_rad,
         });
-        let points = run.points.iter().map(|point| CloudPoint {
+        let points = run.points_now().into_iter().map(|point| CloudPoint {
             time_s: since_start_s(point.time_ns),
             x_m: point.x_m,
             y_m: point.y_m,

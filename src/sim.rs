@@ -31,8 +31,9 @@ mod view;
 mod world;
 mod world_physics;
 
+pub use crate::ev3dev::Button;
 pub use driver::board::Pack;
-pub use driver::input::{Button, EventLayout};
+pub use driver::input::EventLayout;
 pub use driver::lcd::{BadGeometry, LcdGeometry};
 pub use driver::sensor::{GyroMake, SerialLine};
 pub use driver::{Entry, EntryKind};

@@ -50,6 +50,12 @@ pub struct Since {
     pub entered_heading_rad: f64,
 }
 
+impl Since {
+    /// Of a state that was entered when the run began.
+    const START: Self =
+        Self { done: false, entered_ns: 0, entered_m: 0.0, entered_heading_rad: 0.0 };
+}
+
 /// What a `pid` remembers; nothing yet when its state is entered.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct PidState {
@@ -102,7 +108,7 @@ impl Blackboard {
     #[must_use]
     pub fn seen_by(&self, machine: usize, level: usize) -> Scope<'_> {
         let since = self.machines.get(machine).and_then(|at| at.since.get(level));
-        Scope { board: self, machine, since: since.copied().unwrap_or_default() }
+        Scope { board: self, machine, since: since.unwrap_or(&Since::START) }
     }
 
     /// Notes that a machine enters a state now.
@@ -133,7 +139,7 @@ pub struct Scope<'b> {
     pub(super) board: &'b Blackboard,
     pub(super) machine: usize,
     /// When and where it entered its state.
-    pub(super) since: Since,
+    pub(super) since: &'b Since,
 }
 
 impl Scope<'_> {

@@ -51,7 +51,7 @@ use std::fmt;
 
 use self::function::Function;
 use super::blackboard::Scope;
-use super::signals::{Input, Signal};
+use super::signals::{Input, Signal, Word};
 use crate::senses::Channel;
 
 mod evaluation;
@@ -103,10 +103,12 @@ enum Op {
     Number(f64),
     Truth(bool),
     Signal(Input),
-    /// A signal whose name is the robot's or the mission's own.
+    /// A signal whose name is the robot's or the mission's own, and what it measures if it is a
+    /// sensor of a known robot.
     Own {
         name: u16,
         input: Input,
+        measures: Option<Channel>,
     },
     Named {
         name: u16,
@@ -127,6 +129,27 @@ enum Op {
         function: Function,
         slot: u32,
     },
+}
+
+impl Op {
+    /// How many operands it takes.
+    fn takes(self) -> usize {
+        match self {
+            Self::Negate | Self::Not => 1,
+            Self::Infix(_) => 2,
+            Self::Call { function, .. } => function.takes(),
+            _ => 0,
+        }
+    }
+
+    /// What is known of a signal, or of what a named sensor measures.
+    fn word(&self) -> Option<Word> {
+        match self {
+            Self::Signal(input) => input.word(),
+            Self::Own { measures, .. } => measures.map(|channel| Word::from(channel.quantity())),
+            _ => None,
+        }
+    }
 }
 
 /// What stands between two operands.
@@ -250,6 +273,19 @@ impl Expression {
         })
     }
 
+    /// What a name of the expression is.
+    fn name_of(&self, op: Op) -> String {
+        match op {
+            Op::Signal(input) => input.word().map(|word| word.name),
+            Op::Own { name, .. } | Op::Named { name, .. } | Op::InState { name, .. } => {
+                self.names.get(usize::from(name)).map(String::as_str)
+            }
+            _ => None,
+        }
+        .unwrap_or("?")
+        .to_owned()
+    }
+
     /// Whether it looks at whether what the state does has come to its end.
     pub(super) fn asks_whether_done(&self) -> bool {
         self.ops.contains(&Op::Signal(Input::Done))
@@ -260,15 +296,13 @@ impl fmt::Display for Expression {
     /// The expression with all of its parentheses: how it was understood. It reads back as the same
     /// expression unless a chain of operators was longer than the nesting that is read.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = |at: u16| self.names.get(usize::from(at)).map_or("?", String::as_str);
         let mut stack: Vec<String> = Vec::new();
         for op in &self.ops {
             let rendered = match op {
                 Op::Number(number) => literal(*number),
                 Op::Truth(truth) => truth.to_string(),
-                Op::Signal(input) => input.word().map_or("?", |word| word.name).to_owned(),
-                Op::Own { name: at, .. } | Op::Named { name: at, .. } => name(*at).to_owned(),
-                Op::InState { name: at, .. } => format!("({})", name(*at)),
+                Op::Signal(_) | Op::Own { .. } | Op::Named { .. } => self.name_of(*op),
+                Op::InState { .. } => format!("({})", self.name_of(*op)),
                 Op::Negate => format!("(-{})", stack.pop().unwrap_or_default()),
                 Op::Not => format!("(not {})", stack.pop().unwrap_or_default()),
                 Op::Infix(infix) => {

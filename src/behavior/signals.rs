@@ -59,6 +59,8 @@ pub struct Signals {
     /// The same in seconds: a division for all conditions together.
     time_s: f64,
     values: [Option<f64>; Signal::COUNT],
+    /// The heading in degrees, wrapped, for all conditions together.
+    heading_deg: f64,
     /// The last ones known: a state entered while they are lost counts from there.
     travelled_m: f64,
     heading_rad: f64,
@@ -67,7 +69,8 @@ pub struct Signals {
 impl Default for Signals {
     fn default() -> Self {
         let values = [None; Signal::COUNT];
-        Self { time_ns: 0, time_s: 0.0, values, travelled_m: 0.0, heading_rad: 0.0 }
+        let (heading_deg, travelled_m, heading_rad) = (0.0, 0.0, 0.0);
+        Self { time_ns: 0, time_s: 0.0, values, heading_deg, travelled_m, heading_rad }
     }
 }
 
@@ -100,7 +103,10 @@ impl Signals {
         self.values[signal.place()] = known.then_some(value);
         match signal {
             Signal::Travelled if known => self.travelled_m = value,
-            Signal::Heading if known => self.heading_rad = value,
+            Signal::Heading if known => {
+                self.heading_rad = value;
+                self.heading_deg = degrees(wrap_rad(value));
+            }
             _ => {}
         }
     }
@@ -281,13 +287,13 @@ impl Input {
 
     /// The value in the unit of its name.
     pub(super) fn read(self, scope: Scope<'_>) -> Option<f64> {
-        let (signals, since) = (&scope.board.signals, &scope.since);
+        let (signals, since) = (&scope.board.signals, scope.since);
         match self {
             Self::Signal(signal) => {
                 let value = signals.get(signal)?;
                 Some(match signal {
                     Signal::Sensed(channel) => channel.quantity().unit.in_conditions(value),
-                    Signal::Heading => degrees(wrap_rad(value)),
+                    Signal::Heading => signals.heading_deg,
                     _ => value,
                 })
             }

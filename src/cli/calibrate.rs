@@ -13,7 +13,8 @@ use crate::document::save;
 use crate::ev3dev::Tree;
 use crate::runtime::HardwareLock;
 
-/// Measure wheel circumference and track width by driving, and write them into robot.toml.
+/// Measure wheel circumference, track width and the gyro's scale by driving, and write them into
+/// robot.toml.
 ///
 /// The robot drives before a wall (or a metre that you measure) and spins on the spot, in both
 /// directions. Nothing is written where the measurements are not sure enough. Ctrl-C, and a
@@ -38,7 +39,7 @@ pub(super) struct Arguments {
     /// How to measure the circumference, instead of asking.
     #[arg(long)]
     straight: Option<How>,
-    /// Mark two spins by a line on the floor, which removes the gyro's own error, instead of
+    /// Mark two spins by a line on the floor, which measures the gyro's scale too, instead of
     /// asking.
     #[arg(long)]
     mark: bool,
@@ -95,6 +96,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             "{key}: {:.6} before, {:.6} now ± {:.6}",
             measured.before, measured.after, measured.standard_error
         ));
+    }
+    if let Some(scale) = calibration.gyro_scale {
+        output.line(format!("gyro.scale: {:.6} before, {scale:.6} now", robot.config.gyro_scale));
     }
     output.value(&calibration);
     let text = calibration.apply(&robot.source).map_err(|error| unsure(&error))?;

@@ -29,7 +29,7 @@
 //! - Every motion is a lease, bounded in angle and in time; Ctrl-C and the brick's buttons stop it
 //!   at once.
 //! - The gyro's scale is off by 1 to 4 % from one sensor to the next, and nothing on the robot can
-//!   see that: a turn that a person marks can.
+//!   see that: a turn that a person marks can. It is measured with the track width, and written.
 //! - The wall is plain and square to the way; at 5 degrees off, the circumference comes out 0.4 %
 //!   too small.
 
@@ -159,7 +159,7 @@ pub struct Calibration {
     pub wheel_circumference_m: Option<Measured>,
     /// Metres between the wheels.
     pub track_width_m: Option<Measured>,
-    /// What the gyro says for what was truly turned: 1.02 for one that counts 2 % too much. Only
+    /// What the gyro says for a degree that is turned: 1.02 for one that counts 2 % too much. Only
     /// where turns were marked.
     pub gyro_scale: Option<f64>,
     /// What the range sensor reads too far, metres.
@@ -197,7 +197,8 @@ impl Calibration {
         }
         let numbers = self.measured().map(|(key, found)| (key, edit::rounded(found.after)));
         let list = self.own_echoes.iter().map(|own| ("range.own_echoes", list_of(own)));
-        let values: Vec<(&str, String)> = numbers.chain(list).collect();
+        let scale = self.gyro_scale.map(|scale| ("gyro.scale", edit::rounded(scale)));
+        let values: Vec<(&str, String)> = numbers.chain(scale).chain(list).collect();
         let text = set_values(robot, &values)?;
         RobotConfig::load(&robot.name, text.as_bytes()).map_err(ApplyError::Findings)?;
         Ok(text)

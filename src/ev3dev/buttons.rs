@@ -58,6 +58,25 @@ impl Button {
         }
     }
 
+    /// Its name in orders and on the page.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Back => "back",
+            Self::Enter => "enter",
+            Self::Up => "up",
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Down => "down",
+        }
+    }
+
+    /// The button with a name; `None` if there is none.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|button| button.as_str() == name)
+    }
+
     fn from_code(code: u16) -> Option<Self> {
         Self::ALL.into_iter().find(|button| button.code() == code)
     }

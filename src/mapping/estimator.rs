@@ -7,6 +7,7 @@ use super::filter::Step;
 use super::geometry::{EstimatorConfig, Method};
 use super::gyro::{GyroInput, GyroState};
 use super::history::{History, Placement};
+use super::keyframes::KeyframeList;
 use super::pose::Correction;
 use super::range::{Beam, RangeFilter};
 use super::slip::SlipState;
@@ -115,6 +116,16 @@ impl Estimator {
         self.state.gyro.bias_rad_s()
     }
 
+    /// What is known now of where the robot was, for [`where_now`](super::where_now); empty where
+    /// nothing corrects the pose.
+    #[must_use]
+    pub fn keyframes(&self) -> KeyframeList {
+        match (self.config.method, self.state.time_ns) {
+            (Method::Default, Some(now_ns)) => self.state.survey.keyframes(now_ns),
+            _ => KeyframeList::default(),
+        }
+    }
+
     /// The points that still wait for their place, at the end of a run: the sweep ends here.
     pub fn finish(&mut self) -> Vec<MapPoint> {
         self.state.survey.finish(self.config.geometry.range().max_m)
@@ -139,6 +150,7 @@ impl Estimator {
         self.smooth_speeds(wheels.forward_m, turned_rad, passed_s);
         if self.config.method == Method::Default {
             self.follow(&before, passed_s, trust);
+            self.state.survey.keep_pose(inputs.time_ns);
         }
         let pose = self.pose();
         let told = self.told(&pose, passed_s);
@@ -224,6 +236,7 @@ impl Estimator {
         let step = self.state.gyro.update(GyroInput {
             time_ns: inputs.time_ns,
             value_rad: inputs.gyro.map(|gyro| gyro.value_rad),
+            per_scale: self.config.geometry.per_gyro_scale(),
             heading_rad: before_rad,
             encoder_rad: wheels.turn_rad,
             still: wheels.still,

@@ -166,6 +166,8 @@ pub struct Geometry {
     track_width_m: f64,
     /// Its inverse: the brick's processor divides slowly.
     per_track_width_m: f64,
+    /// Degrees that are turned for one of the gyro's.
+    per_gyro_scale: f64,
     max_wheel_rad_s: f64,
     range: RangeMount,
 }
@@ -175,6 +177,8 @@ impl Geometry {
     pub const WHEEL_CIRCUMFERENCE_M: RangeInclusive<f64> = 0.01..=2.0;
     /// Metres that there can be between the wheels' contact points.
     pub const TRACK_WIDTH_M: RangeInclusive<f64> = 0.01..=1.0;
+    /// What a gyro can say for a degree that is turned, degrees.
+    pub const GYRO_SCALE: RangeInclusive<f64> = 0.8..=1.25;
 
     /// A robot with two driven wheels; its range sensor is mounted as the seed's until
     /// [`Geometry::with_range`] says otherwise.
@@ -190,6 +194,7 @@ impl Geometry {
             wheel_circumference_m,
             track_width_m,
             per_track_width_m: 1.0 / track_width_m,
+            per_gyro_scale: 1.0,
             max_wheel_rad_s: MAX_WHEEL_RAD_S,
             range: RangeMount::default(),
         })
@@ -202,6 +207,7 @@ impl Geometry {
             wheel_circumference_m: SEED_WHEEL_CIRCUMFERENCE_M,
             track_width_m: SEED_TRACK_WIDTH_M,
             per_track_width_m: 1.0 / SEED_TRACK_WIDTH_M,
+            per_gyro_scale: 1.0,
             max_wheel_rad_s: MAX_WHEEL_RAD_S,
             range: RangeMount::default(),
         }
@@ -222,6 +228,17 @@ impl Geometry {
         #[expect(clippy::cast_precision_loss, reason = "only compared and shown")]
         within("range latency_ns", range.latency_ns as f64, 0.0..=RANGE_LATENCY_MAX_NS as f64)?;
         Ok(Self { range, ..self })
+    }
+
+    /// The same robot with a gyro that says this for a degree that is turned: sensors count 1 to
+    /// 4 % too much or too little.
+    ///
+    /// # Errors
+    ///
+    /// [`GeometryError`] where it is not in [`Geometry::GYRO_SCALE`].
+    pub fn with_gyro_scale(self, gyro_scale: f64) -> Result<Self, GeometryError> {
+        within("gyro scale", gyro_scale, Self::GYRO_SCALE)?;
+        Ok(Self { per_gyro_scale: 1.0 / gyro_scale, ..self })
     }
 
     /// The same robot with wheels that turn no faster than this at the axle: what is faster is a
@@ -251,6 +268,11 @@ impl Geometry {
     /// Radians that the robot turns when one wheel gets ahead of the other by a metre.
     pub(super) fn per_track_width_m(&self) -> f64 {
         self.per_track_width_m
+    }
+
+    /// Degrees that the robot turns when the gyro says one more.
+    pub(super) fn per_gyro_scale(&self) -> f64 {
+        self.per_gyro_scale
     }
 
     /// The fastest that a wheel can turn, rad/s.

@@ -118,6 +118,8 @@ pub(super) struct GyroInput {
     pub time_ns: i64,
     /// The gyro's angle, if it was read.
     pub value_rad: Option<f64>,
+    /// What is turned for each degree of it.
+    pub per_scale: f64,
     /// The heading before.
     pub heading_rad: f64,
     /// The turn since, by the encoders.
@@ -164,16 +166,17 @@ impl GyroState {
         let (Some(value_rad), Some(last)) = (input.value_rad, self.last) else {
             return self.without_change(input, predicted_rad);
         };
-        let change_rad = unwrapped(value_rad - last.angle_rad);
+        let read_rad = unwrapped(value_rad - last.angle_rad);
         let expected_rad = self.unread_rad + input.encoder_rad;
         let passed_s = seconds_nearly(input.time_ns.saturating_sub(last.time_ns).max(0));
         self.last = Some(GyroSample { time_ns: input.time_ns, angle_rad: value_rad });
         self.unread_rad = 0.0;
-        if is_jump(value_rad, last.angle_rad, change_rad, expected_rad, passed_s) {
+        if is_jump(value_rad, last.angle_rad, read_rad, expected_rad, passed_s) {
             self.still = None;
             return self.anew(predicted_rad, Events::GYRO_RESET);
         }
-        self.watch_rate(input.time_ns, change_rad);
+        self.watch_rate(input.time_ns, read_rad);
+        let change_rad = read_rad * input.per_scale;
         if self.saturated || value_rad.abs() >= RAIL_RAD {
             return self.beyond_limits(input, change_rad);
         }
@@ -368,6 +371,8 @@ mod tests {
         truth_deg: f64,
         gyro_zero_deg: f64,
         drift_deg_s: f64,
+        /// What it says for a degree.
+        scale: f64,
         events: Events,
     }
 
@@ -380,6 +385,7 @@ mod tests {
                 truth_deg: 0.0,
                 gyro_zero_deg,
                 drift_deg_s,
+                scale: 1.0,
                 events: Events::NONE,
             };
             bench.tick(0.0, 0.0, false);
@@ -389,7 +395,9 @@ mod tests {
         /// What a 16-bit sensor says.
         fn reading_deg(&self) -> f64 {
             let deg = libm::round(
-                self.gyro_zero_deg + self.truth_deg + self.drift_deg_s * seconds(self.now_ns),
+                self.gyro_zero_deg
+                    + self.truth_deg * self.scale
+                    + self.drift_deg_s * seconds(self.now_ns),
             );
             deg - 65_536.0 * libm::floor((deg + 32_768.0) / 65_536.0)
         }
@@ -406,6 +414,7 @@ mod tests {
                 time_ns: self.now_ns,
                 value_rad,
                 heading_rad: self.heading_rad,
+                per_scale: 1.0 / self.scale,
                 encoder_rad: encoder_deg * DEGREE_RAD,
                 still,
             });
@@ -455,6 +464,18 @@ mod tests {
             let mut bench = Bench::new(zero, 0.0);
             bench.run(3.0, rate, rate);
             assert!(bench.error_deg().abs() <= 1.0, "{} degrees off", bench.error_deg());
+            assert!(!bench.events.contains(Events::GYRO_RESET), "{}", bench.events);
+        }
+    }
+
+    #[test]
+    fn what_a_gyro_counts_too_much_is_taken_off_and_its_bits_end_where_they_do() {
+        for (zero, scale, rate) in
+            [(0.0, 1.04, 90.0), (32_700.0, 0.97, 90.0), (-32_700.0, 1.04, -90.0)]
+        {
+            let mut bench = Bench { scale, ..Bench::new(zero, 0.0) };
+            bench.run(20.0, rate, rate);
+            assert!(bench.error_deg().abs() <= 1.1, "{} degrees off", bench.error_deg());
             assert!(!bench.events.contains(Events::GYRO_RESET), "{}", bench.events);
         }
     }

@@ -155,6 +155,16 @@ impl Landmarks {
         self.filter.of_pose()
     }
 
+    /// See [`Filter::keep_pose`].
+    pub(super) fn keep_pose(&mut self, slot: usize) {
+        self.filter.keep_pose(slot);
+    }
+
+    /// See [`Filter::kept_pose`].
+    pub(super) fn kept_pose(&self, slot: usize) -> Pose {
+        self.filter.kept_pose(slot)
+    }
+
     /// See [`Filter::rebias`].
     pub(super) fn rebias(&mut self, by_rad_s: f64) -> Correction {
         let from = self.filter.pose;

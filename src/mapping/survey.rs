@@ -12,6 +12,7 @@ use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
 use super::filter::Step;
+use super::keyframes::{Keyframe, KeyframeList, Keyframes};
 use super::landmarks::{Kind, Landmarks, Sighting};
 use super::pose::Correction;
 use super::range::Beam;
@@ -32,6 +33,7 @@ const OBLIQUE_RAD: f64 = 0.524;
 pub(super) struct Survey {
     sweep: Sweep,
     landmarks: Landmarks,
+    keyframes: Keyframes,
     waiting: ArrayVec<MapPoint, WAITING>,
 }
 
@@ -67,6 +69,24 @@ impl Survey {
     /// Covariance of the pose when it was last corrected: xx, xy, xh, yy, yh, hh.
     pub(super) fn covariance(&self) -> [f64; 6] {
         self.landmarks.covariance()
+    }
+
+    /// Keeps the pose of now, if it is time for it.
+    pub(super) fn keep_pose(&mut self, time_ns: i64) {
+        if let Some(slot) = self.keyframes.slot(time_ns, self.pose()) {
+            self.landmarks.keep_pose(slot);
+        }
+    }
+
+    /// The poses that were kept, by time, and that of now.
+    pub(super) fn keyframes(&self, now_ns: i64) -> KeyframeList {
+        let kept = self.keyframes.by_time().into_iter().map(|(slot, (time_ns, placed))| Keyframe {
+            time_ns,
+            placed,
+            now: self.landmarks.kept_pose(slot),
+        });
+        let now = Keyframe { time_ns: now_ns, placed: self.pose(), now: self.pose() };
+        kept.chain([now]).collect()
     }
 
     /// See [`Landmarks::rebias`].

@@ -126,6 +126,15 @@ impl Encoder {
                     &format!("{SAYS}{}", text.replace('\n', " / ")),
                 )
             }
+            Entry::Keyframes { time_ns, keyframes } => {
+                let keyframes = keyframes.to_vec();
+                let message = message::Keyframes { keyframes };
+                self.put(Topic::Keyframes, *time_ns, &message)?;
+                if let Some(surveyed) = &mut self.surveyed {
+                    surveyed.keyframes = message.keyframes;
+                }
+                Ok(())
+            }
             Entry::Truth { time_ns, pose } => {
                 let position = Vector3 { x: pose.x_m, y: pose.y_m, z: 0.0 };
                 let orientation = Quaternion::of_yaw(pose.heading_rad);

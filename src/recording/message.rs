@@ -8,6 +8,7 @@
 //!
 //! - CDR aligns to the start of the body, after the four bytes (DDS-RTPS 10.2).
 
+use crate::mapping::Keyframe;
 use byteorder::LittleEndian;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize, Serializer};
@@ -296,6 +297,13 @@ pub(super) struct TransitionMessage {
     pub(super) from_state: String,
     pub(super) to_state: String,
     pub(super) condition: String,
+}
+
+/// `onbrick_msgs/Keyframes`: what is known now of where the robot was.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Keyframes {
+    /// By time; a keyframe's numbers lie in the order of `onbrick_msgs/Keyframe`.
+    pub(super) keyframes: Vec<Keyframe>,
 }
 
 /// `onbrick_msgs/Variables`: the mission's variables after a tick in which one has changed.

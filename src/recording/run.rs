@@ -15,7 +15,7 @@ use super::tick::Level;
 use super::topic::Topic;
 use super::walk::{Found, Integrity, walk};
 use crate::behavior::Taken;
-use crate::mapping::{MapPoint, Pose, Range};
+use crate::mapping::{self, Keyframe, MapPoint, Pose, Range};
 use crate::senses::{Channel, Reading, Senses};
 
 /// The longest file that is read: about a day of a run.
@@ -132,8 +132,10 @@ pub struct Run {
     pub poses: Vec<RecordedPose>,
     /// Where the robot truly was, where it was simulated; ten times a second.
     pub truth: Vec<Pose>,
-    /// The map's points.
+    /// The map's points, where they were placed; [`Run::points_now`] is where they are.
     pub points: Vec<MapPoint>,
+    /// What is known at the end of where the robot was.
+    pub keyframes: Vec<Keyframe>,
     /// Transitions of all machines.
     pub transitions: Vec<Transition>,
     /// The mission's variables, after each tick in which one has changed.
@@ -194,6 +196,18 @@ impl Run {
         run.integrity = integrity;
         Ok(run)
     }
+
+    /// The map's points where they are as it is known at the end.
+    #[must_use]
+    pub fn points_now(&self) -> Vec<MapPoint> {
+        mapping::points_now(&self.keyframes, &self.points)
+    }
+
+    /// Each tick's pose as it is known at the end.
+    pub fn path_now(&self) -> impl Iterator<Item = (i64, Pose)> {
+        let now = |at: &RecordedPose| mapping::where_now(&self.keyframes, at.time_ns, &at.pose);
+        self.poses.iter().map(move |at| (at.time_ns, now(at)))
+    }
 }
 
 /// A run while its file is read.
@@ -246,6 +260,10 @@ impl Collected {
             Topic::Pose => run.poses.push(pose(message::decode(data)?)?),
             Topic::Truth => run.truth.push(truth(&message::decode(data)?)),
             Topic::Points => run.points.extend(points::points(&message::decode(data)?)?),
+            Topic::Keyframes => {
+                let message: message::Keyframes = message::decode(data)?;
+                run.keyframes = keyframes(message)?;
+            }
             Topic::Map => self.map = Some((stamp_ns, grid::grid(message::decode(data)?)?)),
             Topic::Transitions => run.transitions.push(transition(message::decode(data)?)?),
             Topic::Variables => run.variables.push(variables(message::decode(data)?)?),
@@ -374,6 +392,15 @@ pub(super) fn pose(message: message::PoseMessage) -> Option<RecordedPose> {
 fn truth(message: &message::PoseStamped) -> Pose {
     let message::Pose3 { position, orientation } = message.pose;
     Pose { x_m: position.x, y_m: position.y, heading_rad: orientation.yaw_rad() }
+}
+
+/// Keyframes that are in no order of times could not be looked up.
+fn keyframes(message: message::Keyframes) -> Option<Vec<Keyframe>> {
+    let keyframes = message.keyframes;
+    let is_finite = |one: &Keyframe| one.placed.is_finite() && one.now.is_finite();
+    let is_usable = keyframes.is_sorted_by(|one, next| one.time_ns <= next.time_ns)
+        && keyframes.iter().all(is_finite);
+    is_usable.then_some(keyframes)
 }
 
 pub(super) fn transition(message: message::TransitionMessage) -> Option<Transition> {

@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{MAX_VARIABLES, Taken};
-use crate::mapping::{Estimate, Placed, Pose};
+use crate::mapping::{Estimate, KeyframeList, Placed, Pose};
 use crate::senses::Senses;
 
 /// The longest log line, in bytes; what is beyond is cut off at a character.
@@ -101,6 +101,10 @@ pub(super) enum Entry {
     Truth {
         time_ns: i64,
         pose: Pose,
+    },
+    Keyframes {
+        time_ns: i64,
+        keyframes: KeyframeList,
     },
     Log {
         time_ns: i64,
@@ -191,6 +195,13 @@ impl<S> TickSide<S> {
     /// Records what the mission tells people; what is too long is cut.
     pub fn said(&mut self, time_ns: i64, text: &str) {
         self.put(Entry::Said { time_ns, text: fitting(text) });
+    }
+
+    /// Records what is known now of where the robot was.
+    pub fn keyframes(&mut self, time_ns: i64, keyframes: KeyframeList) {
+        if !keyframes.is_empty() {
+            self.put(Entry::Keyframes { time_ns, keyframes });
+        }
     }
 
     /// Records where a simulated robot truly is.

@@ -56,11 +56,13 @@ pub enum Topic {
     Truth = 14,
     /// `/walls`.
     Walls = 15,
+    /// `/keyframes`.
+    Keyframes = 16,
 }
 
 impl Topic {
     /// Every topic, by channel number.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Senses,
         Self::Pose,
         Self::Odometry,
@@ -77,6 +79,7 @@ impl Topic {
         Self::Variables,
         Self::Truth,
         Self::Walls,
+        Self::Keyframes,
     ];
 
     /// The topic's name and its message's type, `package/Name`.
@@ -98,6 +101,7 @@ impl Topic {
             Self::Variables => ("/variables", "onbrick_msgs/Variables"),
             Self::Truth => ("/truth", "geometry_msgs/PoseStamped"),
             Self::Walls => ("/walls", "visualization_msgs/Marker"),
+            Self::Keyframes => ("/keyframes", "onbrick_msgs/Keyframes"),
         }
     }
 
@@ -240,6 +244,8 @@ definitions! {
     "visualization_msgs" / "MeshFile",
     "visualization_msgs" / "UVCoordinate",
     "rcl_interfaces" / "Log",
+    "onbrick_msgs" / "Keyframe",
+    "onbrick_msgs" / "Keyframes",
     "onbrick_msgs" / "Senses",
     "onbrick_msgs" / "Pose",
     "onbrick_msgs" / "Transition",

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::message::{Header, Pose3, Quaternion, Time, Vector3};
-use crate::mapping::{self, Estimate, MapPoint, Sight, Wall};
+use crate::mapping::{self, Estimate, Keyframe, MapPoint, Sight, Wall, points_now};
 
 const LINE_LIST: i32 = 5;
 /// How thick the lines are drawn, metres.
@@ -18,6 +18,8 @@ const THICK_M: f64 = 0.03;
 #[derive(Debug, Default)]
 pub(super) struct Surveyed {
     pub(super) points: Vec<MapPoint>,
+    /// What is known now of where the robot was.
+    pub(super) keyframes: Vec<Keyframe>,
     path: Vec<MapPoint>,
 }
 
@@ -29,7 +31,8 @@ impl Surveyed {
 
     /// The walls, if there are any.
     pub(super) fn message(&self, header: Header) -> Option<Marker> {
-        let walls = mapping::walls(&Sight::of(&self.points, &self.path));
+        let [points, path] = [&self.points, &self.path].map(|all| points_now(&self.keyframes, all));
+        let walls = mapping::walls(&Sight::of(&points, &path));
         (!walls.is_empty()).then(|| message(&walls, header))
     }
 }

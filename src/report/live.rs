@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | a [`Simulation`] | room, true poses and paths, sensors, screen, lights, tones, faults | its [`Order`](crate::sim::Order)s: buttons, faults, a hand that carries the robot |
 //! | a recording that grows | estimated path, points, map, machines and their history, variables | |
-//! | a run's [`Event`]s | the newest status, how the run ended | |
+//! | a run's [`Event`]s | the newest status, the path that the recording has not yet, how the run ended | |
 //! | a [`PacedClock`] | how fast time passes | another pace |
 //!
 //! What a source cannot give is left out of the page. A [`Wish`], to stop or to start again, goes

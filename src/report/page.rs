@@ -39,7 +39,9 @@ fn data(scene: &Scene) -> Value {
         "high": bounds.high,
         "duration": round(scene.duration_s(), 1e3),
         "floor": scene.marks.iter().map(floor_mark).collect::<Vec<_>>(),
-        "outlines": scene.outlines.iter().map(|line| outline(line)).collect::<Vec<_>>(),
+        "outlines": outlines(&scene.outlines),
+        "blocks": outlines(&scene.blocks),
+        "edges": outlines(&scene.edges),
         "walls": scene
             .walls
             .iter()
@@ -66,6 +68,10 @@ fn floor_mark(mark: &FloorMark) -> Value {
 
 fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
+fn outlines(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
+    lines.iter().map(|line| outline(line)).collect()
 }
 
 fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {

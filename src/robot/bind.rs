@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::ev3dev::{
     Battery, Buttons, DeviceError, FindError, Platform, Sound, StatusLights, TachoMotor, Tree,
 };
+use crate::printable::with_causes;
 use crate::senses::{Channel, Role};
 
 use super::mend::Mender;
@@ -62,6 +63,9 @@ pub enum BindError {
         /// Its port.
         port: String,
     },
+    /// Several roles could not be bound, each for a reason of its own.
+    #[error("{}", .0.iter().map(|one| with_causes(one)).collect::<Vec<_>>().join("; and "))]
+    Several(Vec<BindError>),
 }
 
 impl BindError {
@@ -76,6 +80,18 @@ impl BindError {
             | Self::Device { source: error, .. } => (!error.is_denied()).then_some(PLUG_AGAIN),
             Self::NoPort { .. } => Some("port = \"S1\", as it is printed beside the socket"),
             Self::Find { .. } | Self::Shared { .. } => None,
+            Self::Several(all) => all.iter().find_map(Self::way_out),
+        }
+    }
+
+    /// All that went wrong in one.
+    fn of(mut all: Vec<Self>) -> Self {
+        match all.pop() {
+            Some(only) if all.is_empty() => only,
+            last => {
+                all.extend(last);
+                Self::Several(all)
+            }
         }
     }
 }
@@ -92,7 +108,7 @@ impl Robot {
     ///
     /// # Errors
     ///
-    /// [`BindError`] with the role; it says what is plugged in instead.
+    /// [`BindError`] with every role that has no device; it says what is plugged in instead.
     pub fn bind(
         tree: &Arc<dyn Tree>,
         config: &RobotConfig,
@@ -109,11 +125,12 @@ impl Robot {
         // Cells that cannot be asked are taken for the usual ones.
         let cells = battery.as_ref().and_then(|battery| battery.technology().ok());
         known.battery = known.battery.on(cells.unwrap_or_default(), platform);
-        let left = binder.motor(Channel::Left)?;
-        let right = binder.motor(Channel::Right)?;
-        let head = config.head.as_ref().map(|_| binder.motor(Channel::Head)).transpose()?;
+        let mut wrong = Vec::new();
+        let mut motor = |channel| binder.motor(channel).map_err(|error| wrong.push(error)).ok();
+        let (left, right) = (motor(Channel::Left), motor(Channel::Right));
+        let head = config.head.as_ref().and_then(|_| motor(Channel::Head));
         let named = Channel::MOTORS.into_iter().take(config.motors.len());
-        let motors = named.map(|channel| binder.motor(channel)).collect::<Result<_, _>>()?;
+        let motors = named.filter_map(motor).collect();
         // Until the board has read its sensors again.
         let mut settle_ns = if platform.detects { 0 } else { 2 * platform.poll_ns };
         let mut sensors: Vec<RoleSensor> = Vec::new();
@@ -123,11 +140,16 @@ impl Robot {
                     log::info!("there is no {name}, and the mission does without it");
                     continue;
                 }
-                bound => bound?,
+                Err(error) => {
+                    wrong.push(error);
+                    continue;
+                }
+                Ok(bound) => bound,
             };
             let same = |other: &&RoleSensor| other.identity().name == sensor.identity().name;
             if let Some(other) = sensors.iter().find(same) {
-                return Err(shared(config, &sensor, other));
+                wrong.push(shared(config, &sensor, other));
+                continue;
             }
             settle_ns = settle_ns.max(settles_ns);
             // One that comes loose is looked for where it was: what else could be this role, such
@@ -136,6 +158,9 @@ impl Robot {
             binder.config.sensors.insert(*role, Some(port));
             sensors.push(sensor);
         }
+        let (Some(left), Some(right), true) = (left, right, wrong.is_empty()) else {
+            return Err(BindError::of(wrong));
+        };
         let mut robot = Self {
             config: known,
             left,

@@ -61,6 +61,8 @@ pub struct RobotConfig {
     /// How long the gyro must say no new degree before a run, nanoseconds: a drift that makes one
     /// in less is always noticed.
     pub gyro_watch_ns: i64,
+    /// What the gyro says for a degree that is turned, degrees.
+    pub gyro_scale: f64,
     /// How low the battery may get.
     pub battery: BatteryConfig,
     /// Further motors, which missions know by their names; at most [`RobotConfig::MAX_MOTORS`].
@@ -188,7 +190,13 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         root.require("drive").and_then(|item| item.section()).and_then(|section| drive(&section));
     let head = root.value_or("head", None, |item| head(&item.section()?).map(Some));
     let range = root.value_or("range", None, |item| range::range(&item.section()?).map(Some));
-    let gyro_watch_s = gyro_watch_s(root);
+    let gyro = |key, usual, range| {
+        root.value_or("gyro", usual, |item| {
+            item.section()?.value_or(key, usual, |item| item.number(range))
+        })
+    };
+    let gyro_watch_s = gyro("watch_s", GYRO_WATCH_S, GYRO_WATCHES_S);
+    let gyro_scale = gyro("scale", 1.0, Geometry::GYRO_SCALE);
     let sensors = sensors(root);
     let named_sensors = named_sensors(root);
     let battery = root.value_or("battery", None, |item| battery(&item.section()?).map(Some));
@@ -218,6 +226,7 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         named_sensors,
         range: range?,
         gyro_watch_ns: crate::clock::nanoseconds(gyro_watch_s?),
+        gyro_scale: gyro_scale?,
         battery: battery?.unwrap_or_default(),
         motors: motors?,
     };
@@ -337,12 +346,6 @@ fn head(section: &Section<'_>) -> Option<HeadRole> {
 const GYRO_WATCH_S: f64 = 5.2;
 const GYRO_WATCHES_S: RangeInclusive<f64> = GYRO_WATCH_S..=60.0;
 
-fn gyro_watch_s(root: &Section<'_>) -> Option<f64> {
-    root.value_or("gyro", GYRO_WATCH_S, |item| {
-        item.section()?.value_or("watch_s", GYRO_WATCH_S, |item| item.number(GYRO_WATCHES_S))
-    })
-}
-
 /// Where a sensor is plugged in, and its driver where the file says it.
 struct Plug {
     port: Option<PortAddress>,
@@ -364,7 +367,7 @@ fn sensors(root: &Section<'_>) -> Option<BTreeMap<Role, Plug>> {
         Some(section.and_then(|section| {
             match role {
                 Role::Range => {}
-                Role::Gyro => section.allow(&["port", "driver", "watch_s"]),
+                Role::Gyro => section.allow(&["port", "driver", "watch_s", "scale"]),
                 _ => section.allow(&["port", "driver"]),
             }
             Some((role, plug(&section, role)?))
@@ -518,6 +521,7 @@ mod tests {
             ("port = \"in4\"", "port = \"in1\"", "`gyro` and `range` are both on in1"),
             ("port = \"in4\"", "port = \"out Z\"", "such as \"outA\""),
             ("port = \"in4\"", "port = \"in4\"\nwatch_s = 1", "it can be 5.2 to 60"),
+            ("port = \"in4\"", "port = \"in4\"\nscale = 2", "it can be 0.8 to 1.25"),
             ("name = \"mapper\"", "name = \"\"", "must be 1 to 64 bytes"),
             ("name = \"mapper\"", "", "`name` is missing"),
         ];

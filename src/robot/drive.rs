@@ -42,6 +42,7 @@ impl RobotConfig {
             ..RangeMount::default()
         });
         Geometry::new(self.wheel_circumference_m, self.track_width_m)?
+            .with_gyro_scale(self.gyro_scale)?
             .with_range(range.unwrap_or_default())
     }
 

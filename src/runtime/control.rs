@@ -281,6 +281,7 @@ impl Control<'_> {
             if senses.time_ns >= checkpoint_ns {
                 checkpoint_ns = senses.time_ns + CHECKPOINT_NS;
                 self.recorder.checkpoint(senses.tick, senses.time_ns, self.pilot.state());
+                self.recorder.keyframes(senses.time_ns, self.pilot.keyframes());
             }
             if step.paused != paused {
                 paused = step.paused;

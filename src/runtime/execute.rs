@@ -205,6 +205,7 @@ pub fn execute(
     }
     report(&Event::Stopped { stop: stop.clone(), stopped });
     let points = pilot.finish();
+    tick_side.keyframes(tally.time_ns, pilot.keyframes());
     tally.points += points.len() as u64;
     let end = End {
         stop: stop.clone(),

@@ -19,8 +19,8 @@ use crate::behavior::{
 use crate::clock::nanoseconds;
 use crate::ev3dev::StopAction;
 use crate::mapping::{
-    Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs, Map,
-    MapPoint, Method, OccupancyGrid, Placed, Pose, Range, RangeReading,
+    Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs,
+    KeyframeList, Map, MapPoint, Method, OccupancyGrid, Placed, Pose, Range, RangeReading,
 };
 use crate::planning::Planner;
 use crate::robot::{BatteryLimits, RobotConfig};
@@ -218,6 +218,12 @@ impl Pilot {
         self.planner = None;
         self.map = self.map.with_grid(grid);
         self
+    }
+
+    /// What is known now of where the robot was; see [`Estimator::keyframes`].
+    #[must_use]
+    pub fn keyframes(&self) -> KeyframeList {
+        self.estimator.keyframes()
     }
 
     /// Ends the run's map: what waits for its place is placed. Returns those points.

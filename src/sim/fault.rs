@@ -41,8 +41,8 @@ pub use self::scenario::Scenario;
 pub use self::schedule::FaultRecord;
 pub(crate) use self::schedule::Faults;
 pub use self::text::{Act, Order, OrderError};
-use super::driver::input::Button;
 use super::ports::Port;
+use crate::ev3dev::Button;
 use nix::errno::Errno;
 
 /// Why a fault could not be done. Nothing has changed.

@@ -16,7 +16,6 @@ use super::brick::Brick;
 pub use super::brick::Plugged;
 use super::driver::Stored;
 use super::driver::board::Pack;
-use super::driver::input::Button;
 use super::driver::lcd::LcdGeometry;
 use super::driver::sensor::{GyroMake, SerialLine};
 use super::fault::{
@@ -28,7 +27,7 @@ use super::ports::Port;
 use super::view::Trail;
 use super::world_physics::WorldPhysics;
 use crate::clock::{Clock, MILLISECOND_NS};
-use crate::ev3dev::Platform;
+use crate::ev3dev::{Button, Platform};
 
 /// How a brick is made, where bricks differ.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -5,6 +5,7 @@
 //! this repository.
 
 mod brenner;
+mod calibrated;
 mod drift;
 mod encoder_gyro;
 mod explore;

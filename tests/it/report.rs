@@ -230,10 +230,12 @@ fn a_browser_draws_the_page_and_its_slider_moves_through_time() {
 }
 
 #[test]
-fn a_browser_draws_the_floors_marks_and_the_true_path() {
+fn a_browser_draws_the_floors_marks_its_edge_blocks_and_the_true_path() {
     let folder = tempfile::tempdir().unwrap();
     let page = folder.path().join("map.html");
-    let html = plot::html(&on_a_table());
+    let mut scene = on_a_table();
+    scene.blocks = vec![vec![[0.1, 0.1], [0.3, 0.1], [0.3, 0.3]]];
+    let html = plot::html(&scene);
     keep("floor.html", html.as_bytes());
     std::fs::write(&page, &html).unwrap();
     let Some(dom) = browse(&page, "#t=10", &["--dump-dom"]) else { return };
@@ -247,11 +249,19 @@ fn a_browser_draws_the_floors_marks_and_the_true_path() {
     assert!(attribute(line, "stroke-width").parse::<f64>().unwrap() > 1.0, "{line:.200}");
     let truth = dom.split("stroke-dasharray=\"5 5\" class=\"truth\"").nth(1).unwrap();
     assert!(attribute(truth, "d").matches('L').count() > 100, "{truth:.200}");
-    assert!(dom.contains("true path</li>"));
+    assert!(dom.contains("true path</li>") && dom.contains("edge of the floor</li>"));
+    for (class, corners) in [("edge", scene.edges[0].len()), ("block", 3)] {
+        let shape = dom.split(&format!("class=\"{class}\"")).nth(1).unwrap();
+        let drawn = attribute(shape, "d");
+        assert!(drawn.ends_with('Z'), "{class}: {drawn}");
+        assert_eq!(drawn.matches('L').count() + 1, corners, "{class}: {drawn}");
+    }
     // Where neither is known, the legend does not promise it.
     std::fs::write(&page, plot::html(&one())).unwrap();
     let Some(dom) = browse(&page, "", &["--dump-dom"]) else { return };
-    assert!(!dom.contains("true path</li>") && !dom.contains("class=\"floor\""));
+    for word in ["true path</li>", "edge of the floor</li>", "class=\"floor\""] {
+        assert!(!dom.contains(word), "{word}");
+    }
 }
 
 /// What a person's hands do: slide to 10 s, zoom in at (400, 300), drag by (40, −25).

@@ -45,13 +45,7 @@ pub(super) fn evaluate(ops: &[Op], scope: Scope<'_>) -> Option<f64> {
 pub(super) fn depth(ops: &[Op]) -> usize {
     let (mut now, mut most) = (0_usize, 0);
     for op in ops {
-        let takes = match op {
-            Op::Negate | Op::Not => 1,
-            Op::Infix(_) => 2,
-            Op::Call { function, .. } => function.takes(),
-            _ => 0,
-        };
-        now = now.saturating_sub(takes) + 1;
+        now = now.saturating_sub(op.takes()) + 1;
         most = most.max(now);
     }
     most

@@ -1,312 +1,320 @@
 //! What a condition claims, so far as can be known before anything runs: can it hold at all, does
 //! it always hold, does it hold only where another one does.
 //!
-//! A condition becomes a list of cases, in each of which some terms lie in some sets. A term is a
-//! signal or, where a comparison is not with a multiple of one signal, that whole piece of the
-//! expression, taken as it stands. A claim is made only where it is certain; a condition that is
-//! too involved yields none.
+//! A condition is made of *terms*: signals, and pieces of arithmetic or logic that are taken as
+//! they stand. Its truth changes only where a term passes a number that it is compared with. So a
+//! claim about all values is one about a few: each such number, what is next to it on both sides,
+//! the ends of what the term can be, and that it is not known. A claim is made where it is so for
+//! all of their combinations; where those are too many, none is made.
 //!
 //! # What we count on
 //!
 //! - A signal's value is never NaN ([`super::super::Signals::set`]); only a piece of arithmetic may
 //!   be.
-//! - Where a comparison was turned round by arithmetic (`2 * range_m < 0.5`), its bound is taken
-//!   with a margin of [`MARGIN`], so that rounding makes no claim false.
+//! - Where a comparison was turned round by arithmetic (`2 * range_m < 0.5`), it may come out
+//!   either way within [`MARGIN`] of its number, so that rounding makes no claim false.
 
 use super::evaluation::evaluate;
 use super::{Comparison, Expression, Infix, Op};
 use crate::behavior::blackboard::Blackboard;
-use crate::behavior::signals::Input;
 
-/// Relative margin of a bound that was computed.
+/// Relative margin of a number that was computed.
 const MARGIN: f64 = 1e-9;
 
-/// More cases, or more terms in one case, are not followed up.
-const MOST: usize = 8;
+/// More steps, all combinations together, are not looked at.
+const MOST: usize = 16_384;
 
-/// What is known of one condition.
-#[derive(Debug, Clone)]
+/// What is known of one condition: how its truth follows from that of comparisons, in postfix
+/// order.
+#[derive(Debug, Clone, Default)]
 pub(in crate::behavior) struct Claims {
-    /// The cases in which it holds.
-    holds: Vec<Case>,
-    /// The cases in which it does not.
-    fails: Vec<Case>,
+    steps: Vec<Step>,
+    /// Signals and pieces of the expression, without the places of their names.
+    terms: Vec<Vec<Op>>,
 }
 
-/// Terms, each with the set in which it lies; all of them at once.
-type Case = Vec<(Term, Set)>;
-
-#[derive(Debug, Clone, PartialEq)]
-enum Term {
-    Input(Input),
-    /// A piece of an expression, as it stands.
-    Piece(Vec<Op>),
-}
-
-/// An interval with open or closed ends, less single points.
-#[derive(Debug, Clone, PartialEq)]
-struct Set {
-    low: f64,
-    low_open: bool,
-    high: f64,
-    high_open: bool,
-    except: Vec<f64>,
-    /// How far a bound may be off.
-    margin: f64,
-}
-
-impl Claims {
-    /// What a condition claims; of a number, nothing.
-    pub(in crate::behavior) fn of(condition: &Expression) -> Self {
-        let ops = &condition.ops;
-        let mut stack: Vec<Subterm> = Vec::new();
-        for (at, op) in ops.iter().enumerate() {
-            let part = match op {
-                Op::Infix(infix) => {
-                    let right = stack.pop();
-                    stack
-                        .pop()
-                        .zip(right)
-                        .map(|(left, right)| infix_part(*infix, left, right, ops, at))
-                }
-                Op::Negate | Op::Not => stack.pop().map(|inner| prefix_part(*op, inner, ops, at)),
-                Op::Call { function, .. } => {
-                    let first = stack.len().saturating_sub(function.takes());
-                    let arguments: Vec<Subterm> = stack.drain(first..).collect();
-                    Some(call_part(function.is_pure(), &arguments, ops, at))
-                }
-                leaf => Some(leaf_part(*leaf, at)),
-            };
-            stack.extend(part);
-        }
-        match stack.pop() {
-            Some(Subterm { meaning: Meaning::Truth(claims), .. }) => claims,
-            _ => Self::piece(ops),
-        }
-    }
-
-    /// True where it can never hold.
-    pub(in crate::behavior) fn is_never(&self) -> bool {
-        self.holds.iter().all(is_impossible)
-    }
-
-    /// True where it holds whenever its signals are known.
-    pub(in crate::behavior) fn is_always(&self) -> bool {
-        self.fails.iter().all(is_impossible)
-    }
-
-    /// True where `other` holds in every case in which this one does.
-    pub(in crate::behavior) fn implies(&self, other: &Self) -> bool {
-        self.holds.iter().all(|case| {
-            is_impossible(case) || other.holds.iter().any(|wider| is_within(case, wider))
-        })
-    }
-
-    fn known(truth: bool) -> Self {
-        let (always, never) = (vec![Case::new()], Vec::new());
-        if truth {
-            Self { holds: always, fails: never }
-        } else {
-            Self { holds: never, fails: always }
-        }
-    }
-
-    fn term(term: Term, holds: Set, fails: Set) -> Self {
-        Self { holds: vec![vec![(term.clone(), holds)]], fails: vec![vec![(term, fails)]] }
-    }
-
-    fn piece(ops: &[Op]) -> Self {
-        Self::term(Term::Piece(ops.to_vec()), Set::point(1.0), Set::point(0.0))
-    }
-
-    fn not(self) -> Self {
-        Self { holds: self.fails, fails: self.holds }
-    }
-
-    /// Both hold; `None` where that is too involved.
-    fn and(&self, other: &Self) -> Option<Self> {
-        let fails = [self.fails.as_slice(), &other.fails].concat();
-        let holds: Vec<Case> = self
-            .holds
-            .iter()
-            .flat_map(|left| other.holds.iter().map(|right| together(left, right)))
-            .collect();
-        let simple = fails.len() <= MOST
-            && holds.len() <= MOST
-            && holds.iter().all(|case| case.len() <= MOST);
-        simple.then_some(Self { holds, fails })
-    }
-
-    /// At least one holds; `None` where that is too involved.
-    fn or(&self, other: &Self) -> Option<Self> {
-        self.clone().not().and(&other.clone().not()).map(Self::not)
-    }
+#[derive(Debug, Clone, Copy)]
+enum Step {
+    Known(bool),
+    /// A term that is true or false.
+    Is(usize),
+    /// A term that is compared with a number, which may be off by a margin.
+    Compares {
+        term: usize,
+        comparison: Comparison,
+        at: f64,
+        margin: f64,
+    },
+    Not,
+    And,
+    Or,
+    /// Both are true, or both are false.
+    Same,
 }
 
 /// A part of an expression while it is looked at.
-struct Subterm {
-    /// Where its operations begin.
+struct Part {
+    /// Where its operations begin, and its steps.
     start: usize,
-    meaning: Meaning,
+    steps: usize,
+    /// Of a number; a truth has steps instead.
+    number: Option<Linear>,
 }
 
-enum Meaning {
-    Constant(f64),
-    Linear(Linear),
-    /// Some other number.
-    Number,
-    Truth(Claims),
-}
-
-/// `scale * input + offset`
-#[derive(Clone, Copy)]
+/// `scale * term + offset`; without a term the offset alone, a constant.
 struct Linear {
-    input: Input,
+    term: Option<Vec<Op>>,
     scale: f64,
     offset: f64,
     /// How many operations made it: without one, rounding has no part in it.
     steps: u8,
 }
 
-fn leaf_part(op: Op, start: usize) -> Subterm {
-    let leaf = |input: Input| match input.word() {
-        Some(word) if word.is_truth => {
-            Meaning::Truth(Claims::term(Term::Input(input), Set::point(1.0), Set::point(0.0)))
+impl Claims {
+    /// What a condition claims; of a number, nothing.
+    pub(in crate::behavior) fn of(condition: &Expression) -> Self {
+        let ops = &condition.ops;
+        let (mut claims, mut stack) = (Self::default(), Vec::<Part>::new());
+        for (at, op) in ops.iter().enumerate() {
+            let parts = stack.split_off(stack.len().saturating_sub(op.takes()));
+            let (start, steps) =
+                parts.first().map_or((at, claims.steps.len()), |first| (first.start, first.steps));
+            let number = claims.take(*op, parts, &ops[start..=at], steps);
+            stack.push(Part { start, steps, number });
         }
-        _ => Meaning::Linear(Linear { input, scale: 1.0, offset: 0.0, steps: 0 }),
-    };
-    let meaning = match op {
-        Op::Number(value) | Op::Named { value, .. } => Meaning::Constant(value),
-        Op::Truth(truth) => Meaning::Truth(Claims::known(truth)),
-        Op::Signal(input) | Op::Own { input, .. } => leaf(input),
-        Op::InState { .. } => Meaning::Truth(Claims::piece(&[op])),
-        Op::Negate | Op::Not | Op::Infix(_) | Op::Call { .. } => Meaning::Number,
-    };
-    Subterm { start, meaning }
-}
+        if stack.pop().is_none_or(|whole| whole.number.is_some()) {
+            claims.piece(ops, 0);
+        }
+        claims
+    }
 
-/// A function: of constants it is one, of anything else some number.
-fn call_part(is_pure: bool, arguments: &[Subterm], ops: &[Op], at: usize) -> Subterm {
-    let start = arguments.first().map_or(at, |first| first.start);
-    let constant = |argument: &Subterm| matches!(argument.meaning, Meaning::Constant(_));
-    let meaning = match is_pure && arguments.iter().all(constant) {
-        true => constant_of(&ops[start..=at]),
-        false => Meaning::Number,
-    };
-    Subterm { start, meaning }
-}
+    /// True where it can never hold.
+    pub(in crate::behavior) fn is_never(&self) -> bool {
+        !self.can_be(|truths| truths.iter().all(|truth| truth & TRUE != 0))
+    }
 
-/// What operations on constants come to.
-fn constant_of(piece: &[Op]) -> Meaning {
-    evaluate(piece, Blackboard::default().seen_by(0, 0)).map_or(Meaning::Number, Meaning::Constant)
-}
+    /// True where it holds whenever its signals are known.
+    pub(in crate::behavior) fn is_always(&self) -> bool {
+        !self.can_be(|truths| truths.iter().all(|truth| truth & FALSE != 0))
+    }
 
-fn prefix_part(op: Op, inner: Subterm, ops: &[Op], at: usize) -> Subterm {
-    let meaning = match (op, inner.meaning) {
-        (Op::Not, Meaning::Truth(claims)) => Meaning::Truth(claims.not()),
-        (Op::Negate, Meaning::Constant(value)) => Meaning::Constant(-value),
-        (Op::Negate, Meaning::Linear(linear)) => {
-            Meaning::Linear(Linear { scale: -linear.scale, offset: -linear.offset, ..linear })
+    /// True where `other` holds in every case in which this one does.
+    pub(in crate::behavior) fn implies(&self, other: &Self) -> bool {
+        let mut both = self.clone();
+        for mut step in other.steps.iter().copied() {
+            if let Step::Is(term) | Step::Compares { term, .. } = &mut step {
+                *term = both.term(other.terms[*term].clone());
+            }
+            both.steps.push(step);
         }
-        (Op::Not, _) => Meaning::Truth(Claims::piece(&ops[inner.start..=at])),
-        _ => Meaning::Number,
-    };
-    Subterm { start: inner.start, meaning }
-}
+        !both.can_be(
+            |truths| matches!(truths, [this, other] if this & TRUE != 0 && other & !TRUE != 0),
+        )
+    }
 
-fn infix_part(infix: Infix, left: Subterm, right: Subterm, ops: &[Op], at: usize) -> Subterm {
-    let start = left.start;
-    let piece = &ops[start..=at];
-    let middle = right.start;
-    let meaning = match (infix, left.meaning, right.meaning) {
-        (Infix::And | Infix::Or, Meaning::Truth(a), Meaning::Truth(b)) => {
-            let both = if infix == Infix::And { a.and(&b) } else { a.or(&b) };
-            Meaning::Truth(both.unwrap_or_else(|| Claims::piece(piece)))
-        }
-        (Infix::Compare(comparison), Meaning::Truth(a), Meaning::Truth(b)) => {
-            let same = a
-                .and(&b)
-                .zip(a.clone().not().and(&b.not()))
-                .and_then(|(both, none)| both.or(&none));
-            let same = same.unwrap_or_else(|| Claims::piece(piece));
-            Meaning::Truth(if comparison == Comparison::NotEqual { same.not() } else { same })
-        }
-        (Infix::Compare(comparison), Meaning::Constant(a), Meaning::Constant(b)) => {
-            Meaning::Truth(Claims::known(comparison.of(a, b)))
-        }
-        (Infix::Compare(comparison), number, Meaning::Constant(bound)) => {
-            Meaning::Truth(bounded(comparison, &number, &ops[start..middle], bound, piece))
-        }
-        (Infix::Compare(comparison), Meaning::Constant(bound), number) => {
-            Meaning::Truth(bounded(comparison.turned(), &number, &ops[middle..at], bound, piece))
-        }
-        (Infix::Compare(_) | Infix::And | Infix::Or, _, _) => Meaning::Truth(Claims::piece(piece)),
-        (_, left, right) => arithmetic(infix, left, right, piece),
-    };
-    Subterm { start, meaning }
-}
+    /// Whether something can be so of what the steps come to; true as well where there are too many
+    /// combinations to look at.
+    fn can_be(&self, is_so: impl Fn(&[Truth]) -> bool) -> bool {
+        let values: Vec<_> = (0..self.terms.len()).map(|term| self.values(term)).collect();
+        let count = values.iter().fold(1_usize, |count, values| count.saturating_mul(values.len()));
+        count.saturating_mul(self.steps.len()) > MOST
+            || (0..count).any(|mut combination| {
+                let mut one_of = |values: &Vec<Option<f64>>| {
+                    let value = values[combination % values.len()];
+                    combination /= values.len();
+                    value
+                };
+                is_so(&self.truths(&values.iter().map(&mut one_of).collect::<Vec<_>>()))
+            })
+    }
 
-/// A sum, difference, product or quotient.
-fn arithmetic(infix: Infix, left: Meaning, right: Meaning, piece: &[Op]) -> Meaning {
-    match (infix, left, right) {
-        (_, Meaning::Constant(_), Meaning::Constant(_)) => constant_of(piece),
-        (_, Meaning::Linear(linear), Meaning::Constant(constant)) => {
-            scaled(infix, linear, constant)
+    /// Takes one operation with its operands: the number that it gives, or the steps to its truth.
+    fn take(&mut self, op: Op, parts: Vec<Part>, piece: &[Op], steps: usize) -> Option<Linear> {
+        let truths = parts.iter().all(|part| part.number.is_none());
+        let numbers: Vec<Linear> = parts.into_iter().filter_map(|part| part.number).collect();
+        let step = match (op, <[Linear; 2]>::try_from(numbers)) {
+            (Op::Number(value) | Op::Named { value, .. }, _) => {
+                return Some(Linear::constant(value));
+            }
+            (Op::Signal(_) | Op::Own { .. }, _) if op.word().is_none_or(|word| !word.is_truth) => {
+                return Some(Linear::of(piece));
+            }
+            (Op::Truth(truth), _) => Step::Known(truth),
+            (Op::Not, _) if truths => Step::Not,
+            (Op::Infix(Infix::And), _) if truths => Step::And,
+            (Op::Infix(Infix::Or), _) if truths => Step::Or,
+            (Op::Infix(Infix::Compare(comparison)), _) if truths => {
+                self.steps.push(Step::Same);
+                if comparison == Comparison::Equal {
+                    return None;
+                }
+                Step::Not
+            }
+            (Op::Infix(Infix::Compare(comparison)), Ok([left, right])) => {
+                match self.compares(comparison, left, right) {
+                    Some(step) => step,
+                    None => return self.piece(piece, steps),
+                }
+            }
+            (Op::Infix(infix), Ok([left, right])) => {
+                return Some(left.with(infix, right).unwrap_or_else(|| Linear::of(piece)));
+            }
+            (Op::Negate, Err(numbers)) => {
+                let number = numbers.into_iter().next()?;
+                return Some(Linear { scale: -number.scale, offset: -number.offset, ..number });
+            }
+            (Op::Call { function, .. }, numbers) => {
+                let all: Vec<Linear> = numbers.map_or_else(|few| few, Vec::from);
+                let is_known = function.is_pure() && all.iter().all(|number| number.term.is_none());
+                let board = Blackboard::default();
+                let known = is_known.then(|| evaluate(piece, board.seen_by(0, 0))).flatten();
+                return Some(known.map_or_else(|| Linear::of(piece), Linear::constant));
+            }
+            _ => return self.piece(piece, steps),
+        };
+        self.steps.push(step);
+        None
+    }
+
+    /// A comparison of a term with a number; `None` where neither side is one.
+    fn compares(&mut self, comparison: Comparison, left: Linear, right: Linear) -> Option<Step> {
+        let (number, bound, comparison) = match (&left.term, &right.term) {
+            (None, None) => return Some(Step::Known(comparison.of(left.offset, right.offset))),
+            (Some(_), None) => (left, right.offset, comparison),
+            (None, Some(_)) => (right, left.offset, comparison.turned()),
+            (Some(_), Some(_)) => return None,
+        };
+        let Linear { term, scale, offset, steps } = number;
+        let comparison = if scale < 0.0 { comparison.turned() } else { comparison };
+        let at = (bound - offset) / scale;
+        let margin = MARGIN * (1.0 + at.abs() + (offset / scale).abs());
+        let margin = if steps == 0 { 0.0 } else { margin };
+        let term = self.term(term?);
+        (!at.is_nan() && margin.is_finite()).then_some(Step::Compares {
+            term,
+            comparison,
+            at,
+            margin,
+        })
+    }
+
+    /// Takes a piece that is true or false as it stands, in place of the steps that it has.
+    fn piece(&mut self, piece: &[Op], steps: usize) -> Option<Linear> {
+        self.steps.truncate(steps);
+        let term = self.term(without_names(piece));
+        self.steps.push(Step::Is(term));
+        None
+    }
+
+    /// The place of a term.
+    fn term(&mut self, term: Vec<Op>) -> usize {
+        let known = self.terms.iter().position(|known| *known == term);
+        known.unwrap_or_else(|| {
+            self.terms.push(term);
+            self.terms.len() - 1
+        })
+    }
+
+    /// The values of a term that stand for all of them; one that may be lost can be none.
+    fn values(&self, place: usize) -> Vec<Option<f64>> {
+        let term = self.terms[place].as_slice();
+        let only = if let [only] = term { Some(only) } else { None };
+        let word = only.and_then(Op::word);
+        let (low, high) = word.map_or((f64::NEG_INFINITY, f64::INFINITY), |word| word.domain);
+        let mut values = Vec::new();
+        for step in &self.steps {
+            match *step {
+                Step::Is(term) if term == place => values.extend([0.0, 1.0]),
+                Step::Compares { term, at, margin, .. } if term == place => {
+                    let ends = [at - margin, at + margin].into_iter();
+                    let near = ends.flat_map(|at| [at.next_down(), at, at.next_up()]);
+                    values.extend(near.chain([low, high]));
+                }
+                _ => {}
+            }
         }
-        (Infix::Add | Infix::Multiply, Meaning::Constant(constant), Meaning::Linear(linear)) => {
-            scaled(infix, linear, constant)
+        values.retain(|value| (low..=high).contains(value));
+        if values.is_empty() {
+            // No step that is left asks for it.
+            values.push(0.0);
         }
-        (Infix::Subtract, Meaning::Constant(constant), Meaning::Linear(linear)) => {
-            let turned = Linear { scale: -linear.scale, offset: -linear.offset, ..linear };
-            scaled(Infix::Add, turned, constant)
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        values.extend(only.is_none().then_some(f64::NAN));
+        let is_known = match only {
+            Some(Op::Signal(input) | Op::Own { input, .. }) => input.is_always_known(),
+            Some(Op::InState { .. }) => true,
+            _ => false,
+        };
+        values.into_iter().map(Some).chain((!is_known).then_some(None)).collect()
+    }
+
+    /// What the steps can come to where the terms are these.
+    fn truths(&self, values: &[Option<f64>]) -> Vec<Truth> {
+        let mut stack = Vec::new();
+        for step in &self.steps {
+            let mut pop = || stack.pop().unwrap_or(UNKNOWN);
+            let truth = match *step {
+                Step::Known(truth) => known(truth),
+                Step::Is(term) => values[term].map_or(UNKNOWN, |is| known(is != 0.0)),
+                Step::Compares { term, comparison, at, margin } => match values[term] {
+                    None => UNKNOWN,
+                    Some(value) if margin > 0.0 && (value - at).abs() <= margin => TRUE | FALSE,
+                    Some(value) => known(comparison.of(value, at)),
+                },
+                Step::Not => not(pop()),
+                Step::And => and(pop(), pop()),
+                Step::Or => or(pop(), pop()),
+                Step::Same => {
+                    let (a, b) = (pop(), pop());
+                    or(and(a, b), and(not(a), not(b)))
+                }
+            };
+            stack.push(truth);
         }
-        _ => Meaning::Number,
+        stack
     }
 }
 
-/// A linear term with a constant added, subtracted, multiplied or divided by.
-fn scaled(infix: Infix, linear: Linear, constant: f64) -> Meaning {
-    let Linear { scale, offset, .. } = linear;
-    let (scale, offset) = match infix {
-        Infix::Add => (scale, offset + constant),
-        Infix::Subtract => (scale, offset - constant),
-        Infix::Multiply => (scale * constant, offset * constant),
-        Infix::Divide => (scale / constant, offset / constant),
-        _ => return Meaning::Number,
+/// The same operations, which two expressions can share.
+fn without_names(ops: &[Op]) -> Vec<Op> {
+    let bare = |op: &Op| match *op {
+        Op::Own { input, measures, .. } => Op::Own { name: 0, input, measures },
+        Op::Named { value, .. } => Op::Number(value),
+        Op::InState { machine, first, last, .. } => Op::InState { name: 0, machine, first, last },
+        other => other,
     };
-    // Each step rounds by at most 1e3 * 2^-53, which comes to less than the margin after division
-    // by the scale.
-    let steps = linear.steps + 1;
-    let sound = steps <= 4 && (1e-3..=1e3).contains(&scale.abs()) && offset.abs() <= 1e3;
-    if sound { Meaning::Linear(Linear { scale, offset, steps, ..linear }) } else { Meaning::Number }
+    ops.iter().map(bare).collect()
 }
 
-/// What a comparison of a number that is not constant with one that is claims.
-fn bounded(
-    comparison: Comparison,
-    number: &Meaning,
-    operand: &[Op],
-    bound: f64,
-    whole: &[Op],
-) -> Claims {
-    let Meaning::Linear(linear) = number else {
-        // The piece may come to NaN, where the opposite comparison fails too.
-        let term = Term::Piece(operand.to_vec());
-        let holds = vec![vec![(term, Set::of(comparison, bound, 0.0))]];
-        return Claims { holds, ..Claims::piece(whole) };
-    };
-    let term = Term::Input(linear.input);
-    let turned = if linear.scale < 0.0 { comparison.turned() } else { comparison };
-    let at = (bound - linear.offset) / linear.scale;
-    let margin = if linear.steps == 0 {
-        0.0
-    } else {
-        MARGIN * (1.0 + at.abs() + (linear.offset / linear.scale).abs())
-    };
-    if at.is_nan() || margin.is_nan() {
-        return Claims::piece(whole);
+impl Linear {
+    fn constant(value: f64) -> Self {
+        Self { term: None, scale: 0.0, offset: value, steps: 0 }
     }
-    Claims::term(term, Set::of(turned, at, margin), Set::of(turned.negated(), at, margin))
+
+    /// A signal, or a piece as it stands.
+    fn of(piece: &[Op]) -> Self {
+        Self { term: Some(without_names(piece)), scale: 1.0, offset: 0.0, steps: 0 }
+    }
+
+    /// A sum, difference, product or quotient, where it is linear too.
+    fn with(self, infix: Infix, other: Self) -> Option<Self> {
+        let (scale, offset) = match (infix, &self.term, &other.term) {
+            (Infix::Add | Infix::Subtract, Some(_), Some(_)) => return None,
+            (Infix::Add, ..) => (self.scale + other.scale, self.offset + other.offset),
+            (Infix::Subtract, ..) => (self.scale - other.scale, self.offset - other.offset),
+            (Infix::Multiply, _, None) => (self.scale * other.offset, self.offset * other.offset),
+            (Infix::Multiply, None, _) => (other.scale * self.offset, other.offset * self.offset),
+            (Infix::Divide, _, None) => (self.scale / other.offset, self.offset / other.offset),
+            _ => return None,
+        };
+        let steps = self.steps + other.steps + 1;
+        let Some(term) = self.term.or(other.term) else { return Some(Self::constant(offset)) };
+        // Each step rounds by at most 1e3 * 2^-53, which comes to less than the margin after
+        // division by the scale.
+        let sound = steps <= 4 && (1e-3..=1e3).contains(&scale.abs()) && offset.abs() <= 1e3;
+        sound.then_some(Self { term: Some(term), scale, offset, steps })
+    }
 }
 
 impl Comparison {
@@ -320,128 +328,27 @@ impl Comparison {
             same => same,
         }
     }
-
-    /// What holds where it does not, unless one side is NaN.
-    fn negated(self) -> Self {
-        match self {
-            Self::Less => Self::GreaterOrEqual,
-            Self::LessOrEqual => Self::Greater,
-            Self::Greater => Self::LessOrEqual,
-            Self::GreaterOrEqual => Self::Less,
-            Self::Equal => Self::NotEqual,
-            Self::NotEqual => Self::Equal,
-        }
-    }
 }
 
-impl Set {
-    const ALL: Self = Self {
-        low: f64::NEG_INFINITY,
-        low_open: false,
-        high: f64::INFINITY,
-        high_open: false,
-        except: Vec::new(),
-        margin: 0.0,
-    };
+/// What a condition can come to: some of these.
+type Truth = u8;
+const TRUE: Truth = 1;
+const FALSE: Truth = 2;
+const UNKNOWN: Truth = 4;
 
-    fn point(at: f64) -> Self {
-        Self { low: at, high: at, ..Self::ALL }
-    }
-
-    /// The numbers that compare so with `bound`.
-    fn of(comparison: Comparison, bound: f64, margin: f64) -> Self {
-        let all = Self { margin, ..Self::ALL };
-        match comparison {
-            Comparison::Less => Self { high: bound, high_open: true, ..all },
-            Comparison::LessOrEqual => Self { high: bound, ..all },
-            Comparison::Greater => Self { low: bound, low_open: true, ..all },
-            Comparison::GreaterOrEqual => Self { low: bound, ..all },
-            Comparison::Equal => Self { low: bound, high: bound, ..all },
-            Comparison::NotEqual => Self { except: vec![bound], ..all },
-        }
-    }
-
-    #[expect(clippy::float_cmp, reason = "equal ends of intervals are the very same number")]
-    fn and(&self, other: &Self) -> Self {
-        let (low, low_open) = match self.low == other.low {
-            true => (self.low, self.low_open || other.low_open),
-            false if self.low > other.low => (self.low, self.low_open),
-            false => (other.low, other.low_open),
-        };
-        let (high, high_open) = match self.high == other.high {
-            true => (self.high, self.high_open || other.high_open),
-            false if self.high < other.high => (self.high, self.high_open),
-            false => (other.high, other.high_open),
-        };
-        let except = [self.except.as_slice(), &other.except].concat();
-        Self { low, low_open, high, high_open, except, margin: self.margin.max(other.margin) }
-    }
-
-    #[expect(clippy::float_cmp, reason = "equal ends of intervals are the very same number")]
-    fn is_empty(&self) -> bool {
-        let margin = 2.0 * self.margin;
-        let hole = self.low_open || self.high_open || self.except.contains(&self.low);
-        self.low > self.high + margin || (margin == 0.0 && self.low == self.high && hole)
-    }
-
-    /// True where each of its numbers is in `wider` too.
-    #[expect(clippy::float_cmp, reason = "equal ends of intervals are the very same number")]
-    fn is_within(&self, wider: &Self) -> bool {
-        let margin = self.margin + wider.margin;
-        let exact = margin == 0.0;
-        let low = wider.low == f64::NEG_INFINITY && !wider.low_open
-            || wider.low + margin < self.low
-            || exact && wider.low == self.low && (self.low_open || !wider.low_open);
-        let high = wider.high == f64::INFINITY && !wider.high_open
-            || wider.high - margin > self.high
-            || exact && wider.high == self.high && (self.high_open || !wider.high_open);
-        let holes = wider.except.iter().all(|hole| {
-            hole + margin < self.low
-                || hole - margin > self.high
-                || exact
-                    && (*hole == self.low && self.low_open || *hole == self.high && self.high_open)
-                || exact && self.except.contains(hole)
-        });
-        low && high && holes
-    }
+fn known(truth: bool) -> Truth {
+    if truth { TRUE } else { FALSE }
 }
 
-impl Term {
-    /// The values it can have.
-    fn domain(&self) -> Set {
-        match self {
-            Self::Input(input) => input.word().map_or(Set::ALL, |word| Set {
-                low: word.domain.0,
-                high: word.domain.1,
-                ..Set::ALL
-            }),
-            Self::Piece(_) => Set::ALL,
-        }
-    }
+fn not(a: Truth) -> Truth {
+    (a & TRUE) << 1 | (a & FALSE) >> 1 | a & UNKNOWN
 }
 
-fn together(left: &Case, right: &Case) -> Case {
-    let mut case = left.clone();
-    for (term, set) in right {
-        match case.iter_mut().find(|(known, _)| known == term) {
-            Some((_, known)) => *known = known.and(set),
-            None => case.push((term.clone(), set.clone())),
-        }
-    }
-    case
+fn and(a: Truth, b: Truth) -> Truth {
+    let neither_fails = a & !FALSE != 0 && b & !FALSE != 0;
+    a & b & TRUE | (a | b) & FALSE | if neither_fails { (a | b) & UNKNOWN } else { 0 }
 }
 
-fn is_impossible(case: &Case) -> bool {
-    case.iter().any(|(term, set)| set.and(&term.domain()).is_empty())
-}
-
-/// True where all that `wider` asks for is so in `case`; what `wider` needs to know must be known
-/// there.
-fn is_within(case: &Case, wider: &Case) -> bool {
-    wider.iter().all(|(term, set)| match case.iter().find(|(known, _)| known == term) {
-        Some((_, known)) => known.and(&term.domain()).is_within(set),
-        None => {
-            matches!(term, Term::Input(q) if q.is_always_known()) && term.domain().is_within(set)
-        }
-    })
+fn or(a: Truth, b: Truth) -> Truth {
+    not(and(not(a), not(b)))
 }

@@ -10,7 +10,7 @@ use super::{Comparison, Expression, Infix, Kind, Misreading, Mistake, Op, Vocabu
 use crate::behavior::blackboard::MAX_PIDS;
 use crate::behavior::signals::{Input, Signal, words};
 use crate::document::nearest;
-use crate::senses::Channel;
+use crate::senses::{Channel, Unit};
 
 /// How strongly `not` and a leading `-` hold their operand; operators are in [`power`].
 const NOT_POWER: u8 = 5;
@@ -330,7 +330,7 @@ impl<'p> Parser<'p, '_> {
         }
         if let Some(motor) = name.strip_prefix("motor.").filter(|motor| is_plain(motor)) {
             return match self.vocabulary.motors.place(motor) {
-                Ok(at) => self.sensed(name, Channel::MOTORS[usize::from(at)], place),
+                Ok(at) => self.sensed(name, Channel::MOTORS[usize::from(at)], None, place),
                 Err(mistake) => {
                     let hint = self.vocabulary.motors.hint(motor);
                     self.unusable(place, mistake, Some(hint))
@@ -340,9 +340,12 @@ impl<'p> Parser<'p, '_> {
         if let Some(sensor) = name.strip_prefix("sensor.").filter(|sensor| is_plain(sensor)) {
             return match self.vocabulary.sensors.place(sensor) {
                 Ok(at) => {
-                    let (_, place) =
-                        self.sensed(name, Channel::SENSORS[usize::from(at)], place.clone());
-                    (self.vocabulary.measures(at), place)
+                    let measures = self.vocabulary.measures(at);
+                    let channel = Channel::SENSORS[usize::from(at)];
+                    let (_, place) = self.sensed(name, channel, measures, place);
+                    let is_truth = |channel: Channel| channel.quantity().unit == Unit::Truth;
+                    let kind = |truth| if truth { Kind::Truth } else { Kind::Number };
+                    (measures.map(is_truth).map(kind), place)
                 }
                 Err(mistake) => {
                     let hint = self.vocabulary.sensors.hint(sensor);
@@ -352,7 +355,7 @@ impl<'p> Parser<'p, '_> {
         }
         let own = self.vocabulary.numbers.get(name).copied();
         if let Some(variable) = self.vocabulary.variable(name) {
-            return self.own(name, Input::Variable(variable), place);
+            return self.own(name, Input::Variable(variable), None, place);
         }
         let known = || values().find(|(known, _)| *known == name).map(|(_, value)| value);
         if let Some(value) = own.or_else(known) {
@@ -367,13 +370,25 @@ impl<'p> Parser<'p, '_> {
         self.unusable(place, Mistake::UnknownName(shortened(name)), hint)
     }
 
-    fn sensed(&mut self, name: &str, channel: Channel, place: Range<usize>) -> Typed {
-        self.own(name, Input::Signal(Signal::Sensed(channel)), place)
+    fn sensed(
+        &mut self,
+        name: &str,
+        channel: Channel,
+        measures: Option<Channel>,
+        place: Range<usize>,
+    ) -> Typed {
+        self.own(name, Input::Signal(Signal::Sensed(channel)), measures, place)
     }
 
-    fn own(&mut self, name: &str, input: Input, place: Range<usize>) -> Typed {
+    fn own(
+        &mut self,
+        name: &str,
+        input: Input,
+        measures: Option<Channel>,
+        place: Range<usize>,
+    ) -> Typed {
         let name = self.remember(name);
-        self.push(Op::Own { name, input }, Kind::Number, place)
+        self.push(Op::Own { name, input, measures }, Kind::Number, place)
     }
 
     /// Puts an operator behind its two operands and says what they come to.

@@ -7,6 +7,7 @@ use crate::senses::Unit;
 /// A comparison with a number out of a signal's reach.
 #[derive(Debug)]
 pub(in crate::behavior) struct Beyond {
+    name: String,
     signal: Word,
     number: f64,
 }
@@ -31,8 +32,8 @@ impl Beyond {
 
     /// What the signal can be.
     fn domain(&self) -> String {
-        let (name, (least, most)) = (self.signal.name, self.signal.reach());
-        format!("`{name}` is {}, from {least} to {most}", unit(self.signal.unit()).0)
+        let (least, most) = self.signal.reach();
+        format!("`{}` is {}, from {least} to {most}", self.name, unit(self.signal.unit()).0)
     }
 
     /// The number in the signal's unit, if it was meant in one that people use for the same.
@@ -68,26 +69,29 @@ impl Expression {
             let (one, rest) = operand(&self.ops[at..])?;
             let (other, rest) = operand(rest)?;
             let Some(Op::Infix(Infix::Compare(_))) = rest.first() else { return None };
-            let (signal, number) = match (one, other) {
-                (Operand::Signal(signal), Operand::Number(number))
-                | (Operand::Number(number), Operand::Signal(signal)) => (signal, number),
+            let (op, signal, number) = match (one, other) {
+                (Operand::Signal(op, signal), Operand::Number(number))
+                | (Operand::Number(number), Operand::Signal(op, signal)) => (op, signal, number),
                 _ => return None,
             };
             let (least, most) = signal.reach();
-            (number < least || number > most).then_some(Beyond { signal, number })
+            let beyond = || Beyond { name: self.name_of(op), signal, number };
+            (number < least || number > most).then(beyond)
         })
     }
 }
 
 enum Operand {
-    Signal(Word),
+    Signal(Op, Word),
     Number(f64),
 }
 
 /// A signal or a number at the beginning of some operations, and what follows it.
 fn operand(ops: &[Op]) -> Option<(Operand, &[Op])> {
     match *ops {
-        [Op::Signal(input), ref rest @ ..] => Some((Operand::Signal(input.word()?), rest)),
+        [op @ (Op::Signal(_) | Op::Own { .. }), ref rest @ ..] => {
+            Some((Operand::Signal(op, op.word()?), rest))
+        }
         [Op::Number(value) | Op::Named { value, .. }, Op::Negate, ref rest @ ..] => {
             Some((Operand::Number(-value), rest))
         }

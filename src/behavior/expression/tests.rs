@@ -399,7 +399,11 @@ fn what_a_condition_claims_is_found() {
         ("range_m >= 0", "touch", false),
         ("x_m * x_m + y_m * y_m < 4", "x_m * x_m + y_m * y_m < 1", true),
         ("x_m * x_m < 1", "x_m * y_m < 1", false),
-        ("not (x_m / y_m < 4)", "x_m / y_m >= 4", false),
+        ("not (x_m / y_m < 4)", "x_m / y_m >= 4", true),
+        // Where both are 0 neither comparison holds.
+        ("x_m / y_m >= 4", "not (x_m / y_m < 4)", false),
+        ("drive.state == turn", "touch and drive.state == turn", true),
+        ("sensor.eye < 0.5", "sensor.eye < 0.25 and touch", true),
         ("x_m < y_m", "x_m < y_m and touch", true),
     ] {
         let (first, second) = (Claims::of(&condition(earlier)), Claims::of(&condition(later)));
@@ -422,6 +426,8 @@ fn conditions_that_cannot_hold_or_cannot_fail_are_found() {
         ("range_m < 1", false, false),
         ("state_turn_deg > 400", false, false),
         ("time_limit_s < 1", true, false),
+        // Of an unknown robot, whose sensor may be a touch sensor.
+        ("time_s > 3 and sensor.eye", false, false),
     ] {
         let claims = Claims::of(&condition(text));
         assert_eq!((claims.is_never(), claims.is_always()), (never, always), "{text}");

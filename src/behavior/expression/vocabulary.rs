@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-use super::Kind;
 use super::function::FUNCTIONS;
 use super::mistake::Mistake;
 use crate::behavior::signals::{Capabilities, words};
 use crate::behavior::{MAX_MOTORS, MAX_SENSORS};
 use crate::document::nearest;
-use crate::senses::{QUANTITIES, Quantity, Unit};
+use crate::senses::{Channel, QUANTITIES, Quantity};
 
 /// With more names than this the nearest one is not looked for: it would take longer than reading
 /// the file.
@@ -84,13 +83,10 @@ impl<'c> Vocabulary<'c> {
         }
     }
 
-    /// Whether a named sensor gives a number or a truth, by its place; `None` where the robot is
-    /// not known.
-    pub(super) fn measures(&self, place: u8) -> Option<Kind> {
+    /// What a named sensor measures, by its place; `None` where the robot is not known.
+    pub(super) fn measures(&self, place: u8) -> Option<Channel> {
         let sensors = self.capabilities.sensors.as_ref()?;
-        let (_, measures) = sensors.get(usize::from(place))?;
-        let is_truth = measures.quantity().unit == Unit::Truth;
-        Some(if is_truth { Kind::Truth } else { Kind::Number })
+        sensors.get(usize::from(place)).map(|(_, measures)| *measures)
     }
 
     /// The nearest name to one that is not known, of `names` and, where they are few, of all that

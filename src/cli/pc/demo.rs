@@ -191,8 +191,8 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
     let (world, _) = World::parse(&world.name, world.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let run = &loaded.run;
-    let mut distances: Vec<f64> = run
-        .points
+    let points = run.points_now();
+    let mut distances: Vec<f64> = points
         .iter()
         .map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m))
         .collect();
@@ -203,7 +203,7 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
     let near_wall = (!distances.is_empty()).then(|| near as f64 / distances.len() as f64);
     let start = run.info.as_ref().map(|info| info.start_pose).unwrap_or_default();
     let walls = world.echoing_walls(start.x_m, start.y_m, reach_m(run));
-    let coverage = covered(&walls, run.points.iter().map(|point| [point.x_m, point.y_m]), NEAR_M);
+    let coverage = covered(&walls, points.iter().map(|point| [point.x_m, point.y_m]), NEAR_M);
     let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();
     let truth = run.ending.as_ref().and_then(|ending| ending.truth).unwrap_or(believed);
     Ok(Quality {

@@ -71,10 +71,10 @@ pub(super) fn track_width(
             widths.push(width_m(&spin, circumference_m, spin.gyro_rad()));
         }
     }
-    let mut measured = Measured::of(before_m, [&left, &right]);
+    let measured = Measured::of(before_m, [&left, &right]);
     if !is_marked(dialogue, options)? {
-        measured.unseen = GYRO_UNSEEN;
-        return Ok((measured, None));
+        let measured = measured.scaled(stage.config().gyro_scale, 0.0);
+        return Ok((Measured { unseen: GYRO_UNSEEN, ..measured }, None));
     }
     let [left, right] = marked_spins(stage, dialogue, 1)?;
     let scales: Vec<f64> =

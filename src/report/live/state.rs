@@ -1,9 +1,12 @@
 //! What the live page is sent: one form, each part of which is there where its source is.
 
+use std::collections::VecDeque;
+
 use serde_json::{Map, Value, json};
 
 use super::{Sources, Wish};
 use crate::clock::{PacedClock, seconds};
+use crate::mapping::Pose;
 use crate::printable;
 use crate::recording::{Followed, Grid, Run, Status, StopReason};
 use crate::runtime::Event;
@@ -15,6 +18,9 @@ const LEAST_STEP_M: f64 = 0.004;
 
 /// A map's cell counts as occupied from here on, percent: as map servers of ROS have it.
 const OCCUPIED_PCT: i8 = 65;
+
+/// The most places of the path ahead of the recording that are kept: more than come in a sync.
+const MOST_AHEAD: usize = 64;
 
 /// The paces that a person can choose: the word that is posted, and how many times faster than on
 /// the wall.
@@ -63,6 +69,8 @@ pub(super) struct Session {
     followed: Option<Followed>,
     /// What the run itself said last, which is newer than its recording.
     told: Option<Status>,
+    /// Where the robot was by what the run said, while its recording has not come so far.
+    ahead: VecDeque<(i64, Pose)>,
     /// What the run itself said of how far it is; none where only its recording is known.
     phase: Option<Phase>,
     note: String,
@@ -158,6 +166,10 @@ impl Session {
     }
 
     pub(super) fn hear_status(&mut self, status: &Status) {
+        if self.ahead.len() == MOST_AHEAD {
+            self.ahead.pop_front();
+        }
+        self.ahead.push_back((status.time_ns, status.pose));
         self.told = Some(status.clone());
     }
 
@@ -273,6 +285,12 @@ impl Session {
             put("mission", json!(run.info.as_ref().map(|info| &info.mission)));
             put("brick", json!(run.info.as_ref().map(|info| &info.brick)));
             put("path", json!(path(run, &mut next.poses)));
+            let recorded_ns = run.poses.last().map_or(i64::MIN, |pose| pose.time_ns);
+            let is_ahead =
+                |(time_ns, pose): &&(i64, Pose)| *time_ns > recorded_ns && pose.is_finite();
+            let ahead = self.ahead.iter().filter(is_ahead);
+            let places = ahead.flat_map(|(_, pose)| [pose.x_m, pose.y_m]).map(|m| round(m, 1e3));
+            put("ahead", json!(places.collect::<Vec<f64>>()));
             let points = fresh(&run.points, &mut next.points).iter();
             let finite = points.filter(|point| point.x_m.is_finite() && point.y_m.is_finite());
             let places = finite.flat_map(|point| [point.x_m, point.y_m]).map(|m| round(m, 1e3));
@@ -384,6 +402,26 @@ mod tests {
         let state: Value = serde_json::from_str(&session.state(Cursor::default())).unwrap();
         assert_eq!((&state["session"], &state["run"]["phase"]), (&json!(1), &json!("driving")));
         assert_eq!((state.get("room"), state.get("sim"), state.get("pace")), (None, None, None));
+    }
+
+    #[test]
+    fn a_path_is_as_new_as_what_the_run_says_where_its_recording_lags() {
+        let recording = Some("/nowhere/run.mcap".into());
+        let mut session = Session::default().next(Sources { recording, ..Sources::default() });
+        for at in 1..=100 {
+            let x_m = 0.01 * f64::from(at);
+            let pose = Pose { x_m, y_m: -x_m, heading_rad: 0.0 };
+            let status = Status { time_ns: i64::from(at), pose, ..Status::default() };
+            session.hear_status(&status);
+        }
+        let mut ahead = || {
+            let state: Value = serde_json::from_str(&session.state(Cursor::default())).unwrap();
+            let ahead = state["run"]["ahead"].as_array().unwrap().clone();
+            (ahead.len(), ahead.last().cloned())
+        };
+        assert_eq!(ahead(), (2 * MOST_AHEAD, Some(json!(-1.0))));
+        // It is sent again until the recording has it: the path that came before stays.
+        assert_eq!(ahead(), (2 * MOST_AHEAD, Some(json!(-1.0))));
     }
 
     #[test]

@@ -5,60 +5,7 @@ use std::ffi::c_long;
 
 use nix::errno::Errno;
 
-/// The buttons of the brick, by the kernel's key codes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Button {
-    /// KEY_BACKSPACE.
-    Back,
-    /// KEY_ENTER.
-    Enter,
-    /// KEY_UP.
-    Up,
-    /// KEY_LEFT.
-    Left,
-    /// KEY_RIGHT.
-    Right,
-    /// KEY_DOWN.
-    Down,
-}
-
-impl Button {
-    /// Every button.
-    pub const ALL: [Self; 6] =
-        [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
-
-    /// Its name in orders and on the page.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Back => "back",
-            Self::Enter => "enter",
-            Self::Up => "up",
-            Self::Left => "left",
-            Self::Right => "right",
-            Self::Down => "down",
-        }
-    }
-
-    /// The button with a name; `None` if there is none.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|button| button.as_str() == name)
-    }
-
-    /// The kernel's key code.
-    #[must_use]
-    pub fn code(self) -> u16 {
-        match self {
-            Self::Back => 14,
-            Self::Enter => 28,
-            Self::Up => 103,
-            Self::Left => 105,
-            Self::Right => 106,
-            Self::Down => 108,
-        }
-    }
-}
+use crate::ev3dev::Button;
 
 // From `linux/input-event-codes.h`.
 const EV_SYN: u16 = 0;

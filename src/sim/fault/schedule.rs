@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use super::{Act, DeviceFault, FaultError, Order, Port, Scenario};
+use crate::ev3dev::Button;
 use crate::sim::brick::Brick;
-use crate::sim::driver::input::Button;
 use crate::sim::physics::{Fault, Physics};
 use crate::units::radians;
 

@@ -7,9 +7,9 @@ use std::time::Duration;
 use nix::errno::Errno;
 
 use super::{brick_of, copy, wait};
-use crate::ev3dev::{Access, AttributeFile};
+use crate::ev3dev::{Access, AttributeFile, Button};
 use crate::sim::brick::Brick;
-use crate::sim::driver::input::{Button, EventLayout, Events};
+use crate::sim::driver::input::{EventLayout, Events};
 use crate::sim::simulation::Shared;
 
 /// The input devices of a brick.

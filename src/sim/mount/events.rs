@@ -5,7 +5,7 @@
 
 use nix::errno::Errno;
 
-use crate::sim::driver::input::Button;
+use crate::ev3dev::Button;
 use crate::sim::files::{Device, StreamFile};
 
 /// Every ioctl of an input device has this as its second byte.

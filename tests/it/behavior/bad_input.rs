@@ -55,6 +55,30 @@ fn a_file_cut_anywhere_is_read_or_refused() {
     }
 }
 
+#[test]
+fn a_named_sensor_has_the_hints_of_what_it_measures() {
+    let sensors = [("back", Channel::Range), ("eye", Channel::Reflect), ("tail", Channel::Touch)];
+    let sensors = sensors.map(|(name, measures)| (name.to_owned(), measures));
+    let robot = Capabilities { sensors: Some(sensors.to_vec()), ..Capabilities::all() };
+    for (when, told) in [
+        ("sensor.back < 25", "`sensor.back` is in metres, from 0 to 2.55, and 25 is beyond"),
+        ("sensor.back < 25", "25 cm are 0.25"),
+        ("sensor.eye > 101", "this condition can never hold"),
+        ("sensor.eye > 101", "`sensor.eye` is in percent, from 0 to 100"),
+        ("not sensor.tail and sensor.tail", "this condition can never hold"),
+    ] {
+        let text = format!(
+            "name = \"m\"\n[machine.m]\nstart = \"a\"\n[machine.m.state.a]\nnext = [{{ when = \
+             \"{when}\", go = \"b\" }}, {{ when = \"state_s > 1\", go = \"b\" }}]\n\
+             [machine.m.state.b]\nnext = [{{ when = \"true\", go = \"a\" }}]\n"
+        );
+        let found = match Mission::parse("mission.toml", text.as_bytes(), &robot) {
+            Ok((_, findings)) | Err(findings) => findings.to_string(),
+        };
+        assert!(found.contains(told), "{found}\ndoes not have: {told}");
+    }
+}
+
 /// `count` states in a ring, each with what `state` gives for its number.
 fn ring(count: usize, state: impl Fn(usize) -> String) -> String {
     let mut text = "name = \"ring\"\n[machine.m]\nstart = \"s0\"\n".to_owned();

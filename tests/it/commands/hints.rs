@@ -38,6 +38,29 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
 }
 
 #[test]
+fn all_that_is_not_plugged_in_is_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let world = onbrick::sim::World::text("arena").unwrap();
+    for (ports, told) in [
+        ("in1 = \"none\"\nin4 = \"none\"\n", &["range", "gyro"][..]),
+        ("outB = \"none\"\noutA = \"none\"\nin4 = \"none\"\n", &["drive.left", "head", "gyro"]),
+        ("in4 = \"none\"\n", &["gyro"]),
+    ] {
+        let world = format!("{world}\n[robot.ports]\n{ports}");
+        std::fs::write(folder.path().join("bare.toml"), world).unwrap();
+        let arguments = ["run", "map", "--sim", "bare.toml"];
+        let output = onbrick(folder.path(), &arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(3), "{ports}: {said}");
+        for part in told {
+            assert_eq!(said.matches(&format!("{part}: no ")).count(), 1, "{part}: {said}");
+        }
+        assert_eq!(said.matches(": no ").count(), told.len(), "{said}");
+        assert_eq!(said.matches("plug it in there").count(), 1, "{said}");
+    }
+}
+
+#[test]
 fn a_part_that_the_robot_lacks_is_told_once_however_often_it_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("blind.toml"), TWO_WHEELS).unwrap();

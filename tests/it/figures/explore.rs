@@ -115,7 +115,8 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
     let run = played.run();
     let start = world.starts()[0];
     let walls = world.echoing_walls(start.x_m, start.y_m, 2.0);
-    let points = run.points.iter().map(|point| [point.x_m, point.y_m]);
+    let placed = run.points_now();
+    let points = placed.iter().map(|point| [point.x_m, point.y_m]);
     let is_near =
         |point: &&MapPoint| world.distance_to_nearest_surface(point.x_m, point.y_m) < NEAR_M;
     let from_start = |x_m: f64, y_m: f64, heading_rad: f64| {
@@ -129,7 +130,7 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
     });
     Figures {
         coverage: covered(&walls, points, NEAR_M).expect("there are walls"),
-        near: run.points.iter().filter(is_near).count() as f64 / run.points.len() as f64,
+        near: placed.iter().filter(is_near).count() as f64 / placed.len() as f64,
         home: [
             from_start(truth.x_m, truth.y_m, truth.heading_rad),
             from_start(believed.x_m, believed.y_m, believed.heading_rad),

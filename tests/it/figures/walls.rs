@@ -190,11 +190,13 @@ fn figures_of_walls_in_simulated_rooms() {
             for seed in 4..=if is_long { 8 } else { 4 } {
                 let run = play(|file| job("explore", &robot(), (name, &text), seed, file)).run();
                 let place = |time_ns, x_m, y_m| MapPoint { time_ns, x_m, y_m };
-                let poses = run.poses.iter();
-                let path: Vec<MapPoint> =
-                    poses.map(|at| place(at.time_ns, at.pose.x_m, at.pose.y_m)).collect();
-                let found = walls(&Sight::of(&run.points, &path));
-                let points: Vec<[f64; 2]> = run.points.iter().map(|p| [p.x_m, p.y_m]).collect();
+                let path: Vec<MapPoint> = run
+                    .path_now()
+                    .map(|(time_ns, pose)| place(time_ns, pose.x_m, pose.y_m))
+                    .collect();
+                let placed = run.points_now();
+                let found = walls(&Sight::of(&placed, &path));
+                let points: Vec<[f64; 2]> = placed.iter().map(|p| [p.x_m, p.y_m]).collect();
                 figures.add(&judge(&found, &points, &truth, &samples));
                 let [offset, direction] = deviations(&found, &truth);
                 off[0].extend(offset);

@@ -10,7 +10,7 @@ use super::{Played, ROBOT, job, play};
 use crate::support::promised::promised;
 
 /// How many seeds each figure is of.
-const SEEDS: u64 = 20;
+pub const SEEDS: u64 = 20;
 
 /// A mission of one machine whose states' `do` are these, one after the other, each until it is
 /// done.
@@ -28,10 +28,10 @@ pub fn steps(steps: &[&str]) -> String {
     text + "[machine.m.state.end]\n"
 }
 
-fn played(mission: &str, seed: u64) -> Played {
+pub fn played(mission: &str, robot: &str, seed: u64) -> Played {
     let world = World::text("open").unwrap();
     let played = play(|file| {
-        let mut job = job("square", ROBOT, ("open", world), seed, file);
+        let mut job = job("square", robot, ("open", world), seed, file);
         mission.clone_into(&mut job.mission.text);
         job
     });
@@ -39,21 +39,25 @@ fn played(mission: &str, seed: u64) -> Played {
     played
 }
 
+/// Where the robot truly stands at the end.
+pub fn true_end(played: &Played) -> Pose {
+    let truth = played.truths.last().unwrap();
+    Pose { x_m: truth.x_m, y_m: truth.y_m, heading_rad: truth.heading_rad }
+}
+
+/// How far a pose is from a wanted one, metres and degrees.
+pub fn miss(pose: Pose, wanted: Pose) -> (f64, f64) {
+    let way_m = libm::hypot(pose.x_m - wanted.x_m, pose.y_m - wanted.y_m);
+    (way_m, degrees(wrap_rad(pose.heading_rad - wanted.heading_rad)).abs())
+}
+
 /// How far the robot's end is from a wanted pose, metres and degrees: by odometry, and truly.
 fn misses(mission: &str, wanted: Pose) -> [(f64, f64); 2] {
-    let miss = |x_m: f64, y_m: f64, heading_rad: f64| {
-        let way_m = libm::hypot(x_m - wanted.x_m, y_m - wanted.y_m);
-        (way_m, degrees(wrap_rad(heading_rad - wanted.heading_rad)).abs())
-    };
     let mut worst = [(0.0_f64, 0.0_f64); 2];
     for seed in 1..=SEEDS {
-        let played = played(mission, seed);
-        let pose = played.run().poses.last().unwrap().pose;
-        let truth = played.truths.last().unwrap();
-        let ends = [
-            miss(pose.x_m, pose.y_m, pose.heading_rad),
-            miss(truth.x_m, truth.y_m, truth.heading_rad),
-        ];
+        let played = played(mission, ROBOT, seed);
+        let ends = [played.run().poses.last().unwrap().pose, true_end(&played)];
+        let ends = ends.map(|pose| miss(pose, wanted));
         for (worst, (way_m, turn_deg)) in worst.iter_mut().zip(ends) {
             *worst = (worst.0.max(way_m), worst.1.max(turn_deg));
         }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Button, Buttons, EV3, LocalTree, Sound, Tree};
-use onbrick::sim::{self, EventLayout, LcdGeometry, Mount, MountOptions, Options, Simulation};
+use onbrick::sim::{EventLayout, LcdGeometry, Mount, MountOptions, Options, Simulation};
 
 use super::bench::{Mounted, await_or_fail, errno, no_fuse};
 use crate::drivers_bench::Bench;
@@ -24,23 +24,23 @@ fn our_own_buttons_and_sound_work_on_the_mount() {
     let Some(mounted) = Mounted::recorded() else { return };
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(mounted.root()));
     let simulation = &mounted.simulation;
-    simulation.press(0, sim::Button::Left).unwrap();
+    simulation.press(0, Button::Left).unwrap();
     let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     assert!(
         buttons.held().contains(Button::Left),
         "held at the start, which only an ioctl can tell"
     );
     assert!(buttons.changes().unwrap().pressed.is_empty());
-    simulation.press(0, sim::Button::Enter).unwrap();
-    simulation.release(0, sim::Button::Left).unwrap();
+    simulation.press(0, Button::Enter).unwrap();
+    simulation.release(0, Button::Left).unwrap();
     let changes = buttons.changes().unwrap();
     assert_eq!(changes.pressed.iter().collect::<Vec<_>>(), [Button::Enter]);
     assert_eq!(changes.released.iter().collect::<Vec<_>>(), [Button::Left]);
     for _ in 0..100 {
-        simulation.press(0, sim::Button::Up).unwrap();
-        simulation.release(0, sim::Button::Up).unwrap();
+        simulation.press(0, Button::Up).unwrap();
+        simulation.release(0, Button::Up).unwrap();
     }
-    simulation.press(0, sim::Button::Down).unwrap();
+    simulation.press(0, Button::Down).unwrap();
     while !buttons.held().contains(Button::Down) {
         buttons.changes().unwrap();
     }
@@ -88,7 +88,7 @@ fn a_reader_waits_for_a_button_and_one_that_may_not_wait_is_told_so() {
             fs::read_to_string(mounted.path("sys/class/tacho-motor/motor0/position")).is_ok(),
             "others do not"
         );
-        mounted.simulation.press(0, sim::Button::Back).unwrap();
+        mounted.simulation.press(0, Button::Back).unwrap();
         let length = EventLayout::NATIVE.length();
         let events = patient.join().unwrap().unwrap();
         assert_eq!(
@@ -103,7 +103,7 @@ fn a_reader_waits_for_a_button_and_one_that_may_not_wait_is_told_so() {
     std::thread::scope(|scope| {
         scope.spawn(|| {
             MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 50 * MILLISECOND_NS);
-            mounted.simulation.release(0, sim::Button::Back).unwrap();
+            mounted.simulation.release(0, Button::Back).unwrap();
         });
         assert_eq!(nix::poll::poll(&mut watched, 5000_u16), Ok(1), "a poll is woken");
     });
@@ -157,7 +157,7 @@ fn a_program_of_the_brick_reads_its_own_layout_of_events() {
     let (mount, _) = Mount::new(&simulation, folder.path(), options).unwrap();
     let mut buttons =
         OpenOptions::new().read(true).open(folder.path().join(EV3.buttons.unwrap())).unwrap();
-    simulation.press(0, sim::Button::Right).unwrap();
+    simulation.press(0, Button::Right).unwrap();
     let mut event = [0; 32];
     buttons.read_exact(&mut event).unwrap();
     assert_eq!(event[8..16], [1, 0, 106, 0, 1, 0, 0, 0]);

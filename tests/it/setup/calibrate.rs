@@ -218,6 +218,15 @@ fn a_marked_turn_takes_out_what_the_gyro_counts_too_much() {
     assert_near("gyro 4 % off, marked", &bench, &robot, &calibration);
     let scale = calibration.gyro_scale.unwrap();
     assert!((1.02..1.06).contains(&scale), "the gyro counts {scale} times what is turned");
+    let text = calibration.apply(&robot).unwrap();
+    let after = load(&Source { name: "robot.toml".to_owned(), text });
+    assert!((after.gyro_scale - scale).abs() < 1e-6, "written: {}", after.gyro_scale);
+    // Measured by the gyro alone, the track width goes by that scale.
+    let unmarked = CalibrateOptions { straight: None, mark: Some(false), ..options };
+    let bench = Bench::new("[robot.errors]\ngyro_scale = 0.04\n", 4);
+    let robot = Source { name: "robot.toml".to_owned(), text: calibration.apply(&robot).unwrap() };
+    let again = measure(&bench, &robot, &unmarked).unwrap();
+    assert_near("gyro 4 % off, known", &bench, &robot, &again);
 }
 
 #[test]
