@@ -106,13 +106,18 @@ find_deb() {
       "an ev3dev image for the EV3, or for a Raspberry Pi 2 or later" ;;
   esac
   local built_by=brick-image/build.sh
-  [ $architecture = armel ] || built_by+=' --for armv7'
+  [ "$architecture" = armel ] || built_by+=' --for armv7'
   [ -n "$deb" ] ||
     deb=$(find "$here/../target/brick" -name "onbrick_*_$architecture.deb" 2>/dev/null |
-      sort -V | tail -n 1)
+      sort -V | tail -n 1) || true
   if [ -z "$deb" ] || [ ! -f "$deb" ]; then
     fail "there is no package ${deb:-for $architecture in target/brick}" "$built_by, which makes it"
   fi
+  case $(basename "$deb") in
+    "onbrick_"*"_$architecture.deb") ;;
+    onbrick_*_arm??.deb) fail "$deb is not for the board of $image: it takes $architecture" \
+      "$built_by" ;;
+  esac
   [ "$(head -c 7 "$deb")" = '!<arch>' ] || fail "$deb is no Debian package" \
     "brick-image/build.sh makes one"
 }

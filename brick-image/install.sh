@@ -95,7 +95,7 @@ case $processor/$architecture in
 esac
 say "found $release"
 [ -n "$deb" ] || deb=$(find "$here/../target/brick" -name "onbrick_*_$architecture.deb" \
-  2>/dev/null | sort -V | tail -n 1)
+  2>/dev/null | sort -V | tail -n 1) || true
 [ -n "$deb" ] || fail "there is no package for $architecture in target/brick" \
   "$built_by, which makes it"
 case $(basename "$deb") in

@@ -1,5 +1,7 @@
 //! onbrick: a runtime that lives on the LEGO EV3 brick under ev3dev.
 //!
+//! It runs on ev3dev's other boards, too: [`ev3dev::Platform`].
+//!
 //! One static file is copied to the brick and there senses, decides, drives and maps by itself; a
 //! network is never inside the control loop. The same program on a PC drives a simulated brick and
 //! draws what was found. As a library it is typed bindings, a behaviour engine, a mapper and the

@@ -12,7 +12,8 @@ use serde::Serialize;
 
 use crate::clock::{Clock, MILLISECOND_NS};
 use crate::ev3dev::{
-    Class, DcMotor, DeviceError, FindError, PortAddress, StopAction, TachoMotor, Tree, devices,
+    Class, DcMotor, DeviceError, FindError, MotorState, PortAddress, StopAction, TachoMotor, Tree,
+    devices,
 };
 
 /// How long a braked motor may roll on, nanoseconds: the large motor's mechanical time constant is
@@ -184,12 +185,17 @@ fn brake(motor: &TachoMotor) -> Result<(), DeviceError> {
 /// The motors that turn; one of which that cannot be read counts as turning, unless it is gone.
 fn turning<'m>(motors: &'m [TachoMotor], clock: &dyn Clock) -> Vec<&'m TachoMotor> {
     let turns = |motor: &&TachoMotor| match motor.speed() {
-        Ok(speed) => speed != 0,
+        Ok(speed) => speed != 0 && !is_held(motor),
         // The PiStorms' driver does not know speeds.
         Err(error) if error.is_absent() => moves(motor, clock),
         Err(error) => !error.is_gone(),
     };
     motors.iter().filter(turns).collect()
+}
+
+/// A motor that cannot be braked holds its place, and rocks about it for a moment.
+fn is_held(motor: &TachoMotor) -> bool {
+    motor.state().is_ok_and(MotorState::is_holding)
 }
 
 /// Whether a motor moves between two looks; one whose position cannot be read counts as moving.
@@ -223,7 +229,7 @@ pub fn watch_still(
     let mut moving = Vec::new();
     for (motor, position) in &before {
         let moved = motor.position()?.wrapping_sub(*position);
-        if moved.abs() > STILL_COUNTS {
+        if moved.abs() > STILL_COUNTS && !is_held(motor) {
             moving.push(format!("{} ({moved} counts)", motor.identity().address));
         }
     }

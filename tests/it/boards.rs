@@ -12,7 +12,7 @@ use onbrick::ev3dev::{
     Tree,
 };
 use onbrick::recording::StopReason;
-use onbrick::robot::{DEFAULT_ROBOT, LeasedMotor, halt, still};
+use onbrick::robot::{DEFAULT_ROBOT, LeasedMotor, halt, still, watch_still};
 use onbrick::runtime::Refused;
 use onbrick::sim::{Options, Simulation, World, WorldPhysics};
 
@@ -330,6 +330,8 @@ fn promise_1_on_each_board_a_lease_ends_by_itself_and_halt_stops_what_turns() {
         assert!(angle_rad(&motor) > stood_rad + 1.0, "{}", platform.name);
         assert_eq!(halt(&bench.tree).unwrap().len(), bench.list("sys/class/tacho-motor").len());
         still(&bench.tree, &[port], &*bench.clock).unwrap();
+        assert_eq!(watch_still(&bench.tree, &*bench.clock, SECOND_NS / 5).unwrap(), [""; 0]);
+        bench.pass(SECOND_NS / 2);
         let stood_rad = angle_rad(&motor);
         bench.pass(SECOND_NS);
         assert!((angle_rad(&motor) - stood_rad).abs() < ROCKS_RAD, "{}", platform.name);

@@ -333,6 +333,67 @@ fn an_image_that_is_not_ev3devs_is_refused_and_left_alone() {
     assert!(std::fs::read(&image).unwrap() == vec![7_u8; 100_000], "it was left alone");
 }
 
+/// Makes an image as ev3dev's, of which there is only what `inject.sh` looks at: `image FOLDER
+/// ARCHITECTURE KERNEL`.
+const TINY_IMAGE: &str = r#"
+cd "$1"
+PATH=$PATH:/usr/sbin:/sbin
+mkdir -p root/etc root/var/lib/dpkg
+echo ev3dev-stretch >root/etc/ev3dev-release
+printf 'Package: base\nArchitecture: all\n\nPackage: dpkg\nArchitecture: %s\n\n' "$2" \
+  >root/var/lib/dpkg/status
+truncate -s 96M image
+printf '2048,16384,c\n18432,,83\n' | sfdisk -q image
+truncate -s 8M boot
+mkfs.vfat boot >/dev/null
+echo kernel >"$3"
+mcopy -i boot "$3" "::$3"
+dd if=boot of=image bs=512 seek=2048 conv=notrunc status=none
+mke2fs -q -t ext4 -d root -E offset=$((18432 * 512)) image $((96 * 1024 - 9216))k
+"#;
+
+#[test]
+fn inject_takes_the_package_for_the_images_board() {
+    for (architecture, kernel, deb, says) in [
+        ("armhf", "kernel7.img", "onbrick_1.2.3_armhf.deb", "put onbrick_1.2.3_armhf.deb into"),
+        ("armel", "uImage", "onbrick_1.2.3_armel.deb", "put onbrick_1.2.3_armel.deb into"),
+        ("armhf", "kernel7.img", "onbrick_1.2.3_armel.deb", "it takes armhf"),
+        ("armhf", "kernel7.img", "", "there is no package for armhf in"),
+        ("amd64", "uImage", "", "for a processor that onbrick is not built for: amd64"),
+        ("armhf", "vmlinuz", "", "there is no kernel for an EV3 (uImage) or a Raspberry Pi 2"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        let made = Command::new("bash")
+            .args(["-euo", "pipefail", "-c", TINY_IMAGE, "image", &path(""), architecture, kernel])
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&made.stderr).into_owned();
+        if text.contains("command not found") {
+            return pass_over(
+                "an image for each board (no mtools, dosfstools, e2fsprogs or fdisk)",
+            );
+        }
+        assert!(made.status.success(), "{text}");
+        // From where no package was built.
+        std::fs::create_dir(path("scripts")).unwrap();
+        std::fs::copy(brick_image().join("inject.sh"), path("scripts/inject.sh")).unwrap();
+        let package = brick_image().join("package").display().to_string();
+        std::os::unix::fs::symlink(package, path("scripts/package")).unwrap();
+        let mut inject = Command::new(path("scripts/inject.sh"));
+        inject.arg(path("image"));
+        if !deb.is_empty() {
+            std::fs::write(path(deb), "!<arch>\n").unwrap();
+            inject.args(["--deb", &path(deb)]);
+        }
+        let said = inject.output().unwrap();
+        let all = [said.stdout, said.stderr].concat();
+        let text = String::from_utf8_lossy(&all);
+        assert!(text.contains(says), "{architecture}, {kernel}, {deb}: {text}");
+        assert_eq!(said.status.success(), says.starts_with("put "), "{text}");
+    }
+}
+
 #[test]
 fn scripts_wait_for_apts_lock_and_name_what_could_not_be_installed() {
     let folder = tempfile::tempdir().unwrap();
