@@ -128,9 +128,7 @@ impl Encoder {
             }
             Entry::Keyframes { time_ns, keyframes } => {
                 let keyframes = keyframes.to_vec();
-                if let Some(surveyed) = &mut self.surveyed {
-                    surveyed.keyframes.clone_from(&keyframes);
-                }
+                self.surveyed.iter_mut().for_each(|all| all.keyframes.clone_from(&keyframes));
                 self.put(Topic::Keyframes, *time_ns, &message::Keyframes { keyframes })
             }
             Entry::Truth { time_ns, pose } => {
@@ -211,9 +209,7 @@ impl Encoder {
             self.range(record)?;
         }
         self.points.extend(record.placed.iter());
-        if let Some(surveyed) = &mut self.surveyed {
-            surveyed.note_pose(&record.estimate);
-        }
+        self.surveyed.iter_mut().for_each(|all| all.note_pose(&record.estimate));
         self.map(record)?;
         self.count(record);
         if time_ns - self.window.start_ns >= STATISTICS_PERIOD_NS {
