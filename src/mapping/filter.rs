@@ -157,7 +157,10 @@ impl Filter {
             for column in 0..=row {
                 self.set(first + row, first + column, self.covariance(row, column));
             }
-            self.by_bias[first + row] = self.bias_derivative(row);
+            let by_bias = self.bias_derivative(row);
+            if let Some(kept) = self.by_bias.get_mut(first + row) {
+                *kept = by_bias;
+            }
         }
     }
 
