@@ -9,8 +9,8 @@
 //! # What it comes to
 //!
 //! Points within 5 cm of a wall, as placed and as moved, exploring with the usual errors of gyro
-//! and wheels, two runs each (`cargo test --test it figures::explore -- --nocapture`): `arena` 83 and
-//! 84 %, `rooms` 71 and 77, a passage 72 and 81, slanted blocks 69 and 85, pillars 66 and 64.
+//! and wheels, two runs each (`cargo test --test it figures::explore -- --nocapture`): `arena` 83
+//! and 84 %, `rooms` 71 and 77, a passage 72 and 81, slanted blocks 69 and 85, pillars 66 and 64.
 //! Without such errors nothing changes by more than 3 points.
 //!
 //! # Not here

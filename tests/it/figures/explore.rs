@@ -199,7 +199,8 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
     };
     println!(
         "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs); points \
-         under 5 cm {:.0} %, moved {:.0} %; home by truth {:.0} %, by odometry {:.0} %; {} collisions, {} stalls",
+         under 5 cm {:.0} %, moved {:.0} %; home by truth {:.0} %, by odometry {:.0} %; {} \
+         collisions, {} stalls",
         summary.coverage * 100.0,
         share(&|figures| figures.coverage >= 0.95) * 100.0,
         summary.near[0] * 100.0,
