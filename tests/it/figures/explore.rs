@@ -218,8 +218,8 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
 fn figures_of_explore() {
     let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
     println!(
-        "explore: coverage, points under 5 cm as placed, as moved, %; home by truth, by odometry: cm, degrees; \
-         collisions above 5 cm/s, stalls; s"
+        "explore: coverage, points under 5 cm as placed, as moved, %; home by truth, by \
+         odometry: cm, degrees; collisions above 5 cm/s, stalls; s"
     );
     let mut near = [0.0; 2];
     let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
