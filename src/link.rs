@@ -110,7 +110,7 @@ pub mod discover;
 mod held;
 pub mod keys;
 mod monitor;
-#[cfg(feature = "sim")]
+#[cfg(feature = "host")]
 mod node;
 pub mod pairing;
 pub mod server;
@@ -125,7 +125,7 @@ use crate::service::protocol::{
 
 pub use client::{Client, ClientError, FetchProgress, Patience};
 pub use keys::{KeyPair, KnownBrick, KnownBricks, PublicKey};
-#[cfg(feature = "sim")]
+#[cfg(feature = "host")]
 pub use node::{Node, NodeError};
 pub use server::{LinkState, Server, ServerConfig};
 pub use team::Team;

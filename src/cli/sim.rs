@@ -83,7 +83,7 @@ pub(super) struct Arguments {
     page: Option<u16>,
     /// Serve the brick's files to programs for the seed's node, on this machine alone, at port 5555
     /// or one of your choice; with several robots, each has the port after the one before.
-    #[cfg(feature = "link")]
+    #[cfg(feature = "host")]
     #[arg(
         long,
         value_name = "PORT",
@@ -237,14 +237,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     tell(arguments, &mount, found, output);
     #[cfg(feature = "host")]
     let _page = page(arguments, &simulation, output)?;
-    #[cfg(feature = "link")]
+    #[cfg(feature = "host")]
     let nodes = nodes(arguments, &mount, output)?;
     while !flags.is_raised() && !mount.is_over() {
         MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
     }
     let unmounted_by_others = mount.is_over();
     // What they have open would keep the brick mounted.
-    #[cfg(feature = "link")]
+    #[cfg(feature = "host")]
     drop(nodes);
     mount.unmount().map_err(|error| {
         Failure::from_error(Exit::Failed, "cannot take the mount away", &error).hint(error.hint())
@@ -307,7 +307,7 @@ fn page(
 }
 
 /// Serves the bricks' files, where it is asked for.
-#[cfg(feature = "link")]
+#[cfg(feature = "host")]
 fn nodes(
     arguments: &Arguments,
     mount: &Mount,
