@@ -185,6 +185,7 @@ check "and all of the service's processes are killed while it drives" wait_until
   says "$work/first" "report: killed all of the"
 check "systemd has its motors stopped, and says which" wait_until 120 \
   grep -q 'stopped what mission square (process [0-9]*) left behind: outB, outD' "$work/first"
+grep -q 'left behind' "$work/first" || tail -n 40 "$work/first"
 check "no motor runs then" wait_until 120 says "$work/first" \
   "report: after that, 3 motors, 0 of them run"
 check "the service is back by itself" wait_until 120 pc status red
