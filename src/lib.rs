@@ -136,8 +136,12 @@
 //! With none, the library is bindings, engine, mapping and tick. `sim` adds the simulated brick,
 //! `host` pictures and progress bars, `cli` the commands, `link` (which implies `cli`) the network.
 //! `host` implies `link` and `sim`, and is on by default; the brick's file has `link` alone.
+//!
+//! [`changelog`] says what changed between versions, and what stays compatible.
 
 pub mod behavior;
+#[doc = include_str!("CHANGELOG.md")]
+pub mod changelog {}
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod clock;
