@@ -55,7 +55,8 @@ check "with what mounts a simulated brick" in_root sh -c 'command -v fusermount3
 check "it says its version" \
   [ "$(in_root onbrick --version)" = "onbrick $(dpkg-deb -f "$deb" Version)" ]
 check "a robot explores, and the map is there" as_anna 'onbrick demo --out demo >said &&
-  test -s demo/map.svg && test -s demo/map.png && test -s demo/run.mcap && onbrick replay demo/run.mcap'
+  test -s demo/map.svg && test -s demo/map.png && test -s demo/run.mcap &&
+  onbrick replay demo/run.mcap'
 check "keys: CURVE is in" as_anna 'onbrick key new >/dev/null'
 # A name that only the system's own resolver knows, as it knows those of mDNS.
 echo "127.0.0.9 red.local" >>"$root/etc/hosts"

@@ -17,7 +17,7 @@ use crate::cli::{Exit, Failure, Output};
 ///   sudo onbrick manual /usr/local          for all who use this machine
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
-pub(super) struct Arguments {
+pub(in crate::cli) struct Arguments {
     /// The folder; the pages go to share/man/man1 in it.
     folder: PathBuf,
 }
