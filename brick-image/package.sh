@@ -44,6 +44,7 @@ put() { install -D -m "$1" "$2" "$root/$3"; }
 # What a brick has: the service, and what a person finds on it.
 put_brick() {
   local unit mission script
+  put 644 "$image/README.md" usr/share/doc/onbrick/README
   put 755 "$image/package/check" usr/lib/onbrick/check
   for unit in onbrick onbrick-menu; do
     put 644 "$image/package/$unit.service" "lib/systemd/system/$unit.service"
@@ -64,6 +65,8 @@ put_brick() {
 # What a PC has: the manual's pages and the completions, where Debian looks for them.
 put_pc() {
   local page
+  put 644 "$image/../README.md" usr/share/doc/onbrick/README
+  put 644 "$image/../src/USING.md" usr/share/doc/onbrick/USING
   for page in "$share"/share/man/man1/*; do
     put 644 "$page" "usr/share/man/man1/$(basename "$page")"
   done
@@ -77,7 +80,6 @@ put_pc() {
 }
 
 put 755 "$binary" usr/bin/onbrick
-put 644 "$image/../README.md" usr/share/doc/onbrick/README
 put 644 "$image/../LICENSE" usr/share/doc/onbrick/copyright
 put 644 "$image/../src/CHANGELOG.md" usr/share/doc/onbrick/changelog
 gzip -9n "$root/usr/share/doc/onbrick/changelog"

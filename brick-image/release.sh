@@ -65,7 +65,7 @@ build_pc() {
   ${emulated[@]+"${emulated[@]}"} "$program" manual "$work/$name" >/dev/null ||
     unfit "the program for $1 does not start"
   "$here/../package.sh" "$program" "$version" "$dist" "$architecture" "$work/$name"
-  cp README.md LICENSE src/CHANGELOG.md "$work/$name"
+  install -D -m 644 -t "$work/$name/share/doc/onbrick" README.md LICENSE src/{CHANGELOG,USING}.md
   # The same input makes the same file.
   tar cJf "$dist/$name.tar.xz" -C "$work" --sort=name --mtime=@1577836800 --owner=0 --group=0 \
     --numeric-owner "$name"

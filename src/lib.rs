@@ -137,7 +137,7 @@
 //! `host` pictures and progress bars, `cli` the commands, `link` (which implies `cli`) the network.
 //! `host` implies `link` and `sim`, and is on by default; the brick's file has `link` alone.
 //!
-//! [`changelog`] says what changed between versions, and what stays compatible.
+//! [`using`] is for those who use the program, and [`changelog`] says what changed between versions, and what stays compatible.
 
 pub mod behavior;
 #[doc = include_str!("CHANGELOG.md")]
@@ -170,3 +170,5 @@ pub mod sim;
 #[cfg(feature = "sim")]
 pub mod simulated;
 pub mod units;
+#[doc = include_str!("USING.md")]
+pub mod using {}

@@ -1,5 +1,5 @@
-//! The README's chapter on the link, from one machine to another: two network namespaces with a
-//! cable that is pulled out while the robot drives.
+//! The chapter on the link of `src/USING.md`, from one machine to another: two network namespaces
+//! with a cable that is pulled out while the robot drives.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
