@@ -137,7 +137,8 @@
 //! `host` pictures and progress bars, `cli` the commands, `link` (which implies `cli`) the network.
 //! `host` implies `link` and `sim`, and is on by default; the brick's file has `link` alone.
 //!
-//! [`using`] is for those who use the program, and [`changelog`] says what changed between versions, and what stays compatible.
+//! [`using`] is for those who use the program, and [`changelog`] says what changed between
+//! versions, and what stays compatible.
 
 pub mod behavior;
 #[doc = include_str!("CHANGELOG.md")]
