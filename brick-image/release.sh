@@ -40,7 +40,8 @@ unfit() {
 # What changed since the last commit is refused: it would not be what the version says.
 package_crate() {
   local crate=$dist/onbrick-$version.crate size
-  cargo publish --dry-run --no-verify --target-dir "$built" ||
+  rm -f "$built/package/onbrick-$version.crate"
+  { cargo publish --dry-run --no-verify && cargo package --no-verify; } ||
     fail "the crate could not be packaged"
   cp "$built/package/onbrick-$version.crate" "$dist"
   size=$(stat -c %s "$crate")
