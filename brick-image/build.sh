@@ -7,7 +7,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/emulator/common.sh"
 
 usage() {
   cat <<'END'
-Usage: brick-image/build.sh [--for PROCESSOR]
+Usage: brick-image/build.sh [--for PROCESSOR] [--pc FILE]
 
 Builds, strips and checks onbrick for a processor, and puts into target/brick:
 
@@ -17,6 +17,8 @@ Builds, strips and checks onbrick for a processor, and puts into target/brick:
   onbrick_VERSION_armhf.deb   the same as a package
   onbrick-linux-CPU           the program for a PC like this one
   SHA256SUMS                  the checksums of all that is there
+
+With --pc, FILE is the program for a PC, and none is built.
 
 Installs what is missing: a cross compiler, QEMU, and Rust's standard library for the brick's
 processor, from rustup if that can fetch it, else from Debian. Exit codes: 0 done; 1 something could
@@ -45,25 +47,12 @@ unfit() {
 }
 
 install_tools() {
-  needs g++=g++ make=make dpkg-deb=dpkg "$gnu-g++=g++-$gnu" qemu-arm=qemu-user
-  [ -e "/usr/$gnu/lib/libc.a" ] || install_packages "libc6-dev-$architecture-cross"
-}
-
-# Rust's standard library for the brick's processor: what is there, else rustup's, else Debian's,
-# whose source is built along.
-install_rust() {
-  if [ -d "$(rustc --print target-libdir --target "$target" 2>/dev/null)" ]; then
-    say "Rust's target $target is there"
-  elif timeout 600 rustup -q target add "$target" 2>/dev/null; then
-    say "rustup fetched the target $target"
-  else
-    [ -d /usr/lib/rustlib/src/rust/library ] || install_packages rustc-web cargo-web rust-web-src
-    say "rustup has no target $target here; Debian's compiler builds its standard library as well"
-  fi
+  needs dpkg-deb=dpkg
+  install_compiler
 }
 
 build_brick() {
-  arm_cargo build --release --no-default-features --features link ||
+  cross_cargo build --release --no-default-features --features link ||
     fail "the brick's program could not be built"
   "$gnu-strip" -o "$program" "$built/$target/release/onbrick"
 }
@@ -74,9 +63,12 @@ build_tools() {
 }
 
 build_pc() {
-  # On a machine without rustup it is Debian's.
-  cargo build --release || fail "the program for this PC could not be built"
-  strip -o "$brick/onbrick-linux-$(uname -m)" "$built/release/onbrick"
+  if [ -z "$pc" ]; then
+    # On a machine without rustup it is Debian's.
+    cargo build --release || fail "the program for this PC could not be built"
+    pc=$built/release/onbrick
+  fi
+  strip -o "$brick/onbrick-linux-$(uname -m)" "$pc"
 }
 
 # What the file says of itself.
@@ -143,7 +135,7 @@ drive() {
 check_mission() {
   local called
   "${emulated[@]}" "$program" --version >/dev/null || unfit "${emulated[*]} does not run it"
-  drive "$work/pc.mcap" "$built/release/onbrick"
+  drive "$work/pc.mcap" "$pc"
   drive "$work/arm.mcap" "${emulated[@]}" -strace -D "$work/calls" "$tools/onbrick-sim"
   cmp "$work/pc.mcap" "$work/arm.mcap" || unfit "it does not record what a PC records"
   say "a mission on ${emulated[2]} recorded the same" \
@@ -157,24 +149,22 @@ check_mission() {
 }
 
 make_package() {
-  local version
-  version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
-  "$checkout/brick-image/package.sh" "$program" "$version" "$brick" "$architecture"
+  "$checkout/brick-image/package.sh" "$program" "$(version)" "$brick" "$architecture"
 }
 
-make_checksums() {
-  local sums
-  rm -f "$brick/SHA256SUMS"
-  sums=$(cd "$brick" && sha256sum -- *)
-  printf "%s\n" "$sums" >"$brick/SHA256SUMS"
-}
-
-processor=armv5te
-case ${1:-} in
-  '') ;;
-  --for) processor=${2:?--for needs a processor} ;;
-  -h | --help) usage && exit 0 ;;
-  *) usage >&2 && exit 2 ;;
+processor=armv5te pc=''
+while [ $# -gt 0 ]; do
+  case $1 in
+    --for) processor=${2:?--for needs a processor} && shift ;;
+    --pc) pc=$(realpath "${2:?--pc needs a file}") && shift ;;
+    -h | --help) usage && exit 0 ;;
+    *) usage >&2 && exit 2 ;;
+  esac
+  shift
+done
+case $processor in
+  armv5te | armv7) ;;
+  *) fail "$processor is not the processor of a brick" "armv5te, or armv7" ;;
 esac
 choose_processor "$processor"
 
@@ -193,6 +183,6 @@ build_tools
 build_pc
 check_mission
 make_package
-make_checksums
+make_checksums "$brick"
 say "done"
 ls -l "$brick" >&2

@@ -3,8 +3,8 @@
 //! The crate `zmq` brings a libzmq without CURVE, and no option of it switches CURVE on. So this
 //! script builds libzmq against the libsodium of `libsodium-sys-stable`, and a `links` override in
 //! Cargo's configuration (`.cargo/config.toml`, `cross.toml`) keeps zmq-sys from building its own.
-//! Without that override - in another package that uses this crate - both are built, and
-//! `src/link/curve.rs` makes sure that this one is linked.
+//! Without that override - in the packaged crate, or in another package that uses it - both are
+//! built, and `src/link/curve.rs` makes sure that this one is linked.
 //!
 //! # Not here
 //!

@@ -133,30 +133,46 @@
 //!
 //! # Features
 //!
-//! With none, the library is bindings, engine, mapping and tick. `sim` adds the simulated brick,
-//! `host` pictures and progress bars, `cli` the commands, `link` (which implies `cli`) the network.
-//! `host` implies `link` and `sim`, and is on by default; the brick's file has `link` alone.
+//! With none, the library is bindings: [`ev3dev`], [`senses`], [`clock`] and [`units`]. `tick` adds
+//! engine, estimator, mapping, recording, leases and the tick, and all further features imply it:
+//! `sim` adds the simulated brick, `host` pictures and progress bars, `cli` the commands, `link`
+//! (which implies `cli`) the network. `host` implies `link` and `sim`, and is on by default; the
+//! brick's file has `link` alone.
+//!
+//! [`using`] is for those who use the program, and [`changelog`] says what changed between
+//! versions, and what stays compatible.
 
+#[cfg(feature = "tick")]
 pub mod behavior;
+#[doc = include_str!("CHANGELOG.md")]
+pub mod changelog {}
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod clock;
+#[cfg(feature = "tick")]
 pub mod commissioning;
+#[cfg(feature = "tick")]
 pub mod document;
 pub mod ev3dev;
 #[cfg(feature = "link")]
 pub mod link;
+#[cfg(feature = "tick")]
 pub mod mapping;
 #[cfg(feature = "cli")]
 pub mod menu;
 #[cfg(feature = "host")]
 pub mod page;
+#[cfg(feature = "tick")]
 pub mod planning;
+#[cfg(feature = "tick")]
 pub mod printable;
+#[cfg(feature = "tick")]
 pub mod recording;
 #[cfg(feature = "host")]
 pub mod report;
+#[cfg(feature = "tick")]
 pub mod robot;
+#[cfg(feature = "tick")]
 pub mod runtime;
 pub mod senses;
 #[cfg(feature = "cli")]
@@ -166,3 +182,5 @@ pub mod sim;
 #[cfg(feature = "sim")]
 pub mod simulated;
 pub mod units;
+#[doc = include_str!("USING.md")]
+pub mod using {}

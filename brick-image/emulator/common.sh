@@ -64,7 +64,7 @@ locked() {
 }
 
 # choose_processor NAME: what building for a processor, and emulating it, takes; armv5te is the
-# EV3's, armv7 that of a Raspberry Pi 2 and later and of a BeagleBone.
+# EV3's, armv7 that of a Raspberry Pi 2 and later and of a BeagleBone, the others are PCs'.
 # shellcheck disable=SC2034  # for the scripts that source this
 choose_processor() {
   case $1 in
@@ -77,16 +77,43 @@ choose_processor() {
       target=armv7-unknown-linux-gnueabihf gnu=arm-linux-gnueabihf architecture=armhf suffix=-armv7
       emulated=(qemu-arm -cpu cortex-a7 -r 4.14.117-ev3dev-2.3.5-rpi2)
       ;;
-    *) fail "there is no processor $1 here" "armv5te, or armv7" ;;
+    x86_64 | aarch64)
+      target=$1-unknown-linux-gnu gnu=$1-linux-gnu suffix=-linux-$1 architecture=amd64
+      [ "$1" = x86_64 ] || architecture=arm64
+      emulated=()
+      [ "$1" = "$(uname -m)" ] || emulated=("qemu-$1")
+      ;;
+    *) fail "there is no processor $1 here" "armv5te, armv7, x86_64, or aarch64" ;;
   esac
 }
 
 # Unless a script chooses another.
 choose_processor armv5te
 
-# arm_cargo ARGUMENTS…: cargo for the chosen processor, with whichever compiler is there (build.sh
-# installs one).
-arm_cargo() {
+# The C and C++ compiler for the chosen processor, its C library, and what starts its programs.
+install_compiler() {
+  needs g++=g++ make=make "$gnu-g++=g++-${gnu//_/-}"
+  [ "$gnu" = "$(uname -m)-linux-gnu" ] || [ -e "/usr/$gnu/lib/libc.a" ] ||
+    install_packages "libc6-dev-$architecture-cross"
+  [ ${#emulated[@]} = 0 ] || needs "${emulated[0]}=qemu-user"
+}
+
+# Rust's standard library for the chosen processor: what is there, else rustup's, else Debian's,
+# whose source is built along.
+install_rust() {
+  if [ -d "$(rustc --print target-libdir --target "$target" 2>/dev/null)" ]; then
+    say "Rust's target $target is there"
+  elif timeout 600 rustup -q target add "$target" 2>/dev/null; then
+    say "rustup fetched the target $target"
+  else
+    [ -d /usr/lib/rustlib/src/rust/library ] || install_packages rustc-web cargo-web rust-web-src
+    say "rustup has no target $target here; Debian's compiler builds its standard library as well"
+  fi
+}
+
+# cross_cargo ARGUMENTS…: cargo for the chosen processor, with whichever compiler is there
+# (install_rust installs one).
+cross_cargo() {
   set -- "$@" --config "$checkout/cross.toml" --target "$target"
   if [ -d "$(rustc --print target-libdir --target "$target" 2>/dev/null)" ]; then
     cargo "$@"
@@ -98,4 +125,15 @@ arm_cargo() {
     fail "there is no Rust compiler for $target" \
       "brick-image/build.sh, which installs one"
   fi
+}
+
+# The version that Cargo.toml names.
+version() { sed -n 's/^version = "\(.*\)"/\1/p' "$checkout/Cargo.toml" | head -n 1; }
+
+# make_checksums FOLDER: SHA256SUMS of all that is in it.
+make_checksums() {
+  local sums
+  rm -f "$1/SHA256SUMS"
+  sums=$(cd "$1" && sha256sum -- *)
+  printf "%s\n" "$sums" >"$1/SHA256SUMS"
 }

@@ -14,7 +14,7 @@ choose_processor "${1:-armv5te}"
 needs "$gnu-strip=binutils-$gnu"
 cd "$checkout"
 # With the brick's own features, so that little is built twice.
-arm_cargo build --release --no-default-features --features link,sim --example brick-figures >&2
+cross_cargo build --release --no-default-features --features link,sim --example brick-figures >&2
 built=${CARGO_TARGET_DIR:-$checkout/target}/$target/release
 folder=$checkout/target/emulator$suffix
 mkdir -p "$folder"

@@ -7,6 +7,7 @@ mod demo;
 mod export;
 mod fetch;
 mod identify;
+mod manual;
 mod missions;
 mod plot;
 mod push;
@@ -36,6 +37,7 @@ commands! {
         Export(export),
         Repair(repair),
         Push(push),
+        Manual(manual),
     }
 }
 

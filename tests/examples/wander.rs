@@ -1,4 +1,4 @@
-//! Thirty lines of robot on the library alone (`--no-default-features`): a machine, an estimator,
+//! Thirty lines of robot on the library alone (feature `tick`): a machine, an estimator,
 //! and leases.
 //!
 //! The robot drives straight, turns for a second whenever its left wheel has gone another half

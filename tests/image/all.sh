@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# Everything that is tested on an emulated brick and in a Debian armel root, as many at a time as
-# there are processors, each with the seconds that it took; what one says is shown at its end. After
-# `brick-image/build.sh`, and as root. all.sh [NAME…]: only these.
+# Everything that is tested on an emulated brick and in Debian roots, as many at a time as there are
+# processors, each with the seconds that it took; what one says is shown at its end. After
+# `brick-image/build.sh` and `brick-image/release.sh x86_64`, and as root. all.sh [NAME…]: only
+# these.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=../../brick-image/emulator/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/../../brick-image/emulator/common.sh"
 
 # What takes longest comes first, so that no long one is left over at the end.
-parts=(boot power-cut install package inject)
+parts=(boot power-cut install package pc inject)
 # In time that counts instructions: whatever else the machine does.
 scenarios=(memory menu bad-input lateness entropy cost start old-kernel reading)
 

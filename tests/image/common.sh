@@ -9,7 +9,7 @@ root=$work/root
 failures=0
 # shellcheck disable=SC2034  # for the tests that source this
 deb=${ONBRICK_DEB:-$(find "$checkout/target/brick" -name 'onbrick_*_armel.deb' 2>/dev/null |
-  sort -V | tail -n 1)}
+  sort -V | tail -n 1 || true)}
 
 # The card that inject.sh makes has ev3dev's layout: 48 MB of FAT, then Linux, from these sectors
 # on; the second as mke2fs and debugfs want it.

@@ -84,7 +84,7 @@ check "with a message" says "$work/said" "it is half copied, or for another proc
 install_deb "$work/next.deb"
 check "installing again mends it" in_root /usr/lib/onbrick/check
 
-# As README tells a person who wants the menu in brickman's place.
+# As brick-image/README.md tells a person who wants the menu in brickman's place.
 printf '[Service]\nExecStart=/bin/true\n[Install]\nWantedBy=multi-user.target\n' \
   >"$root/lib/systemd/system/brickman.service"
 in_root systemctl disable brickman >"$work/said" 2>&1

@@ -21,11 +21,12 @@ use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{Brick, Ended, Event, Job, replay};
 use onbrick::sim::World;
 
-use crate::foreign::bench::{PROGRAM, Simulator};
+use crate::foreign::bench::Simulator;
 use crate::foreign::median_off_m;
 use crate::missions::job;
 use crate::mount::bench::{no_fuse, real_time};
 use crate::support::real_time::{Pace, in_real_time};
+use crate::support::tested_program;
 use crate::support::{not_asked_for, pass_over};
 
 /// These tests are asked for, because what they run takes minutes to build: `brick-image/build.sh`,
@@ -38,7 +39,7 @@ const ARMV7_ASKED_FOR: &str = "ONBRICK_ARMV7";
 /// The emulator's command for a program that `brick-image/build.sh` has left in a folder of
 /// `target`.
 fn emulated(program: &str, processor: &str) -> Option<[String; 4]> {
-    let folder = Path::new(PROGRAM).parent()?.parent()?;
+    let folder = Path::new(env!("CARGO_BIN_EXE_onbrick")).parent()?.parent()?;
     let file = folder.join(program);
     let emulator = Command::new("qemu-arm").arg("--version").output();
     if !file.exists() || emulator.is_err() {
@@ -119,7 +120,7 @@ fn map_a_room(pace: &Pace, brick: &[String]) {
         0.05,
     );
     let in_process = short_job(folder.path(), "pc");
-    if drive(pace, &[PROGRAM.to_owned()], &in_process).is_some() {
+    if drive(pace, &[tested_program().to_owned()], &in_process).is_some() {
         let most_m = median_off_m(&Run::open(&in_process.file).unwrap()).map(|m| 1.5 * m + 0.005);
         pace.ensure(from_walls_m <= most_m, || {
             format!("ARM, mounted: {from_walls_m:?} m, not {most_m:?} m")
@@ -153,7 +154,7 @@ fn records_what_a_pc_records(program: &str, processor: &str) {
             let job = short_job(folder.path(), name);
             drive(pace, command, &job).map(|_| std::fs::read(&job.file).unwrap())
         };
-        let pc = recorded(&[PROGRAM.to_owned()], "pc").unwrap();
+        let pc = recorded(&[tested_program().to_owned()], "pc").unwrap();
         let arm = recorded(&brick, "arm").unwrap();
         let same = pc.iter().zip(&arm).take_while(|(pc, arm)| pc == arm).count();
         assert!(

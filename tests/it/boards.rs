@@ -18,6 +18,7 @@ use onbrick::sim::{Options, Simulation, World, WorldPhysics};
 
 use crate::support::promised::promised;
 use crate::support::stage::{Play, Played};
+use crate::support::tested_program;
 
 /// What the kernel's drivers call everything that a program looks for, written down from the
 /// sources that `ev3dev::Platform` names; held against the simulated tree.
@@ -490,7 +491,7 @@ fn the_menu_is_refused_in_words_where_the_board_has_no_screen_for_it() {
         let says = format!("BOARD_INFO_MODEL={}\n", platform.models[0]);
         std::fs::write(board.join("uevent"), says).unwrap();
         let root = folder.path().to_str().unwrap();
-        let menu = Command::new(env!("CARGO_BIN_EXE_onbrick"))
+        let menu = Command::new(tested_program())
             .args(["menu", "--brick", root, "--config", root])
             .output()
             .unwrap();

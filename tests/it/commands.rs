@@ -7,6 +7,7 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 
 use crate::support::real_time::Pace;
+use crate::support::tested_program;
 
 mod brick;
 mod files;
@@ -18,8 +19,6 @@ mod paged;
 mod processes;
 mod simulated;
 mod texts;
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// How a command ended, and what it said.
 #[derive(Debug)]
@@ -51,12 +50,12 @@ impl Done {
 
 /// The program, to be run in a folder.
 pub fn onbrick(folder: &Path, arguments: &[&str]) -> Command {
-    with_arguments(Command::new(PROGRAM), folder, arguments)
+    with_arguments(Command::new(tested_program()), folder, arguments)
 }
 
 /// The same for a run in real time.
 pub fn onbrick_in_time(folder: &Path, arguments: &[&str]) -> Command {
-    with_arguments(Pace::command(PROGRAM), folder, arguments)
+    with_arguments(Pace::command(tested_program()), folder, arguments)
 }
 
 fn with_arguments(mut command: Command, folder: &Path, arguments: &[&str]) -> Command {

@@ -21,10 +21,11 @@ use onbrick::recording::Run;
 use onbrick::sim::{Button, Mount, MountOptions, Options, Simulation, World, WorldPhysics};
 use serde_json::{Value, json};
 
-use self::bench::{Foreign, PROGRAM, Simulator, Truth, example, no_namespaces, no_python, script};
+use self::bench::{Foreign, Simulator, Truth, example, no_namespaces, no_python, script};
 use crate::drivers_bench::{Bench, InProcess};
 use crate::mount::bench::{no_fuse, real_time};
 use crate::support::real_time::{Pace, in_real_time};
+use crate::support::tested_program;
 
 /// Rolled by one turn of a wheel of the worlds' robot.
 const WHEEL_M: f64 = 0.188_976;
@@ -463,7 +464,7 @@ fn map_by_both_doors(pace: &Pace) {
     let pose = format!("--pose={},{},{}", start.x_m, start.y_m, start.heading_deg);
     let off_m = |door: &str, place: &str| -> Option<f64> {
         let out = folder.path().join(door);
-        let run = Pace::command(PROGRAM)
+        let run = Pace::command(tested_program())
             .args(["run", "map", "--set", "time_limit_s=30", &pose, door, place, "--out"])
             .arg(&out)
             .stdout(Stdio::piped())

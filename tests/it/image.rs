@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::support::pass_over;
+#[cfg(feature = "host")]
+use crate::support::tested_program;
 
 /// The systemd of ev3dev's Debian 9.
 const EV3DEV_SYSTEMD: u32 = 232;
@@ -193,7 +195,7 @@ fn script(name: &str, arguments: &[&str]) -> Output {
 
 #[test]
 fn every_script_for_people_explains_itself_and_refuses_nonsense() {
-    for name in ["emulate.sh", "inject.sh", "install.sh", "package.sh"] {
+    for name in ["emulate.sh", "inject.sh", "install.sh", "package.sh", "release.sh"] {
         let help = script(name, &["--help"]);
         let text = String::from_utf8(help.stdout).unwrap();
         assert!(help.status.success() && text.starts_with("Usage: brick-image/"), "{name}: {text}");
@@ -258,6 +260,44 @@ fn the_package_has_everything_in_its_place() {
         members.is_empty() || String::from_utf8_lossy(&members).contains("data.tar.xz"),
         "compressed for Debian 9"
     );
+}
+
+#[test]
+#[cfg(feature = "host")]
+fn the_package_for_a_pc_has_the_program_its_manual_and_completions() {
+    if Command::new("dpkg-deb").arg("--version").output().is_err() {
+        return pass_over("the package (no dpkg-deb)");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name).display().to_string();
+    let (binary, out, share) = (place("onbrick"), place(""), place("made"));
+    std::fs::write(&binary, "stands for the program").unwrap();
+    let package = || script("package.sh", &[&binary, "1.2.3", &out, "amd64", &share]);
+    assert!(String::from_utf8_lossy(&package().stderr).contains("try: onbrick manual"));
+    let pages = Command::new(tested_program()).args(["manual", &share]).output().unwrap();
+    assert!(pages.status.success());
+    let made = package();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let package = folder.path().join("onbrick_1.2.3_amd64.deb");
+    let said = |option| {
+        let said = Command::new("dpkg-deb").arg(option).arg(&package).output().unwrap();
+        String::from_utf8(said.stdout).unwrap()
+    };
+    let listing = said("--contents");
+    for path in [
+        "./usr/bin/onbrick",
+        "./usr/share/man/man1/onbrick-run.1.gz",
+        "./usr/share/bash-completion/completions/onbrick",
+        "./usr/share/zsh/vendor-completions/_onbrick",
+        "./usr/share/fish/vendor_completions.d/onbrick.fish",
+    ] {
+        assert!(listing.lines().any(|line| line.ends_with(path)), "{path} is not in\n{listing}");
+    }
+    assert!(!listing.contains("service"), "a brick's service: {listing}");
+    let fields = said("--field");
+    for field in ["Architecture: amd64", "Recommends: fuse3"] {
+        assert!(fields.lines().any(|line| line == field), "{field} in {fields}");
+    }
 }
 
 /// What `install.sh` says to a brick whose shell answers so about its processor, Debian's word for

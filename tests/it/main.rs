@@ -29,6 +29,7 @@ mod menu;
 mod messages;
 mod missions;
 mod mount;
+mod pages;
 mod promises;
 mod recording;
 mod report;

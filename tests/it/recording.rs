@@ -17,6 +17,7 @@ use proptest::prelude::*;
 
 pub(crate) mod decoder;
 mod disks;
+mod older;
 mod readers;
 pub(crate) mod sample;
 

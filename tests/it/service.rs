@@ -19,6 +19,7 @@ use onbrick::service::protocol::{
 use serde::de::DeserializeOwned;
 
 use crate::support::real_time::alone;
+use crate::support::tested_program;
 use crate::support::turning_brick::await_that;
 
 mod brick;
@@ -243,7 +244,7 @@ fn free_ports() -> [u16; 2] {
 
 /// Starts the service and waits for its first line.
 fn serve(folder: &Path, arguments: &[String], wrap: impl Fn(Command) -> Command) -> Child {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_onbrick"));
+    let mut command = Command::new(tested_program());
     command.arg("serve").args(arguments).arg("--config").arg(folder).env_remove("RUST_LOG");
     let log = std::fs::File::options().create(true).append(true).open(folder.join("log")).unwrap();
     let mut child =

@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 pub mod allocations;
@@ -27,6 +28,16 @@ pub fn shared() -> Option<PathBuf> {
     let beside = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).to_owned();
     let named = std::env::var_os("ONBRICK_SHARED").map(PathBuf::from);
     [Some(beside), named].into_iter().flatten().find(|folder| folder.join("data").is_dir())
+}
+
+/// The program under test: this build's, or the one that `ONBRICK_PROGRAM` names, such as what was
+/// installed from the packaged crate.
+pub fn tested_program() -> &'static str {
+    static PROGRAM: LazyLock<String> = LazyLock::new(|| {
+        std::env::var("ONBRICK_PROGRAM")
+            .unwrap_or_else(|_| env!("CARGO_BIN_EXE_onbrick").to_owned())
+    });
+    &PROGRAM
 }
 
 /// A loopback address that no other service of these tests listens at; one at `*` would have the

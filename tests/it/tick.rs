@@ -14,6 +14,7 @@ use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::{Control, Heartbeat, Pilot, StopFlags, StopReason, Tally, prepare};
 use onbrick::sim::{Simulation, World, WorldPhysics};
 
+use crate::support::tested_program;
 use crate::support::{allocations, brick::shipped_brick, pass_over};
 
 /// Straight on for a second, the head still: after the first tick only leases are written.
@@ -112,7 +113,7 @@ fn traced(folder: &Path, text: &str) -> Option<(String, String)> {
     let run = Command::new("strace")
         .args(["-f", "-s", "8", "-o"])
         .arg(&trace)
-        .arg(env!("CARGO_BIN_EXE_onbrick"))
+        .arg(tested_program())
         .arg("run")
         .arg(&mission)
         .arg("--brick")

@@ -1,6 +1,7 @@
 //! From what a person calls a host to where it is.
 
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
+use std::process::Command;
 
 /// A host, and a port where one is named.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,11 +32,29 @@ impl Address {
 
     /// Where it is now, the numbers of IPv4 first: bricks have those in every network.
     pub(super) fn resolve(&self) -> Vec<SocketAddr> {
-        let found = (self.host.as_str(), self.port).to_socket_addrs();
-        let mut found: Vec<SocketAddr> = found.map(Iterator::collect).unwrap_or_default();
+        let asked = cfg!(target_feature = "crt-static").then(|| self.by_getent()).flatten();
+        let mut found = asked.unwrap_or_else(|| {
+            let found = (self.host.as_str(), self.port).to_socket_addrs();
+            found.map(Iterator::collect).unwrap_or_default()
+        });
         found.sort_by_key(SocketAddr::is_ipv6);
         found.dedup();
         found
+    }
+
+    /// The same by the system's program `getent`; `None` where there is none. A static program may
+    /// not load the modules by which the C library resolves names, such as mDNS's for `.local`:
+    /// they are for the system's C library, and it has its own.
+    fn by_getent(&self) -> Option<Vec<SocketAddr>> {
+        // No name begins with a hyphen, and an option does.
+        if self.host.parse::<IpAddr>().is_ok() || self.host.is_empty() || self.host.starts_with('-')
+        {
+            return None;
+        }
+        let said = Command::new("getent").args(["ahosts", &self.host]).output().ok()?;
+        let said = String::from_utf8_lossy(&said.stdout);
+        let addresses = said.lines().filter_map(|line| line.split(' ').next()?.parse().ok());
+        Some(addresses.map(|address: IpAddr| SocketAddr::new(address, self.port)).collect())
     }
 }
 
@@ -59,6 +78,19 @@ mod tests {
         // No port: the name does not exist, and that is what is said.
         assert_eq!(address("ev3:http"), expect("ev3:http", 5670));
         assert_eq!(address(""), expect("", 5670));
+    }
+
+    #[test]
+    fn a_static_program_finds_the_same_by_getent() {
+        let localhost = Address::parse("localhost:81", 5670);
+        let mut asked = localhost.by_getent().unwrap();
+        asked.sort_by_key(SocketAddr::is_ipv6);
+        asked.dedup();
+        assert!(!asked.is_empty() && asked == localhost.resolve(), "{asked:?}");
+        assert_eq!(Address::parse("no.such.invalid", 1).by_getent(), Some(Vec::new()));
+        for none in ["--version", "10.0.0.1", ""] {
+            assert_eq!(Address::parse(none, 1).by_getent(), None, "{none}");
+        }
     }
 
     #[test]

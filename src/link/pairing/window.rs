@@ -130,11 +130,7 @@ impl PairingWindow {
         })?;
         let refuse = |refusal| NotUnderstood { id: Some(asked.id.clone()), refusal };
         if asked.version != VERSION {
-            let message =
-                format!("version {} is asked for, and this is version {VERSION}", asked.version);
-            return Err(refuse(
-                Refusal::new(Kind::Version, message).hint("the same onbrick on both sides"),
-            ));
+            return Err(refuse(Refusal::of_version(asked.version)));
         }
         if asked.op != "pair" {
             return Err(refuse(Refusal::new(

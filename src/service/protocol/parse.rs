@@ -97,9 +97,7 @@ fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> 
         ));
     }
     if envelope.version != VERSION {
-        let message =
-            format!("version {} is asked for, and this is version {VERSION}", envelope.version);
-        let refusal = Refusal::new(Kind::Version, message).hint("the same onbrick on both sides");
+        let refusal = Refusal::of_version(envelope.version);
         return Err(NotUnderstood { id: Some(envelope.id), refusal });
     }
     if !known.iter().any(|names| names.contains(&envelope.op.as_str())) {
@@ -200,6 +198,7 @@ mod tests {
         assert!(!forged.refusal.message.contains('\n'), "{}", forged.refusal.message);
         let version = refused(br#"{"version":2,"id":9,"op":"status"}"#);
         assert_eq!((version.id, version.refusal.kind), (Some(Id::Number(9)), Kind::Version));
+        assert!(version.refusal.message.starts_with("the onbrick that was asked is older"));
         for bad in [
             &b"\xff\xfe"[..],
             b"",

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::VERSION;
+
 /// Why something was not done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{message}")]
@@ -18,6 +20,25 @@ impl Refusal {
     /// A refusal without a hint.
     pub fn new(kind: Kind, message: impl Into<String>) -> Self {
         Self { kind, message: message.into(), hint: None }
+    }
+
+    /// Of a request in another version of the protocol: who is older, and what to do.
+    pub fn of_version(asked: u32) -> Self {
+        let (this, program) = (VERSION, env!("CARGO_PKG_VERSION"));
+        let (older, way_out) = if asked > this {
+            (
+                "was asked is older than what asks it",
+                "the newer package on the brick: \
+             brick-image/install.sh; on a PC, start its service again",
+            )
+        } else {
+            ("was asked is newer than what asks it", "the newer onbrick where this was asked")
+        };
+        let message = format!(
+            "the onbrick that {older}: {program} understands version {this} of the protocol, \
+             and was asked in version {asked}"
+        );
+        Self::new(Kind::Version, message).hint(way_out)
     }
 
     /// With a way out.

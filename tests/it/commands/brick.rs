@@ -19,6 +19,7 @@ use onbrick::sim::EventLayout;
 use super::{Done, done, keys, names, onbrick, onbrick_in_time, run, text};
 use crate::foreign::bench::{no_namespaces, unshare};
 use crate::support::real_time::patiently;
+use crate::support::tested_program;
 use crate::support::turning_brick::{MOTORS, TurningBrick, await_that};
 
 /// A mission that drives straight on and moves the head for a minute.
@@ -139,7 +140,7 @@ fn a_second_run_is_refused_whatever_path_leads_to_the_brick() {
                 "mount --bind \"$1\" other && \
                  exec \"$0\" run mission.toml --brick other --out second",
             ])
-            .arg(env!("CARGO_BIN_EXE_onbrick"))
+            .arg(tested_program())
             .arg(running.brick.root())
             .current_dir(running.folder.path())
             .output()

@@ -9,6 +9,7 @@ use onbrick::runtime::{ReplayError, StopReason, replay};
 
 use super::{keys, names, run};
 use crate::recording::sample::{start, tick};
+use crate::support::tested_program;
 
 /// A folder with two recordings of the simulated brick, `left.mcap` and `right.mcap`, made once.
 fn recorded() -> &'static Path {
@@ -297,7 +298,7 @@ fn a_full_disk_leaves_no_empty_files_and_the_old_ones_whole() {
         // No file may grow: the write fails as on a full disk, once SIGXFSZ is ignored.
         let script = format!("trap '' XFSZ; ulimit -f 0; exec \"$0\" {arguments}");
         let mut command = std::process::Command::new("sh");
-        let command = command.args(["-c", &script, super::PROGRAM]).current_dir(folder.path());
+        let command = command.args(["-c", &script, tested_program()]).current_dir(folder.path());
         super::done(&command.output().unwrap())
     };
     std::fs::create_dir(folder.path().join("out")).unwrap();

@@ -115,3 +115,30 @@ fn control_without_a_job_says_so() {
     let said = run(folder.path(), &["control"]).expect(2);
     assert!(said.err.contains("onbrick run"), "{}", said.err);
 }
+
+#[test]
+fn the_manual_has_a_page_for_each_command_that_is_shown_and_bash_completes_just_those() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &["manual", "."]).expect(0);
+    let share = folder.path().join("share");
+    let page = |name: &str| std::fs::read_to_string(share.join("man/man1").join(name)).ok();
+    for command in COMMANDS {
+        assert!(page(&format!("onbrick-{command}.1")).is_some_and(|page| page.contains("Example")));
+    }
+    assert!(page("onbrick-sim-exec.1").is_some(), "of the commands of a command, too");
+    assert_eq!(page("onbrick-control.1"), None, "control is not started by hand");
+    let fish = share.join("fish/vendor_completions.d/onbrick.fish");
+    assert!(std::fs::read_to_string(fish).unwrap().contains("-a \"replay\""));
+    let zsh = std::fs::read_to_string(share.join("zsh/site-functions/_onbrick")).unwrap();
+    assert!(zsh.starts_with("#compdef onbrick") && !zsh.contains("guard"), "{zsh}");
+    let script = share.join("bash-completion/completions/onbrick");
+    let completed = |word: &str| {
+        let ask = ". \"$1\"; COMP_WORDS=(onbrick \"$2\"); COMP_CWORD=1; \
+            _onbrick onbrick \"$2\" onbrick; echo \"${COMPREPLY[@]}\"";
+        let mut bash = std::process::Command::new("bash");
+        let said = bash.args(["-c", ask, "bash"]).arg(&script).arg(word).output().unwrap();
+        String::from_utf8(said.stdout).unwrap()
+    };
+    assert_eq!(completed("rep"), "repair replay\n");
+    assert_eq!(completed("con"), "\n", "hidden");
+}

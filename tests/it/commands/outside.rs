@@ -98,6 +98,12 @@ fn crates_outside_the_repository_compile_and_run() {
         return pass_over("cargo, for crates outside the repository");
     }
     let folder = tempfile::tempdir().unwrap();
+    let bindings = "use std::sync::Arc;\n\
+        use onbrick::ev3dev::{LocalTree, TachoMotor, Tree};\n\
+        fn main() {\n    let brick: Arc<dyn Tree> = Arc::new(LocalTree::new(\"/nowhere\"));\n\
+        \x20   println!(\"{}\", TachoMotor::at(&brick, &\"outB\".parse().unwrap()).is_err());\n}\n";
+    let printed = outside(folder.path(), "bindings", ", default-features = false", bindings);
+    assert_eq!(printed, "true\n", "there is no motor");
     let bare = "use onbrick::mapping::{Estimator, EstimatorConfig, Geometry, Inputs, Method, \
         Pose};\n\
         fn main() {\n    let geometry = Geometry::new(0.189, 0.114).unwrap();\n\
@@ -107,7 +113,8 @@ fn crates_outside_the_repository_compile_and_run() {
         \x20       let inputs = Inputs { time_ns, left_rad: Some(rad), right_rad: Some(rad), \
         ..Inputs::default() };\n\
         \x20       println!(\"{:.6}\", estimator.update(&inputs).pose.x_m);\n    }\n}\n";
-    let printed = outside(folder.path(), "bare", ", default-features = false", bare);
+    let tick = ", default-features = false, features = [\"tick\"]";
+    let printed = outside(folder.path(), "tick", tick, bare);
     assert_eq!(printed, "0.000000\n0.003008\n", "a tenth of a radian of a wheel of 0.189 m");
     let whole = "fn main() {\n    let names: Vec<&str> = \
         onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n\

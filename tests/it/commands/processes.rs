@@ -9,9 +9,9 @@ use onbrick::recording::{Run, writer};
 use onbrick::runtime::StopReason;
 use onbrick::runtime::{Event, Job, RunError, RunProcess, StopBy, WhenAbandoned};
 
-use super::PROGRAM;
 use crate::missions::{job, robot};
 use crate::support::real_time::patiently;
+use crate::support::tested_program;
 use crate::support::turning_brick::await_that;
 
 /// The map mission in a simulated arena, in real time so that it is there to be stopped.
@@ -27,7 +27,7 @@ fn arena(folder: &Path) -> Job {
 }
 
 fn start(job: &Job) -> RunProcess {
-    let mut run = RunProcess::start(Path::new(PROGRAM), job).unwrap();
+    let mut run = RunProcess::start(Path::new(tested_program()), job).unwrap();
     while !matches!(run.next_event(), Some(Event::Driving { .. })) {}
     run
 }
@@ -132,7 +132,8 @@ fn a_job_that_cannot_be_done_is_refused_with_a_hint_and_a_program_that_is_none_i
     let folder = tempfile::tempdir().unwrap();
     let mut broken = arena(folder.path());
     broken.mission.text = "name = 5".to_owned();
-    let refused = RunProcess::start(Path::new(PROGRAM), &broken).unwrap().wait().unwrap_err();
+    let refused =
+        RunProcess::start(Path::new(tested_program()), &broken).unwrap().wait().unwrap_err();
     assert!(matches!(&refused, RunError::Refused { .. }), "{refused}");
     assert!(refused.to_string().contains("map.toml"), "{refused}");
     if let Ok(nothing) = RunProcess::start(Path::new("/nowhere/onbrick"), &broken) {

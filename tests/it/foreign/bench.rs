@@ -15,8 +15,7 @@ use serde_json::Value;
 use crate::mount::bench::no_fuse;
 use crate::support::pass_over;
 use crate::support::real_time::Pace;
-
-pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+use crate::support::tested_program;
 
 /// No program here takes longer.
 const LONGEST_NS: i64 = 90 * SECOND_NS;
@@ -70,7 +69,7 @@ impl Simulator {
         let folder = tempfile::tempdir().unwrap();
         let file = format!("{}/tests/data/{world}.toml", env!("CARGO_MANIFEST_DIR"));
         let world = if Path::new(&file).exists() { &file } else { world };
-        let mut process = Pace::command(PROGRAM)
+        let mut process = Pace::command(tested_program())
             .arg("sim")
             .arg(folder.path().join("brick"))
             .args(["--world", world])
@@ -121,7 +120,7 @@ impl Drop for Simulator {
 impl Foreign {
     /// Starts a program in a private view of a mounted brick: `onbrick sim exec`.
     pub(crate) fn start(pace: &Pace, name: &str, brick: &Path, command: &[&str]) -> Self {
-        let mut process = Pace::command(PROGRAM)
+        let mut process = Pace::command(tested_program())
             .args(["sim", "exec"])
             .arg(brick)
             .arg("--")
@@ -232,7 +231,7 @@ pub(crate) fn script(name: &str) -> String {
 
 /// An example of this crate, which `cargo test` builds beside its binary.
 pub(crate) fn example(name: &str) -> Option<PathBuf> {
-    let path = Path::new(PROGRAM).parent()?.join("examples").join(name);
+    let path = Path::new(env!("CARGO_BIN_EXE_onbrick")).parent()?.join("examples").join(name);
     if !path.exists() {
         pass_over(&format!(
             "the example {name}: cargo test builds it, cargo test --test it does not"

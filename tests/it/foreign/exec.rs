@@ -5,12 +5,13 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Output, Stdio};
 
-use super::bench::{PROGRAM, Simulator, no_namespaces};
+use super::bench::{Simulator, no_namespaces};
 use crate::support::pass_over;
 use crate::support::real_time::Pace;
+use crate::support::tested_program;
 
 fn exec(brick: &std::path::Path, program: &[&str]) -> Output {
-    let mut command = Command::new(PROGRAM);
+    let mut command = Command::new(tested_program());
     command.args(["sim", "exec"]).arg(brick).arg("--").args(program).stdin(Stdio::null());
     command.output().unwrap()
 }
@@ -85,7 +86,7 @@ fn an_ordinary_user_has_a_view_of_their_own() {
     fs::set_permissions(simulator.root().parent().unwrap(), fs::Permissions::from_mode(0o755))
         .unwrap();
     let program = folder.path().join("onbrick");
-    fs::copy(PROGRAM, &program).unwrap();
+    fs::copy(tested_program(), &program).unwrap();
     let script = "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; \
                   aplay -q /dev/null";
     let mut command = Command::new("setpriv");
@@ -137,7 +138,7 @@ fn where_namespaces_are_forbidden_the_setting_is_named() {
                   exec setpriv --bounding-set=-all --inh-caps=-all \"$0\" sim exec \"$1\" -- true";
     let mut command = Command::new("unshare");
     let refused = command
-        .args(["--user", "--map-root-user", "sh", "-c", script, PROGRAM])
+        .args(["--user", "--map-root-user", "sh", "-c", script, tested_program()])
         .arg(simulator.root())
         .output()
         .unwrap();

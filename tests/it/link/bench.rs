@@ -20,6 +20,7 @@ use tempfile::TempDir;
 
 use crate::support::own_address;
 use crate::support::real_time::Pace;
+use crate::support::tested_program;
 
 /// Nothing here takes this long on any machine, and nothing waits for it to be over.
 pub const LONG: Duration = Duration::from_secs(60);
@@ -284,7 +285,7 @@ impl Service {
     /// Starts the service's process and waits until its link is ready.
     pub fn start(&mut self) {
         let log = std::fs::File::create(self.path("log")).unwrap();
-        let child = Pace::command(env!("CARGO_BIN_EXE_onbrick"))
+        let child = Pace::command(tested_program())
             .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .args(["-v", "serve", "--config"])
             .arg(self.folder.path())
@@ -397,7 +398,7 @@ impl Drop for Service {
 }
 
 pub fn onbrick() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_onbrick"))
+    Command::new(tested_program())
 }
 
 pub fn text(bytes: &[u8]) -> String {

@@ -1,5 +1,5 @@
-//! The README's chapter on the link, from one machine to another: two network namespaces with a
-//! cable that is pulled out while the robot drives.
+//! The chapter on the link of `src/USING.md`, from one machine to another: two network namespaces
+//! with a cable that is pulled out while the robot drives.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
@@ -12,8 +12,7 @@ use serde_json::Value;
 use super::bench::{text, until};
 use crate::support::network::{BRICK, Network};
 use crate::support::real_time::{alone, patiently};
-
-pub const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+use crate::support::tested_program;
 
 /// A brick, or several, on a machine, and a person at a PC on another.
 pub struct Apart {
@@ -54,7 +53,7 @@ impl Apart {
         for (name, _) in self.bricks {
             let log =
                 std::fs::File::create(self.folder.path().join(format!("{name}.log"))).unwrap();
-            let mut service = self.network.brick(PROGRAM);
+            let mut service = self.network.brick(tested_program());
             service
                 .args(["-v", "serve", "--sim", self.world, "--config"])
                 .arg(self.folder.path().join(name));
@@ -79,7 +78,7 @@ impl Apart {
 
     /// A command at the PC.
     pub fn pc(&self, line: &str) -> Command {
-        let mut command = self.network.pc(PROGRAM);
+        let mut command = self.network.pc(tested_program());
         command
             .env("ONBRICK_KEYS", self.folder.path().join("keys"))
             .current_dir(self.folder.path().join("pc"));
@@ -101,7 +100,7 @@ impl Apart {
         let yes = self.folder.path().join("yes");
         std::fs::write(&yes, "yes\n").unwrap();
         for (name, address) in self.bricks {
-            let mut there = self.network.brick(PROGRAM);
+            let mut there = self.network.brick(tested_program());
             there
                 .args(["pair", "--config"])
                 .arg(self.folder.path().join(name))

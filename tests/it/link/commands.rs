@@ -12,6 +12,7 @@ use super::bench::{LONG, Service, halves, onbrick, text, until};
 use crate::foreign::bench::{no_namespaces, unshare};
 use crate::support::pass_over;
 use crate::support::real_time::{alone, patiently};
+use crate::support::tested_program;
 
 /// A mission that is over in two seconds.
 pub const SHORT: &str = r#"
@@ -277,7 +278,7 @@ fn a_full_disk_of_the_pcs_ends_the_fetch_and_with_room_it_goes_on_from_there() {
         mount -o remount,size=16m . && "$0" fetch sim && cp *.mcap .."#;
     std::fs::create_dir_all(service.path("out/small")).unwrap();
     let output = unshare()
-        .args(["sh", "-c", script, env!("CARGO_BIN_EXE_onbrick")])
+        .args(["sh", "-c", script, tested_program()])
         .env("ONBRICK_KEYS", service.path("pc"))
         .current_dir(service.path("out"))
         .output()

@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::bench::text;
 use crate::foreign::bench::unshare;
 use crate::support::pass_over;
+use crate::support::tested_program;
 
 /// As on ev3dev, without the system's bus, which is not there.
 const AVAHI: &str = "[server]\nhost-name=ev3-blue\nuse-ipv4=yes\nuse-ipv6=no\n\
@@ -65,14 +66,7 @@ fn a_brick_whose_avahi_has_the_packages_file_is_found() {
         let output = unshare()
             .args(["--net", "sh", "-c", SCRIPT, "sh"])
             .arg(folder.path())
-            .args([
-                env!("CARGO_BIN_EXE_onbrick"),
-                "bricks",
-                "--discover",
-                "--json",
-                "--listen",
-                listen,
-            ])
+            .args([tested_program(), "bricks", "--discover", "--json", "--listen", listen])
             .env("ONBRICK_KEYS", folder.path().join("keys"))
             .output()
             .unwrap();

@@ -26,12 +26,13 @@ use onbrick::recording::Run;
 use serde_json::Value;
 
 use super::bench::{LONG, text, until};
-use super::chapter::{Apart, PROGRAM};
+use super::chapter::Apart;
 use crate::foreign::bench::example;
 use crate::mount::bench::no_fuse;
 use crate::support::network::{BRICK, Network};
 use crate::support::pass_over;
 use crate::support::real_time::{Pace, alone, patiently};
+use crate::support::tested_program;
 use crate::support::turning_brick::await_that;
 
 /// Poses of a path that are farther apart have a hole between them, metres; as the seed's program
@@ -139,7 +140,7 @@ impl Seeds {
         let folder = tempfile::tempdir().unwrap();
         let brick = folder.path().join("brick");
         std::fs::create_dir(&brick).unwrap();
-        let mut mounted = Pace::command(PROGRAM);
+        let mut mounted = Pace::command(tested_program());
         let mounted = mounted.arg("sim").arg(&brick).stdout(Stdio::null()).spawn().unwrap();
         let mut seeds = Self { network, folder, processes: vec![mounted] };
         until("the brick is mounted", || brick.join("sim/truth").exists().then_some(()));

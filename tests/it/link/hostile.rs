@@ -76,6 +76,16 @@ fn bad_requests_are_refused_each_under_its_own_name_and_the_next_is_answered() {
             "{reply}"
         );
     }
+    // An older one and a newer one, either way: who asks is told which is which, and what to do.
+    for (version, who, way_out) in [
+        (0, "the onbrick that was asked is newer", "where this was asked"),
+        (2, "the onbrick that was asked is older", "brick-image/install.sh"),
+    ] {
+        let request = json!({"id": 1, "version": version, "op": "status"}).to_string();
+        let refused = &ask(&socket, request.as_bytes())["error"];
+        assert!(refused["message"].as_str().unwrap().starts_with(who), "{refused}");
+        assert!(refused["hint"].as_str().unwrap().contains(way_out), "{refused}");
+    }
     let reply = ask(&socket, br#"{"id":"last","version":1,"op":"status","from the future":[1]}"#);
     assert_eq!((&reply["id"], &reply["ok"]["brick"]), (&json!("last"), &json!("fake")));
 }

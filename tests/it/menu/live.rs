@@ -23,6 +23,7 @@ use onbrick::service::protocol::{
 use crate::mount::bench::{Mounted, real_time};
 use crate::support::own_address;
 use crate::support::real_time::in_real_time;
+use crate::support::tested_program;
 
 /// Far more than anything here takes on a machine that does other things as well.
 const DEADLINE: Duration = Duration::from_secs(120);
@@ -46,7 +47,7 @@ impl Running {
 }
 
 pub(super) fn onbrick(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_onbrick"));
+    let mut command = Command::new(tested_program());
     command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command
 }

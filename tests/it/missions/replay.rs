@@ -8,6 +8,7 @@ use onbrick::runtime::{Source, replay, replay_with};
 use onbrick::sim::World;
 
 use super::{ROBOT, job, play, play_in};
+use crate::support::tested_program;
 
 #[test]
 fn every_run_replays_bit_for_bit() {
@@ -168,7 +169,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
 fn two_processes_make_the_same_bytes() {
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let [first, again] = folders.each_ref().map(|folder| {
-        let done = Command::new(env!("CARGO_BIN_EXE_onbrick"))
+        let done = Command::new(tested_program())
             .args(["--json", "demo", "--seconds", "30", "--seed", "5", "--out"])
             .arg(folder.path())
             .output()

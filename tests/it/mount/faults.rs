@@ -10,9 +10,10 @@ use onbrick::sim::World;
 use serde_json::{Value, json};
 
 use super::bench::Mounted;
+use crate::support::tested_program;
 
 fn fault(mounted: &Mounted, order: &[&str]) -> Output {
-    let program = env!("CARGO_BIN_EXE_onbrick");
+    let program = tested_program();
     Command::new(program).args(["sim", "fault"]).arg(mounted.root()).args(order).output().unwrap()
 }
 
@@ -49,7 +50,7 @@ fn keys_are_pressed_by_the_command_and_by_the_file() {
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(mounted.root()));
     let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     let pass_ms = |ms: i64| clock.sleep_until_ns(clock.now_ns() + ms * MILLISECOND_NS);
-    let program = env!("CARGO_BIN_EXE_onbrick");
+    let program = tested_program();
     let press = |arguments: &[&str]| {
         let root = mounted.root();
         Command::new(program).args(["sim", "press"]).arg(root).args(arguments).output().unwrap()

@@ -18,8 +18,7 @@ use onbrick::sim::{Mount, MountError, MountOptions, Simulation, Unfit};
 use super::bench::{Mounted, await_or_fail, errno, names, no_fuse};
 use crate::drivers_bench::Bench;
 use crate::support::pass_over;
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+use crate::support::tested_program;
 
 /// A simulator in a process of its own, that says that it has mounted.
 struct Simulator {
@@ -31,8 +30,12 @@ struct Simulator {
 
 impl Simulator {
     fn start(point: &Path) -> Self {
-        let mut process =
-            Command::new(PROGRAM).arg("sim").arg(point).stdout(Stdio::piped()).spawn().unwrap();
+        let mut process = Command::new(tested_program())
+            .arg("sim")
+            .arg(point)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
         let mut said = BufReader::new(process.stdout.take().unwrap());
         let mut greeting = String::new();
         while !greeting.contains("mounted a simulated brick") {
@@ -64,7 +67,7 @@ fn is_mounted(point: &Path) -> bool {
 
 fn refused(arguments: &[&str]) -> (Option<i32>, String) {
     let Output { status, stderr, .. } =
-        Command::new(PROGRAM).arg("sim").args(arguments).output().unwrap();
+        Command::new(tested_program()).arg("sim").args(arguments).output().unwrap();
     (status.code(), String::from_utf8_lossy(&stderr).into_owned())
 }
 
@@ -77,7 +80,7 @@ fn a_folder_of_a_worlds_name_is_not_taken_for_the_world() {
     }
     let folder = tempfile::tempdir().unwrap();
     for time in 1..=2 {
-        let mut command = Command::new(PROGRAM);
+        let mut command = Command::new(tested_program());
         let mut process = command
             .args(["sim", "arena"])
             .current_dir(folder.path())
@@ -240,7 +243,7 @@ fn open_house() -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
     let program = folder.path().join("onbrick");
-    fs::copy(PROGRAM, &program).unwrap();
+    fs::copy(tested_program(), &program).unwrap();
     (folder, program)
 }
 
@@ -335,7 +338,7 @@ fn what_root_has_mounted_is_everybodys() {
 
 /// A simulator with more to do than to mount, until a line that it says.
 fn simulate(point: &Path, arguments: &[&str], until: &str) -> Simulator {
-    let mut process = Command::new(PROGRAM)
+    let mut process = Command::new(tested_program())
         .arg("sim")
         .arg(point)
         .args(arguments)
@@ -416,7 +419,7 @@ fn another_board_is_mounted_and_its_files_are_served_to_a_program_of_the_seeds()
         assert_eq!(ask(&format!("r:{outside}")), "error", "{outside}");
     }
     assert_eq!(ask("l:.."), ask("l:"));
-    let doctor = Command::new(PROGRAM)
+    let doctor = Command::new(tested_program())
         .args(["doctor", "--brick"])
         .arg(&point)
         .current_dir(folder.path())

@@ -9,14 +9,16 @@ use onbrick::recording::Run;
 
 use super::bench::{Mounted, no_fuse, real_time};
 use crate::support::real_time::{Pace, in_real_time};
-
-const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
+use crate::support::tested_program;
 
 #[test]
 fn our_devices_command_finds_everything_on_a_mounted_brick() {
     let Some(mounted) = Mounted::in_world("arena", 1, Arc::new(MonotonicClock)) else { return };
-    let output =
-        Command::new(PROGRAM).args(["devices", "--brick"]).arg(mounted.root()).output().unwrap();
+    let output = Command::new(tested_program())
+        .args(["devices", "--brick"])
+        .arg(mounted.root())
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     for device in [
@@ -55,7 +57,7 @@ fn the_mapping_mission_drives_through_the_mount_and_knows_where_it_is() {
 fn map(pace: &Pace, mounted: &Mounted, out: &Path) -> Output {
     let start = mounted.observer.as_ref().unwrap().truth(0).unwrap();
     let pose = format!("{},{},{}", start.x_m, start.y_m, start.heading_rad.to_degrees());
-    let run = Pace::command(PROGRAM)
+    let run = Pace::command(tested_program())
         .args(["run", "map", "--set", "time_limit_s=12", "--pose", &pose, "--brick"])
         .arg(mounted.root())
         .arg("--out")

@@ -15,6 +15,7 @@ use crate::support::pass_over;
 use crate::support::promised::promised;
 use crate::support::real_time::come_first;
 use crate::support::stage::{Play, Played};
+use crate::support::tested_program;
 
 const RAMP: &str = "[[battery]]\nat_s = 0\nfrom_v = 8.0\nto_v = 5.0\nover_s = 60\n";
 
@@ -122,7 +123,7 @@ fn promise_6_the_program_on_a_brick_stops_before_its_battery_is_flat() {
     for attempt in 1..=ATTEMPTS {
         let Some(mounted) = Mounted::in_world("open", 1, Arc::new(MonotonicClock)) else { return };
         let out = folder.path().join(attempt.to_string());
-        let mut child = Command::new(env!("CARGO_BIN_EXE_onbrick"))
+        let mut child = Command::new(tested_program())
             .args(["run", "map", "--set", "time_limit_s=60", "--brick"])
             .arg(mounted.root())
             .arg("--out")

@@ -19,6 +19,7 @@ use crate::support::memory::MemoryDisk;
 use crate::support::pass_over;
 use crate::support::promised::{long, promised};
 use crate::support::stage::Play;
+use crate::support::tested_program;
 
 const DISK: [Kind; 2] = [Kind::Write, Kind::Sync];
 const SYNC_NS: i64 = 250_000_000;
@@ -237,7 +238,7 @@ fn on_a_small_disk(kilobytes: u32, out: &Path) -> Option<Output> {
          {disk}/run/run.mcap {kept}; exit $code",
         disk = disk.display(),
         kept = kept.display(),
-        program = env!("CARGO_BIN_EXE_onbrick"),
+        program = tested_program(),
     );
     let user: &[&str] =
         if nix::unistd::geteuid().is_root() { &[] } else { &["--map-root-user", "--user"] };
@@ -275,7 +276,7 @@ fn promise_7_the_program_at_its_file_size_limit_says_so_and_is_not_killed() {
     let folder = tempfile::tempdir().unwrap();
     let script = format!(
         "ulimit -f 1000; exec {} run map --sim arena --set time_limit_s=60 --out {}",
-        env!("CARGO_BIN_EXE_onbrick"),
+        tested_program(),
         folder.path().join("run").display()
     );
     let output = Command::new("bash").args(["-c", &script]).output().unwrap();

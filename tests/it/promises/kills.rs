@@ -16,8 +16,8 @@ use nix::sys::signal::{Signal, kill};
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 
 use self::bench::{
-    Asked, BOTH, Bench, Case, Measured, NEITHER, ONLY_GUARD, ONLY_LEASE, PROGRAM, Protection, Run,
-    Trouble, WATCH_NS, pass,
+    Asked, BOTH, Bench, Case, Measured, NEITHER, ONLY_GUARD, ONLY_LEASE, Protection, Run, Trouble,
+    WATCH_NS, pass,
 };
 use crate::foreign::bench::example;
 use crate::mount::bench::{await_or_fail, no_fuse, real_time};
@@ -25,6 +25,7 @@ use crate::support::memory_group::no_memory_groups;
 use crate::support::pass_over;
 use crate::support::promised::{long, promised};
 use crate::support::real_time::come_first;
+use crate::support::tested_program;
 
 mod bench;
 
@@ -252,8 +253,11 @@ fn promise_1_without_lease_and_guard_the_motors_would_go_on() {
     let measured = (0..ATTEMPTS).find_map(|_| bench.suffer((Trouble::Killed, NEITHER), 0));
     let measured = measured.expect("this machine is too busy for a control loop");
     assert!(measured.commands_ns > WATCH_NS / 2, "the harness sees what turns: {measured:?}");
-    let halt =
-        Command::new(PROGRAM).args(["halt", "--brick"]).arg(bench.mounted.root()).output().unwrap();
+    let halt = Command::new(tested_program())
+        .args(["halt", "--brick"])
+        .arg(bench.mounted.root())
+        .output()
+        .unwrap();
     assert!(halt.status.success(), "{}", String::from_utf8_lossy(&halt.stderr));
     std::thread::sleep(Duration::from_millis(20));
     let seen = bench.seen();

@@ -10,6 +10,7 @@ use crate::support::pass_over;
 use crate::support::promised::promised;
 use crate::support::real_time::come_first;
 use crate::support::stage::{Play, Played};
+use crate::support::tested_program;
 use crate::support::turning_brick::{TurningBrick, await_that};
 use crate::support::wall_clock::{replace, shim};
 
@@ -97,7 +98,7 @@ fn promise_8_a_wall_clock_that_jumps_under_the_running_program_changes_nothing()
         let out = folder.path().join(attempt.to_string());
         // As a brick wakes up that has no network and no battery for its clock.
         replace(&now, "@600");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_onbrick"));
+        let mut command = Command::new(tested_program());
         command.arg("run").arg(&mission).arg("--brick").arg(brick.root()).arg("--out").arg(&out);
         command.env("LD_PRELOAD", &library).env("WALL_CLOCK", &now);
         command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());

@@ -8,12 +8,13 @@ use onbrick::service::client::Client;
 use onbrick::service::protocol::{Request, Status};
 
 use crate::support::pass_over;
+use crate::support::tested_program;
 use crate::support::turning_brick::await_that;
 
 /// `onbrick serve` that is expected to end at once.
 fn refused(folder: &Path, arguments: &[&str]) -> Output {
     Command::new("timeout")
-        .args(["10", env!("CARGO_BIN_EXE_onbrick"), "serve"])
+        .args(["10", tested_program(), "serve"])
         .args(arguments)
         .env("HOME", folder)
         .env_remove("XDG_CONFIG_HOME")
@@ -44,7 +45,7 @@ fn a_machine_without_a_brick_is_not_served_and_gets_no_keys() {
 fn a_folder_that_is_named_is_made() {
     let folder = tempfile::tempdir().unwrap();
     let own = folder.path().join("one/of/my/own");
-    let mut service = Command::new(env!("CARGO_BIN_EXE_onbrick"))
+    let mut service = Command::new(tested_program())
         .args(["serve", "--sim", "arena", "--config"])
         .arg(&own)
         .stdout(Stdio::null())

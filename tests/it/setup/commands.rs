@@ -5,13 +5,14 @@ use std::process::{Command, Output, Stdio};
 
 use super::*;
 use crate::support::brick::shipped_brick;
+use crate::support::tested_program;
 
 /// What a person would type for the seed's robot on a brick where nothing moves: name, ready, three
 /// motors, measures.
 const ANSWERS: &str = "tester\nyes\n1\nforwards\n\nback\n\n\n12 36\n0,2\n\n0.06\n";
 
 fn onbrick(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_onbrick"))
+    Command::new(tested_program())
         .args(arguments)
         .current_dir(folder)
         .stdin(Stdio::null())

@@ -30,11 +30,10 @@ use crate::foreign::bench::example;
 use crate::mount::bench::{Mounted, await_or_fail};
 use crate::service::{self, Served};
 use crate::support::memory_group::MemoryGroup;
+use crate::support::tested_program;
 
 /// The robot's motors.
 const MOTORS: [Port; 3] = [Port::OutA, Port::OutB, Port::OutD];
-
-pub(super) const PROGRAM: &str = env!("CARGO_BIN_EXE_onbrick");
 
 /// How long a sensor needs after it was plugged in again, as its driver has it, and more.
 const PLUGGED_NS: i64 = 2500 * MILLISECOND_NS;
@@ -361,7 +360,7 @@ impl Trouble {
             Self::Spinning => Command::new(example("troubled").unwrap()),
             Self::OutOfMemory => troubled("memory"),
             Self::Panic(thread) => troubled(thread),
-            _ => Command::new(PROGRAM),
+            _ => Command::new(tested_program()),
         }
     }
 }

@@ -1,0 +1,94 @@
+//! `onbrick manual`: the manual's pages and the shells' completions, for packages and for those who
+//! installed by `cargo install`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Command, CommandFactory as _};
+use clap_complete::Shell;
+
+use crate::cli::common::write_file;
+use crate::cli::{Exit, Failure, Output};
+
+/// Write the manual's pages, and completions for bash, zsh and fish, into the places below a folder
+/// where they are looked for.
+///
+/// Examples:
+///   onbrick manual ~/.local                 for you; then `man onbrick-run`
+///   sudo onbrick manual /usr/local          for all who use this machine
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    /// The folder; the pages go to share/man/man1 in it.
+    folder: PathBuf,
+}
+
+/// Each shell, and where it looks for its completions.
+const SHELLS: [(Shell, &str); 3] = [
+    (Shell::Bash, "share/bash-completion/completions/onbrick"),
+    (Shell::Zsh, "share/zsh/site-functions/_onbrick"),
+    (Shell::Fish, "share/fish/vendor_completions.d/onbrick.fish"),
+];
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let described = crate::cli::Arguments::command();
+    let pages = arguments.folder.join("share/man/man1");
+    make_folder(&pages)?;
+    clap_mangen::generate_to(described.clone(), &pages).map_err(cannot_write(&pages))?;
+    for page in std::fs::read_dir(&pages).map_err(cannot_write(&pages))?.flatten() {
+        let text = std::fs::read_to_string(page.path()).map_err(cannot_write(&page.path()))?;
+        write_file(&page.path(), with_examples(&text).as_bytes())?;
+    }
+    for (shell, place) in SHELLS {
+        let path = arguments.folder.join(place);
+        path.parent().map_or(Ok(()), make_folder)?;
+        let mut text = Vec::new();
+        clap_complete::generate(shell, &mut without_hidden(&described), "onbrick", &mut text);
+        write_file(&path, &text)?;
+    }
+    let folder = &arguments.folder;
+    let said = format!("wrote pages and completions into {}", folder.join("share").display());
+    output.show(said, &serde_json::json!({ "wrote": folder }));
+    Ok(())
+}
+
+/// A page whose indented lines, the examples, stay as they are: `man` would fill them.
+fn with_examples(page: &str) -> String {
+    let (mut text, mut inside) = (String::new(), false);
+    for line in page.lines() {
+        let indented = line.starts_with(' ');
+        match (inside, indented) {
+            (false, true) => text.push_str(".nf\n"),
+            (true, false) => text.push_str(".fi\n"),
+            _ => {}
+        }
+        inside = indented;
+        text.push_str(line);
+        text.push('\n');
+    }
+    text
+}
+
+/// The same command line as a person sees it: completions would offer hidden commands, too.
+fn without_hidden(command: &Command) -> Command {
+    let shown = Command::new(command.get_name().to_owned())
+        .args(command.get_arguments().cloned())
+        .subcommands(
+            command.get_subcommands().filter(|command| !command.is_hide_set()).map(without_hidden),
+        );
+    match command.get_about() {
+        Some(about) => shown.about(about.clone()),
+        None => shown,
+    }
+}
+
+fn make_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(cannot_write(folder))
+}
+
+fn cannot_write(path: &Path) -> impl FnOnce(std::io::Error) -> Failure {
+    let doing = format!("cannot write {}", path.display());
+    move |error| {
+        Failure::from_error(Exit::Failed, &doing, &error)
+            .hint("a folder that you may write to, such as ~/.local")
+    }
+}
