@@ -366,9 +366,10 @@ const volts = (value) => value === null || value === undefined ? null : element(
 function robots() {
   const { sim, run } = news, status = run?.status, place = byId("robots");
   if (!sim) {
-    return fill(place, status ? [pose(status), status.travelled_m.toFixed(2), status.points, status.battery_v] : null, () => [put(element("section"),
+    return fill(place, status ? [pose(status), status.travelled_m.toFixed(2), status.points, status.battery_v, run.senses] : null, () => [put(element("section"),
       title(run.brick || "Robot", volts(status.battery_v), css.belief), status.battery_v && level(status.battery_v),
-      element("p", pose(status)), element("p", `${status.travelled_m.toFixed(2)} m driven, ${status.points} points`, "soft"))]);
+      element("p", pose(status)), element("p", `${status.travelled_m.toFixed(2)} m driven, ${status.points} points`, "soft"),
+      run.senses && put(element("table"), ...run.senses.map(([what, name, value]) => put(element("tr"), element("td", name), element("td", what, "soft"), element("td", number(value))))))]);
   }
   fill(place, [sim.robots, status], () => sim.robots.map((robot, at) => {
     const section = element("section");

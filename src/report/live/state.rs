@@ -10,6 +10,7 @@ use crate::mapping::Pose;
 use crate::printable;
 use crate::recording::{Followed, Grid, Run, Status, StopReason};
 use crate::runtime::Event;
+use crate::senses::{QUANTITIES, Senses};
 use crate::sim::{Room, Simulation, World};
 use crate::units::{degrees, wrap_rad};
 
@@ -322,6 +323,7 @@ impl Session {
             put("path", json!(path(run, &mut next.poses)));
             put("ahead", json!(self.ahead(run)));
             put("points", json!(points(run, &mut next.points)));
+            put("senses", run.senses.last().map_or(Value::Null, sensed));
             let entered = fresh(&run.transitions, &mut next.transitions).iter().map(|taken| {
                 json!({
                     "time_s": since_start_s(taken.time_ns), "machine": taken.machine,
@@ -360,6 +362,17 @@ fn shown(status: &Status) -> Value {
         "battery_v": status.battery_v,
         "warning": status.warning,
     })
+}
+
+/// What the robot has read last, by what people call it, and as conditions see it: what can be a
+/// number in JSON.
+fn sensed(senses: &Senses) -> Value {
+    let known = QUANTITIES.iter().filter(|quantity| !quantity.name.is_empty());
+    let read = known.filter_map(|quantity| {
+        let value = quantity.unit.in_conditions(senses.get(quantity.channel)?.value);
+        value.is_finite().then(|| json!([quantity.what, quantity.name, round(value, 1e3)]))
+    });
+    read.collect()
 }
 
 /// The points of the map that a page has not got, x and y in turn.
