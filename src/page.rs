@@ -18,12 +18,12 @@
 //! other.
 
 use std::borrow::Cow;
-use std::io;
+use std::io::{self, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use tiny_http::{Header, Method, Request, Response, Server};
+use tiny_http::{Method, Request, Server};
 
 /// The page cannot be shown.
 #[derive(Debug, thiserror::Error)]
@@ -176,7 +176,7 @@ impl LocalPage {
                 for mut request in served.0.incoming_requests() {
                     let shown = shown(&mut request, address, &below, most_posted, &*answer);
                     // A browser that has gone away needs no answer.
-                    let _ = request.respond(response(shown));
+                    let _ = respond(request, shown);
                 }
             };
             let thread = std::thread::Builder::new().name("page".to_owned()).spawn(serve)?;
@@ -231,24 +231,31 @@ fn shown(
     Some(answer(Asked { path, query, posted: posted.as_deref() }))
 }
 
-type Body = Response<io::Cursor<Vec<u8>>>;
-
-fn response(shown: Option<Shown>) -> Body {
-    let plain = |body: &str, status: u16| {
-        typed("text/plain", Response::from_string(body)).with_status_code(status)
+/// Answers, and has the browser close the connection: the server keeps a thread for each that is
+/// open, and when several come at once, its pool (of 0.12) lets some wait until one of these is
+/// closed.
+fn respond(request: Request, shown: Option<Shown>) -> io::Result<()> {
+    const PLAIN: &str = "text/plain; charset=utf-8";
+    let plain = |status: &'static str, text: &str| (status, PLAIN, text.as_bytes().to_vec().into());
+    let (status, kind, body): (&str, &str, Cow<'_, [u8]>) = match &shown {
+        None => plain("403 Forbidden", "this page is for its own machine\n"),
+        Some(Shown::Text(kind, text)) => ("200 OK", kind.media_type(), text.as_bytes().into()),
+        Some(Shown::Png(bytes)) => ("200 OK", "image/png", bytes.into()),
+        Some(Shown::Nothing) => plain("404 Not Found", "there is nothing here\n"),
+        Some(Shown::Failed) => plain("500 Internal Server Error", "there is nothing to be shown\n"),
+        Some(Shown::Fixed) => plain("405 Method Not Allowed", "nothing can be changed here\n"),
+        Some(Shown::Done) => plain("200 OK", "done\n"),
+        Some(Shown::Refused(why)) => plain("400 Bad Request", &format!("{why}\n")),
     };
-    match shown {
-        None => plain("this page is for its own machine\n", 403),
-        Some(Shown::Text(kind, body)) => {
-            typed(kind.media_type(), Response::from_string(body.as_ref()))
-        }
-        Some(Shown::Png(bytes)) => typed("image/png", Response::from_data(bytes)),
-        Some(Shown::Nothing) => plain("there is nothing here\n", 404),
-        Some(Shown::Failed) => plain("there is nothing to be shown\n", 500),
-        Some(Shown::Fixed) => plain("nothing can be changed here\n", 405),
-        Some(Shown::Done) => plain("done\n", 200),
-        Some(Shown::Refused(why)) => plain(&format!("{why}\n"), 400),
-    }
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\
+         Cache-Control: no-store\r\nContent-Security-Policy: {POLICY}\r\n\
+         Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\n\r\n",
+        body.len()
+    );
+    let mut writer = request.into_writer();
+    writer.write_all(&[head.as_bytes(), &body].concat())?;
+    writer.flush()
 }
 
 /// The text that was posted; none where it is too long, or no text.
@@ -280,16 +287,4 @@ fn is_ours(request: &Request, address: SocketAddr) -> bool {
         ["127.0.0.1", "localhost"].iter().any(|name| origin == format!("http://{name}:{port}"))
     };
     header("Host").is_some_and(is_ours) && header("Origin").is_none_or(is_this)
-}
-
-fn typed(kind: &str, response: Body) -> Body {
-    let headers = [
-        ("Content-Type", kind),
-        ("Cache-Control", "no-store"),
-        ("Content-Security-Policy", POLICY),
-        ("Referrer-Policy", "no-referrer"),
-        ("X-Content-Type-Options", "nosniff"),
-    ];
-    let headers = headers.iter().filter_map(|(name, value)| Header::from_bytes(*name, *value).ok());
-    headers.fold(response, Response::with_header)
 }

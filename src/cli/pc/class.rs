@@ -83,8 +83,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
     output.show(
         format!(
-            "the class is at {}\nwhoever has this address can start and stop the bricks; Ctrl-C \
-             ends the page, and the bricks do what they do",
+            "the class is at {}\nthe address is a secret: with it one starts and stops bricks; Ctrl-C ends \
+             the page, and no run",
             page.url()
         ),
         &serde_json::json!({ "page": page.url() }),

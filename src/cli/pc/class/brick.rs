@@ -312,9 +312,3 @@ impl Brick {
         Ok(format!("started {name}"))
     }
 }
-
-impl Drop for Brick {
-    fn drop(&mut self) {
-        self.over.store(true, Ordering::Relaxed);
-    }
-}

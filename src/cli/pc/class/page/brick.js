@@ -91,7 +91,7 @@ export function show(view, at) {
     folder,
     element(
       "p",
-      "What the ports read between runs, and deleting a run on the brick, are offered at the brick itself (its menu, or ssh and onbrick devices), not over the network.",
+      "Over the network a brick tells what its ports read only in the recording of a run, and deletes nothing: look at them, and delete runs, at the brick (its menu, or onbrick devices).",
       "soft",
     ),
     map,

@@ -3,7 +3,7 @@
 import { button, element, known, picture, post, put, seconds, stops, write } from "./parts.js";
 import { draw } from "./picture.js";
 
-const signs = { driving: "▶", ready: "○", stopped: "■", preparing: "…", stopping: "…", fault: "✕" };
+const signs = { driving: "▶", ready: "○", stopped: "■", preparing: "…", stopping: "…" };
 const sign = ({ words, wrong, silent_s: silent }) =>
   silent !== null ? "?" : wrong === 2 ? "✕" : (signs[words] ?? "");
 
@@ -143,7 +143,8 @@ function talk(place) {
       line(`It calls itself ${pairing.name}, with the key ${pairing.fingerprint}.`),
       pairing.another &&
         line(
-          `A brick ${pairing.name} is known with another key, ${pairing.another}: it is replaced if you say yes.`,
+          `A brick ${pairing.name} is known with another key, ${pairing.another}: ` +
+            "it is replaced if you say yes.",
           "bad",
         ),
       put(
