@@ -316,6 +316,90 @@ fn a_brick_is_paired_with_its_code_compared_on_the_page() {
     });
 }
 
+#[test]
+fn a_team_starts_from_its_poses_and_its_map_grows_in_one_picture() {
+    let _alone = alone();
+    patiently("a team on the page", a_team);
+}
+
+fn a_team() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = Class::keys(folder.path());
+    let names = ["ada", "bob"];
+    let made = names.iter().map(|name| Service::of(name, &["--sim", "two-arenas"]));
+    let mut bricks: Vec<Service> = made.inspect(|one| one.introduce_to(&keys)).collect();
+    let class = Class::new(folder);
+    let text = onbrick::behavior::shipped::find("map").unwrap().text;
+    let body = json!({ "name": "mine", "text": text }).to_string();
+    let own = "Host: localhost\r\nX-Onbrick: 1\r\n";
+    assert!(class.ask("POST", "/TOKEN/save", own, &body).starts_with("HTTP/1.1 200"));
+    let Some(mut tab) = Tab::open(&class.url, PROJECTOR) else { return };
+    for name in names {
+        tab.until(&says(name, "ready"));
+    }
+    tab.eval("location.hash = '#/together'");
+    for (row, pose) in [["0", "0", "0"], ["3", "0", "90"]].iter().enumerate() {
+        tab.until(&format!("document.querySelectorAll('#team tbody tr').length > {row}"));
+        tab.eval(&format!(
+            "document.querySelectorAll('#team tbody tr')[{row}].querySelector('input').click()"
+        ));
+        for (column, value) in pose.iter().enumerate() {
+            tab.eval(&format!(
+                "(() => {{ const field = document.querySelectorAll('#team tbody tr')[{row}]\
+                 .querySelectorAll('input[type=number]')[{column}]; field.value = '{value}'; \
+                 field.dispatchEvent(new Event('input')); }})()"
+            ));
+        }
+    }
+    tab.until("document.querySelector('#field').getAttribute('aria-label').startsWith('2 robots')");
+    // One that is away keeps all from starting.
+    bricks[1].kill();
+    tab.until(
+        "fetch('state').then((answer) => answer.json())\
+               .then(({ bricks }) => bricks[1].words === 'no answer')",
+    );
+    tab.click("#team", "Start together");
+    tab.until("document.querySelector('#told').textContent.includes('bob does not answer')");
+    assert_eq!(class.state()["bricks"][0]["mission"], Value::Null);
+    bricks[1].start();
+    tab.until(
+        "fetch('state').then((answer) => answer.json())\
+               .then(({ bricks }) => bricks[1].words === 'ready')",
+    );
+    tab.click("#team", "Start together");
+    tab.until("Number(document.querySelector('#field').dataset.points) > 20");
+    let state = class.state();
+    assert_eq!(
+        state["together"],
+        json!({ "mission": "mine", "members": [[0, [0.0, 0.0, 0.0]], [1, [3.0, 0.0, 90.0]]] })
+    );
+    let x_m = |brick: usize| state["bricks"][brick]["pose"][0].as_f64().unwrap();
+    assert!(x_m(0) < 1.5 && x_m(1) > 1.5, "each in its own place of one frame: {state}");
+    tab.picture("10-together");
+    tab.key("Escape");
+    tab.until("document.querySelector('#stopped').textContent.includes('2 still')");
+    tab.click("#team", "Picture of the recordings");
+    tab.until("document.querySelector('.map').naturalWidth > 100");
+    tab.picture("11-merged");
+
+    // A recording that is here gets another name, and is deleted.
+    tab.eval("location.hash = '#/brick/1'");
+    tab.until("document.querySelector('#one td input')");
+    let name = tab.eval("document.querySelector('#one td input').value");
+    let file = |name: &str| class.path("runs/bob").join(format!("{name}.mcap"));
+    assert!(file(name.as_str().unwrap()).exists());
+    tab.eval("document.querySelector('#one td input').value = 'best'");
+    tab.click("#one td.row", "Rename");
+    tab.until("document.querySelector('#one td input').value === 'best'");
+    assert!(file("best").exists() && !file(name.as_str().unwrap()).exists());
+    tab.click("#one td.row", "Delete");
+    tab.click("#one td.row", "Delete: sure?");
+    until("it is deleted", || (!file("best").exists()).then_some(()));
+    // The brick has it still.
+    tab.click("#one tbody", "Fetch");
+    until("it is fetched", || file(name.as_str().unwrap()).exists().then_some(()));
+}
+
 /// The contrast of every text against what it stands on, as WCAG 2 defines it: below 4.5, or 3
 /// where it is large, it is listed.
 const CONTRAST: &str = "(() => {

@@ -63,8 +63,10 @@ impl Bringing {
         }
         {
             let mut seen = self.brick.seen();
-            let arrival = seen.brought.get(&self.run);
-            if arrival.is_some_and(|arrival| arrival.failed.is_none()) {
+            let is_gone = |arrival: &Arrival| {
+                arrival.failed.is_some() || arrival.is_whole && !self.file.exists()
+            };
+            if seen.brought.get(&self.run).is_some_and(|arrival| !is_gone(arrival)) {
                 return;
             }
             seen.brought.insert(self.run.clone(), Arrival::default());

@@ -19,7 +19,7 @@ function row(at, { info, arrival }, here, act) {
       last,
       button("Map", () => act.map(info.run)),
     );
-  else if (arrival && !arrival.failed)
+  else if (arrival && !arrival.failed && !arrival.whole)
     put(last, element("span", `${megabytes(arrival.bytes)} here`));
   else
     put(

@@ -94,9 +94,11 @@ function fill(parts, brick, at) {
   draw(parts.map, [{ ...kept, pose: brick.pose }]);
 }
 
-// What is wrong comes first; not while a finger is about to press something.
+// What is wrong comes first; but not under a finger that is about to press something.
 function order() {
-  if (performance.now() - moved < 3000) return;
+  const isNew = grid.dataset.ordered !== "true";
+  if (!isNew && performance.now() - moved < 3000) return;
+  grid.dataset.ordered = known.bricks.length > 0;
   const rank = ({ silent_s: silent, wrong }) => (silent !== null ? 2 : wrong);
   const wanted = known.bricks
     .map((brick, at) => ({ brick, made: cards[at].made }))

@@ -56,6 +56,7 @@ function stopping() {
   const missing = asked.filter(({ stop }) => stop.told_after_s === null).map(({ name }) => name);
   const place = byId("stopped");
   place.hidden = !asked.length;
+  byId("summary").hidden = !place.hidden;
   const open = missing.length ? `; not told: ${missing.join(", ")}` : "";
   write(place, `Stop: ${asked.length} asked, ${told.length} told, ${still.length} still${open}`);
   return asked.some(({ stop }) => stop.still_after_s === null && stop.asked_s < 20);
