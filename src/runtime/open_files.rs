@@ -61,6 +61,11 @@ mod tests {
         let mut sleeper =
             std::process::Command::new("sleep").arg("60").stdin(stdin).spawn().unwrap();
         let pid = i32::try_from(sleeper.id()).unwrap();
+        // Under QEMU's user mode `spawn` comes back before the other program has begun.
+        let name = format!("/proc/{pid}/comm");
+        while std::fs::read_to_string(&name).unwrap().trim_end() != "sleep" {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
         let users = users_of(folder.path());
         let found = (
             has_open(pid, &file),
