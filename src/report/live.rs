@@ -1,7 +1,7 @@
 //! The live page: a simulation, a run in progress, or both at once, in a browser on this machine.
 //!
-//! There is one page (`live/page.html`, its style and its script beside it) and one form of state (`live/state`), whose parts are
-//! filled in by the sources that have them:
+//! There is one page (`live/page.html`, its style and its script beside it) and one form of state
+//! (`live/state`), whose parts are filled in by the sources that have them:
 //!
 //! | source | gives | takes |
 //! |---|---|---|

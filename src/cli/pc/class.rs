@@ -1,9 +1,9 @@
 //! `onbrick class`: all bricks of a class on one page.
 //!
 //! ```text
-//! browser ── twice a second: state since ──▶ answers ──▶ what is known of each brick ◀── its thread
-//!         ── posts: stop, start, pair … ──▶         ──▶ orders ─────────────────────▶    │
-//!                                                       recordings ◀── a fetch a run ◀───┘ link
+//! browser ── twice a second: state ──▶ answers ──▶ what is known of a brick ◀── its thread ◀─ link
+//!         ── posts: stop, start … ──▶         ──▶ orders ──────────────────────▶    │
+//!                                               recordings ◀── a fetch a run ◀──────┘
 //! ```
 //!
 //! Everything that a brick is asked goes through the link's client ([`crate::link::client`]). The
@@ -83,8 +83,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
     output.show(
         format!(
-            "the class is at {}\nthe address is a secret: with it one starts and stops bricks; Ctrl-C ends \
-             the page, and no run",
+            "the class is at {}\nthe address is a secret: with it one starts and stops bricks; Ctrl-C \
+             ends the page, and no run",
             page.url()
         ),
         &serde_json::json!({ "page": page.url() }),

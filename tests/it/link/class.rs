@@ -292,8 +292,8 @@ fn a_brick_is_paired_with_its_code_compared_on_the_page() {
             .arg(service.folder.path())
             .arg("--answers")
             .arg(service.path("yes"))
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
             .spawn()
             .unwrap();
         tab.until("document.querySelector('#pairing input')");
@@ -310,7 +310,7 @@ fn a_brick_is_paired_with_its_code_compared_on_the_page() {
         tab.until(&says("cleo", "ready"));
         tab.picture("9-paired");
         let mut said = String::new();
-        there.stdout.take().unwrap().read_to_string(&mut said).unwrap();
+        there.stderr.take().unwrap().read_to_string(&mut said).unwrap();
         assert!(there.wait().unwrap().success());
         assert!(said.contains(code.as_str().unwrap()), "the same code on both sides: {said}");
     });
@@ -390,7 +390,8 @@ fn a_team() {
     assert!(file(name.as_str().unwrap()).exists());
     tab.eval("document.querySelector('#one td input').value = 'best'");
     tab.click("#one td.row", "Rename");
-    tab.until("document.querySelector('#one td input').value === 'best'");
+    let label = "document.querySelector('#one td input').getAttribute('aria-label')";
+    tab.until(&format!("{label} === 'Another name for best'"));
     assert!(file("best").exists() && !file(name.as_str().unwrap()).exists());
     tab.click("#one td.row", "Delete");
     tab.click("#one td.row", "Delete: sure?");
@@ -404,7 +405,8 @@ fn a_team() {
 /// where it is large, it is listed.
 const CONTRAST: &str = "(() => {
     const light = ([r, g, b]) => [r, g, b].map((c) => (c /= 255) <= 0.04045 ? c / 12.92
-        : ((c + 0.055) / 1.055) ** 2.4).reduce((sum, c, at) => sum + c * [0.2126, 0.7152, 0.0722][at], 0);
+        : ((c + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, c, at) => sum + c * [0.2126, 0.7152, 0.0722][at], 0);
     const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
     const ground = (one) => { for (; one; one = one.parentElement) {
         const found = parts(getComputedStyle(one).backgroundColor);

@@ -165,8 +165,8 @@ impl Tab {
         self.call("Input.insertText", json!({ "text": text }));
     }
 
-    /// Goes on to the element with the keyboard alone, by Tab, until its text or its label begins
-    /// with this one.
+    /// Goes by Tab, with the keyboard alone, to the element whose text or label begins with this
+    /// one.
     #[track_caller]
     pub fn tab_to(&mut self, text: &str) {
         for _ in 0..200 {

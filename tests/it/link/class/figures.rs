@@ -41,7 +41,7 @@ fn world() -> String {
          closed = true\n",
     );
     for at in 0..NAMES.len() {
-        let (x, y) = (f64::from(at as u32 % 4) * 2.0, f64::from(at as u32 / 4) * 2.0);
+        let [x, y] = [at % 4, at / 4].map(|place| 2.0 * f64::from(u8::try_from(place).unwrap()));
         writeln!(
             toml,
             "[[start]]\nat = [{x:?}, {y:?}]\n[[block]]\nat = [{:?}, {:?}]\nsize_m = [0.39, 0.19]",

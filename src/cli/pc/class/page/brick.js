@@ -100,18 +100,23 @@ export function show(view, at) {
   const one = put(element("div"), left, runs);
   one.id = "one";
   put(view, one);
-  let key = "";
+  // Rows are made again only where they change: a person may be typing in one.
+  const keys = {};
+  const differs = (name, value) => {
+    const key = JSON.stringify(value);
+    return keys[name] !== key && Boolean((keys[name] = key));
+  };
   async function look() {
     try {
       const found = await get(`runs/${at}`);
-      const now = JSON.stringify(found);
-      if (now === key || runs.contains(document.activeElement?.closest("input"))) return;
-      key = now;
       const has = new Set(found.here);
-      there.replaceChildren(
-        ...(found.there ?? []).map((run) => row(at, run, has.has(run.info.run), act)),
-      );
-      here.replaceChildren(...found.here.map((one) => file(at, one, act)));
+      if (differs("here", found.here)) {
+        here.replaceChildren(...found.here.map((one) => file(at, one, act)));
+      }
+      if (differs("there", found)) {
+        const runs = found.there ?? [];
+        there.replaceChildren(...runs.map((run) => row(at, run, has.has(run.info.run), act)));
+      }
       write(folder, found.folder);
     } catch (error) {
       tell(error.message);
