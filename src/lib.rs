@@ -45,7 +45,7 @@
 //! | [`planning`] | where to drive: frontiers of the map, ways along free cells; pure |
 //! | [`mapping`] | odometry, heading, point cloud, occupancy grid, merging; pure |
 //! | [`sim`] | simulated brick: world, body, driver behaviour (feature `sim`) |
-//! | [`page`] | a page for a browser on this machine: the server behind live pages (feature `host`) |
+//! | [`page`] | a page for a browser on this machine: the server behind live pages and that of a class (feature `host`) |
 //! | [`senses`] | what a robot senses: one table from a driver's mode to a name in missions |
 //! | [`ev3dev`] | typed devices over attribute files: motors, sensors, ports, lights, battery, buttons, sound |
 //! | [`document`] | files that people write: places, carets, nearest names |

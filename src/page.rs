@@ -3,21 +3,26 @@
 //!
 //! # Not here
 //!
-//! What is shown, and what is done with what is posted (`report::live`).
+//! What is shown, and what is done with what is posted (`report::live`, `cli`).
 //!
 //! # What we count on
 //!
-//! Every user that may open a port of this machine may look. A request for another host name than
-//! this machine's is refused, so that a foreign page in the same browser cannot ask. A POST must
-//! carry a header of ours (`OWN`), which a foreign page may not send without a preflight request,
-//! and that is refused.
+//! A request for another host name than this machine's is refused, so that a foreign page in the
+//! same browser cannot ask. A POST must carry a header of ours (`OWN`), which a foreign page may
+//! not send without a preflight request, and that is refused; and where the browser says which page
+//! it comes from (`Origin`), that is this one. What a page loads, frames and asks is the server's own
+//! (`POLICY`), and no script stands in the page itself.
+//!
+//! Every user that may open a port of this machine may look, unless the page has a
+//! [token](Place): then all of its addresses begin with that, and there is nothing at any other.
 
-use std::io;
+use std::borrow::Cow;
+use std::io::{self, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use tiny_http::{Header, Method, Request, Response, Server};
+use tiny_http::{Method, Request, Server};
 
 /// The page cannot be shown.
 #[derive(Debug, thiserror::Error)]
@@ -35,13 +40,34 @@ pub enum PageError {
     Thread(#[from] io::Error),
 }
 
+/// What a text of a page is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Html,
+    Style,
+    Script,
+    Json,
+    Svg,
+}
+
+impl Kind {
+    /// As the browser is told.
+    fn media_type(self) -> &'static str {
+        match self {
+            Self::Html => "text/html; charset=utf-8",
+            Self::Style => "text/css; charset=utf-8",
+            Self::Script => "text/javascript; charset=utf-8",
+            Self::Json => "application/json",
+            Self::Svg => "image/svg+xml",
+        }
+    }
+}
+
 /// What is shown at one address of the page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Shown {
-    /// The page itself.
-    Html(String),
-    /// What it asks for.
-    Json(String),
+    /// The page itself, its parts, or what it asks for.
+    Text(Kind, Cow<'static, str>),
     /// A picture in it.
     Png(Vec<u8>),
     /// There is no such address.
@@ -56,19 +82,60 @@ pub(crate) enum Shown {
     Refused(String),
 }
 
+impl Shown {
+    /// A part that is in the program.
+    pub(crate) fn file(kind: Kind, text: &'static str) -> Self {
+        Self::Text(kind, Cow::Borrowed(text))
+    }
+
+    /// What the page asks for.
+    pub(crate) fn json(json: String) -> Self {
+        Self::Text(Kind::Json, Cow::Owned(json))
+    }
+}
+
+/// What a browser asks of a page.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    /// Behind the token, such as `/state`.
+    pub(crate) path: &'a str,
+    /// What stands behind the `?`.
+    pub(crate) query: &'a str,
+    /// What it posts, where it does.
+    pub(crate) posted: Option<&'a str>,
+}
+
+/// Where a page is served.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Place {
+    /// A port of 127.0.0.1, 0 for any that is free.
+    pub(crate) port: u16,
+    /// What all addresses of the page begin with: letters and digits that cannot be guessed.
+    pub(crate) token: Option<String>,
+    /// No post is longer, bytes.
+    pub(crate) most_posted: u64,
+}
+
 /// The header that the page's own script sends with what it posts.
 const OWN: &str = "X-Onbrick";
 
-/// No post is longer, bytes.
-const MOST_POSTED: u64 = 4096;
+/// What a page may load, frame and ask: what comes from its own server, and pictures that it has
+/// made itself. No script and no style sheet stands in the page.
+const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; connect-src 'self'; \
+     img-src 'self' data:; frame-src 'self'; frame-ancestors 'self'; base-uri 'none'; \
+     form-action 'none'";
 
 /// A page that is being served. Dropping it ends that.
 #[derive(Debug)]
 pub(crate) struct LocalPage {
-    address: SocketAddr,
+    url: String,
     server: Arc<Unshown>,
-    thread: Option<JoinHandle<()>>,
+    threads: Vec<JoinHandle<()>>,
 }
+
+/// As many requests are answered at a time, so that one that takes its time, such as a picture,
+/// holds up no other.
+const THREADS: usize = 3;
 
 /// The server, which has nothing to show of itself.
 struct Unshown(Server);
@@ -80,17 +147,16 @@ impl std::fmt::Debug for Unshown {
 }
 
 impl LocalPage {
-    /// Serves at a port of 127.0.0.1, 0 for any that is free. `show` is given path and query;
-    /// `take` is given path and text of what the page posts.
+    /// Serves what `answer` has for each request.
     ///
     /// # Errors
     ///
     /// [`PageError`]; nothing is served then.
     pub(crate) fn serve(
-        port: u16,
-        show: impl Fn(&str, &str) -> Shown + Send + 'static,
-        take: impl Fn(&str, &str) -> Shown + Send + 'static,
+        place: &Place,
+        answer: impl Fn(Asked<'_>) -> Shown + Send + Sync + 'static,
     ) -> Result<Self, PageError> {
+        let Place { port, most_posted, .. } = *place;
         let failed = |message: String| PageError::Bind { port, message };
         let server =
             Server::http((Ipv4Addr::LOCALHOST, port)).map_err(|error| failed(error.to_string()))?;
@@ -99,70 +165,104 @@ impl LocalPage {
             .to_ip()
             .ok_or_else(|| failed("no address was given".to_owned()))?;
         let server = Arc::new(Unshown(server));
-        let served = Arc::clone(&server);
-        let serve = move || {
-            for request in served.0.incoming_requests() {
-                answer(request, &show, &take);
-            }
-        };
-        let thread = std::thread::Builder::new().name("page".to_owned()).spawn(serve)?;
-        Ok(Self { address, server, thread: Some(thread) })
+        let below = place.token.as_ref().map_or_else(String::new, |token| format!("/{token}"));
+        let url = format!("http://{address}{below}/");
+        let mut page = Self { url, server: Arc::clone(&server), threads: Vec::new() };
+        let answer = Arc::new(answer);
+        for _ in 0..THREADS {
+            let (served, answer, below) = (Arc::clone(&server), Arc::clone(&answer), below.clone());
+            let serve = move || {
+                for mut request in served.0.incoming_requests() {
+                    let shown = shown(&mut request, address, &below, most_posted, &*answer);
+                    // A browser that has gone away needs no answer.
+                    let _ = respond(request, shown);
+                }
+            };
+            let thread = std::thread::Builder::new().name("page".to_owned()).spawn(serve)?;
+            page.threads.push(thread);
+        }
+        Ok(page)
     }
 
     /// Where the page is.
-    pub(crate) fn url(&self) -> String {
-        format!("http://{}/", self.address)
+    pub(crate) fn url(&self) -> &str {
+        &self.url
     }
 }
 
 impl Drop for LocalPage {
     fn drop(&mut self) {
-        self.server.0.unblock();
-        if let Some(thread) = self.thread.take() {
+        // One wakes one.
+        self.threads.iter().for_each(|_| self.server.0.unblock());
+        for thread in self.threads.drain(..) {
             // A panic of the server has been reported already.
             let _ = thread.join();
         }
     }
 }
 
-fn answer(
-    mut request: Request,
-    show: &impl Fn(&str, &str) -> Shown,
-    take: &impl Fn(&str, &str) -> Shown,
-) {
+/// What is shown to a request; none where it is no business of this page.
+fn shown(
+    request: &mut Request,
+    address: SocketAddr,
+    below: &str,
+    most_posted: u64,
+    answer: &impl Fn(Asked<'_>) -> Shown,
+) -> Option<Shown> {
+    if !is_ours(request, address) {
+        return None;
+    }
     let url = request.url().to_owned();
     let (path, query) = url.split_once('?').unwrap_or((&url, ""));
+    let Some(path) = path.strip_prefix(below) else { return Some(Shown::Nothing) };
+    if !path.starts_with('/') {
+        return Some(Shown::Nothing);
+    }
     let is_own = request.headers().iter().any(|header| header.field.equiv(OWN));
-    let shown = match request.method() {
-        _ if !is_ours(&request) => None,
-        Method::Get => Some(show(path, query)),
-        Method::Post if is_own => {
-            Some(posted(&mut request).map_or(Shown::Failed, |text| take(path, &text)))
-        }
-        _ => Some(Shown::Fixed),
+    let posted = match request.method() {
+        Method::Get => None,
+        Method::Post if is_own => match posted(request, most_posted) {
+            Some(text) => Some(text),
+            None => return Some(Shown::Failed),
+        },
+        _ => return Some(Shown::Fixed),
     };
-    let plain = |body: &str, status: u16| text("text/plain", body).with_status_code(status);
-    let response = match shown {
-        None => plain("this page is for its own machine\n", 403),
-        Some(Shown::Html(body)) => text("text/html; charset=utf-8", &body),
-        Some(Shown::Json(body)) => text("application/json", &body),
-        Some(Shown::Png(bytes)) => typed("image/png", Response::from_data(bytes)),
-        Some(Shown::Nothing) => plain("there is nothing here\n", 404),
-        Some(Shown::Failed) => plain("there is nothing to be shown\n", 500),
-        Some(Shown::Fixed) => plain("nothing can be changed here\n", 405),
-        Some(Shown::Done) => plain("done\n", 200),
-        Some(Shown::Refused(why)) => plain(&format!("{why}\n"), 400),
+    Some(answer(Asked { path, query, posted: posted.as_deref() }))
+}
+
+/// Answers, and has the browser close the connection: the server keeps a thread for each that is
+/// open, and when several come at once, its pool (of 0.12) lets some wait until one of these is
+/// closed.
+fn respond(request: Request, shown: Option<Shown>) -> io::Result<()> {
+    const PLAIN: &str = "text/plain; charset=utf-8";
+    let plain = |status: &'static str, text: &str| (status, PLAIN, text.as_bytes().to_vec().into());
+    let (status, kind, body): (&str, &str, Cow<'_, [u8]>) = match &shown {
+        None => plain("403 Forbidden", "this page is for its own machine\n"),
+        Some(Shown::Text(kind, text)) => ("200 OK", kind.media_type(), text.as_bytes().into()),
+        Some(Shown::Png(bytes)) => ("200 OK", "image/png", bytes.into()),
+        Some(Shown::Nothing) => plain("404 Not Found", "there is nothing here\n"),
+        Some(Shown::Failed) => plain("500 Internal Server Error", "there is nothing to be shown\n"),
+        Some(Shown::Fixed) => plain("405 Method Not Allowed", "nothing can be changed here\n"),
+        Some(Shown::Done) => plain("200 OK", "done\n"),
+        Some(Shown::Refused(why)) => plain("400 Bad Request", &format!("{why}\n")),
     };
-    // A browser that has gone away needs no answer.
-    let _ = request.respond(response);
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\
+         Cache-Control: no-store\r\nContent-Security-Policy: {POLICY}\r\n\
+         Referrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\n\r\n",
+        body.len()
+    );
+    let mut writer = request.into_writer();
+    writer.write_all(&[head.as_bytes(), &body].concat())?;
+    writer.flush()
 }
 
 /// The text that was posted; none where it is too long, or no text.
-fn posted(request: &mut Request) -> Option<String> {
+fn posted(request: &mut Request, most: u64) -> Option<String> {
     let mut body = String::new();
-    let mut most = io::Read::take(request.as_reader(), MOST_POSTED + 1);
-    io::Read::read_to_string(&mut most, &mut body).ok()?;
-    Some(body).filter(|body| u64::try_from(body.len()).is_ok_and(|length| length <= MOST_POSTED))
+    let mut some = io::Read::take(request.as_reader(), most + 1);
+    io::Read::read_to_string(&mut some, &mut body).ok()?;
+    Some(body).filter(|body| u64::try_from(body.len()).is_ok_and(|length| length <= most))
 }
 
 /// A value as JSON that may stand inside a script element: only `<` could end that.
@@ -170,26 +270,20 @@ pub(crate) fn inside_script(json: &str) -> String {
     json.replace('<', "\\u003c")
 }
 
-/// True where the browser thinks that it talks to this machine.
-fn is_ours(request: &Request) -> bool {
-    let host = request.headers().iter().find(|header| header.field.equiv("Host"));
-    host.is_some_and(|host| {
-        let host = host.value.as_str();
+/// True where the browser thinks that it talks to this machine, and says of no other page that it
+/// asks.
+fn is_ours(request: &Request, address: SocketAddr) -> bool {
+    let header = |name: &'static str| {
+        let found = request.headers().iter().find(|header| header.field.equiv(name));
+        found.map(|header| header.value.as_str())
+    };
+    let is_ours = |host: &str| {
         let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
         matches!(name, "127.0.0.1" | "localhost")
-    })
-}
-
-fn text(kind: &str, body: &str) -> Response<io::Cursor<Vec<u8>>> {
-    typed(kind, Response::from_string(body))
-}
-
-fn typed(kind: &str, response: Response<io::Cursor<Vec<u8>>>) -> Response<io::Cursor<Vec<u8>>> {
-    let headers = [
-        ("Content-Type", kind),
-        ("Cache-Control", "no-store"),
-        ("X-Content-Type-Options", "nosniff"),
-    ];
-    let headers = headers.iter().filter_map(|(name, value)| Header::from_bytes(*name, *value).ok());
-    headers.fold(response, Response::with_header)
+    };
+    let is_this = |origin: &str| {
+        let port = address.port();
+        ["127.0.0.1", "localhost"].iter().any(|name| origin == format!("http://{name}:{port}"))
+    };
+    header("Host").is_some_and(is_ours) && header("Origin").is_none_or(is_this)
 }

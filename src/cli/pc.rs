@@ -3,6 +3,7 @@
 use super::{Failure, Output, commands};
 
 mod bricks;
+mod class;
 mod demo;
 mod export;
 mod fetch;
@@ -33,6 +34,7 @@ commands! {
         Fetch(fetch),
         Identify(identify),
         Team(team),
+        Class(class),
         Plot(plot),
         Export(export),
         Repair(repair),

@@ -23,7 +23,7 @@ use crate::runtime::{
 use crate::units::radians;
 
 #[cfg(feature = "host")]
-mod page;
+pub(super) mod page;
 mod through;
 
 /// Run a mission here, in the foreground, and record it; where a service lives on the brick,

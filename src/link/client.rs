@@ -174,6 +174,8 @@ pub struct Patience {
     pub(super) absent_ns: i64,
     /// Raised by a caller that does not want to wait any longer.
     pub(super) cancelled: Option<Arc<AtomicBool>>,
+    /// The caller says itself what is wrong.
+    pub(super) is_quiet: bool,
 }
 
 impl Patience {
@@ -181,7 +183,7 @@ impl Patience {
     #[must_use]
     pub fn new(seconds: f64) -> Self {
         let most_ns = nanoseconds(seconds).max(0);
-        Self { most_ns, absent_ns: most_ns, cancelled: None }
+        Self { most_ns, absent_ns: most_ns, ..Self::default() }
     }
 
     /// For this long only, seconds, where no connection comes about: an absent brick holds up
@@ -189,6 +191,13 @@ impl Patience {
     #[must_use]
     pub fn if_absent(mut self, seconds: f64) -> Self {
         self.absent_ns = nanoseconds(seconds).clamp(0, self.most_ns);
+        self
+    }
+
+    /// Without a word in the log about a silence.
+    #[must_use]
+    pub fn quietly(mut self) -> Self {
+        self.is_quiet = true;
         self
     }
 
@@ -226,6 +235,11 @@ impl Client {
     pub fn with_patience(mut self, patience: Patience) -> Self {
         self.line.set_patience(patience);
         self
+    }
+
+    /// As [`Client::with_patience`], from the next request on.
+    pub fn set_patience(&mut self, patience: Patience) {
+        self.line.set_patience(patience);
     }
 
     /// Takes recordings of at most this many bytes from now on; [`MOST_BYTES`] unless it is said

@@ -170,6 +170,17 @@ pub(super) fn random() -> std::io::Result<Number> {
     Ok(number)
 }
 
+/// A text that cannot be guessed: 32 digits of hexadecimal.
+///
+/// # Errors
+///
+/// The kernel has no random numbers.
+#[cfg(feature = "host")]
+pub(crate) fn token() -> std::io::Result<String> {
+    let number = random()?;
+    Ok(number.iter().take(16).map(|byte| format!("{byte:02x}")).collect())
+}
+
 /// 32 bytes in hexadecimal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]

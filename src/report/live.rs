@@ -1,7 +1,7 @@
 //! The live page: a simulation, a run in progress, or both at once, in a browser on this machine.
 //!
-//! There is one page (`live/page.html`) and one form of state (`live/state`), whose parts are
-//! filled in by the sources that have them:
+//! There is one page (`live/page.html`, its style and its script beside it) and one form of state
+//! (`live/state`), whose parts are filled in by the sources that have them:
 //!
 //! | source | gives | takes |
 //! |---|---|---|
@@ -33,12 +33,20 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use self::state::{Cursor, Phase, Session};
 use crate::clock::PacedClock;
 pub use crate::page::PageError;
-use crate::page::{LocalPage, Shown};
+use crate::page::{Asked, Kind, LocalPage, Place, Shown};
 use crate::recording::Status;
 use crate::runtime::Event;
 use crate::sim::Simulation;
 
-const PAGE: &str = include_str!("live/page.html");
+/// What the page is made of.
+const PARTS: [(&str, Kind, &str); 3] = [
+    ("/", Kind::Html, include_str!("live/page.html")),
+    ("/live.css", Kind::Style, include_str!("live/live.css")),
+    ("/live.js", Kind::Script, include_str!("live/live.js")),
+];
+
+/// No order is longer, bytes.
+const MOST_POSTED: u64 = 4096;
 
 /// Where what the page shows comes from.
 #[derive(Debug, Clone, Default)]
@@ -132,36 +140,55 @@ impl LivePage {
         board: &Board,
         port: u16,
         granted: &[Wish],
-        grant: impl Fn(Wish) + Send + 'static,
+        grant: impl Fn(Wish) + Send + Sync + 'static,
     ) -> Result<Self, PageError> {
-        board.session().granted = granted.to_vec();
-        let (looked, ordered) = (board.clone(), board.clone());
-        let show = move |path: &str, query: &str| match path {
-            "/" => Shown::Html(PAGE.to_owned()),
-            "/state" => Shown::Json(looked.session().state(Cursor::of(query))),
-            "/screen" => looked.screen(query).map_or(Shown::Nothing, Shown::Png),
-            _ => Shown::Nothing,
-        };
-        let take = move |path: &str, text: &str| {
-            let done = match path {
-                "/order" => ordered.order(text),
-                "/pace" => ordered.session().set_pace(text),
-                "/wish" => ordered.wish(text).map(&grant),
-                _ => return Shown::Fixed,
-            };
-            done.map_or_else(Shown::Refused, |()| Shown::Done)
-        };
-        Ok(Self { page: LocalPage::serve(port, show, take)? })
+        board.grants(granted);
+        let board = board.clone();
+        let answer = move |asked: Asked<'_>| board.answer(asked, &grant);
+        let place = Place { port, token: None, most_posted: MOST_POSTED };
+        Ok(Self { page: LocalPage::serve(&place, answer)? })
     }
 
     /// Where the page is.
     #[must_use]
     pub fn url(&self) -> String {
-        self.page.url()
+        self.page.url().to_owned()
     }
 }
 
 impl Board {
+    /// The wishes that can be granted.
+    pub(crate) fn grants(&self, granted: &[Wish]) {
+        self.session().granted = granted.to_vec();
+    }
+
+    /// What the page's server answers; `grant` is told what a person wants.
+    pub(crate) fn answer(&self, asked: Asked<'_>, grant: &impl Fn(Wish)) -> Shown {
+        let done = match (asked.path, asked.posted) {
+            ("/state", None) => {
+                return Shown::json(self.session().state(Cursor::of(asked.query)));
+            }
+            ("/screen", None) => {
+                return self.screen(asked.query).map_or(Shown::Nothing, Shown::Png);
+            }
+            (path, None) => {
+                let part = PARTS.iter().find(|(place, ..)| *place == path);
+                return part.map_or(Shown::Nothing, |(_, kind, text)| Shown::file(*kind, text));
+            }
+            ("/order", Some(text)) => self.order(text),
+            ("/pace", Some(word)) => self.session().set_pace(word),
+            ("/wish", Some(word)) => self.wish(word).map(grant),
+            _ => return Shown::Fixed,
+        };
+        done.map_or_else(Shown::Refused, |()| Shown::Done)
+    }
+
+    /// What a small picture of the run has not got since `cursor`, which the last answer brought as
+    /// `next`; all of it for any other text.
+    pub(crate) fn glimpse(&self, cursor: &str) -> serde_json::Value {
+        self.session().glimpse(Cursor::parse(cursor))
+    }
+
     /// Does what a person orders of the simulation.
     fn order(&self, text: &str) -> Result<(), String> {
         let simulation = self.session().ordered()?.clone();

@@ -3,6 +3,7 @@
 
 mod bench;
 mod chapter;
+mod class;
 mod commands;
 mod discovery;
 mod fetching;

@@ -86,7 +86,7 @@ fn a_page_takes_orders_from_itself_alone() {
     const OWN: &str = "X-Onbrick: 1\r\n";
     for (header, path, body, status) in [
         ("", "/order", "press enter", 405),
-        ("Origin: http://evil.example\r\n", "/order", "press enter", 405),
+        ("Origin: http://evil.example\r\n", "/order", "press enter", 403),
         (OWN, "/state", "press enter", 405),
         (OWN, "/order", "press entre", 400),
         (OWN, "/order", &"#".repeat(5000), 500),

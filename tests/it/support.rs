@@ -9,6 +9,7 @@ pub mod allocations;
 pub mod brick;
 pub mod browser;
 pub mod chance;
+pub mod devtools;
 pub mod faulty;
 pub mod memory;
 pub mod memory_group;

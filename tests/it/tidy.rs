@@ -288,8 +288,8 @@ fn files_are_short_enough_to_be_read() {
 
 /// What people write here by hand: sources, scripts, configuration, README; not test data.
 fn written() -> Vec<(String, String)> {
-    const ENDINGS: [&str; 11] =
-        ["rs", "sh", "toml", "md", "py", "c", "config", "service", "run", "avahi", ""];
+    const ENDINGS: [&str; 13] =
+        ["rs", "sh", "toml", "md", "py", "js", "css", "c", "config", "service", "run", "avahi", ""];
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths: Vec<PathBuf> =
         ["README.md", "Cargo.toml", "cross.toml"].iter().map(|name| root.join(name)).collect();

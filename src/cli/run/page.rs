@@ -114,6 +114,31 @@ fn simulate(
     hand: &Hand,
     output: &mut Output,
 ) -> Result<Ended, Failure> {
+    let progress = Progress::new(mission, output);
+    let mut happenings = Happenings::of(job.file.clone());
+    let mut tell = |event: &Event| {
+        output.value(event);
+        progress.show(event);
+        happenings.tell(output);
+    };
+    let ended = watched(job, mission, sources, board, &hand.flags, &mut tell);
+    progress.finish();
+    happenings.tell(output);
+    let ended = ended?;
+    output.value(&Event::Ended(ended.clone()));
+    Ok(ended)
+}
+
+/// Does a simulated run in this process, in real time or as a person at the board's page wants it,
+/// until it ends or a flag is raised. `tell` is called for each event but the end.
+pub(in crate::cli) fn watched(
+    job: &Job,
+    mission: &Mission,
+    sources: Sources,
+    board: &Board,
+    flags: &StopFlags,
+    tell: &mut (dyn FnMut(&Event) + Send),
+) -> Result<Ended, Failure> {
     let refused = |refused: crate::runtime::Refused| {
         Failure::of_refused(refused.stop().to_string(), refused.way_out())
     };
@@ -131,25 +156,17 @@ fn simulate(
         // A listener that is gone has no need of it.
         let _ = say.send(event.clone());
     };
-    let progress = Progress::new(mission, output);
-    let mut happenings = Happenings::of(job.file.clone());
     let ended = std::thread::scope(|scope| {
         scope.spawn(|| {
             for event in events {
                 screen.show(&event);
-                output.value(&event);
-                progress.show(&event);
-                happenings.tell(output);
+                tell(&event);
             }
         });
-        execute(job, environment, &hand.flags, &mut NoHeartbeat, report)
-    });
-    progress.finish();
-    happenings.tell(output);
-    let ended = ended.map_err(refused)?;
-    let event = Event::Ended(ended.clone());
-    board.hear(&event);
-    output.value(&event);
+        execute(job, environment, flags, &mut NoHeartbeat, report)
+    })
+    .map_err(refused)?;
+    board.hear(&Event::Ended(ended.clone()));
     Ok(ended)
 }
 

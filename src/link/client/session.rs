@@ -374,7 +374,7 @@ impl Session {
                 silence: self.silence,
             });
         }
-        if waited_ns >= WORTH_A_WORD_NS && !self.has_said {
+        if waited_ns >= WORTH_A_WORD_NS && !self.has_said && !self.patience.is_quiet {
             self.has_said = true;
             log::warn!("{}: {}; trying again", self.written, self.silence);
         }

@@ -10,6 +10,7 @@ use crate::mapping::Pose;
 use crate::printable;
 use crate::recording::{Followed, Grid, Run, Status, StopReason};
 use crate::runtime::Event;
+use crate::senses::{QUANTITIES, Senses};
 use crate::sim::{Room, Simulation, World};
 use crate::units::{degrees, wrap_rad};
 
@@ -92,7 +93,11 @@ pub(super) struct Cursor {
 impl Cursor {
     /// `since=1.1.20.0.0.0.0`; what is none is the beginning.
     pub(super) fn of(query: &str) -> Self {
-        let numbers = query.strip_prefix("since=").unwrap_or_default().split('.');
+        Self::parse(query.strip_prefix("since=").unwrap_or_default())
+    }
+
+    pub(super) fn parse(text: &str) -> Self {
+        let numbers = text.split('.');
         let numbers: Vec<u64> = numbers.filter_map(|number| number.parse().ok()).collect();
         match numbers.as_slice() {
             &[session, room, marks, poses, points, transitions, map_ns] => {
@@ -248,6 +253,37 @@ impl Session {
         printable::json(&Value::Object(state).to_string()).into_owned()
     }
 
+    /// What a small picture of the run has not got: the path and the points, and where the robot is
+    /// by now.
+    pub(super) fn glimpse(&mut self, since: Cursor) -> Value {
+        if let Some(followed) = &mut self.followed {
+            // As for the page itself.
+            let _ = followed.look();
+        }
+        let known = if since.session == self.number { since } else { Cursor::default() };
+        let mut next = Cursor { session: self.number, ..known };
+        let (path, points, ahead) = match &self.followed {
+            Some(followed) => {
+                let run = followed.run();
+                (path(run, &mut next.poses), points(run, &mut next.points), self.ahead(run))
+            }
+            None => Default::default(),
+        };
+        json!({
+            "session": self.number, "path": path, "points": points, "ahead": ahead,
+            "next": next.text(),
+        })
+    }
+
+    /// Where the robot was by what the run said, as far as the recording has not come yet: x and y
+    /// in turn.
+    fn ahead(&self, run: &Run) -> Vec<f64> {
+        let recorded_ns = run.poses.last().map_or(i64::MIN, |pose| pose.time_ns);
+        let is_ahead = |(time_ns, pose): &&(i64, Pose)| *time_ns > recorded_ns && pose.is_finite();
+        let ahead = self.ahead.iter().filter(is_ahead);
+        ahead.flat_map(|(_, pose)| [pose.x_m, pose.y_m]).map(|m| round(m, 1e3)).collect()
+    }
+
     /// What may be done at the page now.
     fn can(&self) -> Vec<&'static str> {
         let orders = self.ordered().map(|_| "order");
@@ -285,16 +321,9 @@ impl Session {
             put("mission", json!(run.info.as_ref().map(|info| &info.mission)));
             put("brick", json!(run.info.as_ref().map(|info| &info.brick)));
             put("path", json!(path(run, &mut next.poses)));
-            let recorded_ns = run.poses.last().map_or(i64::MIN, |pose| pose.time_ns);
-            let is_ahead =
-                |(time_ns, pose): &&(i64, Pose)| *time_ns > recorded_ns && pose.is_finite();
-            let ahead = self.ahead.iter().filter(is_ahead);
-            let places = ahead.flat_map(|(_, pose)| [pose.x_m, pose.y_m]).map(|m| round(m, 1e3));
-            put("ahead", json!(places.collect::<Vec<f64>>()));
-            let points = fresh(&run.points, &mut next.points).iter();
-            let finite = points.filter(|point| point.x_m.is_finite() && point.y_m.is_finite());
-            let places = finite.flat_map(|point| [point.x_m, point.y_m]).map(|m| round(m, 1e3));
-            put("points", json!(places.collect::<Vec<f64>>()));
+            put("ahead", json!(self.ahead(run)));
+            put("points", json!(points(run, &mut next.points)));
+            put("senses", run.senses.last().map_or(Value::Null, sensed));
             let entered = fresh(&run.transitions, &mut next.transitions).iter().map(|taken| {
                 json!({
                     "time_s": since_start_s(taken.time_ns), "machine": taken.machine,
@@ -333,6 +362,24 @@ fn shown(status: &Status) -> Value {
         "battery_v": status.battery_v,
         "warning": status.warning,
     })
+}
+
+/// What the robot has read last, by what people call it, and as conditions see it: what can be a
+/// number in JSON.
+fn sensed(senses: &Senses) -> Value {
+    let known = QUANTITIES.iter().filter(|quantity| !quantity.name.is_empty());
+    let read = known.filter_map(|quantity| {
+        let value = quantity.unit.in_conditions(senses.get(quantity.channel)?.value);
+        value.is_finite().then(|| json!([quantity.what, quantity.name, round(value, 1e3)]))
+    });
+    read.collect()
+}
+
+/// The points of the map that a page has not got, x and y in turn.
+fn points(run: &Run, has: &mut u64) -> Vec<f64> {
+    let points = fresh(&run.points, has).iter();
+    let finite = points.filter(|point| point.x_m.is_finite() && point.y_m.is_finite());
+    finite.flat_map(|point| [point.x_m, point.y_m]).map(|m| round(m, 1e3)).collect()
 }
 
 /// The places of the path that a page has not got, x and y in turn.

@@ -56,7 +56,7 @@ const HAND: &str = "
             try { value = holds(); } catch { /* not there yet */ }
             if (value) done(value);
             else if (performance.now() - begun < 60000) setTimeout(look, 30);
-            else fail(`in vain: ${holds} ${JSON.stringify(canvas.dataset)}`);
+            else fail(`in vain: ${holds} ${JSON.stringify(document.querySelector('canvas')?.dataset)}`);
         };
         look();
     });
@@ -99,7 +99,8 @@ fn act_of(script: &str) -> String {
     )
 }
 
-/// An address at which the page has a script at its end; what that posts to `/result` is handed on.
+/// An address at which the page has a script at its end, in a file as the page's policy wants it;
+/// what that posts to `/result` is handed on.
 ///
 /// A window of a browser is never as narrow as a phone, a frame in it is.
 fn with_script(
@@ -108,30 +109,38 @@ fn with_script(
     (width, height): (u32, u32),
     results: Sender<String>,
 ) -> String {
+    let served = url.trim_start_matches("http://");
+    let (served, path) = served.split_at(served.find('/').unwrap());
+    let (served, path) = (served.to_owned(), path.to_owned());
     let frame = format!(
         "HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<!DOCTYPE html>\
          <meta name=\"color-scheme\" content=\"light dark\"><body style=\"margin:0\">\
-         <iframe src=\"/\" style=\"border:0;width:{width}px;height:{height}px\"></iframe>"
+         <iframe src=\"{path}\" style=\"border:0;width:{width}px;height:{height}px\"></iframe>"
     );
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
-    let served = url.trim_start_matches("http://").trim_end_matches('/').to_owned();
     std::thread::spawn(move || {
         for stream in listener.incoming() {
             let Ok(stream) = stream else { return };
             // A browser opens connections that it may never use.
-            let (served, script, results) = (served.clone(), script.clone(), results.clone());
-            let frame = frame.clone();
-            std::thread::spawn(move || pass_on(stream, &served, &script, &frame, &results));
+            let to = Page { served: served.clone(), path: path.clone() };
+            let (script, results, frame) = (script.clone(), results.clone(), frame.clone());
+            std::thread::spawn(move || pass_on(stream, &to, &script, &frame, &results));
         }
     });
     format!("http://{address}/frame")
 }
 
+/// The page that is acted on: its server and its path.
+struct Page {
+    served: String,
+    path: String,
+}
+
 /// Passes one request on. The browser asks for no second one where it is told to close.
 fn pass_on(
     mut stream: TcpStream,
-    served: &str,
+    Page { served, path }: &Page,
     script: &str,
     frame: &str,
     results: &Sender<String>,
@@ -157,6 +166,10 @@ fn pass_on(
     if first.starts_with("GET /frame ") {
         return stream.write_all(frame.as_bytes()).ok();
     }
+    if first.starts_with("GET /hand.js ") {
+        let head = "HTTP/1.0 200 OK\r\nContent-Type: text/javascript\r\n\r\n";
+        return stream.write_all(format!("{head}{script}").as_bytes()).ok();
+    }
     if first.starts_with("POST /result ") {
         let _ = results.send(String::from_utf8(body).unwrap());
         return stream.write_all(b"HTTP/1.1 204 No Content\r\nConnection: close\r\n\r\n").ok();
@@ -171,12 +184,13 @@ fn pass_on(
     to.write_all(&[head.as_bytes(), &body].concat()).ok()?;
     let mut answer = Vec::new();
     let _ = to.read_to_end(&mut answer);
-    if first.starts_with("GET / ") {
+    if first.starts_with(&format!("GET {} ", path.split('#').next()?)) {
         let text = String::from_utf8(answer).unwrap();
-        let (_, page) = text.split_once("\r\n\r\n").unwrap();
-        let page = page.replace("</body>", &format!("<script>{script}</script></body>"));
+        let (head, page) = text.split_once("\r\n\r\n").unwrap();
+        let policy = head.lines().find(|line| line.starts_with("Content-Security-Policy:"))?;
+        let page = page.replace("</head>", "<script src=\"/hand.js\" defer></script></head>");
         answer = format!(
-            "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
+            "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n{policy}\r\n\
              Connection: close\r\n\r\n{page}"
         )
         .into_bytes();

@@ -1,0 +1,97 @@
+//! `onbrick class`: all bricks of a class on one page.
+//!
+//! ```text
+//! browser ── twice a second: state ──▶ answers ──▶ what is known of a brick ◀── its thread ◀─ link
+//!         ── posts: stop, start … ──▶         ──▶ orders ──────────────────────▶    │
+//!                                               recordings ◀── a fetch a run ◀──────┘
+//! ```
+//!
+//! Everything that a brick is asked goes through the link's client ([`crate::link::client`]). The
+//! server is that of the live page ([`crate::page`]), and one brick's picture is the live page's
+//! ([`crate::report::live`]).
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use crate::cli::key::{self, Folder};
+use crate::cli::terminal::stop_flags;
+use crate::cli::{Exit, Failure, Output};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::link::KnownBricks;
+use crate::link::pairing::token;
+use crate::page::{LocalPage, Place};
+
+mod answers;
+mod brick;
+mod bring;
+mod card;
+mod hall;
+mod missions;
+mod pairing;
+mod together;
+
+use hall::Hall;
+
+/// Show all bricks of a class on one page, in a browser on this PC: how each is, one Stop for all,
+/// missions to write, to try and to start, and the maps as they grow.
+///
+/// Every brick that this PC knows is on it; those that announce themselves can be paired there. The
+/// recording of each run comes home into the folder while it is made.
+///
+/// Examples:
+///   onbrick class
+///   onbrick class --folder monday --page 8080
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(in crate::cli) struct Arguments {
+    /// The folder for missions, each edit of them, and recordings.
+    #[arg(short, long, value_name = "DIR", default_value = "onbrick-class")]
+    folder: PathBuf,
+    /// The page's port; 0 for any that is free.
+    #[arg(long, value_name = "PORT", default_value_t = 0)]
+    page: u16,
+    #[command(flatten)]
+    keys: Folder,
+}
+
+/// No post is longer, bytes: a mission's text in JSON's escapes.
+const MOST_POSTED: u64 = 256 << 10;
+
+/// How often it is looked whether the page is done with, nanoseconds.
+const LOOK_NS: i64 = 50 * MILLISECOND_NS;
+
+pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    let keys = arguments.keys.path()?;
+    let own = arguments.keys.own()?;
+    let known = KnownBricks::load(&keys).map_err(|error| key::failure(&error))?;
+    let flags = stop_flags()?;
+    std::fs::create_dir_all(&arguments.folder).map_err(|error| {
+        let doing = format!("cannot make {}", arguments.folder.display());
+        Failure::from_error(Exit::Refused, &doing, &error)
+            .hint("--folder with a folder that can be written to")
+    })?;
+    let token = token().map_err(|error| {
+        Failure::from_error(Exit::Failed, "no random numbers for the page's address", &error)
+    })?;
+    let hall = Arc::new(Hall::new(&arguments.folder, &keys, own));
+    known.iter().for_each(|brick| hall.admit(brick));
+    hall.listen().map_err(|error| Failure::from_error(Exit::Failed, "no thread", &error))?;
+    let place = Place { port: arguments.page, token: Some(token), most_posted: MOST_POSTED };
+    let answering = Arc::clone(&hall);
+    let page = LocalPage::serve(&place, move |asked| answers::answer(&answering, asked))
+        .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
+    output.show(
+        format!(
+            "the class is at {}\nthe address is a secret: with it one starts and stops bricks; Ctrl-C \
+             ends the page, and no run",
+            page.url()
+        ),
+        &serde_json::json!({ "page": page.url() }),
+    );
+    while !flags.signal.load(Ordering::Relaxed) {
+        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+    }
+    hall.end();
+    Ok(())
+}

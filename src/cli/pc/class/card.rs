@@ -1,0 +1,103 @@
+//! A brick's card, as the page is sent it.
+
+use serde_json::{Value, json};
+
+use super::brick::{Brick, Said, Seen, Stopping};
+use crate::cli::pc::status::{battery, going, word};
+use crate::clock::seconds;
+use crate::service::protocol::{State, Status};
+
+/// What one brick's card shows. The page orders cards by `wrong`: 2 is wrong, 1 worth a look, 0 in
+/// order.
+pub(super) fn card(brick: &Brick, now_ns: i64) -> Value {
+    let seen = brick.seen();
+    let since_s = |ns: i64| seconds(now_ns.saturating_sub(ns).max(0));
+    let status = seen.status.as_ref();
+    let silent_s = seen.silent_ns.map(since_s);
+    let (wrong, why) = wrong(&seen);
+    let state = if silent_s.is_some() { None } else { status.map(|status| status.state) };
+    let run = status.and_then(|status| status.run.as_ref());
+    let progress = run.and_then(|run| run.progress.as_ref());
+    json!({
+        "name": brick.known.name,
+        "address": brick.known.address,
+        "fingerprint": brick.known.key.fingerprint(),
+        "state": state,
+        "words": words(&seen),
+        "state_s": status.map(|status| status.state_s),
+        "silent_s": silent_s,
+        "wrong": wrong,
+        "why": why,
+        "battery": status.map(battery),
+        "version": status.map(|status| &status.version),
+        "mission": run.map(|run| &run.mission),
+        "limit_s": run.map(|run| run.time_limit_s),
+        "elapsed_s": progress.map(|progress| seconds(progress.elapsed_ns)),
+        "detail": run.map(going),
+        "pose": progress.map(|at| [at.pose.x_m, at.pose.y_m, at.pose.heading_rad]),
+        "points": progress.map(|progress| progress.points),
+        "stop": seen.stopping.as_ref().map(|stopping| stop(stopping, &since_s)),
+        "said": seen.said.as_ref().map(|Said { text, is_good }| json!([text, is_good])),
+    })
+}
+
+/// How far a stop is.
+fn stop(stopping: &Stopping, since_s: &impl Fn(i64) -> f64) -> Value {
+    let Stopping { asked_ns, told_ns, still_ns, failed } = stopping;
+    let after_s = |ns: &i64| seconds(ns.saturating_sub(*asked_ns));
+    json!({
+        "asked_s": since_s(*asked_ns),
+        "told_after_s": told_ns.as_ref().map(after_s),
+        "still_after_s": still_ns.as_ref().map(after_s),
+        "failed": failed,
+    })
+}
+
+/// A state for people.
+fn words(seen: &Seen) -> &'static str {
+    match (seen.silent_ns, &seen.status) {
+        (Some(_), None) => "not heard yet",
+        (Some(_), Some(_)) => "no answer",
+        (None, Some(status)) => match status.state {
+            State::Running => "driving",
+            state => word(state),
+        },
+        (None, None) => "asking",
+    }
+}
+
+/// How bad it is, and what of it.
+fn wrong(seen: &Seen) -> (u8, Vec<String>) {
+    let mut why = Vec::new();
+    let mut worst = 0;
+    let mut add = |level: u8, text: &str| {
+        worst = worst.max(level);
+        why.push(text.trim_end().trim_start_matches("error: ").to_owned());
+    };
+    if let Some(trouble) = &seen.trouble {
+        add(2, trouble);
+        return (worst, why);
+    }
+    let Some(status) = &seen.status else { return (worst, why) };
+    let Status { state, last, battery, robot, clock, link, version, .. } = status;
+    if *state == State::Fault {
+        add(2, &last.as_ref().map_or_else(|| "a fault".to_owned(), ToString::to_string));
+    }
+    if let Some(text) = robot {
+        add(2, text);
+    }
+    if let Some(text) = battery {
+        add(2, text);
+    }
+    let own = env!("CARGO_PKG_VERSION");
+    if version != own {
+        add(1, &format!("it has onbrick {version}, and this PC {own}"));
+    }
+    if let Some(text) = clock {
+        add(1, text);
+    }
+    if link != "ready" {
+        add(1, link);
+    }
+    (worst, why)
+}

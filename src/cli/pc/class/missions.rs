@@ -1,0 +1,299 @@
+//! The missions of a class: files in a folder of this PC, each edit of which is kept; what `check`
+//! says of a text; and the run of one on a simulated brick.
+//!
+//! ```text
+//! FOLDER/missions/NAME.toml          as it is now: any editor may change it as well
+//! FOLDER/kept/NAME/STAMP.toml        as it was saved from the page, each time
+//! FOLDER/kept/NAME/STAMP-BRICK.toml  as it was started on a brick
+//! ```
+//!
+//! A stamp is in milliseconds since 1970.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::Ordering;
+
+use serde_json::{Value, json};
+
+use crate::behavior::{Capabilities, shipped};
+use crate::cli::common::{load_mission, load_robot, load_world, read_bounded};
+use crate::cli::run::page::watched;
+use crate::cli::{Failure, Output};
+use crate::clock::{MILLISECOND_NS, SECOND_NS, wall_ns};
+use crate::document::{Severity, save};
+use crate::mapping::Method;
+use crate::printable::with_causes;
+use crate::report::live::{Board, Sources, Wish};
+use crate::runtime::{Brick, Job, Lock, Source, StopBy, StopFlags, WhenAbandoned};
+use crate::service::protocol::{MAX_MISSION_BYTES, Name};
+
+/// What a new mission is called among the templates.
+const TEMPLATE: &str = "template";
+
+/// The folder of missions.
+#[derive(Debug)]
+pub(super) struct Missions {
+    folder: PathBuf,
+}
+
+impl Missions {
+    pub(super) fn below(folder: &Path) -> Self {
+        Self { folder: folder.to_owned() }
+    }
+
+    fn file(&self, name: &Name) -> PathBuf {
+        self.folder.join("missions").join(format!("{}.toml", name.as_str()))
+    }
+
+    fn kept(&self, name: &Name) -> PathBuf {
+        self.folder.join("kept").join(name.as_str())
+    }
+
+    /// The names of the files, and those of the templates.
+    pub(super) fn list(&self) -> Value {
+        let templates = shipped::MISSIONS.iter().map(|mission| mission.name);
+        let templates: Vec<&str> = std::iter::once(TEMPLATE).chain(templates).collect();
+        json!({ "missions": stems(&self.folder.join("missions")), "templates": templates })
+    }
+
+    /// A file's text.
+    pub(super) fn read(&self, name: &str) -> Result<String, String> {
+        text_of(&self.file(&named(name)?))
+    }
+
+    /// A template's text.
+    pub(super) fn template(name: &str) -> Result<String, String> {
+        let text = match name {
+            TEMPLATE => Some(shipped::TEMPLATE),
+            name => shipped::find(name).map(|mission| mission.text),
+        };
+        text.map(str::to_owned).ok_or_else(|| "there is no such template".to_owned())
+    }
+
+    /// The stamps under which a mission was kept, the newest first.
+    pub(super) fn versions(&self, name: &str) -> Result<Value, String> {
+        let mut stamps = stems(&self.kept(&named(name)?));
+        stamps.reverse();
+        Ok(json!(stamps))
+    }
+
+    /// The text of one of them.
+    pub(super) fn version(&self, name: &str, stamp: &str) -> Result<String, String> {
+        // A stamp is a file's name, and nothing that leads elsewhere.
+        let stamp = named(stamp)?;
+        text_of(&self.kept(&named(name)?).join(format!("{}.toml", stamp.as_str())))
+    }
+
+    /// Writes a mission's file, and keeps what was written.
+    pub(super) fn save(&self, name: &str, text: &str) -> Result<(), String> {
+        let name = named(name)?;
+        if text.len() > MAX_MISSION_BYTES {
+            return Err(format!("a mission has at most {MAX_MISSION_BYTES} bytes"));
+        }
+        let file = self.file(&name);
+        if text_of(&file).is_ok_and(|before| before == text) {
+            return Ok(());
+        }
+        self.keep(&name, "", text)?;
+        self.write(&file, text)
+    }
+
+    /// Keeps what is started on a brick.
+    pub(super) fn keep_started(&self, name: &str, brick: &str, text: &str) -> Result<(), String> {
+        self.keep(&named(name)?, &format!("-{}", Name::nearest(brick).as_str()), text)
+    }
+
+    fn keep(&self, name: &Name, behind: &str, text: &str) -> Result<(), String> {
+        let stamp = wall_ns() / MILLISECOND_NS;
+        self.write(&self.kept(name).join(format!("{stamp}{behind}.toml")), text)
+    }
+
+    fn write(&self, file: &Path, text: &str) -> Result<(), String> {
+        let folder = file.parent().unwrap_or(&self.folder);
+        std::fs::create_dir_all(folder)
+            .map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
+        save::write(file, text.as_bytes()).map_err(|error| with_causes(&error))
+    }
+
+    /// A mission with the sub-machines that it uses, which lie beside it.
+    pub(super) fn source(&self, name: &str, text: &str) -> Source {
+        let source = Source { name: format!("{name}.toml"), text: text.to_owned() };
+        source.with_submachines(Some(&self.folder.join("missions")))
+    }
+
+    /// What `check` says of a text, for a robot that has every device: what a brick's own robot
+    /// lacks, the brick says when it is started.
+    pub(super) fn check(&self, name: &str, text: &str) -> Value {
+        let source = self.source(name, text);
+        let (findings, mission) = match load_mission(&source, &Capabilities::all()) {
+            Ok((mission, warnings)) => (warnings, Some(mission)),
+            Err(findings) => (findings, None),
+        };
+        let shown = findings.iter().map(|finding| {
+            json!({
+                "line": finding.line, "column": finding.column, "message": finding.message,
+                "hint": finding.hint, "is_error": finding.severity == Severity::Error,
+            })
+        });
+        json!({
+            "findings": shown.collect::<Vec<Value>>(),
+            "good": mission.is_some(),
+            "name": mission.as_ref().map(|mission| mission.name()),
+            "limit_s": mission.as_ref().map(|mission| mission.time_limit_s()),
+        })
+    }
+}
+
+fn named(name: &str) -> Result<Name, String> {
+    Name::new(name).map_err(|error| error.to_string())
+}
+
+fn text_of(file: &Path) -> Result<String, String> {
+    let bytes = read_bounded(file).map_err(|failure| failure.message)?;
+    String::from_utf8(bytes).map_err(|_| format!("{} is no text (not UTF-8)", file.display()))
+}
+
+/// The names of a folder's TOML files without their ending, in order.
+fn stems(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let stems = names.filter_map(|name| Some(name.strip_suffix(".toml")?.to_owned()));
+    let mut stems: Vec<String> = stems.filter(|stem| Name::new(stem).is_ok()).collect();
+    stems.sort();
+    stems
+}
+
+/// The one simulated run of the page.
+#[derive(Debug, Default)]
+pub(super) struct Trial {
+    pub(super) board: Board,
+    flags: StopFlags,
+    /// Held while a run is in progress.
+    running: Mutex<()>,
+    again: Mutex<Option<Trying>>,
+}
+
+/// What is tried, and where.
+#[derive(Debug, Clone)]
+pub(super) struct Trying {
+    pub(super) mission: Source,
+    /// A built-in world's name, or a file's.
+    pub(super) world: String,
+    /// The recording.
+    pub(super) file: PathBuf,
+}
+
+impl Trial {
+    pub(super) fn new() -> Self {
+        let trial = Self::default();
+        trial.board.grants(&[Wish::Stop, Wish::Again]);
+        trial
+    }
+
+    /// Ends the run that is in progress, if one is.
+    pub(super) fn stop(&self) {
+        self.flags.raise(StopBy::Page);
+    }
+
+    /// What was tried last.
+    pub(super) fn last(&self) -> Option<Trying> {
+        self.again.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Drives it until it ends, or the next one comes; why it does not is on the board.
+    pub(super) fn play(&self, trying: &Trying) {
+        *self.again.lock().unwrap_or_else(PoisonError::into_inner) = Some(trying.clone());
+        self.stop();
+        let _running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        self.flags.page.store(false, Ordering::Relaxed);
+        if let Err(failure) = self.drive(trying) {
+            self.board.refuse(&failure.to_text());
+        }
+    }
+
+    fn drive(&self, trying: &Trying) -> Result<(), Failure> {
+        let Trying { mission: source, world, file } = trying;
+        // A name is that of a built-in world, as for `run --sim`.
+        let (world_source, start) = load_world(Path::new(world))?;
+        let robot = load_robot(None, &mut Output::new(true))?;
+        let (mission, _) = load_mission(source, &robot.config.capabilities())
+            .map_err(|findings| Failure::refused(findings.to_string()))?;
+        // It is a trial: only the newest recording is kept.
+        match std::fs::remove_file(file) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Failure::refused(format!(
+                    "cannot replace {}: {error}",
+                    file.display()
+                )));
+            }
+            _ => {}
+        }
+        let job = Job {
+            mission: source.clone(),
+            robot: robot.source,
+            brick: Brick::Simulated { world: world_source, seed: 1, realtime: false },
+            start,
+            set: Vec::new(),
+            file: file.clone(),
+            sync_ns: SECOND_NS,
+            stamps_ns: wall_ns(),
+            run: None,
+            name: None,
+            no_button: false,
+            method: Method::Default,
+            when_abandoned: WhenAbandoned::Stop,
+            lock: Lock::Take,
+        };
+        let sources = Sources {
+            title: format!("{} in {world}", mission.name()),
+            recording: Some(file.clone()),
+            ..Sources::default()
+        };
+        watched(&job, &mission, sources, &self.board, &self.flags, &mut |_| ()).map(|_| ())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_edit_is_kept_and_a_name_leads_nowhere_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let missions = Missions::below(folder.path());
+        for bad in ["../x", "", "a/b", ".hidden", "a\nb"] {
+            assert!(missions.save(bad, "name = 1").is_err(), "{bad:?}");
+            assert!(missions.version("mine", bad).is_err(), "{bad:?}");
+        }
+        assert_eq!(missions.list()["missions"], json!([]));
+        for text in ["one", "two", "two"] {
+            missions.save("mine", text).unwrap();
+            let _ = wall_ns();
+            std::thread::sleep(std::time::Duration::from_millis(3));
+        }
+        missions.keep_started("mine", "ev3-blue", "two").unwrap();
+        assert_eq!(missions.read("mine").unwrap(), "two");
+        let stamps = missions.versions("mine").unwrap();
+        let stamps: Vec<&str> =
+            stamps.as_array().unwrap().iter().map(|stamp| stamp.as_str().unwrap()).collect();
+        assert_eq!(stamps.len(), 3, "what is the same is kept once: {stamps:?}");
+        assert!(stamps[0].ends_with("-ev3-blue"), "{stamps:?}");
+        assert_eq!(missions.version("mine", stamps[2]).unwrap(), "one");
+    }
+
+    #[test]
+    fn a_text_is_checked_as_the_command_checks_it() {
+        let missions = Missions::below(Path::new("/nowhere"));
+        let checked = missions.check("mine", &Missions::template("map").unwrap());
+        assert_eq!((&checked["good"], &checked["name"]), (&json!(true), &json!("map")));
+        let checked = missions.check("mine", "name = \"x\"\nrate = 3\n");
+        assert_eq!(checked["good"], json!(false));
+        let finding = &checked["findings"][0];
+        assert_eq!(
+            (&finding["line"], &finding["is_error"]),
+            (&json!(1), &json!(true)),
+            "{checked}"
+        );
+    }
+}

@@ -1,0 +1,144 @@
+// One brick: its run as it is driven, its runs, and the recordings that are here.
+
+import { button, element, get, known, post, put, stops, tell, write } from "./parts.js";
+import { facts, stopped } from "./cards.js";
+
+const megabytes = (bytes) => `${(bytes / 1e6).toFixed(1)} MB`;
+
+function row(at, { info, arrival }, here, act) {
+  const ended = info.going_on ? "going on" : (info.end?.word ?? "cut");
+  const found =
+    info.travelled_m === null ? "" : `${info.travelled_m.toFixed(1)} m, ${info.points ?? 0} points`;
+  const cells = [info.run, info.mission, found, megabytes(info.bytes), ended].map((text) =>
+    element("td", text),
+  );
+  const last = element("td");
+  if (arrival?.failed) put(last, element("span", arrival.failed, "bad"));
+  if (here)
+    put(
+      last,
+      button("Map", () => act.map(info.run)),
+    );
+  else if (arrival && !arrival.failed && !arrival.whole)
+    put(last, element("span", `${megabytes(arrival.bytes)} here`));
+  else
+    put(
+      last,
+      button("Fetch", () => post("fetch", { brick: at, run: info.run }).then(act.look)),
+    );
+  return put(element("tr"), ...cells, last);
+}
+
+function file(at, name, act) {
+  const to = element("input");
+  to.value = name;
+  to.setAttribute("aria-label", `Another name for ${name}`);
+  const remove = button("Delete", () => {
+    if (remove.dataset.sure) post("delete", { brick: at, run: name }).then(act.look);
+    remove.dataset.sure = "1";
+    remove.textContent = "Delete: sure?";
+  });
+  const rename = button("Rename", () =>
+    post("rename", { brick: at, run: name, to: to.value.trim() }).then(act.look),
+  );
+  const cell = put(
+    element("td", undefined, "row"),
+    to,
+    rename,
+    remove,
+    button("Map", () => act.map(name)),
+  );
+  return put(element("tr"), cell);
+}
+
+export function show(view, at) {
+  const name = element("h2");
+  const words = element("p");
+  const why = element("p", "", "bad");
+  const hands = put(
+    element("p", undefined, "row"),
+    stops(
+      button("Stop", () => {}, "stop"),
+      at,
+    ),
+    button("Identify", () => post("identify", { brick: at })),
+  );
+  const frame = element("iframe");
+  frame.title = "The run, live";
+  frame.hidden = true;
+  const map = element("img", undefined, "map");
+  map.alt = "The map of a recording";
+  map.hidden = true;
+  const there = element("tbody");
+  const here = element("tbody");
+  const folder = element("p", "", "soft");
+  const act = {
+    look,
+    map: (run) => {
+      map.src = `map/${at}/${run}`;
+      map.hidden = false;
+      map.scrollIntoView({ block: "nearest" });
+    },
+  };
+  map.addEventListener("error", () => map.src && tell("there is no picture of that recording"));
+  const wide = (body) => put(element("div", undefined, "wide"), put(element("table"), body));
+  const runs = put(
+    element("section", undefined, "panel"),
+    element("h2", "Runs on the brick"),
+    wide(there),
+    element("h2", "Recordings here"),
+    wide(here),
+    folder,
+    element(
+      "p",
+      "Over the network a brick tells what its ports read only in the recording of a run, and deletes nothing: look at them, and delete runs, at the brick (its menu, or onbrick devices).",
+      "soft",
+    ),
+    map,
+  );
+  const left = put(element("section", undefined, "panel"), name, words, why, hands, frame);
+  const one = put(element("div"), left, runs);
+  one.id = "one";
+  put(view, one);
+  // Rows are made again only where they change: a person may be typing in one.
+  const keys = {};
+  const differs = (name, value) => {
+    const key = JSON.stringify(value);
+    return keys[name] !== key && Boolean((keys[name] = key));
+  };
+  async function look() {
+    try {
+      const found = await get(`runs/${at}`);
+      const has = new Set(found.here);
+      if (differs("here", found.here)) {
+        here.replaceChildren(...found.here.map((one) => file(at, one, act)));
+      }
+      if (differs("there", found)) {
+        const runs = found.there ?? [];
+        there.replaceChildren(...runs.map((run) => row(at, run, has.has(run.info.run), act)));
+      }
+      write(folder, found.folder);
+    } catch (error) {
+      tell(error.message);
+    }
+  }
+  look();
+  let turn = 0;
+  return () => {
+    const brick = known.bricks[at];
+    if (!brick) return;
+    write(name, brick.name);
+    write(
+      words,
+      [brick.words, ...facts(brick), brick.detail, brick.stop && stopped(brick.stop)]
+        .filter(Boolean)
+        .join("; "),
+    );
+    write(why, brick.why.join("\n"));
+    if (brick.glimpse.session && frame.hidden) {
+      frame.hidden = false;
+      frame.src = `live/${at}/`;
+    }
+    if (++turn % 6 === 0) look();
+  };
+}

@@ -1,0 +1,125 @@
+//! Several bricks that run one mission as a team: checked before anything moves, started at the
+//! same time, each from its own pose in a frame that all share.
+//!
+//! # Not here
+//!
+//! The recordings come home as those of any other run; the page draws what has come of them in one
+//! picture. The team's own recording (`team.mcap`) is `onbrick team`'s.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::brick::Brick;
+use super::hall::Hall;
+use crate::service::protocol::State;
+
+/// Start poses nearer to each other than this are a mistake, metres: a robot is longer.
+const SAME_PLACE_M: f64 = 0.1;
+
+/// A brick of the team, and where it starts: metres, metres, degrees.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Member {
+    brick: usize,
+    pose: [f64; 3],
+}
+
+/// The team that was started last.
+#[derive(Debug, Default)]
+pub(super) struct Together(Mutex<Option<Team>>);
+
+#[derive(Debug, Clone)]
+struct Team {
+    mission: String,
+    members: Vec<Member>,
+}
+
+impl Together {
+    /// Who runs what from where.
+    pub(super) fn state(&self) -> Value {
+        let team = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(Team { mission, members }) = &*team else { return Value::Null };
+        let members: Vec<Value> =
+            members.iter().map(|Member { brick, pose }| json!([brick, pose])).collect();
+        json!({ "mission": mission, "members": members })
+    }
+
+    /// The bricks of the team.
+    pub(super) fn members(&self) -> Vec<usize> {
+        let team = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        team.iter().flat_map(|team| &team.members).map(|member| member.brick).collect()
+    }
+}
+
+/// Starts a team; where anything is wrong, nothing moves, and all of it is said.
+pub(super) fn start(
+    hall: &Hall,
+    members: Vec<Member>,
+    name: &str,
+    text: &str,
+) -> Result<(), String> {
+    let checked = hall.missions.check(name, text);
+    if checked.get("good") != Some(&Value::Bool(true)) {
+        return Err("the mission is not in order".to_owned());
+    }
+    let bricks: Vec<Arc<Brick>> =
+        members.iter().map(|member| hall.brick(member.brick)).collect::<Result<_, _>>()?;
+    let problems = problems(&bricks, &members);
+    if !problems.is_empty() {
+        return Err(problems.join("\n"));
+    }
+    hall.whole(name, text)?;
+    *hall.together.0.lock().unwrap_or_else(PoisonError::into_inner) =
+        Some(Team { mission: name.to_owned(), members: members.clone() });
+    for (brick, member) in bricks.iter().zip(&members) {
+        hall.start(brick, name, text, Some(member.pose))?;
+    }
+    Ok(())
+}
+
+/// What keeps a team from starting.
+fn problems(bricks: &[Arc<Brick>], members: &[Member]) -> Vec<String> {
+    let mut problems = Vec::new();
+    if bricks.len() < 2 {
+        problems.push("a team has two bricks at least".to_owned());
+    }
+    let mut versions: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for brick in bricks {
+        let (seen, name) = (brick.seen(), &brick.known.name);
+        match &seen.status {
+            Some(status) if seen.silent_ns.is_none() => {
+                versions.entry(status.version.clone()).or_default().push(name);
+                if !matches!(status.state, State::Ready | State::Stopped) {
+                    problems.push(format!("{name} is not ready"));
+                }
+                for text in [&status.battery, &status.robot].into_iter().flatten() {
+                    problems.push(format!("{name}: {}", text.trim_end()));
+                }
+            }
+            _ => problems.push(format!("{name} does not answer")),
+        }
+    }
+    if versions.len() > 1 {
+        let each =
+            versions.iter().map(|(version, names)| format!("{} {version}", names.join(", ")));
+        problems.push(format!(
+            "not all have the same onbrick: {}",
+            each.collect::<Vec<_>>().join("; ")
+        ));
+    }
+    for (at, (brick, member)) in bricks.iter().zip(members).enumerate() {
+        for (other, before) in bricks.iter().zip(members).take(at) {
+            let [x, y, _] = member.pose;
+            let [from_x, from_y, _] = before.pose;
+            if libm::hypot(x - from_x, y - from_y) < SAME_PLACE_M {
+                problems.push(format!(
+                    "{} and {} would stand in each other",
+                    other.known.name, brick.known.name
+                ));
+            }
+        }
+    }
+    problems
+}
