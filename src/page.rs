@@ -14,7 +14,7 @@
 //! (`POLICY`), and no script stands in the page itself.
 //!
 //! Every user that may open a port of this machine may look, unless the page has a
-//! [token](Place): then all of its addresses begin with that, and there is nothing at any other.
+//! token: then all of its addresses begin with that, and there is nothing at any other.
 
 use std::borrow::Cow;
 use std::io::{self, Write as _};
