@@ -10,11 +10,11 @@
 //! A request for another host name than this machine's is refused, so that a foreign page in the
 //! same browser cannot ask. A POST must carry a header of ours (`OWN`), which a foreign page may
 //! not send without a preflight request, and that is refused; and where the browser says which page
-//! it comes from (`Origin`), that is this one. What a page loads, frames and asks is the server's own
-//! (`POLICY`), and no script stands in the page itself.
+//! it comes from (`Origin`), that is this one. What a page loads, frames and asks is the server's
+//! own (`POLICY`), and no script stands in the page itself.
 //!
-//! Every user that may open a port of this machine may look, unless the page has a
-//! token: then all of its addresses begin with that, and there is nothing at any other.
+//! Every user that may open a port of this machine may look, unless the page has a token: then all
+//! of its addresses begin with that, and there is nothing at any other.
 
 use std::borrow::Cow;
 use std::io::{self, Write as _};
