@@ -83,8 +83,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
     output.show(
         format!(
-            "the class is at {}\nthe address is a secret: with it one starts and stops bricks\nCtrl-C \
-             ends the page, and no run",
+            "the class is at {}\nthe address is a secret: with it one starts and stops bricks\n\
+             Ctrl-C ends the page, and no run",
             page.url()
         ),
         &serde_json::json!({ "page": page.url() }),
