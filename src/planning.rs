@@ -12,7 +12,9 @@
 //! it, or that of another wall behind, and then the grid frees cells through the wall; an echo from
 //! far away is as wide as a door. So the planner keeps evidence of its own: an echo counts for the
 //! cell where it was placed, more when it comes from near; a beam takes some away from the cells
-//! that it passes near the robot.
+//! that it passes near the robot. Echoes of a doorway's sides that were heard from afar close it: so
+//! where nothing is left, what was not heard from near is believed half as much
+//! ([`Request::again`]), and the robot goes there and looks.
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the
 //! distance to keep, nothing unknown beside it. *Open*: neither known nor near an echo from near. A
@@ -32,9 +34,9 @@
 //! # What it costs
 //!
 //! Nothing is allocated after construction: 0.4 MB, for grids of up to [`Planner::MOST_COLUMNS`]
-//! columns and 65 000 cells. A plan is made in slices, one a tick: 12 rows of the grid become bits,
-//! or 4 rows with something known are widened by the distance to keep, or the wave goes over 100
-//! cells. A plan for the usual room takes 45 ticks; it is made while the robot drives by the one
+//! columns and 65 000 cells. A plan is made in slices, one a tick: 36 rows of the grid become bits,
+//! or 12 rows with something known are widened by the distance to keep, or the wave goes over 100
+//! cells. A plan for the usual room takes 15 ticks; it is made while the robot drives by the one
 //! before. Measured on x86-64 at opt-level 1: 64 000 instructions for the rows that become bits,
 //! 53 000 for those that are widened.
 //!
@@ -56,15 +58,15 @@ mod wave;
 
 use layer::Place;
 pub use plan::{Goal, Outcome, Plan, Request, View, WAYPOINTS};
-use survey::{Kind, Survey};
+use survey::{Kind, MOST, Survey};
 use wave::Wave;
 
 /// Rows of the grid that one tick reads.
-const SCANNED_ROWS: usize = 12;
+const SCANNED_ROWS: usize = 36;
 /// Rows that one tick widens.
-const GROWN_ROWS: usize = 4;
+const GROWN_ROWS: usize = 12;
 /// Cells that the wave takes in one tick.
-const WAVE_CELLS: usize = 100;
+const WAVE_CELLS: usize = 300;
 /// Cells that one tick goes back along the way.
 const TRACED_CELLS: usize = 100;
 
@@ -77,6 +79,10 @@ const POINT_NEAR: i32 = 1;
 const NEAR_M: f64 = 0.8;
 const HEARD_NEAR: i8 = 4;
 const HEARD: i8 = 2;
+/// An echo from further away than this can close a door, metres: the cone is wider than that. Such
+/// echoes alone speak for something by no more than this, so that it can be doubted.
+const SURE_M: f64 = 0.45;
+const DOUBTFUL: u8 = 9;
 /// An echo from no further than this makes a wall known, metres.
 const POINT_M: f64 = 1.0;
 /// On the axis a beam passes through nothing up to so far, and to so far before its echo, metres.
@@ -100,6 +106,10 @@ const STAY_NEAR: i32 = 6;
 /// Obstacles kept, and for how many plans: by then the grid has them, or they were ghosts.
 const OBSTACLES: usize = 16;
 const OBSTACLE_PLANS: u8 = 20;
+/// Within this of where it could not turn the robot cannot turn, cells.
+const CRAMPED: i32 = 3;
+/// Waypoints that tell whether the robot has driven a way before.
+const RETRACED: usize = 4;
 
 /// What is being done for a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,6 +141,8 @@ pub struct Planner {
     stood: Option<Place>,
     home: Place,
     obstacles: ArrayVec<(Place, u8), OBSTACLES>,
+    /// Where it could not turn.
+    cramped: Option<Place>,
     plan: Plan,
 }
 
@@ -160,6 +172,7 @@ impl Planner {
             stood: None,
             home,
             obstacles: ArrayVec::new(),
+            cramped: None,
             plan,
         })
     }
@@ -179,7 +192,7 @@ impl Planner {
         let clear_m = range_m.min(CLEARS_M) - BEFORE_M;
         while along_m < clear_m {
             let [x_m, y_m] = sounding.at(along_m);
-            self.survey.hear(x_m, y_m, -1);
+            self.survey.hear(x_m, y_m, -1, MOST);
             if let Some(place) = self.survey.place(x_m, y_m) {
                 self.survey.swept.fill_square(place, 1);
             }
@@ -188,7 +201,8 @@ impl Planner {
         if let Some(range_m) = echo_m {
             let [x_m, y_m] = sounding.at(range_m);
             let weight = if range_m < NEAR_M { HEARD_NEAR } else { HEARD };
-            self.survey.hear(x_m, y_m, weight);
+            let most = if range_m < SURE_M { MOST } else { DOUBTFUL };
+            self.survey.hear(x_m, y_m, weight, most);
             if let Some(place) = self.survey.place(x_m, y_m).filter(|_| range_m < POINT_M) {
                 self.survey.pointed.fill_square(place, POINT_NEAR);
             }
@@ -201,6 +215,11 @@ impl Planner {
         if let Some(place) = self.survey.place(x_m, y_m) {
             self.survey.block(place);
         }
+    }
+
+    /// Takes in that the robot could not turn where it is.
+    pub fn cramp(&mut self) {
+        self.cramped = self.stood;
     }
 
     /// Takes in that something is at a place, which the map need not show.
@@ -271,6 +290,7 @@ impl Planner {
         }
         if request.again {
             self.survey.tried.clear();
+            self.survey.doubt();
         }
         self.target = match request.goal {
             Goal::Frontier { .. } => None,
@@ -398,6 +418,8 @@ impl Planner {
             }
             let Some(before) = self.before(at, kind) else {
                 self.plan.waypoints.reverse();
+                self.plan.retraces = self.retraces();
+                self.plan.is_cramped = self.is_cramped();
                 self.phase = Phase::Idle;
                 return Some(&self.plan);
             };
@@ -405,6 +427,22 @@ impl Planner {
         }
         self.phase = Phase::Trace { at, goal };
         None
+    }
+
+    /// Whether the robot cannot turn where it is, and has driven the first piece of the way before.
+    fn retraces(&self) -> bool {
+        let turn = self.request.map_or(0.0, |request| request.turn_m / self.plan.lattice[2]);
+        let stood = |[column, row, _]: &[u8; 3]| {
+            self.survey.stood.has(Place { column: (*column).into(), row: (*row).into() })
+        };
+        (self.is_cramped() || self.survey.is_solid_within(self.start, turn))
+            && self.plan.waypoints.iter().take(RETRACED).all(stood)
+    }
+
+    /// Whether the robot could not turn near to where it is.
+    fn is_cramped(&self) -> bool {
+        let is_near = |place: Place| place.distance2(self.start) <= CRAMPED * CRAMPED;
+        self.cramped.is_some_and(is_near)
     }
 
     /// The cell before one on the cheapest way to it; none before the start.

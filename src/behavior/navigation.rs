@@ -8,7 +8,8 @@
 //! nothing, with a look round between them.
 //!
 //! An echo from within the robot's own lane stops it; it becomes an obstacle of the next plan. A
-//! robot that is stopped again and again in one place backs off.
+//! robot that is stopped again and again in one place backs off; one that has no room to turn drives
+//! back the way that it came.
 //!
 //! # Not here
 //!
@@ -19,6 +20,7 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
+mod cramped;
 mod looking;
 mod tick;
 
@@ -131,7 +133,7 @@ pub struct NavigationState {
 }
 
 /// A plan is this old when the next one is asked for, nanoseconds.
-const REPLAN_NS: i64 = 500 * MILLISECOND_NS;
+const REPLAN_NS: i64 = 1000 * MILLISECOND_NS;
 
 /// A step that took longer begins again from rest, nanoseconds.
 const GAP_NS: i64 = 200 * MILLISECOND_NS;
@@ -290,7 +292,9 @@ impl NavigationState {
         self.serial = self.serial.wrapping_add(1);
         let serial = self.serial;
         let keep_m = self.keep_m(tick);
-        self.request = Some(Request { serial, goal, keep_m, looked, again: false, obstacle });
+        let turn_m = tick.order.keep_m;
+        let again = false;
+        self.request = Some(Request { serial, goal, keep_m, turn_m, looked, again, obstacle });
         self.is_new = false;
         if self.phase != Phase::Drive || looked.is_some() || obstacle.is_some() {
             self.phase = Phase::Wait;
@@ -351,6 +355,9 @@ impl NavigationState {
             return STILL;
         };
         let (_, bearing_rad) = tick.at.to(target[0], target[1]);
+        if let Some(drive) = self.get_out(tick, bearing_rad) {
+            return drive;
+        }
         if self.pivot_rad.is_none() && bearing_rad.abs() > PIVOT_RAD[0] {
             self.pivot_rad = Some(tick.at.heading_rad + tick.turn_rad(bearing_rad));
         }
@@ -377,8 +384,13 @@ impl NavigationState {
             (fastest_m_s * libm::cos(bearing_rad)).min(braking_m_s).max(CREEP_M_S)
         };
         let turn_rad_s = within(HOLD_PER_S * beside_rad, -most_rad_s, most_rad_s);
-        let more_m_s = limits.acceleration_m_s2 * tick.step_s;
-        let more_rad_s = more_m_s / limits.half_track_m;
+        self.twist(tick, forward_m_s, turn_rad_s)
+    }
+
+    /// Towards a twist, by what the acceleration allows in a tick.
+    fn twist(&mut self, tick: &Tick<'_>, forward_m_s: f64, turn_rad_s: f64) -> Drive {
+        let more_m_s = tick.limits.acceleration_m_s2 * tick.step_s;
+        let more_rad_s = more_m_s / tick.limits.half_track_m;
         self.forward_m_s = toward(self.forward_m_s, forward_m_s, more_m_s);
         self.turn_rad_s = toward(self.turn_rad_s, turn_rad_s, more_rad_s);
         Drive::Twist { forward_m_s: self.forward_m_s, turn_rad_s: self.turn_rad_s }

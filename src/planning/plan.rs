@@ -45,9 +45,11 @@ pub struct Request {
     pub goal: Goal,
     /// How far the robot's middle stays away from what is solid, metres.
     pub keep_m: f64,
+    /// How far its middle must be from what is solid, so that it can turn on the spot, metres.
+    pub turn_m: f64,
     /// The robot has just looked at the goal of the plan before.
     pub looked: Option<View>,
-    /// What was tried is to be tried once more.
+    /// What was tried is to be tried once more, and what was heard from afar is to be doubted.
     pub again: bool,
     /// Something is in the way that the map does not show, world x and y, metres.
     pub obstacle: Option<[f64; 2]>,
@@ -74,6 +76,8 @@ pub struct Plan {
     pub outcome: Outcome,
     /// Whether the way's end is among the waypoints.
     pub whole: bool,
+    pub(super) retraces: bool,
+    pub(super) is_cramped: bool,
     /// Where the grid begins, world x and y, and the side of a cell, metres.
     pub(super) lattice: [f64; 3],
     pub(super) goal: [u8; 2],
@@ -92,6 +96,18 @@ impl Plan {
     pub fn is_narrow(&self, waypoint: usize) -> bool {
         let mut near = self.waypoints.iter().skip(waypoint).take(NARROW_AHEAD);
         near.any(|[_, _, weight]| *weight > NARROW)
+    }
+
+    /// Whether the robot could not turn where it is.
+    #[must_use]
+    pub fn is_cramped(&self) -> bool {
+        self.is_cramped
+    }
+
+    /// Whether the robot cannot turn where it is, and has driven the first piece of the way before.
+    #[must_use]
+    pub fn retraces(&self) -> bool {
+        self.retraces
     }
 
     /// What is to be looked at from the way's end, world x and y, metres.

@@ -84,7 +84,7 @@ pub(super) struct Survey {
 }
 
 /// Evidence is at most this; from the second on something is there, from the third on it may be.
-const MOST: i8 = 18;
+pub(super) const MOST: u8 = 18;
 const WALL: u8 = 5;
 const SUSPECT: u8 = 2;
 
@@ -158,16 +158,28 @@ impl Survey {
             for columns in -radius..=radius {
                 let place = Place { column: middle.column + columns, row: middle.row + rows };
                 if place.distance2(middle) <= radius * radius {
-                    self.weigh(place, -MOST);
+                    self.weigh(place, |_| 0);
                 }
             }
         }
     }
 
-    /// Something was heard at a place, or nothing was heard there.
-    pub(super) fn hear(&mut self, x_m: f64, y_m: f64, weight: i8) {
+    /// Something was heard at a place, or nothing was heard there. More than `most` does not speak
+    /// for something by this.
+    pub(super) fn hear(&mut self, x_m: f64, y_m: f64, weight: i8, most: u8) {
         if let Some(place) = self.place(x_m, y_m) {
-            self.weigh(place, weight);
+            self.weigh(place, |evidence| {
+                evidence.saturating_add_signed(weight).min(most.max(evidence))
+            });
+        }
+    }
+
+    /// All that was heard speaks half as much for something.
+    pub(super) fn doubt(&mut self) {
+        for row in 0..signed(self.rows) {
+            for column in 0..signed(self.columns) {
+                self.weigh(Place { column, row }, |evidence| evidence / 2);
+            }
         }
     }
 
@@ -176,15 +188,15 @@ impl Survey {
         for rows in -1..=1 {
             for columns in -1..=1 {
                 let place = Place { column: middle.column + columns, row: middle.row + rows };
-                self.weigh(place, MOST);
+                self.weigh(place, |_| MOST);
             }
         }
     }
 
-    fn weigh(&mut self, place: Place, weight: i8) {
+    fn weigh(&mut self, place: Place, weighed: impl Fn(u8) -> u8) {
         let index = usize::from(self.index(place));
         let Some(evidence) = self.evidence.get_mut(index) else { return };
-        *evidence = evidence.saturating_add_signed(weight).min(MOST.unsigned_abs());
+        *evidence = weighed(*evidence);
         if *evidence >= WALL {
             self.walls.set(place);
         } else {
@@ -323,6 +335,17 @@ impl Survey {
                 }
             }
         }
+    }
+
+    /// Whether something solid is within some cells of a place, at most [`WIDEST`].
+    pub(super) fn is_solid_within(&self, middle: Place, cells: f64) -> bool {
+        let reach = -i32::from(WIDEST)..=i32::from(WIDEST);
+        let solid = |columns: i32, rows: i32| {
+            let place = Place { column: middle.column + columns, row: middle.row + rows };
+            f64::from(place.distance2(middle)) < cells * cells
+                && (self.walls.has(place) || self.obstacles.has(place))
+        };
+        reach.clone().any(|rows| reach.clone().any(|columns| solid(columns, rows)))
     }
 
     /// What a cell is.

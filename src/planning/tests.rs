@@ -57,6 +57,7 @@ fn exploring(serial: u32) -> Request {
         goal: Goal::Frontier { within_m: 5.0 },
         keep_m: 0.15,
         looked: None,
+        turn_m: 0.15,
         again: false,
         obstacle: None,
     }
@@ -190,16 +191,62 @@ fn a_place_behind_walls_is_come_near_to() {
     assert!(end[0] < -0.15 && end[0] > -0.4, "{end:?}");
 }
 
-#[test]
-fn an_echo_that_was_heard_once_closes_no_passage_and_an_obstacle_does_for_a_while() {
-    let mut room = room();
-    for (at, line) in room.iter_mut().enumerate() {
+/// A room with a wall in its middle that has a passage of seven cells.
+fn rooms() -> Vec<String> {
+    let mut rooms = room();
+    for (at, line) in rooms.iter_mut().enumerate() {
         if !(7..14).contains(&at) {
             line.replace_range(20..22, "##");
         }
     }
+    rooms
+}
+
+#[test]
+fn a_passage_that_echoes_from_afar_have_closed_is_doubted_and_one_heard_from_near_is_not() {
+    for (range_m, then) in [(0.6, Outcome::Way), (0.3, Outcome::Near)] {
+        let mut drawn = drawn(&rooms(), [-10, 0]);
+        hear(&mut drawn, 2);
+        for row in -4..=4 {
+            let y_m = (f64::from(row) + 0.5) * 0.05;
+            for _ in 0..9 {
+                let echo = sounding(-range_m, y_m, 0.0, range_m);
+                drawn.planner.note(&drawn.start, Some(&echo), 2.0);
+            }
+        }
+        assert_eq!(drawn.plan(&to_place(1, [10, 0])).0.outcome, Outcome::Near, "{range_m}");
+        let again = Request { again: true, ..to_place(2, [10, 0]) };
+        assert_eq!(drawn.plan(&again).0.outcome, then, "{range_m}");
+    }
+}
+
+#[test]
+fn a_robot_without_room_to_turn_goes_back_the_way_that_it_came() {
+    let mut drawn = drawn(&room(), [-19, 0]);
+    hear(&mut drawn, 2);
+    let tight = Request { keep_m: 0.05, ..to_place(1, [0, 0]) };
+    assert!(!drawn.plan(&tight).0.retraces(), "it has never been there");
+    for column in 0..20 {
+        let x_m = drawn.start.x_m + f64::from(column) * 0.05;
+        drawn.planner.note(&Pose { x_m, ..drawn.start }, None, 2.0);
+    }
+    let plan = drawn.plan(&Request { serial: 2, ..tight }).0;
+    assert!(plan.retraces() && !plan.is_cramped());
+    // Where nothing is heard near, it has room, until it turns out that it has not.
+    drawn.start.x_m = 0.0;
+    let plan = drawn.plan(&to_place(3, [-10, 0])).0;
+    assert!(!plan.retraces() && !plan.is_cramped());
+    drawn.planner.cramp();
+    let plan = drawn.plan(&to_place(4, [-10, 0])).0;
+    assert!(plan.retraces() && plan.is_cramped());
+    drawn.start.x_m = 0.3;
+    assert!(!drawn.plan(&to_place(5, [-10, 0])).0.is_cramped());
+}
+
+#[test]
+fn an_echo_that_was_heard_once_closes_no_passage_and_an_obstacle_does_for_a_while() {
     let far = [10, 0];
-    let mut free = drawn(&room, [-10, 0]);
+    let mut free = drawn(&rooms(), [-10, 0]);
     hear(&mut free, 2);
     free.planner.note(&START, Some(&sounding(-0.1, 0.0, 0.0, 0.1)), 2.0);
     let (way, _) = free.plan(&to_place(1, far));

@@ -355,9 +355,12 @@ impl Pilot {
             estimate.sounding.as_ref(),
             self.estimator.config().geometry.range().max_m,
         );
-        if stalled {
+        let [left_rad_s, right_rad_s] = self.wheels_rad_s;
+        if stalled && left_rad_s * right_rad_s < 0.0 {
+            planner.cramp();
+        } else if stalled {
             // What blocks the wheels the sensor does not see, or it would not have come to that.
-            let way_m = BLOCKED_M * (self.wheels_rad_s[0] + self.wheels_rad_s[1]).signum();
+            let way_m = BLOCKED_M * (left_rad_s + right_rad_s).signum();
             let (sin, cos) = libm::sincos(pose.heading_rad);
             planner.bump([pose.x_m + way_m * cos, pose.y_m + way_m * sin]);
         }
