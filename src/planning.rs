@@ -12,8 +12,8 @@
 //! it, or that of another wall behind, and then the grid frees cells through the wall; an echo from
 //! far away is as wide as a door. So the planner keeps evidence of its own: an echo counts for the
 //! cell where it was placed, more when it comes from near; a beam takes some away from the cells
-//! that it passes near the robot. Echoes of a doorway's sides that were heard from afar close it: so
-//! where nothing is left, what was not heard from near is believed half as much
+//! that it passes near the robot. Echoes of a doorway's sides that were heard from afar close it:
+//! so where nothing is left, what was not heard from near is believed half as much
 //! ([`Request::again`]), and the robot goes there and looks.
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the

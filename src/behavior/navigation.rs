@@ -8,8 +8,8 @@
 //! nothing, with a look round between them.
 //!
 //! An echo from within the robot's own lane stops it; it becomes an obstacle of the next plan. A
-//! robot that is stopped again and again in one place backs off; one that has no room to turn drives
-//! back the way that it came.
+//! robot that is stopped again and again in one place backs off; one that has no room to turn
+//! drives back the way that it came.
 //!
 //! # Not here
 //!
@@ -169,6 +169,9 @@ const SAME_PLACE_M: f64 = 0.10;
 const STOPS: u8 = 3;
 const BACK_OFF_M: f64 = 0.08;
 
+/// No nearer than this to a place where something is in the way, metres.
+const CLOSE_M: f64 = 0.08;
+
 /// A place that cannot be reached is driven to straight from within this, metres.
 const STRAIGHT_M: f64 = 0.30;
 
@@ -263,7 +266,12 @@ impl NavigationState {
     /// A motion of its own, and what follows it.
     fn moving(&mut self, tick: &Tick<'_>, motion: &mut MotionState) -> Drive {
         if self.phase == Phase::Arrive && tick.is_ahead().is_some() {
-            self.stop(tick, motion);
+            match tick.order.goal {
+                Goal::Place { x_m, y_m, .. } if tick.at.to(x_m, y_m).0 < CLOSE_M => {
+                    self.face_end(tick, motion);
+                }
+                _ => self.stop(tick, motion),
+            }
             return STILL;
         }
         let drive = motion.step(|| None, tick.signals, tick.limits);

@@ -236,8 +236,8 @@ fn figures_of_explore() {
         let true_name = format!("{name}, no drift");
         let steady = summary(&true_name, &as_the_file_says, seeds, limit_s);
         near = [0, 1].map(|at| near[at] + drifting.near[at]);
-        // With the lobe the passage of `gap` is taken for closed at first, and what stands slanted in
-        // `slanted` is heard from few places: seeds differ by 20 points.
+        // With the lobe the passage of `gap` is taken for closed at first, and what stands slanted
+        // in `slanted` is heard from few places: seeds differ by 20 points.
         let least = match name {
             "gap" => [0.55, 0.5],
             "slanted" => [0.6, 0.65],
