@@ -201,6 +201,7 @@ impl Tab {
         let Some(folder) = std::env::var_os("ONBRICK_PICTURES") else { return };
         let shot = self.call("Page.captureScreenshot", json!({ "format": "png" }));
         let bytes = decoded(shot["data"].as_str().unwrap());
+        std::fs::create_dir_all(&folder).unwrap();
         std::fs::write(Path::new(&folder).join(format!("{name}.png")), bytes).unwrap();
     }
 }
