@@ -1,5 +1,6 @@
 //! A dozen bricks in one simulated world and a network of their own, and what befalls a class: a
-//! cable pulled, a brick switched off, another version, one that is not known yet.
+//! cable pulled, a brick switched off, one that is not known yet; and forty stubs of an older
+//! version.
 //!
 //! `ONBRICK_CLASS=1 cargo test --test it link::class::figures -- --nocapture` prints the figures;
 //! `ONBRICK_PICTURES=FOLDER` keeps a picture of each step.
@@ -142,23 +143,6 @@ impl Drop for Served {
     }
 }
 
-/// This program, with another version in all its words.
-fn older(folder: &Path) -> PathBuf {
-    let mut bytes = std::fs::read(env!("CARGO_BIN_EXE_onbrick")).unwrap();
-    let (own, other) = (env!("CARGO_PKG_VERSION").as_bytes(), b"0.0.9");
-    assert_eq!(own.len(), other.len());
-    let places: Vec<usize> =
-        (0..bytes.len() - own.len()).filter(|at| bytes[*at..].starts_with(own)).collect();
-    for at in places {
-        bytes[at..at + own.len()].copy_from_slice(other);
-    }
-    let path = folder.join("older");
-    std::fs::write(&path, bytes).unwrap();
-    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
-    std::fs::set_permissions(&path, mode).unwrap();
-    path
-}
-
 fn address(network: &Network, what: &str, bricks: &[Served]) {
     for brick in bricks {
         let ip = ["address", what, &format!("{}/24", brick.address), "dev", "cable"];
@@ -179,14 +163,13 @@ fn a_dozen_in_one_world_and_what_befalls_them() {
         let world = folder.path().join("hall.toml");
         std::fs::write(&world, self::world()).unwrap();
         let simulator = Simulator::start_with(pace, world.to_str().unwrap(), &["--robots", "12"]);
-        let (own, old) = (PathBuf::from(env!("CARGO_BIN_EXE_onbrick")), older(folder.path()));
+        let own = PathBuf::from(env!("CARGO_BIN_EXE_onbrick"));
         let mut bricks: Vec<Served> = NAMES
             .iter()
             .enumerate()
             .map(|(at, name)| {
-                let program = if *name == "kim" { &old } else { &own };
                 let brick = simulator.root().join((at + 1).to_string());
-                Served::start(&network, program, name, at, &brick)
+                Served::start(&network, &own, name, at, &brick)
             })
             .collect();
         bricks.iter().filter(|brick| brick.name != "lou").for_each(|one| one.introduce_to(&keys));
@@ -197,7 +180,6 @@ fn a_dozen_in_one_world_and_what_befalls_them() {
         for name in known {
             tab.until(&says(name, "ready"));
         }
-        tab.until(&says("kim", "it has onbrick 0.0.9"));
         tab.picture("dozen-1-ready");
         measured("11 that wait", &class.child, &mut tab);
 
@@ -316,6 +298,7 @@ fn forty_are_still_usable() {
     for number in 0..40 {
         tab.until(&says(&format!("brick-{number}"), "ready"));
     }
+    tab.until(&says("brick-0", "it has onbrick 0, and this PC"));
     tab.picture("forty");
     measured("40 stubs", &class.child, &mut tab);
     let begun = Instant::now();
