@@ -116,7 +116,7 @@ fn figures_of_maps_put_together() {
             if outcome.is_ok() {
                 fits += 1;
                 within += u32::from(left_cm < 5.0 && left_deg < 2.0);
-                // A start may be off by as much as the map has drifted; the path as a whole may not.
+                // A start may be off by as much as the map has drifted; the whole path may not.
                 let nears = path_error(&scene.tracks[1]) * 100.0 < 0.6 * before_cm;
                 assert!(left_cm < 15.0 || nears, "{name}: a false fit");
                 assert!(left_deg < 7.0, "{name}: a false fit");
