@@ -163,6 +163,10 @@ pc key know red "127.0.0.1:$port" "$brick_key"
 check "the PC whose key came with the card sees it" wait_until 300 pc status red
 cat "$work/said"
 stranger() { "$pc" "$@" --keys "$work/stranger" >"$work/answer" 2>&1; }
+introduced() {
+  stranger pair "127.0.0.1:$((port + 1))" --port "$port" --name stranger --answers "$work/yes" \
+    --timeout 60 || { cat "$work/answer" && return 1; }
+}
 stranger key new
 # It was told the brick's key; the brick was not told its.
 stranger key know red "127.0.0.1:$port" "$brick_key"
@@ -170,8 +174,7 @@ check "a PC with another key is turned away" not stranger status red --timeout 5
 check "because its key is not authorised" says "$work/answer" "does not let this PC's key in"
 check "a person at the brick opens the pairing window" wait_until 120 says "$work/first" \
   "the pairing window is open"
-check "the PC is introduced" stranger pair "127.0.0.1:$((port + 1))" --port "$port" \
-  --name stranger --answers "$work/yes" --timeout 60
+check "the PC is introduced" introduced
 check "with the code that the brick shows" wait_until 30 same_code
 check "then it sees the brick" stranger status red
 check "the first PC starts a mission" pc start map red --set time_limit_s=10

@@ -16,6 +16,7 @@ use super::{ClientError, Envelope, Patience, Silence};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, seconds};
 use crate::link::curve;
 use crate::link::keys::{KeyPair, PublicKey};
+use crate::link::pairing::well_known_key;
 use crate::service::protocol::{Id, Kind, Outcome, VERSION};
 
 /// How long one waits before one looks again, nanoseconds: the first time, and at most.
@@ -321,6 +322,8 @@ impl Session {
             Over::NotLetIn => {
                 return Err(ClientError::NotAuthorised { address: self.written.clone() });
             }
+            // Each pairing window has this key: only its time can be over, or not come yet.
+            Over::BrokeOff if self.key == well_known_key() => self.silence = Silence::NoHandshake,
             Over::BrokeOff => {
                 self.break_offs += 1;
                 if self.break_offs >= BREAK_OFFS {

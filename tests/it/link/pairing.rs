@@ -1,6 +1,7 @@
 //! Pairing between real processes and peers that do not keep to the rules: a hostile brick, a
 //! hostile PC, and a brick that takes another one's name.
 
+use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::process::{Child, Output, Stdio};
 use std::sync::Arc;
@@ -236,6 +237,34 @@ fn a_brick_whose_name_is_a_trick_of_the_terminal_is_refused_before_any_code_is_s
         is_harmless(&said);
         assert_eq!(pc.known(), [], "{name:?}");
     }
+}
+
+/// What a port that is forwarded to a brick does, an emulated one's for example, while the window
+/// is not open there: it takes the connection, and closes it.
+#[test]
+fn a_pc_that_comes_before_the_window_is_open_waits_for_it_though_its_connections_are_closed() {
+    let (brick, key) = Impostor::exchanging("ev3", json!({"ok": {"step": "paired"}}));
+    let forward = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = forward.local_addr().unwrap().to_string();
+    let window = brick.address.clone();
+    std::thread::spawn(move || {
+        for (number, pc) in forward.incoming().flatten().enumerate() {
+            if number < 6 {
+                continue;
+            }
+            let brick = TcpStream::connect(&window).unwrap();
+            for (mut from, mut to) in [
+                (pc.try_clone().unwrap(), brick.try_clone().unwrap()),
+                (brick.try_clone().unwrap(), pc.try_clone().unwrap()),
+            ] {
+                std::thread::spawn(move || std::io::copy(&mut from, &mut to));
+            }
+        }
+    });
+    let pc = Pc::new();
+    let output = pc.pair(&address, "yes\n");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(pc.known()[0].key, key);
 }
 
 #[test]
