@@ -79,6 +79,7 @@
 //! | `runs` | | [`Runs`], the newest first |
 //! | `fetch` | [`Fetch`]: `run`, `offset`, `length`; `sha256` | [`Fetched`] and a frame of `length` bytes, at most 64 KiB ([`MAX_FETCH_BYTES`]); `sha256` of the whole where `complete` and the end is reached, once it is computed |
 //! | `identify` | | [`Done`]: it beeps and blinks |
+//! | `live` | | [`Live`]: what is plugged in and what it reads; `busy` during a run |
 //!
 //! The kinds of refusals are those of [`Kind`], in snake case. The key that a connection has shown
 //! is looked up for each request, so `not_authorised` may come at any time. A second socket at port
@@ -120,7 +121,8 @@ use std::path::PathBuf;
 
 #[cfg(doc)]
 use crate::service::protocol::{
-    Done, Fetch, Fetched, Kind, MAX_FETCH_BYTES, Missions, Runs, Start, Started, Status, Stopped,
+    Done, Fetch, Fetched, Kind, Live, MAX_FETCH_BYTES, Missions, Runs, Start, Started, Status,
+    Stopped,
 };
 
 pub use client::{Client, ClientError, FetchProgress, Patience};

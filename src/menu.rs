@@ -389,7 +389,7 @@ impl Menu {
             Look::Status => LocalRequest::Shared(Request::Status),
             Look::Missions => LocalRequest::Shared(Request::Missions),
             Look::Runs => LocalRequest::Shared(Request::Runs),
-            Look::Live => LocalRequest::Own(LocalOnly::Live),
+            Look::Live => LocalRequest::Shared(Request::Live),
             Look::Settings => LocalRequest::Own(LocalOnly::Settings),
             Look::Pairing => LocalRequest::Own(LocalOnly::PairingState),
             Look::Map => LocalRequest::Shared(Request::Fetch(self.next_part()?)),

@@ -40,8 +40,8 @@ use super::keys::{KeyPair, PublicKey};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
 use crate::service::protocol::{
-    Chosen, Done, Kind, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started, Status,
-    Stopped,
+    Chosen, Done, Kind, Live, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started,
+    Status, Stopped,
 };
 
 mod address;
@@ -345,6 +345,15 @@ impl Client {
     /// [`ClientError`].
     pub fn identify(&mut self) -> Result<Done, ClientError> {
         self.ask(&Request::Identify)
+    }
+
+    /// What is plugged in and what it reads, between runs.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn live(&mut self) -> Result<Live, ClientError> {
+        self.ask(&Request::Live)
     }
 
     /// Brings a run's recording home into a file, and follows it to its end where it is going on.

@@ -110,7 +110,7 @@ impl Menu {
                 note(&mut self.seen.runs, read(answer)?, &mut self.changed)
             }
             LocalRequest::Shared(Request::Fetch(fetch)) => self.fetched(fetch, answer)?,
-            LocalRequest::Own(LocalOnly::Live) => {
+            LocalRequest::Shared(Request::Live) => {
                 note(&mut self.seen.live, read(answer)?, &mut self.changed)
             }
             LocalRequest::Own(LocalOnly::Settings | LocalOnly::SetSettings(_)) => {

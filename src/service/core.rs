@@ -309,18 +309,18 @@ impl Operations for Service {
                 Ok(Answer { bytes: Some(bytes), ..answer(&fetched)? })
             }
             Request::Identify => answer(&self.identify()),
+            Request::Live => {
+                self.between_runs()?;
+                let robot =
+                    missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
+                answer(&self.inner.hardware.live(robot.as_ref(), MonotonicClock.now_ns())?)
+            }
         }
     }
 
     fn own(&self, request: &LocalOnly, caller: &Caller) -> Result<Answer, Refusal> {
         let now_ns = MonotonicClock.now_ns();
         match request {
-            LocalOnly::Live => {
-                self.between_runs()?;
-                let robot =
-                    missions::robot(&self.inner.config.robot).ok().map(|robot| robot.config);
-                answer(&self.inner.hardware.live(robot.as_ref(), now_ns)?)
-            }
             LocalOnly::Jog { port, percent } => {
                 // A start waits until this turn of the motor is on its way, and then takes it back.
                 let _no_start = self.inner.starting();

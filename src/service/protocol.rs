@@ -160,14 +160,14 @@ pub enum Request {
     Fetch(Fetch),
     /// Beep and blink, so that a person sees which brick this is; answered with [`Done`].
     Identify,
+    /// What is plugged in and what it reads, between runs; answered with [`Live`].
+    Live,
 }
 
 /// What may be asked at the brick's own socket besides.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
 pub enum LocalOnly {
-    /// What is plugged in and what it reads; answered with [`Live`].
-    Live,
     /// Turn a motor while a button is held: a lease of 0.3 s, to be renewed; answered with
     /// [`Done`].
     Jog {

@@ -19,11 +19,11 @@ pub struct NotUnderstood {
 }
 
 /// Operations of [`Request`].
-const SHARED: [&str; 7] = ["status", "missions", "start", "stop", "runs", "fetch", "identify"];
+const SHARED: [&str; 8] =
+    ["status", "missions", "start", "stop", "runs", "fetch", "identify", "live"];
 
 /// Operations of [`LocalOnly`].
-const OWN: [&str; 12] = [
-    "live",
+const OWN: [&str; 11] = [
     "jog",
     "delete",
     "start_here",

@@ -115,7 +115,7 @@ impl Bench {
                 });
                 return Answer { value, bytes: Some(bytes) };
             }
-            LocalRequest::Own(LocalOnly::Live) => json!({ "devices": [
+            LocalRequest::Shared(Request::Live) => json!({ "devices": [
                 { "port": "in1", "driver": "lego-ev3-us", "role": "range", "reading": "82.4 cm",
                   "motor": false },
                 { "port": "outB", "driver": "lego-ev3-l-motor", "role": "left wheel",

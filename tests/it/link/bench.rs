@@ -12,8 +12,8 @@ use onbrick::link::{
     Client, KeyPair, KnownBrick, KnownBricks, LinkState, Patience, PublicKey, Server, ServerConfig,
 };
 use onbrick::service::protocol::{
-    Answer, Caller, Disk, Done, Fetch, Fetched, Kind, LocalOnly, Missions, Name, Operations,
-    Refusal, Request, RunId, Runs, Started, State, Status, Stopped,
+    Answer, Caller, Disk, Done, Fetch, Fetched, Kind, Live, LiveDevice, LocalOnly, Missions, Name,
+    Operations, Refusal, Request, RunId, Runs, Started, State, Status, Stopped,
 };
 use sha2::{Digest as _, Sha256};
 use tempfile::TempDir;
@@ -55,6 +55,7 @@ pub struct Fake {
     /// How long a mission's list takes, milliseconds.
     pub slow_ms: AtomicU32,
     pub started: Mutex<Vec<RunId>>,
+    pub devices: Mutex<Vec<LiveDevice>>,
     /// The hashes that clients have named.
     hashes: Mutex<Vec<String>>,
 }
@@ -142,6 +143,9 @@ impl Operations for Fake {
             }
             Request::Runs => serde_json::to_value(Runs { runs: Vec::new() }),
             Request::Identify => serde_json::to_value(Done {}),
+            Request::Live => {
+                serde_json::to_value(Live { devices: self.devices.lock().unwrap().clone() })
+            }
             Request::Fetch(fetch) => return self.fetch(fetch),
         };
         Ok(Answer { value: value.unwrap(), bytes: None })

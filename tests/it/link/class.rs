@@ -262,6 +262,11 @@ fn a_class() {
         "document.querySelector('iframe').contentDocument\
          .querySelector('#phase').textContent === 'ended'",
     );
+    // Its ports, while it stands.
+    let ports = "document.querySelector('#ports').innerText";
+    for told in ["outB", "left wheel", "lego-ev3-l-motor", "°"] {
+        tab.until(&format!("{ports}.includes('{told}')"));
+    }
     tab.picture("6-brick");
 
     // One vanishes: its card says since when, comes first, and the other is as quick as before.

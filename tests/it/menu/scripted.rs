@@ -304,6 +304,7 @@ impl Operations for Scripted {
             }
             Request::Missions => answer(&world.missions),
             Request::Runs => answer(&world.runs),
+            Request::Live => answer(&world.live),
             Request::Stop { .. } => world.stop(StopReason::Remote),
             Request::Fetch(fetch) => world.fetch(fetch),
             Request::Start(_) | Request::Identify => {
@@ -315,7 +316,6 @@ impl Operations for Scripted {
     fn own(&self, request: &LocalOnly, _caller: &Caller) -> Result<Answer, Refusal> {
         let mut world = self.world();
         match request {
-            LocalOnly::Live => return answer(&world.live),
             LocalOnly::Settings => return answer(&world.settings),
             LocalOnly::PairingState => return answer(&world.pairing),
             LocalOnly::MenuHere => return answer(&Done {}),

@@ -59,7 +59,7 @@ fn a_motor_is_jogged_between_runs_only_and_stops_when_nobody_asks_any_more() {
     refused_as(&served.own_refused(&jog("out B", 10)), Kind::BadRequest, "out B");
     refused_as(&served.own_refused(&jog("outB", 101)), Kind::BadRequest, "101");
 
-    let live: Live = served.own(&LocalOnly::Live);
+    let live: Live = served.ask(&Request::Live);
     let device = |port: &str| live.devices.iter().find(|device| device.port == port).unwrap();
     assert_eq!((device("outB").role.as_deref(), device("outB").motor), (Some("left wheel"), true));
     assert!(device("in1").reading.contains("1000"), "{live:?}");

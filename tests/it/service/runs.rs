@@ -21,7 +21,7 @@ fn a_run_is_started_followed_stopped_in_motion_and_fetched() {
     let token = served.status().token;
     let other = Request::Start(Start { token: Some(token), ..start("other", "short") });
     refused_as(&served.refused(&other), Kind::Busy, run.as_str());
-    refused_as(&served.own_refused(&LocalOnly::Live), Kind::Busy, run.as_str());
+    refused_as(&served.refused(&Request::Live), Kind::Busy, run.as_str());
     refused_as(
         &served.own_refused(&LocalOnly::Delete { run: run.clone() }),
         Kind::Busy,

@@ -94,6 +94,7 @@ fn shown(hall: &Hall, path: &[&str], asked: Asked<'_>) -> Result<Shown, String> 
         }
         ["worlds"] => json(&World::names().collect()),
         ["runs", number] => json(&runs(&*numbered(hall, number)?)),
+        ["ports", number] => json(&ports(&*numbered(hall, number)?)),
         ["map", "team"] => team_map(hall)?,
         ["map", number, file] => map(&numbered(hall, number)?.folder.join(recording(file)?))?,
         _ => {
@@ -244,6 +245,12 @@ fn rename(hall: &Hall, OfBrick { brick, run, to }: &OfBrick) -> Result<(), Strin
     }
     std::fs::rename(&from, &to)
         .map_err(|error| format!("cannot rename {}: {error}", from.display()))
+}
+
+/// What a brick's ports read, which is asked for once more.
+fn ports(brick: &Brick) -> Value {
+    brick.order(Order::Ports);
+    json!(brick.seen().ports)
 }
 
 /// The runs that a brick has, which are asked for once more, and the recordings that are here.

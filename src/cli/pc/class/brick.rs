@@ -17,7 +17,7 @@ use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
 use crate::report::live::{Board, Wish};
-use crate::service::protocol::{Chosen, RunId, RunInfo, State, Status, Stopped};
+use crate::service::protocol::{Chosen, LiveDevice, RunId, RunInfo, State, Status, Stopped};
 
 /// How often a brick is asked how it is, nanoseconds: as a rule, and until it stands still that was
 /// told to stop.
@@ -41,6 +41,8 @@ pub(super) enum Order {
     /// Its runs are to be listed.
     Runs,
     Fetch(RunId),
+    /// What its ports read is to be asked.
+    Ports,
     /// Look what else there is.
     Wake,
 }
@@ -88,6 +90,8 @@ pub(super) struct Seen {
     pub(super) stopping: Option<Stopping>,
     pub(super) said: Option<Said>,
     pub(super) runs: Option<Vec<RunInfo>>,
+    /// What is plugged in and what it reads; not while it drives.
+    pub(super) ports: Option<Vec<LiveDevice>>,
     /// The run that was started from this page last.
     pub(super) started: Option<RunId>,
     /// The run that is shown and brought home as it grows.
@@ -284,6 +288,11 @@ impl Brick {
             }),
             Order::Fetch(run) => {
                 Bringing::of(self, run).begin(None);
+                return;
+            }
+            Order::Ports => {
+                let live = client.live();
+                self.seen().ports = live.ok().map(|live| live.devices);
                 return;
             }
             Order::Wake => return,

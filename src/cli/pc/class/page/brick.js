@@ -72,6 +72,9 @@ export function show(view, at) {
   const there = element("tbody");
   const here = element("tbody");
   const folder = element("p", "", "soft");
+  const ports = element("tbody");
+  ports.id = "ports";
+  const driving = element("p", "", "soft");
   const act = {
     look,
     map: (run) => {
@@ -91,12 +94,22 @@ export function show(view, at) {
     folder,
     element(
       "p",
-      "Over the network a brick tells what its ports read only in the recording of a run, and deletes nothing: look at them, and delete runs, at the brick (its menu, or onbrick devices).",
+      "Over the network a brick deletes nothing: delete its runs at the brick, in its menu.",
       "soft",
     ),
     map,
   );
-  const left = put(element("section", undefined, "panel"), name, words, why, hands, frame);
+  const left = put(
+    element("section", undefined, "panel"),
+    name,
+    words,
+    why,
+    hands,
+    frame,
+    element("h2", "Ports"),
+    wide(ports),
+    driving,
+  );
   const one = put(element("div"), left, runs);
   one.id = "one";
   put(view, one);
@@ -122,6 +135,21 @@ export function show(view, at) {
       tell(error.message);
     }
   }
+  async function readPorts() {
+    try {
+      const found = await get(`ports/${at}`);
+      const rows = (found ?? []).map(({ port, driver, role, reading }) =>
+        put(
+          element("tr"),
+          ...[port, role ?? "", reading, driver].map((text) => element("td", text)),
+        ),
+      );
+      ports.replaceChildren(...rows);
+      write(driving, found ? "" : "not told now; while it drives, its recording has it");
+    } catch (error) {
+      tell(error.message);
+    }
+  }
   look();
   let turn = 0;
   return () => {
@@ -140,5 +168,6 @@ export function show(view, at) {
       frame.src = `live/${at}/`;
     }
     if (++turn % 6 === 0) look();
+    if (turn % 2 === 0) readPorts();
   };
 }
