@@ -255,7 +255,7 @@ fn a_class() {
     // What ada did is here.
     tab.eval("location.hash = '#/brick/0'");
     tab.until("document.querySelector('#one').innerText.includes('round-')");
-    tab.until("document.querySelector('#one tbody').innerText.includes('Map')");
+    tab.until("document.querySelector('#runs').innerText.includes('Map')");
     tab.click("#one", "Map");
     tab.until("document.querySelector('.map').naturalWidth > 100");
     tab.until(
@@ -402,7 +402,7 @@ fn a_team() {
     tab.click("#one td.row", "Delete: sure?");
     until("it is deleted", || (!file("best").exists()).then_some(()));
     // The brick has it still.
-    tab.click("#one tbody", "Fetch");
+    tab.click("#runs", "Fetch");
     until("it is fetched", || file(name.as_str().unwrap()).exists().then_some(()));
 }
 

@@ -70,6 +70,7 @@ export function show(view, at) {
   map.alt = "The map of a recording";
   map.hidden = true;
   const there = element("tbody");
+  there.id = "runs";
   const here = element("tbody");
   const folder = element("p", "", "soft");
   const ports = element("tbody");
