@@ -36,6 +36,7 @@ use tick::Tick;
 
 /// What is to be reached.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Goal {
     /// Everything unknown that can be reached.
     Explore {
@@ -381,7 +382,7 @@ impl NavigationState {
         }
         let limits = tick.limits;
         let fastest_m_s = tick.order.speed_m_s.unwrap_or(limits.speed_m_s).min(limits.max_m_s);
-        self.is_slow = self.is_tight || self.plan.is_narrow(usize::from(self.next));
+        self.is_slow = self.plan.is_narrow(usize::from(self.next));
         let fastest_m_s = if self.is_slow { fastest_m_s.min(NARROW_M_S) } else { fastest_m_s };
         let turning_m_s = TURNING * limits.speed_m_s;
         let most_rad_s = tick.order.turn_rad_s.unwrap_or(turning_m_s / limits.half_track_m);
