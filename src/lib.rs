@@ -139,6 +139,13 @@
 //! (which implies `cli`) the network. `host` implies `link` and `sim`, and is on by default; the
 //! brick's file has `link` alone.
 //!
+//! # The interface
+//!
+//! Enums that grow with sensors, boards and causes of errors are `#[non_exhaustive]`: match them
+//! with a last arm. [`behavior::Drive`] is not, since what executes it has to know all. Of crates
+//! below 1.0, an interface has types of `arrayvec` (a tick allocates nothing), `nix::errno::Errno`
+//! (what the kernel answered) and `zmq::Error`: a breaking version of one of these is one of ours.
+//!
 //! [`using`] is for those who use the program, and [`changelog`] says what changed between
 //! versions, and what stays compatible.
 

@@ -179,6 +179,7 @@ pub enum Brick {
 /// How a run is going, for its starter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Event {
     /// Something is waited for before the run can start.
     Preparing {

@@ -61,6 +61,7 @@ pub struct Quantity {
 
 /// What a quantity's values are in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Unit {
     /// 1 for true, 0 for false.
     Truth,
@@ -165,6 +166,7 @@ impl Source {
 
 /// A part of a robot, as `robot.toml` has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Role {
     /// The brick itself: battery, buttons.
     Brick,

@@ -104,6 +104,7 @@ pub enum Progress {
 
 /// Machines that cannot run as they were described: a mistake in the program that described them.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EngineError {
     /// A start, a final state or a destination names no state.
     #[error("machine `{machine}` has no state `{state}`")]

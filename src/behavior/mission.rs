@@ -202,6 +202,7 @@ impl fmt::Display for NamedTransition<'_> {
 
 /// A number that cannot be set as asked.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SetError {
     /// The mission has no number of this name.
     #[error("the mission has no number `{name}`{hint}")]

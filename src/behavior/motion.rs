@@ -56,6 +56,7 @@ impl Default for MotionLimits {
 
 /// What a motion is to come to, in metres and radians.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Goal {
     /// Straight on, backwards where negative.
     Ahead {

@@ -19,6 +19,7 @@ use crate::units::{degrees, wrap_rad};
 
 /// A quantity that the runtime provides in each tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Signal {
     /// What is sensed, as it was read, but for the range: that is the estimator's, 0 where it is
     /// too near.

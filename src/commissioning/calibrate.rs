@@ -111,6 +111,7 @@ pub enum Straight {
 
 /// Why nothing was measured. Every motor is stopped.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CalibrateError {
     /// A role has no device.
     #[error("the robot is not as its file says")]
@@ -207,6 +208,7 @@ impl Calibration {
 
 /// Why the numbers do not go into the file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ApplyError {
     /// The measurement is not good enough.
     #[error("{key} is not written: {doubt}")]

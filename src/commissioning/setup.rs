@@ -51,6 +51,7 @@ const TURNED_RAD: f64 = 0.2;
 
 /// Why there is no file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SetupError {
     /// There are not enough motors: plug them in.
     #[error(

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a file was not written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SaveError {
     /// There is such a file already: choose another name, or say that it may be replaced.
     #[error("{} is there already", .0.display())]

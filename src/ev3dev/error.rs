@@ -35,6 +35,7 @@ pub struct DeviceError {
 
 /// Why an access failed, split by what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Cause {
     /// The cable was pulled, the driver was unbound, or a UART sensor has lost its connection and
     /// is coming back: look the port up again.
@@ -95,6 +96,7 @@ impl DeviceError {
 
 /// A device that could not be found, or not exactly one.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FindError {
     /// Nothing fits: plug it in, or write another port.
     #[error("no {wanted}; {}", There(.there))]

@@ -47,6 +47,7 @@ pub struct ScreenLayout {
 
 /// Why there is no screen, or no longer.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ScreenError {
     /// Not there, or not for this user.
     #[error("cannot use the screen {}{}", path.display(), hint(source))]

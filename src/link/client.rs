@@ -65,6 +65,7 @@ pub const PATIENCE_S: f64 = 10.0;
 
 /// Why a brick did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ClientError {
     /// No answer in time: check the brick, its address and the network, and try again.
     #[error("no answer from {address} in {waited_s:.0} s: {silence}")]

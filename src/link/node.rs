@@ -52,6 +52,7 @@ const LONGEST: i64 = 8192;
 
 /// Why there is no node.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum NodeError {
     /// Mount a brick there first.
     #[error("no simulated brick's folder can be opened there")]

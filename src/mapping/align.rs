@@ -44,6 +44,7 @@ const BEHIND_M: f64 = 0.1;
 
 /// Why a map was not moved.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Misfit {
     /// One of the maps has too few points.
     #[error("too few points")]

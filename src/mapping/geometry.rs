@@ -39,6 +39,7 @@ const RANGE_LATENCY_MAX_NS: i64 = 200 * MILLISECOND_NS;
 /// How the pose is estimated and which readings become points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Method {
     /// As the seed did it: heading is the gyro's, the step is made along the heading before it, and
     /// each tick with a range below the maximum is a point, seen from the pose of that tick.

@@ -12,6 +12,7 @@ const NARROW: u8 = 2;
 
 /// What is to be reached.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Goal {
     /// What is not known yet.
     Frontier {

@@ -21,6 +21,7 @@ use crate::clock::seconds;
 /// Something that happened in a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Moment {
     /// A machine went from a state to another.
     Transition(Transition),

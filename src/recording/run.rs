@@ -91,6 +91,7 @@ impl Checkpoint {
 
 /// A recording that cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// The file cannot be opened or read.
     #[error("cannot read {}", path.display())]

@@ -14,6 +14,7 @@ pub const STALL_NS: i64 = 200_000_000;
 /// Why a run ended, or why none can start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(tag = "word", content = "channel", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum StopReason {
     /// The mission came to its end.
     Finished,

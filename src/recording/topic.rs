@@ -23,6 +23,7 @@ pub const FRAME_RANGE: &str = "range_link";
 /// changes; new topics go to the end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u16)]
+#[non_exhaustive]
 pub enum Topic {
     /// `/senses`.
     Senses = 0,

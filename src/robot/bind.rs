@@ -21,6 +21,7 @@ pub const PLUG_AGAIN: &str = "unplug it, plug it in again, and wait three second
 
 /// Why a role could not be bound to a device.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum BindError {
     /// Nothing fits, or too much: plug it in, or change `robot.toml` (`onbrick setup`).
     #[error("{role}")]

@@ -68,6 +68,7 @@ pub fn halt(tree: &Arc<dyn Tree>) -> Result<Vec<Halted>, HaltError> {
 
 /// Why not every motor could be stopped.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum HaltError {
     /// The motors cannot even be listed.
     #[error(transparent)]

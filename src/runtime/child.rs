@@ -97,6 +97,7 @@ impl StopBy {
 
 /// Why a run's process could not be started. Nothing has moved.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StartError {
     /// The program cannot be started: look at its file and at how many processes there are.
     #[error("cannot start the process that drives")]
@@ -111,6 +112,7 @@ pub enum StartError {
 
 /// Why a run's process has no [`Ended`] to tell.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// The run did not start, and nothing has moved: do what the hint says.
     #[error("{stop}")]

@@ -38,6 +38,7 @@ const LOOK_NS: i64 = 5 * MILLISECOND_NS;
 
 /// Why the motors that a dead run left were not stopped.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OrphansError {
     /// A run has the hardware and sees to its motors itself, or the lock cannot be used.
     #[error(transparent)]

@@ -26,6 +26,7 @@ const TOO_BUSY: &str =
 
 /// Why a run did not start. Nothing has moved.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Refused {
     /// A file is not in order.
     #[error("{0}")]

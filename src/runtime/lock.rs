@@ -56,6 +56,7 @@ pub struct HardwareLock {
 
 /// Why the hardware could not be had.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LockError {
     /// Another run drives: wait, stop it (`onbrick halt`), or use another brick.
     #[error("the motors belong to {} (process {})", .0.doing, .0.pid)]

@@ -39,6 +39,7 @@ const BLOCKED_M: f64 = 0.13;
 
 /// Why a pilot cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PilotError {
     /// The robot's measures make no sense.
     #[error("the robot's measures")]

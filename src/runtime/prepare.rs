@@ -41,6 +41,7 @@ const KEEP_STILL: &str = "the gyro turns although the wheels stand: keep the rob
 
 /// Why a run did not start; each says what to do.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NotReady {
     /// A sensor or motor gave no reading.
     #[error(

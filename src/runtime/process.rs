@@ -23,6 +23,7 @@ const BEAT_NS: i64 = 20 * MILLISECOND_NS;
 
 /// Why a process of a run could not begin. Nothing has moved.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ProcessError {
     /// The kernel refuses what ends this process, or tells it to end.
     #[error("cannot set up signals")]

@@ -66,6 +66,7 @@ pub struct Replayed {
 
 /// Why a recording cannot be replayed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReplayError {
     /// The beginning of the file, which says what the run was, is damaged or cut off.
     #[error("the recording does not say {0}: its beginning is damaged")]

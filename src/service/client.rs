@@ -30,6 +30,7 @@ const LONGEST_REPLY: u64 = 16 << 20;
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ClientError {
     /// No service is there: start it.
     #[error("no service answers at {}", path.display())]

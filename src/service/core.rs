@@ -25,6 +25,7 @@ use crate::runtime::{NotReady, StopBy, WhenAbandoned};
 
 /// Why there is no service.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OpenError {
     /// Another service keeps the folder of runs: stop it, or use another configuration.
     #[error("{0}")]

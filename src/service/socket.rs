@@ -50,6 +50,7 @@ const STACK_BYTES: usize = 1 << 20;
 
 /// Why the socket cannot be opened.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SocketError {
     /// A service answers there already: stop it, or use another configuration.
     #[error("a service is at {} already", .0.display())]

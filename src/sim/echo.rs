@@ -83,6 +83,7 @@ const BEHIND_M: f64 = 1.5;
 
 /// How a range sensor hears.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum EchoModel {
     /// Feet of perpendiculars and corners, as loud as they are.
     #[default]

@@ -47,6 +47,7 @@ use nix::errno::Errno;
 
 /// Why a fault could not be done. Nothing has changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FaultError {
     /// Name another robot.
     #[error("there is no robot {}; there are {robots}", robot + 1)]
@@ -91,6 +92,7 @@ pub enum FaultError {
 
 /// A control text that was not followed, none of it or not from some line on.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ControlError {
     /// The text is not understood; nothing was done.
     #[error(transparent)]

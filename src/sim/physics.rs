@@ -21,6 +21,7 @@ pub enum Bridge {
 
 /// The motors there are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum MotorKind {
     /// `lego-ev3-l-motor`.
     Large,
@@ -36,6 +37,7 @@ pub enum MotorKind {
 
 /// The sensors there are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum SensorKind {
     /// `lego-ev3-touch`.
     Touch,
@@ -60,6 +62,7 @@ pub struct Plug {
 
 /// What goes wrong on purpose where the drivers do not see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Fault {
     /// The shaft of the motor on an output port (0 for outA) does not turn.
     BlockedMotor(usize),

@@ -19,6 +19,7 @@ pub struct Misreading {
 
 /// What can be wrong with an expression.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Mistake {
     /// There is nothing in it.
     #[error("the expression is empty")]

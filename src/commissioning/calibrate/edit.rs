@@ -7,6 +7,7 @@ use crate::runtime::Source;
 
 /// Why a number could not be put in.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum EditError {
     /// The file is no TOML any more.
     #[error("{0}")]

@@ -61,6 +61,7 @@ pub enum Kind {
 
 /// Why a number should not be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, thiserror::Error)]
+#[non_exhaustive]
 pub enum Doubt {
     /// There are not enough measurements.
     #[error(

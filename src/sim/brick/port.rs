@@ -32,6 +32,7 @@ const VANISH_NS: i64 = 100_000_000;
 
 /// What can be in a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Plugged {
     /// A motor.
     Motor(MotorKind),

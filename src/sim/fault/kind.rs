@@ -13,6 +13,7 @@ use crate::sim::physics::MotorKind;
 /// "Counts" are the integers that a driver gives: a motor's position, a sensor's `value0` without
 /// its decimals.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum DeviceFault {
     /// `unplug`: the device is pulled. It is plugged in again at the fault's end.
     Unplug,

@@ -22,6 +22,7 @@ const HELPERS: [&str; 2] = ["fusermount3", "fusermount"];
 
 /// Why a simulation was not mounted.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum MountError {
     /// Choose another mount point.
     #[error("cannot mount at {}: {why}", point.display())]
@@ -46,6 +47,7 @@ pub enum MountError {
 
 /// What is wrong with a mount point.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Unfit {
     /// There is no folder, and no folder for it to be made in.
     #[error("it cannot be made")]

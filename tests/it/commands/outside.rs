@@ -1,26 +1,20 @@
-//! Other people's programs: the thirty lines of `tests/examples/wander.rs`, and crates outside the
-//! repository.
+//! Other people's programs: the examples of the library, and crates outside the repository.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
-use super::done;
-use crate::support::{pass_over, turning_brick::TurningBrick};
+use onbrick::sim::World;
 
-/// The example that `cargo test` built beside this program.
-fn wander() -> PathBuf {
-    let test = std::env::current_exe().unwrap();
-    test.ancestors().nth(2).unwrap().join("examples/wander")
-}
+use super::done;
+use crate::foreign::bench::{Simulator, Truth, example};
+use crate::missions::{line_points, to_ring_m};
+use crate::mount::bench::{no_fuse, real_time};
+use crate::support::real_time::{Pace, in_real_time};
+use crate::support::{pass_over, turning_brick::TurningBrick};
 
 #[test]
 fn the_documented_program_wanders_under_leases_and_stops() {
-    let program = wander();
-    if !program.exists() {
-        return pass_over(
-            "the example wander, which `cargo test` builds and `cargo test --test it` does not",
-        );
-    }
+    let Some(program) = example("wander") else { return };
     let brick = TurningBrick::new();
     let mut child = Command::new(program)
         .arg(brick.root())
@@ -47,14 +41,70 @@ fn the_documented_program_wanders_under_leases_and_stops() {
 }
 
 #[test]
-fn the_documented_program_is_about_thirty_lines() {
-    let text = include_str!("../../examples/wander.rs");
-    let main = text.split("fn main()").nth(1).unwrap();
-    let lines = main
-        .lines()
-        .filter(|line| !line.trim().is_empty() && !line.trim().starts_with("//"))
-        .count();
-    assert!(lines <= 50, "{lines} lines");
+fn the_documented_programs_are_about_thirty_lines() {
+    for text in [
+        include_str!("../../examples/square.rs"),
+        include_str!("../../examples/line.rs"),
+        include_str!("../../examples/wander.rs"),
+    ] {
+        let main = text.split("fn main()").nth(1).unwrap();
+        let lines = main
+            .lines()
+            .filter(|line| !line.trim().is_empty() && !line.trim().starts_with("//"))
+            .count();
+        assert!(lines <= 50, "{lines} lines");
+    }
+}
+
+#[test]
+fn the_documented_square_is_driven_and_ends_where_it_began() {
+    drives("square", "open", &[], |pace, truth| {
+        let turned_deg = truth.heading_deg;
+        let off_m = libm::hypot(truth.x_m, truth.y_m);
+        pace.ensure(truth.travelled_m > 1.5, || format!("four sides of 0.4 m: {truth:?}"));
+        pace.near("once round", turned_deg, 360.0, 20.0);
+        pace.ensure(off_m < 0.1 && truth.speed_mps.abs() < 1e-3, || format!("{truth:?}"));
+    });
+}
+
+#[test]
+fn the_documented_line_follower_follows_the_line() {
+    drives("line", "line", &["12"], |pace, truth| {
+        // Of the floor's line, and the sensor is ahead of the axle.
+        let points = line_points(World::text("line").unwrap());
+        let heading_rad = truth.heading_deg.to_radians();
+        let ahead_m = 0.07;
+        let sensor = [
+            truth.x_m + ahead_m * libm::cos(heading_rad),
+            truth.y_m + ahead_m * libm::sin(heading_rad),
+        ];
+        let off_m = to_ring_m(&points, sensor);
+        pace.ensure(truth.travelled_m > 0.5, || format!("{truth:?}"));
+        pace.ensure(off_m < 0.04, || format!("{off_m} m from the line: {truth:?}"));
+    });
+}
+
+/// Runs an example on a mounted brick in a world, and looks at where the robot is at its end.
+fn drives(name: &str, world: &str, arguments: &[&str], check: impl Fn(&Pace, &Truth)) {
+    let Some(program) = example(name) else { return };
+    if no_fuse() {
+        return;
+    }
+    let _alone = real_time();
+    in_real_time(name, |pace| {
+        let simulator = Simulator::start(pace, world);
+        let said = done(
+            &Pace::command(program.to_str().unwrap())
+                .arg(simulator.root())
+                .args(arguments)
+                .output()
+                .unwrap(),
+        );
+        assert_eq!((said.code, said.err.as_str()), (Some(0), ""));
+        // What rolls on at the program's end comes to rest.
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        check(pace, &simulator.truth());
+    });
 }
 
 /// A crate that depends on this one by path, with these features, and what it prints when it runs.

@@ -7,7 +7,7 @@ use onbrick::units::{degrees, wrap_rad};
 
 use onbrick::runtime::Job;
 
-use super::{Played, job, play, play_in, robot};
+use super::{Played, job, line_points, play, play_in, robot, to_ring_m};
 use crate::support::seeds;
 
 /// A point of the body in the world, ahead of the axle's middle and left of it.
@@ -199,33 +199,6 @@ fn line_stays_on_its_edge_for_a_whole_lap() {
         );
         assert!(worst_m < 0.02, "{worst_m} m from the edge");
     }
-}
-
-/// The corners of the world's one line, as its file has them.
-fn line_points(world: &str) -> Vec<[f64; 2]> {
-    let line = world.split("points = [").nth(1).unwrap().split("\n]").next().unwrap();
-    let points: Vec<[f64; 2]> = line
-        .split(']')
-        .filter_map(|point| point.split('[').nth(1))
-        .map(|point| {
-            let (x, y) = point.split_once(", ").unwrap();
-            [x.parse().unwrap(), y.parse().unwrap()]
-        })
-        .collect();
-    assert!(points.len() > 40 && world.contains("width_m = 0.03"), "{} points", points.len());
-    points
-}
-
-/// Distance to a closed line.
-fn to_ring_m(ring: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
-    let sides = ring.iter().zip(ring.iter().cycle().skip(1));
-    sides
-        .map(|([x1, y1], [x2, y2])| {
-            let (dx, dy) = (x2 - x1, y2 - y1);
-            let along = (((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
-            libm::hypot(x - x1 - along * dx, y - y1 - along * dy)
-        })
-        .fold(f64::INFINITY, f64::min)
 }
 
 #[test]
