@@ -249,13 +249,13 @@ fn rename(hall: &Hall, OfBrick { brick, run, to }: &OfBrick) -> Result<(), Strin
 
 /// What a brick's ports read, which is asked for once more.
 fn ports(brick: &Brick) -> Value {
-    brick.order(Order::Ports);
+    brick.refresh(Order::Ports);
     json!(brick.seen().ports)
 }
 
 /// The runs that a brick has, which are asked for once more, and the recordings that are here.
 fn runs(brick: &Brick) -> Value {
-    brick.order(Order::Runs);
+    brick.refresh(Order::Runs);
     let seen = brick.seen();
     let there = |info: &RunInfo| {
         let arrival = seen.brought.get(&info.run).map(|arrival| {

@@ -150,6 +150,14 @@ impl Brick {
         let _ = self.orders.send(order);
     }
 
+    /// Has it asked once more what the page shows of it. One that does not answer is not asked:
+    /// each request would wait for its end, and a start behind all of them.
+    pub(super) fn refresh(&self, order: Order) {
+        if self.seen().silent_ns.is_none() {
+            self.order(order);
+        }
+    }
+
     /// Has it stop, before all else.
     pub(super) fn stop(&self) {
         let asked_ns = MonotonicClock.now_ns();
