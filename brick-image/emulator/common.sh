@@ -114,7 +114,8 @@ install_rust() {
 # cross_cargo ARGUMENTS…: cargo for the chosen processor, with whichever compiler is there
 # (install_rust installs one).
 cross_cargo() {
-  set -- "$@" --config "$checkout/cross.toml" --target "$target"
+  # A setting among the arguments prevails over the file's.
+  set -- "$1" --config "$checkout/cross.toml" --target "$target" "${@:2}"
   if [ -d "$(rustc --print target-libdir --target "$target" 2>/dev/null)" ]; then
     cargo "$@"
   elif [ -d /usr/lib/rustlib/src/rust/library ]; then
