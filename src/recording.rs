@@ -20,7 +20,7 @@
 //! | `/tf_static` | `tf2_msgs/msg/TFMessage` | once | `map` → `odom`: the same, because the start pose is in the poses |
 //! | `/range` | `sensor_msgs/msg/Range` | each new reading | metres in `range_link`; +Inf: no echo, −Inf: too near (REP 117) |
 //! | `/points` | `sensor_msgs/msg/PointCloud2` | each sync | the map's new points in `map`: `x y z` in single precision for viewers, `x_m y_m` in double, time in nanoseconds of the run's clock as `time_ns_low time_ns_high` |
-//! | `/map` | `nav_msgs/msg/OccupancyGrid` | every 5 s while it grows: what is known; at the end: all | −1 unknown, 100 occupied, below that the probability in percent; in `map` |
+//! | `/map` | `nav_msgs/msg/OccupancyGrid` | every 5 s while it grows: what is known, as it was placed; at the end: all, where it is as it is known then | −1 unknown, 100 occupied, below that the probability in percent; in `map` |
 //! | `/keyframes` | `onbrick_msgs/msg/Keyframes` | 1 Hz | some poses of the way, as they were estimated then and as they are now: what moves points and path when walls are seen again ([`where_now`](crate::mapping::where_now)) |
 //! | `/walls` | `visualization_msgs/msg/Marker` | at the end of a simulated run | the walls that the points make, as a list of lines in `map`; on a brick they would keep the run from ending for seconds, and `plot` and `export` make them of any run |
 //! | `/transitions` | `onbrick_msgs/msg/Transition` | as they happen | machine, states, condition: by place and by name |

@@ -95,6 +95,12 @@ impl Cloud {
         self.keep(point);
     }
 
+    /// Gives up what still waits.
+    pub(super) fn finish(&mut self) {
+        self.points.kept.truncate(self.points.kept.len() - self.waiting);
+        self.waiting = 0;
+    }
+
     fn keep(&mut self, point: MapPoint) {
         let tail = self.points.kept.len() - self.waiting;
         self.points.insert(point, tail);

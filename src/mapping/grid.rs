@@ -13,6 +13,12 @@
 //! axis: a wall that is met at more than 30° from its normal sends none either. Too near makes the
 //! place right at the sensor occupied and nothing free.
 //!
+//! For the same reason one echo says more for a wall than one cone says against it: a wall that was
+//! seen squarely is in the cones of all looks along it, and does not echo there. So what has echoed
+//! is freed at a third of the rate ([`FREED_PER`]). Exploring (100 runs in five worlds), 57, 47,
+//! 67, 57 and 52 % of the walls have an occupied cell within 5 cm, for 34, 33, 47, 37 and 38 % at
+//! the full rate, and 71 to 84 % of the occupied cells are within 5 cm of a wall either way.
+//!
 //! # What it costs
 //!
 //! 200 × 200 cells of one byte. An update visits the cells between the edges of its cone and three
@@ -45,6 +51,8 @@ const HIT_POINT: i8 = 24;
 const FREE_AXIS: i8 = -6;
 const FREE_CONE: i8 = -3;
 const MISS_AXIS: i8 = -1;
+/// What makes a cell free does so at one of this many parts where something has echoed.
+const FREED_PER: i8 = 3;
 /// From these log-odds on a cell counts as occupied (0.73) or free (0.27).
 const OCCUPIED_FROM: i8 = 20;
 const FREE_FROM: i8 = -20;
@@ -133,11 +141,19 @@ impl OccupancyGrid {
             for (row, y) in (0..grid.rows).zip(grid.first[1]..) {
                 let mut line = union.row_at(y);
                 for (column, x) in (0..grid.columns).zip(grid.first[0]..) {
-                    line.weigh(x, grid.log_odds(column, row).unwrap_or(0));
+                    let log_odds = grid.log_odds(column, row).unwrap_or(0);
+                    line.weigh(x, |_| log_odds);
                 }
             }
         }
         Some(union)
+    }
+
+    /// An empty grid over the same places.
+    pub(super) fn emptied(mut self) -> Self {
+        self.cells.fill(0);
+        self.outside = 0;
+        self
     }
 
     /// Takes one update: its new reading and the points that now have their place. True where
@@ -177,7 +193,7 @@ impl OccupancyGrid {
     /// Takes a point that has its place: there is something.
     pub(super) fn hit(&mut self, point: &MapPoint) {
         let x = lattice(point.x_m);
-        self.row_at(lattice(point.y_m)).weigh(x, HIT_POINT);
+        self.row_at(lattice(point.y_m)).weigh(x, |_| HIT_POINT);
     }
 
     /// Adds to the log-odds of a cone's cells: before the distance and at it, each near the axis
@@ -277,7 +293,7 @@ impl OccupancyGrid {
     /// Gives a cell of the lattice log-odds: maps as drawings.
     #[cfg(test)]
     pub(crate) fn set_for_tests(&mut self, x: i32, y: i32, log_odds: i8) {
-        self.row_at(y).weigh(x, log_odds);
+        self.row_at(y).weigh(x, |_| log_odds);
     }
 
     fn beyond(&self) -> [i32; 2] {
@@ -351,15 +367,15 @@ impl GridLine<'_> {
                 Zone::Outside => {}
                 part => {
                     met = true;
-                    self.weigh(
-                        x,
-                        match part {
-                            Zone::Before { axis: true } => before[0],
-                            Zone::Before { axis: false } => before[1],
-                            Zone::Arc { axis: true } => at[0],
-                            _ => at[1],
-                        },
-                    );
+                    let weight = match part {
+                        Zone::Before { axis: true } => before[0],
+                        Zone::Before { axis: false } => before[1],
+                        Zone::Arc { axis: true } => at[0],
+                        _ => at[1],
+                    };
+                    if weight != 0 {
+                        self.weigh(x, |log_odds| sounded(log_odds, weight));
+                    }
                 }
             }
             place.step(cone.axis);
@@ -367,31 +383,24 @@ impl GridLine<'_> {
         }
     }
 
-    /// Adds to the log-odds of a cell, by its place on the lattice.
-    fn weigh(&mut self, at: i32, weight: i8) {
-        if weight == 0 {
-            return;
+    /// Adds to the log-odds of a cell, by its place on the lattice, what `weight` makes of them.
+    fn weigh(&mut self, at: i32, weight: impl FnOnce(i8) -> i8) {
+        match self.cell(at) {
+            Some(cell) => *cell = cell.saturating_add(weight(*cell)).clamp(-LIMIT, LIMIT),
+            None => *self.outside = self.outside.saturating_add(1),
         }
-        #[expect(
-            clippy::cast_sign_loss,
-            reason = "what is before the first is far behind the last then"
-        )]
-        let along = at.wrapping_sub(self.first) as usize;
-        let place = self.start.wrapping_add(along.wrapping_mul(self.stride));
-        if along >= self.count || place >= self.cells.len() {
-            *self.outside = self.outside.saturating_add(1);
-            return;
-        }
-        let cell = &mut self.cells[place];
-        let sum = i16::from(*cell) + i16::from(weight);
-        *cell = if sum > i16::from(LIMIT) {
-            LIMIT
-        } else if sum < -i16::from(LIMIT) {
-            -LIMIT
-        } else {
-            *cell + weight
-        };
     }
+
+    fn cell(&mut self, at: i32) -> Option<&mut i8> {
+        let along = usize::try_from(at.checked_sub(self.first)?).ok()?;
+        let place = self.start.checked_add(along.checked_mul(self.stride)?)?;
+        self.cells.get_mut(place).filter(|_| along < self.count)
+    }
+}
+
+/// What a sounding of this weight adds to a cell's log-odds: what has echoed is freed slowly.
+fn sounded(log_odds: i8, weight: i8) -> i8 {
+    if log_odds > 0 && weight < 0 { weight / FREED_PER } else { weight }
 }
 
 /// Cells further than this from the origin are not on the lattice: 10 km.
@@ -465,10 +474,26 @@ mod tests {
         let cone = Cone::of(&sounding(0.0, 0.0, 0.0, Range::NoEcho), 2.0).expect("on the lattice");
         for (y, x) in (-60..60).flat_map(|y| (-60..60).map(move |x| (y, x))) {
             if let Zone::Before { axis } = cone.part_of(&cone.place(x, y)) {
-                grid.row_at(y).weigh(x, 4 * if axis { at_axis } else { beside });
+                grid.row_at(y).weigh(x, |_| 4 * if axis { at_axis } else { beside });
             }
         }
         grid
+    }
+
+    #[test]
+    fn what_has_echoed_is_freed_by_many_looks_and_not_by_one() {
+        let mut grid = OccupancyGrid::around(&Pose::default());
+        let beyond = sounding(0.0, 0.0, 0.0, Range::Echo(1.8));
+        grid.hit(&MapPoint { time_ns: 0, x_m: 1.02, y_m: 0.02 });
+        grid.add(&beyond, 2.0);
+        grid.add(&beyond, 2.0);
+        assert_eq!(grid.at(1.02, 0.02), Cell::Occupied, "a wall that two looks went along");
+        assert_eq!(grid.at(0.82, 0.02), Cell::Unknown, "two looks are not enough to free");
+        for _ in 0..16 {
+            grid.add(&beyond, 2.0);
+        }
+        assert_eq!(grid.at(0.82, 0.02), Cell::Free);
+        assert_eq!(grid.at(1.02, 0.02), Cell::Free, "what is gone is freed in the end");
     }
 
     #[test]

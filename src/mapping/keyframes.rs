@@ -15,8 +15,8 @@
 //!
 //! # Not here
 //!
-//! The occupancy grid: it has no times, and stays as it was made. How keyframes are corrected
-//! (`filter`).
+//! How keyframes are corrected (`filter`). The grid that a running mission drives by, which stays as
+//! it was made; that of the whole run is made again at its end (`map`).
 
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};

@@ -1,12 +1,29 @@
 //! Points, path and grid of one robot.
+//!
+//! The grid is drawn as the readings come, and once more at the run's end, each reading and each
+//! point where it is as it is known then (`keyframes`). Occupied cells within 5 cm of a wall,
+//! exploring with the usual errors, 20 runs a world: `rooms` 75 % for 71, slanted blocks 83 for 80,
+//! a passage 82 for 80, `arena` 88 for 84, pillars 74 for 71 (`cargo test --test it
+//! figures_of_explore` prints them for two runs a world). On a brick that takes a second or two
+//! after the robot has stopped, estimated and not measured.
+//!
+//! # Not here
+//!
+//! Cones and log-odds (`grid`). Where a reading is as it is known now (`keyframes`).
 
-use super::cloud::{Cloud, Path};
-use super::{Estimate, MapPoint, OccupancyGrid, Placed, Pose, RangeMount};
+use super::cloud::{Cloud, Path, Thinned};
+use super::{
+    Estimate, Keyframe, MapPoint, OccupancyGrid, Placed, Pose, RangeMount, Sounding, points_now,
+};
 
 /// Points kept: ten a second for half an hour, at 24 bytes.
 const POINTS: usize = 20_000;
 /// Places of the path kept: 150 m of way, a centimetre apart, at 24 bytes.
 const PLACES: usize = 15_000;
+
+/// Readings kept, for the grid to be made again: ten a second for a quarter of an hour, at 88
+/// bytes.
+const SOUNDINGS: usize = 10_000;
 
 /// What one robot has found: points, path and occupancy grid, bounded in memory for a mission of
 /// any length.
@@ -15,6 +32,7 @@ pub struct Map {
     points: Cloud,
     path: Path,
     grid: OccupancyGrid,
+    soundings: Thinned<Sounding>,
     range_max_m: f64,
 }
 
@@ -26,6 +44,7 @@ impl Map {
             points: Cloud::new(POINTS),
             path: Path::new(PLACES),
             grid: OccupancyGrid::around(start),
+            soundings: Thinned::new(SOUNDINGS),
             range_max_m: range.max_m,
         }
     }
@@ -43,6 +62,9 @@ impl Map {
         self.path.offer(estimate.time_ns, &estimate.pose);
         self.grid.take(estimate, self.range_max_m);
         let mut placed = estimate.placed;
+        if let Some(sounding) = estimate.sounding.filter(|sounding| sounding.fresh) {
+            self.soundings.offer(sounding);
+        }
         if let Some(sounding) = &estimate.sounding
             && let Some(point) = sounding.point(self.range_max_m)
         {
@@ -58,16 +80,35 @@ impl Map {
         placed
     }
 
-    /// Takes the points that waited when the run ended.
-    pub fn finish(&mut self, points: &[MapPoint]) {
+    /// Ends the map: takes the points that waited, and where the way was corrected, makes the grid
+    /// again from what was kept of it, each reading and point where it is as it is known now.
+    pub fn finish(&mut self, points: &[MapPoint], keyframes: &[Keyframe]) {
         for point in points {
             self.grid.hit(point);
             self.points.place(*point);
         }
+        self.points.finish();
+        if keyframes.iter().any(|keyframe| keyframe.placed != keyframe.now) {
+            self.make_grid_again(keyframes);
+        }
     }
 
-    /// The points, in the order of their time. Those at the end may still wait for their place: the
-    /// sweep that they are of is not over.
+    fn make_grid_again(&mut self, keyframes: &[Keyframe]) {
+        let mut grid = self.grid.clone().emptied();
+        let points = points_now(keyframes, self.points());
+        let mut points = points.iter().peekable();
+        for sounding in self.soundings.kept() {
+            while let Some(point) = points.next_if(|point| point.time_ns <= sounding.time_ns) {
+                grid.hit(point);
+            }
+            grid.add(&sounding.now(keyframes), self.range_max_m);
+        }
+        points.for_each(|point| grid.hit(point));
+        self.grid = grid;
+    }
+
+    /// The points, in the order of their time. Until [`Map::finish`] those at the end may still wait
+    /// for their place: the sweep that they are of is not over.
     #[must_use]
     pub fn points(&self) -> &[MapPoint] {
         self.points.all()
@@ -89,5 +130,69 @@ impl Map {
     #[must_use]
     pub fn grid(&self) -> &OccupancyGrid {
         &self.grid
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mapping::{Cell, Events, Range};
+    use crate::units::radians;
+
+    const FOUND: MapPoint = MapPoint { time_ns: 0, x_m: 1.02, y_m: 0.02 };
+
+    /// Looks along x from the origin, four echoes at a metre.
+    fn looked() -> Map {
+        let mut map = Map::new(&RangeMount::default(), &Pose::default());
+        for time_ns in 0..4 {
+            let sounding = Sounding {
+                time_ns,
+                beam: [1.0, 0.0],
+                echo: [1.0, 0.0],
+                half_cone_rad: 0.21,
+                range: Range::Echo(1.0),
+                fresh: true,
+                waits: true,
+                ..Sounding::default()
+            };
+            map.add(&Estimate {
+                time_ns,
+                pose: Pose::default(),
+                forward_m_s: 0.0,
+                turn_rad_s: 0.0,
+                covariance: [0.0; 6],
+                travelled_m: 0.0,
+                range: None,
+                sounding: Some(sounding),
+                placed: Placed::default(),
+                events: Events::default(),
+            });
+        }
+        map
+    }
+
+    fn turned(deg: f64) -> [Keyframe; 1] {
+        let now = Pose { heading_rad: radians(deg), ..Pose::default() };
+        [Keyframe { time_ns: 0, placed: Pose::default(), now }]
+    }
+
+    #[test]
+    fn the_grid_is_where_the_way_was_corrected_to() {
+        let mut map = looked();
+        map.finish(&[FOUND], &turned(90.0));
+        assert_eq!(map.grid().at(-0.02, 1.02), Cell::Occupied);
+        assert_eq!(map.grid().at(0.0, 0.5), Cell::Free);
+        assert_eq!(map.grid().at(1.02, 0.02), Cell::Unknown);
+        assert_eq!(map.grid().at(0.5, 0.0), Cell::Unknown);
+        assert_eq!(map.points(), [FOUND], "points stay where they were placed");
+    }
+
+    #[test]
+    fn what_waits_in_vain_is_none_of_the_map() {
+        let mut map = looked();
+        assert_eq!(map.points().len(), 4);
+        map.finish(&[], &turned(0.0));
+        assert_eq!(map.points(), []);
+        assert_eq!(map.grid().at(0.5, 0.0), Cell::Free);
     }
 }

@@ -10,11 +10,12 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 /// What the range sensor says, told apart.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub enum Range {
     /// Something reflects at this distance from the sensor, in metres.
     Echo(f64),
     /// Nothing within range.
+    #[default]
     NoEcho,
     /// Something is nearer than the sensor can measure.
     TooNear,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::range::Beam;
-use super::{MapPoint, Range};
+use super::{Keyframe, MapPoint, Pose, Range, where_now};
 use crate::clock::MILLISECOND_NS;
 
 /// The sensor's period: a reading that has not changed for this long counts as a new one of the
@@ -11,7 +11,7 @@ use crate::clock::MILLISECOND_NS;
 const PERIOD_NS: i64 = 100 * MILLISECOND_NS;
 
 /// A range reading in the world.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sounding {
     /// The instant of the reading, nanoseconds of the run's clock.
     pub time_ns: i64,
@@ -68,6 +68,21 @@ impl Sounding {
         let [cos, sin] = self.beam;
         let (off_sin, off_cos) = libm::sincos(off_rad);
         Self { echo: [cos * off_cos - sin * off_sin, sin * off_cos + cos * off_sin], ..waiting }
+    }
+
+    /// The same, seen from where it was as it is known now; see [`where_now`].
+    pub(super) fn now(&self, keyframes: &[Keyframe]) -> Self {
+        let placed = Pose { x_m: self.x_m, y_m: self.y_m, heading_rad: 0.0 };
+        let now = where_now(keyframes, self.time_ns, &placed);
+        let (sin, cos) = libm::sincos(now.heading_rad);
+        let turned = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
+        Self {
+            x_m: now.x_m,
+            y_m: now.y_m,
+            beam: turned(self.beam),
+            echo: turned(self.echo),
+            ..*self
+        }
     }
 
     /// The point of the map that it makes, if its echo is nearer than `max_m`.

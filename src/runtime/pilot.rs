@@ -230,7 +230,7 @@ impl Pilot {
     /// Ends the run's map: what waits for its place is placed. Returns those points.
     pub fn finish(&mut self) -> Vec<MapPoint> {
         let points = self.estimator.finish();
-        self.map.finish(&points);
+        self.map.finish(&points, &self.keyframes());
         points
     }
 

@@ -10,7 +10,7 @@
 //! spoiled.
 
 use onbrick::mapping::MapPoint;
-use onbrick::recording::Run;
+use onbrick::recording::{Grid, Run};
 use onbrick::robot::RobotConfig;
 use onbrick::runtime::{Job, Source};
 use onbrick::sim::{World, covered};
@@ -95,6 +95,9 @@ struct Figures {
     coverage: f64,
     /// The share of points that are within 5 cm of a wall: as placed, and as moved by keyframes.
     near: [f64; 2],
+    /// The share of the grid's occupied cells whose middle is within 5 cm of a wall, and of the wall
+    /// that has one.
+    cells: [f64; 2],
     /// Where it ended: from its start by truth, and by odometry; metres and degrees.
     home: [(f64, f64); 2],
     collisions: usize,
@@ -121,6 +124,10 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
         |point: &&MapPoint| world.distance_to_nearest_surface(point.x_m, point.y_m) < NEAR_M;
     let near =
         |points: &[MapPoint]| points.iter().filter(is_near).count() as f64 / points.len() as f64;
+    let occupied = middles_of_occupied(run.map.as_ref().expect("a map"));
+    let is_at_wall =
+        |cell: &&[f64; 2]| world.distance_to_nearest_surface(cell[0], cell[1]) < NEAR_M;
+    let at_wall = occupied.iter().filter(is_at_wall).count() as f64 / occupied.len() as f64;
     let from_start = |x_m: f64, y_m: f64, heading_rad: f64| {
         let way_m = libm::hypot(x_m - start.x_m, y_m - start.y_m);
         (way_m, degrees(wrap_rad(heading_rad - start.heading_rad)).abs())
@@ -133,6 +140,7 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
     Figures {
         coverage: covered(&walls, points, NEAR_M).expect("there are walls"),
         near: [near(&run.points), near(&moved)],
+        cells: [at_wall, covered(&walls, occupied.into_iter(), NEAR_M).expect("there are walls")],
         home: [
             from_start(truth.x_m, truth.y_m, truth.heading_rad),
             from_start(believed.x_m, believed.y_m, believed.heading_rad),
@@ -141,6 +149,18 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
         stalls: stalls(&run) + usize::from(!played.ended.stop.reason.is_wanted()),
         seconds: played.ended.time_s,
     }
+}
+
+/// The middles of the cells that the grid of a recording has as occupied.
+fn middles_of_occupied(grid: &Grid) -> Vec<[f64; 2]> {
+    let row_of = |row: u32| (0..grid.width).map(move |column| [column, row]);
+    let places = (0..grid.height).flat_map(row_of);
+    let middle = |place: [u32; 2]| {
+        let m = place.map(|cells| (f64::from(cells) + 0.5) * grid.resolution_m);
+        [grid.origin_m[0] + m[0], grid.origin_m[1] + m[1]]
+    };
+    let occupied = places.zip(&grid.cells).filter(|(_, cell)| **cell == 100);
+    occupied.map(|(place, _)| middle(place)).collect()
 }
 
 /// How often the wheels were blocked.
@@ -156,10 +176,13 @@ impl Figures {
     fn print(&self, name: &str) {
         let [truth, odometry] = self.home;
         println!(
-            "  {name:24} {:6.1} {:6.1} {:6.1}   {:5.1} {:5.1}   {:5.1} {:5.1}   {:4} {:4}  {:5.0}",
+            "  {name:24} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1}   {:5.1} {:5.1}   {:5.1} {:5.1}   {:4} \
+             {:4}  {:5.0}",
             self.coverage * 100.0,
             self.near[0] * 100.0,
             self.near[1] * 100.0,
+            self.cells[0] * 100.0,
+            self.cells[1] * 100.0,
             truth.0 * 100.0,
             truth.1,
             odometry.0 * 100.0,
@@ -175,6 +198,7 @@ impl Figures {
 struct Summary {
     coverage: f64,
     near: [f64; 2],
+    cells: [f64; 2],
     home: [f64; 2],
     collisions: usize,
     stalls: usize,
@@ -190,21 +214,25 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
     let share = |so: &dyn Fn(&Figures) -> bool| {
         runs.iter().filter(|figures| so(figures)).count() as f64 / count
     };
+    let mean = |of: &dyn Fn(&Figures) -> f64| runs.iter().map(of).sum::<f64>() / count;
     let summary = Summary {
-        coverage: runs.iter().map(|figures| figures.coverage).sum::<f64>() / count,
-        near: [0, 1].map(|at| runs.iter().map(|figures| figures.near[at]).sum::<f64>() / count),
+        coverage: mean(&|figures| figures.coverage),
+        near: [0, 1].map(|at| mean(&|figures| figures.near[at])),
+        cells: [0, 1].map(|at| mean(&|figures| figures.cells[at])),
         home: [0, 1].map(|by| share(&|figures| figures.is_home(by))),
         collisions: runs.iter().map(|figures| figures.collisions).sum(),
         stalls: runs.iter().map(|figures| figures.stalls).sum(),
     };
     println!(
         "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs); points \
-         under 5 cm {:.0} %, moved {:.0} %; home by truth {:.0} %, by odometry {:.0} %; {} \
-         collisions, {} stalls",
+         under 5 cm {:.0} %, moved {:.0} %; occupied cells under 5 cm {:.0} %, {:.0} % of the wall \
+         has one; home by truth {:.0} %, by odometry {:.0} %; {} collisions, {} stalls",
         summary.coverage * 100.0,
         share(&|figures| figures.coverage >= 0.95) * 100.0,
         summary.near[0] * 100.0,
         summary.near[1] * 100.0,
+        summary.cells[0] * 100.0,
+        summary.cells[1] * 100.0,
         summary.home[0] * 100.0,
         summary.home[1] * 100.0,
         summary.collisions,
@@ -218,8 +246,9 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
 fn figures_of_explore() {
     let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
     println!(
-        "explore: coverage, points under 5 cm as placed, as moved, %; home by truth, by \
-         odometry: cm, degrees; collisions above 5 cm/s, stalls; s"
+        "explore: coverage, points under 5 cm as placed, as moved, occupied cells under 5 cm, wall \
+         that has one, %; home by truth, by odometry: cm, degrees; collisions above 5 cm/s, \
+         stalls; s"
     );
     let mut near = [0.0; 2];
     let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
