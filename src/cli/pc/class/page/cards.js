@@ -33,6 +33,10 @@ export const facts = (brick) => {
   return [...lines, kit].filter(Boolean);
 };
 
+// What is wrong, each with its sign.
+export const reasons = ({ why, wrong }) =>
+  why.map((one) => `${wrong === 2 ? "✕" : "!"} ${one}`).join("\n");
+
 const number = new Intl.Collator("en", { numeric: true });
 const cards = [];
 let grid = null;
@@ -75,8 +79,8 @@ function fill(parts, brick, at) {
   parts.name.title = `${brick.address}, ${brick.fingerprint}`;
   write(parts.state, `${sign(brick)} ${brick.words}`);
   write(parts.facts, facts(brick).join("\n"));
-  write(parts.why, brick.why.join("\n"));
-  parts.why.title = brick.why.join("\n");
+  write(parts.why, reasons(brick));
+  parts.why.title = reasons(brick);
   write(parts["stop-note"], brick.stop ? stopped(brick.stop) : "");
   const [said, good] = brick.said ?? ["", true];
   write(parts.said, said);
