@@ -13,7 +13,7 @@ use std::time::Duration;
 use super::bring::{Bringing, Brought};
 use crate::cli::Failure;
 use crate::cli::pc::remote::failure;
-use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, nanoseconds};
 use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
 use crate::report::live::{Board, Wish};
@@ -229,17 +229,22 @@ impl Brick {
             }
             Err(ClientError::Interrupted) => LOOK_NS,
             Err(error) => {
-                let trouble = match &error {
-                    // The card says for how long.
-                    ClientError::NoAnswer { silence, .. } => silence.to_string(),
-                    error => self.told(error),
-                };
-                let mut seen = self.seen();
-                seen.silent_ns.get_or_insert(asked_ns);
-                seen.trouble = Some(trouble);
+                self.silent(asked_ns, &error);
                 LOOK_NS
             }
         }
+    }
+
+    /// It has not answered what it was asked then.
+    fn silent(&self, asked_ns: i64, error: &ClientError) {
+        let trouble = match error {
+            // The card says for how long.
+            ClientError::NoAnswer { silence, .. } => silence.to_string(),
+            error => self.told(error),
+        };
+        let mut seen = self.seen();
+        seen.silent_ns.get_or_insert(asked_ns);
+        seen.trouble = Some(trouble);
     }
 
     /// Asks what the page wants to show of a brick that answers.
@@ -286,9 +291,22 @@ impl Brick {
     }
 
     fn halt_now(&self, client: &mut Client) {
-        client.set_patience(Patience::new(STOP_S).unless(Arc::clone(&self.over)).quietly());
-        let stopped = client.stop(None);
-        let now_ns = MonotonicClock.now_ns();
+        let (there_s, absent_s) = LOOK_S;
+        let patience = Patience::new(there_s).if_absent(absent_s);
+        client.set_patience(patience.unless(Arc::clone(&self.over)).quietly());
+        let until_ns = MonotonicClock.now_ns().saturating_add(nanoseconds(STOP_S));
+        let (stopped, now_ns) = loop {
+            let asked_ns = MonotonicClock.now_ns();
+            let stopped = client.stop(None);
+            let now_ns = MonotonicClock.now_ns();
+            match &stopped {
+                // The card says so while it is told again and again.
+                Err(error @ ClientError::NoAnswer { .. }) if now_ns < until_ns => {
+                    self.silent(asked_ns, error);
+                }
+                _ => break (stopped, now_ns),
+            }
+        };
         let mut seen = self.seen();
         let stopping = seen.stopping.get_or_insert_default();
         match stopped {
