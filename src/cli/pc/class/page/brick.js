@@ -165,7 +165,13 @@ export function show(view, at) {
     write(name, brick.name);
     write(
       words,
-      [brick.words, ...facts(brick), brick.detail, brick.stop && stopped(brick.stop)]
+      // The detail has the mission and its time.
+      [
+        brick.words,
+        ...facts({ ...brick, mission: null }),
+        brick.detail,
+        brick.stop && stopped(brick.stop),
+      ]
         .filter(Boolean)
         .join("; "),
     );

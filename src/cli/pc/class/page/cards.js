@@ -47,7 +47,7 @@ function card(at) {
   made.dataset.brick = at;
   const map = element("canvas");
   map.setAttribute("role", "img");
-  const parts = { made, map, grown: -1 };
+  const parts = { made, map };
   const head = put(
     element("div", undefined, "head"),
     (parts.name = element("h2")),
@@ -90,8 +90,9 @@ function fill(parts, brick, at) {
   parts.identify.setAttribute("aria-label", `Identify ${brick.name}: it beeps and blinks`);
   parts.open.setAttribute("aria-label", `Open ${brick.name}`);
   const kept = picture(at);
-  if (kept.grown === parts.grown) return;
-  parts.grown = kept.grown;
+  const drawn = `${kept.grown} ${brick.pose}`;
+  if (drawn === parts.drawn) return;
+  parts.drawn = drawn;
   parts.map.setAttribute("aria-label", `Map: ${kept.points.length / 2} points`);
   parts.map.dataset.points = kept.points.length / 2;
   parts.map.dataset.path = kept.path.length / 2;
