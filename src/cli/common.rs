@@ -247,8 +247,17 @@ pub(super) fn stamps_ns(output: &Output) -> i64 {
     if output.is_json() { 0 } else { wall_ns() }
 }
 
-/// Reads a recording; what a person should know about it goes to the log.
+/// Reads a finished recording; what a person should know about it goes to the log.
 pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
+    let loaded = read_run(path)?;
+    for warning in &loaded.run.warnings {
+        log::warn!("{}: {warning}", path.display());
+    }
+    Ok(loaded)
+}
+
+/// Reads a recording, be it one that still grows: its end is missing, and that is no fault.
+pub(super) fn read_run(path: &Path) -> Result<LoadedRun, Failure> {
     let name = path.display().to_string();
     let run = Run::open(path).map_err(|error| {
         let message = match &error {
@@ -259,9 +268,6 @@ pub(super) fn open_run(path: &Path) -> Result<LoadedRun, Failure> {
         Failure::refused(message)
             .hint("a run.mcap that `onbrick run` or `onbrick demo` has written")
     })?;
-    for warning in &run.warnings {
-        log::warn!("{name}: {warning}");
-    }
     Ok(LoadedRun {
         #[cfg(feature = "host")]
         path: path.to_owned(),

@@ -71,6 +71,8 @@ pub(super) struct Now {
     pub(super) stop: Option<Stop>,
     /// On whose behalf it was asked to stop first, and what they are called.
     pub(super) stopped_by: Option<(StopBy, String)>,
+    /// When it was last asked to stop whatever runs: a start that was asked for before is not done.
+    pub(super) stop_ns: Option<i64>,
     /// The mission that is going on switches the lights itself.
     pub(super) missions_lights: bool,
     /// What is wrong with the robot's file.
@@ -106,6 +108,7 @@ impl Service {
             kept: Kept::read(&config.runs),
             stop: None,
             stopped_by: None,
+            stop_ns: None,
             missions_lights: false,
             robot: None,
             battery: BatteryConfig::default(),

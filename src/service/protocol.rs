@@ -236,7 +236,8 @@ pub struct Start {
     pub run: RunId,
     /// Which mission.
     pub mission: Chosen,
-    /// From a status reply less than [`TOKEN_LIFE_NS`] old; at the local socket it may be left out.
+    /// From a status reply less than [`TOKEN_LIFE_NS`] old, since which no stop has come; at the
+    /// local socket it may be left out.
     #[serde(default)]
     pub token: Option<String>,
     /// The robot's pose at the start: metres, metres, degrees.

@@ -108,13 +108,14 @@ impl Service {
         needs_token: bool,
     ) -> Result<Started, Refusal> {
         let inner = &self.inner;
+        let mut asked_ns = MonotonicClock.now_ns();
         let _one_at_a_time = inner.starting();
         if inner.store.knows(&start.run) {
             return Ok(Started { run: start.run.clone(), repeated: true });
         }
         if needs_token || start.token.is_some() {
             let token = start.token.as_deref().unwrap_or_default();
-            inner.tokens.check(token, MonotonicClock.now_ns()).map_err(|error| {
+            asked_ns = inner.tokens.check(token, MonotonicClock.now_ns()).map_err(|error| {
                 Refusal::new(Kind::StaleToken, error.to_string())
                     .hint("ask for the status again: it brings a new one")
             })?;
@@ -143,10 +144,17 @@ impl Service {
         log::info!("run {}: mission {}, started by {by}", run.run, run.mission);
         {
             let mut now = inner.now();
-            if let Err(other) = now.machine.start(MonotonicClock.now_ns(), run.clone()) {
+            let begun = if now.stop_ns.is_some_and(|stop_ns| stop_ns >= asked_ns) {
+                Err(Refusal::new(Kind::Stopped, "a stop has come since the start was asked for")
+                    .hint("start it again, if it is still to drive"))
+            } else {
+                let begun = now.machine.start(MonotonicClock.now_ns(), run.clone());
+                begun.map_err(|other| busy(&other))
+            };
+            if let Err(refusal) = begun {
                 drop(now);
                 inner.store.take_back(&start.run);
-                return Err(busy(&other));
+                return Err(refusal);
             }
             now.stopped_by = None;
             now.missions_lights = missions_lights;
@@ -176,7 +184,8 @@ impl Service {
         Ok(Started { run: start.run.clone(), repeated: false })
     }
 
-    /// Stops a run, and waits until the motors have been told.
+    /// Stops a run, and waits until the motors have been told. One that stops whatever runs is also
+    /// for a start that is under way, and for those that wait behind it.
     pub(super) fn stop(
         &self,
         run: Option<&RunId>,
@@ -185,6 +194,9 @@ impl Service {
     ) -> Result<Stopped, Refusal> {
         let inner = &self.inner;
         let mut now = inner.now();
+        if run.is_none() {
+            now.stop_ns = Some(MonotonicClock.now_ns());
+        }
         let running = now.machine.run().map(|running| running.run.clone());
         let Some(running) = running.filter(|running| run.is_none_or(|run| run == running)) else {
             drop(now);

@@ -65,8 +65,8 @@ impl Tokens {
         format!("{now_ns:x}-{:016x}", self.sign(now_ns))
     }
 
-    /// Whether a token was made within the last [`TOKEN_LIFE_NS`].
-    pub(super) fn check(&self, token: &str, now_ns: i64) -> Result<(), NotFresh> {
+    /// When a token was made, which is within the last [`TOKEN_LIFE_NS`].
+    pub(super) fn check(&self, token: &str, now_ns: i64) -> Result<i64, NotFresh> {
         let (time, sign) = token.split_once('-').ok_or(NotFresh::Foreign)?;
         let made_ns = i64::from_str_radix(time, 16).map_err(|_| NotFresh::Foreign)?;
         let sign = u64::from_str_radix(sign, 16).map_err(|_| NotFresh::Foreign)?;
@@ -74,7 +74,7 @@ impl Tokens {
             return Err(NotFresh::Foreign);
         }
         let age_ns = now_ns.saturating_sub(made_ns);
-        if age_ns > TOKEN_LIFE_NS { Err(NotFresh::Old(seconds(age_ns))) } else { Ok(()) }
+        if age_ns > TOKEN_LIFE_NS { Err(NotFresh::Old(seconds(age_ns))) } else { Ok(made_ns) }
     }
 
     fn sign(&self, time_ns: i64) -> u64 {
@@ -93,8 +93,8 @@ mod tests {
     fn a_token_is_taken_for_five_seconds_and_not_before_it_was_made() {
         let tokens = Tokens::new(1, 2);
         let token = tokens.make(10 * SECOND_NS);
-        assert_eq!(tokens.check(&token, 10 * SECOND_NS), Ok(()));
-        assert_eq!(tokens.check(&token, 15 * SECOND_NS), Ok(()));
+        assert_eq!(tokens.check(&token, 10 * SECOND_NS), Ok(10 * SECOND_NS));
+        assert_eq!(tokens.check(&token, 15 * SECOND_NS), Ok(10 * SECOND_NS));
         assert_eq!(tokens.check(&token, 15 * SECOND_NS + 300_000_000), Err(NotFresh::Old(5.3)));
         assert_eq!(tokens.check(&token, 9 * SECOND_NS), Err(NotFresh::Foreign));
     }

@@ -63,6 +63,8 @@ pub enum Kind {
     NotAuthorised,
     /// The token is too old, or not of this brick.
     StaleToken,
+    /// A stop has come since it was asked for.
+    Stopped,
     /// Something runs already, started here or by another program.
     Busy,
     /// The robot is not in order.

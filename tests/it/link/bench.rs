@@ -54,6 +54,10 @@ pub struct Fake {
     pub stale: AtomicU32,
     /// How long a mission's list takes, milliseconds.
     pub slow_ms: AtomicU32,
+    /// An operation that is not answered while its name stands here.
+    pub hangs: Mutex<Option<&'static str>>,
+    /// What it says of its clock.
+    pub clock: Mutex<Option<String>>,
     pub started: Mutex<Vec<RunId>>,
     pub devices: Mutex<Vec<LiveDevice>>,
     /// The hashes that clients have named.
@@ -86,7 +90,7 @@ impl Fake {
             disk: Disk { used: 0, quota: 0, free: 0 },
             battery: None,
             robot: None,
-            clock: None,
+            clock: self.clock.lock().unwrap().clone(),
         }
     }
 
@@ -120,7 +124,11 @@ impl Fake {
 impl Operations for Fake {
     fn shared(&self, request: &Request, caller: &Caller) -> Result<Answer, Refusal> {
         let op = serde_json::to_value(request).unwrap()["op"].as_str().unwrap().to_owned();
-        self.asked.lock().unwrap().push((op, caller.clone()));
+        self.asked.lock().unwrap().push((op.clone(), caller.clone()));
+        let asked = Instant::now();
+        while *self.hangs.lock().unwrap() == Some(op.as_str()) && asked.elapsed() < LONG {
+            std::thread::sleep(Duration::from_millis(5));
+        }
         let value = match request {
             Request::Status => serde_json::to_value(self.status()),
             Request::Missions => {

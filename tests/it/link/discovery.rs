@@ -5,10 +5,14 @@ use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
+use tempfile::TempDir;
 
 use super::bench::text;
+use super::class::{Class, PHONE};
 use crate::foreign::bench::unshare;
+use crate::support::devtools::Tab;
 use crate::support::pass_over;
+use crate::support::real_time::alone;
 use crate::support::tested_program;
 
 /// As on ev3dev, without the system's bus, which is not there.
@@ -52,20 +56,32 @@ fn no_avahi() -> bool {
     !can
 }
 
-#[test]
-fn a_brick_whose_avahi_has_the_packages_file_is_found() {
-    if no_avahi() {
-        return;
-    }
+/// What avahi needs.
+fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("brick-image/package/onbrick.avahi");
     std::fs::create_dir(folder.path().join("services")).unwrap();
     std::fs::copy(file, folder.path().join("services/onbrick.service")).unwrap();
     std::fs::write(folder.path().join("conf"), AVAHI).unwrap();
+    folder
+}
+
+/// A program on the PC, as its arguments name it. All of it ends when this process is killed.
+fn beside_a_brick(folder: &TempDir) -> Command {
+    let mut command = unshare();
+    command.args(["--net", "--pid", "--mount-proc", "--fork", "--kill-child"]);
+    command.args(["sh", "-c", SCRIPT, "sh"]).arg(folder.path());
+    command
+}
+
+#[test]
+fn a_brick_whose_avahi_has_the_packages_file_is_found() {
+    if no_avahi() {
+        return;
+    }
+    let folder = folder();
     let discover = |listen: &str| {
-        let output = unshare()
-            .args(["--net", "sh", "-c", SCRIPT, "sh"])
-            .arg(folder.path())
+        let output = beside_a_brick(&folder)
             .args([tested_program(), "bricks", "--discover", "--json", "--listen", listen])
             .env("ONBRICK_KEYS", folder.path().join("keys"))
             .output()
@@ -88,4 +104,31 @@ fn a_brick_whose_avahi_has_the_packages_file_is_found() {
     assert_eq!(brick["address"], "ev3-blue.local", "{brick}");
     assert_eq!(brick["numbers"][0], "10.5.0.1", "{brick}");
     assert_eq!(brick["known"], false, "{brick}");
+}
+
+#[test]
+fn a_brick_that_makes_itself_known_stands_on_the_page_of_a_class_and_can_be_paired() {
+    if no_avahi() {
+        return;
+    }
+    let _alone = alone();
+    let avahi = folder();
+    let mut program = beside_a_brick(&avahi);
+    program.arg(tested_program());
+    let class = Class::started(tempfile::tempdir().unwrap(), program);
+    let mut browser = Command::new("nsenter");
+    browser.args(["--target", &class.process().to_string(), "--net"]);
+    if !nix::unistd::geteuid().is_root() {
+        browser.args(["--user", "--preserve-credentials"]);
+    }
+    browser.args(["--", "sh"]);
+    let Some(mut tab) = Tab::open_by(&mut browser, &class.url, PHONE) else { return };
+    tab.until("document.querySelector('#pairing').innerText.includes('New: ev3-blue at 10.5.0.1')");
+    tab.picture("12-stranger");
+    tab.click("#pairing", "Pair");
+    // Its window is closed.
+    tab.until("document.querySelector('#pairing').innerText.includes('Not paired: ')");
+    tab.picture("13-not-paired");
+    tab.click("#pairing", "Close");
+    tab.until("!document.querySelector('#pairing').innerText.includes('Not paired')");
 }

@@ -119,6 +119,11 @@ fn what_is_not_in_order_is_refused_with_its_kind_and_nothing_starts() {
     let stale = Request::Start(Start { token: token(), ..start("a", "short") });
     refused_as(&served.refused(&stale), Kind::StaleToken, "not this brick's");
     refused_as(&served.refused(&Request::Start(start("a", "short"))), Kind::StaleToken, "token");
+    // What was asked for before a stop is not done after it.
+    let overtaken = Start { token: Some(served.status().token), ..start("overtaken", "short") };
+    served.stop();
+    let overtaken = served.refused(&Request::Start(overtaken));
+    refused_as(&overtaken, Kind::Stopped, "a stop has come since");
     let text = |text: String| Start { mission: Chosen::Text(text), ..start("a", "") };
     let mut here = |start: Start, kind, part: &str| {
         refused_as(&served.own_refused(&LocalOnly::StartHere(start)), kind, part);

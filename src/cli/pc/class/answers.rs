@@ -10,8 +10,8 @@
 //! | `/missions…` | the files |
 //! | posts | `stop`, `start`, `identify`, `fetch`, `rename`, `delete`, `pair`, `answer`, `save`, `check`, `try`, `team` |
 
-use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -21,7 +21,7 @@ use super::brick::{Brick, Order};
 use super::hall::Hall;
 use super::missions::{Missions, Trying};
 use super::together::{self, Member};
-use crate::cli::common::open_run;
+use crate::cli::common::{LoadedRun, open_run, read_run};
 use crate::cli::pc::scene::scene_of;
 use crate::link::client::{PORT, part_of};
 use crate::page::{Asked, Kind, Shown};
@@ -249,13 +249,13 @@ fn rename(hall: &Hall, OfBrick { brick, run, to }: &OfBrick) -> Result<(), Strin
 
 /// What a brick's ports read, which is asked for once more.
 fn ports(brick: &Brick) -> Value {
-    brick.refresh(Order::Ports);
+    brick.wanted.ports.store(true, Ordering::Relaxed);
     json!(brick.seen().ports)
 }
 
 /// The runs that a brick has, which are asked for once more, and the recordings that are here.
 fn runs(brick: &Brick) -> Value {
-    brick.refresh(Order::Runs);
+    brick.wanted.runs.store(true, Ordering::Relaxed);
     let seen = brick.seen();
     let there = |info: &RunInfo| {
         let arrival = seen.brought.get(&info.run).map(|arrival| {
@@ -279,27 +279,26 @@ fn runs(brick: &Brick) -> Value {
 }
 
 fn map(file: &std::path::Path) -> Result<Shown, String> {
-    picture(&[file.to_owned()], None)
+    picture(open_run(file).ok().as_slice(), None)
 }
 
 /// What the team's bricks have found, in one picture.
 fn team_map(hall: &Hall) -> Result<Shown, String> {
-    let mut files = Vec::new();
+    let mut runs = Vec::new();
     for number in hall.together.members() {
         let brick = hall.brick(number)?;
-        let started = brick.seen().started.clone();
-        let file = started.map(|run| brick.folder.join(format!("{run}.mcap")));
-        let part = file.as_ref().map(|file| part_of(file));
-        files.extend([file, part].into_iter().flatten().find(|file| file.exists()));
+        let Some(run) = brick.seen().started.clone() else { continue };
+        let file = brick.folder.join(format!("{run}.mcap"));
+        let found = if file.exists() { open_run(&file) } else { read_run(&part_of(&file)) };
+        runs.extend(found);
     }
-    picture(&files, Some("together"))
+    picture(&runs, Some("together"))
 }
 
-fn picture(files: &[PathBuf], title: Option<&str>) -> Result<Shown, String> {
-    let runs: Vec<_> = files.iter().filter_map(|file| open_run(file).ok()).collect();
+fn picture(runs: &[LoadedRun], title: Option<&str>) -> Result<Shown, String> {
     if runs.is_empty() {
         return Err("there is no recording yet".to_owned());
     }
-    let svg = plot::svg(&scene_of(&runs, title)).map_err(|error| with_causes(&error))?;
+    let svg = plot::svg(&scene_of(runs, title)).map_err(|error| with_causes(&error))?;
     Ok(Shown::Text(Kind::Svg, svg.into()))
 }

@@ -1,8 +1,8 @@
 //! One brick of a class: a thread that asks it how it is, and does what the page wants of it.
 //!
 //! A brick that does not answer holds up its own thread and no other, and each request has an end.
-//! A stop is done before all else that waits: it breaks off what is under way but the short
-//! question how the brick is, which is over before a stop could be.
+//! A stop is done before all else that waits, and breaks off what is under way: on the brick it has
+//! a thread of its own, so that it overtakes what hangs there as well.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,7 +13,7 @@ use std::time::Duration;
 use super::bring::{Bringing, Brought};
 use crate::cli::Failure;
 use crate::cli::pc::remote::failure;
-use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
+use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, nanoseconds};
 use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
 use crate::report::live::{Board, Wish};
@@ -38,11 +38,7 @@ const STOP_S: f64 = 60.0;
 pub(super) enum Order {
     Start(Start),
     Identify,
-    /// Its runs are to be listed.
-    Runs,
     Fetch(RunId),
-    /// What its ports read is to be asked.
-    Ports,
     /// Look what else there is.
     Wake,
 }
@@ -64,6 +60,14 @@ pub(super) struct Stopping {
     pub(super) still_ns: Option<i64>,
     /// Why it was not told.
     pub(super) failed: Option<String>,
+}
+
+/// What the page wants to show of a brick besides, and did not have asked yet.
+#[derive(Debug, Default)]
+pub(super) struct Wanted {
+    pub(super) runs: AtomicBool,
+    /// What its ports read.
+    pub(super) ports: AtomicBool,
 }
 
 /// What came of the last thing that a person wanted of a brick.
@@ -111,6 +115,7 @@ pub(super) struct Brick {
     /// A stop is wanted.
     halt: Arc<AtomicBool>,
     orders: Sender<Order>,
+    pub(super) wanted: Wanted,
     seen: Mutex<Seen>,
     pub(super) board: Board,
 }
@@ -129,6 +134,7 @@ impl Brick {
             over: Arc::default(),
             halt: Arc::default(),
             orders,
+            wanted: Wanted::default(),
             seen: Mutex::new(Seen { silent_ns: Some(MonotonicClock.now_ns()), ..Seen::default() }),
             board,
         });
@@ -150,19 +156,12 @@ impl Brick {
         let _ = self.orders.send(order);
     }
 
-    /// Has it asked once more what the page shows of it. One that does not answer is not asked:
-    /// each request would wait for its end, and a start behind all of them.
-    pub(super) fn refresh(&self, order: Order) {
-        if self.seen().silent_ns.is_none() {
-            self.order(order);
-        }
-    }
-
     /// Has it stop, before all else.
     pub(super) fn stop(&self) {
         let asked_ns = MonotonicClock.now_ns();
         if !self.halt.swap(true, Ordering::Relaxed) {
-            self.seen().stopping = Some(Stopping { asked_ns, ..Stopping::default() });
+            let mut seen = self.seen();
+            (seen.stopping, seen.said) = (Some(Stopping { asked_ns, ..Stopping::default() }), None);
         }
         self.order(Order::Wake);
     }
@@ -196,8 +195,8 @@ impl Brick {
             if self.halt.load(Ordering::Relaxed) {
                 self.halt_now(&mut client);
                 // What was wanted before the stop is not done after it.
-                let waits = orders.try_iter().any(|order| matches!(order, Order::Start(_)));
-                if waits {
+                let dropped = orders.try_iter().filter(|order| matches!(order, Order::Start(_)));
+                if dropped.count() > 0 {
                     self.seen().said = Some(Said::not_done());
                 }
                 next_ns = 0;
@@ -205,36 +204,58 @@ impl Brick {
             let left_ms = next_ns.saturating_sub(MonotonicClock.now_ns()).max(0) / MILLISECOND_NS;
             let left = Duration::from_millis(left_ms.unsigned_abs());
             match orders.recv_timeout(left) {
-                Ok(Order::Wake) => {}
-                Ok(order) => {
-                    self.obey(&mut client, order);
-                    next_ns = 0;
-                }
-                Err(RecvTimeoutError::Timeout) => {
-                    let pace_ns = self.look(&mut client);
-                    next_ns = MonotonicClock.now_ns().saturating_add(pace_ns);
-                }
+                Ok(order) => self.obey(&mut client, order),
+                Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
+            }
+            // A question that is broken off would take the stop's connection with it.
+            if !self.halt.load(Ordering::Relaxed) {
+                next_ns = MonotonicClock.now_ns().saturating_add(self.look(&mut client));
             }
         }
     }
 
-    /// Asks how it is; returns when to ask again.
+    /// Asks how it is, and what the page wants to show; returns when to ask again.
     fn look(self: &Arc<Self>, client: &mut Client) -> i64 {
         let (there_s, absent_s) = LOOK_S;
         let patience = Patience::new(there_s).if_absent(absent_s);
-        client.set_patience(patience.unless(Arc::clone(&self.over)).quietly());
+        client.set_patience(patience.unless(Arc::clone(&self.halt)).quietly());
         let asked_ns = MonotonicClock.now_ns();
         match client.status() {
-            Ok(status) => self.heard(status),
+            Ok(status) => {
+                let pace_ns = self.heard(status);
+                self.ask_wanted(client);
+                pace_ns
+            }
             Err(ClientError::Interrupted) => LOOK_NS,
             Err(error) => {
-                let trouble = self.told(&error);
-                let mut seen = self.seen();
-                seen.silent_ns.get_or_insert(asked_ns);
-                seen.trouble = Some(trouble);
+                self.silent(asked_ns, &error);
                 LOOK_NS
             }
+        }
+    }
+
+    /// It has not answered what it was asked then.
+    fn silent(&self, asked_ns: i64, error: &ClientError) {
+        let trouble = match error {
+            // The card says for how long.
+            ClientError::NoAnswer { silence, .. } => silence.to_string(),
+            error => self.told(error),
+        };
+        let mut seen = self.seen();
+        seen.silent_ns.get_or_insert(asked_ns);
+        seen.trouble = Some(trouble);
+    }
+
+    /// Asks what the page wants to show of a brick that answers.
+    fn ask_wanted(&self, client: &mut Client) {
+        if self.wanted.runs.swap(false, Ordering::Relaxed) {
+            let runs = client.runs();
+            self.seen().runs = runs.ok().map(|runs| runs.runs);
+        }
+        if self.wanted.ports.swap(false, Ordering::Relaxed) {
+            let live = client.live();
+            self.seen().ports = live.ok().map(|live| live.devices);
         }
     }
 
@@ -270,9 +291,22 @@ impl Brick {
     }
 
     fn halt_now(&self, client: &mut Client) {
-        client.set_patience(Patience::new(STOP_S).unless(Arc::clone(&self.over)).quietly());
-        let stopped = client.stop(None);
-        let now_ns = MonotonicClock.now_ns();
+        let (there_s, absent_s) = LOOK_S;
+        let patience = Patience::new(there_s).if_absent(absent_s);
+        client.set_patience(patience.unless(Arc::clone(&self.over)).quietly());
+        let until_ns = MonotonicClock.now_ns().saturating_add(nanoseconds(STOP_S));
+        let (stopped, now_ns) = loop {
+            let asked_ns = MonotonicClock.now_ns();
+            let stopped = client.stop(None);
+            let now_ns = MonotonicClock.now_ns();
+            match &stopped {
+                // The card says so while it is told again and again.
+                Err(error @ ClientError::NoAnswer { .. }) if now_ns < until_ns => {
+                    self.silent(asked_ns, error);
+                }
+                _ => break (stopped, now_ns),
+            }
+        };
         let mut seen = self.seen();
         let stopping = seen.stopping.get_or_insert_default();
         match stopped {
@@ -290,23 +324,13 @@ impl Brick {
         let said = match order {
             Order::Start(start) => self.begin(client, start),
             Order::Identify => client.identify().map(|_| "it beeps and blinks".to_owned()),
-            Order::Runs => client.runs().map(|runs| {
-                self.seen().runs = Some(runs.runs);
-                String::new()
-            }),
             Order::Fetch(run) => {
                 Bringing::of(self, run).begin(None);
-                return;
-            }
-            Order::Ports => {
-                let live = client.live();
-                self.seen().ports = live.ok().map(|live| live.devices);
                 return;
             }
             Order::Wake => return,
         };
         let said = match said {
-            Ok(text) if text.is_empty() => return,
             Ok(text) => Said { text, is_good: true },
             Err(ClientError::Interrupted) => Said::not_done(),
             Err(error) => Said { text: self.told(&error), is_good: false },

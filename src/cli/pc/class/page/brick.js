@@ -1,7 +1,7 @@
 // One brick: its run as it is driven, its runs, and the recordings that are here.
 
-import { button, element, get, known, post, put, stops, tell, write } from "./parts.js";
-import { facts, stopped } from "./cards.js";
+import { button, element, framed, get, known, post, put, stops, tell, write } from "./parts.js";
+import { facts, reasons, stopped } from "./cards.js";
 
 const megabytes = (bytes) => `${(bytes / 1e6).toFixed(1)} MB`;
 
@@ -54,7 +54,7 @@ function file(at, name, act) {
 export function show(view, at) {
   const name = element("h2");
   const words = element("p");
-  const why = element("p", "", "bad");
+  const why = element("p", "", "why");
   const hands = put(
     element("p", undefined, "row"),
     stops(
@@ -63,14 +63,13 @@ export function show(view, at) {
     ),
     button("Identify", () => post("identify", { brick: at })),
   );
-  const frame = element("iframe");
-  frame.title = "The run, live";
-  frame.hidden = true;
+  const frame = framed("The run, live");
   const map = element("img", undefined, "map");
   map.alt = "The map of a recording";
   map.hidden = true;
   const there = element("tbody");
   there.id = "runs";
+  const missing = element("p", "", "soft");
   const here = element("tbody");
   const folder = element("p", "", "soft");
   const ports = element("tbody");
@@ -85,11 +84,16 @@ export function show(view, at) {
     },
   };
   map.addEventListener("error", () => map.src && tell("there is no picture of that recording"));
-  const wide = (body) => put(element("div", undefined, "wide"), put(element("table"), body));
+  const wide = (body, ...heads) => {
+    const head = put(element("tr"), ...heads.map((text) => element("th", text)));
+    const table = put(element("table"), put(element("thead"), head), body);
+    return put(element("div", undefined, "wide"), table);
+  };
   const runs = put(
     element("section", undefined, "panel"),
     element("h2", "Runs on the brick"),
-    wide(there),
+    wide(there, "Run", "Mission", "Found", "Size", "Ended"),
+    missing,
     element("h2", "Recordings here"),
     wide(here),
     folder,
@@ -108,7 +112,7 @@ export function show(view, at) {
     hands,
     frame,
     element("h2", "Ports"),
-    wide(ports),
+    wide(ports, "Port", "Role", "Reads", "Device"),
     driving,
   );
   const one = put(element("div"), left, runs);
@@ -130,6 +134,7 @@ export function show(view, at) {
       if (differs("there", found)) {
         const runs = found.there ?? [];
         there.replaceChildren(...runs.map((run) => row(at, run, has.has(run.info.run), act)));
+        write(missing, found.there ? (runs.length ? "" : "none yet") : "not told yet");
       }
       write(folder, found.folder);
     } catch (error) {
@@ -146,7 +151,8 @@ export function show(view, at) {
         ),
       );
       ports.replaceChildren(...rows);
-      write(driving, found ? "" : "not told now; while it drives, its recording has it");
+      const none = found ? "nothing is plugged in" : "not told now; a recording has them of a run";
+      write(driving, rows.length ? "" : none);
     } catch (error) {
       tell(error.message);
     }
@@ -159,11 +165,18 @@ export function show(view, at) {
     write(name, brick.name);
     write(
       words,
-      [brick.words, ...facts(brick), brick.detail, brick.stop && stopped(brick.stop)]
+      // The detail has the mission and its time.
+      [
+        brick.words,
+        ...facts({ ...brick, mission: null }),
+        brick.detail,
+        brick.stop && stopped(brick.stop),
+      ]
         .filter(Boolean)
         .join("; "),
     );
-    write(why, brick.why.join("\n"));
+    left.dataset.wrong = brick.wrong;
+    write(why, reasons(brick));
     if (brick.glimpse.session && frame.hidden) {
       frame.hidden = false;
       frame.src = `live/${at}/`;

@@ -33,6 +33,10 @@ export const facts = (brick) => {
   return [...lines, kit].filter(Boolean);
 };
 
+// What is wrong, each with its sign.
+export const reasons = ({ why, wrong }) =>
+  why.map((one) => `${wrong === 2 ? "✕" : "!"} ${one}`).join("\n");
+
 const number = new Intl.Collator("en", { numeric: true });
 const cards = [];
 let grid = null;
@@ -43,7 +47,7 @@ function card(at) {
   made.dataset.brick = at;
   const map = element("canvas");
   map.setAttribute("role", "img");
-  const parts = { made, map, grown: -1 };
+  const parts = { made, map };
   const head = put(
     element("div", undefined, "head"),
     (parts.name = element("h2")),
@@ -75,8 +79,8 @@ function fill(parts, brick, at) {
   parts.name.title = `${brick.address}, ${brick.fingerprint}`;
   write(parts.state, `${sign(brick)} ${brick.words}`);
   write(parts.facts, facts(brick).join("\n"));
-  write(parts.why, brick.why.join("\n"));
-  parts.why.title = brick.why.join("\n");
+  write(parts.why, reasons(brick));
+  parts.why.title = reasons(brick);
   write(parts["stop-note"], brick.stop ? stopped(brick.stop) : "");
   const [said, good] = brick.said ?? ["", true];
   write(parts.said, said);
@@ -86,8 +90,9 @@ function fill(parts, brick, at) {
   parts.identify.setAttribute("aria-label", `Identify ${brick.name}: it beeps and blinks`);
   parts.open.setAttribute("aria-label", `Open ${brick.name}`);
   const kept = picture(at);
-  if (kept.grown === parts.grown) return;
-  parts.grown = kept.grown;
+  const drawn = `${kept.grown} ${brick.pose}`;
+  if (drawn === parts.drawn) return;
+  parts.drawn = drawn;
   parts.map.setAttribute("aria-label", `Map: ${kept.points.length / 2} points`);
   parts.map.dataset.points = kept.points.length / 2;
   parts.map.dataset.path = kept.path.length / 2;

@@ -8,8 +8,8 @@ import {
   get,
   known,
   lookNow,
-  stop,
   stops,
+  stopsByKey,
   write,
 } from "./parts.js";
 import * as brick from "./brick.js";
@@ -27,8 +27,9 @@ function route() {
   missions.save();
   view.replaceChildren();
   refresh = name === "brick" ? brick.show(view, Number(at)) : (views[name] ?? cards.show)(view);
+  const under = name === "brick" ? "" : name;
   for (const link of document.querySelectorAll("nav a")) {
-    if (link.hash === `#/${name}`) link.setAttribute("aria-current", "page");
+    if (link.hash === `#/${under}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
   lookNow();
@@ -91,7 +92,7 @@ async function look() {
 }
 
 stops(byId("stop-all"));
-addEventListener("keydown", (event) => event.key === "Escape" && !event.repeat && stop());
+stopsByKey(window);
 addEventListener("hashchange", route);
 route();
 look();

@@ -1,6 +1,18 @@
 // Missions: files to write, what is found in them as one types, a trial, and a start on bricks.
 
-import { askFor, button, element, get, known, lookNow, post, put, tell, write } from "./parts.js";
+import {
+  askFor,
+  button,
+  element,
+  framed,
+  get,
+  known,
+  lookNow,
+  post,
+  put,
+  tell,
+  write,
+} from "./parts.js";
 
 const kept = { name: "", text: "", saved: "" };
 
@@ -39,9 +51,7 @@ export function show(view) {
   verdict.id = "verdict";
   const title = element("h2", "No mission is open");
   const versions = element("select");
-  const frame = element("iframe");
-  frame.title = "The trial";
-  frame.hidden = true;
+  const frame = framed("The trial");
   const worlds = element("select");
   const boxes = element("div", undefined, "row");
   let marks = new Map();

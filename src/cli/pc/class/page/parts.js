@@ -101,6 +101,18 @@ export const stop = (brick) => {
   post("stop", brick === undefined ? "" : { brick }).then(lookNow);
 };
 
+// Stops all, wherever on the page a person is.
+export const stopsByKey = (place) =>
+  place.addEventListener("keydown", (event) => event.key === "Escape" && !event.repeat && stop());
+
+// A live page inside this one; it has its own keys, so that Escape has to be heard there, too.
+export const framed = (title) => {
+  const made = element("iframe");
+  Object.assign(made, { title, hidden: true });
+  made.addEventListener("load", () => stopsByKey(made.contentWindow));
+  return made;
+};
+
 // A stop is asked for when the finger comes down, and not only when it leaves.
 export const stops = (made, brick) => {
   made.addEventListener("pointerdown", () => stop(brick));

@@ -29,10 +29,12 @@ export function draw(canvas, tracks, least = 1) {
   }
   if (low[0] > high[0]) include([0, 0]);
   const middle = [0, 1].map((axis) => (low[axis] + high[axis]) / 2);
-  const span =
-    Math.max(least, high[0] - low[0], ((high[1] - low[1]) * width) / height) +
-    (width > 200 ? 0.9 : 0.3);
-  const scale = width / span;
+  // A robot at the edge is seen whole, and its name.
+  const edge = width > 200 ? 60 : 14;
+  const scale = Math.min(
+    (width - 2 * edge) / Math.max(least, high[0] - low[0]),
+    (height - 2 * edge) / (high[1] - low[1]),
+  );
   const px = (x, y) => [width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
   mesh(pen, px, { width, height, scale, middle });
   for (const track of tracks) trail(pen, px, track, width > 200);
@@ -45,20 +47,28 @@ export function draw(canvas, tracks, least = 1) {
   };
 }
 
-// A line each metre, or each ten.
+// A line each metre, or each ten; with its number where there is room.
 function mesh(pen, px, { width, height, scale, middle }) {
   const step = scale > 18 ? 1 : 10;
   pen.strokeStyle = css("--mesh");
   pen.lineWidth = 1;
   pen.beginPath();
-  const reach = Math.ceil(width / scale / step);
+  pen.fillStyle = css("--soft");
+  pen.font = "11px system-ui, Ubuntu, sans-serif";
+  const hasNumbers = width > 200 && scale * step > 40;
+  const reach = Math.ceil(Math.max(width, height) / scale / step);
   for (let n = -reach; n <= reach; n++) {
-    const [x] = px((Math.round(middle[0] / step) + n) * step, 0);
-    const [, y] = px(0, (Math.round(middle[1] / step) + n) * step);
+    const [right, up] = middle.map((at) => (Math.round(at / step) + n) * step);
+    const [x] = px(right, 0);
+    const [, y] = px(0, up);
     pen.moveTo(x, 0);
     pen.lineTo(x, height);
     pen.moveTo(0, y);
     pen.lineTo(width, y);
+    if (!hasNumbers) continue;
+    if (x < width - 30) pen.fillText(`${right} m`, x + 3, height - 4);
+    // The corner has one of the two.
+    if (y < height - 20) pen.fillText(`${up} m`, 3, y - 3);
   }
   pen.stroke();
 }
