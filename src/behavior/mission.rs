@@ -156,6 +156,8 @@ pub struct Mission {
     on_stall: OnStall,
     numbers: BTreeMap<String, f64>,
     variables: Vec<(String, f64)>,
+    /// What variables begin with that do not begin with a number, in the order of the file.
+    firsts: Vec<Assignment>,
     machines: Vec<MachinePlan>,
     tunes: Vec<Tune>,
     motors: Vec<String>,
@@ -302,7 +304,9 @@ impl Mission {
         if name == Self::TIME_LIMIT {
             self.time_limit_s = value;
         }
-        for expression in self.machines.iter_mut().flat_map(MachinePlan::expressions_mut) {
+        let firsts = self.firsts.iter_mut().map(|first| &mut first.value);
+        let machines = self.machines.iter_mut().flat_map(MachinePlan::expressions_mut);
+        for expression in firsts.chain(machines) {
             expression.set(name, value);
         }
         Ok(())
