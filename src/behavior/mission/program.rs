@@ -32,7 +32,8 @@ pub struct Program {
     states: Vec<usize>,
     /// How many variables there are.
     variables: usize,
-    /// The machine that drives the wheels, and where each of its states leads when they are blocked.
+    /// The machine that drives the wheels, and where each of its states leads when they are
+    /// blocked.
     on_stall: Option<(usize, Vec<Option<u16>>)>,
     /// What variables begin with that is worked out at the first step.
     firsts: Vec<Assignment>,

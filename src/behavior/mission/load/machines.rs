@@ -212,7 +212,10 @@ impl<'d> Reader<'_, 'd, '_> {
         self.used.insert(key);
         let mut variables = Vec::new();
         for own in section.section("variables").iter().flat_map(Section::items) {
-            let Some(name) = self.own_name(&own) else { continue };
+            let (low, high) = Mission::NUMBERS;
+            // An expression is worked out when the state is entered.
+            let first = if own.is_text() { Some(0.0) } else { own.number(low..=high) };
+            let Some((name, first)) = self.own_name(&own).zip(first) else { continue };
             let places = &mut self.vocabulary.variables;
             if places.len() == MAX_VARIABLES {
                 let message = format!(
@@ -223,7 +226,7 @@ impl<'d> Reader<'_, 'd, '_> {
                 return None;
             }
             let place = u8::try_from(places.len()).ok()?;
-            places.push((format!("{}.{name}", walk.path.join(".")), 0.0));
+            places.push((format!("{}.{name}", walk.path.join(".")), first));
             variables.push((own, place));
         }
         walk.used.push(key);
