@@ -17,7 +17,8 @@ pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> Option<OnSta
     if state == "stop" {
         return Some(OnStall::Stop);
     }
-    let Some(driving) = drafts.iter_mut().find(|draft| draft.drives()) else {
+    let Some(driving) = drafts.iter_mut().find(|draft| draft.moves.contains_key(&Role::Wheels))
+    else {
         item.error("no machine drives the wheels, so none can go on from a stall".to_owned())
             .hint("write `on_stall = \"stop\"`");
         return None;
@@ -177,7 +178,8 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
     let (forward, backward) = ways(plan);
     // No way leads into a sub-machine or out of it, so that all can be looked at together.
     let regions = || plan.states.iter().filter_map(StatePlan::inner).chain([plan.region()]);
-    let stalls = regions().filter_map(|region| region.on_stall.filter(|_| draft.drives()));
+    let stalls = regions()
+        .filter_map(|region| region.on_stall.filter(|_| draft.moves.contains_key(&Role::Wheels)));
     let reached = closure(&forward, regions().map(RegionPlan::start).chain(stalls));
     let ends = closure(&backward, regions().filter_map(RegionPlan::end));
     let mut beside: BTreeMap<Option<u16>, usize> = BTreeMap::new();
@@ -203,7 +205,7 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
             (
                 Severity::Error,
                 message,
-                "let a transition of another state go here, or name it as `start` of its machine",
+                "let another state go here, or name it as `start` of its machine",
             )
         } else if !may_stay && !is_left {
             let message = format!("state `{named}` cannot be left, and it is not final");

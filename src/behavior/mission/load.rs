@@ -160,14 +160,16 @@ impl<'d> Reader<'_, 'd, '_> {
             if self.vocabulary.numbers.contains_key(&name) {
                 item.error_at_key(format!("`{name}` is one of [numbers], which do not change"))
                     .hint("choose another name, or leave it out there");
-            } else if let Some(value) = self.number(item, Mission::NUMBERS) {
-                let known = &mut self.vocabulary.variables;
-                let always = value.always();
-                if let (None, Ok(variable)) = (always, u8::try_from(known.len())) {
-                    self.firsts.push(Assignment { variable, value });
-                }
-                known.push((name, always.unwrap_or_default()));
+                continue;
             }
+            let value = self.number(item, Mission::NUMBERS);
+            let always = value.as_ref().and_then(Expression::always);
+            let known = &mut self.vocabulary.variables;
+            if let (Some(value), None, Ok(variable)) = (value, always, u8::try_from(known.len())) {
+                self.firsts.push(Assignment { variable, value });
+            }
+            // Where its value is wrong, too: it is no unknown name.
+            known.push((name, always.unwrap_or_default()));
         }
     }
 

@@ -45,13 +45,6 @@ pub(in crate::behavior::mission) struct Draft {
     pub(in crate::behavior::mission) complete: bool,
 }
 
-impl Draft {
-    /// Whether it moves the wheels.
-    pub(in crate::behavior::mission) fn drives(&self) -> bool {
-        self.moves.contains_key(&Role::Wheels)
-    }
-}
-
 /// A transition, and where its condition stands.
 type Placed = (TransitionPlan, Range<usize>);
 
