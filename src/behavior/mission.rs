@@ -13,9 +13,10 @@
 //!
 //! [variables]             # names for values that change, each with its first value
 //! walls = 0
+//! home_x = "x_m"          # or an expression: worked out at the first tick, from the top down
 //!
 //! [machine.drive]
-//! start = "forward"       # may be left out where there is one state
+//! start = "forward"       # the state that stands first if left out
 //! final = "halt"          # optional: a machine without it is finished when the time is over
 //! always = [{ when = "walls == 10", go = "halt" }]   # looked at before each state's own
 //!
@@ -63,20 +64,21 @@
 //!
 //! `set` gives variables other values, in a transition when it is taken and in `on_entry`. All of
 //! its values are worked out before the first is given; one that is not known or not finite leaves
-//! its variable as it was. All machines see all variables. Machines take their steps in the order
-//! of the file, and what one has set the next one sees in the same tick.
+//! its variable as it was, and one that was to begin with it at 0. All machines see all variables.
+//! Machines take their steps in the order of the file, and what one has set the next one sees in
+//! the same tick.
 //!
 //! # Sub-machines
 //!
 //! ```toml
 //! [machine.drive.state.left_side]
 //! use = "zigzag"          # a machine in place of `do`
-//! with = { way_m = 0.5 }  # what its variables begin with, where not with their own
+//! with = { way_m = 0.5 }  # what its variables begin with, where not with their own number
 //! next = [{ when = "done", go = "right_side" }]      # it is in its final state
 //!
-//! [submachine.zigzag]
-//! start = "out"           # start, final, always and states as in a machine
+//! [submachine.zigzag]       # start, final, always and states as in a machine
 //! final = "end"
+//! on_stall = "end"        # as the mission's, while the sub-machine is used
 //! [submachine.zigzag.variables]
 //! way_m = 0.3             # its own, at each use
 //! [submachine.zigzag.state.out]
@@ -90,7 +92,9 @@
 //! `state_turn_deg` and `done`. The outer state's transitions are looked at first; entering it
 //! begins the sub-machine from its start, with its variables as at the start. Names are looked for
 //! from the inside outwards: the sub-machine's variables, those of what uses it, the mission's.
-//! From outside they are `left_side.way_m`, from another machine `drive.left_side.way_m`.
+//! From outside they are `left_side.way_m`, from another machine `drive.left_side.way_m`. When the
+//! wheels are blocked, the innermost sub-machine in use that has an `on_stall` goes to that state;
+//! where none has, the mission's own `on_stall` counts.
 //!
 //! A sub-machine that the file does not define is taken from `NAME.toml` beside it, which has
 //! sub-machines and nothing else, or from those that come with the program
@@ -104,8 +108,8 @@
 //! range; states that cannot be reached or cannot be left, but for a machine's only one;
 //! transitions that can never fire, by themselves or because an earlier one of the same state holds
 //! whenever they do; `done` where nothing ends; two machines that move the same actuator; two modes
-//! asked of one sensor; an `on_stall` state that the driving machine lacks; a sub-machine that is
-//! not there, or uses itself. It is warned of, and runs, with: a condition that always holds
+//! asked of one sensor; an `on_stall` state that the machine or sub-machine lacks; a sub-machine
+//! that is missing, or uses itself. It is warned of, and runs, with: a condition that always holds
 //! (unless it is the word `true`); a state from which the final state cannot be reached; a
 //! sub-machine that no state uses.
 //!
@@ -156,6 +160,8 @@ pub struct Mission {
     on_stall: OnStall,
     numbers: BTreeMap<String, f64>,
     variables: Vec<(String, f64)>,
+    /// What variables begin with that do not begin with a number, in the order of the file.
+    firsts: Vec<Assignment>,
     machines: Vec<MachinePlan>,
     tunes: Vec<Tune>,
     motors: Vec<String>,
@@ -302,7 +308,9 @@ impl Mission {
         if name == Self::TIME_LIMIT {
             self.time_limit_s = value;
         }
-        for expression in self.machines.iter_mut().flat_map(MachinePlan::expressions_mut) {
+        let firsts = self.firsts.iter_mut().map(|first| &mut first.value);
+        let machines = self.machines.iter_mut().flat_map(MachinePlan::expressions_mut);
+        for expression in firsts.chain(machines) {
             expression.set(name, value);
         }
         Ok(())

@@ -42,7 +42,8 @@ pub const MISSIONS: [Shipped; 11] = [
 ];
 
 /// Every sub-machine that comes with the program.
-pub const SUBMACHINES: [Shipped; 3] = [
+pub const SUBMACHINES: [Shipped; 4] = [
+    Shipped { name: "wander", text: include_str!("shipped/wander.toml") },
     Shipped { name: "look-round", text: include_str!("shipped/look-round.toml") },
     Shipped { name: "follow-wall", text: include_str!("shipped/follow-wall.toml") },
     Shipped { name: "come-home", text: include_str!("shipped/come-home.toml") },

@@ -347,6 +347,42 @@ fn a_missions_numbers_can_be_set_within_bounds() {
     );
 }
 
+#[test]
+fn variables_begin_with_what_is_known_at_the_first_step_those_above_included() {
+    let mut mission = load(
+        "name = \"m\"\n[numbers]\nmore_m = 1\n[variables]\nhome_m = \"x_m\"\ncount = 3\n\
+         far_m = \"home_m + more_m + count\"\nunknown = \"range_m\"\n\
+         [machine.m.state.a]\nnext = [{ when = \"touch\", go = \"a\" }]\n",
+    );
+    mission.set("more_m", 10.0).unwrap();
+    let mut program = mission.start().unwrap();
+    assert_eq!(program.variables(), [0.0, 3.0, 0.0, 0.0], "before the first step");
+    for (ms, x_m) in [(0, 0.5), (20, 0.7)] {
+        let set = [(Signal::X, x_m), (Signal::Sensed(Channel::Touch), 1.0)];
+        step(&mut program, &signals(ms, &set));
+        assert_eq!(program.variables(), [0.5, 3.0, 13.5, 0.0], "at {ms} ms");
+    }
+    let mut again = mission.start().unwrap();
+    assert!(again.restore(&program.state()));
+    step(&mut again, &signals(40, &[(Signal::X, 0.9)]));
+    assert_eq!(again.variables(), program.variables());
+}
+
+#[test]
+fn a_machine_begins_in_its_first_state_unless_it_names_another() {
+    let begins = |start: &str| {
+        let text = format!(
+            "name = \"m\"\n[machine.m]\n{start}\n[machine.m.state.z]\n\
+             next = [{{ when = \"touch\", go = \"a\" }}]\n[machine.m.state.a]\n\
+             next = [{{ when = \"touch\", go = \"z\" }}]\n"
+        );
+        let mut program = load(&text).start().unwrap();
+        step(&mut program, &signals(0, &[]));
+        program.states().next().unwrap().to_owned()
+    };
+    assert_eq!((begins(""), begins("start = \"a\"")), ("z".to_owned(), "a".to_owned()));
+}
+
 /// A robot that does at once what it is told.
 #[derive(Clone, Default)]
 struct Obedient {

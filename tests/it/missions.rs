@@ -1,6 +1,7 @@
 //! The shipped missions on the simulated brick, judged as a person beside the robot would: by what
 //! it truly does, not by what it believes.
 
+mod lines;
 pub mod motions;
 mod replay;
 mod shipped;

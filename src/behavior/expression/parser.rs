@@ -262,9 +262,12 @@ impl<'p> Parser<'p, '_> {
     fn in_state(&mut self, name: &'p str, machine: &'p str, place: Range<usize>) -> Option<Typed> {
         let machines = || self.vocabulary.machines.iter().map(|(name, _)| name.as_str());
         let Some(index) = machines().position(|known| known == machine) else {
-            let hint = nearest(machine, machines())
-                .unwrap_or_else(|| format!("it has {}", machines().collect::<Vec<_>>().join(", ")));
-            self.note(place, Mistake::NoMachine(shortened(machine)), Some(hint));
+            // What a variable begins with is read before the machines.
+            let hint = nearest(machine, machines()).or_else(|| {
+                machines().next()?;
+                Some(format!("it has {}", machines().collect::<Vec<_>>().join(", ")))
+            });
+            self.note(place, Mistake::NoMachine(shortened(machine)), hint);
             return None;
         };
         let example = self.vocabulary.machines[index].1.keys().next().map_or("turn", |key| key);

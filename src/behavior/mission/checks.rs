@@ -10,19 +10,21 @@ use crate::behavior::expression::Claims;
 use crate::document::{Section, Severity, nearest};
 use crate::senses::{Channel, Role};
 
-/// The key `on_stall`: "stop", or a state of the machine that drives the wheels.
-pub(super) fn on_stall(root: &Section<'_>, drafts: &[Draft]) -> Option<OnStall> {
+/// The key `on_stall`: "stop", or a state of the machine that drives the wheels, which learns it.
+pub(super) fn on_stall(root: &Section<'_>, drafts: &mut [Draft]) -> Option<OnStall> {
     let Some(item) = root.get("on_stall") else { return Some(OnStall::Stop) };
     let state = item.text()?;
     if state == "stop" {
         return Some(OnStall::Stop);
     }
-    let Some(driving) = drafts.iter().find(|draft| draft.moves.contains_key(&Role::Wheels)) else {
+    let Some(driving) = drafts.iter_mut().find(|draft| draft.moves.contains_key(&Role::Wheels))
+    else {
         item.error("no machine drives the wheels, so none can go on from a stall".to_owned())
             .hint("write `on_stall = \"stop\"`");
         return None;
     };
-    if driving.plan.position(state).is_none() {
+    driving.plan.region.on_stall = driving.plan.position(state);
+    if driving.plan.region.on_stall.is_none() {
         let names = driving.plan.inside(None).take(200).map(|(_, state)| state.name.as_str());
         item.error(format!(
             "machine `{}` drives the wheels and has no state `{state}`",
@@ -34,23 +36,16 @@ pub(super) fn on_stall(root: &Section<'_>, drafts: &[Draft]) -> Option<OnStall> 
     Some(OnStall::Enter(state.to_owned()))
 }
 
-/// All checks that take more than one key.
-pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], on_stall: Option<&OnStall>) {
+/// All checks that take more than one key; those of ways only where all that leads somewhere is
+/// known.
+pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], ways_are_known: bool) {
     let root = reader.root;
     one_machine_each(reader, drafts);
     one_mode_each(reader);
     for draft in drafts {
         let impossible = conditions(root, draft);
-        // A slip in the name of the state for a stall would look like a state that cannot be
-        // reached.
-        if draft.complete && on_stall.is_some() {
-            let stall = match on_stall {
-                Some(OnStall::Enter(state)) if draft.moves.contains_key(&Role::Wheels) => {
-                    draft.plan.position(state)
-                }
-                _ => None,
-            };
-            paths(root, draft, stall, &impossible);
+        if draft.complete && ways_are_known {
+            paths(root, draft, &impossible);
         }
     }
 }
@@ -178,12 +173,14 @@ fn late<'c>(
 
 /// States that cannot be reached, states that cannot be left, and states from which there is no way
 /// to the final one, each in its machine or sub-machine.
-fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &Impossible) {
+fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
     let plan = &draft.plan;
     let (forward, backward) = ways(plan);
     // No way leads into a sub-machine or out of it, so that all can be looked at together.
     let regions = || plan.states.iter().filter_map(StatePlan::inner).chain([plan.region()]);
-    let reached = closure(&forward, regions().map(RegionPlan::start).chain(stall));
+    let stalls = regions()
+        .filter_map(|region| region.on_stall.filter(|_| draft.moves.contains_key(&Role::Wheels)));
+    let reached = closure(&forward, regions().map(RegionPlan::start).chain(stalls));
     let ends = closure(&backward, regions().filter_map(RegionPlan::end));
     let mut beside: BTreeMap<Option<u16>, usize> = BTreeMap::new();
     for state in &plan.states {
@@ -205,7 +202,11 @@ fn paths(root: &Section<'_>, draft: &Draft, stall: Option<u16>, impossible: &Imp
         let (severity, message, way_out) = if reached.get(index) != Some(&true) {
             let start = name(draft, region.start);
             let message = format!("state `{named}` cannot be reached from `{start}`");
-            (Severity::Error, message, "a transition of another state should go here")
+            (
+                Severity::Error,
+                message,
+                "let another state go here, or name it as `start` of its machine",
+            )
         } else if !may_stay && !is_left {
             let message = format!("state `{named}` cannot be left, and it is not final");
             (Severity::Error, message, "give it a transition, or name it as `final` of its machine")

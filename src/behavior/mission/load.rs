@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::{Mission, OnLost, Outputs, checks};
+use super::{Assignment, Mission, OnLost, Outputs, checks};
 use crate::behavior::MAX_VARIABLES;
 use crate::behavior::engine::Finish;
 use crate::behavior::expression::{
@@ -52,6 +52,7 @@ pub(super) fn load(
         let reader = Reader {
             root,
             vocabulary,
+            firsts: Vec::new(),
             uses: Vec::new(),
             absent: BTreeSet::new(),
             tunes: Vec::new(),
@@ -66,6 +67,8 @@ pub(super) fn load(
 pub(super) struct Reader<'r, 'd, 'c> {
     pub(super) root: &'r Section<'d>,
     pub(super) vocabulary: Vocabulary<'c>,
+    /// What variables begin with that do not begin with a number.
+    firsts: Vec<Assignment>,
     /// What of the robot is sensed or moved, and where in the file.
     pub(super) uses: Vec<(Channel, Range<usize>)>,
     /// The parts of which it was said that the robot does not have them.
@@ -106,13 +109,15 @@ impl<'d> Reader<'_, 'd, '_> {
             .insert(Mission::TIME_LIMIT.to_owned(), time_limit_s.unwrap_or(DEFAULT_TIME_LIMIT_S));
         self.numbers();
         self.variables();
-        let drafts = self.machines()?;
+        let mut drafts = self.machines()?;
         // What would be said of the whole is not certain without a machine that could not be read.
         if drafts.len() < root.section("machine").map_or(0, |machines| machines.items().len()) {
             return None;
         }
-        let on_stall = checks::on_stall(root, &drafts);
-        checks::whole(&self, &drafts, on_stall.as_ref());
+        let on_stall = checks::on_stall(root, &mut drafts);
+        // A slip in the name of the state for a stall would look like a state that cannot be
+        // reached.
+        checks::whole(&self, &drafts, on_stall.is_some());
         let used: Vec<Channel> = self.uses.iter().map(|(channel, _)| *channel).collect();
         Some(Mission {
             name: name?,
@@ -124,6 +129,7 @@ impl<'d> Reader<'_, 'd, '_> {
             motors: self.vocabulary.motors.names().to_vec(),
             numbers: self.vocabulary.numbers,
             variables: self.vocabulary.variables,
+            firsts: self.firsts,
             tunes: self.tunes,
             machines: drafts.into_iter().map(|draft| draft.plan).collect(),
             senses: Channel::ALL.into_iter().filter(|channel| used.contains(channel)).collect(),
@@ -133,9 +139,9 @@ impl<'d> Reader<'_, 'd, '_> {
     /// The mission's own numbers.
     fn numbers(&mut self) {
         for item in self.root.section("numbers").iter().flat_map(Section::items) {
-            if let Some((name, number)) = self.own_number(&item) {
-                self.vocabulary.numbers.insert(name, number);
-            }
+            let (low, high) = Mission::NUMBERS;
+            let own = self.own_name(&item).zip(item.number(low..=high));
+            self.vocabulary.numbers.extend(own);
         }
     }
 
@@ -150,19 +156,25 @@ impl<'d> Reader<'_, 'd, '_> {
             ));
         }
         for item in items.iter().take(MAX_VARIABLES) {
-            let Some((name, first)) = self.own_number(item) else { continue };
+            let Some(name) = self.own_name(item) else { continue };
             if self.vocabulary.numbers.contains_key(&name) {
                 item.error_at_key(format!("`{name}` is one of [numbers], which do not change"))
                     .hint("choose another name, or leave it out there");
-            } else {
-                self.vocabulary.variables.push((name, first));
+                continue;
             }
+            let value = self.number(item, Mission::NUMBERS);
+            let always = value.as_ref().and_then(Expression::always);
+            let known = &mut self.vocabulary.variables;
+            if let (Some(value), None, Ok(variable)) = (value, always, u8::try_from(known.len())) {
+                self.firsts.push(Assignment { variable, value });
+            }
+            // Where its value is wrong, too: it is no unknown name.
+            known.push((name, always.unwrap_or_default()));
         }
     }
 
-    /// A name of the mission's own, and its number.
-    fn own_number(&self, item: &Item<'d>) -> Option<(String, f64)> {
-        let (low, high) = Mission::NUMBERS;
+    /// A name of the mission's own.
+    fn own_name(&self, item: &Item<'d>) -> Option<String> {
         let name = item.key();
         if Vocabulary::is_taken(name) || name == Mission::TIME_LIMIT {
             item.error_at_key(format!("`{name}` already has a meaning in conditions"))
@@ -171,7 +183,7 @@ impl<'d> Reader<'_, 'd, '_> {
             item.error_at_key(format!("`{name}` cannot be a name in conditions"))
                 .hint("use letters, digits and `_`, with a letter first");
         } else {
-            return Some((name.to_owned(), item.number(low..=high)?));
+            return Some(name.to_owned());
         }
         None
     }

@@ -23,6 +23,8 @@ pub struct MachinePlan {
 pub struct RegionPlan {
     pub(super) start: u16,
     pub(super) end: Option<u16>,
+    /// Where it goes when the wheels are blocked.
+    pub(super) on_stall: Option<u16>,
     pub(super) always: Vec<TransitionPlan>,
 }
 
@@ -191,6 +193,13 @@ impl MachinePlan {
             Some(parent) => self.state(parent)?.inner.as_ref(),
             None => Some(&self.region),
         }
+    }
+
+    /// Where each state leads when the wheels are blocked: to the state that the innermost of the
+    /// sub-machines in use names, else to the machine's.
+    pub(super) fn stalls(&self) -> Vec<Option<u16>> {
+        let named = |state: &StatePlan| self.around(state)?.on_stall;
+        (0..).zip(&self.states).map(|(at, _)| self.chain(at).filter_map(named).last()).collect()
     }
 
     /// The transitions from a state, as

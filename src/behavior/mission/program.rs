@@ -5,9 +5,7 @@ use std::cell::Cell;
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Assignment, MachinePlan, Mission, OnStall, Outputs, RegionPlan, StatePlan, TransitionPlan,
-};
+use super::{Assignment, MachinePlan, Mission, Outputs, RegionPlan, StatePlan, TransitionPlan};
 use crate::behavior::blackboard::{
     Blackboard, MAX_PIDS, MAX_VARIABLES, MachineState, PidState, Scope,
 };
@@ -34,8 +32,13 @@ pub struct Program {
     states: Vec<usize>,
     /// How many variables there are.
     variables: usize,
-    /// Which machine goes to which state when the wheels are blocked.
-    on_stall: Vec<(usize, u16)>,
+    /// The machine that drives the wheels, and where each of its states leads when they are
+    /// blocked.
+    on_stall: Option<(usize, Vec<Option<u16>>)>,
+    /// What variables begin with that is worked out at the first step.
+    firsts: Vec<Assignment>,
+    /// Whether that is taken.
+    begun: bool,
 }
 
 /// The inputs of one step, as the engine hands them to checks and actions.
@@ -103,16 +106,9 @@ impl Program {
         let machines =
             mission.machines.iter().enumerate().map(|(index, plan)| machine(index, plan));
         let engine = Engine::new(mission.finish, machines)?;
-        let on_stall = match &mission.on_stall {
-            OnStall::Stop => Vec::new(),
-            OnStall::Enter(state) => mission
-                .machines
-                .iter()
-                .enumerate()
-                .filter(|(_, plan)| plan.moves(Role::Wheels))
-                .filter_map(|(index, plan)| Some((index, plan.position(state)?)))
-                .collect(),
-        };
+        let driving = mission.machines.iter().position(|plan| plan.moves(Role::Wheels));
+        let on_stall =
+            driving.and_then(|index| Some((index, mission.machines.get(index)?.stalls())));
         let states = mission.machines.iter().map(|plan| plan.states.len()).collect();
         let mut turn = Turn::default();
         for (machine, plan) in turn.board.machines.iter_mut().zip(&mission.machines) {
@@ -122,7 +118,8 @@ impl Program {
         for (variable, (_, first)) in turn.board.variables.iter_mut().zip(&mission.variables) {
             *variable = *first;
         }
-        Ok(Self { engine, turn, states, variables: mission.variables.len(), on_stall })
+        let (variables, firsts) = (mission.variables.len(), mission.firsts.clone());
+        Ok(Self { engine, turn, states, variables, on_stall, firsts, begun: false })
     }
 
     /// The same program, whose `random` draws from a seed; without one it is 0.
@@ -149,6 +146,13 @@ impl Program {
     ) -> Progress {
         self.turn.board.signals = *signals;
         self.turn.demands = Demands::default();
+        if !self.begun {
+            self.begun = true;
+            // Each one knows those above it.
+            for first in &self.firsts {
+                self.turn.set(Place { machine: 0, level: 0 }, std::slice::from_ref(first));
+            }
+        }
         // What was over by now is done in this step already.
         let now_ns = signals.time_ns();
         self.turn.ongoing.tone_hz(now_ns);
@@ -170,16 +174,15 @@ impl Program {
     }
 
     /// The wheels are blocked: the machine that drives them goes to the state of `on_stall` at the
-    /// next step, whatever its conditions say. One that is there already stays, and the state's
-    /// time and way go on: its own conditions lead it out. False where the mission asks to be
-    /// stopped instead.
+    /// next step, whatever its conditions say: to that of the innermost sub-machine in use which
+    /// names one, else to the mission's. One that is there already stays, and the state's time and
+    /// way go on: its own conditions lead it out. False where there is none: the mission asks to be
+    /// stopped.
     pub fn stall(&mut self) -> bool {
-        for &(machine, state) in &self.on_stall {
-            if !self.engine.is_in(machine, state) {
-                self.engine.force(machine, state);
-            }
-        }
-        !self.on_stall.is_empty()
+        let Some((machine, stalls)) = &self.on_stall else { return false };
+        let at = self.engine.position(*machine).map(|(at, _)| usize::from(at));
+        let Some(state) = at.and_then(|at| *stalls.get(at)?) else { return false };
+        self.engine.is_in(*machine, state) || self.engine.force(*machine, state)
     }
 
     /// The request for a plan that the machines wait for.
@@ -254,6 +257,7 @@ impl Program {
             for (variable, value) in board.variables.iter_mut().zip(&state.variables) {
                 *variable = *value;
             }
+            self.begun = true;
         }
         fits
     }

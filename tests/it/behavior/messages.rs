@@ -105,6 +105,29 @@ fn cases() -> Vec<(&'static str, String)> {
                 state("use = \"one\"")
             ),
         ),
+        (
+            "a stall inside a sub-machine without a state for it",
+            format!(
+                "{}[submachine.one]\non_stall = \"bakc\"\n[submachine.one.state.back]\n\
+                 do = {{ drive_m = -0.1 }}\n",
+                state("use = \"one\"")
+            ),
+        ),
+        (
+            "variables that begin with what is not there",
+            "name = \"m\"\n[variables]\nfar_m = \"home_x + 1\"\nhome_x = \"x_n\"\n\
+             is_near = \"range_m < 1\"\n[machine.m.state.a]\n"
+                .to_owned(),
+        ),
+        (
+            "a machine whose first state is the final one",
+            mission(
+                "",
+                "[machine.drive.state.b]\n[machine.drive.state.a]\n\
+                 next = [{ when = \"touch\", go = \"b\" }]",
+            )
+            .replace("start = \"a\"\n", ""),
+        ),
         ("not TOML", "name = \"m\n".to_owned()),
         ("a key twice", "name = \"m\"\nname = \"n\"\n".to_owned()),
         (

@@ -148,6 +148,54 @@ fn a_stall_inside_a_sub_machine_leads_to_a_state_of_the_machine() {
 }
 
 #[test]
+fn a_sub_machine_may_say_itself_where_a_stall_leads() {
+    let hops = HOPS.replacen("final = \"over\"", "final = \"over\"\non_stall = \"rest\"", 1);
+    let stalled = |mission: &str, times: &[i64]| {
+        let mut program = load(mission).start().unwrap();
+        for ms in times {
+            step(&mut program, &signals(*ms, &[]));
+        }
+        let goes_on = program.stall();
+        step(&mut program, &signals(times.last().unwrap() + 10, &[]));
+        (goes_on, program.states().next().unwrap().to_owned())
+    };
+    let of_all = hops.replacen("[numbers]", "on_stall = \"wait\"\n[numbers]", 1);
+    for (mission, outside) in [(&hops, false), (&of_all, true)] {
+        assert_eq!(stalled(mission, &[0, 1_000]), (true, "hop.rest".to_owned()));
+        assert_eq!(stalled(mission, &[0]), (outside, "wait".to_owned()));
+    }
+    // Without wheels there is no stall, and its state has no other way to it.
+    let still = "name = \"m\"\n[machine.m.state.a]\nuse = \"s\"\n[submachine.s]\n\
+        on_stall = \"y\"\n[submachine.s.state.x]\ndo = { DO }\n[submachine.s.state.y]\n";
+    let read = |what: &str| {
+        let text = still.replace("DO", what);
+        let read = Mission::parse("m.toml", text.as_bytes(), &Capabilities::all());
+        read.map(|_| ()).map_err(|findings| findings.to_string())
+    };
+    assert_eq!(read("drive_m = 1"), Ok(()));
+    let error = read("head_deg = 1").unwrap_err();
+    assert!(error.contains("state `a.y` cannot be reached from `a.x`"), "{error}");
+}
+
+#[test]
+fn variables_of_a_sub_machine_begin_with_expressions_each_time() {
+    let mut program = load(
+        "name = \"m\"\n[machine.m.state.a]\nuse = \"s\"\n\
+         next = [{ when = \"touch\", go = \"a\" }]\n[submachine.s]\n\
+         variables = { from_m = \"x_m\", way_m = 2 }\n[submachine.s.state.x]\n\
+         do = { drive_m = \"from_m + way_m\" }\n",
+    )
+    .start()
+    .unwrap();
+    assert_eq!(program.variables(), [0.0, 2.0], "before the first step");
+    for (ms, x_m, touch, from_m) in [(0, 5.0, 0.0, 5.0), (20, 6.0, 0.0, 5.0), (40, 7.0, 1.0, 7.0)] {
+        let set = [(Signal::X, x_m), (Signal::Sensed(Channel::Touch), touch)];
+        step(&mut program, &signals(ms, &set));
+        assert_eq!(program.variables(), [from_m, 2.0], "at {ms} ms");
+    }
+}
+
+#[test]
 fn sub_machines_count_against_the_bounds_at_each_use() {
     let part = |name: &str, inner: &str, uses: usize| {
         let state = |at: usize| {

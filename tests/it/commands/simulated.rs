@@ -458,7 +458,7 @@ fn a_sub_machine_of_a_file_beside_the_mission_is_part_of_what_is_recorded() {
 #[test]
 fn shipped_sub_machines_can_be_had_as_files() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["look-round", "follow-wall", "come-home"] {
+    for name in ["wander", "look-round", "follow-wall", "come-home"] {
         let file = format!("{name}.toml");
         run(folder.path(), &["new", "submachine", &file, "--from", name]).expect(0);
         let text = std::fs::read_to_string(folder.path().join(&file)).unwrap();

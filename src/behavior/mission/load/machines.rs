@@ -8,7 +8,7 @@ use std::ops::{Range, RangeInclusive};
 
 use super::{Reader, is_name, shown};
 use crate::behavior::engine::LEVELS;
-use crate::behavior::expression::{Expression, Kind, SEARCHED};
+use crate::behavior::expression::{Kind, SEARCHED};
 use crate::behavior::mission::{
     Assignment, MachinePlan, Mission, RegionPlan, StatePlan, TransitionPlan,
 };
@@ -24,7 +24,7 @@ const ENDING: &str = "`drive_m`, `turn_deg`, `arc`, `goto` and `head_deg` end, a
 
 /// The keys of a machine, and of a sub-machine.
 const MACHINE: [&str; 4] = ["start", "final", "always", "state"];
-const SUBMACHINE: [&str; 5] = ["variables", "start", "final", "always", "state"];
+const SUBMACHINE: [&str; 6] = ["variables", "start", "final", "on_stall", "always", "state"];
 
 /// The keys of a state, and of one that uses a sub-machine.
 const STATE: [&str; 4] = ["do", "on_entry", "on_exit", "next"];
@@ -64,8 +64,8 @@ struct StateLayout<'d> {
 
 struct Inner<'d> {
     layout: Layout<'d>,
-    /// The sub-machine's own variables, each with its place and its first value.
-    variables: Vec<(&'d str, u8, f64)>,
+    /// The sub-machine's own variables, each with its place.
+    variables: Vec<(Item<'d>, u8)>,
 }
 
 impl StateLayout<'_> {
@@ -205,7 +205,10 @@ impl<'d> Reader<'_, 'd, '_> {
         self.used.insert(key);
         let mut variables = Vec::new();
         for own in section.section("variables").iter().flat_map(Section::items) {
-            let Some((name, first)) = self.own_number(&own) else { continue };
+            let (low, high) = Mission::NUMBERS;
+            // An expression is worked out when the state is entered.
+            let first = if own.is_text() { Some(0.0) } else { own.number(low..=high) };
+            let Some((name, first)) = self.own_name(&own).zip(first) else { continue };
             let places = &mut self.vocabulary.variables;
             if places.len() == MAX_VARIABLES {
                 let message = format!(
@@ -217,7 +220,7 @@ impl<'d> Reader<'_, 'd, '_> {
             }
             let place = u8::try_from(places.len()).ok()?;
             places.push((format!("{}.{name}", walk.path.join(".")), first));
-            variables.push((own.key(), place, first));
+            variables.push((own, place));
         }
         walk.used.push(key);
         let layout = self.layout(&item, section, walk)?;
@@ -269,15 +272,15 @@ impl<'d> Reader<'_, 'd, '_> {
         let Layout { section, states } = layout;
         let places = states.iter().map(|state| (state.item.key(), state.place())).collect();
         let names = Names { machine: name, places: &places };
-        // The one state that there is need not be named.
-        let start = match section.get("start") {
-            None if states.len() == 1 => states.first().map(StateLayout::place),
-            _ => section.require("start").and_then(|start| names.find(&start)),
-        };
-        let end = section.get("final").map(|end| names.find(&end));
+        let named = |key: &str| section.get(key).map(|item| names.find(&item));
+        let start = named("start").unwrap_or_else(|| states.first().map(StateLayout::place));
+        let end = named("final");
+        // Of a machine, the mission's own key says it.
+        let on_stall = parent.and_then(|_| named("on_stall"));
         let always = self.transitions_of(section, "always", names);
-        draft.complete &=
-            start.is_some() && end != Some(None) && always.iter().all(Option::is_some);
+        draft.complete &= start.is_some()
+            && ![end, on_stall].contains(&Some(None))
+            && always.iter().all(Option::is_some);
         let (always, conditions): (Vec<TransitionPlan>, Vec<_>) =
             always.into_iter().flatten().unzip();
         for state in states {
@@ -293,7 +296,8 @@ impl<'d> Reader<'_, 'd, '_> {
         });
         self.can_be_done(&always, &conditions, ends);
         draft.always.insert(parent, conditions);
-        RegionPlan { start: start.unwrap_or_default(), end: end.flatten(), always }
+        let (end, on_stall) = (end.flatten(), on_stall.flatten());
+        RegionPlan { start: start.unwrap_or_default(), end, on_stall, always }
     }
 
     /// Says so where `done` is asked for and nothing ends.
@@ -385,7 +389,7 @@ impl<'d> Reader<'_, 'd, '_> {
         inner: &Inner<'d>,
     ) -> Vec<Assignment> {
         for item in with.iter().flat_map(Section::items) {
-            let known = || inner.variables.iter().map(|(name, ..)| *name);
+            let known = || inner.variables.iter().map(|(own, _)| own.key());
             if !known().any(|name| name == item.key()) {
                 let using = state.get("use").and_then(|using| using.text());
                 let message = format!(
@@ -404,12 +408,9 @@ impl<'d> Reader<'_, 'd, '_> {
                 item.error_at_key(message).hint(hint);
             }
         }
-        let first = |(name, variable, first): &(&str, u8, f64)| {
-            let given = with.as_ref().and_then(|with| with.get(name));
-            let value = match given {
-                Some(item) => self.number(&item, Mission::NUMBERS)?,
-                None => Expression::constant(*first),
-            };
+        let first = |(own, variable): &(Item<'d>, u8)| {
+            let given = with.as_ref().and_then(|with| with.get(own.key()));
+            let value = self.number(given.as_ref().unwrap_or(own), Mission::NUMBERS)?;
             Some(Assignment { variable: *variable, value })
         };
         inner.variables.iter().filter_map(first).collect()
