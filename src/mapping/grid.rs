@@ -14,10 +14,10 @@
 //! place right at the sensor occupied and nothing free.
 //!
 //! For the same reason one echo says more for a wall than one cone says against it: a wall that was
-//! seen squarely is in the cones of all looks along it, and does not echo there. So what has echoed
-//! is freed at a third of the rate ([`FREED_PER`]). Exploring (100 runs in five worlds), 57, 47,
-//! 67, 57 and 52 % of the walls have an occupied cell within 5 cm, for 34, 33, 47, 37 and 38 % at
-//! the full rate, and 71 to 84 % of the occupied cells are within 5 cm of a wall either way.
+//! seen squarely is in the cones of all looks along it, and does not echo there. So in a map that is
+//! drawn after the run what has echoed is freed at a third of the rate ([`FREED_PER`]; `map` has
+//! the figures). A robot that drives by its grid frees at the full rate: at a third it takes
+//! passages for closed, and exploring `gap` (40 runs) it maps 87 % of the wall for 95 %.
 //!
 //! # What it costs
 //!
@@ -51,7 +51,8 @@ const HIT_POINT: i8 = 24;
 const FREE_AXIS: i8 = -6;
 const FREE_CONE: i8 = -3;
 const MISS_AXIS: i8 = -1;
-/// What makes a cell free does so at one of this many parts where something has echoed.
+/// What makes a cell free does so at one of this many parts where something has echoed, when a map
+/// is drawn after the run.
 const FREED_PER: i8 = 3;
 /// From these log-odds on a cell counts as occupied (0.73) or free (0.27).
 const OCCUPIED_FROM: i8 = 20;
@@ -90,6 +91,8 @@ pub struct OccupancyGrid {
     /// Row by row from below.
     cells: Vec<i8>,
     outside: u64,
+    /// [`FREED_PER`], or 1 where a robot drives by it.
+    freed_per: i8,
 }
 
 impl OccupancyGrid {
@@ -121,7 +124,8 @@ impl OccupancyGrid {
     pub const MOST_M: f64 = 200.0;
 
     fn empty(first: [i32; 2], columns: usize, rows: usize) -> Self {
-        Self { first, columns, rows, cells: room::filled(0, columns * rows), outside: 0 }
+        let cells = room::filled(0, columns * rows);
+        Self { first, columns, rows, cells, outside: 0, freed_per: 1 }
     }
 
     /// All of several grids in one that covers them: log-odds are added. `None` where there are
@@ -149,11 +153,9 @@ impl OccupancyGrid {
         Some(union)
     }
 
-    /// An empty grid over the same places.
-    pub(super) fn emptied(mut self) -> Self {
-        self.cells.fill(0);
-        self.outside = 0;
-        self
+    /// An empty grid over the same places, for a map that is drawn after the run.
+    pub(super) fn to_draw(&self) -> Self {
+        Self { freed_per: FREED_PER, ..Self::empty(self.first, self.columns, self.rows) }
     }
 
     /// Takes one update: its new reading and the points that now have their place. True where
@@ -314,6 +316,7 @@ impl OccupancyGrid {
             stride: 1,
             cells: &mut self.cells,
             outside: &mut self.outside,
+            freed_per: self.freed_per,
         }
     }
 
@@ -328,6 +331,7 @@ impl OccupancyGrid {
             stride: self.columns,
             cells: &mut self.cells,
             outside: &mut self.outside,
+            freed_per: self.freed_per,
         }
     }
 }
@@ -344,6 +348,7 @@ struct GridLine<'a> {
     stride: usize,
     cells: &'a mut [i8],
     outside: &'a mut u64,
+    freed_per: i8,
 }
 
 impl GridLine<'_> {
@@ -374,7 +379,8 @@ impl GridLine<'_> {
                         _ => at[1],
                     };
                     if weight != 0 {
-                        self.weigh(x, |log_odds| sounded(log_odds, weight));
+                        let per = if weight < 0 { self.freed_per } else { 1 };
+                        self.weigh(x, |odds| if odds > 0 { weight / per } else { weight });
                     }
                 }
             }
@@ -396,11 +402,6 @@ impl GridLine<'_> {
         let place = self.start.checked_add(along.checked_mul(self.stride)?)?;
         self.cells.get_mut(place).filter(|_| along < self.count)
     }
-}
-
-/// What a sounding of this weight adds to a cell's log-odds: what has echoed is freed slowly.
-fn sounded(log_odds: i8, weight: i8) -> i8 {
-    if log_odds > 0 && weight < 0 { weight / FREED_PER } else { weight }
 }
 
 /// Cells further than this from the origin are not on the lattice: 10 km.
@@ -481,19 +482,19 @@ mod tests {
     }
 
     #[test]
-    fn what_has_echoed_is_freed_by_many_looks_and_not_by_one() {
-        let mut grid = OccupancyGrid::around(&Pose::default());
+    fn what_has_echoed_is_freed_at_once_on_the_way_and_by_many_looks_in_a_map_of_the_run() {
+        let driven_by = OccupancyGrid::around(&Pose::default());
+        let drawn = driven_by.to_draw();
         let beyond = sounding(0.0, 0.0, 0.0, Range::Echo(1.8));
-        grid.hit(&MapPoint { time_ns: 0, x_m: 1.02, y_m: 0.02 });
-        grid.add(&beyond, 2.0);
-        grid.add(&beyond, 2.0);
-        assert_eq!(grid.at(1.02, 0.02), Cell::Occupied, "a wall that two looks went along");
-        assert_eq!(grid.at(0.82, 0.02), Cell::Unknown, "two looks are not enough to free");
-        for _ in 0..16 {
-            grid.add(&beyond, 2.0);
-        }
-        assert_eq!(grid.at(0.82, 0.02), Cell::Free);
-        assert_eq!(grid.at(1.02, 0.02), Cell::Free, "what is gone is freed in the end");
+        let after = |mut grid: OccupancyGrid, looks: usize| {
+            grid.hit(&MapPoint { time_ns: 0, x_m: 1.02, y_m: 0.02 });
+            (0..looks).for_each(|_| grid.add(&beyond, 2.0));
+            [0.82, 1.02].map(|x_m| grid.at(x_m, 0.02))
+        };
+        assert_eq!(after(driven_by.clone(), 2), [Cell::Unknown; 2]);
+        assert_eq!(after(drawn.clone(), 2), [Cell::Unknown, Cell::Occupied]);
+        assert_eq!(after(driven_by, 18), [Cell::Free; 2]);
+        assert_eq!(after(drawn, 18), [Cell::Free; 2], "what is gone is freed in the end");
     }
 
     #[test]

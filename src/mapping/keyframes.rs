@@ -21,7 +21,7 @@
 //! # Not here
 //!
 //! How keyframes are corrected (`filter`). The grid that a running mission drives by, which stays
-//! as it was made; that of the whole run is made again at its end (`map`).
+//! as it was drawn; that of the whole run is drawn once more at its end (`map`).
 
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};

@@ -421,9 +421,10 @@ fn a_run_cut_at_every_offset_gives_plot_and_replay_what_came_before_the_cut() {
     // A quarter of a second is the whole file's structure with a few ticks in it: each offset of it
     // is cut at.
     let mission = onbrick::behavior::shipped::find("map").unwrap().text.replacen(
-        "start = \"forward\"",
-        "start = \"forward\"\nfinal = \"end\"\n\
-         always = [{ when = \"time_s > 0.2\", go = \"end\" }]\nstate.end = {}",
+        "[machine.drive.state.forward]\n",
+        "[machine.drive]\nstart = \"forward\"\nfinal = \"end\"\n\
+         always = [{ when = \"time_s > 0.2\", go = \"end\" }]\nstate.end = {}\n\
+         [machine.drive.state.forward]\n",
         1,
     );
     let mission = mission.replacen("time_limit_s", "finish = \"any\"\ntime_limit_s", 1);

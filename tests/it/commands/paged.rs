@@ -159,7 +159,7 @@ fn a_page_changes_nothing_in_a_recording_and_starts_what_the_file_says_then() {
     let note = state["run"]["note"].as_str().unwrap();
     assert!(note.contains("after 4.0 s") && note.contains("paged/run.mcap"), "{note}");
 
-    std::fs::write(&mission, text.replacen("start = \"", "start = \"x", 1)).unwrap();
+    std::fs::write(&mission, text.replacen("go = \"", "go = \"x", 1)).unwrap();
     page.post("/wish", "again");
     let state = page.until_state(|state| state["run"]["phase"] == "refused");
     let note = state["run"]["note"].as_str().unwrap();
