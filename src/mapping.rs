@@ -40,8 +40,9 @@
 //! # What it costs
 //!
 //! Nothing is allocated from construction to the run's end. A [`Map`] takes 1.8 MB at most, its
-//! points, path and readings thinned when they are full, for a mission of any length; an [`EstimatorState`] 30 kB, most of
-//! it the filter's covariances and the echoes and points that wait.
+//! points, path and readings thinned when they are full, for a mission of any length; an
+//! [`EstimatorState`] 30 kB, most of it the filter's covariances and the echoes and points that
+//! wait.
 //!
 //! On an emulated ARM926 (`brick-image/emulate.sh --exact cost`) a tick of the mission `map` at 100
 //! Hz takes 27,000 instructions in the mean for estimate, map and decisions together. What the tick

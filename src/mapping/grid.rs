@@ -14,8 +14,8 @@
 //! place right at the sensor occupied and nothing free.
 //!
 //! For the same reason one echo says more for a wall than one cone says against it: a wall that was
-//! seen squarely is in the cones of all looks along it, and does not echo there. So in a map that is
-//! drawn after the run what has echoed is freed at a third of the rate ([`FREED_PER`]; `map` has
+//! seen squarely is in the cones of all looks along it, and does not echo there. So in a map that
+//! is drawn after the run what has echoed is freed at a third of the rate ([`FREED_PER`]; `map` has
 //! the figures). A robot that drives by its grid frees at the full rate: at a third it takes
 //! passages for closed, and exploring `gap` (40 runs) it maps 87 % of the wall for 95 %.
 //!

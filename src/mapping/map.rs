@@ -114,8 +114,8 @@ impl Map {
         self.grid = grid;
     }
 
-    /// The points, in the order of their time. Until [`Map::finish`] those at the end may still wait
-    /// for their place: the sweep that they are of is not over.
+    /// The points, in the order of their time. Until [`Map::finish`] those at the end may still
+    /// wait for their place: the sweep that they are of is not over.
     #[must_use]
     pub fn points(&self) -> &[MapPoint] {
         self.points.all()

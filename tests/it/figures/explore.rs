@@ -95,8 +95,8 @@ struct Figures {
     coverage: f64,
     /// The share of points that are within 5 cm of a wall: as placed, and as moved by keyframes.
     near: [f64; 2],
-    /// The share of the grid's occupied cells whose middle is within 5 cm of a wall, and of the wall
-    /// that has one.
+    /// The share of the grid's occupied cells whose middle is within 5 cm of a wall, and of the
+    /// wall that has one.
     cells: [f64; 2],
     /// Where it ended: from its start by truth, and by odometry; metres and degrees.
     home: [(f64, f64); 2],
