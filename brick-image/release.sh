@@ -56,7 +56,7 @@ build_pc() {
   install_compiler
   needs xz=xz-utils dpkg-deb=dpkg
   install_rust
-  # Optimized as `cargo install` does it: a PC gains nothing by more.
+  # Optimized as `cargo install` does it, and not as a whole, which takes minutes.
   (cd "$work" && CARGO_TARGET_DIR=$built cross_cargo install --locked --no-track \
     --config profile.release.lto=false --config profile.release.codegen-units=16 \
     --path "onbrick-$version" --root "$work/installed-$1") ||

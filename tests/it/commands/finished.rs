@@ -427,6 +427,7 @@ fn a_run_cut_at_every_offset_gives_plot_and_replay_what_came_before_the_cut() {
          [machine.drive.state.forward]\n",
         1,
     );
+    assert!(mission.contains("state.end"), "the shipped mission has another first state");
     let mission = mission.replacen("time_limit_s", "finish = \"any\"\ntime_limit_s", 1);
     std::fs::write(folder.path().join("short.toml"), mission).unwrap();
     run(folder.path(), &["run", "short.toml", "--sim", "arena", "--out", "o"]).expect(0);
