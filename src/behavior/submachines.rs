@@ -138,5 +138,7 @@ mod tests {
         assert_eq!(joined(&text, |_| Some(mission.to_owned())), text);
         let error = load(&text).unwrap_err();
         assert!(error.contains("there is no sub-machine `bump`"), "{error}");
+        let error = load(&USER.replace("NAME", "wander")).unwrap_err();
+        assert!(error.contains("it comes with onbrick"), "{error}");
     }
 }

@@ -194,7 +194,7 @@ fn ticks_that_allocate(mission: &str) -> Vec<usize> {
     let simulation = Simulation::new(Arc::clone(&clock), Box::new(physics), 3);
     let tree: Arc<dyn Tree> = simulation.brick(0);
     let (config, _) = RobotConfig::load("robot.toml", DEFAULT_ROBOT.as_bytes()).unwrap();
-    let shipped = onbrick::behavior::shipped::find(mission).unwrap().text;
+    let shipped = onbrick::behavior::shipped::find(mission).unwrap().whole();
     let (mut mission, _) =
         Mission::parse("mission.toml", shipped.as_bytes(), &config.capabilities()).unwrap();
     mission.set("time_limit_s", 60.0).unwrap();

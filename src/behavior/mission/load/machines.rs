@@ -179,11 +179,19 @@ impl<'d> Reader<'_, 'd, '_> {
         let Some(item) = defined.as_ref().and_then(|defined| defined.get(name)) else {
             let own: Vec<&str> =
                 defined.iter().flat_map(Section::items).map(|item| item.key()).collect();
-            let known = own.into_iter().chain(SUBMACHINES.map(|shipped| shipped.name));
-            let hint = nearest(name, known).unwrap_or_else(|| {
-                let name = shown(name);
-                format!("[submachine.{name}] would be one, here or in {name}.toml beside this file")
-            });
+            let shipped = SUBMACHINES.map(|shipped| shipped.name);
+            // Only who uses the library comes here with one of those.
+            let hint = if shipped.contains(&name) {
+                "it comes with onbrick: behavior::submachines::joined puts it into the text"
+                    .to_owned()
+            } else {
+                nearest(name, own.into_iter().chain(shipped)).unwrap_or_else(|| {
+                    let name = shown(name);
+                    format!(
+                        "[submachine.{name}] would be one, here or in {name}.toml beside this file"
+                    )
+                })
+            };
             using.error(format!("there is no sub-machine `{}`", shown(name))).hint(hint);
             return None;
         };
