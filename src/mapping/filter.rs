@@ -249,41 +249,10 @@ impl Filter {
 
     /// The covariance of an innovation: H P Hᵀ for the pose and one landmark.
     pub(super) fn of_innovation(&self, landmark: usize, by: &Jacobian) -> Symmetric {
-        let [[first, mixed], [_, second]] = self.of_innovations((landmark, by), (landmark, by));
-        [first, mixed, second]
-    }
-
-    /// The covariance between two innovations, each for the pose and a landmark.
-    pub(super) fn of_innovations(
-        &self,
-        (one, by_one): (usize, &Jacobian),
-        (other, by_other): (usize, &Jacobian),
-    ) -> [[f32; 2]; 2] {
-        let columns = rows_of(other);
-        let block: [[f32; 6]; 6] =
-            rows_of(one).map(|row| columns.map(|column| self.covariance(row, column)));
-        let half = by_other.map(|by| block.map(|row| dot(&by, &row)));
-        by_one.map(|by| [dot(&by, &half[0]), dot(&by, &half[1])])
-    }
-
-    /// By what an observation would move the pose: x, y, heading.
-    pub(super) fn shift_of_pose(
-        &self,
-        landmark: usize,
-        innovation: [f32; 2],
-        by: &Jacobian,
-        covariance: Symmetric,
-    ) -> Option<[f32; POSE]> {
-        let inverse = inverse(covariance)?;
         let rows = rows_of(landmark);
-        let weighed = [
-            innovation[0] * inverse[0] + innovation[1] * inverse[1],
-            innovation[0] * inverse[1] + innovation[1] * inverse[2],
-        ];
-        Some(array::from_fn(|row| {
-            let of = rows.map(|column| self.covariance(row, column));
-            -dot(&by.map(|by| dot(&by, &of)), &weighed)
-        }))
+        let half =
+            by.map(|by| rows.map(|row| dot(&by, &rows.map(|column| self.covariance(row, column)))));
+        [dot(&by[0], &half[0]), dot(&by[0], &half[1]), dot(&by[1], &half[1])]
     }
 
     /// Takes an observation of a landmark: the innovation (what was seen less what was
@@ -701,16 +670,7 @@ mod tests {
         filter.add([2.0, 0.5, 0.0], [[0.0; 3]; 3], NONE);
         let before = filter.of_pose();
         let truth = Pose { x_m: 1.0, y_m: 0.0, heading_rad: 1.01 };
-        let was = filter.pose;
-        let (innovation, by) = of_point(&filter, 0, &truth, [2.0, 0.5]);
-        let [bearing, mixed, distance] = filter.of_innovation(0, &by);
-        let covariance = [bearing + 1e-4, mixed, distance + 1e-4];
-        let shift = filter.shift_of_pose(0, innovation, &by, covariance).unwrap();
         observe(&mut filter, 0, &truth, [2.0, 0.5]);
-        let now = [filter.pose.x_m, filter.pose.y_m, filter.pose.heading_rad];
-        for ((now, was), shift) in now.iter().zip([was.x_m, was.y_m, was.heading_rad]).zip(shift) {
-            assert!((now - was - f64::from(shift)).abs() < 1e-6, "{now}, {was} + {shift}");
-        }
         let after = filter.of_pose();
         for variance in [0, 3, 5] {
             assert!(after[variance] <= before[variance], "{before:?} {after:?}");

@@ -65,7 +65,8 @@ fn operand(op: &Op, scope: Scope<'_>) -> Option<f64> {
     }
 }
 
-fn apply(infix: Infix, left: Option<f64>, right: Option<f64>) -> Option<f64> {
+/// What an operator gives; unknown by Kleene's logic.
+pub(super) fn apply(infix: Infix, left: Option<f64>, right: Option<f64>) -> Option<f64> {
     let is = |side: Option<f64>, truth: bool| side.is_some_and(|value| (value != 0.0) == truth);
     match infix {
         Infix::And if is(left, false) || is(right, false) => Some(0.0),
