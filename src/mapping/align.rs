@@ -13,9 +13,11 @@
 //!
 //! # Measured
 //!
-//! 16 pairs of runs in one room each and 56 in different ones, starts wrong by up to 20 cm and 10°:
-//! the worse score is 0.48 to 0.82 and below 0.47, the worse share of echoes from behind the
-//! other's walls is up to 0.14 and mostly above 0.17.
+//! Pairs of runs in nine rooms, starts wrong by up to 20 cm and 10°: of two whole explorations of
+//! one room 142 of 144 fit, of two that were cut after 200 s 20 of 36, of the mission `map` after
+//! two minutes 30 of 36; of 840 pairs from different rooms none does. In most explorations of one
+//! room the worse share that is explained, less the worse that contradicts, is above 0.6; of
+//! different rooms it is up to 0.45.
 
 use super::{Pose, Sight, Wall, walls};
 
@@ -34,11 +36,10 @@ const REACH_M: f64 = 15.0;
 const APART_M: f64 = 0.04;
 /// Fewer of these are too few.
 const FEWEST: usize = 60;
-/// The least share of its points that each map finds in the other, weighed by the field.
-const EXPLAINED: f64 = 0.5;
-/// The largest share of echoes from behind the other's walls, of this many at least that meet them;
-/// and how far behind, metres.
-const CONTRADICTED: f64 = 0.15;
+/// The least that is left of the share of its points that each map finds in the other, weighed by
+/// the field, when the share of echoes from behind the other's walls is taken off.
+const FITS: f64 = 0.47;
+/// At least this many echoes have to meet the other's walls; and how far behind counts, metres.
 const MET: f64 = 100.0;
 const BEHIND_M: f64 = 0.1;
 
@@ -89,7 +90,7 @@ pub fn align(reference: &[Sight], other: &[Sight], about_m: [f64; 2]) -> Result<
     let best = search(&pair, about_m);
     let [there, back] = [best.pose(about_m), inverse(&best.pose(about_m))];
     let explained = best.scores[0].min(best.scores[1]);
-    if explained < EXPLAINED {
+    if explained < FITS {
         return Err(Misfit::Apart { explained });
     }
     let shares = [
@@ -98,7 +99,7 @@ pub fn align(reference: &[Sight], other: &[Sight], about_m: [f64; 2]) -> Result<
     ];
     let [Some(one), Some(two)] = shares else { return Err(Misfit::Unmet) };
     let through = one.max(two);
-    if through > CONTRADICTED { Err(Misfit::Contradicted { through }) } else { Ok(there) }
+    if explained - through < FITS { Err(Misfit::Contradicted { through }) } else { Ok(there) }
 }
 
 /// A move and what it scores: the share of the other's points in the reference, and of the

@@ -6,10 +6,10 @@
 //!
 //! | | `arena` | `rooms` | a passage | slanted blocks | pillars |
 //! |---|---|---|---|---|---|
-//! | occupied cells within 5 cm of a wall, as drawn on the way, % | 81 | 71 | 82 | 76 | 74 |
-//! | once more | 86 | 72 | 84 | 80 | 77 |
-//! | wall within 5 cm of an occupied cell, as drawn on the way, % | 37 | 34 | 47 | 33 | 38 |
-//! | once more | 57 | 59 | 72 | 49 | 55 |
+//! | occupied cells within 5 cm of a wall, as drawn on the way, % | 87 | 83 | 88 | 84 | 80 |
+//! | once more | 87 | 85 | 86 | 86 | 81 |
+//! | wall within 5 cm of an occupied cell, as drawn on the way, % | 39 | 41 | 52 | 35 | 41 |
+//! | once more | 56 | 70 | 71 | 51 | 57 |
 //!
 //! `cargo test --test it figures_of_explore -- --nocapture` prints the lines of the second drawing.
 //! On a brick it takes a second or two after the robot has stopped: estimated, not measured.

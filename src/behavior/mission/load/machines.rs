@@ -177,19 +177,15 @@ impl<'d> Reader<'_, 'd, '_> {
         let name = using.text()?;
         let defined = self.root.section("submachine");
         let Some(item) = defined.as_ref().and_then(|defined| defined.get(name)) else {
-            let own: Vec<&str> =
-                defined.iter().flat_map(Section::items).map(|item| item.key()).collect();
+            let own = defined.iter().flat_map(Section::items).map(|item| item.key());
             let shipped = SUBMACHINES.map(|shipped| shipped.name);
-            // Only who uses the library comes here with one of those.
             let hint = if shipped.contains(&name) {
-                "it comes with onbrick: behavior::submachines::joined puts it into the text"
-                    .to_owned()
+                // Only who uses the library comes here with one of those.
+                "it comes with onbrick: submachines::joined puts it into the text".to_owned()
             } else {
-                nearest(name, own.into_iter().chain(shipped)).unwrap_or_else(|| {
+                nearest(name, own.chain(shipped)).unwrap_or_else(|| {
                     let name = shown(name);
-                    format!(
-                        "[submachine.{name}] would be one, here or in {name}.toml beside this file"
-                    )
+                    format!("[submachine.{name}] would be one, here or in {name}.toml beside it")
                 })
             };
             using.error(format!("there is no sub-machine `{}`", shown(name))).hint(hint);
