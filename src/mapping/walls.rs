@@ -96,6 +96,8 @@ const REACH_M: f64 = 100.0;
 const FAILURES: usize = 100;
 /// So far from a line a point may be to be of it, metres.
 const BAND_M: f64 = 0.04;
+/// A robot is no narrower than twice this, metres: with LEGO's large motors at its sides.
+const BODY_M: f64 = 0.08;
 /// Points of one wall are not further apart, metres.
 const GAP_M: f64 = 0.15;
 /// The shortest wall, metres.
@@ -141,7 +143,7 @@ const COMMON_RAD: f64 = 0.03;
 /// Takes memory for each sight, and votes of 0.1 MB for a room, 3 MB for 200 m.
 #[must_use]
 pub fn walls(sights: &[Sight]) -> Vec<Wall> {
-    let all = spots(sights);
+    let all = clear_of_the_way(spots(sights.iter().map(|sight| sight.at_m)), sights);
     let mut ballot = Ballot::of(&all);
     let mut left = all.clone();
     let mut found: Vec<Stretch> = Vec::new();
@@ -180,17 +182,29 @@ struct Spot {
     points: u32,
 }
 
-fn spots(sights: &[Sight]) -> Vec<Spot> {
-    let is_near = |sight: &&Sight| sight.at_m.iter().all(|m| m.abs() < 1e5);
-    let cell = |sight: &Sight| sight.at_m.map(|m| whole(m / SPOT_M));
+fn spots(places: impl Iterator<Item = [f64; 2]>) -> Vec<Spot> {
+    let is_near = |at_m: &[f64; 2]| at_m.iter().all(|m| m.abs() < 1e5);
+    let cell = |at_m: [f64; 2]| at_m.map(|m| whole(m / SPOT_M));
     let mut placed: Vec<([i32; 2], [f64; 2])> =
-        sights.iter().filter(is_near).map(|sight| (cell(sight), sight.at_m)).collect();
+        places.filter(is_near).map(|at_m| (cell(at_m), at_m)).collect();
     placed.sort_by_key(|(cell, _)| *cell);
     let spots = placed.chunk_by(|a, b| a.0 == b.0).map(|points| Spot {
         at_m: [0, 1].map(|axis| points.iter().map(|(_, at)| at[axis]).sum::<f64>() / count(points)),
         points: u32::try_from(points.len()).unwrap_or(u32::MAX),
     });
     spots.collect()
+}
+
+/// The spots where no robot has been: a wall ends at a door that one has driven through, though
+/// echoes of the frame lie in it.
+fn clear_of_the_way(mut found: Vec<Spot>, sights: &[Sight]) -> Vec<Spot> {
+    let way = spots(sights.iter().map(|sight| sight.from_m));
+    let is_clear = |[x_m, y_m]: [f64; 2]| {
+        let from_m2 = |at_m: [f64; 2]| (at_m[0] - x_m).powi(2) + (at_m[1] - y_m).powi(2);
+        way.iter().all(|place| from_m2(place.at_m) > BODY_M * BODY_M)
+    };
+    found.retain(|spot| is_clear(spot.at_m));
+    found
 }
 
 /// A line: its normal, and its distance from the origin along it.
@@ -530,6 +544,20 @@ mod tests {
             let is_square = (0..2).any(|axis| (wall.from_m[axis] - wall.to_m[axis]).abs() < 0.02);
             assert!(is_square, "{wall:?}");
             assert!(wall.points >= 90 && wall.length_m() > 1.7, "{wall:?}");
+        }
+    }
+
+    #[test]
+    fn no_wall_goes_where_the_robot_went() {
+        // It drove through a door, in which echoes of the frame lie, and looked back.
+        let mut sights = line([1.0, -1.0], [1.0, 1.0], [0.3, 0.0]);
+        let way = (0..=20).map(|step| [f64::from(step) * 0.1, 0.2]);
+        sights.extend(way.map(|from_m| Sight { at_m: [2.5, 0.2], from_m }));
+        let found = walls(&sights);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for wall in &found {
+            let sides = [wall.from_m[1] > 0.27, wall.to_m[1] > 0.27];
+            assert_eq!(sides[0], sides[1], "{wall:?}");
         }
     }
 
