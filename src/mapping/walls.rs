@@ -199,9 +199,9 @@ fn spots(places: impl Iterator<Item = [f64; 2]>) -> Vec<Spot> {
 /// echoes of the frame lie in it.
 fn clear_of_the_way(mut found: Vec<Spot>, sights: &[Sight]) -> Vec<Spot> {
     let way = spots(sights.iter().map(|sight| sight.from_m));
-    let is_clear = |[x_m, y_m]: [f64; 2]| {
-        let from_m2 = |at_m: [f64; 2]| (at_m[0] - x_m).powi(2) + (at_m[1] - y_m).powi(2);
-        way.iter().all(|place| from_m2(place.at_m) > BODY_M * BODY_M)
+    let is_clear = |at_m: [f64; 2]| {
+        way.iter()
+            .all(|place| libm::hypot(place.at_m[0] - at_m[0], place.at_m[1] - at_m[1]) > BODY_M)
     };
     found.retain(|spot| is_clear(spot.at_m));
     found
