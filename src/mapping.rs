@@ -67,6 +67,7 @@ mod own_echoes;
 mod pose;
 mod range;
 mod room;
+mod sight;
 mod slip;
 mod sounding;
 pub mod stats;
@@ -87,9 +88,10 @@ pub use map::Map;
 pub use own_echoes::{OwnEcho, OwnEchoes};
 pub use pose::Pose;
 pub use range::Range;
+pub use sight::Sight;
 pub use slip::turns_disagree;
 pub use sounding::Sounding;
-pub use walls::{Sight, Wall, walls};
+pub use walls::{Wall, walls};
 
 use std::ops::Deref;
 

@@ -29,37 +29,7 @@
 
 use std::f64::consts::PI;
 
-use super::MapPoint;
-
-/// Something that was found, and from where; world frame, metres.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Sight {
-    /// The point.
-    pub at_m: [f64; 2],
-    /// Where the robot was.
-    pub from_m: [f64; 2],
-}
-
-impl Sight {
-    /// The points of a map with the places that they were seen from.
-    ///
-    /// - `path`: where the robot was, in the order of time; a point was seen from the last place
-    ///   that is not later than it. Without a path there are no sights.
-    #[must_use]
-    pub fn of(points: &[MapPoint], path: &[MapPoint]) -> Vec<Self> {
-        let from = |time_ns: i64| {
-            let after = path.partition_point(|place| place.time_ns <= time_ns);
-            path.get(after.saturating_sub(1))
-        };
-        points
-            .iter()
-            .filter_map(|point| {
-                let from = from(point.time_ns)?;
-                Some(Self { at_m: [point.x_m, point.y_m], from_m: [from.x_m, from.y_m] })
-            })
-            .collect()
-    }
-}
+use super::Sight;
 
 /// A straight stretch of wall.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -580,14 +550,6 @@ mod tests {
         sights.extend(line([2.0, -1.0], [2.0, 1.0], [0.0, 0.0]));
         let found = walls(&sights);
         assert!(found.len() == 1 && (found[0].from_m[0] - 2.0).abs() < 0.02, "{found:?}");
-    }
-
-    #[test]
-    fn points_are_seen_from_the_last_place_before_them() {
-        let at = |time_ns: i64, x_m: f64| MapPoint { time_ns, x_m, y_m: 0.0 };
-        let seen = Sight::of(&[at(0, 9.0), at(15, 9.0)], &[at(5, 1.0), at(10, 2.0), at(20, 3.0)]);
-        assert_eq!(seen.iter().map(|sight| whole(sight.from_m[0])).collect::<Vec<_>>(), [1, 2]);
-        assert_eq!(Sight::of(&[at(0, 9.0)], &[]), []);
     }
 
     proptest! {
