@@ -166,10 +166,12 @@ fn crates_outside_the_repository_compile_and_run() {
     let tick = ", default-features = false, features = [\"tick\"]";
     let printed = outside(folder.path(), "tick", tick, bare);
     assert_eq!(printed, "0.000000\n0.003008\n", "a tenth of a radian of a wheel of 0.189 m");
-    let whole = "fn main() {\n    let names: Vec<&str> = \
+    let linking = "fn main() {\n    let names: Vec<&str> = \
         onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n\
         \x20   // Without libzmq's CURVE there is no key.\n\
         \x20   println!(\"key {}\", onbrick::link::KeyPair::generate().unwrap().public());\n}\n";
-    let printed = outside(folder.path(), "whole", "", whole);
+    // All features are built by `release.sh`, of the crate as it is packaged.
+    let linked = ", default-features = false, features = [\"link\", \"sim\"]";
+    let printed = outside(folder.path(), "linked", linked, linking);
     assert!(printed.contains("arena") && printed.contains("\nkey "), "{printed}");
 }
