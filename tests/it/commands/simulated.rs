@@ -446,7 +446,7 @@ fn a_sub_machine_of_a_file_beside_the_mission_is_part_of_what_is_recorded() {
     std::fs::remove_file(folder.path().join("hop.toml")).unwrap();
     run(folder.path(), &["replay", "run/run.mcap"]).expect(0);
     let said = run(folder.path(), &["check", "mine.toml"]).expect(3);
-    assert!(said.out.contains("here or in hop.toml beside it"), "{}", said.out);
+    assert!(said.out.contains("here or in hop.toml beside this file"), "{}", said.out);
     put(
         "hop.toml",
         "[submachine.hop]\nstart = \"on\"\n[submachine.hop.state.on]\ndo = { drve_m = 1 }\n",

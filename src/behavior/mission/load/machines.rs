@@ -180,12 +180,13 @@ impl<'d> Reader<'_, 'd, '_> {
             let own = defined.iter().flat_map(Section::items).map(|item| item.key());
             let shipped = SUBMACHINES.map(|shipped| shipped.name);
             let hint = if shipped.contains(&name) {
-                // Only who uses the library comes here with one of those.
                 "it comes with onbrick: submachines::joined puts it into the text".to_owned()
             } else {
                 nearest(name, own.chain(shipped)).unwrap_or_else(|| {
                     let name = shown(name);
-                    format!("[submachine.{name}] would be one, here or in {name}.toml beside it")
+                    format!(
+                        "[submachine.{name}] would be one, here or in {name}.toml beside this file"
+                    )
                 })
             };
             using.error(format!("there is no sub-machine `{}`", shown(name))).hint(hint);
