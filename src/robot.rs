@@ -350,7 +350,7 @@ impl Robot {
             };
             note_refusal(&mut self.refused, done);
         }
-        let head_rad_s = self.head_speed(demands.head_rad);
+        let head_rad_s = self.head_speed(demands);
         if let Some(head) = &mut self.head {
             note_refusal(&mut self.refused, head.turn(head_rad_s, now_ns));
         }
@@ -424,17 +424,16 @@ impl Robot {
     }
 
     /// The speed that takes the head to an angle within its limits, radians per second.
-    fn head_speed(&self, wanted_rad: Option<f64>) -> f64 {
+    fn head_speed(&self, demands: &Demands) -> f64 {
         let (Some(role), Some(wanted_rad), Some(head_rad)) =
-            (&self.config.head, wanted_rad, self.head_rad)
+            (&self.config.head, demands.head_rad, self.head_rad)
         else {
             return 0.0;
         };
         let missing_rad = wanted_rad.clamp(-role.limit_rad, role.limit_rad) - head_rad;
-        if missing_rad.abs() < HEAD_NEAR_RAD {
-            return 0.0;
-        }
-        (missing_rad * HEAD_GAIN_PER_S).clamp(-role.speed_rad_s, role.speed_rad_s)
+        let most_rad_s = demands.head_rad_s.unwrap_or(role.speed_rad_s).clamp(0.0, role.max_rad_s);
+        let head_rad_s = (missing_rad * HEAD_GAIN_PER_S).clamp(-most_rad_s, most_rad_s);
+        if missing_rad.abs() < HEAD_NEAR_RAD { 0.0 } else { head_rad_s }
     }
 
     /// Carries out what is for people: lights and tones.

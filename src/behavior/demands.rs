@@ -26,6 +26,8 @@ pub struct Demands {
     pub drive: Option<Drive>,
     /// Where the head points, radians anticlockwise from straight ahead.
     pub head_rad: Option<f64>,
+    /// How fast the head turns there, radians per second; without it, as fast as its robot says.
+    pub head_rad_s: Option<f64>,
     /// Speeds of the named motors at their axles, radians per second, in the order of the
     /// capabilities.
     pub motors: [Option<f64>; MAX_MOTORS],

@@ -36,6 +36,8 @@ pub struct MotionLimits {
     pub half_track_m: f64,
     /// How far the head may turn to either side, radians.
     pub head_rad: f64,
+    /// How fast the head may turn while it looks out for the wheels, radians per second.
+    pub head_max_rad_s: f64,
     /// The range sensor, ahead of the middle between the wheels, metres.
     pub range_ahead_m: f64,
 }
@@ -49,6 +51,7 @@ impl Default for MotionLimits {
             acceleration_m_s2: 0.3,
             half_track_m: 0.057,
             head_rad: FRAC_PI_2,
+            head_max_rad_s: FRAC_PI_2,
             range_ahead_m: 0.05,
         }
     }

@@ -31,7 +31,7 @@ use crate::clock::{MILLISECOND_NS, seconds};
 use crate::ev3dev::StopAction;
 use crate::planning::{self, Outcome, Plan, Request, View};
 use crate::units::{within, wrap_rad};
-use looking::HEAD_NEAR_RAD;
+use looking::{HEAD_NEAR_RAD, HeadAim};
 use tick::Tick;
 
 /// What is to be reached.
@@ -216,7 +216,7 @@ impl NavigationState {
         motion: &mut MotionState,
         signals: &Signals,
         limits: &MotionLimits,
-    ) -> (Drive, Option<f64>) {
+    ) -> (Drive, Option<HeadAim>) {
         let Some(at) = At::of(signals) else { return (STILL, None) };
         self.order = self.order.or_else(order);
         let Some(order) = self.order else { return (STILL, None) };

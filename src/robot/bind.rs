@@ -307,7 +307,7 @@ impl Binder {
             Channel::Left => Some(self.left()),
             Channel::Right => Some(wanted("drive.right", &config.right, config.max_wheel_rad_s)),
             Channel::Head => {
-                config.head.as_ref().map(|head| wanted("head", &head.motor, head.speed_rad_s))
+                config.head.as_ref().map(|head| wanted("head", &head.motor, head.max_rad_s))
             }
             _ => {
                 let place = Channel::MOTORS.into_iter().position(|motor| motor == channel)?;

@@ -86,6 +86,8 @@ pub struct HeadRole {
     pub motor: MotorRole,
     /// How fast the head turns, radians per second.
     pub speed_rad_s: f64,
+    /// How fast it may turn while it looks out for the wheels, radians per second: no less.
+    pub max_rad_s: f64,
     /// How far the head may turn to either side, radians.
     pub limit_rad: f64,
 }
@@ -330,13 +332,17 @@ fn port(section: &Section<'_>) -> Option<Option<PortAddress>> {
 }
 
 fn head(section: &Section<'_>) -> Option<HeadRole> {
-    section.allow(&["port", "inverted", "gear", "speed_dps", "limit_deg"]);
+    section.allow(&["port", "inverted", "gear", "speed_dps", "max_dps", "limit_deg"]);
     let motor = motor_role(section);
     let speed_dps = section.require("speed_dps").and_then(|item| item.number(1.0..=FASTEST_DPS));
+    let least_dps = speed_dps.unwrap_or(1.0);
+    let max_dps =
+        section.value_or("max_dps", least_dps, |item| item.number(least_dps..=FASTEST_DPS));
     let limit_deg = section.value_or("limit_deg", 90.0, |item| item.number(1.0..=360.0));
     Some(HeadRole {
         motor: motor?,
         speed_rad_s: radians(speed_dps?),
+        max_rad_s: radians(max_dps?),
         limit_rad: radians(limit_deg?),
     })
 }

@@ -57,6 +57,7 @@ impl RobotConfig {
             acceleration_m_s2: self.acceleration_m_s2,
             half_track_m: self.track_width_m / 2.0,
             head_rad: self.head.as_ref().map_or(0.0, |head| head.limit_rad),
+            head_max_rad_s: self.head.as_ref().map_or(0.0, |head| head.max_rad_s),
             range_ahead_m: self.range.as_ref().map_or(0.0, |range| range.ahead_m),
         }
     }

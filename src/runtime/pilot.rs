@@ -416,6 +416,7 @@ const STANDSTILL: Demands = Demands { drive: Some(Drive::Stop(StopAction::Brake)
 const NOTHING: Demands = Demands {
     drive: None,
     head_rad: None,
+    head_rad_s: None,
     motors: [None; MAX_MOTORS],
     led: None,
     tone_hz: None,

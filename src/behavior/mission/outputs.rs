@@ -39,11 +39,10 @@ impl Outputs {
             }
             Some(DrivePlan::Navigation(plan)) => {
                 let Ongoing { motion, navigation, limits, .. } = ongoing;
-                let (drive, head_rad) =
-                    navigation.step(|| plan.order(finite), motion, signals, limits);
+                let (drive, head) = navigation.step(|| plan.order(finite), motion, signals, limits);
                 demands.drive = Some(drive);
-                if plan.moves_head {
-                    demands.head_rad = head_rad;
+                if let Some(head) = head.filter(|_| plan.moves_head) {
+                    (demands.head_rad, demands.head_rad_s) = (Some(head.to_rad), head.max_rad_s);
                 }
                 has_ended &= navigation.is_done();
             }
@@ -54,6 +53,7 @@ impl Outputs {
         }
         if let Some(head_deg) = &self.head_deg {
             demands.head_rad = finite(head_deg).map(radians);
+            demands.head_rad_s = None;
             let most_rad = ongoing.limits.head_rad;
             let target_rad = demands.head_rad.map(|rad| rad.clamp(-most_rad, most_rad));
             let head_rad = signals.get(Signal::Sensed(Channel::Head));

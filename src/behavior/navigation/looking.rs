@@ -18,9 +18,25 @@ const LOOK_RAD: f64 = 50.0 * (PI / 180.0);
 /// The head has arrived within this.
 pub(super) const HEAD_NEAR_RAD: f64 = 4.0 * (PI / 180.0);
 
+/// Where the head is to point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::behavior) struct HeadAim {
+    /// Radians anticlockwise from straight ahead.
+    pub(in crate::behavior) to_rad: f64,
+    /// How fast it turns there, radians per second, if not as fast as it usually does.
+    pub(in crate::behavior) max_rad_s: Option<f64>,
+}
+
 impl NavigationState {
-    /// Where the head points: from side to side on the way.
-    pub(super) fn head(&mut self, tick: &Tick<'_>) -> Option<f64> {
+    /// Where the head points: from side to side on the way, so fast that each side is seen again
+    /// before the robot has come to what it has not seen there.
+    pub(super) fn head(&mut self, tick: &Tick<'_>) -> Option<HeadAim> {
+        let to_rad = self.head_rad(tick)?;
+        let max_rad_s = (self.phase == Phase::Drive).then_some(tick.limits.head_max_rad_s);
+        Some(HeadAim { to_rad, max_rad_s })
+    }
+
+    fn head_rad(&mut self, tick: &Tick<'_>) -> Option<f64> {
         let swing_rad =
             if self.phase == Phase::Drive && self.is_slow { NARROW_SWING_RAD } else { SWING_RAD };
         let most_rad = swing_rad.min(tick.limits.head_rad);

@@ -7,7 +7,7 @@ use onbrick::recording::Run;
 use onbrick::runtime::{Source, replay, replay_with};
 use onbrick::sim::World;
 
-use super::{ROBOT, job, play, play_in};
+use super::{Played, ROBOT, job, play, play_in};
 use crate::support::tested_program;
 
 #[test]
@@ -58,20 +58,7 @@ fn promise_7_a_replay_goes_on_from_the_checkpoint_after_a_gap() {
 #[test]
 fn promise_7_a_damaged_chunk_is_a_gap_and_the_rest_replays() {
     let played = play_in("map", "arena", 2);
-    let whole = played.run();
-    // One byte flipped within a chunk, which no longer has its checksum. Between two chunks stand
-    // indexes, of which a reader needs none.
-    let (run, missing) = (0..20)
-        .map(|step| {
-            let mut bytes = played.bytes.clone();
-            let within = bytes.len() / 3 + 1000 * step;
-            bytes[within] ^= 0x10;
-            let run = Run::read(&bytes).unwrap();
-            let missing = whole.senses.len() - run.senses.len();
-            (run, missing)
-        })
-        .find(|(_, missing)| *missing > 0)
-        .expect("a chunk");
+    let (run, missing) = without_a_chunk(&played);
     println!("{:?}", run.warnings);
     assert!(missing > 0 && missing <= 60, "{missing} ticks are missing");
     assert!(!run.warnings.is_empty());
@@ -82,16 +69,28 @@ fn promise_7_a_damaged_chunk_is_a_gap_and_the_rest_replays() {
     assert!(replayed.ticks > 5_800, "{replayed}");
 }
 
+/// The run with one byte flipped within a chunk, which no longer has its checksum, and how many of
+/// its ticks are missing. Between two chunks stand indexes, of which a reader needs none.
+fn without_a_chunk(played: &Played) -> (Run, usize) {
+    let ticks = played.run().senses.len();
+    let flipped = |step: usize| {
+        let mut bytes = played.bytes.clone();
+        let within = bytes.len() / 3 + 1000 * step;
+        bytes[within] ^= 0x10;
+        let run = Run::read(&bytes).unwrap();
+        let missing = ticks - run.senses.len();
+        (run, missing)
+    };
+    (0..20).map(flipped).find(|(_, missing)| *missing > 0).expect("a chunk")
+}
+
 #[test]
 fn exploring_replays_bit_for_bit_and_after_a_gap_as_far_as_it_can() {
     let played = play_in("explore", "arena", 2);
     let whole = played.run();
     let replayed = replay(&whole).unwrap();
     assert!(replayed.is_same() && replayed.gaps.is_empty(), "{replayed}");
-    let mut bytes = played.bytes.clone();
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 0x10;
-    let run = Run::read(&bytes).unwrap();
+    let (run, _) = without_a_chunk(&played);
     let replayed = replay(&run).unwrap();
     println!("{replayed}");
     assert_eq!(replayed.gaps.len(), 1, "{replayed}");

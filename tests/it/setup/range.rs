@@ -94,7 +94,7 @@ fn own_echoes_are_not_looked_for_between_walls_or_without_a_head() {
     let error = measure_with(&bench, &shipped(), &OWN, &mut Measurer::new(&bench)).unwrap_err();
     assert!(matches!(error, CalibrateError::NoRoom { .. }), "{error}");
     let bench = Bench::new("", 1);
-    let text = DEFAULT_ROBOT.replacen("[head]\n", "[motor.neck]\nmax_dps = 90\n", 1);
+    let text = DEFAULT_ROBOT.replacen("[head]\n", "[motor.neck]\n", 1);
     let text = text.replacen("speed_dps = 43.3\n", "", 1);
     let headless: String = text
         .lines()
