@@ -52,7 +52,8 @@ install_tools() {
 }
 
 build_brick() {
-  cross_cargo build --release --no-default-features --features link ||
+  # The program alone: a library beside it would want its dependencies as machine code, too.
+  cross_cargo build --release --no-default-features --features link --bin onbrick ||
     fail "the brick's program could not be built"
   "$gnu-strip" -o "$program" "$built/$target/release/onbrick"
 }

@@ -1,4 +1,11 @@
 //! Where the range sensor looks: from side to side on the way, at a place, all around.
+//!
+//! # What was tried and gave nothing
+//!
+//! Most collisions are with the end of a wall, met at 30° to 60°, on a side that the head had not
+//! seen for half a metre. A narrower swing finds it, but the pose is off by half as much again, as
+//! walls beside the way are seen less. Slowing down where a wall square to an echo would cross the
+//! way changes nothing: the end of a wall gives no echo there. Shorter looks save no time.
 
 use std::f64::consts::{PI, TAU};
 

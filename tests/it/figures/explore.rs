@@ -252,12 +252,14 @@ fn figures_of_explore() {
     );
     let mut near = [0.0; 2];
     let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
-    for (name, text, limit_s, most) in [
-        ("arena", arena, 300.0, 20),
-        ("rooms", rooms, 600.0, 20),
-        ("pillars", PILLARS, 300.0, 10),
-        ("gap", GAP, 300.0, 10),
-        ("slanted", SLANTED, 300.0, 10),
+    // With the lobe the passage of `gap` is taken for closed in one run of twelve, and what stands
+    // slanted in `slanted` is heard from few places.
+    for (name, text, limit_s, most, least) in [
+        ("arena", arena, 300.0, 20, 0.9),
+        ("rooms", rooms, 600.0, 20, 0.9),
+        ("pillars", PILLARS, 300.0, 10, 0.85),
+        ("gap", GAP, 300.0, 10, 0.75),
+        ("slanted", SLANTED, 300.0, 10, 0.75),
     ] {
         let seeds = if is_long { most } else { 2 };
         let drifting = summary(name, text, seeds, limit_s);
@@ -265,21 +267,14 @@ fn figures_of_explore() {
         let true_name = format!("{name}, no drift");
         let steady = summary(&true_name, &as_the_file_says, seeds, limit_s);
         near = [0, 1].map(|at| near[at] + drifting.near[at]);
-        // With the lobe the passage of `gap` is taken for closed at first, and what stands slanted
-        // in `slanted` is heard from few places: seeds differ by 20 points.
-        let least = match name {
-            "gap" => [0.55, 0.5],
-            "slanted" => [0.6, 0.65],
-            _ => [0.8, 0.65],
-        };
-        assert!(steady.coverage > least[0] && drifting.coverage > least[1], "{name}: coverage");
+        assert!(steady.coverage > least && drifting.coverage > least, "{name}: coverage");
         // Of two runs one may miss by a centimetre; of ten or twenty, one in ten.
         let least_home = if is_long { 0.9 } else { 0.5 };
         assert!(steady.home[0] >= least_home, "{name}: {} at home by truth", steady.home[0]);
         assert!(drifting.home[1] >= 0.8, "{name}: {} at home by odometry", drifting.home[1]);
         let runs = usize::try_from(2 * seeds).unwrap();
         let collisions = drifting.collisions + steady.collisions;
-        assert!(collisions <= runs, "{name}: {collisions} collisions in {runs} runs");
+        assert!(4 * collisions <= runs, "{name}: {collisions} collisions in {runs} runs");
     }
     let [placed, moved] = near;
     assert!(moved > placed, "keyframes make maps worse: {near:?}, sums over the worlds");
