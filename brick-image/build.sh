@@ -52,8 +52,7 @@ install_tools() {
 }
 
 build_brick() {
-  # The program alone: a library beside it would want its dependencies as machine code, too.
-  cross_cargo build --release --no-default-features --features link --bin onbrick ||
+  cross_cargo build --release --no-default-features --features link ||
     fail "the brick's program could not be built"
   "$gnu-strip" -o "$program" "$built/$target/release/onbrick"
 }
