@@ -503,6 +503,9 @@ mod tests {
             (head.speed_rad_s - radians(130.0 / 3.0)).abs() < 1e-3,
             "130 counts a second through 12:36"
         );
+        assert!((head.max_rad_s - radians(90.0)).abs() < 1e-9);
+        let slower = DEFAULT_ROBOT.replacen("max_dps = 90", "max_dps = 40", 1);
+        assert!(RobotConfig::load("robot.toml", slower.as_bytes()).is_err());
         assert!((robot.range.unwrap().ahead_m - 2.0 * 0.0254).abs() < 1e-9);
     }
 
