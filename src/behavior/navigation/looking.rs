@@ -35,8 +35,8 @@ pub(in crate::behavior) struct HeadAim {
 }
 
 impl NavigationState {
-    /// Where the head points: from side to side, on the way as fast as it may, so that little of the
-    /// way is driven before a side is seen again.
+    /// Where the head points: from side to side, on the way as fast as it may, so that the robot
+    /// drives little of it before a side is seen again.
     pub(super) fn head(&mut self, tick: &Tick<'_>) -> Option<HeadAim> {
         let to_rad = self.head_rad(tick)?;
         let max_rad_s = (self.phase == Phase::Drive).then_some(tick.limits.head_max_rad_s);
