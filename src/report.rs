@@ -196,9 +196,10 @@ impl Scene {
     }
 
     /// Corrects the tracks' start poses against each other: the first stays, and each of the others
-    /// is moved as a whole where its map fits the map of one that is in its place. Gives for each
-    /// track but the first what it was moved by, metres at its start and radians, or why it was
-    /// not: the last of the reasons.
+    /// is moved as a whole where its map fits the map of one that is in its place. Points of those
+    /// that fit are left out where another of them has seen through them. Gives for each track but
+    /// the first what it was moved by, metres at its start and radians, or why it was not: the last
+    /// of the reasons.
     pub fn align(&mut self) -> Vec<(usize, Correction)> {
         let mut outcomes = Vec::new();
         let mut placed: Vec<Vec<Sight>> = self.tracks.iter().take(1).map(Track::sights).collect();
@@ -238,7 +239,27 @@ impl Scene {
             }
         }
         outcomes.sort_by_key(|(place, _)| *place);
+        let fit = outcomes.iter().filter(|(_, outcome)| outcome.is_ok()).map(|(place, _)| *place);
+        let fit: Vec<usize> = [0].into_iter().chain(fit).collect();
+        if fit.len() > 1 {
+            self.leave_out_what_moves(&fit);
+        }
         outcomes
+    }
+
+    /// Leaves out the points of some of the tracks that sights of the others among them speak
+    /// against: robots that see each other are no walls. What a robot's own sights speak against is
+    /// in no track ([`Run::points_now`]).
+    fn leave_out_what_moves(&mut self, placed: &[usize]) {
+        let sights: Vec<Vec<Sight>> =
+            placed.iter().filter_map(|place| self.tracks.get(*place)).map(Track::sights).collect();
+        let mut stands = mapping::standing(&sights.concat()).into_iter();
+        for (place, sights) in placed.iter().zip(sights) {
+            let mut own = stands.by_ref().take(sights.len());
+            if let Some(track) = self.tracks.get_mut(*place) {
+                track.points.retain(|_| own.next().unwrap_or(true));
+            }
+        }
     }
 
     /// The least rectangle around everything; a metre around the origin where there is nothing.

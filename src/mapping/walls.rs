@@ -10,7 +10,7 @@
 //! A false wall is worse than a missing one, so there are many tests: how long a
 //! stretch is, how thick, how full, how straight, how empty it is beside it, and whether echoes
 //! came from behind it. Posts, corners and the arcs that a sonar draws fail one or the other.
-//! Points where a robot has been are left out beforehand.
+//! What does not stand is left out beforehand ([`standing`]).
 //!
 //! # Not here
 //!
@@ -30,7 +30,7 @@
 
 use std::f64::consts::PI;
 
-use super::Sight;
+use super::{Sight, standing};
 
 /// A straight stretch of wall.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -67,8 +67,6 @@ const REACH_M: f64 = 100.0;
 const FAILURES: usize = 100;
 /// So far from a line a point may be to be of it, metres.
 const BAND_M: f64 = 0.04;
-/// A robot is no narrower than twice this, metres: with LEGO's large motors at its sides.
-const BODY_M: f64 = 0.08;
 /// Points of one wall are not further apart, metres.
 const GAP_M: f64 = 0.15;
 /// The shortest wall, metres.
@@ -114,7 +112,8 @@ const COMMON_RAD: f64 = 0.03;
 /// Takes memory for each sight, and votes of 0.1 MB for a room, 3 MB for 200 m.
 #[must_use]
 pub fn walls(sights: &[Sight]) -> Vec<Wall> {
-    let all = clear_of_the_way(spots(sights.iter().map(|sight| sight.at_m)), sights);
+    let stand = sights.iter().zip(standing(sights)).filter(|(_, stands)| *stands);
+    let all = spots(stand.map(|(sight, _)| sight.at_m));
     let mut ballot = Ballot::of(&all);
     let mut left = all.clone();
     let mut found: Vec<Stretch> = Vec::new();
@@ -164,18 +163,6 @@ fn spots(places: impl Iterator<Item = [f64; 2]>) -> Vec<Spot> {
         points: u32::try_from(points.len()).unwrap_or(u32::MAX),
     });
     spots.collect()
-}
-
-/// The spots where no robot has been: a wall ends at a door that one has driven through, though
-/// echoes of the frame lie in it.
-fn clear_of_the_way(mut found: Vec<Spot>, sights: &[Sight]) -> Vec<Spot> {
-    let way = spots(sights.iter().map(|sight| sight.from_m));
-    let is_clear = |at_m: [f64; 2]| {
-        way.iter()
-            .all(|place| libm::hypot(place.at_m[0] - at_m[0], place.at_m[1] - at_m[1]) > BODY_M)
-    };
-    found.retain(|spot| is_clear(spot.at_m));
-    found
 }
 
 /// A line: its normal, and its distance from the origin along it.

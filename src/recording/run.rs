@@ -15,7 +15,7 @@ use super::tick::Level;
 use super::topic::Topic;
 use super::walk::{Found, Integrity, walk};
 use crate::behavior::Taken;
-use crate::mapping::{self, Keyframe, MapPoint, Pose, Range};
+use crate::mapping::{self, Keyframe, MapPoint, Method, Pose, Range, Sight};
 use crate::senses::{Channel, Reading, Senses};
 
 /// The longest file that is read: about a day of a run.
@@ -198,10 +198,20 @@ impl Run {
         Ok(run)
     }
 
-    /// The map's points where they are as it is known at the end.
+    /// The map's points where they are as it is known at the end, without those of what does not
+    /// stand ([`mapping::standing`]). The seed's map has all of them.
     #[must_use]
     pub fn points_now(&self) -> Vec<MapPoint> {
-        mapping::points_now(&self.keyframes, &self.points)
+        let points = mapping::points_now(&self.keyframes, &self.points);
+        if self.info.as_ref().is_some_and(|info| info.method == Method::Seed) {
+            return points;
+        }
+        let place = |(time_ns, Pose { x_m, y_m, .. })| MapPoint { time_ns, x_m, y_m };
+        let path: Vec<MapPoint> = self.path_now().map(place).collect();
+        // Without a path there are no sights, and nothing speaks against a point.
+        let stands = mapping::standing(&Sight::of(&points, &path)).into_iter();
+        let points = points.into_iter().zip(stands.chain(std::iter::repeat(true)));
+        points.filter(|(_, stands)| *stands).map(|(point, _)| point).collect()
     }
 
     /// Each tick's pose as it is known at the end.

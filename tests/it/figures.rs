@@ -14,4 +14,5 @@ mod motor_steps;
 mod sonar;
 mod sonar_model;
 mod team;
+mod together;
 mod walls;

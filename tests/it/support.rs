@@ -19,6 +19,7 @@ pub mod promised;
 pub mod real_time;
 pub mod stage;
 pub mod turning_brick;
+pub mod turns;
 pub mod wall_clock;
 
 pub use passed_over::{not_asked_for, pass_over};

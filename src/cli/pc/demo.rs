@@ -207,7 +207,7 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
     let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();
     let truth = run.ending.as_ref().and_then(|ending| ending.truth).unwrap_or(believed);
     Ok(Quality {
-        points: run.points.len(),
+        points: points.len(),
         near_wall,
         coverage,
         wall_median_m: stats::quantile(&mut distances, 0.5),

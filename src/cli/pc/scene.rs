@@ -21,6 +21,10 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
     let mut scene = Scene { title: title.unwrap_or(names), tracks, ..Scene::default() };
     correct(&mut scene);
+    for (loaded, track) in runs.iter().zip(&scene.tracks) {
+        let (found, stand) = (loaded.run.points.len(), track.points.len());
+        log::info!("{}: {stand} of {found} points are of what stands", track.name);
+    }
     scene.find_walls();
     for world in runs.iter().filter_map(|loaded| world_of(&loaded.run)) {
         // Runs in the same world have the same walls.

@@ -9,7 +9,7 @@
 //! missing there, exploring has not found; what is missing besides, the drift of the pose has
 //! spoiled.
 
-use onbrick::mapping::MapPoint;
+use onbrick::mapping::{MapPoint, points_now};
 use onbrick::recording::{Grid, Run};
 use onbrick::robot::RobotConfig;
 use onbrick::runtime::{Job, Source};
@@ -93,8 +93,9 @@ const COLLISION_M_S: f64 = 0.05;
 #[derive(Debug, Default)]
 struct Figures {
     coverage: f64,
-    /// The share of points that are within 5 cm of a wall: as placed, and as moved by keyframes.
-    near: [f64; 2],
+    /// The share of points that are within 5 cm of a wall: as placed, as moved by keyframes, and
+    /// without those of what does not stand.
+    near: [f64; 3],
     /// The share of the grid's occupied cells whose middle is within 5 cm of a wall, and of the
     /// wall that has one.
     cells: [f64; 2],
@@ -118,8 +119,9 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
     let run = played.run();
     let start = world.starts()[0];
     let walls = world.echoing_walls(start.x_m, start.y_m, 2.0);
-    let moved = run.points_now();
-    let points = moved.iter().map(|point| [point.x_m, point.y_m]);
+    let moved = points_now(&run.keyframes, &run.points);
+    let standing = run.points_now();
+    let points = standing.iter().map(|point| [point.x_m, point.y_m]);
     let is_near =
         |point: &&MapPoint| world.distance_to_nearest_surface(point.x_m, point.y_m) < NEAR_M;
     let near =
@@ -139,7 +141,7 @@ fn explored_with(robot: &str, name: &str, text: &str, seed: u64, limit_s: f64) -
     });
     Figures {
         coverage: covered(&walls, points, NEAR_M).expect("there are walls"),
-        near: [near(&run.points), near(&moved)],
+        near: [near(&run.points), near(&moved), near(&standing)],
         cells: [at_wall, covered(&walls, occupied.into_iter(), NEAR_M).expect("there are walls")],
         home: [
             from_start(truth.x_m, truth.y_m, truth.heading_rad),
@@ -176,11 +178,12 @@ impl Figures {
     fn print(&self, name: &str) {
         let [truth, odometry] = self.home;
         println!(
-            "  {name:24} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1}   {:5.1} {:5.1}   {:5.1} {:5.1}   {:4} \
-             {:4}  {:5.0}",
+            "  {name:24} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1} {:6.1}   {:5.1} {:5.1}   {:5.1} \
+             {:5.1}   {:4} {:4}  {:5.0}",
             self.coverage * 100.0,
             self.near[0] * 100.0,
             self.near[1] * 100.0,
+            self.near[2] * 100.0,
             self.cells[0] * 100.0,
             self.cells[1] * 100.0,
             truth.0 * 100.0,
@@ -197,7 +200,7 @@ impl Figures {
 /// What a world's runs come to.
 struct Summary {
     coverage: f64,
-    near: [f64; 2],
+    near: [f64; 3],
     cells: [f64; 2],
     home: [f64; 2],
     collisions: usize,
@@ -217,7 +220,7 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
     let mean = |of: &dyn Fn(&Figures) -> f64| runs.iter().map(of).sum::<f64>() / count;
     let summary = Summary {
         coverage: mean(&|figures| figures.coverage),
-        near: [0, 1].map(|at| mean(&|figures| figures.near[at])),
+        near: [0, 1, 2].map(|at| mean(&|figures| figures.near[at])),
         cells: [0, 1].map(|at| mean(&|figures| figures.cells[at])),
         home: [0, 1].map(|by| share(&|figures| figures.is_home(by))),
         collisions: runs.iter().map(|figures| figures.collisions).sum(),
@@ -225,12 +228,13 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
     };
     println!(
         "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs); points \
-         under 5 cm {:.0} %, moved {:.0} %; occupied cells under 5 cm {:.0} %, {:.0} % of the wall \
-         has one; home by truth {:.0} %, by odometry {:.0} %; {} collisions, {} stalls",
+         under 5 cm {:.0} %, moved {:.0} %, standing {:.0} %; occupied cells under 5 cm {:.0} \
+         %, {:.0} % of the wall has one; home by truth {:.0} %, by odometry {:.0} %; {} collisions, {} stalls",
         summary.coverage * 100.0,
         share(&|figures| figures.coverage >= 0.95) * 100.0,
         summary.near[0] * 100.0,
         summary.near[1] * 100.0,
+        summary.near[2] * 100.0,
         summary.cells[0] * 100.0,
         summary.cells[1] * 100.0,
         summary.home[0] * 100.0,
@@ -246,11 +250,11 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
 fn figures_of_explore() {
     let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
     println!(
-        "explore: coverage, points under 5 cm as placed, as moved, occupied cells under 5 cm, wall \
-         that has one, %; home by truth, by odometry: cm, degrees; collisions above 5 cm/s, \
+        "explore: coverage, points under 5 cm as placed, as moved, of what stands, occupied cells \
+         under 5 cm, wall that has one, %; home by truth, by odometry: cm, degrees; collisions above 5 cm/s, \
          stalls; s"
     );
-    let mut near = [0.0; 2];
+    let mut near = [0.0; 3];
     let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
     // With the lobe the passage of `gap` is taken for closed in one run of twelve, and what stands
     // slanted in `slanted` is heard from few places.
@@ -266,7 +270,7 @@ fn figures_of_explore() {
         let as_the_file_says = format!("{text}{AS_THE_FILE_SAYS}");
         let true_name = format!("{name}, no drift");
         let steady = summary(&true_name, &as_the_file_says, seeds, limit_s);
-        near = [0, 1].map(|at| near[at] + drifting.near[at]);
+        near = [0, 1, 2].map(|at| near[at] + drifting.near[at]);
         assert!(steady.coverage > least && drifting.coverage > least, "{name}: coverage");
         // Of two runs one may miss by a centimetre; of ten or twenty, one in ten.
         let least_home = if is_long { 0.9 } else { 0.5 };
@@ -276,8 +280,9 @@ fn figures_of_explore() {
         let collisions = drifting.collisions + steady.collisions;
         assert!(4 * collisions <= runs, "{name}: {collisions} collisions in {runs} runs");
     }
-    let [placed, moved] = near;
+    let [placed, moved, standing] = near;
     assert!(moved > placed, "keyframes make maps worse: {near:?}, sums over the worlds");
+    assert!(standing > moved + 0.05, "what is left out stands: {near:?}, sums over the worlds");
 }
 
 #[test]
