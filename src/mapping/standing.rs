@@ -79,11 +79,9 @@ pub fn standing(sights: &[Sight]) -> Vec<bool> {
             .flat_map(|(_, places)| places.iter().copied())
     };
     let mut found = vec![Evidence::default(); sights.len()];
-    for (place, ray) in sights.iter().enumerate() {
-        // False for what is no number, too.
-        if !(length(vector(ray.from_m, ray.at_m)) < LONGEST_M) {
-            continue;
-        }
+    // What is no number is no ray either.
+    let is_ray = |sight: &Sight| length(vector(sight.from_m, sight.at_m)) < LONGEST_M;
+    for (place, ray) in sights.iter().enumerate().filter(|(_, sight)| is_ray(sight)) {
         let low = [0, 1].map(|axis| ray.from_m[axis].min(ray.at_m[axis]) - BODY_M);
         let high = [0, 1].map(|axis| ray.from_m[axis].max(ray.at_m[axis]) + BODY_M);
         for other in between(low, high).filter(|other| *other != place) {

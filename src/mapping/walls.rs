@@ -10,7 +10,7 @@
 //! A false wall is worse than a missing one, so there are many tests: how long a
 //! stretch is, how thick, how full, how straight, how empty it is beside it, and whether echoes
 //! came from behind it. Posts, corners and the arcs that a sonar draws fail one or the other.
-//! What does not stand is left out beforehand ([`standing`]).
+//! What does not stand is left out beforehand ([`standing()`]).
 //!
 //! # Not here
 //!

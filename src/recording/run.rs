@@ -199,7 +199,7 @@ impl Run {
     }
 
     /// The map's points where they are as it is known at the end, without those of what does not
-    /// stand ([`mapping::standing`]). The seed's map has all of them.
+    /// stand ([`mapping::standing()`]). The seed's map has all of them.
     #[must_use]
     pub fn points_now(&self) -> Vec<MapPoint> {
         let points = mapping::points_now(&self.keyframes, &self.points);

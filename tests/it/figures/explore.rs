@@ -229,7 +229,8 @@ fn summary(name: &str, text: &str, seeds: u64, limit_s: f64) -> Summary {
     println!(
         "{name}, {count} seeds: coverage {:.1} % (at least 95 % in {:.0} % of the runs); points \
          under 5 cm {:.0} %, moved {:.0} %, standing {:.0} %; occupied cells under 5 cm {:.0} \
-         %, {:.0} % of the wall has one; home by truth {:.0} %, by odometry {:.0} %; {} collisions, {} stalls",
+         %, {:.0} % of the wall has one; home by truth {:.0} %, by odometry {:.0} %; {} \
+         collisions, {} stalls",
         summary.coverage * 100.0,
         share(&|figures| figures.coverage >= 0.95) * 100.0,
         summary.near[0] * 100.0,
@@ -251,8 +252,8 @@ fn figures_of_explore() {
     let is_long = std::env::var_os("ONBRICK_LONG").is_some_and(|long| long == "1");
     println!(
         "explore: coverage, points under 5 cm as placed, as moved, of what stands, occupied cells \
-         under 5 cm, wall that has one, %; home by truth, by odometry: cm, degrees; collisions above 5 cm/s, \
-         stalls; s"
+         under 5 cm, wall that has one, %; home by truth, by odometry: cm, degrees; collisions \
+         above 5 cm/s, stalls; s"
     );
     let mut near = [0.0; 3];
     let (arena, rooms) = (World::text("arena").unwrap(), World::text("rooms").unwrap());
