@@ -124,7 +124,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let quality = quality(&loaded, &world)?;
     output.show(
         format!(
-            "{} points: {}\n{}\
+            "map: {} points, {}\n{}\
              final pose: {:.1} cm and {:.1} degrees from the true one, after {:.2} m\n\
              wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
             quality.points,

@@ -8,11 +8,14 @@ use std::collections::BTreeMap;
 use onbrick::mapping::stats;
 use onbrick::recording::Run;
 use onbrick::report::{Scene, Track};
-use onbrick::sim::World;
+use onbrick::sim::{World, covered};
 use onbrick::units::{degrees, radians};
 
 use super::walls::worlds;
 use crate::missions::{job, play, robot};
+
+/// Within this a point is at a wall, metres.
+const NEAR_M: f64 = 0.05;
 
 /// Numbers between −1 and 1 (Knuth's MMIX generator).
 fn chance(state: &mut u64) -> f64 {
@@ -39,13 +42,24 @@ fn misplaced(track: &Track, [dx_m, dy_m, turn_rad]: [f64; 3]) -> Track {
     track
 }
 
-/// Share of points under 5 cm from a wall, percent, and their median, cm.
-fn points(tracks: &[Track], world: &World) -> [f64; 2] {
-    let all = tracks.iter().flat_map(|track| &track.points);
+/// Share of points under 5 cm from a wall, percent; their median, cm; share of the wall that has
+/// one, percent.
+fn judge(tracks: &[Track], world: &World) -> [f64; 3] {
+    let all = || tracks.iter().flat_map(|track| &track.points);
     let mut distances: Vec<f64> =
-        all.map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)).collect();
-    let share = stats::share(&distances, |m| m < 0.05).unwrap();
-    [share * 100.0, stats::median(&mut distances).unwrap() * 100.0]
+        all().map(|point| world.distance_to_nearest_surface(point.x_m, point.y_m)).collect();
+    let share = stats::share(&distances, |m| m < NEAR_M).unwrap();
+    let start = world.starts()[0];
+    let walls = world.echoing_walls(start.x_m, start.y_m, 2.0);
+    let coverage = covered(&walls, all().map(|point| [point.x_m, point.y_m]), NEAR_M).unwrap();
+    [share * 100.0, stats::median(&mut distances).unwrap() * 100.0, coverage * 100.0]
+}
+
+/// How far a track's start is from where it should be, cm and degrees.
+fn start_error((right, track): (&Track, &Track)) -> [f64; 2] {
+    let (start, now) = (right.path[0], track.path[0]);
+    let way_m = libm::hypot(now.x_m - start.x_m, now.y_m - start.y_m);
+    [way_m * 100.0, degrees(now.heading_rad - start.heading_rad).abs()]
 }
 
 /// How far a path is from where the robot truly was at its end and its start, in the mean, metres.
@@ -78,55 +92,64 @@ fn figures_of_maps_put_together() {
         [part(0.2), part(0.2), part(radians(10.0))]
     };
     println!(
-        "the same room: start wrong by, cm, degrees; corrected, wrong by; path, cm, before, after; \
-         points < 5 cm, %, median, cm: the better robot's, both by starts, both corrected"
+        "the same room, robots: starts wrong by, cm, degrees; corrected, wrong by; paths, cm, \
+         before, after; points < 5 cm, %, median, cm, wall with a point, %: of the best robot, \
+         of all by starts, of all corrected"
     );
     let (mut fits, mut within, mut pairs) = (0, 0, 0);
     for (name, text) in worlds.iter().copied() {
         let world = World::parse(name, text.as_bytes()).unwrap().0;
-        for two in tracks[name].windows(2) {
-            let wrong = error();
-            let other = misplaced(&two[1], wrong);
-            let before_cm = path_error(&other) * 100.0;
-            let mut scene = Scene { tracks: vec![two[0].clone(), other], ..Scene::default() };
-            let by_starts = points(&scene.tracks, &world);
-            let outcome = scene.align().remove(0).1;
-            let (start, now) = (two[1].path[0], scene.tracks[1].path[0]);
-            let left_cm = libm::hypot(now.x_m - start.x_m, now.y_m - start.y_m) * 100.0;
-            let left_deg = degrees(now.heading_rad - start.heading_rad).abs();
-            let single = two.iter().map(|track| points(std::slice::from_ref(track), &world));
-            let best =
-                single.fold([0.0, 0.0], |best, one| if one[0] > best[0] { one } else { best });
-            let [before, after] = [by_starts, points(&scene.tracks, &world)];
-            let said = outcome.map_or_else(|misfit| misfit.to_string(), |_| "fits".to_owned());
+        let all = &tracks[name];
+        for right in all.windows(2).chain((all.len() > 2).then_some(&all[..])) {
+            let wrong: Vec<[f64; 3]> = right[1..].iter().map(|_| error()).collect();
+            let others = right[1..].iter().zip(&wrong).map(|(track, by)| misplaced(track, *by));
+            let put: Vec<Track> = [right[0].clone()].into_iter().chain(others).collect();
+            let mut scene = Scene { tracks: put.clone(), ..Scene::default() };
+            let outcomes = scene.align();
+            let left: Vec<[f64; 2]> = right.iter().zip(&scene.tracks).map(start_error).collect();
+            let most = |axis: usize| left.iter().map(|left| left[axis]).fold(0.0, f64::max);
+            let paths = |tracks: &[Track]| {
+                tracks[1..].iter().map(path_error).sum::<f64>() / (tracks.len() - 1) as f64 * 100.0
+            };
+            let [before_cm, after_cm] = [paths(&put), paths(&scene.tracks)];
+            let single = right.iter().map(|track| judge(std::slice::from_ref(track), &world));
+            let best = single.fold([0.0; 3], |best, one| if one[0] > best[0] { one } else { best });
+            let refused = outcomes.iter().find_map(|(_, outcome)| outcome.err());
+            print!(
+                "  {name:12} {} {:3.0} {:4.1}   {:4.1} {:4.1}   {before_cm:3.0} {after_cm:4.1} ",
+                right.len(),
+                wrong.iter().map(|by| libm::hypot(by[0], by[1]) * 100.0).fold(0.0, f64::max),
+                wrong.iter().map(|by| degrees(by[2]).abs()).fold(0.0, f64::max),
+                most(0),
+                most(1),
+            );
+            for [near, median_cm, coverage] in
+                [best, judge(&put, &world), judge(&scene.tracks, &world)]
+            {
+                print!("  {near:3.0} {median_cm:3.1} {coverage:3.0}");
+            }
             println!(
-                "  {name:12} {:3.0} {:4.1}   {left_cm:4.1} {left_deg:4.1}   {before_cm:3.0} \
-                 {:4.1}   {:3.0} {:3.1}  {:3.0} {:3.1}  {:3.0} {:3.1}   {said}",
-                libm::hypot(wrong[0], wrong[1]) * 100.0,
-                degrees(wrong[2]).abs(),
-                path_error(&scene.tracks[1]) * 100.0,
-                best[0],
-                best[1],
-                before[0],
-                before[1],
-                after[0],
-                after[1]
+                "   {}",
+                refused.map_or_else(|| "fits".to_owned(), |misfit| misfit.to_string())
             );
             pairs += 1;
-            if outcome.is_ok() {
+            if refused.is_none() {
                 fits += 1;
-                within += u32::from(left_cm < 5.0 && left_deg < 2.0);
-                // A start may be off by as much as the map has drifted; the whole path may not.
-                let nears = path_error(&scene.tracks[1]) * 100.0 < 0.6 * before_cm;
-                assert!(left_cm < 15.0 || nears, "{name}: a false fit");
-                assert!(left_deg < 7.0, "{name}: a false fit");
-            } else {
-                let stands = scene.tracks[1] == misplaced(&two[1], wrong);
-                assert!(stands, "{name}: refused, and moved");
+                within += u32::from(most(0) < 5.0 && most(1) < 2.0);
+            }
+            for (place, outcome) in outcomes {
+                if outcome.is_ok() {
+                    // A start may be off by as much as the map has drifted; the whole path may not.
+                    let [before, after] = [&put, &scene.tracks].map(|all| path_error(&all[place]));
+                    assert!(left[place][0] < 15.0 || after < 0.6 * before, "{name}: a false fit");
+                    assert!(left[place][1] < 7.0, "{name}: a false fit");
+                } else {
+                    assert_eq!(scene.tracks[place].path, put[place].path, "refused, and moved");
+                }
             }
         }
     }
-    println!("{fits} of {pairs} pairs fit; {within} within 5 cm and 2 degrees");
+    println!("{fits} of {pairs} sets fit; {within} within 5 cm and 2 degrees");
     assert!(2 * fits >= pairs, "{fits} of {pairs}");
 
     let mut wrong_pairs = 0;
