@@ -39,9 +39,8 @@ const FEWEST: usize = 60;
 /// The least that is left of the share of its points that each map finds in the other, weighed by
 /// the field, when the share of echoes from behind the other's walls is taken off.
 const FITS: f64 = 0.47;
-/// At least this many echoes have to meet the other's walls; and how far behind counts, metres.
+/// At least this many echoes have to meet the other's walls.
 const MET: f64 = 100.0;
-const BEHIND_M: f64 = 0.1;
 
 /// Why a map was not moved.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -234,8 +233,8 @@ fn thinned(sights: &[Sight]) -> Vec<[f64; 2]> {
 fn contradiction(sights: &[Sight], by: &Pose, walls: &[Wall]) -> Option<f64> {
     let (mut met, mut through) = (0.0, 0.0);
     for sight in sights {
-        let [at_m, from_m] = [moved(by, sight.at_m), moved(by, sight.from_m)];
-        let meetings = || walls.iter().filter_map(|wall| meeting(wall, from_m, at_m));
+        let sight = Sight { at_m: moved(by, sight.at_m), from_m: moved(by, sight.from_m) };
+        let meetings = || walls.iter().filter_map(|wall| wall.meets(&sight));
         if meetings().any(|is_behind| is_behind) {
             through += 1.0;
         } else if meetings().next().is_some() {
@@ -243,24 +242,6 @@ fn contradiction(sights: &[Sight], by: &Pose, walls: &[Wall]) -> Option<f64> {
         }
     }
     (met + through >= MET).then(|| through / (met + through))
-}
-
-/// Whether an echo comes from a wall, false, or from behind it, true.
-fn meeting(wall: &Wall, from_m: [f64; 2], at_m: [f64; 2]) -> Option<bool> {
-    const ENDS_M: f64 = 0.05;
-    let length_m = wall.length_m();
-    let along = [0, 1].map(|axis| (wall.to_m[axis] - wall.from_m[axis]) / length_m);
-    let frame = |[x_m, y_m]: [f64; 2]| {
-        let [x_m, y_m] = [x_m - wall.from_m[0], y_m - wall.from_m[1]];
-        [x_m * along[0] + y_m * along[1], y_m * along[0] - x_m * along[1]]
-    };
-    let ([at_m, beside_m], [from_m, from_beside_m]) = (frame(at_m), frame(from_m));
-    if beside_m.abs() <= BEHIND_M {
-        return (at_m > 0.0 && at_m < length_m).then_some(false);
-    }
-    let crosses = beside_m * from_beside_m < 0.0 && from_beside_m.abs() > BEHIND_M / 2.0;
-    let crossing_m = from_m + from_beside_m / (from_beside_m - beside_m) * (at_m - from_m);
-    (crosses && crossing_m > ENDS_M && crossing_m < length_m - ENDS_M).then_some(true)
 }
 
 /// A place of a map that is moved, metres.

@@ -43,6 +43,7 @@
 use std::collections::BTreeMap;
 
 use super::Sight;
+use super::walls::walls_of;
 
 /// A robot is no narrower than twice this, metres: with LEGO's large motors at its sides.
 const BODY_M: f64 = 0.08;
@@ -67,6 +68,14 @@ const SQUARE_M: f64 = 0.25;
 /// Of each sight, whether what it is of stands. Sights of several robots may be mixed.
 #[must_use]
 pub fn standing(sights: &[Sight]) -> Vec<bool> {
+    let clear = clear(sights);
+    let walls = walls_of(sights, &clear);
+    let is_behind = |sight: &Sight| walls.iter().any(|wall| wall.meets(sight) == Some(true));
+    sights.iter().zip(clear).map(|(sight, clear)| clear && !is_behind(sight)).collect()
+}
+
+/// Of each sight, whether its point was neither driven over nor seen through.
+pub(super) fn clear(sights: &[Sight]) -> Vec<bool> {
     let mut squares: BTreeMap<[i32; 2], Vec<usize>> = BTreeMap::new();
     for (place, sight) in sights.iter().enumerate() {
         squares.entry(square(sight.at_m)).or_default().push(place);
@@ -90,7 +99,7 @@ pub fn standing(sights: &[Sight]) -> Vec<bool> {
             }
         }
     }
-    found.iter().map(Evidence::stands).collect()
+    found.iter().map(Evidence::is_clear).collect()
 }
 
 fn square(at_m: [f64; 2]) -> [i32; 2] {
@@ -139,7 +148,7 @@ impl Evidence {
         }
     }
 
-    fn stands(&self) -> bool {
+    fn is_clear(&self) -> bool {
         !self.is_driven_over && (self.passed < PASSES || self.passed < self.again)
     }
 }

@@ -10,7 +10,7 @@
 //! A false wall is worse than a missing one, so there are many tests: how long a
 //! stretch is, how thick, how full, how straight, how empty it is beside it, and whether echoes
 //! came from behind it. Posts, corners and the arcs that a sonar draws fail one or the other.
-//! What does not stand is left out beforehand ([`standing()`]).
+//! What was driven over or seen through is left out beforehand (`standing`).
 //!
 //! # Not here
 //!
@@ -30,7 +30,8 @@
 
 use std::f64::consts::PI;
 
-use super::{Sight, standing};
+use super::Sight;
+use super::standing::clear;
 
 /// A straight stretch of wall.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -52,6 +53,24 @@ impl Wall {
     #[must_use]
     pub fn length_m(&self) -> f64 {
         libm::hypot(self.to_m[0] - self.from_m[0], self.to_m[1] - self.from_m[1])
+    }
+
+    /// Whether an echo comes from this wall, false, or from behind it, true.
+    pub(super) fn meets(&self, sight: &Sight) -> Option<bool> {
+        const ENDS_M: f64 = 0.05;
+        let length_m = self.length_m();
+        let along = [0, 1].map(|axis| (self.to_m[axis] - self.from_m[axis]) / length_m);
+        let frame = |[x_m, y_m]: [f64; 2]| {
+            let [x_m, y_m] = [x_m - self.from_m[0], y_m - self.from_m[1]];
+            [x_m * along[0] + y_m * along[1], y_m * along[0] - x_m * along[1]]
+        };
+        let ([at_m, beside_m], [from_m, from_beside_m]) = (frame(sight.at_m), frame(sight.from_m));
+        if beside_m.abs() <= BEHIND_M {
+            return (at_m > 0.0 && at_m < length_m).then_some(false);
+        }
+        let crosses = beside_m * from_beside_m < 0.0 && from_beside_m.abs() > BEHIND_M / 2.0;
+        let crossing_m = from_m + from_beside_m / (from_beside_m - beside_m) * (at_m - from_m);
+        (crosses && crossing_m > ENDS_M && crossing_m < length_m - ENDS_M).then_some(true)
     }
 }
 
@@ -112,8 +131,13 @@ const COMMON_RAD: f64 = 0.03;
 /// Takes memory for each sight, and votes of 0.1 MB for a room, 3 MB for 200 m.
 #[must_use]
 pub fn walls(sights: &[Sight]) -> Vec<Wall> {
-    let stand = sights.iter().zip(standing(sights)).filter(|(_, stands)| *stands);
-    let all = spots(stand.map(|(sight, _)| sight.at_m));
+    walls_of(sights, &clear(sights))
+}
+
+/// The walls that some of the points make.
+pub(super) fn walls_of(sights: &[Sight], counts: &[bool]) -> Vec<Wall> {
+    let counted = sights.iter().zip(counts).filter(|(_, counts)| **counts);
+    let all = spots(counted.map(|(sight, _)| sight.at_m));
     let mut ballot = Ballot::of(&all);
     let mut left = all.clone();
     let mut found: Vec<Stretch> = Vec::new();

@@ -11,8 +11,9 @@
 //! here are other seeds, and the last world was not tuned on.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
-use onbrick::mapping::{MapPoint, Method, Sight, Wall, stats, walls};
+use onbrick::mapping::{MapPoint, Method, Sight, Wall, standing, stats, walls};
 use onbrick::sim::{World, covered};
 use onbrick::units::degrees;
 
@@ -229,13 +230,7 @@ fn figures_of_walls_in_real_scans() {
     println!("lego-rotating-sonar, walls: as in simulated rooms");
     let truth = sonar::walls(&folder);
     let samples: Vec<[f64; 2]> = truth.iter().flat_map(samples_of).collect();
-    let mut teams: BTreeMap<String, Vec<Sight>> = BTreeMap::new();
-    for scan in sonar::scans(&folder, "alignment_nominal.csv") {
-        let from_m = [3, 4].map(|column| sonar::number(&scan, column) / 100.0);
-        let points = sonar::cloud(&scan, &sonar::readings(&folder, &scan), Method::Default);
-        let sights = points.iter().map(|point| Sight { at_m: [point.x_m, point.y_m], from_m });
-        teams.entry(scan[0].clone()).or_default().extend(sights);
-    }
+    let teams = sights_of_teams(&folder);
     let mut all = Figures::default();
     for (team, sights) in &teams {
         let points: Vec<[f64; 2]> = sights.iter().map(|sight| sight.at_m).collect();
@@ -247,6 +242,61 @@ fn figures_of_walls_in_real_scans() {
     let [precision, phantom, recall, _] = all.shares();
     assert!(precision > 75.0 && phantom < 5.0, "{precision} %, {phantom} %");
     assert!(recall > 28.0, "{recall} %");
+}
+
+#[test]
+fn figures_of_what_stands_in_real_scans() {
+    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
+    else {
+        return support::pass_over("the scans of lego-rotating-sonar");
+    };
+    println!(
+        "lego-rotating-sonar, all places of a robot: points, under 5 cm, wall with a point, %; of \
+         what stands"
+    );
+    let truth = sonar::walls(&folder);
+    let samples: Vec<[f64; 2]> = truth.iter().flat_map(samples_of).collect();
+    let judge = |sights: &[Sight]| {
+        let place = |[x_m, y_m]: [f64; 2]| MapPoint { time_ns: 0, x_m, y_m };
+        let far_m: Vec<f64> =
+            sights.iter().map(|sight| sonar::to_nearest_wall(&truth, place(sight.at_m))).collect();
+        let points = sights.iter().map(|sight| sight.at_m);
+        let near = stats::share(&far_m, |m| m < 0.05).unwrap() * 100.0;
+        [near, covered(&samples, points, 0.05).unwrap() * 100.0]
+    };
+    let mut sums = [[0.0; 2]; 2];
+    for (team, sights) in sights_of_teams(&folder) {
+        let stand: Vec<Sight> = sights
+            .iter()
+            .zip(standing(&sights))
+            .filter_map(|(sight, stands)| stands.then_some(*sight))
+            .collect();
+        let figures = [&sights, &stand].map(|sights| judge(sights));
+        let [[near, coverage], [near_now, coverage_now]] = figures;
+        println!(
+            "  {team:15} {:5} {near:5.1} {coverage:5.1}  {:5} {near_now:5.1} {coverage_now:5.1}",
+            sights.len(),
+            stand.len()
+        );
+        assert!(near_now > near && coverage_now > 0.95 * coverage, "{team}: {figures:?}");
+        for (sum, figure) in sums.iter_mut().flatten().zip(figures.iter().flatten()) {
+            *sum += figure;
+        }
+    }
+    let [[near, _], [near_now, _]] = sums;
+    assert!(near_now > near + 5.0, "{sums:?}, sums over the robots");
+}
+
+/// What each robot saw from all its places.
+fn sights_of_teams(folder: &Path) -> BTreeMap<String, Vec<Sight>> {
+    let mut teams: BTreeMap<String, Vec<Sight>> = BTreeMap::new();
+    for scan in sonar::scans(folder, "alignment_nominal.csv") {
+        let from_m = [3, 4].map(|column| sonar::number(&scan, column) / 100.0);
+        let points = sonar::cloud(&scan, &sonar::readings(folder, &scan), Method::Default);
+        let sights = points.iter().map(|point| Sight { at_m: [point.x_m, point.y_m], from_m });
+        teams.entry(scan[0].clone()).or_default().extend(sights);
+    }
+    teams
 }
 
 fn samples_of([x1, y1, x2, y2]: &Ends) -> Vec<[f64; 2]> {
