@@ -283,7 +283,7 @@ fn figures_of_explore() {
     }
     let [placed, moved, standing] = near;
     assert!(moved > placed, "keyframes make maps worse: {near:?}, sums over the worlds");
-    assert!(standing > moved + 0.05, "what is left out stands: {near:?}, sums over the worlds");
+    assert!(standing > moved + 0.15, "what is left out stands: {near:?}, sums over the worlds");
 }
 
 #[test]
