@@ -73,7 +73,7 @@ const SQUARE_M: f64 = 0.25;
 pub fn standing(sights: &[Sight]) -> Vec<bool> {
     let clear = clear(sights);
     let walls = walls_of(sights, &clear);
-    let is_behind = |sight: &Sight| walls.iter().any(|wall| wall.meets(sight) == Some(true));
+    let is_behind = |sight: &Sight| walls.iter().any(|wall| wall.hides(sight));
     sights.iter().zip(clear).map(|(sight, clear)| clear && !is_behind(sight)).collect()
 }
 
@@ -206,6 +206,19 @@ mod tests {
         assert_eq!(stand(&sights, 42), 42);
         sights.extend([through; 10]);
         assert!(stand(&sights, 42) < 42);
+    }
+
+    #[test]
+    fn what_lies_behind_a_wall_does_not_stand_and_what_is_seen_past_its_end_does() {
+        let mut sights = line(1.0, [0.0, 0.0]).repeat(2);
+        let wall = sights.len();
+        for (place, sight) in (0..).zip(&mut sights) {
+            sight.at_m[0] += if place % 2 == 0 { 0.005 } else { -0.005 };
+        }
+        sights.push(Sight { at_m: [1.3, 0.1], from_m: [0.0, 0.0] });
+        sights.push(Sight { at_m: [1.3, 0.9], from_m: [0.0, 0.0] });
+        assert_eq!(stand(&sights, wall), wall);
+        assert_eq!(standing(&sights)[wall..], [false, true]);
     }
 
     #[test]

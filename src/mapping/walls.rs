@@ -55,8 +55,8 @@ impl Wall {
         libm::hypot(self.to_m[0] - self.from_m[0], self.to_m[1] - self.from_m[1])
     }
 
-    /// Whether an echo comes from this wall, false, or from behind it, true.
-    pub(super) fn meets(&self, sight: &Sight) -> Option<bool> {
+    /// Whether an echo comes from behind it.
+    pub(super) fn hides(&self, sight: &Sight) -> bool {
         const ENDS_M: f64 = 0.05;
         let length_m = self.length_m();
         let along = [0, 1].map(|axis| (self.to_m[axis] - self.from_m[axis]) / length_m);
@@ -65,12 +65,12 @@ impl Wall {
             [x_m * along[0] + y_m * along[1], y_m * along[0] - x_m * along[1]]
         };
         let ([at_m, beside_m], [from_m, from_beside_m]) = (frame(sight.at_m), frame(sight.from_m));
-        if beside_m.abs() <= BEHIND_M {
-            return (at_m > 0.0 && at_m < length_m).then_some(false);
-        }
-        let crosses = beside_m * from_beside_m < 0.0 && from_beside_m.abs() > BEHIND_M / 2.0;
         let crossing_m = from_m + from_beside_m / (from_beside_m - beside_m) * (at_m - from_m);
-        (crosses && crossing_m > ENDS_M && crossing_m < length_m - ENDS_M).then_some(true)
+        beside_m * from_beside_m < 0.0
+            && beside_m.abs() > BEHIND_M
+            && from_beside_m.abs() > BEHIND_M / 2.0
+            && crossing_m > ENDS_M
+            && crossing_m < length_m - ENDS_M
     }
 }
 
