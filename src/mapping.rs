@@ -28,7 +28,7 @@
 //! | point | pose × (translation to the sensor) × (rotation by the head) × (range, 0), for the default at the instant of the reading | MappingRobots.jl |
 //! | echo | off the axis towards falling ranges, for the default | `mapping/bearing.rs` |
 //! | what was placed before a correction | moves with keyframes of the way, which the filter corrects with all else | `mapping/keyframes.rs` |
-//! | what stands | a point that nothing is seen through from its own side; after the run | `mapping/standing.rs` |
+//! | what stands | not what was driven over, seen through or lies behind a wall; after the run | `mapping/standing.rs` |
 //! | walls | lines that points vote for, fitted by total least squares; after the run | `mapping/walls.rs` |
 //! | maps of several robots | correlative scan matching, and echoes from behind the other's walls | `mapping/align.rs` |
 //! | grid | log-odds, a sonar cone | *Probabilistic Robotics* 9.2; Elfes 1989 |
