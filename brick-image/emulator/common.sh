@@ -90,6 +90,25 @@ choose_processor() {
 # Unless a script chooses another.
 choose_processor armv5te
 
+# Lets the kernel start the chosen processor's programs by QEMU (as root); a rule of our own, because
+# Debian's does not let programs change their user, and sudo must.
+enable_emulation() {
+  [ ${#emulated[@]} != 0 ] || return 0
+  local qemu=${emulated[0]}-static rules=/proc/sys/fs/binfmt_misc class='\x01' machine='\x28'
+  local rule=onbrick-${emulated[0]#qemu-}
+  needs "$qemu=qemu-user-static"
+  [ -e $rules/register ] || mount -t binfmt_misc binfmt_misc $rules
+  [ ! -e "$rules/$rule" ] || return 0
+  [ "${emulated[0]}" != qemu-aarch64 ] || class='\x02' machine='\xb7'
+  # A little-endian ELF file of 32 or 64 bits for the machine: magic, mask, and F (opened now, so
+  # that it works in other roots), O and C (as its own user).
+  local magic="\x7fELF$class\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00$machine\x00"
+  local mask='\xff\xff\xff\xff\xff\xff\xff\x00\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff'
+  printf '%s' ":$rule:M::$magic:$mask:$(command -v "$qemu"):OCF" >$rules/register
+  say "from now on this kernel runs programs for $target by QEMU, until the next start;" \
+    "echo -1 >$rules/$rule ends it"
+}
+
 # The C and C++ compiler for the chosen processor, its C library, and what starts its programs.
 install_compiler() {
   needs g++=g++ make=make "$gnu-g++=g++-${gnu//_/-}"

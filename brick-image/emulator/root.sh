@@ -19,22 +19,6 @@ contents=systemd-sysv,udev,dbus,iproute2,openssh-server,sudo,procps
 key=$(sha256sum "${BASH_SOURCE[0]}" | cut -c1-16)
 archive=$cache/root-$key.tar.gz
 
-# Programs for the brick's processor run here by QEMU, which the kernel calls for them; a rule of
-# our own, because Debian's does not let programs change their user, and sudo must.
-enable_emulation() {
-  needs debootstrap=debootstrap qemu-arm-static=qemu-user-static
-  local rules=/proc/sys/fs/binfmt_misc
-  [ -e $rules/register ] || mount -t binfmt_misc binfmt_misc $rules
-  [ ! -e $rules/onbrick-arm ] || return 0
-  # A 32-bit little-endian ELF file for ARM: magic, mask, and F (opened now, so that it works in
-  # other roots), O and C (as its own user).
-  local magic='\x7fELF\x01\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00\x28\x00'
-  local mask='\xff\xff\xff\xff\xff\xff\xff\x00\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff'
-  printf '%s' ":onbrick-arm:M::$magic:$mask:/usr/bin/qemu-arm-static:OCF" >$rules/register
-  say "from now on this kernel runs the brick's programs by QEMU, until the next start;" \
-    "echo -1 >$rules/onbrick-arm ends it"
-}
-
 like_ev3dev() {
   local root=$1
   chroot "$root" groupadd --system ev3dev
@@ -54,6 +38,7 @@ build() {
   work=$(mktemp -d "$cache/root-build.XXXXXX")
   # shellcheck disable=SC2064  # the folder as it is now
   trap "rm -rf '$work'" EXIT
+  needs debootstrap=debootstrap
   enable_emulation
   say "making a Debian armel root, once; a few minutes"
   debootstrap --arch=armel --variant=minbase --include="$contents" "$suite" "$work/root" \

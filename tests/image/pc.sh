@@ -1,19 +1,21 @@
 #!/usr/bin/env bash
 # What a person installs on a PC, where there is least: the package by apt in a root of the oldest
 # Debian that is kept up, the tarball there, and the program alone in an empty root. After
-# `brick-image/release.sh`, and as root.
+# `brick-image/release.sh`, and as root. pc.sh [PROCESSOR]: x86_64 or aarch64, which QEMU emulates
+# on a machine of the other.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 suite=bullseye
-architecture=$(dpkg --print-architecture)
+processor=${1:-$(uname -m)}
+choose_processor "$processor"
 deb=$(find "$checkout/target/dist" -name "onbrick_*_$architecture.deb" | sort -V | tail -n 1)
-tarball=$(find "$checkout/target/dist" -name "onbrick-*-linux-$(uname -m).tar.xz" |
+tarball=$(find "$checkout/target/dist" -name "onbrick-*-linux-$processor.tar.xz" |
   sort -V | tail -n 1)
 for made in "$deb" "$tarball"; do
   [ -e "$made" ] || fail "there is nothing for a PC in target/dist" \
-    "brick-image/release.sh $(uname -m), which makes it"
+    "brick-image/release.sh $processor, which makes it"
 done
 
 # Made once. Its own apt has read the lists.
@@ -23,8 +25,9 @@ make_root() {
   local made started=$SECONDS
   made=$(mktemp -d "$cache/pc.XXXXXX")
   needs debootstrap=debootstrap
-  debootstrap --variant=minbase --include=man-db,bash-completion,fish "$suite" "$made/root" \
-    >"$made/log" 2>&1 || { tail -n 20 "$made/log" >&2 && fail "debootstrap did not make a root"; }
+  debootstrap --arch="$architecture" --variant=minbase --include=man-db,bash-completion,fish \
+    "$suite" "$made/root" >"$made/log" 2>&1 ||
+    { tail -n 20 "$made/log" >&2 && fail "debootstrap did not make a root"; }
   cp /etc/resolv.conf "$made/root/etc"
   chroot "$made/root" apt-get update -qq
   chroot "$made/root" useradd --create-home anna
@@ -34,7 +37,8 @@ make_root() {
   say "the root of $suite took $((SECONDS - started)) s; it is kept in $kept"
 }
 [ "$(id -u)" = 0 ] || fail "this test needs root" "sudo -E $0"
-locked "pc-$suite" make_root
+enable_emulation
+locked "pc-$suite-$architecture" make_root
 mkdir "$root"
 tar xzf "$kept" -C "$root"
 cp /etc/resolv.conf "$root/etc"
