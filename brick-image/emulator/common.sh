@@ -102,7 +102,7 @@ enable_emulation() {
   [ "${emulated[0]}" != qemu-aarch64 ] || class='\x02' machine='\xb7'
   # A little-endian ELF file of 32 or 64 bits for the machine: magic, mask, and F (opened now, so
   # that it works in other roots), O and C (as its own user).
-  local magic="\x7fELF$class\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00$machine\x00"
+  local magic="\x7fELF$class\x01\x01\x00\x00\x00\x00\x00\x00\x00\x00\x00\x02\x00$machine\x00"
   local mask='\xff\xff\xff\xff\xff\xff\xff\x00\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff'
   printf '%s' ":$rule:M::$magic:$mask:$(command -v "$qemu"):OCF" >$rules/register
   say "from now on this kernel runs programs for $target by QEMU, until the next start;" \

@@ -63,6 +63,9 @@ check "it says its version" \
 check "a robot explores, and the map is there" as_anna 'onbrick demo --out demo >said &&
   test -s demo/map.svg && test -s demo/map.png && test -s demo/run.mcap &&
   onbrick replay demo/run.mcap >said'
+cp "$checkout/tests/data/recordings/0.1.0.mcap" "$root/tmp"
+check "a recording of another machine replays bit for bit" as_anna 'onbrick replay /tmp/0.1.0.mcap |
+  grep -q "the same, bit for bit"'
 check "keys: CURVE is in" as_anna 'onbrick key new >/dev/null'
 # Names are the system's matter, which knows those of mDNS, too.
 echo "127.0.0.9 red.local" >>"$root/etc/hosts"
