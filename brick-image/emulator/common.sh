@@ -90,8 +90,8 @@ choose_processor() {
 # Unless a script chooses another.
 choose_processor armv5te
 
-# Lets the kernel start the chosen processor's programs by QEMU (as root); a rule of our own, because
-# Debian's does not let programs change their user, and sudo must.
+# Lets the kernel start the chosen processor's programs by QEMU (as root); a rule of our own,
+# because Debian's does not let programs change their user, and sudo must.
 enable_emulation() {
   [ ${#emulated[@]} != 0 ] || return 0
   local qemu=${emulated[0]}-static rules=/proc/sys/fs/binfmt_misc class='\x01' machine='\x28'
