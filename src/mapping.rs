@@ -30,7 +30,7 @@
 //! | what was placed before a correction | moves with keyframes of the way, which the filter corrects with all else | `mapping/keyframes.rs` |
 //! | what stands | not what was driven over, seen through or lies behind a wall; after the run | `mapping/standing.rs` |
 //! | walls | lines that points vote for, fitted by total least squares; after the run | `mapping/walls.rs` |
-//! | maps of several robots | correlative scan matching, and echoes from behind the other's walls | `mapping/align.rs` |
+//! | maps of several robots | correlative scan matching, and what the other saw | `mapping/align.rs` |
 //! | grid | log-odds, a sonar cone | *Probabilistic Robotics* 9.2; Elfes 1989 |
 //!
 //! # Not here
@@ -79,7 +79,7 @@ mod uncertainty;
 mod walls;
 mod wheels;
 
-pub use align::{Misfit, align};
+pub use align::{Misfit, Testimony, align, has_enough, testimonies};
 pub use estimator::{Estimator, EstimatorState};
 pub use events::Events;
 pub use geometry::{EstimatorConfig, Geometry, GeometryError, Method, RangeMount};

@@ -13,7 +13,8 @@
 //!
 //! # What we count on
 //!
-//! - A number that is not finite is not drawn and not exported.
+//! - A place of a run that is not finite, or further away than 100 km, is not drawn and not
+//!   exported.
 
 mod canvas;
 pub mod chart;
@@ -27,7 +28,7 @@ pub mod timeline;
 pub use canvas::PlotError;
 
 use crate::clock::seconds;
-use crate::mapping::{self, MapPoint, Misfit, Pose, Sight, Wall};
+use crate::mapping::{self, MapPoint, Misfit, Pose, Sight, Testimony, Wall};
 use crate::printable;
 use crate::recording::Run;
 
@@ -76,6 +77,10 @@ pub struct Track {
     pub truth: Vec<[f64; 2]>,
     /// What it found, in order of time.
     pub points: Vec<CloudPoint>,
+    /// What it found that does not stand: not drawn and not exported, but walls are tried by it.
+    pub doubted: Vec<CloudPoint>,
+    /// Its map fits none of the others' ([`Scene::align`]), and says nothing of their walls.
+    pub is_apart: bool,
     /// What a person should know about the recording; empty for one that is whole.
     pub warnings: Vec<String>,
 }
@@ -124,27 +129,37 @@ impl Track {
             y_m: pose.y_m,
             heading_rad: pose.heading_rad,
         });
-        let points = run.points_now().into_iter().map(|point| CloudPoint {
-            time_s: since_start_s(point.time_ns),
-            x_m: point.x_m,
-            y_m: point.y_m,
-        });
+        let cloud = |points: Vec<MapPoint>| -> Vec<CloudPoint> {
+            let near = points.into_iter().filter(|point| is_near(point.x_m, point.y_m));
+            near.map(|MapPoint { time_ns, x_m, y_m }| CloudPoint {
+                time_s: since_start_s(time_ns),
+                x_m,
+                y_m,
+            })
+            .collect()
+        };
+        let (standing, doubted) = run.points_judged();
         let name = run.info.as_ref().map(|info| info.brick.clone()).filter(|name| !name.is_empty());
         Self {
             name: name.unwrap_or_else(|| printable::line(fallback).into_owned()),
-            path: path
-                .filter(|p| [p.x_m, p.y_m, p.heading_rad].iter().all(|v| v.is_finite()))
-                .collect(),
+            path: path.filter(|at| is_near(at.x_m, at.y_m) && at.heading_rad.is_finite()).collect(),
             truth: run
                 .truth
                 .iter()
+                .filter(|pose| is_near(pose.x_m, pose.y_m))
                 .map(|pose| [pose.x_m, pose.y_m])
-                .filter(|place| place.iter().all(|value| value.is_finite()))
                 .collect(),
-            points: points.filter(|p| p.x_m.is_finite() && p.y_m.is_finite()).collect(),
+            points: cloud(standing),
+            doubted: cloud(doubted),
+            is_apart: false,
             warnings: run.warnings.clone(),
         }
     }
+}
+
+/// Whether a place may be one of a run.
+fn is_near(x_m: f64, y_m: f64) -> bool {
+    x_m.abs() < 1e5 && y_m.abs() < 1e5
 }
 
 impl Track {
@@ -162,19 +177,20 @@ impl Track {
             (at.x_m, at.y_m) = place(at.x_m, at.y_m);
             at.heading_rad += by.heading_rad;
         }
-        for point in &mut self.points {
+        for point in self.points.iter_mut().chain(&mut self.doubted) {
             (point.x_m, point.y_m) = place(point.x_m, point.y_m);
         }
     }
 
-    fn sights(&self) -> Vec<Sight> {
+    /// Points with the places that they were seen from.
+    fn sights(&self, points: &[CloudPoint]) -> Vec<Sight> {
         #[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
         let place = |time_s: f64, x_m: f64, y_m: f64| {
             // As the times were made: a point and the place of its tick have the same.
             MapPoint { time_ns: libm::round(time_s * 1e9) as i64, x_m, y_m }
         };
         let points: Vec<MapPoint> =
-            self.points.iter().map(|point| place(point.time_s, point.x_m, point.y_m)).collect();
+            points.iter().map(|point| place(point.time_s, point.x_m, point.y_m)).collect();
         let path: Vec<MapPoint> =
             self.path.iter().map(|at| place(at.time_s, at.x_m, at.y_m)).collect();
         Sight::of(&points, &path)
@@ -189,42 +205,57 @@ struct Bounds {
 }
 
 impl Scene {
-    /// Finds the walls that the points of all tracks make, in the frame that the tracks are in.
+    /// Finds the walls that the points of all tracks make, in the frame that the tracks are in;
+    /// those of a track that is apart by themselves.
     pub fn find_walls(&mut self) {
-        let sights: Vec<Sight> = self.tracks.iter().flat_map(Track::sights).collect();
-        self.walls = mapping::walls(&sights);
+        let all =
+            |track: &Track| [&track.points, &track.doubted].map(|points| track.sights(points));
+        let (apart, together): (Vec<&Track>, Vec<&Track>) =
+            self.tracks.iter().partition(|track| track.is_apart);
+        let together: Vec<Sight> = together.into_iter().flat_map(all).flatten().collect();
+        let apart = apart.into_iter().map(|track| all(track).concat());
+        self.walls =
+            [together].into_iter().chain(apart).flat_map(|all| mapping::walls(&all)).collect();
     }
 
-    /// Corrects the tracks' start poses against each other: the first stays, and each of the others
-    /// is moved as a whole where its map fits the map of one that is in its place. Points of those
-    /// that fit are left out where another of them has seen through them. Gives for each track but
-    /// the first what it was moved by, metres at its start and radians, or why it was not: the last
-    /// of the reasons.
+    /// Corrects the tracks' start poses against each other: the first whose map has points enough
+    /// stays, and each of the others is moved as a whole where its map fits the map of one that is
+    /// in its place; one that fits none is apart. Points of those that fit are left out where
+    /// another of them has seen through them. Gives for each track but the one that stays what it
+    /// was moved by, metres at its start and radians, or why it was not: the last of the reasons.
     pub fn align(&mut self) -> Vec<(usize, Correction)> {
+        let sights = |track: &Track| track.sights(&track.points);
+        let has_enough = |track: &Track| mapping::has_enough(&sights(track), track.start_m());
+        let first = self.tracks.iter().position(has_enough).unwrap_or(0);
         let mut outcomes = Vec::new();
-        let mut placed: Vec<Vec<Sight>> = self.tracks.iter().take(1).map(Track::sights).collect();
-        let mut waiting: Vec<usize> = (1..self.tracks.len()).collect();
+        let mut placed: Vec<Vec<Sight>> =
+            self.tracks.iter().skip(first).take(1).map(sights).collect();
+        let mut fit = vec![first];
+        let mut waiting: Vec<usize> =
+            (0..self.tracks.len()).filter(|place| *place != first).collect();
         // One that fits none may fit one that is placed after it.
         while !waiting.is_empty() {
             let before = waiting.len();
             let mut refused = Vec::new();
             waiting.retain(|&place| {
                 let Some(track) = self.tracks.get_mut(place) else { return false };
-                let (sights, start_m) = (track.sights(), track.start_m());
+                let (own, start_m) = (sights(track), track.start_m());
                 let mut outcome = Err(Misfit::Few);
                 for reference in placed.iter().rev() {
-                    outcome = mapping::align(reference, &sights, start_m);
+                    outcome = mapping::align(reference, &own, start_m);
                     if outcome.is_ok() {
                         break;
                     }
                 }
+                track.is_apart = outcome.is_err();
                 match outcome {
                     Ok(by) => {
                         track.shift(&by);
                         let [x_m, y_m] = track.start_m();
                         let moved_m = libm::hypot(x_m - start_m[0], y_m - start_m[1]);
                         outcomes.push((place, Ok((moved_m, by.heading_rad))));
-                        placed.push(track.sights());
+                        placed.push(sights(track));
+                        fit.push(place);
                         false
                     }
                     Err(misfit) => {
@@ -239,26 +270,22 @@ impl Scene {
             }
         }
         outcomes.sort_by_key(|(place, _)| *place);
-        let fit = outcomes.iter().filter(|(_, outcome)| outcome.is_ok()).map(|(place, _)| *place);
-        let fit: Vec<usize> = [0].into_iter().chain(fit).collect();
         if fit.len() > 1 {
-            self.leave_out_what_moves(&fit);
+            self.leave_out_what_moves(&fit, &placed);
         }
         outcomes
     }
 
-    /// Leaves out the points of some of the tracks that sights of the others among them speak
-    /// against: robots that see each other are no walls. What a robot's own sights speak against is
-    /// in no track ([`Run::points_now`]).
-    fn leave_out_what_moves(&mut self, placed: &[usize]) {
-        let sights: Vec<Vec<Sight>> =
-            placed.iter().filter_map(|place| self.tracks.get(*place)).map(Track::sights).collect();
-        let mut stands = mapping::standing(&sights.concat()).into_iter();
-        for (place, sights) in placed.iter().zip(sights) {
-            let mut own = stands.by_ref().take(sights.len());
-            if let Some(track) = self.tracks.get_mut(*place) {
-                track.points.retain(|_| own.next().unwrap_or(true));
-            }
+    /// Leaves out the points of tracks that fit, given with their sights, that the sights of the
+    /// others among them refute: robots that see each other are no walls.
+    fn leave_out_what_moves(&mut self, fit: &[usize], sights: &[Vec<Sight>]) {
+        for (place, said) in fit.iter().zip(mapping::testimonies(sights)) {
+            let Some(track) = self.tracks.get_mut(*place) else { continue };
+            let mut said = said.into_iter();
+            let (stand, refuted): (Vec<CloudPoint>, Vec<CloudPoint>) =
+                track.points.iter().partition(|_| said.next() != Some(Testimony::Refuted));
+            track.points = stand;
+            track.doubted.extend(refuted);
         }
     }
 

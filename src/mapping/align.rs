@@ -71,13 +71,7 @@ pub enum Misfit {
 ///
 /// [`Misfit`] where it fits nowhere near.
 pub fn align(reference: &[Sight], other: &[Sight], about_m: [f64; 2]) -> Result<Pose, Misfit> {
-    let near = |sights: &[Sight]| -> Vec<Sight> {
-        let is_near = |sight: &&Sight| {
-            libm::hypot(sight.at_m[0] - about_m[0], sight.at_m[1] - about_m[1]) < REACH_M
-        };
-        sights.iter().filter(is_near).copied().collect()
-    };
-    let (reference, other) = (near(reference), near(other));
+    let (reference, other) = (near(reference, about_m), near(other, about_m));
     let pair = [Laid::of(&reference), Laid::of(&other)];
     if pair.iter().any(|laid| laid.points.len() < FEWEST) {
         return Err(Misfit::Few);
@@ -90,6 +84,17 @@ pub fn align(reference: &[Sight], other: &[Sight], about_m: [f64; 2]) -> Result<
     }
     let refuted = refuted(&reference, &other, &there);
     if explained - refuted < FITS { Err(Misfit::Contradicted { refuted }) } else { Ok(there) }
+}
+
+/// Whether a map has points enough for [`align`].
+#[must_use]
+pub fn has_enough(sights: &[Sight], about_m: [f64; 2]) -> bool {
+    thinned(&near(sights, about_m)).len() >= FEWEST
+}
+
+fn near(sights: &[Sight], [x_m, y_m]: [f64; 2]) -> Vec<Sight> {
+    let is_near = |sight: &&Sight| libm::hypot(sight.at_m[0] - x_m, sight.at_m[1] - y_m) < REACH_M;
+    sights.iter().filter(is_near).copied().collect()
 }
 
 /// A move and what it scores: the share of the other's points in the reference, and of the
@@ -225,18 +230,40 @@ fn thinned(sights: &[Sight]) -> Vec<[f64; 2]> {
 fn refuted(reference: &[Sight], other: &[Sight], by: &Pose) -> f64 {
     let moved =
         |sight: &Sight| Sight { at_m: moved(by, sight.at_m), from_m: moved(by, sight.from_m) };
-    let other: Vec<Sight> = other.iter().map(moved).collect();
-    let together = standing(&[reference, &other].concat());
-    let (with_other, with_reference) = together.split_at(reference.len());
-    [(reference, with_other), (&other, with_reference)]
-        .into_iter()
-        .map(|(sights, with_both)| {
-            let alone = standing(sights);
-            let stand = alone.iter().filter(|stands| **stands).count();
-            let lost = alone.iter().zip(with_both).filter(|(alone, both)| **alone && !**both);
-            count(lost.count()) / count(stand).max(1.0)
-        })
-        .sum()
+    let maps = [reference.to_vec(), other.iter().map(moved).collect()];
+    let share = |points: Vec<Testimony>| {
+        let are = |which| count(points.iter().filter(|point| **point == which).count());
+        let (refuted, stand) = (are(Testimony::Refuted), are(Testimony::Stands));
+        refuted / (refuted + stand).max(1.0)
+    };
+    testimonies(&maps).into_iter().map(share).sum()
+}
+
+/// What the sights of maps that fit say of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Testimony {
+    /// It stands.
+    Stands,
+    /// It does not stand by its own map.
+    Falls,
+    /// It stands by its own map, and not by all of them together.
+    Refuted,
+}
+
+/// Of each point of each map what all of them say together ([`standing()`]).
+#[must_use]
+pub fn testimonies(maps: &[Vec<Sight>]) -> Vec<Vec<Testimony>> {
+    let mut together = standing(&maps.concat()).into_iter();
+    let of = |sights: &Vec<Sight>| {
+        let both = standing(sights).into_iter().zip(together.by_ref());
+        let testimony = |(alone, together)| match (alone, together) {
+            (false, _) => Testimony::Falls,
+            (true, false) => Testimony::Refuted,
+            (true, true) => Testimony::Stands,
+        };
+        both.map(testimony).collect()
+    };
+    maps.iter().map(of).collect()
 }
 
 /// A place of a map that is moved, metres.

@@ -90,15 +90,15 @@ pub(super) fn clear(sights: &[Sight]) -> Vec<bool> {
             .flat_map(move |x| squares.range([x, below]..=[x, above]))
             .flat_map(|(_, places)| places.iter().copied())
     };
+    let rays: Vec<Ray> = sights.iter().map(Ray::of).collect();
     let mut found = vec![Evidence::default(); sights.len()];
     // What is no number is no ray either.
-    let is_ray = |sight: &Sight| length(vector(sight.from_m, sight.at_m)) < LONGEST_M;
-    for (place, ray) in sights.iter().enumerate().filter(|(_, sight)| is_ray(sight)) {
+    for (place, ray) in rays.iter().enumerate().filter(|(_, ray)| ray.length_m < LONGEST_M) {
         let low = [0, 1].map(|axis| ray.from_m[axis].min(ray.at_m[axis]) - BODY_M);
         let high = [0, 1].map(|axis| ray.from_m[axis].max(ray.at_m[axis]) + BODY_M);
         for other in between(low, high).filter(|other| *other != place) {
-            if let Some((sight, evidence)) = sights.get(other).zip(found.get_mut(other)) {
-                evidence.add(sight, ray);
+            if let Some((point, evidence)) = rays.get(other).zip(found.get_mut(other)) {
+                evidence.add(point, ray);
             }
         }
     }
@@ -110,12 +110,28 @@ fn square(at_m: [f64; 2]) -> [i32; 2] {
     at_m.map(|m| libm::floor(m / SQUARE_M) as i32)
 }
 
+/// A sight as a vector, metres.
+#[derive(Debug, Clone, Copy)]
+struct Ray {
+    from_m: [f64; 2],
+    at_m: [f64; 2],
+    way_m: [f64; 2],
+    length_m: f64,
+}
+
+impl Ray {
+    fn of(&Sight { from_m, at_m }: &Sight) -> Self {
+        let way_m = vector(from_m, at_m);
+        Self { from_m, at_m, way_m, length_m: libm::sqrt(dot(way_m, way_m)) }
+    }
+}
+
 fn vector(from_m: [f64; 2], to_m: [f64; 2]) -> [f64; 2] {
     [to_m[0] - from_m[0], to_m[1] - from_m[1]]
 }
 
-fn length([x_m, y_m]: [f64; 2]) -> f64 {
-    libm::sqrt(x_m * x_m + y_m * y_m)
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
 }
 
 /// What other sights say of a point.
@@ -127,26 +143,30 @@ struct Evidence {
 }
 
 impl Evidence {
-    fn add(&mut self, sight: &Sight, ray: &Sight) {
-        let way = vector(ray.from_m, sight.at_m);
-        let distance_m = length(way);
-        if distance_m < BODY_M {
+    /// Lengths are compared by their squares: of thousands of sights each comes here with most of
+    /// the others.
+    fn add(&mut self, point: &Ray, ray: &Ray) {
+        let way_m = vector(ray.from_m, point.at_m);
+        let square = dot(way_m, way_m);
+        if square < BODY_M * BODY_M {
             self.is_driven_over = true;
             return;
         }
-        let own_way = vector(sight.from_m, sight.at_m);
-        let own_m = length(own_way);
-        let same_side = way[0] * own_way[0] + way[1] * own_way[1];
-        if distance_m > own_m + FARTHER_M || same_side < SAME_SIDE * distance_m * own_m {
+        let farthest_m = point.length_m + FARTHER_M;
+        let along_own = dot(way_m, point.way_m);
+        let least = SAME_SIDE * point.length_m;
+        if square > farthest_m * farthest_m
+            || along_own < 0.0
+            || along_own * along_own < least * least * square
+        {
             return;
         }
-        let beam = vector(ray.from_m, ray.at_m);
-        let beam_m = length(beam);
-        let along_m = (way[0] * beam[0] + way[1] * beam[1]) / beam_m;
-        let aside_m = (way[0] * beam[1] - way[1] * beam[0]) / beam_m;
-        if along_m > 0.0 && aside_m.abs() < ASIDE_M && beam_m > along_m + BEHIND_M {
+        let along_m = dot(way_m, ray.way_m) / ray.length_m;
+        let aside_m = (way_m[0] * ray.way_m[1] - way_m[1] * ray.way_m[0]) / ray.length_m;
+        let between_m = vector(ray.at_m, point.at_m);
+        if along_m > 0.0 && aside_m.abs() < ASIDE_M && ray.length_m > along_m + BEHIND_M {
             self.passed += 1;
-        } else if length(vector(ray.at_m, sight.at_m)) < AGAIN_M {
+        } else if dot(between_m, between_m) < AGAIN_M * AGAIN_M {
             self.again += 1;
         }
     }

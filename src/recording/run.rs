@@ -202,16 +202,21 @@ impl Run {
     /// stand ([`mapping::standing()`]). The seed's map has all of them.
     #[must_use]
     pub fn points_now(&self) -> Vec<MapPoint> {
+        self.points_judged().0
+    }
+
+    /// The points of [`Run::points_now`], and those that it leaves out.
+    #[must_use]
+    pub fn points_judged(&self) -> (Vec<MapPoint>, Vec<MapPoint>) {
         let points = mapping::points_now(&self.keyframes, &self.points);
         if self.info.as_ref().is_some_and(|info| info.method == Method::Seed) {
-            return points;
+            return (points, Vec::new());
         }
         let place = |(time_ns, Pose { x_m, y_m, .. })| MapPoint { time_ns, x_m, y_m };
         let path: Vec<MapPoint> = self.path_now().map(place).collect();
         // Without a path there are no sights, and nothing speaks against a point.
-        let stands = mapping::standing(&Sight::of(&points, &path)).into_iter();
-        let points = points.into_iter().zip(stands.chain(std::iter::repeat(true)));
-        points.filter(|(_, stands)| *stands).map(|(point, _)| point).collect()
+        let mut stands = mapping::standing(&Sight::of(&points, &path)).into_iter();
+        points.into_iter().partition(|_| stands.next().unwrap_or(true))
     }
 
     /// Each tick's pose as it is known at the end.

@@ -203,6 +203,10 @@ impl<DB: DrawingBackend> Canvas<'_, DB> {
                 if is_drawn && piece.is_empty() {
                     piece.push(from);
                 }
+                // What is no number is no end either.
+                if !length.is_finite() {
+                    break;
+                }
                 if length < left {
                     left -= length;
                     if is_drawn {
