@@ -294,9 +294,9 @@ impl Planner {
         }
         self.target = match request.goal {
             Goal::Frontier { .. } => None,
-            Goal::Place { x_m, y_m } => self.survey.place(x_m, y_m),
+            Goal::Place { x_m, y_m } => self.survey.nearest(x_m, y_m),
         };
-        self.start = self.survey.place(pose.x_m, pose.y_m).unwrap_or(self.home);
+        self.start = self.survey.nearest(pose.x_m, pose.y_m).unwrap_or(self.home);
         let (sin, cos) = libm::sincos(pose.heading_rad);
         self.ahead = [cos, sin];
         self.best = None;

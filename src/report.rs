@@ -13,7 +13,7 @@
 //!
 //! # What we count on
 //!
-//! - A place of a run that is not finite, or further away than 100 km, is not drawn and not
+//! - A place that is not finite, or further away than 100 km, is not drawn, and of a run not
 //!   exported.
 
 mod canvas;
@@ -303,7 +303,7 @@ impl Scene {
             .chain(walls)
             .chain(marks)
             .chain(truth)
-            .filter(|place| place.iter().all(|v| v.is_finite()))
+            .filter(|[x_m, y_m]| is_near(*x_m, *y_m))
         {
             for (axis, value) in place.into_iter().enumerate() {
                 bounds.low[axis] = bounds.low[axis].min(value);
@@ -401,6 +401,44 @@ mod tests {
         assert!(kept.len() <= 12, "{}", kept.len());
         assert_eq!(thinned(&[], 0.1), []);
         assert_eq!(thinned(&[at(1.0)], 0.1), [at(1.0)]);
+    }
+
+    /// A track whose points are every 2 cm, twice, on a rectangle's sides around the origin, where
+    /// the robot stands.
+    fn rectangle(half_m: [f64; 2]) -> Track {
+        let side = |step: i32| f64::from(step) * 0.02;
+        let points = (0..2).flat_map(|axis| {
+            let steps = whole(half_m[1 - axis] / 0.02);
+            (-steps..=steps).flat_map(move |step| {
+                [-1.0, 1.0].map(|sign| {
+                    let mut at_m = [side(step); 2];
+                    at_m[axis] = sign * half_m[axis];
+                    at_m
+                })
+            })
+        });
+        let points = points.flat_map(|[x_m, y_m]| [CloudPoint { time_s: 1.0, x_m, y_m }; 2]);
+        Track { path: vec![at(0.0)], points: points.collect(), ..Track::default() }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "some dozens")]
+    fn whole(value: f64) -> i32 {
+        value as i32
+    }
+
+    #[test]
+    fn maps_that_do_not_fit_have_their_walls_each_and_one_without_points_hinders_none() {
+        let (room, other) = (rectangle([1.0, 0.8]), rectangle([1.9, 1.6]));
+        let lost = Track { points: room.points[..20].to_vec(), ..room.clone() };
+        let mut scene = Scene { tracks: vec![lost, room.clone(), other, room], ..Scene::default() };
+        let outcomes = scene.align();
+        let fit: Vec<bool> = outcomes.iter().map(|(_, outcome)| outcome.is_ok()).collect();
+        assert_eq!(fit, [false, false, true], "{outcomes:?}");
+        assert_eq!(outcomes.iter().map(|(place, _)| *place).collect::<Vec<_>>(), [0, 2, 3]);
+        let apart: Vec<bool> = scene.tracks.iter().map(|track| track.is_apart).collect();
+        assert_eq!(apart, [true, false, true, false]);
+        scene.find_walls();
+        assert_eq!(scene.walls.len(), 8, "{:?}", scene.walls);
     }
 
     #[test]

@@ -15,7 +15,8 @@
 //! # Not here
 //!
 //! No joining of walls to rooms and no corners. Nothing that is shorter than half a metre: of such
-//! stretches most are of posts and corners.
+//! stretches most are of posts and corners. No long runs in a small room: of 7000 points in an
+//! arena of 6 m² all walls are found, of 14,000 one: strays fill the spots beside them.
 //!
 //! # What we count on
 //!
@@ -27,6 +28,9 @@
 //!   the robot 15 to 30 cm apart along the wall, seen squarely: a third of the walls was lost, and
 //!   the share of false ones was no smaller.
 //! - Stretches from 25 cm on: twice the share of false walls.
+//! - Leaving out spots with fewer points than an eighth of the fullest one within 6 cm: after half
+//!   an hour all walls are there again, but in real scans 72 % of the walls found are right for
+//!   84 %. With a sixteenth, or only beside spots of dozens of points, neither is better.
 
 use std::f64::consts::PI;
 

@@ -133,6 +133,17 @@ impl Survey {
         })
     }
 
+    /// The cell that is nearest to a place of the world, at the edge for one beyond it; none for
+    /// what is no place.
+    pub(super) fn nearest(&self, x_m: f64, y_m: f64) -> Option<Place> {
+        let within = |m: f64, first_m: f64, count: usize| {
+            let last = f64::from(u16::try_from(count).unwrap_or(u16::MAX)) - 0.5;
+            m.clamp(first_m, first_m + last * self.cell_m)
+        };
+        let [first_x_m, first_y_m] = self.first_m;
+        self.place(within(x_m, first_x_m, self.columns), within(y_m, first_y_m, self.rows))
+    }
+
     /// A cell's number; that of none outside.
     pub(super) fn index(&self, place: Place) -> u16 {
         let inside = |at: i32, count: usize| usize::try_from(at).ok().filter(|at| *at < count);

@@ -173,7 +173,8 @@ impl Run {
     ///
     /// # Errors
     ///
-    /// [`ReadError::NotARecording`]; a cut or damaged file is none.
+    /// [`ReadError::NotARecording`], also for several runs in one file; a cut or damaged file is
+    /// no error.
     pub fn read(bytes: &[u8]) -> Result<Self, ReadError> {
         let mut collected = Collected::default();
         let mut undecoded = 0_u64;
@@ -186,6 +187,12 @@ impl Run {
             recognise(bytes)?;
         }
         let Collected { mut run, ahead_ns, map } = collected;
+        let is_whole = integrity.complete && integrity.damaged.is_empty();
+        if is_whole && run.info.is_none() && run.poses.is_empty() {
+            let why = "the file holds no run, or several together, which viewers open; each run \
+                       has a recording of its own";
+            return Err(ReadError::NotARecording { why });
+        }
         let offset_ns = run.info.as_ref().map(|info| info.wall_offset_ns).or(ahead_ns).unwrap_or(0);
         // Those that were written while it grew are not all of it.
         let ended_ns = run.ending.as_ref().map(|ending| ending.time_ns.saturating_add(offset_ns));

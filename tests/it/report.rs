@@ -176,7 +176,9 @@ fn nothing_and_what_is_not_finite_is_a_picture_too() {
         points: vec![CloudPoint { time_s: 0.0, x_m: 1e9, y_m: -1e9 }],
         ..Track::default()
     };
-    for scene in [Scene::default(), Scene { tracks: vec![odd], ..Scene::default() }] {
+    let far = Track { truth: vec![[0.0, 0.0], [1.7e308, -1.7e308]], ..odd.clone() };
+    for tracks in [vec![], vec![odd], vec![far]] {
+        let scene = Scene { tracks, ..Scene::default() };
         assert!(plot::svg(&scene).unwrap().contains("</svg>"));
         assert!(!plot::png(&scene).unwrap().is_empty());
         assert!(plot::html(&scene).contains("</html>"));
@@ -367,6 +369,8 @@ fn several_runs_get_a_namespace_each_in_one_tree_of_frames() {
     let cut = &second[..second.len() - 2_000];
     let exported =
         export::mcap(&[part("Ada", &first, 0), part("Grace", cut, 7_000_000_000)]).unwrap();
+    let refused = Run::read(&exported).unwrap_err().to_string();
+    assert!(refused.contains("several together"), "{refused}");
     let Some(found) = python(&exported, "indexed") else { return };
     let topics = &found["topics"];
     assert_eq!(topics["/ada/senses"]["count"], 100);
