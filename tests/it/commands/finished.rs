@@ -183,10 +183,14 @@ fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
             "{:?}",
             summary.stats
         );
-        Run::read(&bytes).unwrap()
+        Run::read(&bytes)
     };
     run(folder.path(), &["repair", "left.mcap", "right.mcap", "--out", "both.mcap"]).expect(0);
-    indexed("both.mcap");
+    assert!(indexed("both.mcap").is_err(), "it is for viewers");
+    for command in [&["plot", "-o", "both.svg"][..], &["replay"], &["export", "--format", "csv"]] {
+        let said = run(folder.path(), &[command, &["both.mcap"]].concat()).expect(3);
+        assert!(said.err.contains("a recording of its own"), "{}", said.err);
+    }
     let bytes = std::fs::read(folder.path().join("left.mcap")).unwrap();
     let cut = &bytes[..bytes.len() / 2];
     std::fs::write(folder.path().join("cut.mcap"), cut).unwrap();
@@ -196,7 +200,7 @@ fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
         "{}",
         said.err
     );
-    let (cut, repaired) = (Run::read(cut).unwrap(), indexed("cut.repaired.mcap"));
+    let (cut, repaired) = (Run::read(cut).unwrap(), indexed("cut.repaired.mcap").unwrap());
     assert_eq!(repaired.senses, cut.senses);
     assert_eq!((repaired.logs, repaired.checkpoints), (cut.logs, cut.checkpoints));
     assert_eq!(repaired.info, cut.info);
