@@ -78,7 +78,7 @@ pub fn standing(sights: &[Sight]) -> Vec<bool> {
 }
 
 /// Of each sight, whether its point was neither driven over nor seen through.
-pub(super) fn clear(sights: &[Sight]) -> Vec<bool> {
+fn clear(sights: &[Sight]) -> Vec<bool> {
     let mut squares: BTreeMap<[i32; 2], Vec<usize>> = BTreeMap::new();
     for (place, sight) in sights.iter().enumerate() {
         squares.entry(square(sight.at_m)).or_default().push(place);

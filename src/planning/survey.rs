@@ -138,8 +138,12 @@ impl Survey {
     pub(super) fn nearest(&self, x_m: f64, y_m: f64) -> Option<Place> {
         let within = |m: f64, first_m: f64, count: usize| {
             let last = f64::from(u16::try_from(count).unwrap_or(u16::MAX)) - 0.5;
-            m.clamp(first_m, first_m + last * self.cell_m)
+            // A grid without cells has no last one: so `clamp`, which panics there, will not do.
+            m.min(first_m + last * self.cell_m).max(first_m)
         };
+        if !x_m.is_finite() || !y_m.is_finite() {
+            return None;
+        }
         let [first_x_m, first_y_m] = self.first_m;
         self.place(within(x_m, first_x_m, self.columns), within(y_m, first_y_m, self.rows))
     }
