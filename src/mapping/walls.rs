@@ -128,8 +128,8 @@ const COMMON_RAD: f64 = 0.03;
 /// The walls of a map, the best first. Sights of several robots may be mixed.
 ///
 /// Of more than 5000 sights it looks at an even part: in a small room strays fill all spots beside
-/// the walls in time, and at a run's end a brick has its work bounded. Takes memory for each of them, and votes
-/// of 0.1 MB for a room, 3 MB for 200 m.
+/// the walls in time, and at a run's end a brick has its work bounded. Takes memory for each of
+/// them, and votes of 0.1 MB for a room, 3 MB for 200 m.
 #[must_use]
 pub fn walls(sights: &[Sight]) -> Vec<Wall> {
     let some: Vec<Sight> = part(sights).copied().collect();
