@@ -22,6 +22,12 @@
 //! it is *tried*, so that exploring ends. A step costs four times as much, and is driven slowly,
 //! where something solid or unknown is near or through which no beam went from near.
 //!
+//! The way to a place takes what is not known to be free until the robot has looked at it (the
+//! freespace assumption; Koenig and Likhachev, *D\* Lite*, 2002): it is told as far as it is known,
+//! and the robot looks on from there ([`Outcome::Frontier`]). What is still not known after two
+//! looks counts as blocked, and so does what a map's point is near to. So a place that cannot be
+//! reached is given up in the end, after as many looks as exploring takes.
+//!
 //! What is of interest need not be drivable: the way ends where the robot can look at it. A robot
 //! that stands nearer to something than it should gets away from there over any cell that is not
 //! solid.
@@ -36,8 +42,8 @@
 //! Nothing is allocated after construction: 0.4 MB, for grids of up to [`Planner::MOST_COLUMNS`]
 //! columns and 65 000 cells. A plan is made in slices, one a tick: 36 rows of the grid become bits,
 //! or 12 rows with something known are widened by the distance to keep, or the wave goes over 100
-//! cells. A plan for the usual room takes 15 ticks; it is made while the robot drives by the one
-//! before. Measured on x86-64 at opt-level 1: 64 000 instructions for the rows that become bits,
+//! cells. A plan for the usual room takes 15 ticks, one to a place that cannot be reached 150; it is made
+//! while the robot drives by the one before. Measured on x86-64 at opt-level 1: 64 000 instructions for the rows that become bits,
 //! 53 000 for those that are widened.
 //!
 //! # What we count on
@@ -90,6 +96,8 @@ const CLEARS_M: f64 = 0.9;
 const BEFORE_M: f64 = 0.12;
 /// A cell is looked at from near within this, cells: the cone is no wider than a wall's piece.
 const LOOKED_NEAR: i32 = 9;
+/// What lies in the way to a place counts as blocked when it was looked at so often.
+const LOOKS: u8 = 2;
 /// Around the goal of a look all is tried within this, cells.
 const GOAL_NEAR: i32 = 4;
 /// A way ends so far before what is of interest, cells: from there a sweep sees it best.
@@ -137,6 +145,8 @@ pub struct Planner {
     best: Option<(i32, Place)>,
     /// The goal of the plan before.
     last_goal: Option<Place>,
+    /// How often it was looked at.
+    looks: u8,
     /// The robot's cell in the tick before.
     stood: Option<Place>,
     home: Place,
@@ -169,6 +179,7 @@ impl Planner {
             target: None,
             best: None,
             last_goal: None,
+            looks: 0,
             stood: None,
             home,
             obstacles: ArrayVec::new(),
@@ -248,7 +259,8 @@ impl Planner {
                 None
             }
             Phase::Grow { row } => {
-                let next = self.survey.grow(row, GROWN_ROWS, request.keep_m / grid.cell_m());
+                let keep = request.keep_m / grid.cell_m();
+                let next = self.survey.grow(row, GROWN_ROWS, keep, self.target.is_some());
                 self.wave.clear(self.survey.cells(row..next));
                 self.phase = self.rows_done(next, |row| Phase::Grow { row });
                 if self.phase == Phase::Spread {
@@ -283,7 +295,8 @@ impl Planner {
             self.survey.obstacles.set(*place);
         }
         self.obstacles.retain(|(_, plans)| *plans > 0);
-        if request.looked.is_some()
+        if matches!(request.goal, Goal::Frontier { .. })
+            && request.looked.is_some()
             && let Some(goal) = self.last_goal
         {
             self.survey.tried.fill_disc(goal, GOAL_NEAR);
@@ -344,8 +357,11 @@ impl Planner {
         if from.is_drivable() && to.is_drivable() {
             return true;
         }
+        if self.target.is_some() {
+            return from.is_promising() && to.is_promising();
+        }
         // From what is only seen nothing leads back to the floor.
-        self.target.is_none() && to.is_passable() && !to.is_drivable()
+        to.is_passable() && !to.is_drivable()
     }
 
     /// Whether a cell that the wave has come to is the best goal so far.
@@ -386,7 +402,9 @@ impl Planner {
         self.plan.serial = request.serial;
         self.plan.waypoints.clear();
         self.plan.whole = true;
-        self.last_goal = self.best.map(|(_, goal)| goal);
+        if self.target.is_none() {
+            self.last_goal = self.best.map(|(_, goal)| goal);
+        }
         let Some((worth, goal)) = self.best else {
             self.phase = Phase::Idle;
             self.plan.outcome = Outcome::Nothing;
@@ -406,6 +424,13 @@ impl Planner {
             let kind = self.survey.kind(at);
             let place = self.survey.place_of(at);
             let is_far = place.distance2(goal) >= view * view;
+            if self.target.is_some() && !kind.is_drivable() {
+                // So far the way is known: from there the robot looks on.
+                self.plan.waypoints.clear();
+                self.plan.whole = true;
+                self.plan.outcome = Outcome::Frontier;
+                self.plan.goal = place.bytes();
+            }
             if kind.is_drivable() && is_far && (step % 2 == 0 || self.plan.waypoints.is_empty()) {
                 if self.plan.waypoints.is_full() {
                     // The first ones are needed first.
@@ -417,6 +442,9 @@ impl Planner {
                 self.plan.waypoints.push([column, row, weight]);
             }
             let Some(before) = self.before(at, kind) else {
+                if self.plan.outcome == Outcome::Frontier && !self.looks_new() {
+                    return None;
+                }
                 self.plan.waypoints.reverse();
                 self.plan.retraces = self.retraces();
                 self.plan.is_cramped = self.is_cramped();
@@ -427,6 +455,26 @@ impl Planner {
         }
         self.phase = Phase::Trace { at, goal };
         None
+    }
+
+    /// Whether what lies in the way to the place has not just been looked at. What has, and is
+    /// still not known, counts as blocked, and the plan begins again.
+    fn looks_new(&mut self) -> bool {
+        let [column, row] = self.plan.goal.map(i32::from);
+        let goal = Place { column, row };
+        let is_near = |last: Place| last.distance2(goal) <= 2;
+        let has_looked = self.request.is_some_and(|request| request.looked.is_some());
+        let is_same = self.last_goal.is_some_and(is_near);
+        self.looks = if is_same { self.looks + u8::from(has_looked) } else { 0 };
+        if self.looks >= LOOKS {
+            self.looks = 0;
+            self.survey.tried.fill_disc(goal, GOAL_NEAR);
+            self.best = None;
+            self.phase = Phase::Grow { row: 0 };
+            return false;
+        }
+        self.last_goal = Some(goal);
+        true
     }
 
     /// Whether the robot cannot turn where it is, and has driven the first piece of the way before.

@@ -64,12 +64,15 @@
 //!
 //! With `explore_m` the robot drives where its map is not known yet, and looks round, until nothing
 //! is left that it can reach. A `goto` with `keep_m` finds its way over that map and stays so far
-//! from what it shows. The map reaches 5 m to each side of the start: to a place beyond it the
-//! robot drives straight from the map's edge, and stops before what it sees. A `goto` to a place
-//! that cannot be reached may be `done` before it: `distance_m(x, y)` tells. Both take a range
-//! sensor and move the head, too; where the sensor is fixed, the robot turns round to look. A
-//! variable may begin with an expression: here with where the robot is at the start. The shipped
-//! mission `explore` is this one with ways out for wheels that are blocked.
+//! from what it shows. It goes through what is not known yet, too, and looks as it comes there. The
+//! map reaches 5 m to each side of the start: to a place beyond it the robot drives straight from
+//! the map's edge, and stops before what it sees. A `goto` to a place that cannot be reached is
+//! `done` without it when every way was tried, which can take as long as exploring:
+//! `distance_m(x, y)` tells how far it is, and a condition on `state_s` ends it sooner. Both take a
+//! range sensor and move the head, too; where the sensor is fixed, the robot turns round to look. A
+//! pressed bumper makes the robot back off and go round. A variable may begin with an expression:
+//! here with where the robot is at the start. The shipped mission `explore` is this one with ways
+//! out for wheels that are blocked.
 //!
 //! ```toml
 //! name = "round-trip"

@@ -5,11 +5,11 @@
 //! drives, so that what the map has gained meanwhile counts. At the end of a way to something
 //! unknown it looks there with the head, or where the range sensor is fixed, by turning once on the
 //! spot, to the left and to the right in turn. Exploring is done when two plans in a row have found
-//! nothing, with a look round between them.
+//! nothing, with a look round between them; what ends a way to a place stands in `ending`.
 //!
 //! An echo from within the robot's own lane stops it; it becomes an obstacle of the next plan. A
-//! robot that is stopped again and again in one place backs off; one that has no room to turn
-//! drives back the way that it came.
+//! robot whose bumper is pressed, or that is stopped again and again in one place, backs off; one
+//! that has no room to turn drives back the way that it came.
 //!
 //! # Not here
 //!
@@ -21,6 +21,7 @@ use std::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 mod cramped;
+mod ending;
 mod looking;
 mod tick;
 
@@ -30,7 +31,7 @@ use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, seconds};
 use crate::ev3dev::StopAction;
 use crate::planning::{self, Outcome, Plan, Request, View};
-use crate::units::{within, wrap_rad};
+use crate::units::within;
 use looking::{HEAD_NEAR_RAD, HeadAim};
 use tick::Tick;
 
@@ -126,8 +127,11 @@ pub struct NavigationState {
     is_tight: bool,
     /// It tries what it tried before once more.
     is_second: bool,
-    /// Plans in a row that found nothing.
+    /// Efforts in a row that brought it no nearer, and how far from the place that was at least.
     empty: u8,
+    nearest_m: Option<f64>,
+    /// The bumper was pressed in the step before.
+    is_pressed: bool,
     /// Stops in a row, and metres driven at the last one.
     stops: u8,
     stopped_m: f64,
@@ -157,9 +161,6 @@ const TURNING: f64 = 0.7;
 /// The slowest on the way, metres per second.
 const CREEP_M_S: f64 = 0.02;
 
-/// What is further beside straight ahead is turned to before it is looked at.
-const FACE_RAD: f64 = 50.0 * (PI / 180.0);
-
 /// On a narrow way it is no faster, and a robot that finds no other way comes nearer to things by
 /// this.
 const NARROW_M_S: f64 = 0.045;
@@ -169,12 +170,6 @@ const TIGHT: f64 = 0.75;
 const SAME_PLACE_M: f64 = 0.10;
 const STOPS: u8 = 3;
 const BACK_OFF_M: f64 = 0.08;
-
-/// No nearer than this to a place where something is in the way, metres.
-const CLOSE_M: f64 = 0.08;
-
-/// A place that cannot be reached is driven to straight from within this, metres.
-const STRAIGHT_M: f64 = 0.30;
 
 const STILL: Drive = Drive::Stop(StopAction::Brake);
 
@@ -229,6 +224,10 @@ impl NavigationState {
         let first_rad = *self.first_rad.get_or_insert(at.heading_rad);
         let keep_m = if self.is_tight { TIGHT * order.keep_m } else { order.keep_m };
         let tick = Tick { first_rad, keep_m, order, at, signals, limits, step_s };
+        let was_pressed = std::mem::replace(&mut self.is_pressed, tick.is_pressed());
+        if self.is_pressed && !was_pressed && matches!(self.phase, Phase::Drive | Phase::Arrive) {
+            self.back_off(motion);
+        }
         let drive = match self.phase {
             Phase::Begin => {
                 match order.goal {
@@ -267,12 +266,7 @@ impl NavigationState {
     /// A motion of its own, and what follows it.
     fn moving(&mut self, tick: &Tick<'_>, motion: &mut MotionState) -> Drive {
         if self.phase == Phase::Arrive && tick.is_ahead().is_some() {
-            match tick.order.goal {
-                Goal::Place { x_m, y_m, .. } if tick.at.to(x_m, y_m).0 < CLOSE_M => {
-                    self.face_end(tick, motion);
-                }
-                _ => self.stop(tick, motion),
-            }
+            self.stop(tick, motion);
             return STILL;
         }
         let drive = motion.step(|| None, tick.signals, tick.limits);
@@ -282,7 +276,10 @@ impl NavigationState {
                 Phase::TurnRound => self.ask(tick, Some(View::Around), None),
                 Phase::Arrive => self.face_end(tick, motion),
                 Phase::FaceEnd => self.phase = Phase::Done,
-                _ => self.look_round(tick, motion),
+                _ if matches!(tick.order.goal, Goal::Explore { .. }) => {
+                    self.look_round(tick, motion);
+                }
+                _ => self.try_harder(tick, motion),
             }
             return STILL;
         }
@@ -321,23 +318,10 @@ impl NavigationState {
         self.planned_ns = tick.signals.time_ns();
         self.next = 0;
         if self.plan.outcome == Outcome::Nothing {
-            self.rest();
-            self.empty = self.empty.saturating_add(1);
-            if self.empty == 1 {
-                self.look_round(tick, motion);
-            } else if !self.is_tight {
-                self.is_tight = true;
-                self.ask(tick, None, None);
-            } else if !self.is_second {
-                (self.is_second, self.is_tight, self.empty) = (true, false, 0);
-                self.ask(tick, None, None);
-                self.request = self.request.map(|request| Request { again: true, ..request });
-            } else {
-                self.phase = Phase::Done;
-            }
+            self.try_harder(tick, motion);
             return;
         }
-        if self.plan.outcome == Outcome::Near && !self.is_tight {
+        if self.leads_away(tick) && !self.is_tight {
             self.is_tight = true;
             self.phase = Phase::Wait;
             self.ask(tick, None, None);
@@ -424,65 +408,36 @@ impl NavigationState {
         Some((target, if self.plan.whole { end_m.max(far_m(target)) } else { f64::INFINITY }))
     }
 
-    /// The way's end.
-    fn reached(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
-        if !self.plan.whole {
-            self.ask(tick, None, None);
-            self.phase = Phase::Wait;
-            return;
-        }
-        match tick.order.goal {
-            Goal::Explore { .. } => {
-                (self.empty, self.is_tight) = (0, false);
-                let [x_m, y_m] = self.plan.goal();
-                let (_, bearing_rad) = tick.at.to(x_m, y_m);
-                if tick.limits.head_rad <= 0.0 {
-                    self.look_round(tick, motion);
-                } else if bearing_rad.abs() > FACE_RAD {
-                    let turn_rad = tick.turn_rad(bearing_rad);
-                    self.begin(Phase::Face, motion, motion::Goal::Turn { turn_rad });
-                } else {
-                    self.look_at(tick, [x_m, y_m]);
-                }
-            }
-            Goal::Place { x_m, y_m, .. } => {
-                let (far_m, _) = tick.at.to(x_m, y_m);
-                self.empty = self.empty.saturating_add(1);
-                if self.plan.outcome == Outcome::Way || far_m < STRAIGHT_M || self.empty > 2 {
-                    let goal = motion::Goal::Place { x_m, y_m, face_rad: None };
-                    self.begin(Phase::Arrive, motion, goal);
-                } else {
-                    self.look_round(tick, motion);
-                }
-            }
-        }
-    }
-
-    /// Turns to the heading at the end of all.
-    fn face_end(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
-        let Goal::Place { face_rad: Some(face_rad), .. } = tick.order.goal else {
-            self.phase = Phase::Done;
-            return;
-        };
-        let face_rad = tick.first_rad + wrap_rad(face_rad - tick.first_rad);
-        let turn_rad = face_rad - tick.at.heading_rad;
-        self.begin(Phase::FaceEnd, motion, motion::Goal::Turn { turn_rad });
-    }
-
     /// Something is in the way.
     fn stop(&mut self, tick: &Tick<'_>, motion: &mut MotionState) {
         self.rest();
+        if let Goal::Place { x_m, y_m, .. } = tick.order.goal
+            && tick.at.to(x_m, y_m).0 < tick.order.keep_m
+        {
+            // It may come no nearer.
+            self.face_end(tick, motion);
+            return;
+        }
+        if self.phase == Phase::Arrive || self.is_near_end(tick) {
+            self.try_harder(tick, motion);
+            return;
+        }
         let obstacle = tick.is_ahead();
         let travelled_m = tick.signals.get(Signal::Travelled).unwrap_or(self.stopped_m);
         let is_same_place = (travelled_m - self.stopped_m).abs() < SAME_PLACE_M;
         self.stops = if is_same_place { self.stops.saturating_add(1) } else { 1 };
         self.stopped_m = travelled_m;
         if self.stops >= STOPS {
-            self.stops = 0;
-            self.begin(Phase::BackOff, motion, motion::Goal::Ahead { way_m: -BACK_OFF_M });
+            self.back_off(motion);
             return;
         }
         self.ask(tick, None, obstacle);
+    }
+
+    fn back_off(&mut self, motion: &mut MotionState) {
+        self.rest();
+        self.stops = 0;
+        self.begin(Phase::BackOff, motion, motion::Goal::Ahead { way_m: -BACK_OFF_M });
     }
 
     fn begin(&mut self, phase: Phase, motion: &mut MotionState, goal: motion::Goal) {

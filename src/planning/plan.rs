@@ -64,6 +64,8 @@ pub enum Outcome {
     Nothing,
     /// There is a way.
     Way,
+    /// There is a way if what is not known there is free: it is told as far as it is known.
+    Frontier,
     /// There is a way to the nearest place that can be reached, but not to the goal itself.
     Near,
 }

@@ -25,8 +25,8 @@ impl Kind {
     const DEAR: [u8; 2] = [0x02, 0x04];
     const DRIVABLE: u8 = 0x08;
     const PASSABLE: u8 = 0x10;
-    const STOOD: u8 = 0x20;
-    const INTEREST: u8 = 0x40;
+    const INTEREST: u8 = 0x20;
+    const ASSUMED: u8 = 0x40;
 
     /// The robot can drive there.
     pub(super) fn is_drivable(self) -> bool {
@@ -36,6 +36,11 @@ impl Kind {
     /// The robot can drive or at least look there.
     pub(super) fn is_passable(self) -> bool {
         self.0 & (Self::DRIVABLE | Self::PASSABLE) != 0
+    }
+
+    /// The robot can drive there, or could if what is not known there is free.
+    pub(super) fn is_promising(self) -> bool {
+        self.0 & (Self::DRIVABLE | Self::ASSUMED) != 0
     }
 
     pub(super) fn is_of_interest(self) -> bool {
@@ -133,13 +138,14 @@ impl Survey {
         })
     }
 
-    /// The cell that is nearest to a place of the world, at the edge for one beyond it; none for
-    /// what is no place.
+    /// The cell that is nearest to a place of the world and can be driven to, beside the edge for
+    /// one beyond it; none for what is no place.
     pub(super) fn nearest(&self, x_m: f64, y_m: f64) -> Option<Place> {
+        // The outermost cells are blocked.
         let within = |m: f64, first_m: f64, count: usize| {
-            let last = f64::from(u16::try_from(count).unwrap_or(u16::MAX)) - 0.5;
+            let last = f64::from(u16::try_from(count).unwrap_or(u16::MAX)) - 1.5;
             // A grid without cells has no last one: so `clamp`, which panics there, will not do.
-            m.min(first_m + last * self.cell_m).max(first_m)
+            m.min(first_m + last * self.cell_m).max(first_m + 1.5 * self.cell_m)
         };
         if !x_m.is_finite() || !y_m.is_finite() {
             return None;
@@ -247,7 +253,8 @@ impl Survey {
     /// those without anything known cost little.
     ///
     /// - `keep`: the distance to keep, cells.
-    pub(super) fn grow(&mut self, first: usize, most: usize, keep: f64) -> usize {
+    /// - `assumes`: what is not known is assumed to be free.
+    pub(super) fn grow(&mut self, first: usize, most: usize, keep: f64, assumes: bool) -> usize {
         let widest = f64::from(WIDEST);
         #[expect(
             clippy::cast_possible_truncation,
@@ -260,10 +267,11 @@ impl Survey {
         let mut row = first;
         while row < self.rows && done < most && row < first + 8 * most {
             let known = self.known(signed(row));
-            if known == Row::default() {
+            if known == Row::default() && !(assumes && self.is_heard(row)) {
                 self.interest.set_row(signed(row), known);
+                let is_edge = row == 0 || row + 1 == self.rows;
                 let cells = self.cells(row..row + 1);
-                self.kinds[cells].fill(Kind::default());
+                self.kinds[cells].fill(Kind(if is_edge { 0 } else { Kind::ASSUMED }));
             } else {
                 self.derive(row, known, reach2);
                 done += 1;
@@ -271,6 +279,14 @@ impl Survey {
             row += 1;
         }
         row
+    }
+
+    /// Whether anything was heard in a row or near to it, or looked at.
+    fn is_heard(&self, row: usize) -> bool {
+        let reach = -i32::from(WIDEST)..=i32::from(WIDEST);
+        let seen = [&self.tried, &self.pointed].map(|layer| layer.row(signed(row)));
+        let mut rows = reach.map(|rows| self.solid(signed(row) + rows)).chain(seen);
+        rows.any(|row| row != Row::default())
     }
 
     /// What follows for a row.
@@ -287,6 +303,8 @@ impl Survey {
         let unknown = either(either(unknown(row - 1), unknown(row)), unknown(row + 1));
         let unknown = widened(unknown);
         let drivable = without(without(passable, close), unknown);
+        let seen = either(self.tried.row(row), self.pointed.row(row));
+        let assumed = without(without(ALL, close), either(drivable, seen));
         // Two cells further from what is not known nothing unseen stands in the way.
         let inner = either(inner, widened(widened(unknown)));
         let inner =
@@ -304,8 +322,8 @@ impl Survey {
             (inner, Kind::DEAR[1]),
             (drivable, Kind::DRIVABLE),
             (passable, Kind::PASSABLE),
-            (self.stood.row(row), Kind::STOOD),
             (interest, Kind::INTEREST),
+            (assumed, Kind::ASSUMED),
         ];
         // The outermost cells stay blocked, so that each of the others has eight neighbours.
         let is_edge = at == 0 || at + 1 == self.rows;
@@ -313,7 +331,7 @@ impl Survey {
         for (column, kind) in self.kinds[cells].iter_mut().enumerate() {
             *kind = Kind::default();
             let (word, bit) = (column >> 5, column & 31);
-            if known[word] >> bit & 1 == 0 || is_edge || column == 0 || column + 1 == columns {
+            if is_edge || column == 0 || column + 1 == columns {
                 continue;
             }
             for (bits, property) in &properties {

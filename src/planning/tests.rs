@@ -192,6 +192,31 @@ fn a_place_behind_walls_is_come_near_to() {
 }
 
 /// A room with a wall in its middle that has a passage of seven cells.
+#[test]
+fn a_place_out_of_sight_is_looked_for_through_what_is_not_known_until_that_was_looked_at() {
+    let mut drawn = drawn(&room(), [-15, 0]);
+    hear(&mut drawn, 2);
+    let outside = [30, 0];
+    let (plan, _) = drawn.plan(&to_place(1, outside));
+    assert_eq!(plan.outcome, Outcome::Frontier);
+    let ([x_m, y_m], end) = (plan.goal(), plan.waypoints().next_back().expect("a way"));
+    assert!((0.8..1.1).contains(&x_m) && y_m.abs() < 0.25, "the gap is looked at: ({x_m}, {y_m})");
+    assert!(end[0] < x_m, "and the way ends before it: {end:?}");
+    let (mut serial, mut looks) = (2, 0);
+    let looked = Some(View::Ahead);
+    while drawn.plan(&Request { looked, ..to_place(serial, outside) }).0.outcome
+        == Outcome::Frontier
+    {
+        (serial, looks) = (serial + 1, looks + 1);
+        assert!(looks < 12, "it ends");
+    }
+    assert!(looks + 1 >= LOOKS, "{looks} looks");
+    let (plan, _) = drawn.plan(&to_place(serial + 1, outside));
+    assert_eq!(plan.outcome, Outcome::Near, "looked at in vain, the gap is as good as closed");
+    let again = Request { again: true, ..to_place(serial + 2, outside) };
+    assert_eq!(drawn.plan(&again).0.outcome, Outcome::Frontier);
+}
+
 fn rooms() -> Vec<String> {
     let mut rooms = room();
     for (at, line) in rooms.iter_mut().enumerate() {

@@ -62,6 +62,8 @@ pub struct Pilot {
     map: Map,
     /// Where the mission finds its way over the map.
     planner: Option<Planner>,
+    /// The bumper was pressed in the tick before.
+    is_pressed: bool,
     program: Program,
     signals: Signals,
     stalls: StallWatch,
@@ -144,17 +146,23 @@ impl Pilot {
         required.extend(config.has(Role::Gyro).then_some(Channel::Gyro));
         required
             .extend(mission.senses().iter().filter(|channel| !Channel::WHEELS.contains(channel)));
+        // The range is the estimator's. A bumper helps to find the way, and may be missing.
+        let mut sensed = required.clone();
+        sensed.retain(|channel| *channel != Channel::Range);
+        if planner.is_some() && !sensed.contains(&Channel::Touch) {
+            sensed.push(Channel::Touch);
+        }
         Ok(Self {
             config: config.clone(),
             plausibility: Plausibility::new(config, &required),
-            // The range is the estimator's.
-            sensed: required.iter().copied().filter(|channel| *channel != Channel::Range).collect(),
+            sensed,
             required,
             on_lost: mission.on_lost(),
             time_limit_ns: nanoseconds(mission.time_limit_s()),
             estimator: Estimator::new(estimator, start),
             map,
             planner,
+            is_pressed: false,
             program: mission.start()?.with_limits(config.motion_limits()),
             signals: Signals::default(),
             stalls: StallWatch::default(),
@@ -357,9 +365,13 @@ impl Pilot {
             self.estimator.config().geometry.range().max_m,
         );
         let [left_rad_s, right_rad_s] = self.wheels_rad_s;
+        let touch = self.signals.get(Signal::Sensed(Channel::Touch));
+        // A bumper that stays pressed says nothing about where the robot comes to.
+        let was_pressed = std::mem::replace(&mut self.is_pressed, touch.is_some_and(|on| on > 0.5));
+        let is_bumped = self.is_pressed && !was_pressed && left_rad_s + right_rad_s > 0.0;
         if stalled && left_rad_s * right_rad_s < 0.0 {
             planner.cramp();
-        } else if stalled {
+        } else if stalled || is_bumped {
             // What blocks the wheels the sensor does not see, or it would not have come to that.
             let way_m = BLOCKED_M * (left_rad_s + right_rad_s).signum();
             let (sin, cos) = libm::sincos(pose.heading_rad);

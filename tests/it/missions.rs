@@ -6,6 +6,7 @@ pub mod motions;
 mod replay;
 mod shipped;
 mod signals;
+mod ways;
 
 use std::path::PathBuf;
 

@@ -37,6 +37,11 @@ impl Tick<'_> {
         self.signals.get(Signal::Sensed(Channel::Head)).unwrap_or(0.0)
     }
 
+    /// Whether the bumper is pressed.
+    pub(super) fn is_pressed(&self) -> bool {
+        self.signals.get(Signal::Sensed(Channel::Touch)).is_some_and(|touch| touch > 0.5)
+    }
+
     /// How far to turn to what lies so far beside straight ahead: the other way round where the
     /// turns would sum up, and with them the error of the gyro's scale.
     pub(super) fn turn_rad(&self, bearing_rad: f64) -> f64 {

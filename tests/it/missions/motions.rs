@@ -120,31 +120,3 @@ fn motions_end_where_they_should() {
         assert!(odometry.1 < most_deg, "{what}: {} degrees by odometry", odometry.1);
     }
 }
-
-/// A hall of 9 m by 1.5 m; the map of a run that begins in it reaches 5 m to each side.
-const HALL: &str = r#"
-name = "hall"
-[[start]]
-at = [0.5, 0.75]
-[[wall]]
-points = [[0, 0], [9, 0], [9, 1.5], [0, 1.5]]
-closed = true
-"#;
-
-#[test]
-fn a_place_beyond_the_map_is_reached_and_the_start_again() {
-    let there_and_back = ["goto = [8.0, 0.75], keep_m = 0.15", "goto = [0.5, 0.75], keep_m = 0.15"];
-    for (to_m, doing) in [(8.0, &there_and_back[..1]), (0.5, &there_and_back[..])] {
-        let mission = steps(doing).replace("time_limit_s = 60", "time_limit_s = 600");
-        let played = play(|file| {
-            let mut job = job("square", ROBOT, ("hall", HALL), 1, file);
-            job.mission.text = mission;
-            job
-        });
-        assert_eq!(played.ended.stop.reason, StopReason::Finished, "{}", played.ended);
-        let truth = played.truths.last().unwrap();
-        let missed_m = libm::hypot(truth.x_m - to_m, truth.y_m - 0.75);
-        assert!(missed_m < 0.3, "{missed_m} m from {to_m} m");
-        assert!(!played.truths.iter().any(|truth| truth.touching));
-    }
-}
