@@ -145,6 +145,24 @@ fn bump_backs_off_each_time_and_gets_about() {
 }
 
 #[test]
+fn wall_sees_inner_corners_before_its_bumper_does() {
+    let bumps = |world: &str, seed: u64| {
+        let text = World::text(world).unwrap();
+        let set = vec![("time_limit_s".to_owned(), 240.0)];
+        let job = |file| Job { set, ..job("wall", &robot(), (world, text), seed, file) };
+        let truths = play(job).truths;
+        truths.windows(2).filter(|two| !two[0].touching && two[1].touching).count()
+    };
+    for world in ["arena", "rooms"] {
+        let bumps: Vec<usize> = seeds(10).map(|seed| bumps(world, seed)).collect();
+        println!("wall in {world}: touches something {bumps:?} times in four minutes");
+        let mean = bumps.iter().sum::<usize>() as f64 / bumps.len() as f64;
+        // Without looks ahead it was 7.7 and 10.5.
+        assert!(mean < 5.0, "{world}: {bumps:?}");
+    }
+}
+
+#[test]
 fn wall_keeps_near_its_wall() {
     let world = World::named("wall").unwrap();
     for seed in seeds(5) {
@@ -168,7 +186,7 @@ fn wall_keeps_near_its_wall() {
         assert_eq!(played.ended.stop.reason.word(), "finished");
         assert!(near > 0.9, "{near} of the time");
         assert!(way_m > 4.0, "{way_m} m driven");
-        // The sensor looks to the right and does not see a wall ahead; blocked wheels are noticed
+        // The sensor looks ahead only now and then; blocked wheels are noticed
         // within a second, and half of the back-off slides along the wall.
         assert!(touching_s < 3.0, "touching for {touching_s} s");
     }
