@@ -200,7 +200,9 @@ impl<'p> Parser<'p, '_> {
             }
             let argument = self.expression(0)?;
             given += 1;
-            self.expect(function.map_or("a function", Function::name), Kind::Number, &argument);
+            if let Some(function) = function {
+                self.expect(function.name(), Kind::Number, &argument);
+            }
             match self.peek() {
                 (Token::Comma, _) => self.at += 1,
                 (Token::Close, end) => break end,

@@ -18,6 +18,7 @@ use crate::printable::is_printable;
 use crate::senses::Channel;
 
 mod actions;
+mod done;
 mod machines;
 mod signs;
 

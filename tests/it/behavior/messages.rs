@@ -90,6 +90,10 @@ fn cases() -> Vec<(&'static str, String)> {
             ),
         ),
         (
+            "a way that is refused ends all the same",
+            state("do = { drive_m = \"foo(x_m > 2)\" }").replace("time_s > 5", "done"),
+        ),
+        (
             "done of a sub-machine without an end",
             format!(
                 "{}[submachine.one.state.x]\n",

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
 
+use super::done::is_to_end;
 use super::{Reader, is_name, shown};
 use crate::behavior::engine::LEVELS;
 use crate::behavior::expression::{Kind, SEARCHED};
@@ -16,11 +17,6 @@ use crate::behavior::shipped::SUBMACHINES;
 use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
 use crate::document::{Item, Section, Severity, nearest};
 use crate::senses::Role;
-
-/// What `done` needs.
-const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does comes to an end";
-const ENDING: &str = "`drive_m`, `turn_deg`, `arc`, `goto` and `head_deg` end, and so does a \
-                      sub-machine with a final state";
 
 /// The keys of a machine, and of a sub-machine.
 const MACHINE: [&str; 4] = ["start", "final", "always", "state"];
@@ -297,23 +293,12 @@ impl<'d> Reader<'_, 'd, '_> {
         }
         let ends = states.iter().any(|state| {
             let plan = draft.plan.state(state.place());
-            plan.is_some_and(StatePlan::ends)
+            plan.is_some_and(StatePlan::ends) || is_to_end(&state.item)
         });
         self.can_be_done(&always, &conditions, ends);
         draft.always.insert(parent, conditions);
         let (end, on_stall) = (end.flatten(), on_stall.flatten());
         RegionPlan { start: start.unwrap_or_default(), end, on_stall, always }
-    }
-
-    /// Says so where `done` is asked for and nothing ends.
-    fn can_be_done(&self, next: &[TransitionPlan], places: &[Range<usize>], ends: bool) {
-        for (next, place) in next.iter().zip(places) {
-            if next.when.asks_whether_done() && !ends {
-                self.root
-                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
-                    .hint(ENDING);
-            }
-        }
     }
 
     fn state(
@@ -382,7 +367,7 @@ impl<'d> Reader<'_, 'd, '_> {
             }
         }
         if let Some(plan) = draft.plan.states.get(at) {
-            self.can_be_done(&plan.next, &conditions, plan.ends());
+            self.can_be_done(&plan.next, &conditions, plan.ends() || is_to_end(item));
         }
     }
 

@@ -1,0 +1,33 @@
+//! Whether `done` can hold where it is asked for.
+
+use std::ops::Range;
+
+use super::Reader;
+use crate::behavior::mission::TransitionPlan;
+use crate::document::{Item, Severity};
+
+/// What `done` needs.
+const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does comes to an end";
+const ENDING: &str = "`drive_m`, `turn_deg`, `arc`, `goto`, `explore_m`, `head_deg` and `tune` \
+                      end, and so does a sub-machine with a final state";
+const ENDING_KEYS: [&str; 7] =
+    ["drive_m", "turn_deg", "arc", "goto", "explore_m", "head_deg", "tune"];
+
+/// Whether a state is to do something that ends, be it written in a way that is refused.
+pub(super) fn is_to_end(state: &Item<'_>) -> bool {
+    let doing = state.get("do");
+    doing.is_some_and(|doing| ENDING_KEYS.iter().any(|key| doing.get(key).is_some()))
+}
+
+impl Reader<'_, '_, '_> {
+    /// Says so where `done` is asked for and nothing ends.
+    pub(super) fn can_be_done(&self, next: &[TransitionPlan], places: &[Range<usize>], ends: bool) {
+        for (next, place) in next.iter().zip(places) {
+            if next.when.asks_whether_done() && !ends {
+                self.root
+                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
+                    .hint(ENDING);
+            }
+        }
+    }
+}
