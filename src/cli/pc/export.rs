@@ -25,7 +25,7 @@ pub(in crate::cli) struct Arguments {
     /// csv: points.csv, path.csv, walls.csv, the straight stretches of at least half a metre that
     /// the points make, with standard deviations, and signals.csv, a row a tick with all signals,
     /// what was demanded, and the machines' states; ply: points.ply; pgm: map.pgm and map.yaml, the
-    /// occupancy grid
+    /// occupancy grid.
     #[arg(long)]
     format: Format,
     /// The folder to write to.
