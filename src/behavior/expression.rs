@@ -50,7 +50,7 @@
 use std::fmt;
 
 use self::function::Function;
-use super::blackboard::Scope;
+use super::blackboard::{Blackboard, Scope, Since};
 use super::signals::{Input, Signal, Word};
 use crate::senses::Channel;
 
@@ -255,13 +255,18 @@ impl Expression {
         }
     }
 
-    /// The number that it always is, where it is one.
+    /// The number that it always is, where it is made of nothing but numbers; not finite where
+    /// it divides by zero.
     pub(super) fn always(&self) -> Option<f64> {
-        match *self.ops {
-            [Op::Number(number)] => Some(number),
-            [Op::Number(number), Op::Negate] => Some(-number),
-            _ => None,
+        let is_fixed = |op: &Op| match op {
+            Op::Call { function, .. } => function.is_pure(),
+            op => matches!(op, Op::Number(_) | Op::Negate | Op::Infix(_)),
+        };
+        if !self.ops.iter().all(is_fixed) {
+            return None;
         }
+        let board = Blackboard::default();
+        self.evaluate(Scope { board: &board, machine: 0, since: &Since::default() })
     }
 
     /// What its signals take of what a robot senses.

@@ -195,10 +195,17 @@ impl<'d> Reader<'_, 'd, '_> {
         item: &Item<'d>,
         (low, high): (f64, f64),
     ) -> Option<Expression> {
-        if item.is_text() {
-            self.expression(item, Kind::Number)
-        } else {
-            item.number(low..=high).map(Expression::constant)
+        if !item.is_text() {
+            return item.number(low..=high).map(Expression::constant);
+        }
+        let expression = self.expression(item, Kind::Number)?;
+        match expression.always() {
+            Some(value) if !(low..=high).contains(&value) => {
+                let path = item.path();
+                item.error(format!("`{path}` comes to {value}; it can be {low} to {high}"));
+                None
+            }
+            _ => Some(expression),
         }
     }
 

@@ -90,6 +90,10 @@ fn cases() -> Vec<(&'static str, String)> {
             ),
         ),
         (
+            "a number that is worked out and out of range",
+            state("do = { drive_m = \"2 * 80 / min(0, 4)\" }").replace("time_s > 5", "done"),
+        ),
+        (
             "a way that is refused ends all the same",
             state("do = { drive_m = \"foo(x_m > 2)\" }").replace("time_s > 5", "done"),
         ),
