@@ -98,6 +98,7 @@ enum Phase {
 
 /// A way under way.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct NavigationState {
     order: Option<Order>,
     phase: Phase,

@@ -12,6 +12,8 @@ const RETRACED: usize = 4;
 const CRAMPED: i32 = 3;
 /// What lies in the way to a place counts as blocked when it was looked at so often.
 const LOOKS: u8 = 2;
+/// Goals no further apart than the root of this are one, cells.
+const SAME2: i32 = 2;
 
 impl Planner {
     /// Goes back along the way from the goal to the robot.
@@ -59,7 +61,7 @@ impl Planner {
     fn looks_new(&mut self) -> bool {
         let [column, row] = self.plan.goal.map(i32::from);
         let goal = Place { column, row };
-        let is_near = |last: Place| last.distance2(goal) <= 2;
+        let is_near = |last: Place| last.distance2(goal) <= SAME2;
         let has_looked = self.request.is_some_and(|request| request.looked.is_some());
         let is_same = self.last_goal.is_some_and(is_near);
         self.looks = if is_same { self.looks + u8::from(has_looked) } else { 0 };
