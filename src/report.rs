@@ -146,8 +146,8 @@ impl Track {
             truth: run
                 .truth
                 .iter()
-                .filter(|pose| is_near(pose.x_m, pose.y_m))
-                .map(|pose| [pose.x_m, pose.y_m])
+                .map(|(_, pose)| [pose.x_m, pose.y_m])
+                .filter(|[x_m, y_m]| is_near(*x_m, *y_m))
                 .collect(),
             points: cloud(standing),
             doubted: cloud(doubted),

@@ -131,8 +131,9 @@ pub struct Run {
     pub senses: Vec<Senses>,
     /// Each tick's estimate.
     pub poses: Vec<RecordedPose>,
-    /// Where the robot truly was, where it was simulated; ten times a second.
-    pub truth: Vec<Pose>,
+    /// Where the robot truly was and when, nanoseconds of the run's clock, where it was simulated;
+    /// ten times a second.
+    pub truth: Vec<(i64, Pose)>,
     /// The map's points, where they were placed; [`Run::points_now`] is where they are.
     pub points: Vec<MapPoint>,
     /// What is known at the end of where the robot was.
@@ -197,8 +198,9 @@ impl Run {
         // Those that were written while it grew are not all of it.
         let ended_ns = run.ending.as_ref().map(|ending| ending.time_ns.saturating_add(offset_ns));
         run.map = map.filter(|(stamp_ns, _)| Some(*stamp_ns) == ended_ns).map(|(_, map)| map);
-        for line in &mut run.logs {
-            line.time_ns = line.time_ns.saturating_sub(offset_ns);
+        let logged = run.logs.iter_mut().map(|line| &mut line.time_ns);
+        for time_ns in logged.chain(run.truth.iter_mut().map(|(time_ns, _)| time_ns)) {
+            *time_ns = time_ns.saturating_sub(offset_ns);
         }
         run.warnings = warnings(&integrity, undecoded, run.ending.is_some());
         run.integrity = integrity;
@@ -281,7 +283,7 @@ impl Collected {
                 run.senses.push(senses);
             }
             Topic::Pose => run.poses.push(pose(message::decode(data)?)?),
-            Topic::Truth => run.truth.push(truth(&message::decode(data)?)),
+            Topic::Truth => run.truth.push((stamp_ns, truth(&message::decode(data)?))),
             Topic::Points => run.points.extend(points::points(&message::decode(data)?)?),
             Topic::Keyframes => {
                 let message: message::Keyframes = message::decode(data)?;

@@ -13,7 +13,7 @@ use crate::cli::folder::RunFolder;
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
 use crate::document::nearest;
-use crate::mapping::{Method, stats};
+use crate::mapping::{Method, Pose, stats};
 use crate::recording::Run;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, StopFlags, WhenAbandoned, execute};
@@ -70,6 +70,9 @@ struct Quality {
     /// The last pose against the true one.
     pose_error_m: f64,
     heading_error_deg: f64,
+    /// The same, at the most on the way.
+    most_pose_error_m: f64,
+    most_heading_error_deg: f64,
     travelled_m: f64,
 }
 
@@ -125,7 +128,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     output.show(
         format!(
             "map: {} points, {}\n{}\
-             final pose: {:.1} cm and {:.1} degrees from the true one, after {:.2} m\n\
+             pose: {:.1} cm and {:.1} degrees from the true one at the end, after {:.2} m; \
+             {:.1} cm and {:.1} degrees at most\n\
              wrote run.mcap, map.svg, map.png, points.csv and path.csv to {}",
             quality.points,
             from_walls(&quality),
@@ -133,6 +137,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             quality.pose_error_m * 100.0,
             quality.heading_error_deg,
             quality.travelled_m,
+            quality.most_pose_error_m * 100.0,
+            quality.most_heading_error_deg,
             folder.path.display()
         ),
         &quality,
@@ -206,16 +212,33 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
     let coverage = covered(&walls, points.iter().map(|point| [point.x_m, point.y_m]), NEAR_M);
     let believed = run.poses.last().map(|pose| pose.pose).unwrap_or_default();
     let truth = run.ending.as_ref().and_then(|ending| ending.truth).unwrap_or(believed);
+    let [pose_error_m, heading_error_deg] = errors(&believed, &truth);
+    let mut poses = run.poses.iter();
+    let errors_on_the_way = run.truth.iter().filter_map(|(time_ns, truth)| {
+        poses.find(|pose| pose.time_ns >= *time_ns).map(|pose| errors(&pose.pose, truth))
+    });
+    let [most_pose_error_m, most_heading_error_deg] = errors_on_the_way
+        .fold([pose_error_m, heading_error_deg], |[most_m, most_deg], [metres, degrees]| {
+            [most_m.max(metres), most_deg.max(degrees)]
+        });
     Ok(Quality {
         points: points.len(),
         near_wall,
         coverage,
         wall_median_m: stats::quantile(&mut distances, 0.5),
         wall_p90_m: stats::quantile(&mut distances, 0.9),
-        pose_error_m: libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m),
-        heading_error_deg: degrees(wrap_rad(believed.heading_rad - truth.heading_rad)).abs(),
+        pose_error_m,
+        heading_error_deg,
+        most_pose_error_m,
+        most_heading_error_deg,
         travelled_m: run.poses.last().map_or(0.0, |pose| pose.travelled_m),
     })
+}
+
+/// How far a pose is from the true one, metres and degrees.
+fn errors(believed: &Pose, truth: &Pose) -> [f64; 2] {
+    let way_m = libm::hypot(believed.x_m - truth.x_m, believed.y_m - truth.y_m);
+    [way_m, degrees(wrap_rad(believed.heading_rad - truth.heading_rad)).abs()]
 }
 
 /// How far a reading makes a point, metres.
