@@ -8,8 +8,6 @@ use crate::document::{Item, Severity};
 
 /// What `done` needs.
 const NOTHING_ENDS: &str = "`done` can never hold: nothing that the state does comes to an end";
-const ENDING: &str = "`drive_m`, `turn_deg`, `arc`, `goto`, `explore_m`, `head_deg` and `tune` \
-                      end, and so does a sub-machine with a final state";
 const ENDING_KEYS: [&str; 7] =
     ["drive_m", "turn_deg", "arc", "goto", "explore_m", "head_deg", "tune"];
 
@@ -24,9 +22,10 @@ impl Reader<'_, '_, '_> {
     pub(super) fn can_be_done(&self, next: &[TransitionPlan], places: &[Range<usize>], ends: bool) {
         for (next, place) in next.iter().zip(places) {
             if next.when.asks_whether_done() && !ends {
+                let keys = ENDING_KEYS.map(|key| format!("`{key}`")).join(", ");
                 self.root
                     .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
-                    .hint(ENDING);
+                    .hint(format!("{keys} end, and so does a sub-machine with a final state"));
             }
         }
     }
