@@ -76,6 +76,8 @@ pub(super) struct GyroState {
     /// What the encoders have turned since the last reading.
     unread_rad: f64,
     bias_rad_s: f64,
+    /// Whether it is what driving said, not a standstill.
+    bias_is_drift: bool,
     /// Start of the time over which the rate is taken, and the angle since.
     rate_since_ns: i64,
     rate_rad: f64,
@@ -154,8 +156,9 @@ impl GyroState {
     /// finds its own, for all of its time.
     pub(super) fn drifts(&mut self, drift: Drift) -> f64 {
         let before_rad_s = self.bias_rad_s;
-        if self.still.is_none() {
-            self.bias_rad_s = drift.bias_rad_s(self.bias_rad_s);
+        let other_rad_s = drift.instead_of(before_rad_s, self.bias_is_drift);
+        if let Some(bias_rad_s) = other_rad_s.filter(|_| self.still.is_none()) {
+            (self.bias_rad_s, self.bias_is_drift) = (bias_rad_s, true);
         }
         self.bias_rad_s - before_rad_s
     }
@@ -274,7 +277,7 @@ impl GyroState {
         }
         let stood_s = seconds_nearly(now_ns.saturating_sub(still.since_ns));
         self.centre_rad -= (bias_rad_s - self.bias_rad_s) * stood_s;
-        self.bias_rad_s = bias_rad_s;
+        (self.bias_rad_s, self.bias_is_drift) = (bias_rad_s, false);
     }
 }
 
