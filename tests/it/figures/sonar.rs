@@ -37,12 +37,41 @@ fn the_defaults_cloud_of_real_scans_lies_nearer_to_the_walls() {
     );
 }
 
+/// What of the default's errors is not the hand that placed the robots, nor each sensor's bias.
+///
+/// Both were fitted to the walls that the points are held against, so these figures are a little
+/// too good.
+#[test]
+fn scans_from_where_the_robots_stood_lie_nearer_still() {
+    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
+    else {
+        return support::pass_over("the scans of lego-rotating-sonar");
+    };
+    println!("lego-rotating-sonar, point to wall (cm; % < 5 cm, % > 10 cm):");
+    let walls = walls(&folder);
+    let [stood, unbiased] = [0.0, 1.0].map(|share| {
+        let distances = scans(&folder, "alignment_derived.csv").into_iter().flat_map(|scan| {
+            let bias_m = share * number(&scan, 9) / 100.0;
+            let mut readings = readings(&folder, &scan);
+            let ranges = readings.iter_mut().filter_map(|reading| reading.range_m.as_mut());
+            ranges.for_each(|range_m| *range_m = (*range_m - bias_m).max(0.0));
+            let points = cloud(&scan, fitted(&scan), &readings, Method::Default);
+            points.into_iter().map(|point| to_nearest_wall(&walls, point)).collect::<Vec<_>>()
+        });
+        let name = if share > 0.0 { "and no bias" } else { "fitted poses" };
+        print(name, &mut distances.collect::<Vec<_>>())
+    });
+    // The aims for marked poses: 2.5 cm, 9 cm, 82 %; with the bias calibrated 2 cm, 7 cm, 86 %.
+    assert!(stood[0] < 0.027 && stood[2] < 0.09 && stood[3] > 0.81, "{stood:?}");
+    assert!(unbiased[0] < 0.02 && unbiased[2] < 0.073 && unbiased[3] > 0.85, "{unbiased:?}");
+}
+
 /// Each team's distances from point to wall.
 fn errors_of(folder: &Path, method: Method) -> BTreeMap<String, Vec<f64>> {
     let walls = walls(folder);
     let mut teams: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for scan in scans(folder, "alignment_nominal.csv") {
-        let points = cloud(&scan, &readings(folder, &scan), method);
+        let points = cloud(&scan, marked(&scan), &readings(folder, &scan), method);
         let distances = points.into_iter().map(|point| to_nearest_wall(&walls, point));
         teams.entry(scan[0].clone()).or_default().extend(distances);
     }
@@ -135,13 +164,26 @@ pub(super) fn readings(folder: &Path, scan: &[String]) -> Vec<Reading> {
         .collect()
 }
 
-/// The points of a scan's readings, seen from its mark.
-pub(super) fn cloud(scan: &[String], readings: &[Reading], method: Method) -> Vec<MapPoint> {
-    let start = Pose {
-        x_m: number(scan, 3) / 100.0,
-        y_m: number(scan, 4) / 100.0,
-        heading_rad: radians(number(scan, 6)),
-    };
+/// A scan's mark with the heading that was fitted there, from `alignment_nominal.csv`.
+pub(super) fn marked(scan: &[String]) -> Pose {
+    let [x_m, y_m] = [3, 4].map(|column| number(scan, column) / 100.0);
+    Pose { x_m, y_m, heading_rad: radians(number(scan, 6)) }
+}
+
+/// Where a scan's robot stood beside its mark by its fit, from `alignment_derived.csv`.
+pub(super) fn fitted(scan: &[String]) -> Pose {
+    let [x_m, y_m] =
+        [(3, 6), (4, 7)].map(|(mark, shift)| (number(scan, mark) + number(scan, shift)) / 100.0);
+    Pose { x_m, y_m, heading_rad: radians(number(scan, 8)) }
+}
+
+/// The points of a scan's readings, seen from where its robot stood.
+pub(super) fn cloud(
+    scan: &[String],
+    start: Pose,
+    readings: &[Reading],
+    method: Method,
+) -> Vec<MapPoint> {
     let whole_robot = turns_whole(scan);
     let mount = RangeMount {
         ahead_m: if whole_robot { TEAM_1_AHEAD_M } else { 0.0 },

@@ -10,9 +10,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use onbrick::mapping::{Method, stats};
+use onbrick::mapping::{Method, Pose, stats};
 use onbrick::sim::{Physics as _, StartPose, World, WorldPhysics};
-use onbrick::units::{degrees, radians, wrap_rad};
+use onbrick::units::{degrees, wrap_rad};
 
 use super::sonar::{self, Reading, Wall, number};
 use crate::support;
@@ -115,10 +115,9 @@ impl Scans {
 
     /// Where the sensor was at a reading of a scan, and where it looked: metres and radians.
     fn sensor(fitted: &[String], reading: &Reading) -> ([f64; 2], f64) {
-        let axis_rad = radians(number(fitted, 8)) + reading.turned_rad;
         let ahead_m = if sonar::turns_whole(fitted) { sonar::TEAM_1_AHEAD_M } else { 0.0 };
-        let [x_m, y_m] = [(3, 6), (4, 7)]
-            .map(|(mark, shift)| (number(fitted, mark) + number(fitted, shift)) / 100.0);
+        let Pose { x_m, y_m, heading_rad } = sonar::fitted(fitted);
+        let axis_rad = heading_rad + reading.turned_rad;
         ([x_m + ahead_m * libm::cos(axis_rad), y_m + ahead_m * libm::sin(axis_rad)], axis_rad)
     }
 
@@ -161,7 +160,7 @@ impl Scans {
             }
             let readings = sensor(at, readings);
             for (errors, method) in errors.iter_mut().zip([Method::Seed, Method::Default]) {
-                let points = sonar::cloud(scan, &readings, method);
+                let points = sonar::cloud(scan, sonar::marked(scan), &readings, method);
                 errors.extend(
                     points.into_iter().map(|point| sonar::to_nearest_wall(&self.walls, point)),
                 );

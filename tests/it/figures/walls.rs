@@ -291,8 +291,9 @@ fn figures_of_what_stands_in_real_scans() {
 fn sights_of_teams(folder: &Path) -> BTreeMap<String, Vec<Sight>> {
     let mut teams: BTreeMap<String, Vec<Sight>> = BTreeMap::new();
     for scan in sonar::scans(folder, "alignment_nominal.csv") {
-        let from_m = [3, 4].map(|column| sonar::number(&scan, column) / 100.0);
-        let points = sonar::cloud(&scan, &sonar::readings(folder, &scan), Method::Default);
+        let stood = sonar::marked(&scan);
+        let points = sonar::cloud(&scan, stood, &sonar::readings(folder, &scan), Method::Default);
+        let from_m = [stood.x_m, stood.y_m];
         let sights = points.iter().map(|point| Sight { at_m: [point.x_m, point.y_m], from_m });
         teams.entry(scan[0].clone()).or_default().extend(sights);
     }
