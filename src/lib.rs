@@ -143,8 +143,9 @@
 //!
 //! Enums that grow with sensors, boards and causes of errors are `#[non_exhaustive]`: match them
 //! with a last arm. [`behavior::Drive`] is not, since what executes it has to know all. Of crates
-//! below 1.0, an interface has types of `arrayvec` (a tick allocates nothing), `nix::errno::Errno`
-//! (what the kernel answered) and `zmq::Error`: a breaking version of one of these is one of ours.
+//! below 1.0, an interface has types of `arrayvec` (a tick allocates nothing), `nix` (what the
+//! kernel answered, and signals), `nalgebra` (a pose as a transformation), `embedded-graphics-core`
+//! (the menu's canvas) and `zmq::Error`: a breaking version of one of these is one of ours.
 //!
 //! [`using`] is for those who use the program, and [`changelog`] says what changed between
 //! versions, and what stays compatible.

@@ -26,6 +26,7 @@ use tiny_http::{Method, Request, Server};
 
 /// The page cannot be shown.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PageError {
     /// Choose another port, or 0 for any.
     #[error("the page cannot be served at 127.0.0.1:{port}: {message}")]

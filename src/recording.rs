@@ -127,7 +127,8 @@ pub use moments::{Moment, Moments};
 pub(crate) use names::{machines, range_sensor, variables};
 pub use outside::ending_of;
 pub use progress::Progress;
-pub use record::sealed;
+#[cfg(feature = "host")]
+pub(crate) use record::sealed;
 pub use recorder::{Options, Recorder, Summary};
 pub use run::{Checkpoint, LogLine, ReadError, RecordedPose, Run, Transition};
 pub use sink::{DiskFile, RecordError, Sink, create, writer};

@@ -294,6 +294,7 @@ macro_rules! quantities {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case")]
         #[repr(u8)]
+        #[non_exhaustive]
         pub enum Channel { $($(#[$doc])* $channel,)+ }
 
         impl Channel {

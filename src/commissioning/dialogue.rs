@@ -17,6 +17,7 @@ const TRIES: usize = 5;
 
 /// Why there was no answer. Nothing turns then, and nothing was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NoAnswer {
     /// No answer can come: the input has ended.
     #[error("there is no answer: the input has ended")]

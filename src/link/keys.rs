@@ -118,6 +118,7 @@ impl fmt::Debug for KeyPair {
 
 /// A file of keys cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum KeyError {
     /// Make one: `onbrick key new`.
     #[error("there is no key at {}", .0.display())]

@@ -7,6 +7,16 @@
 //!
 //! A tangent says nothing of where the surface ends: it is extended by [`EXTENT_M`], and as far as
 //! the other feet of its wall reach.
+//!
+//! # What was tried
+//!
+//! - Tangents that reach 6 cm, and echoes that are beside the foot only from where their range is
+//!   beyond the noise: of pillars' points 84 % within 5 cm of a wall for 80 (16 explorations), of
+//!   real scans' 76 for 75. But in the real scans 66 % of the wall has a point for 72 (team 1), and
+//!   69 % of the walls found are right for 78.
+//! - A foot for regions with one end only, which have half of an exploration's points: half a cone,
+//!   and what the noise hides, from that end. 2 to 5 % more points within 5 cm in each of seven
+//!   rooms, and 1 to 6 % less wall with a point.
 
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};

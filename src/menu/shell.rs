@@ -59,6 +59,7 @@ pub trait ServiceConnection: Send {
 
 /// Why the menu ended.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum MenuError {
     /// The buttons cannot be read.
     #[error("the buttons cannot be read")]

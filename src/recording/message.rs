@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize, Serializer};
 
 /// A value that CDR has no form for, such as a list of unknown length.
-pub use cdr_encoding::Error as EncodeError;
+use cdr_encoding::Error as EncodeError;
 
 /// Encapsulation: plain CDR, little-endian, no options (DDS-RTPS 10.2).
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
@@ -33,7 +33,7 @@ pub(super) fn encode_into<T: Serialize>(
 /// # Errors
 ///
 /// A type that CDR has no form for, such as a list of unknown length.
-pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>, EncodeError> {
+pub(crate) fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>, EncodeError> {
     let mut bytes = Vec::new();
     encode_into(message, &mut bytes)?;
     Ok(bytes)

@@ -116,7 +116,7 @@ pub(super) fn metadata(body: &[u8]) -> Option<Metadata> {
 
 /// The same names and values with their checksum among them: MCAP has none for this record.
 #[must_use]
-pub fn sealed(mut metadata: Metadata) -> Metadata {
+pub(crate) fn sealed(mut metadata: Metadata) -> Metadata {
     metadata.metadata.remove(SEAL);
     metadata.metadata.insert(SEAL.to_owned(), seal(&metadata.name, &metadata.metadata));
     metadata

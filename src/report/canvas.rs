@@ -40,6 +40,7 @@ pub(super) const LEFT_MIDDLE: Anchor = (HPos::Left, VPos::Center);
 
 /// A picture could not be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlotError {
     /// The drawing library gave up.
     #[error("cannot draw the picture: {0}")]

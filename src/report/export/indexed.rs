@@ -35,6 +35,7 @@ pub struct NamedRecording<'a> {
 
 /// An export failed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExportError {
     /// A file is no recording.
     #[error("cannot export {name}")]
