@@ -267,6 +267,21 @@ mod tests {
     }
 
     #[test]
+    fn two_minutes_of_standing_are_uncertain_by_one_rounding_alone() {
+        let (mut watch, mut told) = (DriftWatch::default(), None);
+        for _ in 0..120 {
+            told = watch.update(Some(Turned { passed_s: 1.0, ..Turned::default() }), 8.0);
+        }
+        let drift = told.expect("an observation a second");
+        let sd_dps = libm::sqrt(drift.variance) / DEGREE_RAD;
+        // What it may have wandered lately is all that is left.
+        assert!(drift.rad_s == 0.0 && sd_dps < 0.025, "{sd_dps}");
+        let somewhat = Drift { rad_s: 2.0 * sd_dps * DEGREE_RAD, ..drift };
+        assert_eq!(somewhat.instead_of(0.0, false), None, "that is not certain");
+        assert_eq!(somewhat.instead_of(0.0, true), Some(somewhat.rad_s), "and is followed");
+    }
+
+    #[test]
     fn wheels_that_differ_are_no_drift_and_a_hand_is_none() {
         for mismatch in [0.0, 0.004, -0.004] {
             let found_dps = Driven { mismatch, ..Driven::default() }.bias_dps(120);
