@@ -27,11 +27,10 @@
 //! `rooms`: drifts of 0.1, -0.15 and 0.19 °/s, 12° to 23° in all, leave 1.2° to 2.4°, and 4.3° at
 //! the worst; where each reading's rounding counted as its own and 2.2 deviations as certain, it
 //! was 1.7° to 5.2°, and 9.1°. The mission `map`, which seldom stands and turns one way, keeps all
-//! of 0.1 °/s, because mismatched wheels explain it as well, and 8° to 11° of the others, as
-//! before. (`cargo test --test it figures::drift -- --nocapture` prints eight runs of each.)
-//!
-//! Of 88 explorations of 15 and 20 minutes without a drift, 1 was given one, for 3, and is off by
-//! 4° at the worst, for 23°.
+//! of 0.1 °/s, because mismatched wheels explain it as well, and 8° to 11° of the others (8° to 9°
+//! before). `cargo test --test it figures::drift -- --nocapture` prints eight runs of each; nothing
+//! prints the others, nor these: of 88 explorations of 15 and 20 minutes without a drift, 1 was
+//! given one, where 3 were before, and the worst heading is off by 4°, where it was by 23°.
 //!
 //! # Not here
 //!

@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use onbrick::mapping::{
     Estimator, EstimatorConfig, Geometry, GyroReading, Inputs, Map, MapPoint, Method, Pose,
@@ -18,13 +18,19 @@ use onbrick::units::radians;
 
 use crate::support;
 
+/// Where the scans are; without them the test is passed over.
+pub(super) fn folder() -> Option<PathBuf> {
+    let folder = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"));
+    if folder.is_none() {
+        support::pass_over("the scans of lego-rotating-sonar");
+    }
+    folder
+}
+
 /// The default's cloud: what the placing within the cone is worth on real echoes.
 #[test]
 fn the_defaults_cloud_of_real_scans_lies_nearer_to_the_walls() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
-    else {
-        return support::pass_over("the scans of lego-rotating-sonar");
-    };
+    let Some(folder) = folder() else { return };
     println!("lego-rotating-sonar, point to wall (cm; % < 5 cm, % > 10 cm):");
     let [seed, default] = [Method::Seed, Method::Default].map(|method| {
         let mut errors = errors_of(&folder, method).into_values().flatten().collect::<Vec<_>>();
@@ -43,10 +49,7 @@ fn the_defaults_cloud_of_real_scans_lies_nearer_to_the_walls() {
 /// too good.
 #[test]
 fn scans_from_where_the_robots_stood_lie_nearer_still() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
-    else {
-        return support::pass_over("the scans of lego-rotating-sonar");
-    };
+    let Some(folder) = folder() else { return };
     println!("lego-rotating-sonar, point to wall (cm; % < 5 cm, % > 10 cm):");
     let walls = walls(&folder);
     let [stood, unbiased] = [0.0, 1.0].map(|share| {
@@ -93,10 +96,7 @@ pub(super) const TEAM_1_AHEAD_M: f64 = 0.12;
 
 #[test]
 fn the_seeds_cloud_of_real_scans_lies_at_the_walls() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
-    else {
-        return support::pass_over("the scans of lego-rotating-sonar");
-    };
+    let Some(folder) = folder() else { return };
     let mut teams = errors_of(&folder, Method::Seed);
     println!("lego-rotating-sonar, the seed's cloud, point to wall (cm; % < 5 cm, % > 10 cm):");
     for (team, errors) in &mut teams {

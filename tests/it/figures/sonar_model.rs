@@ -15,7 +15,6 @@ use onbrick::sim::{Physics as _, StartPose, World, WorldPhysics};
 use onbrick::units::{degrees, wrap_rad};
 
 use super::sonar::{self, Reading, Wall, number};
-use crate::support;
 
 /// How the scans of one sensor look, shares unless it says otherwise.
 #[derive(Debug, Clone, Copy)]
@@ -60,10 +59,7 @@ impl Look {
 
 #[test]
 fn the_simulated_sensor_hears_what_real_ones_heard() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
-    else {
-        return support::pass_over("the scans of lego-rotating-sonar");
-    };
+    let Some(folder) = sonar::folder() else { return };
     println!("lego-rotating-sonar, real and simulated (% of points under 5 cm: plain, default)");
     let teams = ["team01", "team02", "team03"];
     let scans = Scans::read(&folder);

@@ -20,7 +20,6 @@ use onbrick::units::degrees;
 use super::explore::{GAP, PILLARS, SLANTED};
 use super::sonar;
 use crate::missions::{job, play, robot};
-use crate::support;
 
 /// Posts and slanted blocks in a room with a step.
 const CLUTTER: &str = r#"
@@ -223,10 +222,7 @@ fn figures_of_walls_in_simulated_rooms() {
 
 #[test]
 fn figures_of_walls_in_real_scans() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
-    else {
-        return support::pass_over("the scans of lego-rotating-sonar");
-    };
+    let Some(folder) = sonar::folder() else { return };
     println!("lego-rotating-sonar, walls: as in simulated rooms");
     let truth = sonar::walls(&folder);
     let samples: Vec<[f64; 2]> = truth.iter().flat_map(samples_of).collect();
@@ -246,10 +242,7 @@ fn figures_of_walls_in_real_scans() {
 
 #[test]
 fn figures_of_what_stands_in_real_scans() {
-    let Some(folder) = support::shared().map(|shared| shared.join("data/lego-rotating-sonar"))
-    else {
-        return support::pass_over("the scans of lego-rotating-sonar");
-    };
+    let Some(folder) = sonar::folder() else { return };
     println!(
         "lego-rotating-sonar, all places of a robot: points, under 5 cm, wall with a point, %; of \
          what stands"
