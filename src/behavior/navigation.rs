@@ -112,8 +112,8 @@ pub struct NavigationState {
     next: u8,
     /// It turns on the spot to this heading, to face the way; not wrapped.
     pivot_rad: Option<f64>,
-    /// The way is narrow.
-    is_slow: bool,
+    /// It gets out of where it cannot turn, and whether backwards.
+    gets_out_back: Option<bool>,
     /// The heading at the first step of all, not wrapped.
     first_rad: Option<f64>,
     forward_m_s: f64,
@@ -367,8 +367,8 @@ impl NavigationState {
         }
         let limits = tick.limits;
         let fastest_m_s = tick.order.speed_m_s.unwrap_or(limits.speed_m_s).min(limits.max_m_s);
-        self.is_slow = self.plan.is_narrow(usize::from(self.next));
-        let fastest_m_s = if self.is_slow { fastest_m_s.min(NARROW_M_S) } else { fastest_m_s };
+        let is_narrow = self.plan.is_narrow(usize::from(self.next));
+        let fastest_m_s = if is_narrow { fastest_m_s.min(NARROW_M_S) } else { fastest_m_s };
         let turning_m_s = TURNING * limits.speed_m_s;
         let most_rad_s = tick.order.turn_rad_s.unwrap_or(turning_m_s / limits.half_track_m);
         let braking_m_s = libm::sqrt(limits.acceleration_m_s2 * left_m);

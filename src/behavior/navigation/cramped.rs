@@ -18,13 +18,15 @@ impl NavigationState {
     pub(super) fn get_out(&mut self, tick: &Tick<'_>, bearing_rad: f64) -> Option<Drive> {
         let beside_rad = bearing_rad.abs();
         if self.plan.is_cramped() && beside_rad > PIVOT_RAD[0] {
-            // Along what it touches, until it has passed that: any turn would press it there.
-            let is_back = beside_rad > PI / 2.0;
+            // Along what it touches, until it has passed that: any turn would press it there. One
+            // way, as the place that it steers for may lie square beside it.
+            let is_back = *self.gets_out_back.get_or_insert(beside_rad > PI / 2.0);
             if is_back || tick.is_ahead().is_none() {
                 self.pivot_rad = None;
                 return Some(self.twist(tick, if is_back { -NARROW_M_S } else { NARROW_M_S }, 0.0));
             }
         }
+        self.gets_out_back = None;
         if self.pivot_rad.is_some() || !self.plan.retraces() || beside_rad < BACK_RAD {
             return None;
         }
@@ -32,5 +34,39 @@ impl NavigationState {
         let most_rad_s = NARROW_M_S / tick.limits.half_track_m;
         let turn_rad_s = within(HOLD_PER_S * back_rad, -most_rad_s, most_rad_s);
         Some(self.twist(tick, -NARROW_M_S * libm::cos(back_rad), turn_rad_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::behavior::motion::{At, MotionLimits};
+    use crate::behavior::navigation::{Goal, KEEP_M, Order};
+    use crate::behavior::signals::Signals;
+    use crate::planning::Plan;
+    use crate::units::radians;
+
+    #[test]
+    fn a_robot_goes_one_way_past_what_it_touches_though_its_way_lies_square_beside_it() {
+        // Once it crept to and fro for a minute, by a centimetre.
+        let goal = Goal::Explore { within_m: 9.0 };
+        let tick = Tick {
+            keep_m: KEEP_M,
+            first_rad: 0.0,
+            order: Order { goal, keep_m: KEEP_M, speed_m_s: None, turn_rad_s: None },
+            at: At { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 },
+            signals: &Signals::default(),
+            limits: &MotionLimits::default(),
+            step_s: 1.0,
+        };
+        let mut state = NavigationState { plan: Plan::cramped(), ..NavigationState::default() };
+        let ways = [89.0, 91.0, -95.0, 10.0, 91.0, 89.0].map(|bearing_deg| {
+            match state.get_out(&tick, radians(bearing_deg)) {
+                Some(Drive::Twist { forward_m_s, turn_rad_s: 0.0 }) => Some(forward_m_s > 0.0),
+                _ => None,
+            }
+        });
+        let ahead = Some(true);
+        assert_eq!(ways, [ahead, ahead, ahead, None, Some(false), Some(false)]);
     }
 }

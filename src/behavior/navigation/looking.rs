@@ -4,8 +4,9 @@
 //!
 //! Most collisions are with the end of a wall, met at 30° to 60°, on a side that the head had not
 //! seen for half a metre. A narrower swing finds it, but the pose is off by half as much again, as
-//! walls beside the way are seen less. Slowing down where a wall square to an echo would cross the
-//! way changes nothing: the end of a wall gives no echo there. Shorter looks save no time.
+//! walls beside the way are seen less; on narrow ways alone (45°, and 60°), as many collisions, and
+//! 1 % of the points less within 5 cm of a wall. Slowing down where a wall square to an echo would
+//! cross the way changes nothing: the end of a wall gives no echo there. Shorter looks save no time.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,11 +14,9 @@ use super::tick::Tick;
 use super::{NavigationState, Phase};
 use crate::behavior::motion::{self, MotionState};
 
-/// How far the head swings to either side on the way.
-const SWING_RAD: f64 = 80.0 * (PI / 180.0);
-
-/// The same on a narrow way, where what is ahead matters most.
-const NARROW_SWING_RAD: f64 = 45.0 * (PI / 180.0);
+/// How far the head swings to either side on the way, if it may: past the wall beside the way, whose
+/// foot is at 90° and counts only if the wall was heard to both sides of it.
+const SWING_RAD: f64 = 110.0 * (PI / 180.0);
 
 /// How far to either side of what is looked at the head looks.
 const LOOK_RAD: f64 = 50.0 * (PI / 180.0);
@@ -44,9 +43,6 @@ impl NavigationState {
     }
 
     fn head_rad(&mut self, tick: &Tick<'_>) -> Option<f64> {
-        let swing_rad =
-            if self.phase == Phase::Drive && self.is_slow { NARROW_SWING_RAD } else { SWING_RAD };
-        let most_rad = swing_rad.min(tick.limits.head_rad);
         if tick.limits.head_rad <= 0.0 {
             return None;
         }
@@ -54,6 +50,7 @@ impl NavigationState {
             Phase::Look { from_rad, to_rad, back } => Some(if back { to_rad } else { from_rad }),
             Phase::Done | Phase::Arrive | Phase::FaceEnd => Some(0.0),
             _ => {
+                let most_rad = SWING_RAD.min(tick.limits.head_rad);
                 let target_rad = if self.head_left { most_rad } else { -most_rad };
                 if (tick.head_rad() - target_rad) * target_rad.signum() > -HEAD_NEAR_RAD {
                     self.head_left = !self.head_left;

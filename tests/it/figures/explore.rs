@@ -272,6 +272,8 @@ fn figures_of_explore() {
         let true_name = format!("{name}, no drift");
         let steady = summary(&true_name, &as_the_file_says, seeds, limit_s);
         near = [0, 1, 2].map(|at| near[at] + drifting.near[at]);
+        // One run's coverage has a standard deviation of 4.5 %: the mean of two is less sure.
+        let least = if is_long { least } else { least - 0.05 };
         assert!(steady.coverage > least && drifting.coverage > least, "{name}: coverage");
         // Of two runs one may miss by a centimetre; of ten or twenty, one in ten.
         let least_home = if is_long { 0.9 } else { 0.5 };
