@@ -415,8 +415,13 @@ impl NavigationState {
         if let Goal::Place { x_m, y_m, .. } = tick.order.goal
             && tick.at.to(x_m, y_m).0 < tick.order.keep_m
         {
-            // It may come no nearer.
-            self.face_end(tick, motion);
+            if self.is_tight {
+                // It may come no nearer.
+                self.face_end(tick, motion);
+            } else {
+                self.is_tight = true;
+                self.ask(tick, None, None);
+            }
             return;
         }
         if self.phase == Phase::Arrive || self.is_near_end(tick) {

@@ -11,6 +11,8 @@ use crate::mapping::{Cell, OccupancyGrid};
 /// How much wider than the distance to keep the band is where a way costs four times as much, and
 /// the one where it costs twice as much, cells.
 const BANDS: [f64; 2] = [1.0, 2.5];
+/// Where its middle was the robot passes again in this share of the distance to keep.
+const AGAIN: f64 = 0.5;
 /// The furthest that anything is widened, cells.
 const WIDEST: u8 = 12;
 /// So near to where it stands the robot may get away over any cell that is not solid, cells.
@@ -68,6 +70,8 @@ pub(super) struct Survey {
     rows: usize,
     /// The robot stood there.
     pub(super) stood: Layer,
+    /// Its middle was there.
+    driven: Layer,
     /// A point of the map is there or beside it.
     pub(super) pointed: Layer,
     /// The robot looked at it from near.
@@ -106,6 +110,7 @@ impl Survey {
             columns,
             rows,
             stood: layer(),
+            driven: layer(),
             pointed: layer(),
             tried: layer(),
             obstacles: layer(),
@@ -175,6 +180,7 @@ impl Survey {
     /// The robot stands there: nothing else does.
     pub(super) fn stand(&mut self, middle: Place, radius: i32) {
         self.stood.fill_disc(middle, radius);
+        self.driven.fill_disc(middle, 1);
         for rows in -radius..=radius {
             for columns in -radius..=radius {
                 let place = Place { column: middle.column + columns, row: middle.row + rows };
@@ -260,7 +266,7 @@ impl Survey {
             clippy::cast_possible_truncation,
             reason = "it is at most the square of the widest"
         )]
-        let reach2 = [keep, keep + BANDS[0], keep + BANDS[1]]
+        let reach2 = [AGAIN * keep, keep, keep + BANDS[0], keep + BANDS[1]]
             .map(|cells| cells.clamp(0.0, widest))
             .map(|cells| (cells * cells) as i32);
         let mut done = 0;
@@ -290,11 +296,11 @@ impl Survey {
     }
 
     /// What follows for a row.
-    fn derive(&mut self, at: usize, known: Row, reach2: [i32; 3]) {
+    fn derive(&mut self, at: usize, known: Row, reach2: [i32; 4]) {
         const ALL: Row = [u32::MAX; 7];
         let row = signed(at);
-        let [close] = near(row, [reach2[0]], |row| self.solid(row));
-        let [inner, outer] = near(row, [reach2[1], reach2[2]], |row| {
+        let [touched, close] = near(row, [reach2[0], reach2[1]], |row| self.solid(row));
+        let [inner, outer] = near(row, [reach2[2], reach2[3]], |row| {
             either(self.solid(row), self.suspects.row(row))
         });
         let solid = self.solid(row);
@@ -303,6 +309,7 @@ impl Survey {
         let unknown = either(either(unknown(row - 1), unknown(row)), unknown(row + 1));
         let unknown = widened(unknown);
         let drivable = without(without(passable, close), unknown);
+        let drivable = either(drivable, without(self.driven.row(row), touched));
         let seen = either(self.tried.row(row), self.pointed.row(row));
         let assumed = without(without(ALL, close), either(drivable, seen));
         // Two cells further from what is not known nothing unseen stands in the way.

@@ -246,6 +246,26 @@ fn a_passage_that_echoes_from_afar_have_closed_is_doubted_and_one_heard_from_nea
 }
 
 #[test]
+fn a_passage_that_echoes_have_narrowed_stays_open_for_a_robot_that_has_driven_through() {
+    for (driven, then) in [(false, Outcome::Near), (true, Outcome::Way)] {
+        let mut drawn = drawn(&rooms(), [-10, 0]);
+        hear(&mut drawn, 2);
+        for column in (-10..10).filter(|_| driven) {
+            let x_m = (f64::from(column) + 0.5) * 0.05;
+            drawn.planner.note(&Pose { x_m, ..START }, None, 2.0);
+        }
+        for row in [-4, -3, -2, 2, 3, 4] {
+            let y_m = (f64::from(row) + 0.5) * 0.05;
+            for _ in 0..9 {
+                let echo = sounding(-0.3, y_m, 0.0, 0.3);
+                drawn.planner.note(&drawn.start, Some(&echo), 2.0);
+            }
+        }
+        assert_eq!(drawn.plan(&to_place(1, [10, 0])).0.outcome, then, "driven: {driven}");
+    }
+}
+
+#[test]
 fn a_robot_without_room_to_turn_goes_back_the_way_that_it_came() {
     let mut drawn = drawn(&room(), [-19, 0]);
     hear(&mut drawn, 2);
