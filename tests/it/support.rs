@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -40,6 +41,16 @@ pub fn tested_program() -> &'static str {
             .unwrap_or_else(|_| env!("CARGO_BIN_EXE_onbrick").to_owned())
     });
     &PROGRAM
+}
+
+/// A copy of the program under test in a folder, for a user who has no access to where it was
+/// built. `cp` makes it: a program that this process has open for writing can't be started as long
+/// as another test's child, forked meanwhile, has inherited it ("Text file busy").
+pub fn copy_of_program(folder: &Path) -> PathBuf {
+    let program = folder.join("onbrick");
+    let copied = Command::new("cp").arg(tested_program()).arg(&program).status().unwrap();
+    assert!(copied.success(), "cp: {copied}");
+    program
 }
 
 /// A loopback address that no other service of these tests listens at; one at `*` would have the

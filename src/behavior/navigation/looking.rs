@@ -6,7 +6,8 @@
 //! seen for half a metre. A narrower swing finds it, but the pose is off by half as much again, as
 //! walls beside the way are seen less; on narrow ways alone (45°, and 60°), as many collisions, and
 //! 1 % of the points less within 5 cm of a wall. Slowing down where a wall square to an echo would
-//! cross the way changes nothing: the end of a wall gives no echo there. Shorter looks save no time.
+//! cross the way changes nothing: the end of a wall gives no echo there. Shorter looks save no
+//! time.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,8 +15,8 @@ use super::tick::Tick;
 use super::{NavigationState, Phase};
 use crate::behavior::motion::{self, MotionState};
 
-/// How far the head swings to either side on the way, if it may: past the wall beside the way, whose
-/// foot is at 90° and counts only if the wall was heard to both sides of it.
+/// How far the head swings to either side on the way, if it may: past the wall beside the way,
+/// whose foot is at 90° and counts only if the wall was heard to both sides of it.
 const SWING_RAD: f64 = 110.0 * (PI / 180.0);
 
 /// How far to either side of what is looked at the head looks.

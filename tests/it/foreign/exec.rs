@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 use super::bench::{Simulator, no_namespaces};
 use crate::support::pass_over;
 use crate::support::real_time::Pace;
-use crate::support::tested_program;
+use crate::support::{copy_of_program, tested_program};
 
 fn exec(brick: &std::path::Path, program: &[&str]) -> Output {
     let mut command = Command::new(tested_program());
@@ -85,8 +85,7 @@ fn an_ordinary_user_has_a_view_of_their_own() {
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
     fs::set_permissions(simulator.root().parent().unwrap(), fs::Permissions::from_mode(0o755))
         .unwrap();
-    let program = folder.path().join("onbrick");
-    fs::copy(tested_program(), &program).unwrap();
+    let program = copy_of_program(folder.path());
     let script = "id -u; cat /sys/class/tacho-motor/motor0/address; /usr/bin/beep -f 770 -l 20; \
                   aplay -q /dev/null";
     let mut command = Command::new("setpriv");

@@ -18,7 +18,7 @@ use onbrick::sim::{Mount, MountError, MountOptions, Simulation, Unfit};
 use super::bench::{Mounted, await_or_fail, errno, names, no_fuse};
 use crate::drivers_bench::Bench;
 use crate::support::pass_over;
-use crate::support::tested_program;
+use crate::support::{copy_of_program, tested_program};
 
 /// A simulator in a process of its own, that says that it has mounted.
 struct Simulator {
@@ -237,13 +237,11 @@ fn a_second_simulator_at_the_same_place_is_refused_and_the_first_goes_on() {
 /// A user without rights: the kernel's overflow number.
 const NOBODY: u32 = 65_534;
 
-/// A folder open to all users, with a copy of the program: another user may have no access to the
-/// folder where it was built.
+/// A folder open to all users, with a copy of the program.
 fn open_house() -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
-    let program = folder.path().join("onbrick");
-    fs::copy(tested_program(), &program).unwrap();
+    let program = copy_of_program(folder.path());
     (folder, program)
 }
 
