@@ -70,7 +70,7 @@ fn a_place_in_another_room_is_reached_through_a_door_that_was_never_seen() {
             assert!(missed_m < 0.15, "({x_m}, {y_m}), seed {seed}: {missed_m} m from there");
         }
     }
-    // The end of a wall that the robot turns against ends one run in forty: nothing backs off here.
+    // The end of a wall that the robot turns against ends one run in seventy: nothing backs off.
     assert!(blocked.len() < 2, "{blocked:?}");
 }
 
