@@ -18,11 +18,11 @@
 //!
 //! *Known*: free by the grid, or the robot stood there. *Drivable*: known, nothing solid within the
 //! distance to keep, nothing unknown beside it; or its middle was there, and nothing solid is
-//! within half that distance, so that echoes beside its own way do not close it. *Open*: neither
-//! known nor near an echo from near. A known cell beside an open one is of *interest*, until the
-//! robot has looked at it from near: then it is *tried*, so that exploring ends. A step costs four
-//! times as much, and is driven slowly, where something solid or unknown is near or through which
-//! no beam went from near.
+//! within half that distance, so that echoes beside its own way do not close it, unless they have
+//! stopped the robot. *Open*: neither known nor near an echo from near. A known cell beside an open
+//! one is of *interest*, until the robot has looked at it from near: then it is *tried*, so that
+//! exploring ends. A step costs four times as much, and is driven slowly, where something solid or
+//! unknown is near or through which no beam went from near.
 //!
 //! The way to a place takes what is not known to be free until the robot has looked at it (the
 //! freespace assumption; Koenig and Likhachev, *D\* Lite*, 2002): it is told as far as it is known,

@@ -300,6 +300,8 @@ impl Survey {
         const ALL: Row = [u32::MAX; 7];
         let row = signed(at);
         let [touched, close] = near(row, [reach2[0], reach2[1]], |row| self.solid(row));
+        // What has stopped the robot would stop it again.
+        let [stops] = near(row, [reach2[1]], |row| self.obstacles.row(row));
         let [inner, outer] = near(row, [reach2[2], reach2[3]], |row| {
             either(self.solid(row), self.suspects.row(row))
         });
@@ -309,7 +311,8 @@ impl Survey {
         let unknown = either(either(unknown(row - 1), unknown(row)), unknown(row + 1));
         let unknown = widened(unknown);
         let drivable = without(without(passable, close), unknown);
-        let drivable = either(drivable, without(self.driven.row(row), touched));
+        let again = without(self.driven.row(row), either(touched, stops));
+        let drivable = either(drivable, again);
         let seen = either(self.tried.row(row), self.pointed.row(row));
         let assumed = without(without(ALL, close), either(drivable, seen));
         // Two cells further from what is not known nothing unseen stands in the way.
