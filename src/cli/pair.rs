@@ -111,12 +111,8 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     };
     let introduced = crate::link::pairing::pair(host, &own, &name, patience, &mut is_same)
         .map_err(|error| kept.as_ref().map_or_else(|| not_introduced(host, &error), stays))?;
-    let (bare, _) =
-        host.rsplit_once(':').filter(|(bare, _)| !bare.contains(':')).unwrap_or((host, ""));
-    let address = arguments.port.map_or_else(|| bare.to_owned(), |port| format!("{bare}:{port}"));
-    let replaced = known.another(&introduced.name, &introduced.key).map(|other| other.key);
-    let brick = KnownBrick { name: introduced.name.to_string(), address, key: introduced.key };
-    known.put(&brick, replaced).map_err(|error| key::failure(&error))?;
+    let brick =
+        introduced.keep(&mut known, host, arguments.port).map_err(|error| key::failure(&error))?;
     let fingerprint = brick.key.fingerprint();
     output.show(
         format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),

@@ -6,7 +6,7 @@ use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
 use super::watch::Watch;
 use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
-use crate::link::client::MOST_BYTES;
+use crate::link::client::{MOST_BYTES, come_of};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::{Board, LivePage, Sources};
 use crate::service::protocol::RunId;
@@ -173,10 +173,10 @@ fn follow(
         return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
             .hint("onbrick runs, then --run RUN"));
     };
-    let part = arguments.out.out.join(format!("{run}.mcap.part"));
+    let recording = Some(come_of(&arguments.out.out.join(format!("{run}.mcap"))));
     let title = format!("{}: {run}", brick.name);
     let board = Board::default();
-    board.show(Sources { title, recording: Some(part), ..Sources::default() });
+    board.show(Sources { title, recording, ..Sources::default() });
     let page = LivePage::serve(&board, arguments.page, &[], |_| ())
         .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
     output

@@ -30,6 +30,15 @@ impl Address {
         &self.host
     }
 
+    /// What [`Address::parse`] takes for the same host at another port, or at the usual one.
+    pub(in crate::link) fn at(&self, port: Option<u16>) -> String {
+        match port {
+            None => self.host.clone(),
+            Some(port) if self.host.contains(':') => format!("[{}]:{port}", self.host),
+            Some(port) => format!("{}:{port}", self.host),
+        }
+    }
+
     /// Where it is now, the numbers of IPv4 first: bricks have those in every network.
     pub(super) fn resolve(&self) -> Vec<SocketAddr> {
         let asked = cfg!(target_feature = "crt-static").then(|| self.by_getent()).flatten();
@@ -78,6 +87,20 @@ mod tests {
         // No port: the name does not exist, and that is what is said.
         assert_eq!(address("ev3:http"), expect("ev3:http", 5670));
         assert_eq!(address(""), expect("", 5670));
+    }
+
+    #[test]
+    fn a_host_at_another_port_is_read_as_the_same_host() {
+        for host in ["ev3.local", "10.0.0.1", "fd00::5"] {
+            for text in [host, &format!("[{host}]:80")] {
+                let there = Address::parse(text, 5670);
+                assert_eq!(Address::parse(&there.at(None), 5670), Address::parse(host, 5670));
+                assert_eq!(
+                    Address::parse(&there.at(Some(81)), 5670),
+                    Address { port: 81, ..there }
+                );
+            }
+        }
     }
 
     #[test]

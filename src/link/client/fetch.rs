@@ -55,6 +55,12 @@ pub fn part_of(file: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// What of a recording has come: the whole file, or that of [`part_of`].
+#[must_use]
+pub fn come_of(file: &Path) -> PathBuf {
+    if file.exists() { file.to_owned() } else { part_of(file) }
+}
+
 /// Fetches a run into a file, or compares the file that is there.
 pub(super) fn fetch(
     line: &mut Session,

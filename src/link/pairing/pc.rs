@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::{Hex, PAIRING_PORT, Said, Side, Step, code, commitment, random, well_known_key};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
-use crate::link::client::{ClientError, Patience, Session};
-use crate::link::keys::{KeyPair, PublicKey};
+use crate::link::client::{Address, ClientError, Patience, Session};
+use crate::link::keys::{KeyError, KeyPair, KnownBrick, KnownBricks, PublicKey};
 use crate::service::protocol::{Kind, Name, Refusal};
 
 /// How often the brick is asked whether its person has answered, nanoseconds.
@@ -18,6 +18,28 @@ pub struct Introduced {
     pub name: Name,
     /// Its key, which is to be kept in `known_bricks`.
     pub key: PublicKey,
+}
+
+impl Introduced {
+    /// Keeps it among the bricks that this PC knows, in place of one of its name that has another
+    /// key: a person has confirmed it. It is known by the host that it was introduced at, and by
+    /// the port of its requests, where that is not 5670.
+    ///
+    /// # Errors
+    ///
+    /// As [`KnownBricks::put`].
+    pub fn keep(
+        self,
+        known: &mut KnownBricks,
+        host: &str,
+        port: Option<u16>,
+    ) -> Result<KnownBrick, KeyError> {
+        let replaced = known.another(&self.name, &self.key).map(|other| other.key);
+        let address = Address::parse(host, PAIRING_PORT).at(port);
+        let brick = KnownBrick { name: self.name.to_string(), address, key: self.key };
+        known.put(&brick, replaced)?;
+        Ok(brick)
+    }
 }
 
 #[derive(Serialize)]

@@ -26,6 +26,8 @@ pub struct PairingWindow {
 
 #[derive(Debug)]
 struct Inner {
+    /// The link's own key, or why there is no link.
+    link: Result<PublicKey, String>,
     stage: Stage,
     /// Until when the window is open, on the monotonic clock.
     until_ns: i64,
@@ -33,20 +35,18 @@ struct Inner {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Stage {
-    /// There is no link, because of this.
-    NoLink(String),
     /// Pairing is closed.
-    Closed(PublicKey),
+    Closed,
     /// It waits for a PC.
-    Open(PublicKey),
+    Open,
     /// A PC has come; its number is not yet known.
-    Committed { own: PublicKey, pc: PublicKey, name: Name, commit: [u8; 32], number: Number },
+    Committed { pc: PublicKey, name: Name, commit: [u8; 32], number: Number },
     /// Both codes are shown; who has said that they are the same?
-    Compare { own: PublicKey, pc: PublicKey, name: Name, code: String, here: bool, there: bool },
+    Compare { pc: PublicKey, name: Name, code: String, here: bool, there: bool },
     /// The PC's key is authorised.
-    Paired { own: PublicKey, pc: PublicKey, name: Name },
+    Paired { pc: PublicKey, name: Name },
     /// It did not work out, because of this.
-    Failed { own: PublicKey, why: String },
+    Failed { why: String },
 }
 
 /// A request at the window.
@@ -62,33 +62,34 @@ struct Asked {
 impl PairingWindow {
     /// A window that is closed, and stays so until the link has its keys.
     pub(in crate::link) fn new(authorised: Authorised, name: Name) -> Self {
-        let stage = Stage::NoLink("the link is not ready yet".to_owned());
-        Self { authorised, name, inner: Mutex::new(Inner { stage, until_ns: 0 }) }
+        let link = Err("the link is not ready yet".to_owned());
+        let inner = Inner { link, stage: Stage::Closed, until_ns: 0 };
+        Self { authorised, name, inner: Mutex::new(inner) }
     }
 
     /// The link has its keys.
     pub(in crate::link) fn ready(&self, own: PublicKey) {
-        self.with(|inner, _| inner.stage = Stage::Closed(own));
+        self.with(|inner, _| (inner.link, inner.stage) = (Ok(own), Stage::Closed));
     }
 
     /// There is no link any more, because of this.
     pub(in crate::link) fn close(&self, why: &str) {
-        self.with(|inner, _| inner.stage = Stage::NoLink(why.to_owned()));
+        self.with(|inner, _| (inner.link, inner.stage) = (Err(why.to_owned()), Stage::Closed));
     }
 
     /// True while a PC may come, or is being introduced.
     pub(in crate::link) fn is_open(&self) -> bool {
-        self.with(|inner, _| !matches!(inner.stage, Stage::NoLink(_) | Stage::Closed(_)))
+        self.with(|inner, _| inner.stage != Stage::Closed)
     }
 
     /// Opens the window for some time, at most ten minutes; 0 closes it. An exchange that was going
     /// on is over.
     pub fn open(&self, seconds: u32) -> Pairing {
         self.with(|inner, now_ns| {
-            if let Some(own) = inner.own() {
+            if inner.link.is_ok() {
                 inner.until_ns =
                     now_ns.saturating_add(i64::from(seconds.min(LONGEST_S)) * SECOND_NS);
-                inner.stage = if seconds == 0 { Stage::Closed(own) } else { Stage::Open(own) };
+                inner.stage = if seconds == 0 { Stage::Closed } else { Stage::Open };
             }
             inner.shown(now_ns)
         })
@@ -103,11 +104,11 @@ impl PairingWindow {
     /// A person at the brick has compared the codes.
     pub fn answer(&self, same: bool) -> Pairing {
         self.with(|inner, now_ns| {
-            if let Stage::Compare { own, here, .. } = &mut inner.stage {
+            if let Stage::Compare { here, .. } = &mut inner.stage {
                 *here = same;
                 if !same {
                     let why = "the codes are not the same, says the person at the brick".to_owned();
-                    inner.stage = Stage::Failed { own: *own, why };
+                    inner.stage = Stage::Failed { why };
                 }
                 self.conclude(inner);
             }
@@ -162,15 +163,15 @@ impl PairingWindow {
 
     /// Lets the PC in once both sides have said that the codes are the same.
     fn conclude(&self, inner: &mut Inner) {
-        let Stage::Compare { own, pc, name, here: true, there: true, .. } = &inner.stage else {
+        let Stage::Compare { pc, name, here: true, there: true, .. } = &inner.stage else {
             return;
         };
         inner.stage = match self.authorised.add(pc, name.as_str()) {
             Ok(_) => {
                 log::info!("{name} may ask from now on ({})", pc.fingerprint());
-                Stage::Paired { own: *own, pc: *pc, name: name.clone() }
+                Stage::Paired { pc: *pc, name: name.clone() }
             }
-            Err(error) => Stage::Failed { own: *own, why: error.to_string() },
+            Err(error) => Stage::Failed { why: error.to_string() },
         };
     }
 
@@ -189,47 +190,32 @@ fn not_now(what: &str) -> Refusal {
 }
 
 impl Inner {
-    fn own(&self) -> Option<PublicKey> {
-        match &self.stage {
-            Stage::NoLink(_) => None,
-            Stage::Closed(own) | Stage::Open(own) => Some(*own),
-            Stage::Committed { own, .. }
-            | Stage::Compare { own, .. }
-            | Stage::Paired { own, .. }
-            | Stage::Failed { own, .. } => Some(*own),
+    fn look_at_the_time(&mut self, now_ns: i64) {
+        if now_ns >= self.until_ns {
+            self.stage = Stage::Closed;
         }
     }
 
-    fn look_at_the_time(&mut self, now_ns: i64) {
-        if now_ns < self.until_ns {
-            return;
-        }
-        self.stage = match std::mem::replace(&mut self.stage, Stage::NoLink(String::new())) {
-            Stage::Open(own) | Stage::Committed { own, .. } | Stage::Compare { own, .. } => {
-                Stage::Closed(own)
-            }
-            Stage::Paired { own, .. } | Stage::Failed { own, .. } => Stage::Closed(own),
-            stage => stage,
-        };
+    fn own(&self) -> Result<PublicKey, Refusal> {
+        self.link.clone().map_err(|why| Refusal::new(Kind::Busy, why))
     }
 
     fn commit(&mut self, pc: PublicKey, name: Name, commit: Hex) -> Result<Said, Refusal> {
-        let (own, number) = match &self.stage {
-            Stage::Open(own) => {
-                let number =
-                    random().map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?;
-                (*own, number)
+        let own = self.own()?;
+        let number = match &self.stage {
+            Stage::Open => {
+                random().map_err(|error| Refusal::new(Kind::Failed, error.to_string()))?
             }
             // The same again: its answer was lost.
-            Stage::Committed { own, pc: known, commit: before, number, .. }
+            Stage::Committed { pc: known, commit: before, number, .. }
                 if *known == pc && *before == commit.0 =>
             {
-                (*own, *number)
+                *number
             }
             _ => return Err(not_now("another introduction is going on, or the last one is over")),
         };
         let said = Said::Commit { commit: Hex(commitment(Side::Brick, &own, &number)) };
-        self.stage = Stage::Committed { own, pc, name, commit: commit.0, number };
+        self.stage = Stage::Committed { pc, name, commit: commit.0, number };
         Ok(said)
     }
 
@@ -240,22 +226,21 @@ impl Inner {
         brick: &Name,
         now_ns: i64,
     ) -> Result<Said, Refusal> {
-        let Stage::Committed { own, pc: known, name, commit, number } = &self.stage else {
+        let own = self.own()?;
+        let Stage::Committed { pc: known, name, commit, number } = &self.stage else {
             return Err(not_now("nothing was committed to"));
         };
         if *known != pc {
             return Err(not_now("another introduction is going on"));
         }
-        let own = *own;
         if commitment(Side::Pc, &pc, theirs) != *commit {
             let why = "the PC showed another number than it had committed to".to_owned();
-            self.stage = Stage::Failed { own, why: why.clone() };
+            self.stage = Stage::Failed { why: why.clone() };
             return Err(Refusal::new(Kind::NotAuthorised, why));
         }
         let said = Said::Reveal { key: own.to_string(), number: Hex(*number), name: brick.clone() };
         let code = code((&pc, theirs), (&own, number));
-        self.stage =
-            Stage::Compare { own, pc, name: name.clone(), code, here: false, there: false };
+        self.stage = Stage::Compare { pc, name: name.clone(), code, here: false, there: false };
         self.until_ns = self.until_ns.max(now_ns.saturating_add(COMPARING_NS));
         Ok(said)
     }
@@ -263,11 +248,11 @@ impl Inner {
     fn answered_there(&mut self, pc: PublicKey, same: bool) -> Result<(), Refusal> {
         match &mut self.stage {
             Stage::Compare { pc: known, there, .. } if *known == pc && same => *there = true,
-            Stage::Compare { own, pc: known, .. } if *known == pc => {
+            Stage::Compare { pc: known, .. } if *known == pc => {
                 let why =
                     "the person at the PC said no: another code, or another brick than was meant"
                         .to_owned();
-                self.stage = Stage::Failed { own: *own, why };
+                self.stage = Stage::Failed { why };
             }
             // The same again: its answer was lost.
             Stage::Paired { pc: known, .. } if *known == pc => {}
@@ -289,10 +274,12 @@ impl Inner {
 
     /// What the person at the brick is shown.
     fn shown(&self, now_ns: i64) -> Pairing {
+        if let Err(why) = &self.link {
+            return Pairing::NoLink { why: why.clone() };
+        }
         match &self.stage {
-            Stage::NoLink(why) => Pairing::NoLink { why: why.clone() },
-            Stage::Closed(_) => Pairing::Closed,
-            Stage::Open(_) | Stage::Committed { .. } => {
+            Stage::Closed => Pairing::Closed,
+            Stage::Open | Stage::Committed { .. } => {
                 let left_s = self.until_ns.saturating_sub(now_ns) / SECOND_NS;
                 Pairing::Open { seconds: u32::try_from(left_s).unwrap_or(0) }
             }

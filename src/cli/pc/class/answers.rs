@@ -257,15 +257,7 @@ fn ports(brick: &Brick) -> Value {
 fn runs(brick: &Brick) -> Value {
     brick.wanted.runs.store(true, Ordering::Relaxed);
     let seen = brick.seen();
-    let there = |info: &RunInfo| {
-        let arrival = seen.brought.get(&info.run).map(|arrival| {
-            json!({
-                "bytes": arrival.bytes, "total": arrival.total, "whole": arrival.is_whole,
-                "failed": arrival.failed,
-            })
-        });
-        json!({ "info": info, "arrival": arrival })
-    };
+    let there = |info: &RunInfo| json!({ "info": info, "arrival": seen.brought.get(&info.run) });
     let entries = std::fs::read_dir(&brick.folder).into_iter().flatten().flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
     let mut here: Vec<String> =

@@ -6,9 +6,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use serde::Serialize;
+
 use super::brick::Brick;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::link::client::part_of;
+use crate::link::client::come_of;
 use crate::link::{ClientError, FetchProgress, Patience};
 use crate::report::live::Sources;
 use crate::service::protocol::{Kind, RunId};
@@ -24,10 +26,11 @@ const AGAIN_NS: i64 = SECOND_NS;
 const UNBEGUN: u32 = 20;
 
 /// How far a run has come home.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Arrival {
     pub(super) bytes: u64,
     pub(super) total: u64,
+    #[serde(rename = "whole")]
     pub(super) is_whole: bool,
     pub(super) failed: Option<String>,
 }
@@ -52,14 +55,9 @@ impl Bringing {
     /// brick's picture shows from now on.
     pub(super) fn begin(self, mission: Option<&str>) {
         if let Some(mission) = mission {
-            let is_here = self.file.exists();
-            let recording = if is_here { self.file.clone() } else { part_of(&self.file) };
             let title = format!("{}: {mission}", self.brick.known.name);
-            self.brick.board.show(Sources {
-                title,
-                recording: Some(recording),
-                ..Sources::default()
-            });
+            let recording = Some(come_of(&self.file));
+            self.brick.board.show(Sources { title, recording, ..Sources::default() });
         }
         {
             let mut seen = self.brick.seen();

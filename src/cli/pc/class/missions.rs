@@ -21,7 +21,7 @@ use crate::cli::common::{load_mission, load_robot, load_world, read_bounded};
 use crate::cli::run::page::watched;
 use crate::cli::{Failure, Output};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, wall_ns};
-use crate::document::{Severity, save};
+use crate::document::save;
 use crate::mapping::Method;
 use crate::printable::with_causes;
 use crate::report::live::{Board, Sources, Wish};
@@ -130,14 +130,8 @@ impl Missions {
             Ok((mission, warnings)) => (warnings, Some(mission)),
             Err(findings) => (findings, None),
         };
-        let shown = findings.iter().map(|finding| {
-            json!({
-                "line": finding.line, "column": finding.column, "message": finding.message,
-                "hint": finding.hint, "is_error": finding.severity == Severity::Error,
-            })
-        });
         json!({
-            "findings": shown.collect::<Vec<Value>>(),
+            "findings": findings.iter().collect::<Vec<_>>(),
             "good": mission.is_some(),
             "name": mission.as_ref().map(|mission| mission.name()),
             "limit_s": mission.as_ref().map(|mission| mission.time_limit_s()),
@@ -291,8 +285,8 @@ mod tests {
         assert_eq!(checked["good"], json!(false));
         let finding = &checked["findings"][0];
         assert_eq!(
-            (&finding["line"], &finding["is_error"]),
-            (&json!(1), &json!(true)),
+            (&finding["line"], &finding["severity"]),
+            (&json!(1), &json!("error")),
             "{checked}"
         );
     }

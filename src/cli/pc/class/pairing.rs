@@ -7,6 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS};
@@ -28,7 +29,8 @@ const PATIENCE_S: f64 = 120.0;
 const NAP: Duration = Duration::from_millis(200);
 
 /// How far an introduction is.
-#[derive(Debug, Clone)]
+#[derive(Debug, Serialize)]
+#[serde(tag = "stage", rename_all = "snake_case")]
 enum Stage {
     /// The brick is being asked.
     Asking,
@@ -53,10 +55,12 @@ enum Stage {
 }
 
 /// One introduction.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 struct Talk {
     address: String,
+    #[serde(flatten)]
     stage: Stage,
+    #[serde(skip)]
     answers: Sender<bool>,
 }
 
@@ -111,22 +115,7 @@ impl Pairing {
 
     /// How far the introduction is.
     pub(super) fn state(&self) -> Value {
-        let talk = self.talk();
-        let Some(Talk { address, stage, .. }) = &*talk else { return Value::Null };
-        let mut state = match stage {
-            Stage::Asking => json!({ "stage": "asking" }),
-            Stage::Compare { code, name, fingerprint, another } => json!({
-                "stage": "compare", "code": code, "name": name, "fingerprint": fingerprint,
-                "another": another,
-            }),
-            Stage::Waits { code, name } => json!({ "stage": "waits", "code": code, "name": name }),
-            Stage::Done { name } => json!({ "stage": "done", "name": name }),
-            Stage::Failed { why } => json!({ "stage": "failed", "why": why }),
-        };
-        if let Some(fields) = state.as_object_mut() {
-            fields.insert("address".to_owned(), json!(address));
-        }
-        state
+        json!(&*self.talk())
     }
 
     /// What the person at the page says of the code.
@@ -218,16 +207,10 @@ impl Pairing {
         };
         let introduced = pair(address, own, &name, patience.quietly(), &mut is_same)
             .map_err(|error| with_causes(&error))?;
-        let (bare, _) = address
-            .rsplit_once(':')
-            .filter(|(bare, _)| !bare.contains(':'))
-            .unwrap_or((address, ""));
-        let address = if port == PORT { bare.to_owned() } else { format!("{bare}:{port}") };
         // The person has seen both fingerprints, and said yes.
-        let replaced = known.another(&introduced.name, &introduced.key).map(|other| other.key);
-        let brick = KnownBrick { name: introduced.name.to_string(), address, key: introduced.key };
-        known.put(&brick, replaced).map_err(|error| with_causes(&error))?;
-        Ok(brick)
+        introduced
+            .keep(&mut known, address, (port != PORT).then_some(port))
+            .map_err(|error| with_causes(&error))
     }
 }
 

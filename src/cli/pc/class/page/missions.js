@@ -62,7 +62,7 @@ export function show(view) {
       const bad = marks.get(at + 1);
       return element(
         "span",
-        `${bad ? (bad.is_error ? "✕ " : "! ") : ""}${at + 1}\n`,
+        `${bad ? (bad.severity === "error" ? "✕ " : "! ") : ""}${at + 1}\n`,
         bad ? "bad" : undefined,
       );
     });
@@ -87,7 +87,11 @@ export function show(view) {
         };
         return put(
           element("li"),
-          button(`${one.line}:${one.column} ${one.message}${hint}`, go, one.is_error ? "bad" : ""),
+          button(
+            `${one.line}:${one.column} ${one.message}${hint}`,
+            go,
+            one.severity === "error" ? "bad" : "",
+          ),
         );
       }),
     );
