@@ -71,6 +71,15 @@ pub trait Dialogue {
         self.choose(question, &["yes", "no"], 0).map(|choice| choice == 0)
     }
 
+    /// Waits until the person says that it can go on.
+    ///
+    /// # Errors
+    ///
+    /// [`NoAnswer`]; [`NoAnswer::Declined`] where they would rather not.
+    fn agree(&mut self, question: &str) -> Result<(), NoAnswer> {
+        if self.confirm(question)? { Ok(()) } else { Err(NoAnswer::Declined) }
+    }
+
     /// Asks for a number within `range`.
     ///
     /// # Errors

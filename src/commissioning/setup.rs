@@ -130,13 +130,10 @@ pub fn setup(
         return Err(SetupError::TooFewMotors { found: found.to_owned() });
     }
     let mut draft = Draft { name: name(dialogue)?, ..Draft::default() };
-    let ready = dialogue.confirm(
+    dialogue.agree(
         "Each motor will now turn for half a second. Put the robot on the floor with a hand's \
          width of space around it, or hold it up. Is it ready?",
     )?;
-    if !ready {
-        return Err(NoAnswer::Declined.into());
-    }
     for identity in motors {
         let mut look = Look { tree, clock, flags, dialogue: &mut *dialogue };
         look.motor(identity, &mut draft)?;

@@ -17,16 +17,15 @@
 
 use std::f64::consts::PI;
 
-use crate::behavior::Drive;
 use crate::commissioning::Dialogue;
 use crate::mapping::OwnEchoes;
-use crate::senses::{Channel, Senses};
 use crate::units::{degrees, radians};
 
+use super::CalibrateError;
 use super::fit::{Kind, Measured, line, median};
-use super::stage::{Ended, Limit, Stage};
+use super::stage::{Ended, Stage};
 use super::straight::{self, NEAR_M};
-use super::{CalibrateError, NoAnswer};
+use super::turns::turn;
 
 /// Legs with fewer echoes say nothing; farther off the line than this an echo is wrong, metres.
 const FEWEST_ECHOES: usize = 20;
@@ -53,14 +52,11 @@ pub(super) fn bias_and_scale(
     dialogue: &mut dyn Dialogue,
     pairs: Option<u32>,
 ) -> Result<[Measured; 2], CalibrateError> {
-    let ready = dialogue.confirm(
+    dialogue.agree(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
          with a metre of floor behind it; have a measuring tape at hand. It will drive to the wall \
          and wait there. Is it ready?",
     )?;
-    if !ready {
-        return Err(NoAnswer::Declined.into());
-    }
     let config = stage.config();
     let metres_per_rad = config.wheel_circumference_m / (2.0 * PI);
     let (ahead_m, bias_m, scale) = config
@@ -115,13 +111,10 @@ pub(super) fn own_echoes(
     let Some(limit_rad) = stage.config().head.as_ref().map(|head| head.limit_rad) else {
         return Err(CalibrateError::NoHead);
     };
-    let ready = dialogue.confirm(
+    dialogue.agree(
         "The head will look round three times, and the robot will turn on the spot between. Is \
          nothing within 40 cm of it?",
     )?;
-    if !ready {
-        return Err(NoAnswer::Declined.into());
-    }
     let mut rounds = Vec::new();
     for round in 0..ROUNDS {
         if round > 0 {
@@ -151,17 +144,7 @@ fn look_round(stage: &mut Stage<'_>, limit_rad: f64) -> Result<Vec<[f64; 2]>, Ca
 }
 
 fn third_of_a_turn(stage: &mut Stage<'_>) -> Result<(), CalibrateError> {
-    let config = stage.config();
-    let wheel_rad = PI * config.track_width_m / config.wheel_circumference_m * (2.0 * PI / 3.0);
-    let from = stage.rest()?;
-    let turned = |senses: &Senses| {
-        let angle = |channel| senses.get(channel).map_or(0.0, |reading| reading.value);
-        let (left, right) = (angle(Channel::Left), angle(Channel::Right));
-        f64::midpoint((left - from.left_rad).abs(), (right - from.right_rad).abs()) >= wheel_rad
-    };
-    let spin = Drive::Twist { forward_m_s: 0.0, turn_rad_s: SPIN_RAD_S };
-    let limit = Limit { wheel_rad: 2.0 * wheel_rad, time_s: 20.0 };
-    let ended = stage.drive(spin, limit, turned)?;
+    let ended = turn(stage, SPIN_RAD_S, 2.0 * PI / 3.0)?;
     stage.rest()?;
     if ended == Ended::Limit {
         return Err(CalibrateError::TooFar(

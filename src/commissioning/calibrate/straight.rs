@@ -6,9 +6,9 @@ use crate::behavior::Drive;
 use crate::commissioning::Dialogue;
 use crate::senses::{Channel, Senses};
 
+use super::CalibrateError;
 use super::fit::{Measured, slope};
 use super::stage::{Ended, Limit, Stage};
-use super::{CalibrateError, NoAnswer};
 
 /// Between these ranges the robot drives back and forth, metres from the sensor: near enough for a
 /// loud echo, far enough not to touch.
@@ -46,13 +46,10 @@ pub(super) fn by_wall(
     dialogue: &mut dyn Dialogue,
     pairs: Option<u32>,
 ) -> Result<Measured, CalibrateError> {
-    let ready = dialogue.confirm(
+    dialogue.agree(
         "Put the robot half a metre before a plain wall, square to it, its head straight ahead, \
          with a metre of floor behind it. It will drive back and forth. Is it ready?",
     )?;
-    if !ready {
-        return Err(NoAnswer::Declined.into());
-    }
     let before_m = stage.config().wheel_circumference_m;
     // What the sensor says for a metre, by the file.
     let scale = stage.config().range.as_ref().map_or(1.0, |range| range.scale);
@@ -188,13 +185,10 @@ pub(super) fn by_metre(
     dialogue: &mut dyn Dialogue,
     pairs: Option<u32>,
 ) -> Result<Measured, CalibrateError> {
-    let ready = dialogue.confirm(
+    dialogue.agree(
         "The robot will drive about a metre, ahead and back, several times; have a measuring tape \
          at hand. Does it have a metre and a half of floor ahead?",
     )?;
-    if !ready {
-        return Err(NoAnswer::Declined.into());
-    }
     let before_m = stage.config().wheel_circumference_m;
     let (mut ahead, mut back) = (Vec::new(), Vec::new());
     for _ in 0..pairs.unwrap_or(2) {
@@ -210,12 +204,9 @@ fn metre(
     way: f64,
 ) -> Result<f64, CalibrateError> {
     let direction = if way > 0.0 { "ahead" } else { "back" };
-    let marked = dialogue.confirm(&format!(
+    dialogue.agree(&format!(
         "Mark on the floor where one of the wheels stands. Drive about a metre {direction} now?"
     ))?;
-    if !marked {
-        return Err(NoAnswer::Declined.into());
-    }
     let metres_per_rad = stage.config().wheel_circumference_m / (2.0 * PI);
     let from = stage.rest()?;
     let begin = from;

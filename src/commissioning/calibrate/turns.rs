@@ -57,13 +57,10 @@ pub(super) fn track_width(
         });
         return Ok((Measured::of(before_m, [&left, &right]), None));
     }
-    let ready = dialogue.confirm(
+    dialogue.agree(
         "The robot will now spin on the spot, to the left and to the right. Does it have a hand's \
          width of space all around?",
     )?;
-    if !ready {
-        return Err(NoAnswer::Declined.into());
-    }
     let (mut left, mut right) = (Vec::new(), Vec::new());
     for _ in 0..options.pairs.unwrap_or(3) {
         for (way, widths) in [(1.0, &mut left), (-1.0, &mut right)] {
@@ -174,13 +171,10 @@ fn marked_spin(
     way: f64,
 ) -> Result<Spin, CalibrateError> {
     let side = if way > 0.0 { "left" } else { "right" };
-    let ready = dialogue.confirm(&format!(
+    dialogue.agree(&format!(
         "Put the robot exactly along a line on the floor. It will spin {MARKED_TURNS} whole turns \
          to the {side}, slowly at the end: press Enter when it stands along the line again. Ready?"
     ))?;
-    if !ready {
-        return Err(NoAnswer::Declined.into());
-    }
     let from = stage.rest()?;
     let marked_rad = MARKED_TURNS * 2.0 * PI;
     turn(stage, way * SPIN_RAD_S, FAST_SHARE * marked_rad)?;
@@ -211,13 +205,17 @@ fn align(
             0 => return Ok(()),
             1 => turn(stage, way * CREEP_RAD_S, STEP_RAD)?,
             _ => turn(stage, -way * CREEP_RAD_S, STEP_RAD)?,
-        }
+        };
     }
     Err(NoAnswer::Unclear.into())
 }
 
 /// Turns by an angle, by the wheels and the file's numbers.
-fn turn(stage: &mut Stage<'_>, turn_rad_s: f64, angle_rad: f64) -> Result<(), CalibrateError> {
+pub(super) fn turn(
+    stage: &mut Stage<'_>,
+    turn_rad_s: f64,
+    angle_rad: f64,
+) -> Result<Ended, CalibrateError> {
     let from = stage.rest()?;
     let (track_m, circumference_m) =
         (stage.config().track_width_m, stage.config().wheel_circumference_m);
@@ -229,8 +227,7 @@ fn turn(stage: &mut Stage<'_>, turn_rad_s: f64, angle_rad: f64) -> Result<(), Ca
     };
     stage.drive(spinning(turn_rad_s), limit(stage, angle_rad, turn_rad_s.abs()), |senses| {
         turned_rad(senses) >= angle_rad
-    })?;
-    Ok(())
+    })
 }
 
 fn spinning(turn_rad_s: f64) -> Drive {

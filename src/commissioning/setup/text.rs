@@ -2,7 +2,6 @@
 //! the answers.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use crate::ev3dev::{Driver, PortAddress};
 use crate::robot::{ROBOTS, RobotConfig, ShippedRobot};
@@ -116,184 +115,138 @@ impl Draft {
     /// The file's text.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        let mut page = Page::default();
-        page.bare(
-            "# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;",
-        );
-        page.bare(
-            "# `onbrick calibrate` measures it by driving, `onbrick doctor` checks it against what \
-             is plugged in.",
-        );
-        page.bare("#");
-        page.bare(
-            "# Every section but [drive] can be left out; a port can be left out where only one \
-             device fits.",
-        );
-        page.bare("");
-        page.bare(&format!("name = {}", quoted(&self.name)));
-        page.line("# max_age_s = 0.3", "a reading older than this is lost");
-        self.drive(&mut page);
-        self.head(&mut page);
-        self.sensors(&mut page);
-        self.motors(&mut page);
-        if let Some(port) = &self.stop_button {
-            page.bare("");
-            page.line("[stop_button]", "the touch sensor that stops a run");
-            page.bare(&format!("port = {}", quoted(port)));
-        }
-        page.text
-    }
-
-    fn drive(&self, page: &mut Page) {
-        page.bare("\n[drive]");
-        for (side, motor, note) in [
-            ("left ", &self.left, "also: inverted = true, gear = [12, 36]"),
-            ("right", &self.right, ""),
-        ] {
-            if let Some(motor) = motor {
+        let Self { name, wheel_circumference_m, track_width_m, .. } = self;
+        let wheel = |side: &str, motor: &Option<DraftMotor>, note: &str| {
+            motor.as_ref().map_or_else(String::new, |motor| {
                 let inverted = if motor.inverted { ", inverted = true" } else { "" };
-                page.line(
-                    &format!("{side} = {{ port = {}{inverted} }}", quoted(&motor.port)),
-                    note,
-                );
-            }
-        }
-        page.line(
-            &format!("wheel_circumference_m = {}", self.wheel_circumference_m),
-            "metres driven in one turn of a wheel",
-        );
-        page.line(&format!("track_width_m = {}", self.track_width_m), "metres between the wheels");
-        page.line("max_dps = 360", "the fastest that a wheel may turn, degrees per second");
-    }
-
-    fn head(&self, page: &mut Page) {
-        let Some(head) = &self.head else {
-            return page.example(&[
-                "[head]",
-                "port = \"outA\"",
-                "gear = [-12, 36]",
-                "speed_dps = 43.3",
-            ]);
+                format!("{side} = {{ port = {}{inverted} }}{note}\n", quoted(&motor.port))
+            })
         };
-        let [motor, driven] = head.gear;
-        let ratio = f64::from(motor.abs()) / f64::from(driven.max(1));
-        let [speed_dps, max_dps] = HEAD_MOTOR_DPS
-            .map(|motor_dps| libm::round((motor_dps * ratio).clamp(1.0, 360.0) * 10.0) / 10.0);
-        page.bare("\n[head]");
-        page.bare(&format!("port = {}", quoted(&head.port)));
-        page.line(
-            &format!("gear = [{motor}, {driven}]"),
-            "teeth on the motor, on the head; minus: it reverses",
-        );
-        page.bare(&format!("speed_dps = {speed_dps}"));
-        page.line(
-            &format!("max_dps = {max_dps}"),
-            "while it finds its way, so that it sees both sides in time",
-        );
-        page.line("limit_deg = 90", "no further than this to either side, for the cable's sake");
-    }
+        let mut text = format!(
+            "\
+# The robot: what is plugged in where, and its measures. Written by `onbrick setup`;
+# `onbrick calibrate` measures it by driving, `onbrick doctor` checks it against what is plugged in.
+#
+# Every section but [drive] can be left out; a port can be left out where only one device fits.
 
-    fn sensors(&self, page: &mut Page) {
-        match self.sensors.get(&Role::Range) {
-            None => page.example(&["[range]", "port = \"in1\"", "ahead_m = 0.05", "max_m = 2.0"]),
-            Some(port) => {
-                page.bare("\n[range]");
-                page.line(
-                    &format!("port = {}", quoted(port)),
-                    "ultrasonic, or infrared (with infrared_m_per_pct)",
-                );
-                if let Some(driver) = self.range_driver {
-                    page.bare(&format!("driver = {}", quoted(driver.as_str())));
-                }
-                page.line(
-                    &format!("ahead_m = {}", self.range_ahead_m),
-                    "the sensor, ahead of the middle between the wheels",
-                );
-                page.line(
-                    &format!("max_m = {:?}", self.range_max_m),
-                    "nothing beyond this becomes a point of the map",
-                );
-                page.line(
-                    &format!("half_cone_deg = {}", self.range_half_cone_deg),
-                    "it hears in this cone; 14 fits real scans, 6 infrared",
-                );
-                page.line("bias_m = 0.0", "it reads this much too far, and");
-                page.line(
-                    "scale = 1.0",
-                    "says this for a metre more: onbrick calibrate --only range",
-                );
-                page.line(
-                    "own_echoes = []",
-                    "hears itself: [[80, 100, 0.2]] from 80 to 100 deg at 0.2 m",
-                );
-            }
-        }
+name = {}
+# max_age_s = 0.3\ta reading older than this is lost
+
+[drive]
+{}{}wheel_circumference_m = {wheel_circumference_m}\tmetres driven in one turn of a wheel
+track_width_m = {track_width_m}\tmetres between the wheels
+max_dps = 360\tthe fastest that a wheel may turn, degrees per second
+",
+            quoted(name),
+            wheel("left ", &self.left, "\talso: inverted = true, gear = [12, 36]"),
+            wheel("right", &self.right, ""),
+        );
+        text += &self.head();
+        text += &self.range();
         for role in Role::SENSORS.into_iter().filter(|role| *role != Role::Range) {
-            let note = if role == Role::Remote {
-                "the infrared sensor that hears the remote control"
-            } else {
-                ""
+            let section = role.section();
+            let is_remote = role == Role::Remote;
+            let note =
+                if is_remote { "\tthe infrared sensor that hears the remote control" } else { "" };
+            text += &match self.sensors.get(&role) {
+                Some(port) => format!("\n[{section}]{note}\nport = {}\n", quoted(port)),
+                None => format!("\n# [{section}]\n# port = {}\n", quoted(role.example_port())),
             };
-            let section = format!("[{}]", role.section());
-            match self.sensors.get(&role) {
-                Some(port) => {
-                    page.bare("");
-                    page.line(&section, note);
-                    page.bare(&format!("port = {}", quoted(port)));
-                }
-                None => {
-                    page.example(&[&section, &format!("port = {}", quoted(role.example_port()))])
-                }
-            }
         }
-    }
-
-    fn motors(&self, page: &mut Page) {
         if self.motors.is_empty() {
-            page.example(&["[motor.arm]", "port = \"outC\"", "gear = [1, 1]", "max_dps = 200"]);
+            text += NO_MOTOR;
         }
         for (name, port) in &self.motors {
-            page.bare("");
-            page.line(&format!("[motor.{name}]"), "missions know it under this name");
-            page.bare(&format!("port = {}", quoted(port)));
-            page.bare("gear = [1, 1]");
-            page.bare("max_dps = 200");
-        }
-    }
-}
-
-/// Text that grows line by line.
-#[derive(Default)]
-struct Page {
-    text: String,
-}
-
-impl Page {
-    fn bare(&mut self, line: &str) {
-        self.text.push_str(line);
-        self.text.push('\n');
-    }
-
-    fn line(&mut self, line: &str, comment: &str) {
-        if comment.is_empty() {
-            self.bare(line);
-        } else {
-            // Writing to a string does not fail.
-            let _ = writeln!(
-                self.text,
-                "{line:<width$}# {comment}",
-                width = COMMENT_COLUMN.max(line.len() + 1)
+            let port = quoted(port);
+            text += &format!(
+                "
+[motor.{name}]\tmissions know it under this name
+port = {port}
+gear = [1, 1]
+max_dps = 200
+"
             );
         }
+        if let Some(port) = &self.stop_button {
+            let port = quoted(port);
+            text += &format!("\n[stop_button]\tthe touch sensor that stops a run\nport = {port}\n");
+        }
+        aligned(&text)
     }
 
-    /// A section that this robot does not have, as a comment to take up later.
-    fn example(&mut self, lines: &[&str]) {
-        self.text.push('\n');
-        for line in lines {
-            self.bare(&format!("# {line}"));
-        }
+    fn head(&self) -> String {
+        let Some(DraftHead { port, gear: [motor, driven] }) = &self.head else {
+            return NO_HEAD.to_owned();
+        };
+        let ratio = f64::from(motor.abs()) / f64::from((*driven).max(1));
+        let [speed_dps, max_dps] = HEAD_MOTOR_DPS
+            .map(|motor_dps| libm::round((motor_dps * ratio).clamp(1.0, 360.0) * 10.0) / 10.0);
+        format!(
+            "
+[head]
+port = {}
+gear = [{motor}, {driven}]\tteeth on the motor, on the head; minus: it reverses
+speed_dps = {speed_dps}
+max_dps = {max_dps}\twhile it finds its way, so that it sees both sides in time
+limit_deg = 90\tno further than this to either side, for the cable's sake
+",
+            quoted(port)
+        )
     }
+
+    fn range(&self) -> String {
+        let Some(port) = self.sensors.get(&Role::Range) else { return NO_RANGE.to_owned() };
+        let driver = self
+            .range_driver
+            .map_or_else(String::new, |driver| format!("driver = {}\n", quoted(driver.as_str())));
+        format!(
+            "
+[range]
+port = {}\tultrasonic, or infrared (with infrared_m_per_pct)
+{driver}ahead_m = {}\tthe sensor, ahead of the middle between the wheels
+max_m = {:?}\tnothing beyond this becomes a point of the map
+half_cone_deg = {}\tit hears in this cone; 14 fits real scans, 6 infrared
+bias_m = 0.0\tit reads this much too far, and
+scale = 1.0\tsays this for a metre more: onbrick calibrate --only range
+own_echoes = []\thears itself: [[80, 100, 0.2]] from 80 to 100 deg at 0.2 m
+",
+            quoted(port),
+            self.range_ahead_m,
+            self.range_max_m,
+            self.range_half_cone_deg
+        )
+    }
+}
+
+/// Sections that a robot does not have, as comments to take up later.
+const NO_HEAD: &str = "
+# [head]
+# port = \"outA\"
+# gear = [-12, 36]
+# speed_dps = 43.3
+";
+const NO_RANGE: &str = "
+# [range]
+# port = \"in1\"
+# ahead_m = 0.05
+# max_m = 2.0
+";
+const NO_MOTOR: &str = "
+# [motor.arm]
+# port = \"outC\"
+# gear = [1, 1]
+# max_dps = 200
+";
+
+/// A text whose comments stand behind tabs, with the comments in one column.
+fn aligned(text: &str) -> String {
+    let line = |line: &str| match line.split_once('\t') {
+        Some((value, comment)) => {
+            format!("{value:<width$}# {comment}\n", width = COMMENT_COLUMN.max(value.len() + 1))
+        }
+        None => format!("{line}\n"),
+    };
+    text.lines().map(line).collect()
 }
 
 /// A text as TOML writes it; control characters do not come here.
