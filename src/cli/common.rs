@@ -52,6 +52,19 @@ impl BrickFiles {
     }
 }
 
+/// This program's own file.
+pub(super) fn own_program() -> Result<PathBuf, Failure> {
+    std::env::current_exe()
+        .map_err(|error| Failure::from_error(Exit::Failed, "cannot find this program", &error))
+}
+
+/// Makes a folder, and those that it lies in, where they are not there.
+pub(super) fn make_folder(exit: Exit, folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Failure::from_error(exit, &format!("cannot make {}", folder.display()), &error)
+    })
+}
+
 /// A robot's file as it was read, and what it says.
 #[derive(Debug)]
 pub(super) struct LoadedRobot {

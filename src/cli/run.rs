@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-
 use super::common::{
-    BrickFiles, broken_mission, chosen_robot, load_mission, load_robot, no_brick, pose,
-    read_mission, setting, stamps_ns, warn,
+    BrickFiles, broken_mission, chosen_robot, load_mission, load_robot, no_brick, own_program,
+    pose, read_mission, setting, stamps_ns, warn,
 };
 use super::folder::RunFolder;
 use super::happenings::Happenings;
+use super::terminal::signals;
 use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
@@ -276,9 +275,7 @@ fn failed(doing: &str, error: &dyn std::error::Error) -> Failure {
 
 /// Starts the run in a process of its own; Ctrl-C is meant for it from then on.
 fn start(job: &Job) -> Result<RunProcess, Failure> {
-    let program =
-        std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
-    let run = RunProcess::start(&program, job)
+    let run = RunProcess::start(&own_program()?, job)
         .map_err(|error| failed("the run did not start", &error))?;
     forward_signals(run.stopper())?;
     Ok(run)
@@ -318,8 +315,7 @@ fn follow(
 /// A signal to this process means the run. In a terminal, control gets the signal as well; hearing
 /// it twice does no harm.
 fn forward_signals(run: Stopper) -> Result<(), Failure> {
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let mut signals = signals()?;
     std::thread::spawn(move || {
         for _ in signals.forever() {
             // A run that is gone needs no telling.

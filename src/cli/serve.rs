@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-
-use super::common::{BrickFiles, no_brick};
+use super::common::{BrickFiles, make_folder, no_brick, own_program};
+use super::terminal::signals;
 use super::{Exit, Failure, Output};
 use crate::ev3dev::{Inventory, Tree};
 #[cfg(feature = "link")]
@@ -46,14 +45,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         Failure::from_error(Exit::Failed, doing, error)
     };
     // Before anything is done: a signal that comes early must find the way out as well.
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])
-        .map_err(|error| failed("cannot listen to signals", &error))?;
+    let mut signals = signals()?;
     // Before anything is made: a machine without a brick gets no keys.
     let place = place(arguments)?;
     let config = load_config(&config_folder(arguments)?, arguments.config.is_some())?;
-    let program =
-        std::env::current_exe().map_err(|error| failed("cannot find this program", &error))?;
-    let service = Service::open(config, place, program)
+    let service = Service::open(config, place, own_program()?)
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
     let local = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
         .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
@@ -128,13 +124,9 @@ fn tell_systemd(state: sd_notify::NotifyState<'_>) {
 /// The folder of the configuration: the brick's, or one that was named or is the user's own, which
 /// is made.
 fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
-    let make = |folder: PathBuf| match std::fs::create_dir_all(&folder) {
+    let make = |folder: PathBuf| match make_folder(Exit::Refused, &folder) {
         Ok(()) => Ok(folder),
-        Err(error) => {
-            let doing = format!("cannot make {}", folder.display());
-            Err(Failure::from_error(Exit::Refused, &doing, &error)
-                .hint("--config with a folder that can be written to"))
-        }
+        Err(failure) => Err(failure.hint("--config with a folder that can be written to")),
     };
     if let Some(folder) = &arguments.config {
         return make(folder.clone());

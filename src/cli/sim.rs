@@ -11,10 +11,10 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::common::{chosen_robot, load_robot, load_world, read_source, warn, write_file};
+use super::terminal::stop_flags;
 use super::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::ev3dev::{EV3, PLATFORMS, Platform};
-use crate::runtime::StopFlags;
 use crate::sim::{
     Button, EventLayout, Found, LcdGeometry, MOST_BEHIND_NS, Mount, MountError, MountOptions,
     Options, Order, Scenario, Simulation, World, WorldPhysics, still,
@@ -227,8 +227,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             .hint("onbrick sim FOLDER"));
     };
     // Before anything is mounted, so that no signal can leave it behind.
-    let flags = StopFlags::on_signals()
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let flags = stop_flags()?;
     let simulation = simulation(arguments, output)?;
     let events =
         if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };

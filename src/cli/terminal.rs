@@ -12,6 +12,7 @@ use std::sync::Arc;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 use super::output::safe;
 use super::{Exit, Failure};
@@ -177,11 +178,19 @@ fn chosen(answer: &str, choices: &[&str], default: usize) -> Option<usize> {
 pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
     let flags = StopFlags::default();
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&flags.signal)).map_err(|error| {
-            Failure::from_error(Exit::Failed, "cannot listen to signals", &error)
-        })?;
+        signal_hook::flag::register(signal, Arc::clone(&flags.signal))
+            .map_err(|error| no_signals(&error))?;
     }
     Ok(flags)
+}
+
+/// Ctrl-C, SIGTERM and SIGHUP as they come.
+pub(super) fn signals() -> Result<Signals, Failure> {
+    Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|error| no_signals(&error))
+}
+
+fn no_signals(error: &io::Error) -> Failure {
+    Failure::from_error(Exit::Failed, "cannot listen to signals", error)
 }
 
 /// A reader that has gone away is no failure of the robot's.

@@ -14,6 +14,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use crate::cli::common::make_folder;
 use crate::cli::key::{self, Folder};
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Exit, Failure, Output};
@@ -66,11 +67,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let own = arguments.keys.own()?;
     let known = KnownBricks::load(&keys).map_err(|error| key::failure(&error))?;
     let flags = stop_flags()?;
-    std::fs::create_dir_all(&arguments.folder).map_err(|error| {
-        let doing = format!("cannot make {}", arguments.folder.display());
-        Failure::from_error(Exit::Refused, &doing, &error)
-            .hint("--folder with a folder that can be written to")
-    })?;
+    make_folder(Exit::Refused, &arguments.folder)
+        .map_err(|failure| failure.hint("--folder with a folder that can be written to"))?;
     let token = token().map_err(|error| {
         Failure::from_error(Exit::Failed, "no random numbers for the page's address", &error)
     })?;

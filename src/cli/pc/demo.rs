@@ -10,13 +10,14 @@ use crate::cli::common::{
     LoadedRun, Progress, environment, load_mission, load_robot, load_world, open_run, stamps_ns,
 };
 use crate::cli::folder::RunFolder;
+use crate::cli::terminal::stop_flags;
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::SECOND_NS;
 use crate::document::nearest;
 use crate::mapping::{Method, Pose, stats};
 use crate::recording::Run;
 use crate::robot::RobotConfig;
-use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, StopFlags, WhenAbandoned, execute};
+use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, WhenAbandoned, execute};
 use crate::sim::{World, covered};
 use crate::units::{degrees, wrap_rad};
 
@@ -109,8 +110,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     limited
         .set("time_limit_s", arguments.seconds)
         .map_err(|error| Failure::from_error(Exit::Usage, "--seconds", &error))?;
-    let flags = StopFlags::on_signals()
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let flags = stop_flags()?;
     let progress = std::sync::Arc::new(Progress::new(&limited, output));
     let shown = std::sync::Arc::clone(&progress);
     let ended = environment(&job).and_then(|environment| {

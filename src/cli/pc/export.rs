@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::scene::scene_of;
-use crate::cli::common::{LoadedRun, open_run, write_file};
+use crate::cli::common::{LoadedRun, make_folder, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::printable::with_causes;
 use crate::recording::Grid;
@@ -73,9 +73,7 @@ fn write_all(
     files: Vec<(&str, Vec<u8>)>,
     output: &mut Output,
 ) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("cannot make {}", folder.display()), &error)
-    })?;
+    make_folder(Exit::Failed, folder)?;
     for (name, bytes) in files {
         let path = folder.join(name);
         write_file(&path, &bytes)?;

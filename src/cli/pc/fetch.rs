@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
 use super::watch::Watch;
+use crate::cli::common::make_folder;
 use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
 use crate::link::client::{MOST_BYTES, come_of};
@@ -68,13 +69,7 @@ impl Brought {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
-    std::fs::create_dir_all(&arguments.out.out).map_err(|error| {
-        Failure::from_error(
-            Exit::Failed,
-            &format!("cannot make {}", arguments.out.out.display()),
-            &error,
-        )
-    })?;
+    make_folder(Exit::Failed, &arguments.out.out)?;
     if arguments.follow {
         let [brick] = asking.bricks.as_slice() else {
             return Err(Failure::new(Exit::Usage, "one brick can be followed at a time"));

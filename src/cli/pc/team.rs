@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::remote::{Asking, How};
 use super::start;
 use crate::behavior::Capabilities;
-use crate::cli::common::{broken_mission, load_mission, setting};
+use crate::cli::common::{broken_mission, load_mission, make_folder, setting};
 use crate::cli::{Exit, Failure, Output};
 use crate::link::Team;
 use crate::runtime::Source;
@@ -91,14 +91,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let checked = check::all(&asking, Some(&wanted));
     check::show(&checked, output);
     check::verdict(&checked)?;
-    std::fs::create_dir_all(&arguments.out).map_err(|error| {
-        Failure::from_error(
-            Exit::Refused,
-            &format!("cannot make {}", arguments.out.display()),
-            &error,
-        )
-        .hint("--out with a folder that can be written to")
-    })?;
+    make_folder(Exit::Refused, &arguments.out)
+        .map_err(|failure| failure.hint("--out with a folder that can be written to"))?;
     let plan = Plan {
         team: &team,
         asking: &asking,

@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
 use super::super::common::Progress;
 use super::super::folder::next_to;
+use super::super::terminal::stop_flags;
 use super::super::{Exit, Failure, Output};
 use super::{Arguments, Happenings, Prepared, conclude, follow, prepare, start};
 use crate::behavior::Mission;
@@ -223,10 +224,7 @@ struct Hand {
 
 impl Hand {
     fn new() -> Result<Self, Failure> {
-        let flags = StopFlags::on_signals().map_err(|error| {
-            Failure::from_error(Exit::Failed, "cannot listen to signals", &error)
-        })?;
-        Ok(Self { flags, stopper: Arc::default(), again: Arc::default() })
+        Ok(Self { flags: stop_flags()?, stopper: Arc::default(), again: Arc::default() })
     }
 
     fn grant(&self, wish: Wish) {

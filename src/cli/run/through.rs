@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::Serialize;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use super::super::common::{Progress, read_mission};
 use super::super::serve::load_config;
+use super::super::terminal::signals;
 use super::super::{Exit, Failure, Output};
 use super::{Arguments, Happenings, RunFolder};
 use crate::behavior::{Capabilities, Mission};
@@ -97,8 +97,7 @@ pub(super) fn run(
         )));
     }
     // Before anything starts: a signal to this process means the run.
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let mut signals = signals()?;
     // Findings are the service's matter; here the mission gives the run its name, and the bar its
     // length.
     let mission = Mission::parse(&source.name, source.text.as_bytes(), &Capabilities::all()).ok();

@@ -11,6 +11,8 @@ use nix::unistd::Pid;
 
 use super::private::{PrivateError, PrivateView};
 use super::stand_in::StandIn;
+use crate::cli::common::own_program;
+use crate::cli::terminal::stop_flags;
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::runtime::StopFlags;
@@ -27,10 +29,7 @@ const SIGNALLED: i32 = 128;
 /// Runs a program over a mounted brick; its exit code becomes ours.
 pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> Result<(), Failure> {
     // Before there is any other thread: a user namespace is for a process that has one.
-    let own = std::env::current_exe().map_err(|error| {
-        Failure::from_error(Exit::Failed, "cannot find this program's own file", &error)
-    })?;
-    let mut view = PrivateView::enter(brick, &own).map_err(|error| {
+    let mut view = PrivateView::enter(brick, &own_program()?).map_err(|error| {
         let exit =
             if matches!(error, PrivateError::Failed { .. }) { Exit::Failed } else { Exit::Refused };
         Failure::from_error(exit, "no program was started", &error).hint(error.hint())
@@ -39,8 +38,7 @@ pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> R
         let names = view.lacking().join(", ");
         log::warn!("{names}: found by PATH alone, since nothing can be laid over /usr/bin here");
     }
-    let flags = StopFlags::on_signals()
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let flags = stop_flags()?;
     let Some((name, arguments)) = program.split_first() else {
         return Err(Failure::new(Exit::Usage, "no program is named"));
     };
@@ -97,8 +95,7 @@ pub(super) fn stand_in(
 ) -> Result<(), Failure> {
     let stand_in = StandIn::named(name)
         .ok_or_else(|| Failure::new(Exit::Usage, format!("there is no stand-in for `{name}`")))?;
-    let flags = StopFlags::on_signals()
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot listen to signals", &error))?;
+    let flags = stop_flags()?;
     let mut said = Vec::new();
     stand_in
         .run(view, arguments, &|| flags.is_raised(), &mut said)
