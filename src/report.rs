@@ -170,15 +170,12 @@ impl Track {
     /// Moves path and points: `by` is the pose of their frame's origin in the common one. Where the
     /// robot truly was stays.
     fn shift(&mut self, by: &Pose) {
-        let (sin, cos) = libm::sincos(by.heading_rad);
-        let place =
-            |x_m: f64, y_m: f64| (by.x_m + cos * x_m - sin * y_m, by.y_m + sin * x_m + cos * y_m);
         for at in &mut self.path {
-            (at.x_m, at.y_m) = place(at.x_m, at.y_m);
+            [at.x_m, at.y_m] = by.place(at.x_m, at.y_m);
             at.heading_rad += by.heading_rad;
         }
         for point in self.points.iter_mut().chain(&mut self.doubted) {
-            (point.x_m, point.y_m) = place(point.x_m, point.y_m);
+            [point.x_m, point.y_m] = by.place(point.x_m, point.y_m);
         }
     }
 

@@ -110,7 +110,7 @@ impl Candidate {
         let there = Self { by, scores: [0.0; 2] }.pose(about_m);
         let scores = [
             reference.share(&other.points, &there),
-            other.share(&reference.points, &inverse(&there)),
+            other.share(&reference.points, &there.inverse()),
         ];
         Self { by, scores }
     }
@@ -121,13 +121,9 @@ impl Candidate {
 
     /// The move as the pose of the moved map's origin: turned about a place, then shifted.
     fn pose(&self, [x_m, y_m]: [f64; 2]) -> Pose {
-        let [dx_m, dy_m, turn_rad] = self.by;
-        let (sin, cos) = libm::sincos(turn_rad);
-        Pose {
-            x_m: x_m + dx_m - (cos * x_m - sin * y_m),
-            y_m: y_m + dy_m - (sin * x_m + cos * y_m),
-            heading_rad: turn_rad,
-        }
+        let [dx_m, dy_m, heading_rad] = self.by;
+        let about = Pose { x_m: x_m + dx_m, y_m: y_m + dy_m, heading_rad };
+        about.then(&Pose { x_m: -x_m, y_m: -y_m, heading_rad: 0.0 })
     }
 }
 
@@ -228,9 +224,7 @@ fn thinned(sights: &[Sight]) -> Vec<[f64; 2]> {
 /// The share of the points of one map that stand by themselves and not with the other one's sights,
 /// and the same share of the other; their sum.
 fn refuted(reference: &[Sight], other: &[Sight], by: &Pose) -> f64 {
-    let moved =
-        |sight: &Sight| Sight { at_m: moved(by, sight.at_m), from_m: moved(by, sight.from_m) };
-    let maps = [reference.to_vec(), other.iter().map(moved).collect()];
+    let maps = [reference.to_vec(), other.iter().map(|sight| sight.moved(by)).collect()];
     let share = |points: Vec<Testimony>| {
         let are = |which| count(points.iter().filter(|point| **point == which).count());
         let (refuted, stand) = (are(Testimony::Refuted), are(Testimony::Stands));
@@ -264,21 +258,6 @@ pub fn testimonies(maps: &[Vec<Sight>]) -> Vec<Vec<Testimony>> {
         both.map(testimony).collect()
     };
     maps.iter().map(of).collect()
-}
-
-/// A place of a map that is moved, metres.
-fn moved(by: &Pose, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
-    let (sin, cos) = libm::sincos(by.heading_rad);
-    [by.x_m + cos * x_m - sin * y_m, by.y_m + sin * x_m + cos * y_m]
-}
-
-fn inverse(by: &Pose) -> Pose {
-    let (sin, cos) = libm::sincos(by.heading_rad);
-    Pose {
-        x_m: -(cos * by.x_m + sin * by.y_m),
-        y_m: sin * by.x_m - cos * by.y_m,
-        heading_rad: -by.heading_rad,
-    }
 }
 
 fn count(things: usize) -> f64 {
@@ -316,11 +295,9 @@ mod tests {
     #[test]
     fn a_start_that_is_wrong_by_15_cm_and_8_degrees_is_corrected() {
         let error = Pose { x_m: 0.12, y_m: -0.09, heading_rad: 0.14 };
-        let place = |m| moved(&error, m);
-        let shifted = |s: &Sight| Sight { at_m: place(s.at_m), from_m: place(s.from_m) };
-        let other: Vec<Sight> = room(&CORNERS).iter().map(shifted).collect();
-        let by = align(&room(&CORNERS), &other, place([0.0, 0.0])).unwrap();
-        let [x_m, y_m] = moved(&by, place([0.0, 0.0]));
+        let other: Vec<Sight> = room(&CORNERS).iter().map(|sight| sight.moved(&error)).collect();
+        let by = align(&room(&CORNERS), &other, error.place(0.0, 0.0)).unwrap();
+        let Pose { x_m, y_m, .. } = by.then(&error);
         assert!(libm::hypot(x_m, y_m) < 0.03, "{x_m} {y_m}");
         assert!((by.heading_rad + error.heading_rad).abs() < 0.01, "{by:?}");
     }

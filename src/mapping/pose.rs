@@ -35,6 +35,13 @@ impl Pose {
         Self { x_m, y_m, heading_rad: self.heading_rad + step.heading_rad }
     }
 
+    /// The pose of the world's origin when seen from this one.
+    #[must_use]
+    pub(super) fn inverse(&self) -> Self {
+        let back = self.body_to_world().inverse().translation;
+        Self { x_m: back.x, y_m: back.y, heading_rad: -self.heading_rad }
+    }
+
     /// The pose at `share` of the way (0 to 1) from this one to `next`, each number on its straight
     /// line.
     #[must_use]
@@ -117,6 +124,13 @@ mod tests {
         let round = (0..4).fold(Pose::default(), |pose, _| pose.then(&side));
         assert!(round.x_m.abs() < 1e-12 && round.y_m.abs() < 1e-12, "{round:?}");
         assert!((round.heading_rad - 4.0 * FRAC_PI_2).abs() < 1e-12, "{round:?}");
+    }
+
+    #[test]
+    fn a_pose_and_its_inverse_are_none() {
+        let pose = Pose { x_m: 1.0, y_m: -2.0, heading_rad: 0.3 };
+        let Pose { x_m, y_m, heading_rad } = pose.then(&pose.inverse());
+        assert!(x_m.abs() + y_m.abs() + heading_rad.abs() < 1e-12, "{x_m} {y_m} {heading_rad}");
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //!
 //! The reading that it is of (`sounding`).
 
-use super::MapPoint;
+use super::{MapPoint, Pose};
 
 /// Something that was found, and from where; world frame, metres.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -16,6 +16,12 @@ pub struct Sight {
 }
 
 impl Sight {
+    /// The same in the frame in which its own frame's origin has the pose `by`.
+    pub(super) fn moved(&self, by: &Pose) -> Self {
+        let [at_m, from_m] = [self.at_m, self.from_m].map(|[x_m, y_m]| by.place(x_m, y_m));
+        Self { at_m, from_m }
+    }
+
     /// The points of a map with the places that they were seen from.
     ///
     /// - `path`: where the robot was, in the order of time; a point was seen from the last place
