@@ -132,6 +132,9 @@ pub(crate) struct Stored {
     pub(crate) wait: Option<Wait>,
 }
 
+/// What a driver answers to a store: done, a wait until it is, or a refusal.
+pub(crate) type Took = Result<Option<Wait>, Errno>;
+
 /// What a store may use besides the driver.
 #[derive(Debug)]
 pub(crate) struct Context<'a> {
@@ -145,29 +148,30 @@ pub(crate) struct Context<'a> {
 pub(crate) trait Driver: Debug + Send {
     /// Its attributes, without those that every device has (`uevent`, `power`, `subsystem`,
     /// `device`).
-    fn attributes(&self) -> &'static [Spec];
+    fn attributes(&self) -> &'static [Spec] {
+        &[]
+    }
 
     /// Appends the text of an attribute to `out`.
     ///
     /// # Errors
     ///
     /// The driver's; ENODEV for an attribute that has gone.
-    fn read(&self, attribute: &str, out: &mut Vec<u8>) -> Result<(), Errno>;
+    fn read(&self, _attribute: &str, _out: &mut Vec<u8>) -> Result<(), Errno> {
+        Err(Errno::ENODEV)
+    }
 
     /// Takes what one `write` brought, which is not empty.
     ///
     /// # Errors
     ///
     /// The driver's.
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno>;
+    fn store(&mut self, _attribute: &str, _bytes: &[u8], _context: &mut Context<'_>) -> Took {
+        Err(Errno::EIO)
+    }
 
     /// Appends the lines of `uevent`.
-    fn uevent(&self, out: &mut Vec<u8>);
+    fn uevent(&self, _out: &mut Vec<u8>) {}
 }
 
 /// Appends a line.

@@ -8,9 +8,8 @@ use crate::sim::board::{Board, PortKind};
 use crate::sim::driver::sensor::{HANDSHAKE_NS, MODELS, model};
 use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
 use crate::sim::driver::text::word;
-use crate::sim::driver::{Context, Wait};
 use crate::sim::driver::{
-    Driver, Spec, lego_uevent, line, list, readable, readwriteable, writeable,
+    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, writeable,
 };
 use crate::sim::physics::{MotorKind, SensorKind};
 
@@ -283,12 +282,7 @@ impl Driver for PortState {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, attribute: &str, bytes: &[u8], context: &mut Context<'_>) -> Took {
         match attribute {
             "mode" => {
                 let mode = word(bytes, self.modes().iter().copied())?;

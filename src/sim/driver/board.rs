@@ -5,7 +5,7 @@ use std::io::Write as _;
 use nix::errno::Errno;
 
 use super::text::word;
-use super::{Context, Driver, Spec, Wait, line};
+use super::{Context, Driver, Spec, Took, line};
 use crate::sim::board::Board;
 
 /// One step of the current, in microamperes.
@@ -103,12 +103,7 @@ impl Driver for Battery {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        _context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, attribute: &str, bytes: &[u8], _context: &mut Context<'_>) -> Took {
         match (attribute, self.pack) {
             ("technology", Pack::Aa) => {
                 word(bytes, ["NiMH"])?;
@@ -157,23 +152,6 @@ impl BoardInfo {
 }
 
 impl Driver for BoardInfo {
-    fn attributes(&self) -> &'static [Spec] {
-        &[]
-    }
-
-    fn read(&self, _attribute: &str, _out: &mut Vec<u8>) -> Result<(), Errno> {
-        Err(Errno::ENODEV)
-    }
-
-    fn store(
-        &mut self,
-        _attribute: &str,
-        _bytes: &[u8],
-        _context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
-        Err(Errno::EIO)
-    }
-
     fn uevent(&self, out: &mut Vec<u8>) {
         for says in self.says {
             // The kernel sorts them.

@@ -5,7 +5,7 @@
 use nix::errno::Errno;
 
 use super::text::word;
-use super::{Context, Driver, Spec, Wait, lego_uevent, line, readable, readwriteable};
+use super::{Driver, Spec, lego_uevent, line, readable, readwriteable};
 use crate::sim::board::Board;
 
 /// Runtime power management, which no driver of the brick takes part in
@@ -91,15 +91,6 @@ impl Driver for BusDevice {
         }
         line(out, format_args!("lego:{}", self.driver));
         Ok(())
-    }
-
-    fn store(
-        &mut self,
-        _attribute: &str,
-        _bytes: &[u8],
-        _context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
-        Err(Errno::EIO)
     }
 
     fn uevent(&self, out: &mut Vec<u8>) {

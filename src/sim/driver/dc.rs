@@ -9,7 +9,7 @@ use nix::errno::Errno;
 use super::jiffies::{due_ns, from_ms, jiffies};
 use super::text::{int_in, scan_unsigned, word};
 use super::{
-    Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, wrap, writeable,
+    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, wrap, writeable,
 };
 use crate::sim::physics::Bridge;
 
@@ -200,12 +200,7 @@ impl Driver for DcMotor {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, attribute: &str, bytes: &[u8], context: &mut Context<'_>) -> Took {
         match attribute {
             "command" => {
                 let all =

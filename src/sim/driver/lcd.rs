@@ -12,7 +12,7 @@ use std::str::FromStr;
 
 use nix::errno::Errno;
 
-use super::{Context, Driver, Spec, Wait, line, readable, readwriteable};
+use super::{Context, Driver, Spec, Took, line, readable, readwriteable};
 
 const ATTRIBUTES: &[Spec] = &[
     readwriteable("bits_per_pixel"),
@@ -197,12 +197,7 @@ impl Driver for Lcd {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        _attribute: &str,
-        _bytes: &[u8],
-        _context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, _attribute: &str, _bytes: &[u8], _context: &mut Context<'_>) -> Took {
         // This screen cannot change its geometry.
         Err(Errno::EINVAL)
     }

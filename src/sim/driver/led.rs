@@ -3,7 +3,7 @@
 use nix::errno::Errno;
 
 use super::text::{unsigned, word};
-use super::{Context, Driver, Spec, Wait, line, list, readable, readwriteable};
+use super::{Context, Driver, Spec, Took, line, list, readable, readwriteable};
 
 /// The triggers of a real brick's kernel.
 const TRIGGERS: [&str; 24] = [
@@ -107,12 +107,7 @@ impl Driver for Led {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        _context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, attribute: &str, bytes: &[u8], _context: &mut Context<'_>) -> Took {
         match attribute {
             "brightness" => {
                 let value = unsigned(bytes)?;
@@ -131,6 +126,4 @@ impl Driver for Led {
         }
         Ok(None)
     }
-
-    fn uevent(&self, _out: &mut Vec<u8>) {}
 }

@@ -15,7 +15,7 @@ use rand_chacha::rand_core::Rng as _;
 pub(crate) use self::models::{MODELS, Mode, Model, model};
 use super::text::word;
 use super::{
-    Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
+    Context, Driver, Spec, Took, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
 };
 use crate::sim::physics::SensorKind;
 
@@ -324,11 +324,7 @@ impl Sensor {
         *angle = angle.wrapping_sub(self.zero_deg);
     }
 
-    fn write_mode(
-        &mut self,
-        bytes: &[u8],
-        context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn write_mode(&mut self, bytes: &[u8], context: &mut Context<'_>) -> Took {
         let mode = word(bytes, self.model.modes.iter().map(|mode| mode.name))?;
         if !self.model.uart {
             return Ok(None);
@@ -386,7 +382,7 @@ impl Sensor {
         }
     }
 
-    fn write_direct(&mut self, bytes: &[u8], now_ns: i64) -> Result<Option<Wait>, Errno> {
+    fn write_direct(&mut self, bytes: &[u8], now_ns: i64) -> Took {
         if !self.model.uart {
             return Err(Errno::EOPNOTSUPP);
         }
@@ -428,12 +424,7 @@ impl Driver for Sensor {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, attribute: &str, bytes: &[u8], context: &mut Context<'_>) -> Took {
         match attribute {
             "mode" => self.write_mode(bytes, context),
             "direct" => self.write_direct(bytes, context.now_ns),

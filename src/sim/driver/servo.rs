@@ -6,7 +6,7 @@ use nix::errno::Errno;
 
 use super::text::{int_in, scan_signed, scan_unsigned, word};
 use super::{
-    Context, Driver, Spec, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
+    Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, writeable,
 };
 
 const COMMANDS: [&str; 2] = ["run", "float"];
@@ -84,12 +84,7 @@ impl Driver for ServoMotor {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        _context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, attribute: &str, bytes: &[u8], _context: &mut Context<'_>) -> Took {
         match attribute {
             "command" => self.runs = word(bytes, COMMANDS)? == 0,
             "min_pulse_sp" => self.min_pulse_us = scan_in(bytes, 0, 1000)?,

@@ -24,7 +24,7 @@ pub(crate) use self::models::{DRIVER_NAMES, Model};
 use self::motor::{Motor, Ticked};
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
 use super::text::{int, int_in, word};
-use super::{Context, Driver, Spec, Wait, lego_uevent, line, list, wrap};
+use super::{Context, Driver, Spec, Took, lego_uevent, line, list, wrap};
 use crate::ev3dev::StopAction;
 use crate::sim::board::MotorDriver;
 use crate::sim::physics::Bridge;
@@ -432,12 +432,7 @@ impl Driver for TachoMotor {
         Ok(())
     }
 
-    fn store(
-        &mut self,
-        attribute: &str,
-        bytes: &[u8],
-        context: &mut Context<'_>,
-    ) -> Result<Option<Wait>, Errno> {
+    fn store(&mut self, attribute: &str, bytes: &[u8], context: &mut Context<'_>) -> Took {
         match attribute {
             "command" => {
                 let index = word(bytes, COMMANDS)?;
