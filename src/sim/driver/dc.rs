@@ -7,15 +7,14 @@
 use nix::errno::Errno;
 
 use super::jiffies::{due_ns, from_ms, jiffies};
-use super::text::{int_in, scan_unsigned, word};
+use super::text::{int_in, known, scan_unsigned, word};
 use super::{
     Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, wrap, writeable,
 };
+use crate::ev3dev::{DcCommand as Command, Polarity};
 use crate::sim::physics::Bridge;
 
-const COMMANDS: [&str; 4] = ["run-forever", "run-timed", "run-direct", "stop"];
 const STOP_ACTIONS: [&str; 2] = ["coast", "brake"];
-const POLARITIES: [&str; 2] = ["normal", "inversed"];
 const RAMP_PERIOD: i64 = 10;
 const DRIVER_NAME: &str = "rcx-motor";
 
@@ -34,14 +33,6 @@ const ATTRIBUTES: &[Spec] = &[
     readable("stop_actions"),
     readwriteable("time_sp"),
 ];
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Command {
-    RunForever,
-    RunTimed,
-    RunDirect,
-    Stop,
-}
 
 #[derive(Debug, Clone, Copy, Default)]
 struct SetPoints {
@@ -182,9 +173,9 @@ impl Driver for DcMotor {
         match attribute {
             "address" => line(out, self.address),
             "driver_name" => line(out, DRIVER_NAME),
-            "commands" => list(out, COMMANDS),
+            "commands" => list(out, Command::WORDS.iter().copied()),
             "stop_actions" => list(out, STOP_ACTIONS),
-            "polarity" => list(out, POLARITIES.get(usize::from(self.set.inversed)).copied()),
+            "polarity" => list(out, Polarity::WORDS.get(usize::from(self.set.inversed)).copied()),
             "duty_cycle" => line(out, if self.active.inversed { -self.duty } else { self.duty }),
             "duty_cycle_sp" => line(out, self.set.duty),
             "ramp_up_sp" => line(out, self.set.ramp_up_ms),
@@ -202,14 +193,7 @@ impl Driver for DcMotor {
 
     fn store(&mut self, attribute: &str, bytes: &[u8], context: &mut Context<'_>) -> Took {
         match attribute {
-            "command" => {
-                let all =
-                    [Command::RunForever, Command::RunTimed, Command::RunDirect, Command::Stop];
-                self.command(
-                    *all.get(word(bytes, COMMANDS)?).ok_or(Errno::EINVAL)?,
-                    context.now_ns,
-                );
-            }
+            "command" => self.command(known(bytes)?, context.now_ns),
             "duty_cycle_sp" => {
                 self.set.duty = int_in(bytes, -100, 100)?;
                 if self.command == Command::RunDirect {
@@ -218,7 +202,7 @@ impl Driver for DcMotor {
                     self.start_ramp(context.now_ns);
                 }
             }
-            "polarity" => self.set.inversed = word(bytes, POLARITIES)? == 1,
+            "polarity" => self.set.inversed = known::<Polarity>(bytes)? == Polarity::Inversed,
             "stop_action" => self.set.brake = word(bytes, STOP_ACTIONS)? == 1,
             "ramp_up_sp" => self.set.ramp_up_ms = ramp_ms(bytes)?,
             "ramp_down_sp" => self.set.ramp_down_ms = ramp_ms(bytes)?,

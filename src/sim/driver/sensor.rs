@@ -13,6 +13,7 @@ use nix::errno::Errno;
 use rand_chacha::rand_core::Rng as _;
 
 pub(crate) use self::models::{MODELS, Mode, Model, model};
+use self::models::{decode, encode};
 use super::text::word;
 use super::{
     Context, Driver, Spec, Took, Wait, lego_uevent, line, list, readable, readwriteable, writeable,
@@ -214,7 +215,7 @@ impl Sensor {
             values = values.map(|value| if value == 0 { 0 } else { PRESSED_PIN_MV });
         }
         if let Some(frame) = self.frames.get_mut(self.mode) {
-            mode.format.encode(values.get(..mode.values).unwrap_or_default(), frame);
+            encode(mode.format, values.get(..mode.values).unwrap_or_default(), frame);
         }
         self.notice_touch();
     }
@@ -307,7 +308,7 @@ impl Sensor {
     fn value(&self, index: usize) -> Option<i32> {
         let described = self.line() != SerialLine::Resynchronising;
         let mode = self.mode_table().filter(|mode| described && index < mode.values)?;
-        let value = mode.format.decode(self.frame(), index);
+        let value = decode(mode.format, self.frame(), index);
         Some(if self.model.uart { value } else { i32::from(value > PRESSED_MV) })
     }
 
@@ -407,7 +408,7 @@ impl Driver for Sensor {
         match attribute {
             "address" => line(out, self.address),
             "bin_data" => out.extend_from_slice(self.frame()),
-            "bin_data_format" => line(out, mode.format.as_str()),
+            "bin_data_format" => line(out, mode.format),
             "commands" | "fw_version" => line(out, ""),
             "decimals" => line(out, mode.decimals),
             "driver_name" => line(out, self.model.driver_name),

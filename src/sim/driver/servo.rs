@@ -4,13 +4,12 @@
 
 use nix::errno::Errno;
 
-use super::text::{int_in, scan_signed, scan_unsigned, word};
+use super::text::{int_in, known, scan_signed, scan_unsigned};
 use super::{
     Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, writeable,
 };
+use crate::ev3dev::{Polarity, ServoCommand};
 
-const COMMANDS: [&str; 2] = ["run", "float"];
-const POLARITIES: [&str; 2] = ["normal", "inversed"];
 const DRIVER_NAME: &str = "servo-motor";
 
 const ATTRIBUTES: &[Spec] = &[
@@ -75,7 +74,7 @@ impl Driver for ServoMotor {
             "min_pulse_sp" => line(out, self.min_pulse_us),
             "mid_pulse_sp" => line(out, self.mid_pulse_us),
             "max_pulse_sp" => line(out, self.max_pulse_us),
-            "polarity" => list(out, POLARITIES.get(usize::from(self.inversed)).copied()),
+            "polarity" => list(out, Polarity::WORDS.get(usize::from(self.inversed)).copied()),
             "position_sp" => line(out, self.position_pct),
             "rate_sp" => line(out, self.rate_ms.ok_or(Errno::EOPNOTSUPP)?),
             "state" => list(out, self.runs.then_some("running")),
@@ -86,11 +85,11 @@ impl Driver for ServoMotor {
 
     fn store(&mut self, attribute: &str, bytes: &[u8], _context: &mut Context<'_>) -> Took {
         match attribute {
-            "command" => self.runs = word(bytes, COMMANDS)? == 0,
+            "command" => self.runs = known::<ServoCommand>(bytes)? == ServoCommand::Run,
             "min_pulse_sp" => self.min_pulse_us = scan_in(bytes, 0, 1000)?,
             "mid_pulse_sp" => self.mid_pulse_us = scan_in(bytes, 1000, 2000)?,
             "max_pulse_sp" => self.max_pulse_us = scan_in(bytes, 2000, 3000)?,
-            "polarity" => self.inversed = word(bytes, POLARITIES)? == 1,
+            "polarity" => self.inversed = known::<Polarity>(bytes)? == Polarity::Inversed,
             "position_sp" => self.position_pct = int_in(bytes, -100, 100)?,
             "rate_sp" => *self.rate_ms.as_mut().ok_or(Errno::EOPNOTSUPP)? = scan_unsigned(bytes)?,
             _ => return Err(Errno::EIO),

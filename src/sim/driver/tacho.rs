@@ -23,9 +23,9 @@ use self::models::{COUNT_PER_M, COUNT_PER_ROT};
 pub(crate) use self::models::{DRIVER_NAMES, Model};
 use self::motor::{Motor, Ticked};
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
-use super::text::{int, int_in, word};
+use super::text::{int, int_in, known, word};
 use super::{Context, Driver, Spec, Took, lego_uevent, line, list, wrap};
-use crate::ev3dev::StopAction;
+use crate::ev3dev::{Polarity, StopAction, TachoCommand as Command};
 use crate::sim::board::MotorDriver;
 use crate::sim::physics::Bridge;
 
@@ -34,34 +34,6 @@ const NOTIFY_NS: i64 = 50_000_000;
 
 /// The ramp aims at a step each 100 ms.
 const RAMP_PERIOD: i64 = 10;
-
-const COMMANDS: [&str; 7] =
-    ["run-forever", "run-to-abs-pos", "run-to-rel-pos", "run-timed", "run-direct", "stop", "reset"];
-
-const POLARITIES: [&str; 2] = ["normal", "inversed"];
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Command {
-    RunForever,
-    RunToAbsPos,
-    RunToRelPos,
-    RunTimed,
-    RunDirect,
-    Stop,
-    Reset,
-}
-
-impl Command {
-    const ALL: [Self; 7] = [
-        Self::RunForever,
-        Self::RunToAbsPos,
-        Self::RunToRelPos,
-        Self::RunTimed,
-        Self::RunDirect,
-        Self::Stop,
-        Self::Reset,
-    ];
-}
 
 /// Set points, in the hardware's frame.
 #[derive(Debug, Clone, Copy)]
@@ -346,7 +318,7 @@ impl TachoMotor {
 
     fn commands(&self) -> impl Iterator<Item = &'static str> {
         let direct = self.driver.direct;
-        COMMANDS.into_iter().filter(move |command| direct || *command != "run-direct")
+        Command::WORDS.iter().copied().filter(move |command| direct || *command != "run-direct")
     }
 
     fn stop_actions(&self) -> impl Iterator<Item = &'static str> + use<> {
@@ -415,7 +387,7 @@ impl Driver for TachoMotor {
             "commands" => list(out, self.commands()),
             "stop_actions" => list(out, self.stop_actions()),
             "stop_action" => line(out, self.set.stop_action),
-            "polarity" => list(out, POLARITIES.get(usize::from(self.set.inversed)).copied()),
+            "polarity" => list(out, Polarity::WORDS.get(usize::from(self.set.inversed)).copied()),
             "state" => {
                 let words = ["running", "ramping", "holding", "overloaded", "stalled"];
                 list(
@@ -435,8 +407,7 @@ impl Driver for TachoMotor {
     fn store(&mut self, attribute: &str, bytes: &[u8], context: &mut Context<'_>) -> Took {
         match attribute {
             "command" => {
-                let index = word(bytes, COMMANDS)?;
-                let command = *Command::ALL.get(index).ok_or(Errno::EINVAL)?;
+                let command = known(bytes)?;
                 if command == Command::RunDirect && !self.driver.direct {
                     return Err(Errno::EINVAL);
                 }
@@ -446,7 +417,7 @@ impl Driver for TachoMotor {
                 let index = word(bytes, self.stop_actions())?;
                 self.set.stop_action = *self.driver.stop_actions.get(index).ok_or(Errno::EINVAL)?;
             }
-            "polarity" => self.set.inversed = word(bytes, POLARITIES)? == 1,
+            "polarity" => self.set.inversed = known::<Polarity>(bytes)? == Polarity::Inversed,
             "position" => {
                 let position = int(bytes)?;
                 if self.driver.zero_only && position != 0 {

@@ -3,11 +3,19 @@
 //! All functions take the bytes of one `write`, whole. They answer with the kernel's own error
 //! numbers.
 
+use std::str::FromStr;
+
 use nix::errno::Errno;
 
 /// The text that a store function sees: the kernel ends it at the first NUL.
 pub(crate) fn text(bytes: &[u8]) -> &[u8] {
     bytes.split(|byte| *byte == 0).next().unwrap_or_default()
+}
+
+/// The same without one trailing newline (`sysfs_streq`).
+fn streq(bytes: &[u8]) -> &[u8] {
+    let text = text(bytes);
+    text.strip_suffix(b"\n").unwrap_or(text)
 }
 
 /// Which of `words` was written; one trailing newline is allowed (`sysfs_streq`).
@@ -19,9 +27,18 @@ pub(crate) fn word<'a>(
     bytes: &[u8],
     words: impl IntoIterator<Item = &'a str>,
 ) -> Result<usize, Errno> {
-    let text = text(bytes);
-    let text = text.strip_suffix(b"\n").unwrap_or(text);
+    let text = streq(bytes);
     words.into_iter().position(|word| word.as_bytes() == text).ok_or(Errno::EINVAL)
+}
+
+/// What was written, of a table of the kernel's words; else as [`word`].
+///
+/// # Errors
+///
+/// EINVAL for any other text.
+pub(crate) fn known<W: FromStr>(bytes: &[u8]) -> Result<W, Errno> {
+    let text = std::str::from_utf8(streq(bytes)).map_err(|_| Errno::EINVAL)?;
+    text.parse().map_err(|_| Errno::EINVAL)
 }
 
 /// A decimal integer with an optional sign and one optional trailing newline (`kstrtoint`, base

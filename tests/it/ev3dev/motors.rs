@@ -116,6 +116,11 @@ fn every_command_is_written_as_one_line() {
     let expected: Vec<String> =
         TachoCommand::ALL.iter().map(|command| format!("{command}\n")).collect();
     assert_eq!(fake.written(MOTOR, "command"), expected);
+    // The simulator's drivers take the same table: these are the kernel's words once more.
+    assert_eq!(
+        TachoCommand::WORDS.join(" "),
+        "run-forever run-to-abs-pos run-to-rel-pos run-timed run-direct stop reset"
+    );
 }
 
 #[test]
@@ -365,6 +370,7 @@ fn every_attribute_of_a_dc_motor_works() {
     for command in DcCommand::ALL {
         motor.command(*command).unwrap();
     }
+    assert_eq!(DcCommand::WORDS, ["run-forever", "run-timed", "run-direct", "stop"]);
     motor.command(DcCommand::RunDirect).unwrap();
     drop(motor);
     assert_eq!(fake.written(folder, "command").last().map(String::as_str), Some("stop\n"));
@@ -407,4 +413,5 @@ fn every_attribute_of_a_servo_works() {
     assert_eq!(servo.state().unwrap(), MotorState::default());
     drop(servo);
     assert_eq!(fake.written(folder, "command"), ["run\n", "float\n"]);
+    assert_eq!(fake.written(folder, "polarity"), ["inversed\n", "normal\n"]);
 }

@@ -1,60 +1,31 @@
 //! The sensors there are, with their modes: the tables of `ev3_uart_sensor_defs.c` and
 //! `ev3_analog_sensor_defs.c`.
 
+use crate::ev3dev::BinFormat;
 use crate::sim::physics::SensorKind;
 
-/// How the numbers of a frame are packed. All are little-endian.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Format {
-    S8,
-    S16,
-    U16,
-    S32,
+/// The number with this index in a frame; 0 where the frame is too short. Of the formats, the
+/// tables below have only some, all little-endian.
+pub(crate) fn decode(format: BinFormat, frame: &[u8], index: usize) -> i32 {
+    let mut bytes = [0; 4];
+    let start = index * format.size();
+    if let (Some(from), Some(to)) =
+        (frame.get(start..start + format.size()), bytes.get_mut(..format.size()))
+    {
+        to.copy_from_slice(from);
+    }
+    let [low, high, ..] = bytes;
+    match format {
+        BinFormat::S8 => i32::from(i8::from_le_bytes([low])),
+        BinFormat::S16 => i32::from(i16::from_le_bytes([low, high])),
+        _ => i32::from_le_bytes(bytes),
+    }
 }
 
-impl Format {
-    /// The kernel's word.
-    pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::S8 => "s8",
-            Self::S16 => "s16",
-            Self::U16 => "u16",
-            Self::S32 => "s32",
-        }
-    }
-
-    /// Bytes a number.
-    pub(crate) fn size(self) -> usize {
-        match self {
-            Self::S8 => 1,
-            Self::S16 | Self::U16 => 2,
-            Self::S32 => 4,
-        }
-    }
-
-    /// The number with this index in a frame; 0 where the frame is too short.
-    pub(crate) fn decode(self, frame: &[u8], index: usize) -> i32 {
-        let mut bytes = [0; 4];
-        let start = index * self.size();
-        if let (Some(from), Some(to)) =
-            (frame.get(start..start + self.size()), bytes.get_mut(..self.size()))
-        {
-            to.copy_from_slice(from);
-        }
-        let [low, high, ..] = bytes;
-        match self {
-            Self::S8 => i32::from(i8::from_le_bytes([low])),
-            Self::S16 => i32::from(i16::from_le_bytes([low, high])),
-            Self::U16 => i32::from(u16::from_le_bytes([low, high])),
-            Self::S32 => i32::from_le_bytes(bytes),
-        }
-    }
-
-    /// Packs numbers; each keeps its low bytes.
-    pub(crate) fn encode(self, values: &[i32], frame: &mut [u8]) {
-        for (value, bytes) in values.iter().zip(frame.chunks_exact_mut(self.size())) {
-            bytes.copy_from_slice(value.to_le_bytes().get(..self.size()).unwrap_or_default());
-        }
+/// Packs numbers; each keeps its low bytes.
+pub(crate) fn encode(format: BinFormat, values: &[i32], frame: &mut [u8]) {
+    for (value, bytes) in values.iter().zip(frame.chunks_exact_mut(format.size())) {
+        bytes.copy_from_slice(value.to_le_bytes().get(..format.size()).unwrap_or_default());
     }
 }
 
@@ -63,7 +34,7 @@ impl Format {
 pub(crate) struct Mode {
     pub(crate) name: &'static str,
     pub(crate) values: usize,
-    pub(crate) format: Format,
+    pub(crate) format: BinFormat,
     pub(crate) units: &'static str,
     pub(crate) decimals: u8,
     /// The least and the greatest number that the sensor sends.
@@ -73,7 +44,7 @@ pub(crate) struct Mode {
 const fn mode(
     name: &'static str,
     values: usize,
-    format: Format,
+    format: BinFormat,
     units: &'static str,
     decimals: u8,
     range: (i32, i32),
@@ -117,7 +88,7 @@ static TOUCH: Model = Model {
     kind: SensorKind::Touch,
     word: "touch",
     driver_name: "lego-ev3-touch",
-    modes: &[mode("TOUCH", 1, Format::S32, "", 0, (0, 1))],
+    modes: &[mode("TOUCH", 1, BinFormat::S32, "", 0, (0, 1))],
     uart: false,
     period_ns: 10_000_000,
     settles_ns: 0,
@@ -128,13 +99,13 @@ static COLOUR: Model = Model {
     word: "colour",
     driver_name: "lego-ev3-color",
     modes: &[
-        mode("COL-REFLECT", 1, Format::S8, "pct", 0, PERCENT),
-        mode("COL-AMBIENT", 1, Format::S8, "pct", 0, PERCENT),
-        mode("COL-COLOR", 1, Format::S8, "col", 0, (0, 7)),
-        mode("REF-RAW", 2, Format::S16, "", 0, RAW),
+        mode("COL-REFLECT", 1, BinFormat::S8, "pct", 0, PERCENT),
+        mode("COL-AMBIENT", 1, BinFormat::S8, "pct", 0, PERCENT),
+        mode("COL-COLOR", 1, BinFormat::S8, "col", 0, (0, 7)),
+        mode("REF-RAW", 2, BinFormat::S16, "", 0, RAW),
         // The sensor reports one value too few, and the brick's kernel believes it.
-        mode("RGB-RAW", 3, Format::S16, "", 0, RAW),
-        mode("COL-CAL", 3, Format::U16, "", 0, RAW),
+        mode("RGB-RAW", 3, BinFormat::S16, "", 0, RAW),
+        mode("COL-CAL", 3, BinFormat::U16, "", 0, RAW),
     ],
     uart: true,
     period_ns: 4_000_000,
@@ -146,13 +117,13 @@ static ULTRASONIC: Model = Model {
     word: "ultrasonic",
     driver_name: "lego-ev3-us",
     modes: &[
-        mode("US-DIST-CM", 1, Format::S16, "cm", 1, MILLIMETRES),
-        mode("US-DIST-IN", 1, Format::S16, "in", 1, TENTHS_OF_INCHES),
-        mode("US-LISTEN", 1, Format::S8, "", 0, (0, 1)),
-        mode("US-SI-CM", 1, Format::S16, "cm", 1, MILLIMETRES),
-        mode("US-SI-IN", 1, Format::S16, "in", 1, TENTHS_OF_INCHES),
-        mode("US-DC-CM", 1, Format::S16, "cm", 1, MILLIMETRES),
-        mode("US-DC-IN", 1, Format::S16, "in", 1, TENTHS_OF_INCHES),
+        mode("US-DIST-CM", 1, BinFormat::S16, "cm", 1, MILLIMETRES),
+        mode("US-DIST-IN", 1, BinFormat::S16, "in", 1, TENTHS_OF_INCHES),
+        mode("US-LISTEN", 1, BinFormat::S8, "", 0, (0, 1)),
+        mode("US-SI-CM", 1, BinFormat::S16, "cm", 1, MILLIMETRES),
+        mode("US-SI-IN", 1, BinFormat::S16, "in", 1, TENTHS_OF_INCHES),
+        mode("US-DC-CM", 1, BinFormat::S16, "cm", 1, MILLIMETRES),
+        mode("US-DC-IN", 1, BinFormat::S16, "in", 1, TENTHS_OF_INCHES),
     ],
     uart: true,
     period_ns: 100_000_000,
@@ -164,13 +135,13 @@ static GYRO: Model = Model {
     word: "gyro",
     driver_name: "lego-ev3-gyro",
     modes: &[
-        mode("GYRO-ANG", 1, Format::S16, "deg", 0, WHOLE_16),
-        mode("GYRO-RATE", 1, Format::S16, "d/s", 0, WHOLE_16),
-        mode("GYRO-FAS", 1, Format::S16, "", 0, WHOLE_16),
-        mode("GYRO-G&A", 2, Format::S16, "", 0, WHOLE_16),
-        mode("GYRO-CAL", 4, Format::S16, "", 0, WHOLE_16),
-        mode("TILT-RATE", 1, Format::S16, "d/s", 0, WHOLE_16),
-        mode("TILT-ANG", 1, Format::S16, "deg", 0, WHOLE_16),
+        mode("GYRO-ANG", 1, BinFormat::S16, "deg", 0, WHOLE_16),
+        mode("GYRO-RATE", 1, BinFormat::S16, "d/s", 0, WHOLE_16),
+        mode("GYRO-FAS", 1, BinFormat::S16, "", 0, WHOLE_16),
+        mode("GYRO-G&A", 2, BinFormat::S16, "", 0, WHOLE_16),
+        mode("GYRO-CAL", 4, BinFormat::S16, "", 0, WHOLE_16),
+        mode("TILT-RATE", 1, BinFormat::S16, "d/s", 0, WHOLE_16),
+        mode("TILT-ANG", 1, BinFormat::S16, "deg", 0, WHOLE_16),
     ],
     uart: true,
     period_ns: 4_000_000,
@@ -182,12 +153,12 @@ static INFRARED: Model = Model {
     word: "infrared",
     driver_name: "lego-ev3-ir",
     modes: &[
-        mode("IR-PROX", 1, Format::S8, "pct", 0, PERCENT),
-        mode("IR-SEEK", 8, Format::S8, "pct", 0, WHOLE_8),
-        mode("IR-REMOTE", 4, Format::S8, "btn", 0, (0, 11)),
-        mode("IR-REM-A", 1, Format::S16, "", 0, WHOLE_16),
-        mode("IR-S-ALT", 4, Format::S8, "pct", 0, WHOLE_8),
-        mode("IR-CAL", 2, Format::S32, "", 0, WHOLE_16),
+        mode("IR-PROX", 1, BinFormat::S8, "pct", 0, PERCENT),
+        mode("IR-SEEK", 8, BinFormat::S8, "pct", 0, WHOLE_8),
+        mode("IR-REMOTE", 4, BinFormat::S8, "btn", 0, (0, 11)),
+        mode("IR-REM-A", 1, BinFormat::S16, "", 0, WHOLE_16),
+        mode("IR-S-ALT", 4, BinFormat::S8, "pct", 0, WHOLE_8),
+        mode("IR-CAL", 2, BinFormat::S32, "", 0, WHOLE_16),
     ],
     uart: true,
     period_ns: 50_000_000,
