@@ -7,8 +7,8 @@
 //! anything, is the truth about the robot.
 
 mod attribute;
-mod orders;
 mod stream;
+mod told;
 mod truth;
 
 use std::path::Path;
@@ -18,9 +18,9 @@ use std::time::Duration;
 use nix::errno::Errno;
 
 pub(crate) use self::attribute::{SimFile, Write};
-pub(crate) use self::orders::{OrdersFile, Tells};
 pub(crate) use self::stream::{Device, StreamFile};
-pub(crate) use self::truth::TruthFile;
+use self::told::Tells;
+pub(crate) use self::told::ToldFile;
 use super::brick::Brick;
 use super::brick::tree::{FAULTS, ORDERS, TRUTH};
 use super::driver::Entry;
@@ -108,23 +108,15 @@ impl SimBrick {
         self.look(|brick| Ok(brick.is_screen(path))).unwrap_or(false)
     }
 
-    /// Opens the truth; none at any other path.
-    pub(crate) fn open_truth(
-        &self,
-        path: &str,
-        access: Access,
-    ) -> Option<Result<TruthFile, Errno>> {
-        (path == TRUTH).then(|| TruthFile::open(&self.shared, self.robot, access))
-    }
-
-    /// Opens what takes orders; none at any other path.
-    pub(crate) fn open_orders(&self, path: &str) -> Option<OrdersFile> {
+    /// Opens what tells of the robot and takes orders; none at any other path.
+    pub(crate) fn open_told(&self, path: &str, access: Access) -> Option<Result<ToldFile, Errno>> {
         let tells = match path {
+            TRUTH => Tells::Truth,
             FAULTS => Tells::Wrong,
             ORDERS => Tells::Done,
             _ => return None,
         };
-        Some(OrdersFile::open(&self.shared, self.robot, tells))
+        Some(ToldFile::open(&self.shared, self.robot, tells, access))
     }
 
     /// Reads the picture on the screen from an offset.
@@ -156,11 +148,8 @@ impl Tree for SimBrick {
             let brick = Self::new(Arc::clone(&self.shared), self.robot);
             return Ok(Box::new(ScreenFile { brick, access }));
         }
-        if let Some(truth) = self.open_truth(path, access) {
-            return Ok(Box::new(truth?));
-        }
-        if let Some(orders) = self.open_orders(path) {
-            return Ok(Box::new(orders));
+        if let Some(told) = self.open_told(path, access) {
+            return Ok(Box::new(told?));
         }
         Ok(Box::new(self.open_attribute(path, access)?))
     }

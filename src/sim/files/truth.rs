@@ -6,22 +6,17 @@
 //! robot is where that program meant it to go.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
-use std::time::Duration;
 
-use nix::errno::Errno;
 use serde::Serialize;
 
-use super::{copy, wait};
 use crate::clock::seconds;
-use crate::ev3dev::{Access, AttributeFile};
 use crate::sim::brick::Class;
-use crate::sim::simulation::Shared;
+use crate::sim::simulation::State;
 use crate::units::degrees;
 
 /// What the line says. World frame; angles anticlockwise and not wrapped.
 #[derive(Serialize)]
-struct TruthLine {
+pub(super) struct TruthLine {
     time_s: f64,
     x_m: f64,
     y_m: f64,
@@ -46,79 +41,29 @@ struct TruthLine {
     lights: BTreeMap<String, u32>,
 }
 
-/// The open file.
-#[derive(Debug)]
-pub(crate) struct TruthFile {
-    shared: Arc<Shared>,
-    robot: usize,
-}
-
-impl TruthFile {
-    /// Opens it for reading.
-    ///
-    /// # Errors
-    ///
-    /// EACCES for a writer.
-    pub(crate) fn open(shared: &Arc<Shared>, robot: usize, access: Access) -> Result<Self, Errno> {
-        if access != Access::Read {
-            return Err(Errno::EACCES);
-        }
-        Ok(Self { shared: Arc::clone(shared), robot })
-    }
-
-    /// The line as of now, in place of what is in `text`.
-    ///
-    /// # Errors
-    ///
-    /// ENODATA where the physics is no world's: the truth is unknown there.
-    pub(crate) fn read_into(&self, text: &mut Vec<u8>) -> Result<(), Errno> {
-        let line = self.line().ok_or(Errno::ENODATA)?;
-        text.clear();
-        serde_json::to_writer(&mut *text, &line).map_err(|_| Errno::EIO)?;
-        text.push(b'\n');
-        Ok(())
-    }
-
-    fn line(&self) -> Option<TruthLine> {
-        let state = self.shared.now();
-        let world = state.world()?;
-        let truth = world.truth(self.robot)?;
-        let brick = state.bricks.get(self.robot)?;
-        let light = |name: &str| Some((name.to_owned(), brick.led(name)?.0));
-        let [left_deg, right_deg] = truth.wheels_rad.map(degrees);
-        Some(TruthLine {
-            time_s: seconds(state.now_ns),
-            x_m: truth.x_m,
-            y_m: truth.y_m,
-            heading_deg: degrees(truth.heading_rad),
-            speed_mps: truth.speed_mps,
-            travelled_m: truth.travelled_m,
-            left_deg,
-            right_deg,
-            head_deg: degrees(truth.head_rad),
-            echo_m: world.echo(self.robot),
-            touching: truth.touching,
-            fallen: truth.fallen,
-            pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
-            tone_hz: brick.speaker.tone_hz(),
-            last_tone_hz: brick.speaker.last_tone_hz(),
-            lights: brick.names(Class::Leds).filter_map(light).collect(),
-        })
-    }
-}
-
-impl AttributeFile for TruthFile {
-    fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
-        let mut text = Vec::new();
-        self.read_into(&mut text)?;
-        Ok(copy(&text, buffer))
-    }
-
-    fn write(&self, _value: &[u8]) -> Result<usize, Errno> {
-        Err(Errno::EBADF)
-    }
-
-    fn wait_changed(&self, timeout: Duration) -> Result<bool, Errno> {
-        wait(&self.shared, timeout, || None)
-    }
+/// The line as of now; none where the physics is no world's: the truth is unknown there.
+pub(super) fn line(state: &State, robot: usize) -> Option<TruthLine> {
+    let world = state.world()?;
+    let truth = world.truth(robot)?;
+    let brick = state.bricks.get(robot)?;
+    let light = |name: &str| Some((name.to_owned(), brick.led(name)?.0));
+    let [left_deg, right_deg] = truth.wheels_rad.map(degrees);
+    Some(TruthLine {
+        time_s: seconds(state.now_ns),
+        x_m: truth.x_m,
+        y_m: truth.y_m,
+        heading_deg: degrees(truth.heading_rad),
+        speed_mps: truth.speed_mps,
+        travelled_m: truth.travelled_m,
+        left_deg,
+        right_deg,
+        head_deg: degrees(truth.head_rad),
+        echo_m: world.echo(robot),
+        touching: truth.touching,
+        fallen: truth.fallen,
+        pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
+        tone_hz: brick.speaker.tone_hz(),
+        last_tone_hz: brick.speaker.last_tone_hz(),
+        lights: brick.names(Class::Leds).filter_map(light).collect(),
+    })
 }

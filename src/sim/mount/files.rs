@@ -170,11 +170,8 @@ impl Files {
             };
             return Ok((handle, direct | FopenFlags::FOPEN_STREAM));
         }
-        if let Some(file) = brick.open_truth(&place.path, access) {
-            return Ok((Handle::Truth { file: file?, text: Vec::new() }, direct));
-        }
-        if let Some(file) = brick.open_orders(&place.path) {
-            return Ok((Handle::Orders { file, text: Vec::new() }, direct));
+        if let Some(file) = brick.open_told(&place.path, access) {
+            return Ok((Handle::Told { file: file?, text: Vec::new() }, direct));
         }
         let file = brick.open_attribute(&place.path, access)?;
         let handle = Handle::Attribute { file, text: Vec::new(), poller: None };

@@ -9,7 +9,7 @@ use nix::errno::Errno;
 use super::files::refusal;
 use super::{SimBrick, events};
 use crate::ev3dev::AttributeFile;
-use crate::sim::files::{OrdersFile, SimFile, StreamFile, TruthFile, Write};
+use crate::sim::files::{SimFile, StreamFile, ToldFile, Write};
 
 /// An open file or folder.
 #[derive(Debug)]
@@ -22,10 +22,8 @@ pub(super) enum Handle {
     Events { file: StreamFile, bytes: Vec<u8>, readers: Vec<Reader>, poller: Option<PollNotifier> },
     /// The screen's memory.
     Screen(Arc<SimBrick>),
-    /// The truth, with the line that was made when its beginning was last read.
-    Truth { file: TruthFile, text: Vec<u8> },
-    /// What takes orders, with the text that was made when its beginning was last read.
-    Orders { file: OrdersFile, text: Vec<u8> },
+    /// What tells of the robot, with the text that was made when its beginning was last read.
+    Told { file: ToldFile, text: Vec<u8> },
 }
 
 /// An entry of a listing.
@@ -77,16 +75,10 @@ impl Handle {
                 Ok(bytes) => reply.data(&bytes),
                 Err(errno) => reply.error(refusal(errno)),
             },
-            Self::Truth { file, text } => match truth(file, text, offset, read.room) {
+            Self::Told { file, text } => match told(file, text, offset, read.room) {
                 Ok(bytes) => reply.data(bytes),
                 Err(errno) => reply.error(refusal(errno)),
             },
-            Self::Orders { file, text } => {
-                if offset == 0 {
-                    file.read_into(text);
-                }
-                reply.data(part(text, offset, read.room));
-            }
         }
         false
     }
@@ -101,9 +93,7 @@ impl Handle {
             Self::Folder(_) => Err(Errno::EISDIR),
             Self::Attribute { file, .. } => file.begin_write(offset, bytes),
             Self::Events { file, .. } => file.write(bytes).map(Write::Done),
-            // The kernel writes to no file that was opened for reading only.
-            Self::Truth { .. } => Err(Errno::EBADF),
-            Self::Orders { file, .. } => file.order(bytes).map(Write::Done),
+            Self::Told { file, .. } => file.order(bytes).map(Write::Done),
             Self::Screen(brick) => {
                 brick.draw(usize::try_from(offset).unwrap_or(usize::MAX), bytes).map(Write::Done)
             }
@@ -115,9 +105,7 @@ impl Handle {
         let readable = PollEvents::POLLIN | PollEvents::POLLRDNORM;
         let writeable = PollEvents::POLLOUT | PollEvents::POLLWRNORM;
         match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Orders { .. } => {
-                readable | writeable
-            }
+            Self::Folder(_) | Self::Screen(_) | Self::Told { .. } => readable | writeable,
             Self::Attribute { file, poller, .. } => {
                 *poller = keep.or(poller.take());
                 let changed = PollEvents::POLLPRI | PollEvents::POLLERR;
@@ -146,7 +134,7 @@ impl Handle {
     /// interrupted; false if it waits no more.
     pub(super) fn wake(&mut self, interrupts: bool) -> bool {
         match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Truth { .. } | Self::Orders { .. } => false,
+            Self::Folder(_) | Self::Screen(_) | Self::Told { .. } => false,
             Self::Attribute { file, poller, .. } => {
                 if file.wakes() {
                     notify(poller);
@@ -193,9 +181,9 @@ fn attribute<'t>(
     Ok(part(text, offset, room))
 }
 
-/// A part of the truth, which is found out when its beginning is read.
-fn truth<'t>(
-    file: &TruthFile,
+/// A part of what is told, which is found out when its beginning is read.
+fn told<'t>(
+    file: &ToldFile,
     text: &'t mut Vec<u8>,
     offset: usize,
     room: usize,
