@@ -168,12 +168,6 @@ impl Topic {
         metadata
     }
 
-    /// The topic of a channel number of ours.
-    #[must_use]
-    pub fn of_channel(channel: u16) -> Option<Self> {
-        Self::ALL.get(usize::from(channel)).copied()
-    }
-
     /// The topic of a channel as a file describes it: name and type must both be known.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {

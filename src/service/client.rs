@@ -92,12 +92,6 @@ impl Client {
         &self.path
     }
 
-    /// Whether there is a connection, as far as is known.
-    #[must_use]
-    pub fn is_connected(&self) -> bool {
-        self.connection.is_some()
-    }
-
     /// Asks what the network may ask as well.
     ///
     /// # Errors

@@ -206,13 +206,6 @@ impl World {
         &self.robot
     }
 
-    /// The same world with another robot in it.
-    #[must_use]
-    pub fn with_robot(mut self, robot: RobotModel) -> Self {
-        self.robot = robot;
-        self
-    }
-
     /// The same world with a robot that has no imperfections.
     #[must_use]
     pub fn without_errors(mut self) -> Self {
