@@ -1,4 +1,5 @@
-//! Runs on a simulated brick: the environment that [`execute`] drives one in.
+//! Runs on a simulated brick: the environment in which [`execute`](crate::runtime::execute) drives
+//! one.
 //!
 //! # Not here
 //!
@@ -13,9 +14,7 @@ use crate::ev3dev::PortAddress;
 use crate::mapping::Pose;
 use crate::recording::{Pace, STALL_NS};
 use crate::robot::{MotorRole, RobotConfig, StopButton};
-use crate::runtime::{
-    Brick, Ended, Environment, Heartbeat, Job, Refused, Source, StopFlags, Truth, execute,
-};
+use crate::runtime::{Brick, Environment, Job, Refused, Source, Truth};
 use crate::senses::{Channel, Role};
 use crate::sim::{Observer, Port, SensorKind, Simulation, World, WorldPhysics};
 
@@ -145,7 +144,7 @@ pub fn simulation(
 /// Where a job on a simulated brick is done.
 #[derive(Debug)]
 pub struct Simulated {
-    /// What [`execute`] is handed.
+    /// What [`execute`](crate::runtime::execute) is handed.
     pub environment: Environment,
     /// The brick and its world.
     pub simulation: Simulation,
@@ -200,41 +199,6 @@ fn truth(observer: &Observer) -> Option<Truth> {
     let truth = observer.truth(0)?;
     let pose = Pose { x_m: truth.x_m, y_m: truth.y_m, heading_rad: truth.heading_rad };
     Some(Truth { pose, fallen: truth.fallen })
-}
-
-/// Does a job on a simulated brick, and shows how things truly are after each tick: for tests and
-/// for judging missions.
-///
-/// # Errors
-///
-/// As [`execute`] and [`simulated`].
-pub fn execute_observed(
-    job: &Job,
-    flags: &StopFlags,
-    see: impl FnMut(&crate::sim::Truth) + Send,
-) -> Result<Ended, Refused> {
-    let Simulated { environment, observer, .. } = simulated(job)?;
-    execute(job, environment, flags, &mut Witness { observer, see }, |_| {})
-}
-
-/// Looks at the truth with each beat.
-struct Witness<F> {
-    observer: Observer,
-    see: F,
-}
-
-impl<F> std::fmt::Debug for Witness<F> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Witness").field("observer", &self.observer).finish_non_exhaustive()
-    }
-}
-
-impl<F: FnMut(&crate::sim::Truth) + Send> Heartbeat for Witness<F> {
-    fn beat(&mut self, _now_ns: i64) {
-        if let Some(truth) = self.observer.truth(0) {
-            (self.see)(&truth);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -14,9 +14,11 @@ use onbrick::behavior::shipped::{TEMPLATE, find};
 use onbrick::clock::SECOND_NS;
 use onbrick::mapping::Pose;
 use onbrick::recording::Run;
-use onbrick::runtime::{Brick, Ended, Job, Lock, Source, StopFlags, WhenAbandoned};
+use onbrick::runtime::{Brick, Ended, Job, Lock, Source, StopFlags, WhenAbandoned, execute};
 use onbrick::sim::{Truth, World};
-use onbrick::simulated::execute_observed;
+use onbrick::simulated::{Simulated, simulated};
+
+use crate::support::stage::Witness;
 
 /// The shipped robot, and the same with every further role that the simulated one has sensors for.
 const ROBOT: &str = include_str!("../../brick-image/robot.toml");
@@ -105,9 +107,11 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
 pub fn play(job: impl FnOnce(PathBuf) -> Job) -> Played {
     let folder = tempfile::tempdir().expect("a folder");
     let job = job(folder.path().join("run.mcap"));
-    let mut truths = Vec::new();
-    let ended = execute_observed(&job, &StopFlags::default(), |truth| truths.push(*truth))
+    let Simulated { environment, observer, .. } = simulated(&job).expect("a simulated brick");
+    let mut witness = Witness::of(observer);
+    let ended = execute(&job, environment, &StopFlags::default(), &mut witness, |_| {})
         .unwrap_or_else(|refused| panic!("{}: {}", job.mission.name, refused.stop()));
+    let truths = witness.truths;
     assert!(ended.stopped && ended.recording.is_none(), "{ended}");
     let bytes = std::fs::read(&job.file).expect("a recording");
     let tick_s = ended.time_s / (truths.len() - 1) as f64;

@@ -2,8 +2,8 @@
 //! devices (scenario), its files and the recording's (plans).
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, Mutex};
 
 use onbrick::clock::{Clock, SECOND_NS, VirtualClock};
 use onbrick::ev3dev::{Access, EV3, Platform, Tree};
@@ -119,7 +119,7 @@ impl Play {
             ..Environment::new(tree, Arc::clone(&clock))
         };
         let job = self.job(Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
-        let truths: Arc<Mutex<Vec<Truth>>> = Arc::default();
+        let mut witness = Witness::of(observer);
         let began_ns = Arc::new(AtomicI64::new(0));
         let ended = {
             let (simulation, clock, began_ns) =
@@ -134,7 +134,6 @@ impl Play {
                     began_ns.store(clock.now_ns(), Ordering::Relaxed);
                 }
             };
-            let mut witness = Witness { observer, truths: Arc::clone(&truths) };
             execute(&job, environment, &StopFlags::default(), &mut witness, report)?
         };
         let drove_ns = clock.now_ns() - began_ns.load(Ordering::Relaxed);
@@ -145,7 +144,7 @@ impl Play {
             reason: ended.stop.reason,
             ended,
             drove_s: onbrick::clock::seconds(drove_ns),
-            truths: std::mem::take(&mut *truths.lock().unwrap()),
+            truths: witness.truths,
             truth,
             states: ["outA", "outB", "outD"].map(|port| state_of(&*simulation.brick(0), port)),
             writes: simulation.take_writes(),
@@ -221,14 +220,20 @@ impl Played {
 
 /// Notes the truth at each beat.
 #[derive(Debug)]
-struct Witness {
+pub struct Witness {
     observer: Observer,
-    truths: Arc<Mutex<Vec<Truth>>>,
+    pub truths: Vec<Truth>,
+}
+
+impl Witness {
+    pub fn of(observer: Observer) -> Self {
+        Self { observer, truths: Vec::new() }
+    }
 }
 
 impl Heartbeat for Witness {
     fn beat(&mut self, _now_ns: i64) {
-        self.truths.lock().unwrap().push(self.observer.truth(0).unwrap());
+        self.truths.push(self.observer.truth(0).unwrap());
     }
 }
 
