@@ -64,11 +64,11 @@ const CONSOLES: [&str; 8] = ["console", "tty0", "tty1", "tty2", "tty3", "tty4", 
 const SITE: &str = include_str!("sitecustomize.py");
 
 /// Settings of the kernel that forbid an ordinary user a view of their own, with the value that
-/// does.
-const BARRIERS: [(&str, &str); 3] = [
-    ("kernel.apparmor_restrict_unprivileged_userns", "1"),
-    ("kernel.unprivileged_userns_clone", "0"),
-    ("user.max_user_namespaces", "0"),
+/// does and one that does not.
+const BARRIERS: [[&str; 3]; 3] = [
+    ["kernel.apparmor_restrict_unprivileged_userns", "1", "0"],
+    ["kernel.unprivileged_userns_clone", "0", "1"],
+    ["user.max_user_namespaces", "0", "10000"],
 ];
 
 /// Why there is no view.
@@ -78,10 +78,13 @@ pub(super) enum PrivateError {
     #[error("there is no simulated brick mounted at {}", .0.display())]
     NoBrick(PathBuf),
     /// The machine lets only root have a mount namespace.
-    #[error("this machine lets an ordinary user have no private mounts{}", Setting(*setting))]
+    #[error(
+        "this machine lets an ordinary user have no private mounts{}",
+        .setting.map(|[name, value, _]| format!(": {name} is {value}")).unwrap_or_default()
+    )]
     Forbidden {
-        /// The setting that forbids it, where one was found.
-        setting: Option<(&'static str, &'static str)>,
+        /// The one of [`BARRIERS`] that forbids it, where one was found.
+        setting: Option<[&'static str; 3]>,
         /// What the system said.
         source: io::Error,
     },
@@ -95,31 +98,14 @@ pub(super) enum PrivateError {
     },
 }
 
-struct Setting(Option<(&'static str, &'static str)>);
-
-impl std::fmt::Display for Setting {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.map_or(Ok(()), |(name, value)| write!(f, ": {name} is {value}"))
-    }
-}
-
 impl PrivateError {
     /// The way out.
     pub(super) fn hint(&self) -> String {
         const AS_ROOT: &str = "mount the brick and run this as root";
         match self {
             Self::NoBrick(_) => "onbrick sim FOLDER, and then the same folder here".to_owned(),
-            Self::Forbidden { setting: Some((name, "1")), .. } => {
-                format!("sudo sysctl -w {name}=0, or {AS_ROOT}")
-            }
-            Self::Forbidden {
-                setting: Some((name @ "kernel.unprivileged_userns_clone", _)),
-                ..
-            } => {
-                format!("sudo sysctl -w {name}=1, or {AS_ROOT}")
-            }
-            Self::Forbidden { setting: Some((name, _)), .. } => {
-                format!("sudo sysctl -w {name}=10000, or {AS_ROOT}")
+            Self::Forbidden { setting: Some([name, _, allows]), .. } => {
+                format!("sudo sysctl -w {name}={allows}, or {AS_ROOT}")
             }
             Self::Forbidden { setting: None, .. } => {
                 format!(
@@ -321,7 +307,7 @@ fn become_private() -> Result<(), PrivateError> {
             None::<&str>,
         )?)
     };
-    let forbids = |(name, value): &(&str, &str)| {
+    let forbids = |[name, value, _]: &[&str; 3]| {
         let path = format!("/proc/sys/{}", name.replace('.', "/"));
         fs::read_to_string(path).is_ok_and(|now| now.trim() == *value)
     };
@@ -383,8 +369,8 @@ mod tests {
             ("kernel.unprivileged_userns_clone", "0", "=1,"),
             ("user.max_user_namespaces", "0", "=10000,"),
         ] {
-            assert!(BARRIERS.contains(&(name, value)));
-            let said = said(Some((name, value)));
+            let barrier = BARRIERS.into_iter().find(|barrier| barrier.starts_with(&[name, value]));
+            let said = said(Some(barrier.unwrap()));
             let expected =
                 [format!("{name} is {value};"), format!("sudo sysctl -w {name}{allows} or mount")];
             assert!(expected.iter().all(|part| said.contains(part)), "{said}");

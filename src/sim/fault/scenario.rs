@@ -20,7 +20,7 @@
 //! for_s = 1              # left out: 0.2
 //! ```
 
-use super::text::{self, LONGEST_S, Misread, VOLTS};
+use super::text::{self, LONGEST_S, OrderError, VOLTS};
 use super::{Act, DeviceFault, Order};
 use crate::clock::nanoseconds;
 use crate::document::{Document, Findings, Item, Section};
@@ -146,7 +146,6 @@ fn robot(section: &Section<'_>) -> Option<usize> {
 }
 
 /// A value, or a finding at its place.
-fn understood<T>(item: &Item<'_>, read: Result<T, Misread>) -> Option<T> {
-    read.map_err(|Misread { message, hint }| item.error(message).hint(hint.unwrap_or_default()))
-        .ok()
+fn understood<T>(item: &Item<'_>, read: Result<T, OrderError>) -> Option<T> {
+    read.map_err(|error| item.error(error.message).hint(error.hint.unwrap_or_default())).ok()
 }

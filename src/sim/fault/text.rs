@@ -116,7 +116,10 @@ pub struct Order {
 
 /// A text that is no order.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("line {line}: {message}{}", Hint(hint.as_deref()))]
+#[error(
+    "line {line}: {message}{}",
+    .hint.as_ref().map(|hint| format!("; {hint}")).unwrap_or_default()
+)]
 pub struct OrderError {
     /// Which line, from 1.
     pub line: usize,
@@ -126,24 +129,9 @@ pub struct OrderError {
     pub hint: Option<String>,
 }
 
-struct Hint<'h>(Option<&'h str>);
-
-impl fmt::Display for Hint<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.map_or(Ok(()), |hint| write!(f, "; {hint}"))
-    }
-}
-
-/// What is wrong with some words, and the way out.
-#[derive(Debug)]
-pub(super) struct Misread {
-    pub(super) message: String,
-    pub(super) hint: Option<String>,
-}
-
-impl Misread {
+impl OrderError {
     fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), hint: None }
+        Self { line: 1, message: message.into(), hint: None }
     }
 
     fn hint(mut self, hint: impl Into<String>) -> Self {
@@ -168,20 +156,16 @@ impl Order {
                 continue;
             }
             let order = Self::from_words(robot, &words);
-            orders.push(order.map_err(|Misread { message, hint }| OrderError {
-                line: index + 1,
-                message,
-                hint,
-            })?);
+            orders.push(order.map_err(|error| OrderError { line: index + 1, ..error })?);
         }
         Ok(orders)
     }
 
-    fn from_words(robot: usize, words: &[&str]) -> Result<Self, Misread> {
+    fn from_words(robot: usize, words: &[&str]) -> Result<Self, OrderError> {
         if let ["robot", number, rest @ ..] = words {
             let robot = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
             let robot = robot.ok_or_else(|| {
-                Misread::new(format!("`robot {}` is no robot", shown(number)))
+                OrderError::new(format!("`robot {}` is no robot", shown(number)))
                     .hint("robots count from 1")
             })?;
             return Ok(Self { robot, act: act(rest)? });
@@ -190,9 +174,9 @@ impl Order {
     }
 }
 
-fn act(words: &[&str]) -> Result<Act, Misread> {
+fn act(words: &[&str]) -> Result<Act, OrderError> {
     match words {
-        [] => Err(Misread::new("there is no order").hint("write for example `in1 stuck`")),
+        [] => Err(OrderError::new("there is no order").hint("write for example `in1 stuck`")),
         ["clear"] => Ok(Act::Clear(None)),
         ["reset"] => Ok(Act::Reset),
         ["battery", rest @ ..] => battery(rest),
@@ -217,7 +201,7 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
             heading_deg: number(heading, HEADING_DEG)?,
         }),
         ["release" | "tone" | "say" | "place", ..] => {
-            Err(Misread::new(format!("`{}` does not say it all", shown(&words.join(" ")))).hint(
+            Err(OrderError::new(format!("`{}` does not say it all", shown(&words.join(" ")))).hint(
                 "`release enter`, `tone 440`, `say WORDS`, or `place 0.5 -0.2 90`: metres, metres \
                  and degrees",
             ))
@@ -229,7 +213,7 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
             let fault = DeviceFault::from_words(words)?;
             if for_ns.is_some() && fault.is_momentary() {
                 return Err(
-                    Misread::new(format!("`{fault}` is done at once")).hint("leave out `for`")
+                    OrderError::new(format!("`{fault}` is done at once")).hint("leave out `for`")
                 );
             }
             Ok(Act::Inject(port, fault, for_ns))
@@ -238,9 +222,9 @@ fn act(words: &[&str]) -> Result<Act, Misread> {
 }
 
 /// A port by its name.
-pub(super) fn port(name: &str) -> Result<Port, Misread> {
+pub(super) fn port(name: &str) -> Result<Port, OrderError> {
     Port::named(name).ok_or_else(|| {
-        Misread::new(format!("there is no port `{}`", shown(name))).hint(
+        OrderError::new(format!("there is no port `{}`", shown(name))).hint(
             "there are in1 to in4, outA to outD, and for the whole robot `battery`, `clear`, \
              `press`, `release`, `place` and `reset`",
         )
@@ -248,26 +232,26 @@ pub(super) fn port(name: &str) -> Result<Port, Misread> {
 }
 
 /// A button by its name.
-pub(super) fn button(name: &str) -> Result<Button, Misread> {
+pub(super) fn button(name: &str) -> Result<Button, OrderError> {
     let names = Button::ALL.map(Button::as_str);
     Button::named(name).ok_or_else(|| {
         let near =
             nearest(name, names).unwrap_or_else(|| format!("there are {}", names.join(", ")));
-        Misread::new(format!("there is no button `{}`", shown(name))).hint(near)
+        OrderError::new(format!("there is no button `{}`", shown(name))).hint(near)
     })
 }
 
-fn press(words: &[&str]) -> Result<Act, Misread> {
+fn press(words: &[&str]) -> Result<Act, OrderError> {
     match duration(words)? {
         ([name], for_ns) => Ok(Act::Press(button(name)?, for_ns.unwrap_or(PRESS_NS))),
-        _ => Err(Misread::new("`press` takes one button")
+        _ => Err(OrderError::new("`press` takes one button")
             .hint("`press enter`, or `press enter for 1.5`")),
     }
 }
 
 /// Takes `for SECONDS` from the end. `write ATTRIBUTE VALUE` keeps its words: a value may be
 /// anything.
-fn duration<'w, 't>(words: &'w [&'t str]) -> Result<(&'w [&'t str], Option<i64>), Misread> {
+fn duration<'w, 't>(words: &'w [&'t str]) -> Result<(&'w [&'t str], Option<i64>), OrderError> {
     match words {
         ["write", ..] => Ok((words, None)),
         [rest @ .., "for", time] => Ok((rest, Some(nanoseconds(number(time, 0.002..=LONGEST_S)?)))),
@@ -275,7 +259,7 @@ fn duration<'w, 't>(words: &'w [&'t str]) -> Result<(&'w [&'t str], Option<i64>)
     }
 }
 
-fn battery(words: &[&str]) -> Result<Act, Misread> {
+fn battery(words: &[&str]) -> Result<Act, OrderError> {
     match words {
         [volts] => {
             let volts = number(volts, VOLTS)?;
@@ -286,18 +270,18 @@ fn battery(words: &[&str]) -> Result<Act, Misread> {
             to_v: number(to, VOLTS)?,
             over_ns: nanoseconds(number(over, 0.0..=LONGEST_S)?),
         }),
-        _ => Err(Misread::new("`battery` takes one number or three")
+        _ => Err(OrderError::new("`battery` takes one number or three")
             .hint("`battery 6.2`, or `battery 8 5 60`: from 8 V to 5 V in 60 s")),
     }
 }
 
-fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, Misread> {
+fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, OrderError> {
     let number: f64 =
-        text.parse().map_err(|_| Misread::new(format!("`{}` is not a number", shown(text))))?;
+        text.parse().map_err(|_| OrderError::new(format!("`{}` is not a number", shown(text))))?;
     if range.contains(&number) {
         return Ok(number);
     }
-    Err(Misread::new(format!(
+    Err(OrderError::new(format!(
         "{} is out of range; it can be {} to {}",
         shown(text),
         range.start(),
@@ -323,17 +307,12 @@ impl DeviceFault {
     ///
     /// [`OrderError`] with the nearest word.
     pub fn parse(text: &str) -> Result<Self, OrderError> {
-        let words: Vec<&str> = text.split_whitespace().collect();
-        Self::from_words(&words).map_err(|Misread { message, hint }| OrderError {
-            line: 1,
-            message,
-            hint,
-        })
+        Self::from_words(&text.split_whitespace().collect::<Vec<_>>())
     }
 
-    pub(super) fn from_words(words: &[&str]) -> Result<Self, Misread> {
+    pub(super) fn from_words(words: &[&str]) -> Result<Self, OrderError> {
         let Some((word, arguments)) = words.split_first() else {
-            return Err(Misread::new("no fault is named")
+            return Err(OrderError::new("no fault is named")
                 .hint(format!("there are {}", Self::WORDS.join(", "))));
         };
         match (*word, arguments) {
@@ -344,7 +323,7 @@ impl DeviceFault {
                     value: value.join(" "),
                 });
             }
-            ("write", _) => return Err(Misread::new("`write` takes an attribute and a value")),
+            ("write", _) => return Err(OrderError::new("`write` takes an attribute and a value")),
             _ => {}
         }
         let mut numbers = Numbers { word, rest: arguments };
@@ -352,7 +331,7 @@ impl DeviceFault {
         numbers.end(fault)
     }
 
-    fn with_numbers(word: &str, numbers: &mut Numbers<'_>) -> Result<Self, Misread> {
+    fn with_numbers(word: &str, numbers: &mut Numbers<'_>) -> Result<Self, OrderError> {
         Ok(match word {
             "unplug" => Self::Unplug,
             "plug" => Self::Plug,
@@ -377,7 +356,7 @@ impl DeviceFault {
             "reset" => Self::Write { attribute: "command".to_owned(), value: "reset".to_owned() },
             _ => {
                 let near = nearest(word, Self::WORDS);
-                return Err(Misread::new(format!("there is no fault `{}`", shown(word))).hint(
+                return Err(OrderError::new(format!("there is no fault `{}`", shown(word))).hint(
                     near.unwrap_or_else(|| format!("there are {}", Self::WORDS.join(", "))),
                 ));
             }
@@ -392,34 +371,39 @@ struct Numbers<'w> {
 }
 
 impl Numbers<'_> {
-    fn next(&mut self, default: f64, range: RangeInclusive<f64>) -> Result<f64, Misread> {
+    fn next(&mut self, default: f64, range: RangeInclusive<f64>) -> Result<f64, OrderError> {
         let Some((first, rest)) = self.rest.split_first() else { return Ok(default) };
         self.rest = rest;
         number(first, range)
     }
 
-    fn milliseconds(&mut self, default: f64, most: f64) -> Result<i64, Misread> {
+    fn milliseconds(&mut self, default: f64, most: f64) -> Result<i64, OrderError> {
         Ok(nanoseconds(self.next(default, 0.0..=most)? / 1e3))
     }
 
-    fn whole(&mut self, default: i32, most: i32) -> Result<i32, Misread> {
+    fn whole(&mut self, default: i32, most: i32) -> Result<i32, OrderError> {
         let Some((first, rest)) = self.rest.split_first() else { return Ok(default) };
         self.rest = rest;
         let whole: i32 = first
             .parse()
-            .map_err(|_| Misread::new(format!("`{}` is not a whole number", shown(first))))?;
+            .map_err(|_| OrderError::new(format!("`{}` is not a whole number", shown(first))))?;
         if whole.unsigned_abs() <= most.unsigned_abs() {
             return Ok(whole);
         }
-        Err(Misread::new(format!("{} is out of range; it can be -{most} to {most}", shown(first))))
+        Err(OrderError::new(format!(
+            "{} is out of range; it can be -{most} to {most}",
+            shown(first)
+        )))
     }
 
-    fn end(self, fault: DeviceFault) -> Result<DeviceFault, Misread> {
+    fn end(self, fault: DeviceFault) -> Result<DeviceFault, OrderError> {
         match self.rest.first() {
             None => Ok(fault),
-            Some(word) => {
-                Err(Misread::new(format!("`{}` does not belong to `{}`", shown(word), self.word)))
-            }
+            Some(word) => Err(OrderError::new(format!(
+                "`{}` does not belong to `{}`",
+                shown(word),
+                self.word
+            ))),
         }
     }
 }
