@@ -35,7 +35,7 @@ pub use crate::ev3dev::Button;
 pub use driver::board::Pack;
 pub use driver::input::EventLayout;
 pub use driver::lcd::{BadGeometry, LcdGeometry};
-pub use driver::sensor::{GyroMake, SerialLine};
+pub use driver::sensor::GyroMake;
 pub use driver::{Entry, EntryKind};
 pub use echo::EchoModel;
 pub use fault::{

@@ -26,7 +26,7 @@ use super::driver::dc::DcMotor;
 use super::driver::input::{Buttons, Speaker};
 use super::driver::lcd::Lcd;
 use super::driver::led::Led;
-use super::driver::sensor::{Sensor, SerialLine, model};
+use super::driver::sensor::{Sensor, model};
 use super::driver::servo::ServoMotor;
 use super::driver::tacho::TachoMotor;
 use super::driver::{Context, Driver, Spec, Stored, readwriteable};

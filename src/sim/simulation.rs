@@ -17,7 +17,7 @@ pub use super::brick::Plugged;
 use super::driver::Stored;
 use super::driver::board::Pack;
 use super::driver::lcd::LcdGeometry;
-use super::driver::sensor::{GyroMake, SerialLine};
+use super::driver::sensor::GyroMake;
 use super::fault::{
     Act, ControlError, DeviceFault, FaultError, FaultRecord, Faults, Order, Scenario,
 };
@@ -232,16 +232,6 @@ impl Simulation {
     /// ENODEV where no sensor is registered, ENOENT without such a robot.
     pub fn feed(&self, robot: usize, port: Port, frame: Option<&[u8]>) -> Result<(), Errno> {
         self.shared.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
-    }
-
-    /// Breaks the serial line of the sensor on a port, or mends it. An analog sensor has none, and
-    /// nothing happens.
-    ///
-    /// # Errors
-    ///
-    /// ENODEV where no sensor is registered, ENOENT without such a robot.
-    pub fn set_line(&self, robot: usize, port: Port, line: SerialLine) -> Result<(), Errno> {
-        self.shared.with_brick(robot, |brick, _| brick.set_line(port.index(), line))
     }
 
     /// Makes something go wrong on a port, until it is cleared.

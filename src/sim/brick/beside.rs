@@ -3,7 +3,7 @@
 
 use nix::errno::Errno;
 
-use super::{Brick, Class, Device, Lcd, Plugged, Sensor, SerialLine, ServoMotor, next};
+use super::{Brick, Class, Device, Lcd, Plugged, Sensor, ServoMotor, next};
 
 impl Brick {
     /// Puts something into a port, or takes it out; detection takes its time.
@@ -91,16 +91,6 @@ impl Brick {
     /// ENODEV where no sensor is registered.
     pub(crate) fn feed(&mut self, input: usize, frame: Option<&[u8]>) -> Result<(), Errno> {
         self.sensor(input)?.feed(frame);
-        Ok(())
-    }
-
-    /// Breaks the serial line of the sensor on an input port, or mends it.
-    ///
-    /// # Errors
-    ///
-    /// ENODEV where no sensor is registered.
-    pub(crate) fn set_line(&mut self, input: usize, line: SerialLine) -> Result<(), Errno> {
-        self.sensor(input)?.set_line(line);
         Ok(())
     }
 

@@ -66,10 +66,9 @@ pub enum GyroMake {
 }
 
 /// How the serial line of a sensor is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum SerialLine {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SerialLine {
     /// As it should be.
-    #[default]
     Sound,
     /// The sensor sends nothing: a write of `mode` ends in ETIMEDOUT after half a second, and
     /// values stay as they are, until the driver misses it after 0.7 s and is
@@ -112,8 +111,8 @@ pub(crate) struct Sensor {
     /// How often the board's controller is asked for the sensor's values; none where the sensor
     /// sends them to the driver.
     polls_ns: Option<i64>,
-    line: SerialLine,
-    faulty_line: SerialLine,
+    /// How the serial line is, whatever the driver has made of it; an analog sensor has none.
+    wire: SerialLine,
     /// Since when the sensor has sent nothing.
     silent_since_ns: Option<i64>,
     /// The driver has missed the sensor, which has not described itself again by then.
@@ -151,8 +150,7 @@ impl Sensor {
             address,
             make,
             polls_ns,
-            line: SerialLine::Sound,
-            faulty_line: SerialLine::Sound,
+            wire: SerialLine::Sound,
             silent_since_ns: None,
             missed_until_ns: None,
             least_stale_ns: 0,
@@ -231,20 +229,11 @@ impl Sensor {
         }
     }
 
-    /// Breaks the serial line, or mends it; an analog sensor has none.
-    pub(crate) fn set_line(&mut self, line: SerialLine) {
-        let before = self.line();
-        if self.model.uart {
-            self.line = line;
-        }
-        self.forget_frames(before);
-    }
-
     /// Faults that lie on the wire: how the line is, and how long old values stay after a change of
     /// mode, at least.
     pub(crate) fn suffer(&mut self, line: SerialLine, stale_ns: i64) {
         let before = self.line();
-        self.faulty_line = if self.model.uart { line } else { SerialLine::Sound };
+        self.wire = if self.model.uart { line } else { SerialLine::Sound };
         self.least_stale_ns = stale_ns;
         self.forget_frames(before);
     }
@@ -254,7 +243,7 @@ impl Sensor {
     fn keep_alive(&mut self, now_ns: i64) {
         let before = self.line();
         let since_ns =
-            (self.wire() == SerialLine::Silent).then(|| self.silent_since_ns.unwrap_or(now_ns));
+            (self.wire == SerialLine::Silent).then(|| self.silent_since_ns.unwrap_or(now_ns));
         self.silent_since_ns = since_ns;
         let missed = |since_ns| now_ns - since_ns >= KEEP_ALIVE_NS;
         // A controller that is asked answers with what it has.
@@ -267,18 +256,7 @@ impl Sensor {
 
     /// How the line is for the driver.
     fn line(&self) -> SerialLine {
-        if self.missed_until_ns.is_some() { SerialLine::Resynchronising } else { self.wire() }
-    }
-
-    /// The worse of what was set by hand and what a fault does.
-    fn wire(&self) -> SerialLine {
-        match (self.line, self.faulty_line) {
-            (SerialLine::Resynchronising, _) | (_, SerialLine::Resynchronising) => {
-                SerialLine::Resynchronising
-            }
-            (SerialLine::Silent, _) | (_, SerialLine::Silent) => SerialLine::Silent,
-            _ => SerialLine::Sound,
-        }
+        if self.missed_until_ns.is_some() { SerialLine::Resynchronising } else { self.wire }
     }
 
     fn notice_touch(&mut self) {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use nix::errno::Errno;
 use onbrick::clock::{Clock, MILLISECOND_NS};
 use onbrick::ev3dev::{Access, Tree};
-use onbrick::sim::{Port, SensorKind, SerialLine, Simulation};
+use onbrick::sim::{SensorKind, Simulation};
 
 use super::HandClock;
 use crate::drivers_bench::{Bench, Rig};
@@ -64,6 +64,12 @@ fn each_mode_of_a_sensor_has_a_frame_of_its_own() {
     }
 }
 
+/// Follows orders; a driver feels a fault from its next step on.
+fn follow(rig: &Rig, orders: &str) {
+    rig.bench.simulation.control(0, orders).unwrap();
+    rig.pass_ms(2);
+}
+
 #[test]
 fn a_sensor_that_describes_itself_again_has_forgotten_its_frames() {
     let rig = Rig::recorded();
@@ -71,9 +77,8 @@ fn a_sensor_that_describes_itself_again_has_forgotten_its_frames() {
     rig.pass_ms(10);
     rig.write("in3", "mode", "COL-COLOR");
     rig.pass_ms(30);
-    let set_line = |line| rig.bench.simulation.set_line(0, Port::In3, line).unwrap();
-    set_line(SerialLine::Resynchronising);
-    set_line(SerialLine::Sound);
+    follow(&rig, "in3 resync");
+    follow(&rig, "in3 clear");
     rig.write("in3", "mode", "COL-REFLECT");
     assert_eq!(rig.number("in3", "value0"), 0);
 }
@@ -108,8 +113,7 @@ fn a_sensor_that_does_not_answer_times_out_and_one_that_resynchronises_is_not_th
     let rig = Rig::recorded();
     rig.world(|bench| bench.readings[2][0] = 42);
     rig.pass_ms(10);
-    let set_line = |line| rig.bench.simulation.set_line(0, Port::In3, line).unwrap();
-    set_line(SerialLine::Silent);
+    follow(&rig, "in3 off");
     rig.world(|bench| bench.readings[2][0] = 43);
     let before_ns = rig.bench.clock.now_ns();
     assert_eq!(rig.try_write("in3", "mode", "COL-COLOR"), Err(Errno::ETIMEDOUT));
@@ -119,11 +123,11 @@ fn a_sensor_that_does_not_answer_times_out_and_one_that_resynchronises_is_not_th
         (rig.read("in3", "mode").as_str(), rig.number("in3", "value0")),
         ("COL-REFLECT", 42)
     );
-    set_line(SerialLine::Resynchronising);
+    follow(&rig, "in3 clear\nin3 resync");
     assert_eq!(rig.try_write("in3", "mode", "COL-COLOR"), Err(Errno::ENODEV));
     assert_eq!(rig.try_read("in3", "value0"), Err(Errno::ENXIO));
     assert!(rig.folder("in3").is_some(), "it stays registered");
-    set_line(SerialLine::Sound);
+    follow(&rig, "in3 clear");
     rig.pass_ms(10);
     assert_eq!(rig.number("in3", "value0"), 43);
 }
