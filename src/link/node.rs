@@ -47,6 +47,9 @@ const PAGE: usize = 4096;
 /// The most files that are kept open; then all are closed, and opened as they are asked for.
 const MOST_KEPT: usize = 64;
 
+/// How often a file is opened while others are renamed, before its reply is `error`.
+const MOST_TRIES: usize = 100;
+
 /// The longest request, bytes: a page of data, and a path.
 const LONGEST: i64 = 8192;
 
@@ -210,7 +213,10 @@ impl Files {
             | ResolveFlag::RESOLVE_NO_XDEV;
         let path = if path.is_empty() { "." } else { path };
         let how = OpenHow::new().flags(flags | OFlag::O_CLOEXEC).resolve(resolve);
-        openat2(&self.root, path, how)
+        // The kernel says EAGAIN where anything was renamed while it followed a `..`: it cannot be
+        // sure then that it is still below the root.
+        let mut tries = std::iter::repeat_with(|| openat2(&self.root, path, how)).take(MOST_TRIES);
+        tries.find(|opened| !matches!(opened, Err(Errno::EAGAIN))).unwrap_or(Err(Errno::EAGAIN))
     }
 }
 
@@ -261,6 +267,27 @@ mod tests {
             assert_eq!(answer(&mut files, request), reply, "{request}");
         }
         assert_eq!(files.answer(b"r:\xff"), Err(Errno::EILSEQ));
+    }
+
+    #[test]
+    fn a_file_is_opened_while_others_are_renamed() {
+        let (folder, files) = files();
+        let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
+        std::fs::write(&one, "").unwrap();
+        let over = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !over.load(Ordering::Relaxed) {
+                    std::fs::rename(&one, &other).unwrap();
+                    std::fs::rename(&other, &one).unwrap();
+                }
+            });
+            let path = "sys/class/tacho-motor/link/../motor0/position";
+            let opened = (0..20_000).map(|_| files.open(path, OFlag::O_RDONLY).map(drop));
+            let refused = opened.filter(Result::is_err).count();
+            over.store(true, Ordering::Relaxed);
+            assert_eq!(refused, 0, "of 20000");
+        });
     }
 
     #[test]
