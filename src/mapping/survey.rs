@@ -131,7 +131,7 @@ impl Survey {
 
     /// Ends the sweep; all places that wait.
     pub(super) fn finish(&mut self, max_m: f64) -> Vec<MapPoint> {
-        if let Some(valley) = self.sweep.end(false) {
+        if let Some(valley) = self.sweep.finish() {
             self.place(&valley, None, max_m);
         }
         self.waiting.drain(..).collect()
