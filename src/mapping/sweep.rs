@@ -10,9 +10,9 @@
 //!
 //! A surface is heard over the width of the beam. What is heard over a few degrees alone, with a
 //! jump or a gap on both sides, is mostly sound that went round, and is left out of the map: in
-//! real scans 3 % of the echoes, of which five in six lay more than 5 cm from every wall. So is what
-//! is heard over less than the beam's width between something nearer and something farther or
-//! nothing: it is of both (5 %, of which six in seven lay so far off).
+//! real scans 3 % of the echoes, of which five in six lay more than 5 cm from every wall. What is
+//! heard over less than the beam's width between something nearer and something farther, or
+//! nothing, is a mixture of both, and left out as well (5 %, of which six in seven lay so far off).
 //!
 //! A valley ends where the range jumps, where echoes are missing, where the range begins to fall
 //! again (a corner between two surfaces), where the head turns back, and when it is full. Its foot

@@ -77,14 +77,14 @@ fn memory_file() -> io::Result<File> {
     Ok(File::from(memfd_create("indexes", MFdFlags::MFD_CLOEXEC)?))
 }
 
-/// Creates the file of a recording, empty, and makes its name survive a loss of power. What was
-/// there before is gone. While the file is open, [`writer`] names this process.
+/// Creates the file of a recording, empty, and makes its name survive a loss of power. While the
+/// file is open, [`writer`] names this process.
 ///
 /// # Errors
 ///
-/// What the file system says.
+/// What the file system says; that there is one already, which stays as it is.
 pub fn create(path: &Path) -> io::Result<DiskFile> {
-    let file = File::create(path)?;
+    let file = File::create_new(path)?;
     // A file system without locks still takes a recording.
     let _ = hold(&file);
     let folder = match path.parent() {

@@ -51,8 +51,8 @@ fn what_is_recorded_comes_back_bit_for_bit() {
 fn a_file_on_a_disk_is_written_and_opened() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
-    std::fs::write(&path, vec![0xff; 1 << 20]).unwrap();
     let sink = create(&path).unwrap();
+    assert_eq!(create(&path).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
     let (recorder, mut side) =
         Recorder::start(Box::new(sink), start(Pace::Virtual), Options::default(), Box::new(|_| {}))
             .unwrap();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::common::{open_run, write_file};
+use crate::cli::common::{must_be_new, open_run, write_file};
 use crate::cli::{Exit, Failure, Output};
 use crate::report::export::{self, NamedRecording};
 
@@ -34,6 +34,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 .hint("--out both.mcap"));
         }
     };
+    must_be_new(&out)?;
     let read = |path: &PathBuf| {
         let loaded = open_run(path)?;
         let bytes = std::fs::read(path)
@@ -47,8 +48,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .collect();
     let whole = export::mcap(&parts)
         .map_err(|error| Failure::from_error(Exit::Failed, "cannot repair", &error))?;
-    write_file(&out, &whole)?;
     let messages: u64 = runs.iter().map(|(loaded, _)| loaded.run.integrity.messages).sum();
+    if messages == 0 {
+        return Err(Failure::refused("nothing is left that a repair could keep"));
+    }
+    write_file(&out, &whole)?;
     let told = serde_json::json!({ "wrote": out, "messages": messages });
     output.show(format!("wrote {}: {messages} messages", out.display()), &told);
     Ok(())
