@@ -17,6 +17,11 @@
 //! - A foot for regions with one end only: half a cone, and what the noise hides, from that end.
 //!   Its tangent reaching 20 cm, 0.7 % more of an exploration's points are within 5 cm (320 runs),
 //!   and 77 % of real scans' for 75; 1.2 % less wall has a point.
+//! - Leaving out what is heard over less than the beam between something nearer and something
+//!   farther, or nothing: of real scans' points 76 % within 5 cm for 75, the tenth that is worst
+//!   from 9.0 cm for 9.5; 0.4 % more of an exploration's points (96 runs). But a lone wrong reading
+//!   is such a neighbour, too: with crosstalk of 10 % between two robots 87 % of the wall has a
+//!   point, too little for `figures::together`.
 
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
@@ -131,7 +136,7 @@ impl Survey {
 
     /// Ends the sweep; all places that wait.
     pub(super) fn finish(&mut self, max_m: f64) -> Vec<MapPoint> {
-        if let Some(valley) = self.sweep.finish() {
+        if let Some(valley) = self.sweep.end(false) {
             self.place(&valley, None, max_m);
         }
         self.waiting.drain(..).collect()
