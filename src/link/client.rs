@@ -50,7 +50,7 @@ mod fetch;
 mod session;
 
 pub(super) use address::Address;
-pub use fetch::{FetchProgress, come_of, part_of};
+pub use fetch::{FetchProgress, file_so_far, part_of};
 pub(super) use session::Session;
 
 /// The port that bricks listen at.

@@ -7,7 +7,7 @@ use super::watch::Watch;
 use crate::cli::common::make_folder;
 use crate::cli::output::safe;
 use crate::cli::{Exit, Failure, Output};
-use crate::link::client::{MOST_BYTES, come_of};
+use crate::link::client::{MOST_BYTES, file_so_far};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::{Board, LivePage, Sources};
 use crate::service::protocol::RunId;
@@ -168,7 +168,7 @@ fn follow(
         return Err(Failure::refused(format!("{}: one run can be followed at a time", brick.name))
             .hint("onbrick runs, then --run RUN"));
     };
-    let recording = Some(come_of(&arguments.out.out.join(format!("{run}.mcap"))));
+    let recording = Some(file_so_far(&arguments.out.out.join(format!("{run}.mcap"))));
     let title = format!("{}: {run}", brick.name);
     let board = Board::default();
     board.show(Sources { title, recording, ..Sources::default() });

@@ -57,7 +57,7 @@ pub fn part_of(file: &Path) -> PathBuf {
 
 /// What of a recording has come: the whole file, or that of [`part_of`].
 #[must_use]
-pub fn come_of(file: &Path) -> PathBuf {
+pub fn file_so_far(file: &Path) -> PathBuf {
     if file.exists() { file.to_owned() } else { part_of(file) }
 }
 

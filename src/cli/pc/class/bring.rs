@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::brick::Brick;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS};
-use crate::link::client::come_of;
+use crate::link::client::file_so_far;
 use crate::link::{ClientError, FetchProgress, Patience};
 use crate::report::live::Sources;
 use crate::service::protocol::{Kind, RunId};
@@ -56,7 +56,7 @@ impl Bringing {
     pub(super) fn begin(self, mission: Option<&str>) {
         if let Some(mission) = mission {
             let title = format!("{}: {mission}", self.brick.known.name);
-            let recording = Some(come_of(&self.file));
+            let recording = Some(file_so_far(&self.file));
             self.brick.board.show(Sources { title, recording, ..Sources::default() });
         }
         {
