@@ -27,8 +27,8 @@ fn write(mission: &Mission, out: &mut String) -> fmt::Result {
 }
 
 fn write_machine(index: usize, machine: &MachinePlan, out: &mut String) -> fmt::Result {
-    writeln!(out, "    state \"{}\" as m{index} {{", escaped(machine.name()))?;
-    write_region(index, machine, machine.region(), None, "        ", out)?;
+    writeln!(out, "    state \"{}\" as m{index} {{", escaped(&machine.name))?;
+    write_region(index, machine, &machine.region, None, "        ", out)?;
     writeln!(out, "    }}")
 }
 
@@ -44,33 +44,33 @@ fn write_region(
     for (at, state) in machine.inside(parent) {
         // Inside another state the name of that need not be said again.
         let outer = parent.and_then(|parent| machine.state(parent));
-        let name = outer.and_then(|outer| state.name().strip_prefix(outer.name()));
-        let name = name.and_then(|name| name.strip_prefix('.')).unwrap_or(state.name());
+        let name = outer.and_then(|outer| state.name.strip_prefix(&outer.name));
+        let name = name.and_then(|name| name.strip_prefix('.')).unwrap_or(&state.name);
         write!(out, "{indent}state \"{}\" as m{index}s{at}", escaped(name))?;
-        if let Some(inner) = state.inner() {
+        if let Some(inner) = &state.inner {
             writeln!(out, " {{")?;
             write_region(index, machine, inner, Some(at), &format!("{indent}    "), out)?;
             write!(out, "{indent}}}")?;
         }
         writeln!(out)?;
     }
-    writeln!(out, "{indent}[*] --> m{index}s{}", region.start())?;
+    writeln!(out, "{indent}[*] --> m{index}s{}", region.start)?;
     for (at, state) in machine.inside(parent) {
-        for transition in state.transitions() {
-            let when = escaped(transition.when().text());
-            writeln!(out, "{indent}m{index}s{at} --> m{index}s{} : {when}", transition.go())?;
+        for transition in &state.next {
+            let when = escaped(transition.when.text());
+            writeln!(out, "{indent}m{index}s{at} --> m{index}s{} : {when}", transition.go)?;
         }
     }
     // What holds in all states is drawn once, from a node that stands for them.
     let always = parent.map_or_else(|| "always".to_owned(), |parent| format!("s{parent}always"));
-    for (at, transition) in region.always().iter().enumerate() {
+    for (at, transition) in region.always.iter().enumerate() {
         if at == 0 {
             writeln!(out, "{indent}state \"(always)\" as m{index}{always}")?;
         }
-        let when = escaped(transition.when().text());
-        writeln!(out, "{indent}m{index}{always} --> m{index}s{} : {when}", transition.go())?;
+        let when = escaped(transition.when.text());
+        writeln!(out, "{indent}m{index}{always} --> m{index}s{} : {when}", transition.go)?;
     }
-    match region.end() {
+    match region.end {
         Some(end) => writeln!(out, "{indent}m{index}s{end} --> [*]"),
         None => Ok(()),
     }

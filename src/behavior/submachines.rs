@@ -108,8 +108,8 @@ mod tests {
         });
         assert_eq!(asked, ["one", "two"]);
         let mission = load(&whole).unwrap();
-        let states = mission.machines()[0].states();
-        let names: Vec<&str> = states.iter().map(|state| state.name()).collect();
+        let states = &mission.machines()[0].states;
+        let names: Vec<&str> = states.iter().map(|state| state.name.as_str()).collect();
         assert_eq!(names, ["a", "a.x", "a.x.x", "a.x.y", "a.y", "end"]);
         assert_eq!(joined(&whole, |_| None), whole, "it is whole already");
     }

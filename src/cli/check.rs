@@ -83,7 +83,7 @@ fn summary(mission: &Mission) -> String {
     let machines: Vec<String> = mission
         .machines()
         .iter()
-        .map(|machine| format!("{} ({} states)", machine.name(), machine.states().len()))
+        .map(|machine| format!("{} ({} states)", machine.name, machine.states.len()))
         .collect();
     format!(
         "in order: {}, {} Hz, {} s at most",

@@ -31,17 +31,17 @@ pub(crate) fn variables(mission: &Mission) -> Vec<String> {
 }
 
 fn machine(machine: &MachinePlan) -> MachineNames {
-    let condition = |next: &TransitionPlan| next.when().to_string();
-    let always = machine.region().always();
+    let condition = |next: &TransitionPlan| next.when.to_string();
+    let always = &machine.region.always;
     let state = |(at, state): (u16, &StatePlan)| StateNames {
-        name: state.name().to_owned(),
+        name: state.name.clone(),
         conditions: machine.transitions(at).skip(always.len()).map(condition).collect(),
     };
     MachineNames {
-        name: machine.name().to_owned(),
+        name: machine.name.clone(),
         start: machine.first(),
         always: always.iter().map(condition).collect(),
-        states: (0..).zip(machine.states()).map(state).collect(),
+        states: (0..).zip(&machine.states).map(state).collect(),
     }
 }
 

@@ -290,7 +290,7 @@ impl Names {
         numbers.extend(demanded.map(str::to_owned));
         numbers.extend(motors().map(|name| format!("do.{name}_dps")));
         let machines = cast.mission.machines().iter();
-        let texts = machines.map(|machine| format!("{}.state", machine.name()));
+        let texts = machines.map(|machine| format!("{}.state", machine.name));
         let texts = texts.chain(["do.led", "do.say"].map(str::to_owned)).collect();
         Self { numbers, texts }
     }

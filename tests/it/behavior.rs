@@ -277,7 +277,7 @@ fn the_last_machine_in_the_file_has_the_lights() {
         [machine.a]\nstart = \"a\"\nfinal = \"a\"\n[machine.a.state.a]\ndo = { led = \"green\" }\n";
     let mission = load(text);
     assert_eq!(
-        mission.machines().iter().map(|machine| machine.name()).collect::<Vec<_>>(),
+        mission.machines().iter().map(|machine| machine.name.as_str()).collect::<Vec<_>>(),
         ["z", "a"]
     );
     let (demands, _) = step(&mut mission.start().unwrap(), &signals(0, &[]));
@@ -499,8 +499,8 @@ fn every_shipped_mission_has_a_graph_that_mermaid_reads() {
             .machines()
             .iter()
             .map(|machine| {
-                let states = machine.states().iter().map(|state| state.transitions().len());
-                machine.region().always().len() + states.sum::<usize>()
+                let states = machine.states.iter().map(|state| state.next.len());
+                machine.region.always.len() + states.sum::<usize>()
             })
             .sum();
         assert_eq!((depth, edges), (0, transitions), "{diagram}");

@@ -255,10 +255,7 @@ pub(crate) fn start(mission: &Mission) -> Start {
         machines: mission
             .machines()
             .iter()
-            .map(|machine| MachineNames {
-                name: machine.name().to_owned(),
-                ..MachineNames::default()
-            })
+            .map(|machine| MachineNames { name: machine.name.clone(), ..MachineNames::default() })
             .collect(),
         variables: Vec::new(),
     }

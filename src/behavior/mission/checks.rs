@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::load::{Draft, Reader};
-use super::{MachinePlan, OnStall, RegionPlan, StatePlan, TransitionPlan};
+use super::{MachinePlan, OnStall, TransitionPlan};
 use crate::behavior::expression::Claims;
 use crate::document::{Section, Severity, nearest};
 use crate::senses::{Channel, Role};
@@ -112,12 +112,13 @@ struct Impossible {
 /// in each.
 fn conditions(root: &Section<'_>, draft: &Draft) -> Impossible {
     let plan = &draft.plan;
-    let inner = (0..).zip(&plan.states).filter_map(|(at, state)| Some((Some(at), state.inner()?)));
-    let regions = inner.chain([(None, plan.region())]);
+    let inner =
+        (0..).zip(&plan.states).filter_map(|(at, state)| Some((Some(at), state.inner.as_ref()?)));
+    let regions = inner.chain([(None, &plan.region)]);
     let always: BTreeMap<Option<u16>, Vec<Claimed<'_>>> =
         regions.map(|(parent, region)| (parent, claims(&region.always))).collect();
     let states = (0..).zip(&plan.states).zip(&draft.conditions).map(|((at, state), places)| {
-        let end = plan.around(state).and_then(RegionPlan::end);
+        let end = plan.around(state).and_then(|region| region.end);
         // Those for all states come first, but for the final state and the one they lead to.
         let here = always.get(&state.parent).into_iter().flatten();
         let here = here.filter(|(next, _)| next.go != at && end != Some(at));
@@ -177,11 +178,12 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
     let plan = &draft.plan;
     let (forward, backward) = ways(plan);
     // No way leads into a sub-machine or out of it, so that all can be looked at together.
-    let regions = || plan.states.iter().filter_map(StatePlan::inner).chain([plan.region()]);
+    let regions =
+        || plan.states.iter().filter_map(|state| state.inner.as_ref()).chain([&plan.region]);
     let stalls = regions()
         .filter_map(|region| region.on_stall.filter(|_| draft.moves.contains_key(&Role::Wheels)));
-    let reached = closure(&forward, regions().map(RegionPlan::start).chain(stalls));
-    let ends = closure(&backward, regions().filter_map(RegionPlan::end));
+    let reached = closure(&forward, regions().map(|region| region.start).chain(stalls));
+    let ends = closure(&backward, regions().filter_map(|region| region.end));
     let mut beside: BTreeMap<Option<u16>, usize> = BTreeMap::new();
     for state in &plan.states {
         *beside.entry(state.parent).or_default() += 1;

@@ -12,44 +12,55 @@ use crate::senses::Role;
 /// A machine of a mission.
 #[derive(Debug, Clone)]
 pub struct MachinePlan {
-    pub(super) name: String,
-    pub(super) region: RegionPlan,
+    /// Its name.
+    pub name: String,
+    /// Start and final state, and the transitions of all states.
+    pub region: RegionPlan,
     /// In the order of the file, those of a sub-machine behind the state that uses it.
-    pub(super) states: Vec<StatePlan>,
+    pub states: Vec<StatePlan>,
 }
 
 /// What holds for all states of a machine, or of a sub-machine.
 #[derive(Debug, Clone, Default)]
 pub struct RegionPlan {
-    pub(super) start: u16,
-    pub(super) end: Option<u16>,
+    /// Index of the start state.
+    pub start: u16,
+    /// Index of the final state, if there is one.
+    pub end: Option<u16>,
     /// Where it goes when the wheels are blocked.
     pub(super) on_stall: Option<u16>,
-    pub(super) always: Vec<TransitionPlan>,
+    /// The transitions that are looked at in all states before a state's own, but for the final
+    /// state and the one they lead to.
+    pub always: Vec<TransitionPlan>,
 }
 
 /// A state of a machine.
 #[derive(Debug, Clone)]
 pub struct StatePlan {
-    pub(super) name: String,
+    /// Its name; of a state of a sub-machine, behind that of the state that uses it: `look.left`.
+    pub name: String,
     /// The state that it is inside.
     pub(super) parent: Option<u16>,
     /// The last state inside it, or itself.
     pub(super) last: u16,
-    pub(super) inner: Option<RegionPlan>,
+    /// What holds for the states inside it, where it uses a sub-machine.
+    pub inner: Option<RegionPlan>,
     pub(super) doing: Outputs,
     pub(super) on_entry: Outputs,
     pub(super) set: Vec<Assignment>,
     pub(super) on_exit: Outputs,
-    pub(super) next: Vec<TransitionPlan>,
+    /// Its own transitions, in the order in which they are checked.
+    pub next: Vec<TransitionPlan>,
 }
 
 /// A transition of a state.
 #[derive(Debug, Clone)]
 pub struct TransitionPlan {
-    pub(super) when: Expression,
+    /// The condition.
+    pub when: Expression,
     pub(super) set: Vec<Assignment>,
-    pub(super) go: u16,
+    /// Index of the destination.
+    pub go: u16,
 }
 
 /// A variable gets another value.
@@ -123,32 +134,14 @@ pub(super) enum GoalPlan {
 }
 
 impl MachinePlan {
-    /// The machine's name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Start and final state, and the transitions of all states.
-    #[must_use]
-    pub fn region(&self) -> &RegionPlan {
-        &self.region
-    }
-
     /// Index of the state that is active first: the start state, or the start state inside it.
     #[must_use]
     pub fn first(&self) -> u16 {
         let mut first = self.region.start;
-        while let Some(inner) = self.state(first).and_then(StatePlan::inner) {
+        while let Some(inner) = self.state(first).and_then(|state| state.inner.as_ref()) {
             first = inner.start;
         }
         first
-    }
-
-    /// The states in the order of the file, those of a sub-machine behind the state that uses it.
-    #[must_use]
-    pub fn states(&self) -> &[StatePlan] {
-        &self.states
     }
 
     /// The state of this index.
@@ -230,66 +223,14 @@ impl MachinePlan {
     }
 }
 
-impl RegionPlan {
-    /// Index of the start state.
-    #[must_use]
-    pub fn start(&self) -> u16 {
-        self.start
-    }
-
-    /// Index of the final state, if there is one.
-    #[must_use]
-    pub fn end(&self) -> Option<u16> {
-        self.end
-    }
-
-    /// The transitions that are looked at in all states before a state's own, but for the final
-    /// state and the one they lead to.
-    #[must_use]
-    pub fn always(&self) -> &[TransitionPlan] {
-        &self.always
-    }
-}
-
 impl StatePlan {
-    /// The state's name; of a state of a sub-machine, behind that of the state that uses it:
-    /// `look.left`.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// What holds for the states inside it, where it uses a sub-machine.
-    #[must_use]
-    pub fn inner(&self) -> Option<&RegionPlan> {
-        self.inner.as_ref()
-    }
-
     /// Whether it comes to an end, so that `done` can be asked for.
     pub(super) fn ends(&self) -> bool {
         self.doing.ends() || self.inner.as_ref().is_some_and(|inner| inner.end.is_some())
     }
-
-    /// Its own transitions, in the order in which they are checked.
-    #[must_use]
-    pub fn transitions(&self) -> &[TransitionPlan] {
-        &self.next
-    }
 }
 
 impl TransitionPlan {
-    /// The condition.
-    #[must_use]
-    pub fn when(&self) -> &Expression {
-        &self.when
-    }
-
-    /// Index of the destination.
-    #[must_use]
-    pub fn go(&self) -> u16 {
-        self.go
-    }
-
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut Expression> {
         let set = self.set.iter_mut().map(|assignment| &mut assignment.value);
         std::iter::once(&mut self.when).chain(set)
