@@ -20,52 +20,39 @@ pub(super) struct Monitor {
 /// What happened to a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Happened {
-    /// What.
-    pub(super) what: What,
+    /// One of those that are looked at.
+    pub(super) event: SocketEvent,
     /// A file descriptor, an error's number or a status code, depending on what happened.
     pub(super) value: i32,
 }
 
-/// What may happen to a connection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum What {
-    /// A TCP connection was made from here; the value is its descriptor.
-    Connected,
-    /// Making a connection failed or took too long, or a listener was closed.
-    Closed,
-    /// A peer connected to us; the value is the descriptor.
-    Accepted,
-    /// No further peer can connect to us: mostly for want of descriptors.
-    AcceptFailed,
-    /// Both sides have the keys that they should have.
-    Greeted,
-    /// The other side does not let this key in; the value is the ZAP status code.
-    NotLetIn,
-    /// The connection broke while the sides introduced themselves; the value is an `errno`.
-    BrokeOff,
-    /// The other side speaks something else, or has another key.
-    NotUnderstood,
-    /// A connection is gone; the value is its descriptor.
-    Disconnected,
-}
-
-const KNOWN: [(SocketEvent, What); 9] = [
-    (SocketEvent::CONNECTED, What::Connected),
-    (SocketEvent::CLOSED, What::Closed),
-    (SocketEvent::ACCEPTED, What::Accepted),
-    (SocketEvent::ACCEPT_FAILED, What::AcceptFailed),
-    (SocketEvent::HANDSHAKE_SUCCEEDED, What::Greeted),
-    (SocketEvent::HANDSHAKE_FAILED_AUTH, What::NotLetIn),
-    (SocketEvent::HANDSHAKE_FAILED_NO_DETAIL, What::BrokeOff),
-    (SocketEvent::HANDSHAKE_FAILED_PROTOCOL, What::NotUnderstood),
-    (SocketEvent::DISCONNECTED, What::Disconnected),
+/// What is looked at of what libzmq tells.
+const EVENTS: [SocketEvent; 9] = [
+    // A TCP connection was made from here; the value is its descriptor.
+    SocketEvent::CONNECTED,
+    // Making a connection failed or took too long, or a listener was closed.
+    SocketEvent::CLOSED,
+    // A peer connected to us; the value is the descriptor.
+    SocketEvent::ACCEPTED,
+    // No further peer can connect to us: mostly for want of descriptors.
+    SocketEvent::ACCEPT_FAILED,
+    // Both sides have the keys that they should have.
+    SocketEvent::HANDSHAKE_SUCCEEDED,
+    // The other side does not let this key in; the value is the ZAP status code.
+    SocketEvent::HANDSHAKE_FAILED_AUTH,
+    // The connection broke while the sides introduced themselves; the value is an `errno`.
+    SocketEvent::HANDSHAKE_FAILED_NO_DETAIL,
+    // The other side speaks something else, or has another key.
+    SocketEvent::HANDSHAKE_FAILED_PROTOCOL,
+    // A connection is gone; the value is its descriptor.
+    SocketEvent::DISCONNECTED,
 ];
 
 impl Monitor {
     /// Watches a socket.
     pub(super) fn of(context: &zmq::Context, socket: &zmq::Socket) -> zmq::Result<Self> {
         let endpoint = fresh_endpoint();
-        let mask = KNOWN.iter().fold(0, |mask, (event, _)| mask | i32::from(event.to_raw()));
+        let mask = EVENTS.iter().fold(0, |mask, event| mask | i32::from(event.to_raw()));
         socket.monitor(&endpoint, mask)?;
         let events = context.socket(zmq::PAIR)?;
         events.set_rcvhwm(0)?;
@@ -96,13 +83,13 @@ impl Monitor {
             while self.events.get_rcvmore().ok()? {
                 let _ = self.events.recv_msg(zmq::DONTWAIT).ok()?;
             }
-            let event =
+            let raw =
                 first.get(..2).and_then(|bytes| bytes.try_into().ok()).map(u16::from_ne_bytes);
             let value =
                 first.get(2..6).and_then(|bytes| bytes.try_into().ok()).map(i32::from_ne_bytes);
-            let known = KNOWN.iter().find(|(known, _)| Some(known.to_raw()) == event);
-            if let (Some((_, what)), Some(value)) = (known, value) {
-                return Some(Happened { what: *what, value });
+            let event = EVENTS.into_iter().find(|event| Some(event.to_raw()) == raw);
+            if let (Some(event), Some(value)) = (event, value) {
+                return Some(Happened { event, value });
             }
         }
     }

@@ -4,10 +4,12 @@
 use std::net::SocketAddr;
 use std::os::fd::RawFd;
 
+use zmq::SocketEvent;
+
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::held::Held;
 use crate::link::keys::{KeyPair, PublicKey};
-use crate::link::monitor::{Monitor, What};
+use crate::link::monitor::Monitor;
 use crate::service::protocol::{MAX_FETCH_BYTES, Reply};
 
 /// Milliseconds: until TCP has to be through, and until the brick has to have introduced itself.
@@ -145,10 +147,10 @@ impl Connection {
     pub(super) fn stage(&mut self) -> Stage {
         let before = self.stage;
         while let Some(happened) = self.monitor.next() {
-            if happened.what == What::Connected {
+            if happened.event == SocketEvent::CONNECTED {
                 self.descriptor = Some(happened.value);
             }
-            self.stage = after(self.stage, happened.what);
+            self.stage = after(self.stage, happened.event);
         }
         if self
             .received()
@@ -215,18 +217,21 @@ impl Drop for Connection {
     }
 }
 
-fn after(stage: Stage, what: What) -> Stage {
-    match (stage, what) {
+fn after(stage: Stage, event: SocketEvent) -> Stage {
+    match (stage, event) {
         // The first reason is the one that counts; what follows is the same end seen again.
         (Stage::Over(_), _) => stage,
-        (_, What::Connected) => Stage::Greeting,
-        (_, What::Greeted) => Stage::Open,
-        (_, What::NotLetIn) => Stage::Over(Over::NotLetIn),
-        (Stage::Greeting, What::BrokeOff | What::NotUnderstood | What::Disconnected) => {
-            Stage::Over(Over::BrokeOff)
-        }
-        (Stage::Calling, What::Closed) => Stage::Over(Over::Nobody),
-        (Stage::Open, What::Disconnected) => Stage::Over(Over::Lost),
+        (_, SocketEvent::CONNECTED) => Stage::Greeting,
+        (_, SocketEvent::HANDSHAKE_SUCCEEDED) => Stage::Open,
+        (_, SocketEvent::HANDSHAKE_FAILED_AUTH) => Stage::Over(Over::NotLetIn),
+        (
+            Stage::Greeting,
+            SocketEvent::HANDSHAKE_FAILED_NO_DETAIL
+            | SocketEvent::HANDSHAKE_FAILED_PROTOCOL
+            | SocketEvent::DISCONNECTED,
+        ) => Stage::Over(Over::BrokeOff),
+        (Stage::Calling, SocketEvent::CLOSED) => Stage::Over(Over::Nobody),
+        (Stage::Open, SocketEvent::DISCONNECTED) => Stage::Over(Over::Lost),
         _ => stage,
     }
 }
@@ -293,21 +298,36 @@ mod tests {
 
     #[test]
     fn the_first_reason_of_an_end_is_the_one_that_counts() {
-        let through = |happened: &[What]| {
-            happened.iter().fold(Stage::Calling, |stage, what| after(stage, *what))
+        let through = |happened: &[SocketEvent]| {
+            happened.iter().fold(Stage::Calling, |stage, event| after(stage, *event))
         };
-        assert_eq!(through(&[What::Connected, What::Greeted]), Stage::Open);
-        assert_eq!(through(&[What::Closed]), Stage::Over(Over::Nobody));
         assert_eq!(
-            through(&[What::Connected, What::BrokeOff, What::Disconnected]),
+            through(&[SocketEvent::CONNECTED, SocketEvent::HANDSHAKE_SUCCEEDED]),
+            Stage::Open
+        );
+        assert_eq!(through(&[SocketEvent::CLOSED]), Stage::Over(Over::Nobody));
+        assert_eq!(
+            through(&[
+                SocketEvent::CONNECTED,
+                SocketEvent::HANDSHAKE_FAILED_NO_DETAIL,
+                SocketEvent::DISCONNECTED
+            ]),
             Stage::Over(Over::BrokeOff)
         );
         assert_eq!(
-            through(&[What::Connected, What::NotLetIn, What::Disconnected]),
+            through(&[
+                SocketEvent::CONNECTED,
+                SocketEvent::HANDSHAKE_FAILED_AUTH,
+                SocketEvent::DISCONNECTED
+            ]),
             Stage::Over(Over::NotLetIn)
         );
         assert_eq!(
-            through(&[What::Connected, What::Greeted, What::Disconnected]),
+            through(&[
+                SocketEvent::CONNECTED,
+                SocketEvent::HANDSHAKE_SUCCEEDED,
+                SocketEvent::DISCONNECTED
+            ]),
             Stage::Over(Over::Lost)
         );
     }

@@ -3,12 +3,14 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::os::fd::RawFd;
 
+use zmq::SocketEvent;
+
 use super::ServerError;
 use super::limits::Limits;
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::held::Held;
 use crate::link::keys::{KeyPair, PublicKey};
-use crate::link::monitor::{Monitor, What};
+use crate::link::monitor::Monitor;
 use crate::service::protocol::MAX_REQUEST_BYTES;
 
 /// Milliseconds: time to shake hands; how often a silent peer is asked whether it lives, and how
@@ -86,10 +88,10 @@ impl Router {
     /// Counts who has come and gone, and shuts what is too much.
     pub(super) fn look_after(&mut self) {
         while let Some(happened) = self.monitor.next() {
-            match happened.what {
-                What::Accepted => self.accepted(happened.value),
-                What::Disconnected => self.limits.closed(happened.value),
-                What::AcceptFailed => {
+            match happened.event {
+                SocketEvent::ACCEPTED => self.accepted(happened.value),
+                SocketEvent::DISCONNECTED => self.limits.closed(happened.value),
+                SocketEvent::ACCEPT_FAILED => {
                     log::warn!(
                         "the link: connections cannot be accepted (errno {})",
                         happened.value
