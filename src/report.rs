@@ -75,10 +75,10 @@ pub struct Track {
     pub path: Vec<PathPoint>,
     /// Where it truly was, metres, in order of time; empty where that is not known.
     pub truth: Vec<[f64; 2]>,
-    /// What it found, in order of time.
-    pub points: Vec<CloudPoint>,
+    /// What it found, in order of time, which is counted from the run's start.
+    pub points: Vec<MapPoint>,
     /// What it found that does not stand: not drawn and not exported, but walls are tried by it.
-    pub doubted: Vec<CloudPoint>,
+    pub doubted: Vec<MapPoint>,
     /// Its map fits none of the others' ([`Scene::align`]), and says nothing of their walls.
     pub is_apart: bool,
     /// What a person should know about the recording; empty for one that is whole.
@@ -88,8 +88,8 @@ pub struct Track {
 /// Where a robot was.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathPoint {
-    /// Seconds since the run's start.
-    pub time_s: f64,
+    /// Nanoseconds since the run's start.
+    pub time_ns: i64,
     /// Metres.
     pub x_m: f64,
     /// Metres.
@@ -101,17 +101,6 @@ pub struct PathPoint {
 /// What a track was moved by at its start, metres and radians, or why it was not.
 pub type Correction = Result<(f64, f64), Misfit>;
 
-/// Something that a robot found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CloudPoint {
-    /// Seconds since the run's start.
-    pub time_s: f64,
-    /// Metres.
-    pub x_m: f64,
-    /// Metres.
-    pub y_m: f64,
-}
-
 impl Track {
     /// The track of a run; `fallback` is its name where the recording has none.
     #[must_use]
@@ -122,21 +111,18 @@ impl Track {
             .map(|info| info.start_ns)
             .or(run.poses.first().map(|pose| pose.time_ns))
             .unwrap_or(0);
-        let since_start_s = |time_ns: i64| seconds(time_ns.saturating_sub(start_ns));
         let path = run.path_now().map(|(time_ns, pose)| PathPoint {
-            time_s: since_start_s(time_ns),
+            time_ns: time_ns.saturating_sub(start_ns),
             x_m: pose.x_m,
             y_m: pose.y_m,
             heading_rad: pose.heading_rad,
         });
-        let cloud = |points: Vec<MapPoint>| -> Vec<CloudPoint> {
-            let near = points.into_iter().filter(|point| is_near(point.x_m, point.y_m));
-            near.map(|MapPoint { time_ns, x_m, y_m }| CloudPoint {
-                time_s: since_start_s(time_ns),
-                x_m,
-                y_m,
-            })
-            .collect()
+        let cloud = |mut points: Vec<MapPoint>| {
+            points.retain(|point| is_near(point.x_m, point.y_m));
+            for point in &mut points {
+                point.time_ns = point.time_ns.saturating_sub(start_ns);
+            }
+            points
         };
         let (standing, doubted) = run.points_judged();
         let name = run.info.as_ref().map(|info| info.brick.clone()).filter(|name| !name.is_empty());
@@ -180,17 +166,10 @@ impl Track {
     }
 
     /// Points with the places that they were seen from.
-    fn sights(&self, points: &[CloudPoint]) -> Vec<Sight> {
-        #[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
-        let place = |time_s: f64, x_m: f64, y_m: f64| {
-            // As the times were made: a point and the place of its tick have the same.
-            MapPoint { time_ns: libm::round(time_s * 1e9) as i64, x_m, y_m }
-        };
-        let points: Vec<MapPoint> =
-            points.iter().map(|point| place(point.time_s, point.x_m, point.y_m)).collect();
-        let path: Vec<MapPoint> =
-            self.path.iter().map(|at| place(at.time_s, at.x_m, at.y_m)).collect();
-        Sight::of(&points, &path)
+    fn sights(&self, points: &[MapPoint]) -> Vec<Sight> {
+        let place =
+            |&PathPoint { time_ns, x_m, y_m, .. }: &PathPoint| MapPoint { time_ns, x_m, y_m };
+        Sight::of(points, &self.path.iter().map(place).collect::<Vec<_>>())
     }
 }
 
@@ -279,7 +258,7 @@ impl Scene {
         for (place, said) in fit.iter().zip(mapping::testimonies(sights)) {
             let Some(track) = self.tracks.get_mut(*place) else { continue };
             let mut said = said.into_iter();
-            let (stand, refuted): (Vec<CloudPoint>, Vec<CloudPoint>) =
+            let (stand, refuted): (Vec<MapPoint>, Vec<MapPoint>) =
                 track.points.iter().partition(|_| said.next() != Some(Testimony::Refuted));
             track.points = stand;
             track.doubted.extend(refuted);
@@ -316,9 +295,9 @@ impl Scene {
 
     /// Seconds from the start to the last thing that happened.
     fn duration_s(&self) -> f64 {
-        let paths = self.tracks.iter().filter_map(|track| track.path.last().map(|p| p.time_s));
-        let points = self.tracks.iter().filter_map(|track| track.points.last().map(|p| p.time_s));
-        paths.chain(points).fold(0.0, f64::max)
+        let paths = self.tracks.iter().filter_map(|track| track.path.last().map(|p| p.time_ns));
+        let points = self.tracks.iter().filter_map(|track| track.points.last().map(|p| p.time_ns));
+        seconds(paths.chain(points).fold(0, i64::max))
     }
 }
 
@@ -387,7 +366,7 @@ mod tests {
     use super::*;
 
     fn at(x_m: f64) -> PathPoint {
-        PathPoint { time_s: x_m, x_m, y_m: 0.0, heading_rad: 0.0 }
+        PathPoint { time_ns: 0, x_m, y_m: 0.0, heading_rad: 0.0 }
     }
 
     #[test]
@@ -414,7 +393,7 @@ mod tests {
                 })
             })
         });
-        let points = points.flat_map(|[x_m, y_m]| [CloudPoint { time_s: 1.0, x_m, y_m }; 2]);
+        let points = points.flat_map(|[x_m, y_m]| [MapPoint { time_ns: 0, x_m, y_m }; 2]);
         Track { path: vec![at(0.0)], points: points.collect(), ..Track::default() }
     }
 

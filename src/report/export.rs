@@ -6,6 +6,7 @@ mod indexed;
 use std::fmt::Write;
 
 use super::Track;
+use crate::clock::seconds;
 use crate::mapping::Wall;
 use crate::printable;
 use crate::recording::Grid;
@@ -22,7 +23,8 @@ pub fn points_csv(tracks: &[Track]) -> String {
         let name = csv_text(&track.name);
         for point in &track.points {
             // Writing to a string cannot fail.
-            let _ = writeln!(text, "{:.6},{:.6},{:.6},{name}", point.time_s, point.x_m, point.y_m);
+            let time_s = seconds(point.time_ns);
+            let _ = writeln!(text, "{time_s:.6},{:.6},{:.6},{name}", point.x_m, point.y_m);
         }
     }
     text
@@ -36,9 +38,8 @@ pub fn path_csv(tracks: &[Track]) -> String {
     for track in tracks {
         let name = csv_text(&track.name);
         for p in &track.path {
-            let heading_deg = degrees(p.heading_rad);
-            let _ =
-                writeln!(text, "{:.6},{:.6},{:.6},{heading_deg:.4},{name}", p.time_s, p.x_m, p.y_m);
+            let (time_s, heading_deg) = (seconds(p.time_ns), degrees(p.heading_rad));
+            let _ = writeln!(text, "{time_s:.6},{:.6},{:.6},{heading_deg:.4},{name}", p.x_m, p.y_m);
         }
     }
     text
@@ -84,8 +85,8 @@ pub fn ply(tracks: &[Track]) -> String {
     );
     for (place, track) in tracks.iter().enumerate() {
         for point in &track.points {
-            let _ =
-                writeln!(text, "{:.6} {:.6} 0 {:.6} {place}", point.x_m, point.y_m, point.time_s);
+            let time_s = seconds(point.time_ns);
+            let _ = writeln!(text, "{:.6} {:.6} 0 {time_s:.6} {place}", point.x_m, point.y_m);
         }
     }
     text

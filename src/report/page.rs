@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use super::plot::pale;
 use super::{FloorMark, PathPoint, Scene, Track, colours, escaped, is_single, thinned};
+use crate::clock::seconds;
 use crate::page::inside_script;
 
 const TEMPLATE: &str = include_str!("page.html");
@@ -84,7 +85,12 @@ fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
 fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     let colours = colours(place, scene.tracks.len());
     let of_path = |p: PathPoint| {
-        [round(p.time_s, 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4), round(p.heading_rad, 1e3)]
+        [
+            round(seconds(p.time_ns), 1e3),
+            round(p.x_m, 1e4),
+            round(p.y_m, 1e4),
+            round(p.heading_rad, 1e3),
+        ]
     };
     json!({
         "name": track.name,
@@ -98,14 +104,14 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
         "points": track
             .points
             .iter()
-            .flat_map(|p| [round(p.time_s, 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4)])
+            .flat_map(|p| [round(seconds(p.time_ns), 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4)])
             .collect::<Vec<_>>(),
     })
 }
 
 /// It has no times: the page shows the whole of it.
 fn true_path(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let untimed = |&[x_m, y_m]: &[f64; 2]| PathPoint { time_s: 0.0, x_m, y_m, heading_rad: 0.0 };
+    let untimed = |&[x_m, y_m]: &[f64; 2]| PathPoint { time_ns: 0, x_m, y_m, heading_rad: 0.0 };
     let path: Vec<PathPoint> = places.iter().map(untimed).collect();
     let thinned = thinned(&path, LEAST_STEP_M).into_iter();
     thinned.map(|point| [round(point.x_m, 1e4), round(point.y_m, 1e4)]).collect()

@@ -3,10 +3,11 @@
 
 use std::path::Path;
 
-use onbrick::clock::{Clock, MonotonicClock};
+use onbrick::clock::{Clock, MonotonicClock, SECOND_NS, seconds};
+use onbrick::mapping::MapPoint;
 use onbrick::recording::{Grid, Run};
 use onbrick::report::export::NamedRecording;
-use onbrick::report::{CloudPoint, FloorMark, PathPoint, Scene, Track, export, plot};
+use onbrick::report::{FloorMark, PathPoint, Scene, Track, export, plot};
 
 use crate::recording::decoder::python;
 use crate::recording::sample::{grid, sample, tick, walls};
@@ -113,10 +114,10 @@ fn blocks_that_touch_have_one_outline_and_robots_on_one_path_are_both_seen() {
     scene.blocks.clear();
     assert!(together > 500 && together < count(&scene, wall, 0) / 2, "{together} grey pixels");
     // Two robots that drove and found the same.
-    let path = [0.1, 0.7].map(|x_m| PathPoint { time_s: x_m, x_m, y_m: 0.2, heading_rad: 0.0 });
+    let path = [0.1, 0.7].map(|x_m| PathPoint { time_ns: 0, x_m, y_m: 0.2, heading_rad: 0.0 });
     let track = Track {
         path: path.to_vec(),
-        points: vec![CloudPoint { time_s: 0.0, x_m: 0.4, y_m: 0.3 }],
+        points: vec![MapPoint { time_ns: 0, x_m: 0.4, y_m: 0.3 }],
         ..Track::default()
     };
     scene.tracks = vec![track; 2];
@@ -172,8 +173,8 @@ fn a_pdf_is_a_page_with_the_font_inside() {
 #[test]
 fn nothing_and_what_is_not_finite_is_a_picture_too() {
     let odd = Track {
-        path: vec![PathPoint { time_s: 0.0, x_m: 1.0, y_m: 1.0, heading_rad: 0.0 }],
-        points: vec![CloudPoint { time_s: 0.0, x_m: 1e9, y_m: -1e9 }],
+        path: vec![PathPoint { time_ns: 0, x_m: 1.0, y_m: 1.0, heading_rad: 0.0 }],
+        points: vec![MapPoint { time_ns: 0, x_m: 1e9, y_m: -1e9 }],
         ..Track::default()
     };
     let far = Track { truth: vec![[0.0, 0.0], [1.7e308, -1.7e308]], ..odd.clone() };
@@ -220,11 +221,12 @@ fn a_browser_draws_the_page_and_its_slider_moves_through_time() {
     std::fs::write(&page, &html).unwrap();
     for (hash, until_s) in [("#t=10", 10.0), ("#t=0", 0.0), ("", 1e9)] {
         let Some(dom) = browse(&page, hash, &["--dump-dom"]) else { return };
-        let points = scene.tracks[0].points.iter().filter(|point| point.time_s <= until_s).count();
+        let points =
+            scene.tracks[0].points.iter().filter(|point| seconds(point.time_ns) <= until_s).count();
         assert_eq!(attribute(&dom, "data-points"), points.to_string(), "at {hash}");
         let cloud = dom.split("class=\"points\"").nth(1).unwrap();
         assert_eq!(attribute(cloud, "d").matches("h0").count(), points, "at {hash}");
-        let last = scene.tracks[0].path.iter().rfind(|p| p.time_s <= until_s + 1e-9).unwrap();
+        let last = scene.tracks[0].path.iter().rfind(|p| seconds(p.time_ns) <= until_s).unwrap();
         let x: f64 = attribute(&dom, "data-x").parse().unwrap();
         assert!((x - last.x_m).abs() < 2e-3, "{x} is drawn at {hash}, {} was recorded", last.x_m);
         assert!(dom.contains("mapper: map &lt;the room&gt; &amp; back</h1>"));
@@ -294,7 +296,8 @@ fn a_hand_slides_zooms_and_drags_the_page() {
     let page = folder.path().join("map.html");
     std::fs::write(&page, plot::html(&scene).replace("</body>", HANDS)).unwrap();
     let Some(dom) = browse(&page, "", &["--dump-dom"]) else { return };
-    let points = scene.tracks[0].points.iter().filter(|point| point.time_s <= 10.0).count();
+    let points =
+        scene.tracks[0].points.iter().filter(|point| point.time_ns <= 10 * SECOND_NS).count();
     assert_eq!(attribute(&dom, "data-points"), points.to_string());
     assert_eq!(attribute(&dom, "data-time"), "10.000");
     assert_eq!(attribute(&dom, "data-zoomed"), "2.1170", "e to the 0.75");

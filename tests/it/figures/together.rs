@@ -3,10 +3,10 @@
 
 use std::sync::{Arc, Mutex};
 
-use onbrick::clock::{Clock, SECOND_NS, nanoseconds};
+use onbrick::clock::{Clock, SECOND_NS};
 use onbrick::mapping::{MapPoint, Pose, points_now, stats};
 use onbrick::recording::{Pace, Run};
-use onbrick::report::{CloudPoint, Scene, Track};
+use onbrick::report::{Scene, Track};
 use onbrick::runtime::{Environment, Heartbeat, Job, StopFlags, execute};
 use onbrick::sim::{Observer, Simulation, Truth, World, WorldPhysics, covered};
 
@@ -167,10 +167,6 @@ fn what_two_robots_in_one_room_take_for_walls() {
 /// A track's points as the map has them.
 fn points_of((robot, track): (&Explored, &Track)) -> Vec<MapPoint> {
     let start_ns = robot.run.info.as_ref().expect("a beginning").start_ns;
-    let point = |point: &CloudPoint| MapPoint {
-        time_ns: start_ns + nanoseconds(point.time_s),
-        x_m: point.x_m,
-        y_m: point.y_m,
-    };
+    let point = |point: &MapPoint| MapPoint { time_ns: start_ns + point.time_ns, ..*point };
     track.points.iter().map(point).collect()
 }
