@@ -20,7 +20,7 @@ use crate::robot::RobotConfig;
 use crate::runtime::{HardwareLock, Source, StopFlags};
 use crate::service::client::{Client, ClientError};
 use crate::service::config::BRICK_FOLDER;
-use crate::service::protocol::{Answer, LocalRequest, Request};
+use crate::service::protocol::{Answer, LocalRequest};
 
 #[cfg(feature = "host")]
 mod frames;
@@ -187,22 +187,7 @@ struct SocketConnection {
 
 impl ServiceConnection for SocketConnection {
     fn ask(&mut self, request: &LocalRequest) -> Result<Answer, Trouble> {
-        let answered = match request {
-            LocalRequest::Shared(Request::Fetch(fetch)) => {
-                self.client.fetch(fetch, self.patience).and_then(|(fetched, bytes)| {
-                    let value = serde_json::to_value(fetched).map_err(ClientError::Strange)?;
-                    Ok(Answer { value, bytes: Some(bytes) })
-                })
-            }
-            LocalRequest::Shared(request) => {
-                self.client.ask(request, self.patience).map(|value| Answer { value, bytes: None })
-            }
-            LocalRequest::Own(request) => self
-                .client
-                .ask_own(request, self.patience)
-                .map(|value| Answer { value, bytes: None }),
-        };
-        answered.map_err(|error| match error {
+        self.client.exchange(request, self.patience).map_err(|error| match error {
             ClientError::Refused(refusal) => Trouble::Refused(refusal),
             other => Trouble::Gone(crate::printable::with_causes(&other)),
         })

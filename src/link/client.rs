@@ -32,7 +32,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::curve::NoCurve;
@@ -383,15 +382,6 @@ impl Client {
         let (value, _) = self.line.ask(request)?;
         self.line.understood(value)
     }
-}
-
-/// A request's body with its envelope.
-#[derive(Serialize)]
-pub(super) struct Envelope<'r, R> {
-    pub(super) version: u32,
-    pub(super) id: u64,
-    #[serde(flatten)]
-    pub(super) request: &'r R,
 }
 
 /// The name of a mission. What is wrong with its text is for the brick to say, which knows its

@@ -21,7 +21,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::protocol::{
-    Fetch, Fetched, Id, LocalOnly, MAX_FETCH_BYTES, Outcome, Refusal, Reply, Request, VERSION,
+    Answer, Envelope, Fetch, Fetched, Id, LocalOnly, MAX_FETCH_BYTES, Outcome, Refusal, Reply,
+    Request, VERSION,
 };
 use crate::clock::{Clock, MonotonicClock};
 
@@ -63,15 +64,6 @@ pub struct Client {
     menu: bool,
 }
 
-/// A request in its envelope.
-#[derive(Serialize)]
-struct Envelope<'r, R> {
-    version: u32,
-    id: u64,
-    #[serde(flatten)]
-    request: &'r R,
-}
-
 impl Client {
     /// A client of the service at this socket.
     #[must_use]
@@ -102,7 +94,7 @@ impl Client {
         request: &Request,
         patience: Duration,
     ) -> Result<T, ClientError> {
-        self.exchange(request, patience).map(|(answer, _)| answer)
+        understood(self.exchange(request, patience)?.value)
     }
 
     /// Asks what only the local socket answers.
@@ -115,7 +107,7 @@ impl Client {
         request: &LocalOnly,
         patience: Duration,
     ) -> Result<T, ClientError> {
-        self.exchange(request, patience).map(|(answer, _)| answer)
+        understood(self.exchange(request, patience)?.value)
     }
 
     /// Fetches a part of a recording.
@@ -128,28 +120,28 @@ impl Client {
         fetch: &Fetch,
         patience: Duration,
     ) -> Result<(Fetched, Vec<u8>), ClientError> {
-        let request = Request::Fetch(fetch.clone());
-        self.exchange(&request, patience)
+        let Answer { value, bytes } = self.exchange(&Request::Fetch(fetch.clone()), patience)?;
+        Ok((understood(value)?, bytes.unwrap_or_default()))
     }
 
-    fn exchange<T: DeserializeOwned>(
+    /// Asks any of these, and gives the answer as it came.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::ask`].
+    pub(crate) fn exchange(
         &mut self,
         request: &impl Serialize,
         patience: Duration,
-    ) -> Result<(T, Vec<u8>), ClientError> {
+    ) -> Result<Answer, ClientError> {
         let deadline_ns = MonotonicClock
             .now_ns()
             .saturating_add(i64::try_from(patience.as_nanos()).unwrap_or(i64::MAX));
         // Only an answer that was read to its end leaves the connection in order.
         let mut connection = self.connected(deadline_ns)?;
-        let (reply, bytes) = self.over(&mut connection, request, deadline_ns)?;
+        let answered = self.over(&mut connection, request, deadline_ns)?;
         self.connection = Some(connection);
-        match reply {
-            Outcome::Ok(value) => {
-                Ok((serde_json::from_value(value).map_err(ClientError::Strange)?, bytes))
-            }
-            Outcome::Error(refusal) => Err(refusal.into()),
-        }
+        Ok(answered?)
     }
 
     /// The connection that there is, if the service has not closed it meanwhile, or a new one.
@@ -163,7 +155,7 @@ impl Client {
             .map_err(|source| ClientError::NoService { path: self.path.clone(), source })?;
         let mut connection = BufReader::new(stream);
         if self.menu {
-            self.over(&mut connection, &LocalOnly::MenuHere, deadline_ns)?;
+            self.over(&mut connection, &LocalOnly::MenuHere, deadline_ns)??;
         }
         Ok(connection)
     }
@@ -173,7 +165,7 @@ impl Client {
         connection: &mut BufReader<UnixStream>,
         request: &impl Serialize,
         deadline_ns: i64,
-    ) -> Result<(Outcome, Vec<u8>), ClientError> {
+    ) -> Result<Result<Answer, Refusal>, ClientError> {
         let id = self.next_id;
         self.next_id = self.next_id.wrapping_add(1);
         let mut line = serde_json::to_vec(&Envelope { version: VERSION, id, request })
@@ -187,12 +179,17 @@ impl Client {
         if reply.id.as_ref().is_some_and(|answered| *answered != Id::Number(id)) {
             return Err(ClientError::Lost(io::Error::other("it answered another question")));
         }
-        let bytes = match &reply.outcome {
-            Outcome::Ok(value) => read_bytes(connection, value, deadline_ns)?,
-            Outcome::Error(_) => Vec::new(),
-        };
-        Ok((reply.outcome, bytes))
+        Ok(match reply.outcome {
+            Outcome::Ok(value) => {
+                Ok(Answer { bytes: read_bytes(connection, &value, deadline_ns)?, value })
+            }
+            Outcome::Error(refusal) => Err(refusal),
+        })
     }
+}
+
+fn understood<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, ClientError> {
+    serde_json::from_value(value).map_err(ClientError::Strange)
 }
 
 fn read_reply(
@@ -227,10 +224,8 @@ fn read_bytes(
     connection: &mut BufReader<UnixStream>,
     value: &serde_json::Value,
     deadline_ns: i64,
-) -> Result<Vec<u8>, ClientError> {
-    let Ok(fetched) = serde_json::from_value::<Fetched>(value.clone()) else {
-        return Ok(Vec::new());
-    };
+) -> Result<Option<Vec<u8>>, ClientError> {
+    let Ok(fetched) = serde_json::from_value::<Fetched>(value.clone()) else { return Ok(None) };
     let length = usize::try_from(fetched.length.min(MAX_FETCH_BYTES)).unwrap_or(0);
     let mut bytes = vec![0; length];
     let mut filled = 0;
@@ -246,7 +241,7 @@ fn read_bytes(
             Err(error) => return Err(broken(error)),
         }
     }
-    Ok(bytes)
+    Ok(Some(bytes))
 }
 
 /// Nothing is due on a connection between two questions: what can be read is its end.

@@ -212,7 +212,8 @@ pub enum LocalOnly {
 }
 
 /// What may be asked at the local socket.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum LocalRequest {
     /// What the network may ask as well.
     Shared(Request),
@@ -220,7 +221,16 @@ pub enum LocalRequest {
     Own(LocalOnly),
 }
 
-/// A request with its envelope.
+/// A request in its envelope, as a client sends it.
+#[derive(Debug, Serialize)]
+pub(crate) struct Envelope<'r, R> {
+    pub(crate) version: u32,
+    pub(crate) id: u64,
+    #[serde(flatten)]
+    pub(crate) request: &'r R,
+}
+
+/// A request and the name that its client has for it, as they arrive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked<R> {
     /// The client's name for it.

@@ -12,12 +12,12 @@ use serde_json::Value;
 
 use super::address::Address;
 use super::connection::{Connection, Over, Received, Stage};
-use super::{ClientError, Envelope, Patience, Silence};
+use super::{ClientError, Patience, Silence};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock, SECOND_NS, seconds};
 use crate::link::curve;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::pairing::well_known_key;
-use crate::service::protocol::{Id, Kind, Outcome, VERSION};
+use crate::service::protocol::{Envelope, Id, Kind, Outcome, VERSION};
 
 /// How long one waits before one looks again, nanoseconds: the first time, and at most.
 const FIRST_BACKOFF_NS: i64 = 100 * MILLISECOND_NS;
