@@ -299,7 +299,7 @@ impl Operations for Service {
             Request::Stop { run } => {
                 let by = match caller {
                     Caller::Key(_) => StopBy::Remote,
-                    Caller::Here { .. } | Caller::Menu { .. } => StopBy::Here,
+                    Caller::Here | Caller::Menu => StopBy::Here,
                 };
                 answer(&self.stop(run.as_ref(), by, &named(caller))?)
             }
@@ -382,8 +382,8 @@ pub(super) fn clock_finding() -> Option<String> {
 pub(super) fn named(caller: &Caller) -> String {
     match caller {
         Caller::Key(name) => name.clone(),
-        Caller::Here { .. } => "here".to_owned(),
-        Caller::Menu { .. } => "menu".to_owned(),
+        Caller::Here => "here".to_owned(),
+        Caller::Menu => "menu".to_owned(),
     }
 }
 

@@ -329,20 +329,10 @@ pub enum Outcome {
 pub enum Caller {
     /// Over the network: the name under which its key is authorised.
     Key(String),
-    /// At the local socket: the user's number and the process.
-    Here {
-        /// The user.
-        uid: u32,
-        /// The process.
-        pid: i32,
-    },
+    /// At the local socket.
+    Here,
     /// The same, where the process has said that it is the menu ([`LocalOnly::MenuHere`]).
-    Menu {
-        /// The user.
-        uid: u32,
-        /// The process.
-        pid: i32,
-    },
+    Menu,
 }
 
 /// What both transports ask the service for. It is shared between their threads.

@@ -195,12 +195,12 @@ impl Drop for ClientThread {
 impl ClientThread {
     fn talk(&self, stream: &UnixStream) {
         let Ok(peer) = getsockopt(stream, PeerCredentials) else { return };
-        let mut caller = Caller::Here { uid: peer.uid(), pid: peer.pid() };
+        let mut caller = Caller::Here;
         // However the talk ends: closed, broken, too slow.
         if let Err(error) = self.requests(stream, &mut caller) {
             log::debug!("process {} at the local socket: {error}", peer.pid());
         }
-        if matches!(caller, Caller::Menu { .. }) {
+        if caller == Caller::Menu {
             let closed = self.clients.operations.own(&LocalOnly::MenuClosed, &caller);
             log::debug!("the menu is gone: {closed:?}");
         }
@@ -260,10 +260,8 @@ impl ClientThread {
     fn answer(&self, line: &[u8], caller: &mut Caller) -> (Reply, Option<Vec<u8>>) {
         let (id, answered) = match parse_local(line) {
             Ok(Asked { id, request }) => {
-                if let (LocalRequest::Own(LocalOnly::MenuHere), Caller::Here { uid, pid }) =
-                    (&request, &*caller)
-                {
-                    *caller = Caller::Menu { uid: *uid, pid: *pid };
+                if request == LocalRequest::Own(LocalOnly::MenuHere) {
+                    *caller = Caller::Menu;
                 }
                 let operations = &self.clients.operations;
                 let answered = match &request {

@@ -133,7 +133,7 @@ fn ask(service: &Scripted, request: &LocalRequest) -> Result<Answer, Trouble> {
     if service.is_gone() {
         return Err(Trouble::Gone("no service answers at /run/onbrick/socket".to_owned()));
     }
-    let caller = Caller::Here { uid: 1000, pid: 42 };
+    let caller = Caller::Here;
     match request {
         LocalRequest::Shared(request) => service.shared(request, &caller),
         LocalRequest::Own(request) => service.own(request, &caller),
