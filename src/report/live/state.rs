@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::{Sources, Wish};
@@ -28,7 +29,8 @@ const MOST_AHEAD: usize = 64;
 const PACES: [(&str, Option<f64>); 3] = [("1", Some(1.0)), ("4", Some(4.0)), ("max", None)];
 
 /// How far a run is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub(super) enum Phase {
     /// The robot is made ready.
     Preparing,
@@ -43,16 +45,6 @@ pub(super) enum Phase {
 }
 
 impl Phase {
-    fn word(self) -> &'static str {
-        match self {
-            Self::Preparing => "preparing",
-            Self::Driving => "driving",
-            Self::Ended => "ended",
-            Self::Failed => "failed",
-            Self::Refused => "refused",
-        }
-    }
-
     fn of_end(reason: StopReason) -> Self {
         if reason.is_wanted() { Self::Ended } else { Self::Failed }
     }
@@ -307,7 +299,7 @@ impl Session {
         let newest = [self.told.as_ref(), recorded].into_iter().flatten();
         let status = newest.max_by_key(|status| status.time_ns);
         let mut run = json!({
-            "phase": self.phase().map(Phase::word),
+            "phase": self.phase(),
             "note": self.note,
             "status": status.map(shown),
         });
