@@ -61,66 +61,61 @@ pub enum Topic {
     Keyframes = 16,
 }
 
+/// A row for each topic, by channel number: its name and its message's type, `package/Name`.
+const TOPICS: [(Topic, &str, &str); 17] = [
+    (Topic::Senses, "/senses", "onbrick_msgs/Senses"),
+    (Topic::Pose, "/pose", "onbrick_msgs/Pose"),
+    (Topic::Odometry, "/odom", "nav_msgs/Odometry"),
+    (Topic::Transforms, "/tf", "tf2_msgs/TFMessage"),
+    (Topic::StaticTransforms, "/tf_static", "tf2_msgs/TFMessage"),
+    (Topic::Range, "/range", "sensor_msgs/Range"),
+    (Topic::Points, "/points", "sensor_msgs/PointCloud2"),
+    (Topic::Map, "/map", "nav_msgs/OccupancyGrid"),
+    (Topic::Transitions, "/transitions", "onbrick_msgs/Transition"),
+    (Topic::Log, "/rosout", "rcl_interfaces/Log"),
+    (Topic::Statistics, "/stats", "onbrick_msgs/TickStatistics"),
+    (Topic::Checkpoint, "/checkpoint", "onbrick_msgs/Checkpoint"),
+    (Topic::Gap, "/gap", "onbrick_msgs/Gap"),
+    (Topic::Variables, "/variables", "onbrick_msgs/Variables"),
+    (Topic::Truth, "/truth", "geometry_msgs/PoseStamped"),
+    (Topic::Walls, "/walls", "visualization_msgs/Marker"),
+    (Topic::Keyframes, "/keyframes", "onbrick_msgs/Keyframes"),
+];
+
 impl Topic {
     /// Every topic, by channel number.
-    pub const ALL: [Self; 17] = [
-        Self::Senses,
-        Self::Pose,
-        Self::Odometry,
-        Self::Transforms,
-        Self::StaticTransforms,
-        Self::Range,
-        Self::Points,
-        Self::Map,
-        Self::Transitions,
-        Self::Log,
-        Self::Statistics,
-        Self::Checkpoint,
-        Self::Gap,
-        Self::Variables,
-        Self::Truth,
-        Self::Walls,
-        Self::Keyframes,
-    ];
-
-    /// The topic's name and its message's type, `package/Name`.
-    const fn row(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Senses => ("/senses", "onbrick_msgs/Senses"),
-            Self::Pose => ("/pose", "onbrick_msgs/Pose"),
-            Self::Odometry => ("/odom", "nav_msgs/Odometry"),
-            Self::Transforms => ("/tf", "tf2_msgs/TFMessage"),
-            Self::StaticTransforms => ("/tf_static", "tf2_msgs/TFMessage"),
-            Self::Range => ("/range", "sensor_msgs/Range"),
-            Self::Points => ("/points", "sensor_msgs/PointCloud2"),
-            Self::Map => ("/map", "nav_msgs/OccupancyGrid"),
-            Self::Transitions => ("/transitions", "onbrick_msgs/Transition"),
-            Self::Log => ("/rosout", "rcl_interfaces/Log"),
-            Self::Statistics => ("/stats", "onbrick_msgs/TickStatistics"),
-            Self::Checkpoint => ("/checkpoint", "onbrick_msgs/Checkpoint"),
-            Self::Gap => ("/gap", "onbrick_msgs/Gap"),
-            Self::Variables => ("/variables", "onbrick_msgs/Variables"),
-            Self::Truth => ("/truth", "geometry_msgs/PoseStamped"),
-            Self::Walls => ("/walls", "visualization_msgs/Marker"),
-            Self::Keyframes => ("/keyframes", "onbrick_msgs/Keyframes"),
+    pub const ALL: [Self; TOPICS.len()] = {
+        let mut all = [Self::Senses; TOPICS.len()];
+        let mut channel = 0;
+        while channel < all.len() {
+            all[channel] = TOPICS[channel].0;
+            channel += 1;
         }
-    }
+        all
+    };
 
     /// The topic's name.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        self.row().0
+        TOPICS[self as usize].1
+    }
+
+    const fn message_type(self) -> &'static str {
+        TOPICS[self as usize].2
     }
 
     /// The full name of the message's type, such as `sensor_msgs/msg/Range`.
     #[must_use]
     pub fn schema_name(self) -> String {
-        self.row().1.replacen('/', "/msg/", 1)
+        self.message_type().replacen('/', "/msg/", 1)
     }
 
     /// The first topic with the same type of messages.
     fn first_of_its_schema(self) -> Self {
-        Self::ALL.into_iter().find(|other| other.row().1 == self.row().1).unwrap_or(self)
+        Self::ALL
+            .into_iter()
+            .find(|other| other.message_type() == self.message_type())
+            .unwrap_or(self)
     }
 
     /// True for one topic of each type of messages.
@@ -137,7 +132,7 @@ impl Topic {
     /// The definition of the message's type and of all types inside it.
     #[must_use]
     pub fn schema(self) -> String {
-        let mut todo = vec![self.row().1];
+        let mut todo = vec![self.message_type()];
         let mut done = Vec::new();
         let mut text = String::new();
         while let Some(name) = todo.pop() {
