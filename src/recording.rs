@@ -122,7 +122,7 @@ pub use about::{End, Ending, Info, MachineNames, Pace, RangeSensor, Start, State
 pub use followed::Followed;
 pub use grid::Grid;
 pub use growing::{Growing, Piece};
-pub use message::{Gap, TickStatistics, Variables};
+pub use message::{Checkpoint, Gap, TickStatistics, Variables};
 pub use moments::{Moment, Moments};
 pub(crate) use names::{machines, range_sensor, variables};
 pub use outside::ending_of;
@@ -130,7 +130,7 @@ pub use progress::Progress;
 #[cfg(feature = "host")]
 pub(crate) use record::sealed;
 pub use recorder::{Options, Recorder, Summary};
-pub use run::{Checkpoint, LogLine, ReadError, RecordedPose, Run, Transition};
+pub use run::{LogLine, ReadError, RecordedPose, Run, Transition};
 pub use sink::{DiskFile, RecordError, Sink, create, writer};
 pub use status::Status;
 pub use stop::{STALL_NS, Stop, StopReason};

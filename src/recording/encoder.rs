@@ -373,7 +373,7 @@ impl Encoder {
         time_ns: i64,
         state: &S,
     ) -> Result<(), RecordError> {
-        let message = message::CheckpointMessage { tick, time_ns, state: state_bytes(state)? };
+        let message = message::Checkpoint { tick, time_ns, state: state_bytes(state)? };
         self.put(Topic::Checkpoint, time_ns, &message)
     }
 

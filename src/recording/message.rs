@@ -349,13 +349,24 @@ pub struct TickStatistics {
     pub ring_size: u32,
 }
 
-/// `onbrick_msgs/Checkpoint`.
+/// `onbrick_msgs/Checkpoint`: enough to go on from after a tick.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct CheckpointMessage {
-    pub(super) tick: u64,
-    pub(super) time_ns: i64,
+pub struct Checkpoint {
+    /// The tick.
+    pub tick: u64,
+    /// Its time, nanoseconds of the run's clock.
+    pub time_ns: i64,
+    /// What the pilot carried, as encoded.
     #[serde(serialize_with = "bytes")]
-    pub(super) state: Vec<u8>,
+    pub state: Vec<u8>,
+}
+
+impl Checkpoint {
+    /// What the pilot carried; `None` where it is of another version.
+    #[must_use]
+    pub fn state<S: DeserializeOwned>(&self) -> Option<S> {
+        decode(&self.state)
+    }
 }
 
 /// `onbrick_msgs/Gap`: what the recorder could not take.

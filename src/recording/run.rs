@@ -5,11 +5,10 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use super::about::{Ending, Info, ending, fit, info, names};
 use super::grid::{self, Grid};
-use super::message::{self, Gap, TickStatistics, Variables};
+use super::message::{self, Checkpoint, Gap, TickStatistics, Variables};
 use super::points;
 use super::tick::Level;
 use super::topic::Topic;
@@ -68,25 +67,6 @@ pub struct LogLine {
     pub level: Level,
     /// What it says.
     pub text: String,
-}
-
-/// Enough to go on from after a tick.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Checkpoint {
-    /// The tick.
-    pub tick: u64,
-    /// Its time, nanoseconds of the run's clock.
-    pub time_ns: i64,
-    /// What the pilot carried, as encoded.
-    pub state: Vec<u8>,
-}
-
-impl Checkpoint {
-    /// What the pilot carried; `None` where it is of another version.
-    #[must_use]
-    pub fn state<S: DeserializeOwned>(&self) -> Option<S> {
-        message::decode(&self.state)
-    }
 }
 
 /// A recording that cannot be read.
@@ -294,7 +274,7 @@ impl Collected {
             Topic::Variables => run.variables.push(variables(message::decode(data)?)?),
             Topic::Log => run.logs.push(log_line(stamp_ns, data)?),
             Topic::Statistics => run.statistics.push(message::decode(data)?),
-            Topic::Checkpoint => run.checkpoints.push(checkpoint(message::decode(data)?)),
+            Topic::Checkpoint => run.checkpoints.push(message::decode(data)?),
             Topic::Gap => run.gaps.push(message::decode(data)?),
             // For viewers: nothing in them that is not in the others.
             Topic::Odometry
@@ -460,10 +440,6 @@ pub(super) fn variables(mut message: Variables) -> Option<Variables> {
 pub(super) fn log_line(time_ns: i64, data: &[u8]) -> Option<LogLine> {
     let message: message::LogMessage = message::decode(data)?;
     Some(LogLine { time_ns, level: Level::of_number(message.level), text: fit(&message.msg) })
-}
-
-fn checkpoint(message: message::CheckpointMessage) -> Checkpoint {
-    Checkpoint { tick: message.tick, time_ns: message.time_ns, state: message.state }
 }
 
 #[cfg(test)]
