@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use mcap::records::Metadata;
-use serde::Serialize;
 use serde_json::Value;
 
 use super::grid::Grid;
@@ -17,18 +16,33 @@ use crate::senses::QUANTITIES;
 /// What is known of a run when it starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
-    /// The run's identifier, if its starter chose one.
-    pub run: Option<String>,
-    /// The brick's name.
-    pub brick: String,
-    /// The mission's name.
-    pub mission: String,
+    /// What the run is.
+    pub info: Info,
     /// `robot.toml` as it was read.
     pub robot_toml: String,
     /// `mission.toml` as it was read.
     pub mission_toml: String,
     /// `world.toml` as it was read, where the brick is simulated.
     pub world_toml: Option<String>,
+    /// The range sensor, where there is one.
+    pub range: Option<RangeSensor>,
+    /// The mission's machines, in its order.
+    pub machines: Vec<MachineNames>,
+    /// The names of the mission's variables, in its order.
+    pub variables: Vec<String>,
+}
+
+/// What a run is.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Info {
+    /// The version of onbrick that records it.
+    pub version: String,
+    /// The run's identifier, if its starter chose one.
+    pub run: Option<String>,
+    /// The brick's name.
+    pub brick: String,
+    /// The mission's name.
+    pub mission: String,
     /// Where the robot starts.
     pub start_pose: Pose,
     /// The run's start, nanoseconds of the run's clock.
@@ -40,28 +54,24 @@ pub struct Start {
     /// Whether the run's time is real.
     pub pace: Pace,
     /// What all chance of the run comes from: the mission's and, where there is one, the
-    /// simulation's.
+    /// simulation's. Recordings made before this was in them have 0.
     pub seed: u64,
     /// What the brick runs on, which decides about the thresholds of its battery.
     pub cells: Technology,
-    /// The board that the robot sits on.
+    /// The board that the robot sits on; recordings made before this was in them have the EV3.
     pub board: &'static Platform,
     /// Named numbers that were set for this run.
     pub settings: Vec<(String, f64)>,
-    /// How poses are estimated and points placed.
+    /// How poses are estimated and points placed; recordings made before this was in them have the
+    /// default.
     pub method: Method,
-    /// The range sensor, where there is one.
-    pub range: Option<RangeSensor>,
-    /// The mission's machines, in its order.
-    pub machines: Vec<MachineNames>,
-    /// The names of the mission's variables, in its order.
-    pub variables: Vec<String>,
 }
 
 /// Whether time is real.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Pace {
     /// It is: what does not fit into the ring is dropped, counted and named.
+    #[default]
     Real,
     /// It is simulated and outruns the disk: a full ring is waited for, so nothing is lost, and
     /// only the run's clock decides when syncs are made, so the same run gives the same bytes.
@@ -132,58 +142,10 @@ pub struct End {
     pub map: Option<Grid>,
 }
 
-/// What a run is.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Info {
-    /// The version of onbrick that recorded it.
-    pub version: String,
-    /// The run's identifier, if its starter chose one.
-    pub run: Option<String>,
-    /// The brick's name.
-    pub brick: String,
-    /// The mission's name.
-    pub mission: String,
-    /// Where the robot started.
-    pub start_pose: Pose,
-    /// The run's start, nanoseconds of its clock.
-    pub start_ns: i64,
-    /// Wall clock minus run clock at the start, nanoseconds.
-    pub wall_offset_ns: i64,
-    /// The tick's period, nanoseconds.
-    pub period_ns: i64,
-    /// True where time was simulated.
-    pub virtual_time: bool,
-    /// What all chance of the run comes from.
-    pub seed: Option<u64>,
-    /// What the brick ran on.
-    #[serde(serialize_with = "by_word")]
-    pub cells: Technology,
-    /// The board it ran on; recordings made before this was in them have the EV3.
-    #[serde(serialize_with = "by_name")]
-    pub board: &'static Platform,
-    /// Named numbers that were set for the run.
-    pub settings: Vec<(String, f64)>,
-    /// How poses were estimated and points placed; recordings made before this was in them have the
-    /// default.
-    pub method: Method,
-}
-
-fn by_word<S: serde::Serializer>(cells: &Technology, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(cells.as_str())
-}
-
-fn by_name<S: serde::Serializer>(
-    board: &&'static Platform,
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(board.name)
-}
-
 /// How a run ended.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ending {
     /// Why.
-    #[serde(flatten)]
     pub stop: Stop,
     /// When, nanoseconds of the run's clock.
     pub time_ns: i64,
@@ -208,6 +170,7 @@ pub(super) mod names {
     pub(crate) const WALL_OFFSET_NS: &str = "wall_offset_ns";
     pub(crate) const PERIOD_NS: &str = "period_ns";
     pub(crate) const CLOCK: &str = "clock";
+    pub(crate) const VIRTUAL: &str = "virtual";
     pub(crate) const SEED: &str = "seed";
     pub(crate) const CELLS: &str = "cells";
     pub(crate) const BOARD: &str = "board";
@@ -221,29 +184,32 @@ pub(super) mod names {
     pub(crate) const TRUTH_HEADING: &str = "truth_heading_rad";
 }
 
-pub(super) fn of_start(start: &Start) -> Metadata {
+pub(super) fn of_start(info: &Info) -> Metadata {
     let mut values = BTreeMap::new();
     let mut put = |key: &str, value: String| values.insert(key.to_owned(), value);
-    put(names::VERSION, env!("CARGO_PKG_VERSION").to_owned());
-    if let Some(run) = &start.run {
+    put(names::VERSION, info.version.clone());
+    if let Some(run) = &info.run {
         put(names::RUN, run.clone());
     }
-    put(names::BRICK, start.brick.clone());
-    put(names::MISSION_NAME, start.mission.clone());
-    put(names::START_X, start.start_pose.x_m.to_string());
-    put(names::START_Y, start.start_pose.y_m.to_string());
-    put(names::START_HEADING, start.start_pose.heading_rad.to_string());
-    put(names::START_NS, start.start_ns.to_string());
-    put(names::WALL_OFFSET_NS, start.wall_offset_ns.to_string());
-    put(names::PERIOD_NS, start.period_ns.to_string());
-    put(names::CLOCK, if start.pace == Pace::Virtual { "virtual" } else { "monotonic" }.to_owned());
-    put(names::SEED, start.seed.to_string());
-    put(names::CELLS, start.cells.to_string());
-    put(names::BOARD, start.board.name.to_owned());
-    if start.method != Method::default() {
-        put(names::METHOD, start.method.word().to_owned());
+    put(names::BRICK, info.brick.clone());
+    put(names::MISSION_NAME, info.mission.clone());
+    put(names::START_X, info.start_pose.x_m.to_string());
+    put(names::START_Y, info.start_pose.y_m.to_string());
+    put(names::START_HEADING, info.start_pose.heading_rad.to_string());
+    put(names::START_NS, info.start_ns.to_string());
+    put(names::WALL_OFFSET_NS, info.wall_offset_ns.to_string());
+    put(names::PERIOD_NS, info.period_ns.to_string());
+    put(
+        names::CLOCK,
+        if info.pace == Pace::Virtual { names::VIRTUAL } else { "monotonic" }.to_owned(),
+    );
+    put(names::SEED, info.seed.to_string());
+    put(names::CELLS, info.cells.to_string());
+    put(names::BOARD, info.board.name.to_owned());
+    if info.method != Method::default() {
+        put(names::METHOD, info.method.word().to_owned());
     }
-    for (name, value) in &start.settings {
+    for (name, value) in &info.settings {
         put(&format!("{}{name}", names::SETTING), value.to_string());
     }
     for quantity in &QUANTITIES {
@@ -294,8 +260,8 @@ pub(super) fn info(metadata: &Metadata) -> Info {
         start_ns: whole(names::START_NS),
         wall_offset_ns: whole(names::WALL_OFFSET_NS),
         period_ns: whole(names::PERIOD_NS),
-        virtual_time: text(names::CLOCK) == "virtual",
-        seed: text(names::SEED).parse().ok(),
+        pace: if text(names::CLOCK) == names::VIRTUAL { Pace::Virtual } else { Pace::Real },
+        seed: text(names::SEED).parse().unwrap_or_default(),
         cells: text(names::CELLS).parse().unwrap_or_default(),
         board: Platform::named(&text(names::BOARD)).unwrap_or_default(),
         settings: metadata.metadata.iter().filter_map(setting).collect(),

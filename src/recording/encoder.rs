@@ -78,8 +78,8 @@ impl Encoder {
         ring_size: u32,
     ) -> Self {
         let status = Status::at_start(&start);
-        let map = OccupancyGrid::around(&start.start_pose);
-        let surveyed = (start.pace == Pace::Virtual).then(Surveyed::default);
+        let map = OccupancyGrid::around(&start.info.start_pose);
+        let surveyed = (start.info.pace == Pace::Virtual).then(Surveyed::default);
         Self {
             file,
             start,
@@ -105,7 +105,7 @@ impl Encoder {
     /// Notes how full the ring was. Where time is simulated that says something of the machine and
     /// nothing of the run.
     pub(super) fn note_ring(&mut self, used: usize) {
-        if self.start.pace == Pace::Real {
+        if self.start.info.pace == Pace::Real {
             let used = u32::try_from(used).unwrap_or(u32::MAX);
             self.ring.high_water = self.ring.high_water.max(used);
         }
@@ -186,7 +186,7 @@ impl Encoder {
     /// The frames that do not move. Poses are given in the map's frame, so odometry starts from
     /// there.
     pub(super) fn static_transforms(&mut self) -> Result<(), RecordError> {
-        let time_ns = self.start.start_ns;
+        let time_ns = self.start.info.start_ns;
         let still = self.transform(
             time_ns,
             FRAME_MAP,
@@ -275,7 +275,7 @@ impl Encoder {
             header: self.header(time_ns, FRAME_ODOM),
             child_frame_id: FRAME_BASE.to_owned(),
             pose: body,
-            pose_covariance: planar(from_put_down(covariance, pose, self.start.start_pose)),
+            pose_covariance: planar(from_put_down(covariance, pose, self.start.info.start_pose)),
             twist: message::Twist {
                 linear: Vector3 { x: forward_m_s, ..Vector3::default() },
                 angular: Vector3 { z: turn_rad_s, ..Vector3::default() },
@@ -382,7 +382,7 @@ impl Encoder {
         let message = message::LogMessage {
             stamp: Time::of_ns(self.file.stamp_ns(time_ns)),
             level,
-            name: self.start.brick.clone(),
+            name: self.start.info.brick.clone(),
             msg: text.to_owned(),
             file: String::new(),
             function: String::new(),
@@ -398,7 +398,7 @@ impl Encoder {
             window.start_ns = record.senses.time_ns;
         }
         window.lateness_ns.push(record.lateness_ns);
-        window.overruns += u32::from(record.lateness_ns >= self.start.period_ns);
+        window.overruns += u32::from(record.lateness_ns >= self.start.info.period_ns);
     }
 
     fn flush_statistics(&mut self, time_ns: i64) -> Result<(), RecordError> {

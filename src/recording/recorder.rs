@@ -94,7 +94,7 @@ impl Recorder {
         let (put, take) = RingBuffer::new(ring_entries);
         let (put_states, take_states) = RingBuffer::new(STATES);
         let ring_size = u32::try_from(ring_entries).unwrap_or(u32::MAX);
-        let pace = start.pace;
+        let pace = start.info.pace;
         let encoder = begin(sink, start, options.sync_period_ns, ring_size)?;
         let flags = Arc::new(Flags::default());
         let end = Arc::new(Mutex::new(Closing::default()));
@@ -168,8 +168,9 @@ fn begin(
 ) -> Result<Encoder, RecordError> {
     let mut files = vec![(names::ROBOT, &*start.robot_toml), (names::MISSION, &start.mission_toml)];
     files.extend(start.world_toml.as_deref().map(|world| (names::WORLD, world)));
+    let info = &start.info;
     let file =
-        RecordingFile::begin(sink, of_start(&start), &files, start.start_ns, start.wall_offset_ns)?;
+        RecordingFile::begin(sink, of_start(info), &files, info.start_ns, info.wall_offset_ns)?;
     let mut encoder = Encoder::new(file, start, sync_period_ns, ring_size);
     encoder.static_transforms()?;
     encoder.file.sync()?;

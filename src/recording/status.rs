@@ -52,7 +52,12 @@ pub struct Status {
 impl Status {
     pub(super) fn at_start(start: &Start) -> Self {
         let states = start.machines.iter().map(Self::begins).collect();
-        Self { time_ns: start.start_ns, pose: start.start_pose, states, ..Self::default() }
+        Self {
+            time_ns: start.info.start_ns,
+            pose: start.info.start_pose,
+            states,
+            ..Self::default()
+        }
     }
 
     /// A machine, and the state that it begins in.
@@ -64,10 +69,10 @@ impl Status {
     pub(super) fn note(&mut self, record: &TickRecord, start: &Start) {
         self.tick = record.senses.tick;
         self.time_ns = record.senses.time_ns;
-        self.elapsed_ns = self.time_ns.saturating_sub(start.start_ns);
+        self.elapsed_ns = self.time_ns.saturating_sub(start.info.start_ns);
         self.pose = record.estimate.pose;
         self.travelled_m = record.estimate.travelled_m;
-        self.overruns += u64::from(record.lateness_ns >= start.period_ns);
+        self.overruns += u64::from(record.lateness_ns >= start.info.period_ns);
         self.latest_ns = self.latest_ns.max(record.lateness_ns);
         self.range = record.estimate.range;
         self.points += record.placed.len() as u64;

@@ -18,7 +18,7 @@ use super::{
     Brick, Ended, Event, HardwareLock, Heartbeat, Job, Lock, LockError, NotReady, Owner, Pilot,
     PilotState, Pulse, Stop, StopFlags, StopReason, open_files, prepare,
 };
-use crate::recording::{self, End, Options, Pace, RecordError, Recorder, Start};
+use crate::recording::{self, End, Info, Options, Pace, RecordError, Recorder, Start};
 
 /// What a loop that is late means where no real device can hold it up.
 const TOO_BUSY: &str =
@@ -324,13 +324,11 @@ fn record(
     let failed = |source| Refused::Record { file: job.file.clone(), source };
     let sink = (environment.create)(&job.file)
         .map_err(|source| failed(RecordError { doing: "create the file", source }))?;
-    let start = Start {
+    let info = Info {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
         run: job.run.clone(),
         brick: job.name.clone().unwrap_or_else(|| config.name.clone()),
         mission: mission.name().to_owned(),
-        robot_toml: job.robot.text.clone(),
-        mission_toml: job.mission.text.clone(),
-        world_toml: environment.world_toml.clone(),
         start_pose: job.start,
         start_ns: 0,
         // The run's clock begins now; see `start_ns`.
@@ -342,6 +340,12 @@ fn record(
         board,
         settings: job.set.clone(),
         method: job.method,
+    };
+    let start = Start {
+        info,
+        robot_toml: job.robot.text.clone(),
+        mission_toml: job.mission.text.clone(),
+        world_toml: environment.world_toml.clone(),
         range: recording::range_sensor(config),
         machines: recording::machines(mission),
         variables: recording::variables(mission),

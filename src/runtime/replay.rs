@@ -135,8 +135,8 @@ impl Cast {
         for (name, value) in &info.settings {
             mission.set(name, *value)?;
         }
-        let pilot = Pilot::new(pilots, &mission, info.method, info.start_pose)?
-            .with_seed(info.seed.unwrap_or_default());
+        let pilot = Pilot::new(pilots, &mission, info.method, info.start_pose)?;
+        let pilot = pilot.with_seed(info.seed);
         Ok(Self { pilot, robot, mission, info })
     }
 }
@@ -252,23 +252,18 @@ impl fmt::Display for Remade {
 pub fn replay_with(run: &Run, robot: &Source, file: &Path) -> Result<Remade, ReplayError> {
     let (config, _) = RobotConfig::load(&robot.name, robot.text.as_bytes())?;
     let mut cast = Cast::of(run, Some(&config))?;
-    let start = Start {
-        run: cast.info.run.clone(),
+    let info = Info {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
         brick: config.name.clone(),
         mission: cast.mission.name().to_owned(),
+        pace: Pace::Virtual,
+        ..cast.info.clone()
+    };
+    let start = Start {
+        info,
         robot_toml: robot.text.clone(),
         mission_toml: run.mission_toml.clone().unwrap_or_default(),
         world_toml: run.world_toml.clone(),
-        start_pose: cast.info.start_pose,
-        start_ns: cast.info.start_ns,
-        wall_offset_ns: cast.info.wall_offset_ns,
-        period_ns: cast.info.period_ns,
-        pace: Pace::Virtual,
-        seed: cast.info.seed.unwrap_or_default(),
-        cells: cast.info.cells,
-        board: cast.info.board,
-        settings: cast.info.settings.clone(),
-        method: cast.info.method,
         range: recording::range_sensor(&config),
         machines: recording::machines(&cast.mission),
         variables: recording::variables(&cast.mission),

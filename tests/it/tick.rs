@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use onbrick::behavior::Mission;
 use onbrick::clock::{Clock, VirtualClock};
-use onbrick::ev3dev::{EV3, Technology, Tree};
+use onbrick::ev3dev::Tree;
 use onbrick::mapping::{Method, Pose};
-use onbrick::recording::{MachineNames, Options, Pace, Recorder, Sink, Start};
+use onbrick::recording::{Info, MachineNames, Options, Pace, Recorder, Sink, Start};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::{Control, Heartbeat, Pilot, StopFlags, StopReason, Tally, prepare};
 use onbrick::sim::{Simulation, World, WorldPhysics};
@@ -234,23 +234,18 @@ fn ticks_that_allocate(mission: &str) -> Vec<usize> {
 }
 
 pub(crate) fn start(mission: &Mission) -> Start {
-    Start {
-        run: None,
+    let info = Info {
         brick: "mapper".to_owned(),
         mission: mission.name().to_owned(),
+        period_ns: 20_000_000,
+        pace: Pace::Virtual,
+        ..Info::default()
+    };
+    Start {
+        info,
         robot_toml: String::new(),
         mission_toml: String::new(),
         world_toml: None,
-        start_pose: Pose::default(),
-        start_ns: 0,
-        wall_offset_ns: 0,
-        period_ns: 20_000_000,
-        pace: Pace::Virtual,
-        seed: 0,
-        cells: Technology::Unknown,
-        board: &EV3,
-        method: Method::Default,
-        settings: Vec::new(),
         range: None,
         machines: mission
             .machines()

@@ -14,9 +14,9 @@ use std::time::Duration;
 use nix::time::{ClockId, clock_gettime};
 use onbrick::behavior::{Demands, Mission};
 use onbrick::clock::{Clock, MonotonicClock};
-use onbrick::ev3dev::{EV3, LocalTree, StopAction, Technology, Tree};
+use onbrick::ev3dev::{LocalTree, StopAction, Tree};
 use onbrick::mapping::{Method, Pose};
-use onbrick::recording::{Options, Pace, Recorder, Sink, Start, TickRecord};
+use onbrick::recording::{Info, Options, Pace, Recorder, Sink, Start, TickRecord};
 use onbrick::robot::{DEFAULT_ROBOT, Robot, RobotConfig};
 use onbrick::runtime::{Pilot, StopFlags, prepare};
 use onbrick::senses::Senses;
@@ -135,23 +135,18 @@ fn used_ns() -> Result<i64, Box<dyn Error>> {
 }
 
 fn start(mission: &Mission) -> Start {
-    Start {
-        run: None,
+    let info = Info {
         brick: "mapper".to_owned(),
         mission: mission.name().to_owned(),
+        period_ns: PERIOD_NS,
+        pace: Pace::Real,
+        ..Info::default()
+    };
+    Start {
+        info,
         robot_toml: String::new(),
         mission_toml: String::new(),
         world_toml: None,
-        start_pose: Pose::default(),
-        start_ns: 0,
-        wall_offset_ns: 0,
-        period_ns: PERIOD_NS,
-        pace: Pace::Real,
-        seed: 0,
-        cells: Technology::default(),
-        board: &EV3,
-        method: Method::Default,
-        settings: Vec::new(),
         range: None,
         machines: Vec::new(),
         variables: Vec::new(),

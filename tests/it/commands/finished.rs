@@ -382,12 +382,12 @@ fn replay_of_an_honest_run_is_the_same_and_of_a_changed_one_is_not() {
 /// A recording of the shipped robot and mission whose senses and poses have nothing to do with each
 /// other.
 fn make_up(file: &Path) {
-    let start = Start {
+    let mut start = Start {
         robot_toml: onbrick::robot::DEFAULT_ROBOT.to_owned(),
         mission_toml: onbrick::behavior::shipped::find("map").unwrap().text.to_owned(),
-        settings: Vec::new(),
         ..start(Pace::Virtual)
     };
+    start.info.settings.clear();
     let sink = Box::new(recording::create(file).unwrap());
     let (recorder, mut side) =
         Recorder::start::<()>(sink, start, Options::default(), Box::new(|_| {})).unwrap();

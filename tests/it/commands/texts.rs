@@ -4,8 +4,7 @@
 use std::path::Path;
 
 use onbrick::link::{KeyPair, KnownBrick, KnownBricks};
-use onbrick::recording::{End, Start};
-use onbrick::recording::{Options, Pace, Recorder, create};
+use onbrick::recording::{End, Info, Options, Pace, Recorder, create};
 use onbrick::runtime::StopReason;
 use onbrick::senses::Channel;
 
@@ -68,9 +67,9 @@ fn a_recordings_texts_are_shown_and_do_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.mcap");
     let loud = || LOUD.to_owned();
-    let mut start =
-        Start { brick: loud(), mission: loud(), run: Some(loud()), ..sample::start(Pace::Virtual) };
-    start.settings = vec![(loud(), 1.0)];
+    let mut start = sample::start(Pace::Virtual);
+    let settings = vec![(loud(), 1.0)];
+    start.info = Info { brick: loud(), mission: loud(), run: Some(loud()), settings, ..start.info };
     start.machines[0].name = loud();
     start.machines[0].states[0].name = loud();
     let sink = create(&file).unwrap();

@@ -7,8 +7,8 @@ use onbrick::behavior::{MachineState, Since, Taken};
 use onbrick::ev3dev::{EV3, Technology};
 use onbrick::mapping::{Estimate, MapPoint, Pose, Range};
 use onbrick::recording::{
-    End, Grid, Level, MachineNames, Options, Pace, RangeSensor, Recorder, Sink, Start, StateNames,
-    TickRecord, TickSide,
+    End, Grid, Info, Level, MachineNames, Options, Pace, RangeSensor, Recorder, Sink, Start,
+    StateNames, TickRecord, TickSide,
 };
 use onbrick::runtime::{PilotState, StopReason};
 use onbrick::senses::{Channel, Senses};
@@ -41,13 +41,11 @@ pub(crate) fn start(pace: Pace) -> Start {
         name: name.to_owned(),
         conditions: conditions.iter().map(|text| (*text).to_owned()).collect(),
     };
-    Start {
+    let info = Info {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
         run: Some("7f3a".to_owned()),
         brick: "mapper".to_owned(),
         mission: "map <the room> & back".to_owned(),
-        robot_toml: "name = \"mapper\"\n".to_owned(),
-        mission_toml: "name = \"map\"\n# ü\n".to_owned(),
-        world_toml: Some("name = \"arena\"\n".to_owned()),
         start_pose: Pose { x_m: 0.1, y_m: -0.2, heading_rad: 0.3 },
         start_ns: 1_000,
         wall_offset_ns: 1_700_000_000_000_000_000,
@@ -58,6 +56,12 @@ pub(crate) fn start(pace: Pace) -> Start {
         board: &EV3,
         method: onbrick::mapping::Method::Default,
         settings: vec![("near_m".to_owned(), 0.1 + 0.2)],
+    };
+    Start {
+        info,
+        robot_toml: "name = \"mapper\"\n".to_owned(),
+        mission_toml: "name = \"map\"\n# ü\n".to_owned(),
+        world_toml: Some("name = \"arena\"\n".to_owned()),
         range: Some(RangeSensor {
             ahead_m: 0.05,
             min_m: 0.03,
