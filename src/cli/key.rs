@@ -89,7 +89,7 @@ impl Folder {
     /// This machine's pair, created if missing.
     #[cfg(feature = "host")]
     pub(super) fn own(&self) -> Result<KeyPair, Failure> {
-        KeyPair::load_or_make(&self.path()?).map_err(|error| failure(&error))
+        Ok(KeyPair::load_or_make(&self.path()?)?)
     }
 }
 
@@ -101,17 +101,17 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     }
     match &arguments.what {
         What::New => {
-            let pair = KeyPair::generate().map_err(|error| failure(&error))?;
-            let path = pair.save(&folder).map_err(|error| failure(&error))?;
+            let pair = KeyPair::generate()?;
+            let path = pair.save(&folder)?;
             output.line(format!("made {}", path.display()));
             show(&pair.public(), output);
         }
         What::Show => {
-            show(&KeyPair::load(&folder).map_err(|error| failure(&error))?.public(), output);
+            show(&KeyPair::load(&folder)?.public(), output);
         }
         What::Authorise { key, name } => {
             let key = parsed(key)?;
-            authorised.add(&key, name.as_str()).map_err(|error| failure(&error))?;
+            authorised.add(&key, name.as_str())?;
             let fingerprint = key.fingerprint();
             output.show(
                 format!("{name} may ask from now on: {fingerprint}"),
@@ -120,7 +120,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         }
         What::Revoke { which } => revoke(&authorised, which, output)?,
         What::List => {
-            let found = authorised.list().map_err(|error| failure(&error))?;
+            let found = authorised.list()?;
             let json: Vec<_> = found.iter().map(described).collect();
             for known in &found {
                 output.line(format!("{}  {}", known.key.fingerprint(), known.name));
@@ -134,10 +134,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         What::Know { brick: name, address, key, replace } => {
             let brick =
                 KnownBrick { name: name.to_string(), address: address.clone(), key: parsed(key)? };
-            let mut known = KnownBricks::load(&folder).map_err(|error| failure(&error))?;
+            let mut known = KnownBricks::load(&folder)?;
             let replaced =
                 known.another(name, &brick.key).filter(|_| *replace).map(|other| other.key);
-            known.put(&brick, replaced).map_err(|error| failure(&error))?;
+            known.put(&brick, replaced)?;
             let fingerprint = brick.key.fingerprint();
             output.show(
                 format!(
@@ -178,7 +178,7 @@ fn parsed(key: &str) -> Result<PublicKey, Failure> {
 }
 
 fn revoke(authorised: &Authorised, which: &str, output: &mut Output) -> Result<(), Failure> {
-    let removed = authorised.remove(which).map_err(|error| failure(&error))?;
+    let removed = authorised.remove(which)?;
     if removed.is_empty() {
         return Err(Failure::refused(format!("no key is called {which}")).hint("onbrick key list"));
     }
@@ -215,23 +215,25 @@ const AS_THE_SERVICE: &str =
     "as the user whose folder it is; on a brick: sudo -u onbrick onbrick key …";
 
 /// A folder of keys that cannot be used.
-pub(super) fn failure(error: &KeyError) -> Failure {
-    let message = crate::printable::with_causes(error);
-    let refused = Failure::refused(message);
-    match error {
-        KeyError::Missing(_) => refused.hint("onbrick key new"),
-        KeyError::Exists(_) => refused.hint(
-            "keep it: other machines know this one by this key; or delete the file and pair this \
-             machine again",
-        ),
-        KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
-            refused.hint(AS_THE_SERVICE)
+impl From<KeyError> for Failure {
+    fn from(error: KeyError) -> Self {
+        let message = crate::printable::with_causes(&error);
+        let refused = Self::refused(message);
+        match &error {
+            KeyError::Missing(_) => refused.hint("onbrick key new"),
+            KeyError::Exists(_) => refused.hint(
+                "keep it: other machines know this one by this key; or delete the file and pair this \
+                 machine again",
+            ),
+            KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
+                refused.hint(AS_THE_SERVICE)
+            }
+            KeyError::AnotherKey { .. } => refused.hint(
+                "--replace, if it was set up again; or give one of the two another name: `name` in its \
+                 onbrick.toml",
+            ),
+            KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
+            _ => refused,
         }
-        KeyError::AnotherKey { .. } => refused.hint(
-            "--replace, if it was set up again; or give one of the two another name: `name` in its \
-             onbrick.toml",
-        ),
-        KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
-        _ => refused,
     }
 }

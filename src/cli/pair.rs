@@ -4,8 +4,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 #[cfg(feature = "host")]
-use super::key;
-#[cfg(feature = "host")]
 use super::pc::remote::How;
 use super::terminal::{Terminal, stop_flags};
 use super::{Exit, Failure, Output};
@@ -74,7 +72,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(), Failure> {
     let own = arguments.how.folder.own()?;
     let folder = arguments.how.folder.path()?;
-    let mut known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+    let mut known = KnownBricks::load(&folder)?;
     let flags = stop_flags()?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let name = arguments.name.clone().unwrap_or_else(|| {
@@ -111,8 +109,7 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     };
     let introduced = crate::link::pairing::pair(host, &own, &name, patience, &mut is_same)
         .map_err(|error| kept.as_ref().map_or_else(|| not_introduced(host, &error), stays))?;
-    let brick =
-        introduced.keep(&mut known, host, arguments.port).map_err(|error| key::failure(&error))?;
+    let brick = introduced.keep(&mut known, host, arguments.port)?;
     let fingerprint = brick.key.fingerprint();
     output.show(
         format!("{} is known from now on: {} ({fingerprint})", brick.name, known.path().display()),

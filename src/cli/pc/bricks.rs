@@ -2,7 +2,6 @@
 
 use super::remote::{Bricks, Unnamed};
 use super::status::word;
-use crate::cli::key;
 use crate::cli::{Exit, Failure, Output};
 use crate::link::KnownBricks;
 use crate::link::client::PORT;
@@ -64,7 +63,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// name and address alone.
 fn heard(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let folder = arguments.bricks.how.folder.path()?;
-    let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+    let known = KnownBricks::load(&folder)?;
     let interrupted = crate::cli::terminal::stop_flags()?.signal;
     let heard = discover(arguments.listen, &interrupted)
         .map_err(|error| Failure::from_error(Exit::Failed, "no discovery", &error))?;

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use crate::cli::common::make_folder;
-use crate::cli::key::{self, Folder};
+use crate::cli::key::Folder;
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Exit, Failure, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
@@ -65,7 +65,7 @@ const LOOK_NS: i64 = 50 * MILLISECOND_NS;
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let keys = arguments.keys.path()?;
     let own = arguments.keys.own()?;
-    let known = KnownBricks::load(&keys).map_err(|error| key::failure(&error))?;
+    let known = KnownBricks::load(&keys)?;
     let flags = stop_flags()?;
     make_folder(Exit::Refused, &arguments.folder)
         .map_err(|failure| failure.hint("--folder with a folder that can be written to"))?;

@@ -143,7 +143,7 @@ fn as_robot(host: &str) -> String {
 /// Where a brick is that is known by this name.
 fn known_host(name: &str) -> Result<Option<String>, Failure> {
     let Some(folder) = key_folder() else { return Ok(None) };
-    let known = KnownBricks::load(&folder).map_err(|error| crate::cli::key::failure(&error))?;
+    let known = KnownBricks::load(&folder)?;
     // Its port is the link's, and not that of ssh.
     Ok(known.iter().find(|brick| brick.name == name).map(KnownBrick::host))
 }

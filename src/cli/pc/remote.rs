@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use crate::cli::common::{read_bounded, warn};
-use crate::cli::key::{self, Folder};
+use crate::cli::key::Folder;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::client::PATIENCE_S;
@@ -87,7 +87,7 @@ impl Bricks {
             return Ok(self.how.team(team)?.1);
         }
         let folder = self.how.folder.path()?;
-        let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+        let known = KnownBricks::load(&folder)?;
         self.how.asking(&folder, chosen(&known, &self.hosts, unnamed)?)
     }
 }
@@ -96,7 +96,7 @@ impl How {
     /// A team and its bricks, in the order of the file; warnings go to the log.
     pub(super) fn team(&self, path: &Path) -> Result<(Team, Asking), Failure> {
         let folder = self.folder.path()?;
-        let known = KnownBricks::load(&folder).map_err(|error| key::failure(&error))?;
+        let known = KnownBricks::load(&folder)?;
         let bytes = read_bounded(path)?;
         let parsed = Team::parse(&path.display().to_string(), &bytes, &known);
         let (team, warnings) = parsed.map_err(|findings| {
@@ -111,7 +111,7 @@ impl How {
 
     fn asking(&self, folder: &Path, bricks: Vec<KnownBrick>) -> Result<Asking, Failure> {
         Ok(Asking {
-            own: KeyPair::load(folder).map_err(|error| key::failure(&error))?,
+            own: KeyPair::load(folder)?,
             timeout_s: self.timeout.unwrap_or(PATIENCE_S),
             absent_s: self.timeout.unwrap_or(PATIENCE_S),
             interrupted: crate::cli::terminal::stop_flags()?.signal,
