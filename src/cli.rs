@@ -48,6 +48,7 @@ mod pc;
 #[cfg(feature = "sim")]
 mod sim;
 
+use output::{Context, Hint};
 pub use output::{Exit, Failure, Output};
 
 use crate::printable::{self, Layout};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::common::{BrickFiles, load_robot};
 use super::setup::not_written;
 use super::terminal::{Terminal, stop_flags};
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
 use crate::commissioning::{ApplyError, CalibrateError, CalibrateOptions, Straight};
 use crate::document::save;
@@ -76,10 +76,9 @@ enum How {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let robot = load_robot(Some(&arguments.robot), output)?;
     let flags = stop_flags()?;
-    let _lock =
-        HardwareLock::take(arguments.brick.root(), "onbrick calibrate").map_err(|error| {
-            Failure::from_error(Exit::Refused, "the robot is taken", &error).hint("onbrick halt")
-        })?;
+    let _lock = HardwareLock::take(arguments.brick.root(), "onbrick calibrate")
+        .context(Exit::Refused, "the robot is taken")
+        .hint("onbrick halt")?;
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let calibration = crate::commissioning::calibrate(

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 #[cfg(feature = "host")]
 use super::output::safe;
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
 use crate::document::{Document, Findings, nearest};
@@ -54,15 +54,13 @@ impl BrickFiles {
 
 /// This program's own file.
 pub(super) fn own_program() -> Result<PathBuf, Failure> {
-    std::env::current_exe()
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot find this program", &error))
+    std::env::current_exe().context(Exit::Failed, "cannot find this program")
 }
 
 /// Makes a folder, and those that it lies in, where they are not there.
 pub(super) fn make_folder(exit: Exit, folder: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        Failure::from_error(exit, &format!("cannot make {}", folder.display()), &error)
-    })
+    let made = std::fs::create_dir_all(folder);
+    made.context(exit, format_args!("cannot make {}", folder.display()))
 }
 
 /// A robot's file as it was read, and what it says.
@@ -116,9 +114,14 @@ fn hint_at_names(failure: Failure, path: &Path, what: &str, names: &[&str]) -> F
 
 /// Reads a file that a person names, as far as a document may be long.
 pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, Failure> {
-    crate::document::read_bounded(path).map_err(|error| {
-        Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), &error)
-    })
+    let read = crate::document::read_bounded(path);
+    read.context(Exit::Refused, format_args!("cannot read {}", path.display()))
+}
+
+/// Reads a recording's file, however long it is.
+#[cfg(feature = "host")]
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    std::fs::read(path).context(Exit::Failed, format_args!("cannot read {}", path.display()))
 }
 
 const SHOW_ROBOT: &str = "onbrick new robot, which shows a whole file with comments";

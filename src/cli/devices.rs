@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::common::no_brick;
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{Inventory, LocalTree, Platform, Tree};
 
@@ -29,9 +29,8 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     loop {
-        let mut inventory = Inventory::read(&tree).map_err(|error| {
-            Failure::from_error(Exit::Failed, "cannot look at the devices", &error)
-        })?;
+        let inventory = Inventory::read(&tree);
+        let mut inventory = inventory.context(Exit::Failed, "cannot look at the devices")?;
         if arguments.plugged {
             inventory.devices.retain(|entry| entry.class != "lego-port");
         }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Exit, Failure};
+use super::{Context, Exit, Failure, Hint};
 
 /// A recording's own folder.
 pub(super) struct RunFolder {
@@ -35,15 +35,13 @@ impl RunFolder {
     fn make(out: Option<&Path>, candidate: impl Fn(u32) -> PathBuf) -> Result<Self, Failure> {
         let next_free = || (1..).map(candidate).find(|folder| !folder.exists()).unwrap_or_default();
         let folder = out.map_or_else(next_free, Path::to_owned);
-        let failed = |error: &std::io::Error| {
-            Failure::from_error(Exit::Refused, &format!("cannot make {}", folder.display()), error)
-                .hint("--out with a folder that can be written to")
-        };
         let named = folder.ancestors().filter(|folder| !folder.as_os_str().is_empty());
         let made = named.take_while(|folder| !folder.exists()).map(Path::to_owned).collect();
-        std::fs::create_dir_all(&folder).map_err(|error| failed(&error))?;
-        let run_folder =
-            Self { path: folder.canonicalize().map_err(|error| failed(&error))?, made };
+        let path = std::fs::create_dir_all(&folder).and_then(|()| folder.canonicalize());
+        let path = path
+            .context(Exit::Refused, format_args!("cannot make {}", folder.display()))
+            .hint("--out with a folder that can be written to")?;
+        let run_folder = Self { path, made };
         let file = run_folder.file();
         if file.exists() {
             return Err(Failure::refused(format!("{} is there already", file.display()))

@@ -7,7 +7,7 @@ use nix::sys::signal::Signal;
 use serde::Serialize;
 
 use super::common::no_brick;
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{LocalTree, Tree};
 use crate::robot::{Halted, halt, watch_still};
@@ -130,13 +130,12 @@ fn halt_orphans(
 /// Asks the run that owns the motors to stop, and ends it by force where it does not listen; the
 /// run, and whether it cannot turn a motor any more.
 fn stop_owner(root: &Path, clock: &dyn Clock) -> Result<(Option<Owner>, bool), Failure> {
-    let failed =
-        |error: &LockError| Failure::from_error(Exit::Failed, "cannot see who drives", error);
-    let Some(owner) = HardwareLock::owner(root).map_err(|error| failed(&error))? else {
+    const DOING: &str = "cannot see who drives";
+    let Some(owner) = HardwareLock::owner(root).context(Exit::Failed, DOING)? else {
         return Ok((None, true));
     };
     // One that is gone, or of another user, shows below.
     let _ = signal(root, owner.pid, Signal::SIGTERM);
-    let ended = evict(root, clock, PATIENCE_NS, |_| true).map_err(|error| failed(&error))?;
+    let ended = evict(root, clock, PATIENCE_NS, |_| true).context(Exit::Failed, DOING)?;
     Ok((Some(owner), ended))
 }

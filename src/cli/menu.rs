@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::common::BrickFiles;
 use super::serve::load_config;
 use super::terminal::stop_flags;
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{MonotonicClock, wall_ns};
 use crate::document::save;
 use crate::ev3dev::{Buttons, Console, LocalTree, Platform, Screen, Tree};
@@ -165,10 +165,9 @@ fn failed(error: &MenuError) -> Failure {
 
 fn open_buttons(arguments: &Arguments) -> Result<Buttons, Failure> {
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
-    Buttons::open(&tree, Platform::of(&tree)).map_err(|error| {
-        Failure::from_error(Exit::Refused, "there are no buttons", &error)
-            .hint("onbrick menu --window, or --buttons with the input device's path")
-    })
+    Buttons::open(&tree, Platform::of(&tree))
+        .context(Exit::Refused, "there are no buttons")
+        .hint("onbrick menu --window, or --buttons with the input device's path")
 }
 
 impl Display for Screen {

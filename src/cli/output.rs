@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::error::Error;
+use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
@@ -77,6 +78,30 @@ impl Failure {
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
         self
+    }
+}
+
+/// What was being done when an error came up, as `anyhow` has it.
+pub(super) trait Context<T> {
+    /// Fails with the error and all its causes, after what was being done.
+    fn context(self, exit: Exit, doing: impl Display) -> Result<T, Failure>;
+}
+
+impl<T, E: Error> Context<T> for Result<T, E> {
+    fn context(self, exit: Exit, doing: impl Display) -> Result<T, Failure> {
+        self.map_err(|error| Failure::from_error(exit, &doing.to_string(), &error))
+    }
+}
+
+/// The way out of a failure.
+pub(super) trait Hint {
+    /// The same result, a failure with a way out.
+    fn hint(self, hint: &str) -> Self;
+}
+
+impl<T> Hint for Result<T, Failure> {
+    fn hint(self, hint: &str) -> Self {
+        self.map_err(|failure| failure.hint(hint))
     }
 }
 

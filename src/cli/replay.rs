@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::common::{load_robot, must_be_new, open_run};
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Output};
 use crate::runtime::{Replayed, replay, replay_with};
 
 /// Run estimator and machines again on what a run recorded, and compare; or see what another
@@ -69,9 +69,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// Replays a run and compares; `named` where it is one of several.
 fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
     let recorded = open_run(run)?.run;
-    let doing = format!("cannot replay {}", run.display());
-    let replayed =
-        replay(&recorded).map_err(|error| Failure::from_error(Exit::Refused, &doing, &error))?;
+    let doing = format_args!("cannot replay {}", run.display());
+    let replayed = replay(&recorded).context(Exit::Refused, doing)?;
     if named {
         output.show(format!("{}: {replayed}", run.display()), &Named { run, replayed: &replayed });
     } else {
@@ -89,9 +88,8 @@ fn remake(run: &Path, robot: &Path, out: &Path, output: &mut Output) -> Result<(
     let recorded = open_run(run)?.run;
     must_be_new(out)?;
     let robot = load_robot(Some(robot), output)?;
-    let doing = format!("cannot make {}", out.display());
-    let made = replay_with(&recorded, &robot.source, out)
-        .map_err(|error| Failure::from_error(Exit::Refused, &doing, &error))?;
+    let doing = format_args!("cannot make {}", out.display());
+    let made = replay_with(&recorded, &robot.source, out).context(Exit::Refused, doing)?;
     output.show(format!("{made}\nrecorded in {}", out.display()), &made);
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::common::{BrickFiles, make_folder, no_brick, own_program};
 use super::terminal::signals;
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Hint, Output};
 use crate::ev3dev::{Inventory, Tree};
 #[cfg(feature = "link")]
 use crate::link::{Server, ServerConfig};
@@ -41,18 +41,17 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let failed = |doing: &str, error: &dyn std::error::Error| {
-        Failure::from_error(Exit::Failed, doing, error)
-    };
     // Before anything is done: a signal that comes early must find the way out as well.
     let mut signals = signals()?;
     // Before anything is made: a machine without a brick gets no keys.
     let place = place(arguments)?;
     let config = load_config(&config_folder(arguments)?, arguments.config.is_some())?;
     let service = Service::open(config, place, own_program()?)
-        .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
+        .context(Exit::Failed, "cannot serve")
+        .hint(ANOTHER)?;
     let local = LocalSocket::open(&service.config().socket, Arc::new(service.clone()))
-        .map_err(|error| failed("cannot serve", &error).hint(ANOTHER))?;
+        .context(Exit::Failed, "cannot serve")
+        .hint(ANOTHER)?;
     let link = start_link(&service);
     let socket = service.config().socket.path.display().to_string();
     log::info!("{} is ready: runs in {}", service.name(), service.config().runs.display());
@@ -124,9 +123,10 @@ fn tell_systemd(state: sd_notify::NotifyState<'_>) {
 /// The folder of the configuration: the brick's, or one that was named or is the user's own, which
 /// is made.
 fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
-    let make = |folder: PathBuf| match make_folder(Exit::Refused, &folder) {
-        Ok(()) => Ok(folder),
-        Err(failure) => Err(failure.hint("--config with a folder that can be written to")),
+    let make = |folder: PathBuf| {
+        make_folder(Exit::Refused, &folder)
+            .hint("--config with a folder that can be written to")
+            .map(|()| folder)
     };
     if let Some(folder) = &arguments.config {
         return make(folder.clone());
@@ -192,8 +192,7 @@ fn place(arguments: &Arguments) -> Result<RobotSite, Failure> {
         });
     }
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
-    let inventory = Inventory::read(&tree)
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot look at the devices", &error))?;
+    let inventory = Inventory::read(&tree).context(Exit::Failed, "cannot look at the devices")?;
     if inventory.devices.is_empty() && inventory.battery.is_none() {
         return Err(no_brick(arguments.brick.root()).hint(
             "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run \

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::terminal::{Terminal, stop_flags};
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
 use crate::commissioning::SetupError;
 use crate::document::save::{self, SaveError};
@@ -39,9 +39,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Err(not_written(&SaveError::Exists(file.clone())));
     }
     let flags = stop_flags()?;
-    let _lock = HardwareLock::take(&arguments.brick, "onbrick setup").map_err(|error| {
-        Failure::from_error(Exit::Refused, "the robot is taken", &error).hint("onbrick halt")
-    })?;
+    let _lock = HardwareLock::take(&arguments.brick, "onbrick setup")
+        .context(Exit::Refused, "the robot is taken")
+        .hint("onbrick halt")?;
     let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let text = crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut terminal)

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::common::{chosen_robot, load_robot, load_world, read_source, warn, write_file};
 use super::terminal::stop_flags;
-use super::{Exit, Failure, Output};
+use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, seconds};
 use crate::ev3dev::{EV3, PLATFORMS, Platform};
 use crate::sim::{
@@ -187,8 +187,7 @@ fn span(text: &str) -> Result<f64, String> {
 
 /// Writes orders to a mounted brick's `sim/orders`.
 fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> {
-    Order::parse(0, order)
-        .map_err(|error| Failure::from_error(Exit::Usage, "no such order", &error))?;
+    Order::parse(0, order).context(Exit::Usage, "no such order")?;
     let file = brick.join("sim/orders");
     if !file.exists() {
         return Err(Failure::refused(format!(
@@ -197,12 +196,11 @@ fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> 
         ))
         .hint("onbrick sim FOLDER, and then the same folder here"));
     }
-    std::fs::write(&file, order).map_err(|error| {
-        Failure::from_error(Exit::Failed, &format!("`{order}` was not done"), &error).hint(
-            "a device that is there, and an order that fits it; onbrick devices shows what is \
-             plugged in",
-        )
-    })?;
+    let written = std::fs::write(&file, order);
+    written.context(Exit::Failed, format_args!("`{order}` was not done")).hint(
+        "a device that is there, and an order that fits it; onbrick devices shows what is plugged \
+         in",
+    )?;
     output.show(format!("done: {order}"), &serde_json::json!({ "done": order }));
     Ok(())
 }
@@ -298,8 +296,7 @@ fn page(
     let board = Board::default();
     let title = arguments.world.display().to_string();
     board.show(Sources { title, simulation: Some(simulation.clone()), ..Sources::default() });
-    let page = LivePage::serve(&board, port, &[], |_| ())
-        .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
+    let page = LivePage::serve(&board, port, &[], |_| ()).context(Exit::Refused, "no page")?;
     output
         .show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     Ok(Some(page))
@@ -323,9 +320,7 @@ fn nodes(
                 .hint("--node with a smaller number")
         })?;
         let served = crate::link::Node::serve(&mount.root(robot), &format!("127.0.0.1:{port}"));
-        let node = served.map_err(|error| {
-            Failure::from_error(Exit::Refused, "no node", &error).hint("--node with another number")
-        })?;
+        let node = served.context(Exit::Refused, "no node").hint("--node with another number")?;
         output.show(
             format!("the files of robot {} are at tcp://{}", robot + 1, node.address()),
             &serde_json::json!({ "robot": robot + 1, "node": node.address() }),

@@ -15,7 +15,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use super::output::safe;
-use super::{Exit, Failure};
+use super::{Context, Exit, Failure};
 use crate::commissioning::{Dialogue, NoAnswer};
 use crate::runtime::StopFlags;
 
@@ -48,9 +48,8 @@ impl Terminal {
         };
         let what =
             answers.map_or_else(|| "standard input".to_owned(), |path| path.display().to_string());
-        let input = opened.map_err(|error| {
-            Failure::from_error(Exit::Refused, &format!("cannot read answers from {what}"), &error)
-        })?;
+        let input =
+            opened.context(Exit::Refused, format_args!("cannot read answers from {what}"))?;
         Ok(Self { input, pending: Vec::new(), flags: flags.clone(), echoes: answers.is_some() })
     }
 
@@ -179,19 +178,17 @@ pub(super) fn stop_flags() -> Result<StopFlags, Failure> {
     let flags = StopFlags::default();
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         signal_hook::flag::register(signal, Arc::clone(&flags.signal))
-            .map_err(|error| no_signals(&error))?;
+            .context(Exit::Failed, NO_SIGNALS)?;
     }
     Ok(flags)
 }
 
 /// Ctrl-C, SIGTERM and SIGHUP as they come.
 pub(super) fn signals() -> Result<Signals, Failure> {
-    Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|error| no_signals(&error))
+    Signals::new([SIGINT, SIGTERM, SIGHUP]).context(Exit::Failed, NO_SIGNALS)
 }
 
-fn no_signals(error: &io::Error) -> Failure {
-    Failure::from_error(Exit::Failed, "cannot listen to signals", error)
-}
+const NO_SIGNALS: &str = "cannot listen to signals";
 
 /// A reader that has gone away is no failure of the robot's.
 fn print(text: &str) {

@@ -2,7 +2,7 @@
 
 use super::remote::{Bricks, Unnamed};
 use super::status::word;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Context, Exit, Failure, Output};
 use crate::link::KnownBricks;
 use crate::link::client::PORT;
 use crate::link::discover::{Announced, discover};
@@ -65,8 +65,7 @@ fn heard(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let folder = arguments.bricks.how.folder.path()?;
     let known = KnownBricks::load(&folder)?;
     let interrupted = crate::cli::terminal::stop_flags()?.signal;
-    let heard = discover(arguments.listen, &interrupted)
-        .map_err(|error| Failure::from_error(Exit::Failed, "no discovery", &error))?;
+    let heard = discover(arguments.listen, &interrupted).context(Exit::Failed, "no discovery")?;
     if heard.is_empty() {
         output.line("no brick announced itself; a name or an address still finds one");
     }

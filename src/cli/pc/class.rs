@@ -17,7 +17,7 @@ use std::sync::atomic::Ordering;
 use crate::cli::common::make_folder;
 use crate::cli::key::Folder;
 use crate::cli::terminal::stop_flags;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock as _, MILLISECOND_NS, MonotonicClock};
 use crate::link::KnownBricks;
 use crate::link::pairing::token;
@@ -68,17 +68,15 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let known = KnownBricks::load(&keys)?;
     let flags = stop_flags()?;
     make_folder(Exit::Refused, &arguments.folder)
-        .map_err(|failure| failure.hint("--folder with a folder that can be written to"))?;
-    let token = token().map_err(|error| {
-        Failure::from_error(Exit::Failed, "no random numbers for the page's address", &error)
-    })?;
+        .hint("--folder with a folder that can be written to")?;
+    let token = token().context(Exit::Failed, "no random numbers for the page's address")?;
     let hall = Arc::new(Hall::new(&arguments.folder, &keys, own));
     known.iter().for_each(|brick| hall.admit(brick));
-    hall.listen().map_err(|error| Failure::from_error(Exit::Failed, "no thread", &error))?;
+    hall.listen().context(Exit::Failed, "no thread")?;
     let place = Place { port: arguments.page, token: Some(token), most_posted: MOST_POSTED };
     let answering = Arc::clone(&hall);
     let page = LocalPage::serve(&place, move |asked| answers::answer(&answering, asked))
-        .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
+        .context(Exit::Refused, "no page")?;
     output.show(
         format!(
             "the class is at {}\nthe address is a secret: with it one starts and stops bricks\n\

@@ -11,7 +11,7 @@ use crate::cli::common::{
 };
 use crate::cli::folder::RunFolder;
 use crate::cli::terminal::stop_flags;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Context, Exit, Failure, Output};
 use crate::clock::SECOND_NS;
 use crate::document::nearest;
 use crate::mapping::{Method, Pose, stats};
@@ -107,9 +107,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let mut limited = mission.clone();
-    limited
-        .set("time_limit_s", arguments.seconds)
-        .map_err(|error| Failure::from_error(Exit::Usage, "--seconds", &error))?;
+    limited.set("time_limit_s", arguments.seconds).context(Exit::Usage, "--seconds")?;
     let flags = stop_flags()?;
     let progress = std::sync::Arc::new(Progress::new(&limited, output));
     let shown = std::sync::Arc::clone(&progress);

@@ -6,7 +6,7 @@ use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
 use super::watch::Watch;
 use crate::cli::common::make_folder;
 use crate::cli::output::safe;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Context, Exit, Failure, Output};
 use crate::link::client::{MOST_BYTES, file_so_far};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::{Board, LivePage, Sources};
@@ -172,8 +172,8 @@ fn follow(
     let title = format!("{}: {run}", brick.name);
     let board = Board::default();
     board.show(Sources { title, recording, ..Sources::default() });
-    let page = LivePage::serve(&board, arguments.page, &[], |_| ())
-        .map_err(|error| Failure::from_error(Exit::Refused, "no page", &error))?;
+    let page =
+        LivePage::serve(&board, arguments.page, &[], |_| ()).context(Exit::Refused, "no page")?;
     output
         .show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     let watch = Watch::of(run);

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::behavior::Capabilities;
 use crate::cli::common::{broken_mission, load_mission, read_source, warn};
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Context, Exit, Failure, Hint, Output};
 use crate::link::{KnownBrick, KnownBricks, key_folder};
 
 /// Put missions onto a brick, over ssh.
@@ -55,10 +55,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let host = as_robot(&host);
     let parcels =
         arguments.missions.iter().map(|path| parcel(path)).collect::<Result<Vec<_>, _>>()?;
-    let failed = |doing: &str, error: &dyn std::error::Error| {
-        Failure::from_error(Exit::Failed, doing, error)
-            .hint("the package openssh-client has the program ssh")
-    };
+    const OPENSSH: &str = "the package openssh-client has the program ssh";
     // One connection for all, so that a password is asked for once.
     let mut ssh = Command::new("ssh")
         .arg("--")
@@ -66,12 +63,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         .arg(script(&parcels))
         .stdin(Stdio::piped())
         .spawn()
-        .map_err(|error| failed("cannot start ssh", &error))?;
+        .context(Exit::Failed, "cannot start ssh")
+        .hint(OPENSSH)?;
     if let Some(mut pipe) = ssh.stdin.take() {
         // Where it breaks off, ssh's own exit code says why.
         let _ = parcels.iter().try_for_each(|parcel| pipe.write_all(parcel.text.as_bytes()));
     }
-    let status = ssh.wait().map_err(|error| failed("cannot wait for ssh", &error))?;
+    let status = ssh.wait().context(Exit::Failed, "cannot wait for ssh").hint(OPENSSH)?;
     match status.code() {
         Some(0) => {}
         Some(NO_CONNECTION) => {

@@ -1,9 +1,9 @@
 //! `onbrick repair`: what is whole of recordings, as a file with a summary.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::cli::common::{must_be_new, open_run, write_file};
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::common::{must_be_new, open_run, read_file, write_file};
+use crate::cli::{Context, Exit, Failure, Output};
 use crate::report::export::{self, NamedRecording};
 
 /// Make a whole file of a recording that was cut or damaged: all of it that is whole, in the order
@@ -37,17 +37,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     must_be_new(&out)?;
     let read = |path: &PathBuf| {
         let loaded = open_run(path)?;
-        let bytes = std::fs::read(path)
-            .map_err(|error| Failure::from_error(Exit::Failed, &cannot_read(path), &error))?;
-        Ok((loaded, bytes))
+        Ok((loaded, read_file(path)?))
     };
     let runs = arguments.runs.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
     let parts: Vec<NamedRecording<'_>> = runs
         .iter()
         .map(|(loaded, bytes)| NamedRecording { name: loaded.brick(), bytes, shift_ns: 0 })
         .collect();
-    let whole = export::mcap(&parts)
-        .map_err(|error| Failure::from_error(Exit::Failed, "cannot repair", &error))?;
+    let whole = export::mcap(&parts).context(Exit::Failed, "cannot repair")?;
     let messages: u64 = runs.iter().map(|(loaded, _)| loaded.run.integrity.messages).sum();
     if messages == 0 {
         return Err(Failure::refused("nothing is left that a repair could keep"));
@@ -56,8 +53,4 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let told = serde_json::json!({ "wrote": out, "messages": messages });
     output.show(format!("wrote {}: {messages} messages", out.display()), &told);
     Ok(())
-}
-
-fn cannot_read(path: &Path) -> String {
-    format!("cannot read {}", path.display())
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::cli::common::{LoadedRun, write_file};
-use crate::cli::{Exit, Failure};
+use crate::cli::{Context, Exit, Failure};
 use crate::printable;
 use crate::recording::Run;
 use crate::report::{FloorMark, Scene, Track, export, plot};
@@ -97,11 +97,10 @@ fn floor_mark(paint: Paint) -> FloorMark {
 /// Writes a picture, as map.svg and map.png, and what is drawn in it, as points.csv and path.csv,
 /// into a folder.
 pub(super) fn draw(folder: &Path, scene: &Scene) -> Result<(), Failure> {
-    let failed =
-        |error: &dyn std::error::Error| Failure::from_error(Exit::Failed, "cannot draw", error);
+    const DOING: &str = "cannot draw";
     let files = [
-        ("map.svg", plot::svg(scene).map_err(|error| failed(&error))?.into_bytes()),
-        ("map.png", plot::png(scene).map_err(|error| failed(&error))?),
+        ("map.svg", plot::svg(scene).context(Exit::Failed, DOING)?.into_bytes()),
+        ("map.png", plot::png(scene).context(Exit::Failed, DOING)?),
         ("points.csv", export::points_csv(&scene.tracks).into_bytes()),
         ("path.csv", export::path_csv(&scene.tracks).into_bytes()),
     ];

@@ -12,7 +12,7 @@ use super::remote::{Asking, How};
 use super::start;
 use crate::behavior::Capabilities;
 use crate::cli::common::{broken_mission, load_mission, make_folder, setting};
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Exit, Failure, Hint, Output};
 use crate::link::Team;
 use crate::runtime::Source;
 use crate::service::protocol::Chosen;
@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     check::show(&checked, output);
     check::verdict(&checked)?;
     make_folder(Exit::Refused, &arguments.out)
-        .map_err(|failure| failure.hint("--out with a folder that can be written to"))?;
+        .hint("--out with a folder that can be written to")?;
     let plan = Plan {
         team: &team,
         asking: &asking,

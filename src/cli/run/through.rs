@@ -11,7 +11,7 @@ use signal_hook::iterator::Signals;
 use super::super::common::{Progress, read_mission};
 use super::super::serve::load_config;
 use super::super::terminal::signals;
-use super::super::{Exit, Failure, Output};
+use super::super::{Context, Exit, Failure, Output};
 use super::{Arguments, Happenings, RunFolder};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
@@ -239,24 +239,22 @@ const HASHED_NS: i64 = 10 * SECOND_NS;
 /// Brings the recording to where it was asked for.
 fn bring(client: &mut Client, info: &RunInfo, folder: &RunFolder) -> Result<PathBuf, Failure> {
     let path = folder.file();
-    let failed = |error: &dyn std::error::Error| {
-        Failure::from_error(Exit::Failed, &format!("cannot write {}", path.display()), error)
-    };
-    let mut file = std::fs::File::create_new(&path).map_err(|error| failed(&error))?;
+    let doing = format!("cannot write {}", path.display());
+    let mut file = std::fs::File::create_new(&path).context(Exit::Failed, &doing)?;
     let mut offset = 0;
     loop {
         let fetch = Fetch::part(&info.run, offset, MAX_FETCH_BYTES);
         let (fetched, bytes) = client
             .fetch(&fetch, PATIENCE)
             .map_err(|error| failure("cannot bring the recording", &error))?;
-        file.write_all(&bytes).map_err(|error| failed(&error))?;
+        file.write_all(&bytes).context(Exit::Failed, &doing)?;
         offset += u64::from(fetched.length);
         if offset >= fetched.total {
             break;
         }
     }
-    file.sync_all().map_err(|error| failed(&error))?;
-    let sha256 = sha256_hex_of(&path).map_err(|error| failed(&error))?;
+    file.sync_all().context(Exit::Failed, &doing)?;
+    let sha256 = sha256_hex_of(&path).context(Exit::Failed, &doing)?;
     let whole = Fetch { sha256: Some(sha256.clone()), ..Fetch::part(&info.run, offset, 0) };
     // The service computes its own hash meanwhile.
     let deadline_ns = MonotonicClock.now_ns() + HASHED_NS;
@@ -286,7 +284,7 @@ fn bring(client: &mut Client, info: &RunInfo, folder: &RunFolder) -> Result<Path
 /// An identifier that no run had before: the mission, the time to the nanosecond, this process.
 fn new_id(mission: &str) -> Result<RunId, Failure> {
     RunId::of_mission(mission, &format!("{:x}-{:x}", wall_ns(), std::process::id()))
-        .map_err(|error| Failure::from_error(Exit::Failed, "the run", &error))
+        .context(Exit::Failed, "the run")
 }
 
 fn failure(doing: &str, error: &ClientError) -> Failure {

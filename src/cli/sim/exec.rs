@@ -13,7 +13,7 @@ use super::private::{PrivateError, PrivateView};
 use super::stand_in::StandIn;
 use crate::cli::common::own_program;
 use crate::cli::terminal::stop_flags;
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::runtime::StopFlags;
 
@@ -43,10 +43,8 @@ pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> R
         return Err(Failure::new(Exit::Usage, "no program is named"));
     };
     let started = Command::new(name).args(arguments).envs(PrivateView::environment()).spawn();
-    let child = started.map_err(|error| {
-        let name = Path::new(name).display();
-        Failure::from_error(Exit::Failed, &format!("cannot start {name}"), &error)
-    })?;
+    let name = Path::new(name).display();
+    let child = started.context(Exit::Failed, format_args!("cannot start {name}"))?;
     let status = attend(child, &mut view, &flags)?;
     let code = status.code().or_else(|| status.signal().map(|signal| SIGNALLED + signal));
     output.ends_with(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX));
@@ -59,12 +57,10 @@ fn attend(
     view: &mut PrivateView,
     flags: &StopFlags,
 ) -> Result<ExitStatus, Failure> {
-    let failed =
-        |error: &std::io::Error| Failure::from_error(Exit::Failed, "lost the program", error);
     let mut refresh_ns = 0;
     let mut asked = false;
     loop {
-        let ended = child.try_wait().map_err(|error| failed(&error))?;
+        let ended = child.try_wait().context(Exit::Failed, "lost the program")?;
         let now_ns = MonotonicClock.now_ns();
         if ended.is_some() || now_ns >= refresh_ns {
             refresh_ns = now_ns + REFRESH_NS;
@@ -97,9 +93,7 @@ pub(super) fn stand_in(
         .ok_or_else(|| Failure::new(Exit::Usage, format!("there is no stand-in for `{name}`")))?;
     let flags = stop_flags()?;
     let mut said = Vec::new();
-    stand_in
-        .run(view, arguments, &|| flags.is_raised(), &mut said)
-        .map_err(|error| Failure::from_error(Exit::Failed, name, &error))?;
+    stand_in.run(view, arguments, &|| flags.is_raised(), &mut said).context(Exit::Failed, name)?;
     output.bytes(&said);
     Ok(())
 }

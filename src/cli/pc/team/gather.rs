@@ -1,14 +1,12 @@
 //! What a team brought home: one picture, one recording, and what came of each brick.
 
-use std::path::Path;
-
 use serde_json::json;
 
 use super::super::scene::{draw, scene_of};
 use super::Plan;
 use super::drive::Came;
-use crate::cli::common::{LoadedRun, open_run, write_file};
-use crate::cli::{Exit, Failure, Output};
+use crate::cli::common::{LoadedRun, open_run, read_file, write_file};
+use crate::cli::{Context, Exit, Failure, Output};
 use crate::clock::{SECOND_NS, seconds};
 use crate::recording::Info;
 use crate::report::Scene;
@@ -125,12 +123,7 @@ fn scene(plan: &Plan<'_>, ones: &[&Came], runs: &[LoadedRun]) -> Scene {
 
 /// All recordings in one, a namespace a brick, by this PC's clock.
 fn merged(ones: &[&Came], runs: &[LoadedRun], output: &mut Output) -> Result<Vec<u8>, Failure> {
-    let read = |path: &Path| {
-        std::fs::read(path).map_err(|error| {
-            Failure::from_error(Exit::Failed, &format!("cannot read {}", path.display()), &error)
-        })
-    };
-    let bytes = runs.iter().map(|loaded| read(&loaded.path)).collect::<Result<Vec<_>, _>>()?;
+    let bytes = runs.iter().map(|loaded| read_file(&loaded.path)).collect::<Result<Vec<_>, _>>()?;
     let parts: Vec<NamedRecording<'_>> = ones
         .iter()
         .zip(runs)
@@ -140,7 +133,7 @@ fn merged(ones: &[&Came], runs: &[LoadedRun], output: &mut Output) -> Result<Vec
             NamedRecording { name: &one.brick.name, bytes, shift_ns }
         })
         .collect();
-    export::mcap(&parts).map_err(|error| Failure::from_error(Exit::Failed, "cannot merge", &error))
+    export::mcap(&parts).context(Exit::Failed, "cannot merge")
 }
 
 /// What brings a brick's stamps onto this PC's clock.
