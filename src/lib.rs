@@ -189,6 +189,8 @@ pub mod service;
 pub mod sim;
 #[cfg(feature = "sim")]
 pub mod simulated;
+#[cfg(feature = "tick")]
+mod threads;
 pub mod units;
 #[doc = include_str!("USING.md")]
 pub mod using {}

@@ -24,6 +24,8 @@ use std::thread::JoinHandle;
 
 use tiny_http::{Method, Request, Server};
 
+use crate::threads::spawn;
+
 /// The page cannot be shown.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -179,7 +181,7 @@ impl LocalPage {
                     let _ = respond(request, shown);
                 }
             };
-            let thread = std::thread::Builder::new().name("page".to_owned()).spawn(serve)?;
+            let thread = spawn("page", serve)?;
             page.threads.push(thread);
         }
         Ok(page)

@@ -38,6 +38,8 @@ use nix::errno::Errno;
 use nix::fcntl::{OFlag, OpenHow, ResolveFlag, open, openat2};
 use nix::sys::stat::Mode;
 
+use crate::threads::spawn;
+
 /// How long a node waits for a request before it looks whether to end, milliseconds.
 const LOOK_MS: i32 = 50;
 
@@ -104,11 +106,8 @@ impl Node {
             listen().map_err(|source| NodeError::Listen { address: address.to_owned(), source })?;
         let ends = Arc::new(AtomicBool::new(false));
         let files = Files { root, kept: BTreeMap::new() };
-        let thread = {
-            let ends = Arc::clone(&ends);
-            let answer = move || answer_all(&socket, files, &ends);
-            std::thread::Builder::new().name("node".to_owned()).spawn(answer)
-        };
+        let told = Arc::clone(&ends);
+        let thread = spawn("node", move || answer_all(&socket, files, &told));
         Ok(Self { address: bound, ends, thread: Some(thread.map_err(NodeError::Thread)?) })
     }
 

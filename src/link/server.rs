@@ -44,6 +44,7 @@ use crate::service::NetworkLink;
 #[cfg(doc)]
 use crate::service::protocol::MAX_REQUEST_BYTES;
 use crate::service::protocol::{Name, Operations, Pairing};
+use crate::threads::spawn;
 
 mod front;
 mod limits;
@@ -197,7 +198,7 @@ impl Server {
             ours.window.close(&why);
             ours.set(LinkState::Ended(why));
         };
-        let thread = std::thread::Builder::new().name("link".to_owned()).spawn(serve)?;
+        let thread = spawn("link", serve)?;
         Ok(Self { shared, thread: Some(thread) })
     }
 

@@ -19,6 +19,7 @@ use super::sink::{RecordError, Sink};
 use super::status::Status;
 use super::tick::{Dropped, Entry, Flags, State, TickSide};
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
+use crate::threads::spawn;
 
 /// Checkpoints on their way at most: one comes in a second.
 const STATES: usize = 4;
@@ -107,9 +108,7 @@ impl Recorder {
             on_status,
             next_status_ns: i64::MIN,
         };
-        let thread = std::thread::Builder::new()
-            .name("recorder".to_owned())
-            .spawn(move || work.run(encoder))
+        let thread = spawn("recorder", move || work.run(encoder))
             .map_err(|source| RecordError { doing: "start the recorder's thread", source })?;
         let waits_for: Option<Thread> = (pace == Pace::Virtual).then(|| thread.thread().clone());
         let tick_side = TickSide::new(put, put_states, Arc::clone(&flags), waits_for);

@@ -45,6 +45,7 @@ use super::{
 use crate::clock::{Clock, MonotonicClock};
 use crate::ev3dev::Tree as _;
 use crate::printable::with_causes;
+use crate::threads::spawn;
 
 /// No job is longer, bytes: two files of the largest size, and JSON's escapes.
 const LONGEST_JOB: u64 = 64 << 20;
@@ -322,9 +323,7 @@ impl Stopper {
         let asked = pipe.write_all(&line);
         if !std::mem::replace(&mut stopping.asked, true) {
             let stopper = self.clone();
-            std::thread::Builder::new()
-                .name("patience".to_owned())
-                .spawn(move || stopper.force_later())?;
+            spawn("patience", move || stopper.force_later())?;
         }
         asked
     }
@@ -407,8 +406,7 @@ pub fn obey(
     begin: impl FnOnce() + Send + 'static,
 ) -> io::Result<()> {
     let (flags, gone) = (flags.clone(), Arc::clone(gone));
-    let thread = std::thread::Builder::new().name("orders".to_owned());
-    thread.spawn(move || {
+    spawn("orders", move || {
         begin();
         while let Some(Order::Stop(by)) = next_order(&mut orders, &flags.guard_beats) {
             flags.raise(by);

@@ -13,6 +13,7 @@ use crate::ev3dev::Tree as _;
 use crate::printable::with_causes;
 use crate::recording;
 use crate::runtime::{Ended, Event, RunError, RunProcess, Stop, StopReason};
+use crate::threads::spawn;
 
 /// How often a run that was found is looked at, nanoseconds: nothing tells us when it ends.
 const LOOK_NS: i64 = 100 * MILLISECOND_NS;
@@ -22,8 +23,7 @@ impl Service {
     pub(super) fn follow(&self, mut process: RunProcess, run: &RunStatus) -> io::Result<()> {
         let service = self.clone();
         let (run, mission) = (run.run.clone(), run.mission.clone());
-        let thread = std::thread::Builder::new().name("run".to_owned());
-        thread.spawn(move || {
+        spawn("run", move || {
             while let Some(event) = process.next_event() {
                 if let Some(happening) = happening(event) {
                     service.inner.happen(happening);
@@ -82,8 +82,7 @@ impl Service {
         }
         inner.happen(Happening::Driving);
         let (service, record) = (self.clone(), record.clone());
-        let thread = std::thread::Builder::new().name("found run".to_owned());
-        thread.spawn(move || {
+        spawn("found run", move || {
             let mut progress = recording::Progress::of(&file).ok();
             while matches!(recording::writer(&file), Ok(Some(_))) {
                 if let Some(Ok(Some(status))) = progress.as_mut().map(recording::Progress::look) {

@@ -14,6 +14,7 @@ use super::signs::{self, Shown, Signs};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree;
 use crate::runtime::StopReason;
+use crate::threads::spawn;
 
 /// The pace, nanoseconds: half a pulse of the lights is twice as long.
 const PACE_NS: i64 = 250 * MILLISECOND_NS;
@@ -30,10 +31,9 @@ impl Service {
         let mut keeper = Keeper::new(Arc::clone(&self.inner));
         // Once before the first request.
         keeper.look();
-        let thread = |name: &str| std::thread::Builder::new().name(name.to_owned());
-        thread("keeper").spawn(move || keeper.keep())?;
+        spawn("keeper", move || keeper.keep())?;
         let inner = Arc::clone(&self.inner);
-        thread("hasher").spawn(move || hash(&inner))?;
+        spawn("hasher", move || hash(&inner))?;
         Ok(())
     }
 }

@@ -31,6 +31,7 @@ use super::protocol::{
 };
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::runtime::groups;
+use crate::threads::spawn;
 
 /// Connections at a time.
 pub const MAX_CLIENTS: usize = 128;
@@ -91,8 +92,7 @@ impl LocalSocket {
         let socket = Self { path: path.clone() };
         let clients =
             Clients { operations, clients: AtomicUsize::new(0), long_line: Mutex::new(()) };
-        let thread = std::thread::Builder::new().name("socket".to_owned());
-        thread.spawn(move || Arc::new(clients).accept(&listener)).map_err(failed)?;
+        spawn("socket", move || Arc::new(clients).accept(&listener)).map_err(failed)?;
         Ok(socket)
     }
 }

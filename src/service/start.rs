@@ -27,6 +27,7 @@ use crate::runtime::{
     HardwareLock, Job, Lock, LockError, OrphansError, PATIENCE_NS, RunProcess, Source, StopBy,
     Stopper, evict, stop_orphans,
 };
+use crate::threads::spawn;
 use crate::units::radians;
 
 /// How long a stop waits for the motors to be told, nanoseconds. A run that drives tells them
@@ -72,8 +73,7 @@ impl Stop {
 
 /// Ends the run that this process drives by force, should it not stop when it is asked to.
 fn force_later(root: PathBuf, control: i32) -> io::Result<()> {
-    let thread = std::thread::Builder::new().name("patience".to_owned());
-    thread.spawn(move || {
+    spawn("patience", move || {
         let clock = &MonotonicClock;
         let forced = evict(&root, clock, PATIENCE_NS, |owner| owner.pid == control)
             .map_err(OrphansError::from)
@@ -264,8 +264,7 @@ impl Service {
         if inner.hardware.machine().is_some()
             && let Some(tree) = inner.hardware.tree(MonotonicClock.now_ns())
         {
-            let thread = std::thread::Builder::new().name("identify".to_owned());
-            let started = thread.spawn(move || signs::identify(&tree, idle));
+            let started = spawn("identify", move || signs::identify(&tree, idle));
             if let Err(error) = started {
                 log::warn!("no thread to beep: {error}");
             }

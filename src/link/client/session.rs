@@ -18,6 +18,7 @@ use crate::link::curve;
 use crate::link::keys::{KeyPair, PublicKey};
 use crate::link::pairing::well_known_key;
 use crate::service::protocol::{Envelope, Id, Kind, Outcome, VERSION};
+use crate::threads::spawn;
 
 /// How long one waits before one looks again, nanoseconds: the first time, and at most.
 const FIRST_BACKOFF_NS: i64 = 100 * MILLISECOND_NS;
@@ -299,8 +300,7 @@ impl Session {
     fn resolved(&mut self) -> Result<Vec<SocketAddr>, ClientError> {
         let address = self.address.clone();
         let (tell, told) = std::sync::mpsc::sync_channel(1);
-        let thread = std::thread::Builder::new().name("name".to_owned());
-        if thread.spawn(move || tell.send(address.resolve())).is_err() {
+        if spawn("name", move || tell.send(address.resolve())).is_err() {
             return Ok(self.address.resolve());
         }
         loop {

@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 
 use super::ServerError;
 use crate::service::protocol::{Asked, Caller, Id, Operations, Outcome, Refusal, Reply, Request};
+use crate::threads::spawn;
 
 /// Where workers hand over what is to be sent.
 const ENDPOINT: &str = "inproc://replies";
@@ -55,11 +56,7 @@ impl Workers {
         let (sender, jobs) = channel();
         let operations = Arc::clone(operations);
         let work = move || work(&jobs, &replies, &*operations);
-        let thread = std::thread::Builder::new()
-            .name(name.to_owned())
-            .spawn(work)
-            .map_err(ServerError::Thread)?;
-        self.threads.push(thread);
+        self.threads.push(spawn(name, work).map_err(ServerError::Thread)?);
         Ok(sender)
     }
 

@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use super::{NAP_MS, ServerError};
 use crate::link::keys::{Authorised, PublicKey};
 use crate::link::pairing::PairingWindow;
+use crate::threads::spawn;
 
 /// Where libzmq asks.
 const ENDPOINT: &str = "inproc://zeromq.zap.01";
@@ -48,10 +49,7 @@ impl Handler {
             let asked = Asked { socket, authorised, window };
             while !stopped.load(Ordering::Relaxed) && asked.answer_one() {}
         };
-        let thread = std::thread::Builder::new()
-            .name("zap".to_owned())
-            .spawn(serve)
-            .map_err(ServerError::Thread)?;
+        let thread = spawn("zap", serve).map_err(ServerError::Thread)?;
         Ok(Self { gone: told, stop, thread: Some(thread) })
     }
 

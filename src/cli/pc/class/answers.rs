@@ -30,6 +30,7 @@ use crate::report::live::Wish;
 use crate::report::plot;
 use crate::service::protocol::{Name, RunId, RunInfo};
 use crate::sim::World;
+use crate::threads::spawn;
 
 /// What the page is made of.
 const PARTS: [(&str, Kind, &str); 9] = [
@@ -226,8 +227,7 @@ fn again(hall: &Arc<Hall>) {
 
 fn play(hall: &Arc<Hall>, trying: Trying) -> Result<(), String> {
     let hall = Arc::clone(hall);
-    let thread = std::thread::Builder::new().name("try".to_owned());
-    let spawned = thread.spawn(move || hall.trial.play(&trying));
+    let spawned = spawn("try", move || hall.trial.play(&trying));
     spawned.map(|_| ()).map_err(|error| error.to_string())
 }
 

@@ -18,6 +18,7 @@ use crate::link::client::new_run_id;
 use crate::link::{Client, ClientError, KeyPair, KnownBrick, Patience};
 use crate::report::live::{Board, Wish};
 use crate::service::protocol::{Chosen, LiveDevice, RunId, RunInfo, State, Status, Stopped};
+use crate::threads::spawn;
 
 /// How often a brick is asked how it is, nanoseconds: as a rule, and until it stands still that was
 /// told to stop.
@@ -139,8 +140,7 @@ impl Brick {
             board,
         });
         let worker = Arc::clone(&brick);
-        let thread = std::thread::Builder::new().name("brick".to_owned());
-        if let Err(error) = thread.spawn(move || worker.work(&ordered)) {
+        if let Err(error) = spawn("brick", move || worker.work(&ordered)) {
             brick.seen().trouble = Some(format!("no thread for it: {error}"));
         }
         brick

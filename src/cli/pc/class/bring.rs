@@ -14,6 +14,7 @@ use crate::link::client::file_so_far;
 use crate::link::{ClientError, FetchProgress, Patience};
 use crate::report::live::Sources;
 use crate::service::protocol::{Kind, RunId};
+use crate::threads::spawn;
 
 /// How long a brick may be away before a fetch is tried from scratch, seconds.
 const PATIENCE_S: f64 = 30.0;
@@ -70,8 +71,7 @@ impl Bringing {
             seen.brought.insert(self.run.clone(), Arrival::default());
         }
         let (brick, run) = (Arc::clone(&self.brick), self.run.clone());
-        let thread = std::thread::Builder::new().name("fetch".to_owned());
-        if let Err(error) = thread.spawn(move || self.bring()) {
+        if let Err(error) = spawn("fetch", move || self.bring()) {
             let failed = Some(format!("no thread for it: {error}"));
             brick.seen().brought.insert(run, Arrival { failed, ..Arrival::default() });
         }

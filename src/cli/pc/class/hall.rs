@@ -15,6 +15,7 @@ use crate::clock::{Clock as _, MonotonicClock};
 use crate::link::{KeyPair, KnownBrick};
 use crate::printable;
 use crate::service::protocol::MAX_MISSION_BYTES;
+use crate::threads::spawn;
 
 /// All of it.
 #[derive(Debug)]
@@ -67,7 +68,7 @@ impl Hall {
     pub(super) fn listen(self: &Arc<Self>) -> std::io::Result<()> {
         let hall = Arc::clone(self);
         let listen = move || hall.pairing.listen(&hall.over);
-        std::thread::Builder::new().name("listen".to_owned()).spawn(listen).map(|_| ())
+        spawn("listen", listen).map(|_| ())
     }
 
     pub(super) fn end(&self) {
@@ -156,7 +157,6 @@ impl Hall {
                 hall.admit(&brick);
             }
         };
-        let thread = std::thread::Builder::new().name("pair".to_owned());
-        thread.spawn(introduce).map(|_| ()).map_err(|error| error.to_string())
+        spawn("pair", introduce).map(|_| ()).map_err(|error| error.to_string())
     }
 }

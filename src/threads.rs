@@ -1,0 +1,16 @@
+//! Threads.
+
+use std::io;
+use std::thread::{Builder, JoinHandle};
+
+/// Starts a thread with a name, by which it is known in a debugger and where it panics.
+///
+/// # Errors
+///
+/// The kernel has no room for a thread.
+pub(crate) fn spawn<T: Send + 'static>(
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> io::Result<JoinHandle<T>> {
+    Builder::new().name(name.to_owned()).spawn(work)
+}
