@@ -14,6 +14,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek};
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, FdFlag, Flock, FlockArg, fcntl};
 use nix::sys::statfs::{FUSE_SUPER_MAGIC, statfs};
 use serde::{Deserialize, Serialize};
@@ -81,13 +82,7 @@ impl HardwareLock {
         let path = lock_path(root);
         let failed = |source| LockError::Io { path: path.clone(), source };
         let file = open(&path).map_err(failed)?;
-        let held = match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
-            Ok(held) => held,
-            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => {
-                return Err(LockError::Taken(read_owner(&mut file)));
-            }
-            Err((_, errno)) => return Err(failed(errno.into())),
-        };
+        let held = locked(file, FlockArg::LockExclusiveNonblock, failed)?;
         write_owner(&held, &Owner::here(doing)).map_err(failed)?;
         Ok(Self { file: held })
     }
@@ -107,16 +102,9 @@ impl HardwareLock {
         else {
             return Ok(None);
         };
-        match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
-            Ok(mut held) => {
-                let owner = read_owner(&mut held);
-                Ok(Some((Self { file: held }, owner)).filter(|(_, owner)| !owner.motors.is_empty()))
-            }
-            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => {
-                Err(LockError::Taken(read_owner(&mut file)))
-            }
-            Err((_, errno)) => Err(failed(errno.into())),
-        }
+        let mut held = locked(file, FlockArg::LockExclusiveNonblock, failed)?;
+        let owner = read_owner(&mut held);
+        Ok(Some((Self { file: held }, owner)).filter(|(_, owner)| !owner.motors.is_empty()))
     }
 
     /// No motor is left to stop, should the run's processes be killed from now on.
@@ -170,12 +158,24 @@ impl HardwareLock {
         let Some(file) = open_existing(&path, &mut OpenOptions::new()).map_err(failed)? else {
             return Ok(None);
         };
-        match Flock::lock(file, FlockArg::LockSharedNonblock) {
+        match locked(file, FlockArg::LockSharedNonblock, failed) {
             Ok(_) => Ok(None),
-            Err((mut file, nix::errno::Errno::EWOULDBLOCK)) => Ok(Some(read_owner(&mut file))),
-            Err((_, errno)) => Err(failed(errno.into())),
+            Err(LockError::Taken(owner)) => Ok(Some(owner)),
+            Err(error) => Err(error),
         }
     }
+}
+
+/// Locks the file, or says who has it locked.
+fn locked(
+    file: File,
+    how: FlockArg,
+    failed: impl FnOnce(io::Error) -> LockError,
+) -> Result<Flock<File>, LockError> {
+    Flock::lock(file, how).map_err(|(mut file, errno)| match errno {
+        Errno::EWOULDBLOCK => LockError::Taken(read_owner(&mut file)),
+        errno => failed(errno.into()),
+    })
 }
 
 /// Every user that may drive may lock, so the file is writable for all; the sticky folder keeps
