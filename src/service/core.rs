@@ -15,7 +15,7 @@ use super::protocol::{
 };
 use super::settings::{Kept, addresses, host_name};
 use super::start::Stop;
-use super::store::{Store, StoreError};
+use super::store::Store;
 use super::token::Tokens;
 use super::{NetworkLink, RobotSite, missions};
 use crate::behavior::Capabilities;
@@ -283,11 +283,6 @@ impl Service {
             None => Ok(()),
         }
     }
-
-    fn delete(&self, run: &super::protocol::RunId) -> Result<Done, Refusal> {
-        self.inner.store.delete(run)?;
-        Ok(Done {})
-    }
 }
 
 impl Operations for Service {
@@ -305,11 +300,7 @@ impl Operations for Service {
             }
             Request::Runs => answer(&self.runs()),
             Request::Fetch(fetch) => {
-                let (fetched, bytes) = self
-                    .inner
-                    .store
-                    .fetch(fetch)
-                    .map_err(|error: StoreError| Refusal::from(error))?;
+                let (fetched, bytes) = self.inner.store.fetch(fetch)?;
                 Ok(Answer { bytes: Some(bytes), ..answer(&fetched)? })
             }
             Request::Identify => answer(&self.identify()),
@@ -332,7 +323,10 @@ impl Operations for Service {
                 self.inner.hardware.jog(port, *percent, now_ns)?;
                 answer(&Done {})
             }
-            LocalOnly::Delete { run } => answer(&self.delete(run)?),
+            LocalOnly::Delete { run } => {
+                self.inner.store.delete(run)?;
+                answer(&Done {})
+            }
             LocalOnly::StartHere(start) => answer(&self.start(start, caller, false)?),
             LocalOnly::MenuHere => answer(&Done {}),
             LocalOnly::MenuClosed => self.menu_closed(&named(caller)),

@@ -241,7 +241,7 @@ impl Store {
     ) {
         let bytes = files::length(&self.recording(run));
         let mut index = self.index();
-        if index.going_on.as_ref() == Some(run) {
+        if index.is_going_on(run) {
             index.going_on = None;
         }
         if let Some(entry) = index.find_mut(run) {
@@ -282,9 +282,8 @@ impl Store {
     /// The runs, newest first.
     pub(super) fn list(&self) -> Vec<RunInfo> {
         let index = self.index();
-        let going_on = |record: &Record| index.going_on.as_ref() == Some(&record.run);
         let info = |entry: &Entry| {
-            let is_going_on = going_on(&entry.record);
+            let is_going_on = index.is_going_on(&entry.record.run);
             let bytes = if is_going_on {
                 files::length(&self.recording(&entry.record.run))
             } else {
@@ -298,8 +297,7 @@ impl Store {
     /// Runs without an end that are not known to be in progress: an earlier service died over them.
     pub(super) fn open_ended(&self) -> Vec<Record> {
         let index = self.index();
-        let open =
-            |record: &&Record| record.end.is_none() && index.going_on.as_ref() != Some(&record.run);
+        let open = |record: &&Record| record.end.is_none() && !index.is_going_on(&record.run);
         index.runs.values().map(|entry| &entry.record).filter(open).cloned().collect()
     }
 
@@ -318,7 +316,7 @@ impl Store {
             let index = self.index();
             let entry =
                 index.find(&fetch.run).ok_or_else(|| StoreError::Unknown(fetch.run.clone()))?;
-            (index.going_on.as_ref() != Some(&fetch.run), entry.record.sha256.clone())
+            (!index.is_going_on(&fetch.run), entry.record.sha256.clone())
         };
         let path = self.recording(&fetch.run);
         let failed = |source| StoreError::Disk { doing: "read", path: path.clone(), source };
@@ -357,7 +355,7 @@ impl Store {
     /// [`StoreError::Unknown`], [`StoreError::GoingOn`], [`StoreError::Disk`].
     pub(super) fn delete(&self, run: &RunId) -> Result<(), StoreError> {
         let mut index = self.index();
-        if index.going_on.as_ref() == Some(run) {
+        if index.is_going_on(run) {
             return Err(StoreError::GoingOn(run.clone()));
         }
         let number = index.find(run).ok_or_else(|| StoreError::Unknown(run.clone()))?.record.number;
@@ -374,9 +372,8 @@ impl Store {
     pub(super) fn hash_one(&self) -> bool {
         let unhashed = {
             let index = self.index();
-            let wanted = |record: &&Record| {
-                record.sha256.is_none() && index.going_on.as_ref() != Some(&record.run)
-            };
+            let wanted =
+                |record: &&Record| record.sha256.is_none() && !index.is_going_on(&record.run);
             // The newest is what a client waits for.
             index
                 .runs
@@ -468,6 +465,10 @@ impl Index {
             index.runs.insert(record.number, Entry { record, bytes, saved: true });
         }
         index
+    }
+
+    fn is_going_on(&self, run: &RunId) -> bool {
+        self.going_on.as_ref() == Some(run)
     }
 
     fn find(&self, run: &RunId) -> Option<&Entry> {
