@@ -88,7 +88,7 @@ impl Menu {
 
     pub(super) fn refuse(&mut self, message: String, hint: Option<String>) {
         self.notice = Some(Notice::Refused { message, hint });
-        self.notice_view = super::View::default();
+        self.views[Showing::Notice as usize] = super::View::default();
         self.changed = true;
     }
 
@@ -155,7 +155,7 @@ impl Menu {
     fn run_began(&mut self) {
         self.let_go();
         self.shows_map = false;
-        self.run_view = super::View::default();
+        self.views[Showing::Running as usize] = super::View::default();
         self.ended = None;
         self.page = None;
         self.notice = None;
@@ -180,7 +180,7 @@ impl Menu {
         };
         if self.dismissed.as_ref() != Some(&ended.stop) && self.ended.as_ref() != Some(&ended) {
             self.ended = Some(ended);
-            self.ended_view = super::View::default();
+            self.views[Showing::Ended as usize] = super::View::default();
             self.changed = true;
         }
     }

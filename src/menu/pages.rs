@@ -87,12 +87,8 @@ impl Menu {
     pub(super) fn view(&self) -> View {
         match self.showing() {
             Showing::Talk => self.talk.as_ref().map(|talk| talk.view).unwrap_or_default(),
-            Showing::NoService => View::default(),
-            Showing::Running => self.run_view,
-            Showing::Notice => self.notice_view,
-            Showing::Ended => self.ended_view,
-            Showing::Page => self.page_view,
             Showing::Tab => self.tab_views[self.tab as usize],
+            other => self.views[other as usize],
         }
     }
 

@@ -109,12 +109,8 @@ impl Menu {
     fn view_mut(&mut self) -> Option<&mut View> {
         Some(match self.showing() {
             Showing::Talk => &mut self.talk.as_mut()?.view,
-            Showing::NoService => return None,
-            Showing::Running => &mut self.run_view,
-            Showing::Notice => &mut self.notice_view,
-            Showing::Ended => &mut self.ended_view,
-            Showing::Page => &mut self.page_view,
             Showing::Tab => &mut self.tab_views[self.tab as usize],
+            other => &mut self.views[other as usize],
         })
     }
 
@@ -154,7 +150,7 @@ impl Menu {
             }
             Button::Left | Button::Right => {
                 self.shows_map = !self.shows_map;
-                self.run_view = View::default();
+                self.views[Showing::Running as usize] = View::default();
             }
             Button::Up | Button::Down => {
                 self.moves(button);
@@ -210,7 +206,7 @@ impl Menu {
             self.track = None;
         }
         self.page = Some(page);
-        self.page_view = View::default();
+        self.views[Showing::Page as usize] = View::default();
     }
 
     fn act_tab(&mut self, button: Button) {
@@ -297,7 +293,7 @@ impl Menu {
         match (page, button) {
             (Page::Map(run), Button::Enter) => {
                 self.notice = Some(Notice::Delete(run));
-                self.notice_view = View::default();
+                self.views[Showing::Notice as usize] = View::default();
             }
             (_, Button::Left | Button::Back) | (Page::Map(_), Button::Right) => self.page = None,
             (Page::TimeLimit(limit_s), _) => self.act_time_limit(button, limit_s),
