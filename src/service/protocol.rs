@@ -73,7 +73,7 @@ pub enum Id {
 /// A run's identifier: 1 to 40 letters, digits, `-` and `_`, chosen by the client that starts it.
 /// It is a folder's name, so nothing else is taken.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[serde(try_from = "String")]
 pub struct RunId(String);
 
 /// A text that is no run's identifier.
@@ -121,12 +121,6 @@ impl TryFrom<String> for RunId {
 
     fn try_from(text: String) -> Result<Self, NoRunId> {
         Self::new(&text)
-    }
-}
-
-impl From<RunId> for String {
-    fn from(id: RunId) -> Self {
-        id.0
     }
 }
 

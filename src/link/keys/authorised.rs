@@ -130,7 +130,7 @@ fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
     let read = document.read(|root| {
         root.allow(&["name", "key"]);
         // A person may have written any text there.
-        let name = String::from(Name::nearest(root.require("name")?.text()?));
+        let name = Name::nearest(root.require("name")?.text()?).to_string();
         let item = root.require("key")?;
         let key = PublicKey::parse(item.text()?);
         if let Err(error) = key {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// that a terminal obeys, or that a shell takes for more than a word. Both sides of a pairing check
 /// it.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[serde(try_from = "String")]
 pub struct Name(String);
 
 /// A text that is no name.
@@ -74,12 +74,6 @@ impl std::str::FromStr for Name {
     }
 }
 
-impl From<Name> for String {
-    fn from(name: Name) -> Self {
-        name.0
-    }
-}
-
 impl std::fmt::Display for Name {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.0)
@@ -105,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_nearest_name_of_a_text_is_one() {
-        let nearest = |text: &str| String::from(Name::nearest(text));
+        let nearest = |text: &str| Name::nearest(text).to_string();
         assert_eq!(nearest("anna's laptop"), "anna-s-laptop");
         assert_eq!(nearest("  a\nb\u{1b}[31m "), "a-b--31m");
         assert_eq!(nearest("-ev3-"), "ev3");
