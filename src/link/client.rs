@@ -38,6 +38,7 @@ use super::curve::NoCurve;
 use super::keys::{KeyPair, PublicKey};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::{SECOND_NS, nanoseconds, wall_ns};
+use crate::service::digest::hex;
 use crate::service::protocol::{
     Chosen, Done, Kind, Live, Missions, NoRunId, Refusal, Request, RunId, Runs, Start, Started,
     Status, Stopped,
@@ -398,7 +399,6 @@ fn name_in(text: &str) -> String {
 ///
 /// None, unless the calendar is in a distant future.
 pub fn new_run_id(mission: &str) -> Result<RunId, NoRunId> {
-    let chance = super::pairing::random().unwrap_or_default();
-    let chance: String = chance.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
+    let chance = hex(&super::pairing::random().unwrap_or_default()[..4]);
     RunId::of_mission(mission, &format!("{}-{chance}", wall_ns() / SECOND_NS))
 }

@@ -87,6 +87,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::keys::{KeyPair, PublicKey};
+use crate::service::digest::hex;
 use crate::service::protocol::Name;
 
 mod pc;
@@ -177,8 +178,7 @@ pub(super) fn random() -> std::io::Result<Number> {
 /// The kernel has no random numbers.
 #[cfg(feature = "host")]
 pub(crate) fn token() -> std::io::Result<String> {
-    let number = random()?;
-    Ok(number.iter().take(16).map(|byte| format!("{byte:02x}")).collect())
+    Ok(hex(&random()?[..16]))
 }
 
 /// 32 bytes in hexadecimal.
@@ -187,8 +187,8 @@ pub(crate) fn token() -> std::io::Result<String> {
 struct Hex([u8; 32]);
 
 impl From<Hex> for String {
-    fn from(hex: Hex) -> Self {
-        hex.0.iter().map(|byte| format!("{byte:02x}")).collect()
+    fn from(number: Hex) -> Self {
+        hex(&number.0)
     }
 }
 
