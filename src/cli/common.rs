@@ -85,8 +85,7 @@ pub(super) fn read_source(
         return Ok(Source { name: format!("{name}.toml"), text: text.to_owned() });
     }
     let bytes = read_bounded(path)?;
-    let document =
-        Document::new(&name, &bytes).map_err(|findings| Failure::refused(findings.to_string()))?;
+    let document = Document::new(&name, &bytes)?;
     Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
 }
 
@@ -157,7 +156,7 @@ pub(super) fn load_robot(
         None => Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() },
     };
     let (config, warnings) = RobotConfig::load(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()).hint(SHOW_ROBOT))?;
+        .map_err(|findings| Failure::from(findings).hint(SHOW_ROBOT))?;
     warn(&warnings);
     Ok(LoadedRobot { source, config })
 }
@@ -413,6 +412,12 @@ fn bar(mission: &Mission) -> indicatif::ProgressBar {
     let style = indicatif::ProgressStyle::with_template("{bar:30} {msg}");
     bar.set_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()));
     bar
+}
+
+impl From<Findings> for Failure {
+    fn from(findings: Findings) -> Self {
+        Self::refused(findings.to_string())
+    }
 }
 
 impl From<ProcessError> for Failure {

@@ -1,5 +1,6 @@
 //! `onbrick key`: this machine's key, and the keys that may ask it.
 
+use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -222,15 +223,15 @@ impl From<KeyError> for Failure {
         match &error {
             KeyError::Missing(_) => refused.hint("onbrick key new"),
             KeyError::Exists(_) => refused.hint(
-                "keep it: other machines know this one by this key; or delete the file and pair this \
-                 machine again",
+                "keep it: other machines know this one by this key; or delete the file and pair \
+                 this machine again",
             ),
-            KeyError::Io { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
+            KeyError::Io { source, .. } if source.kind() == ErrorKind::PermissionDenied => {
                 refused.hint(AS_THE_SERVICE)
             }
             KeyError::AnotherKey { .. } => refused.hint(
-                "--replace, if it was set up again; or give one of the two another name: `name` in its \
-                 onbrick.toml",
+                "--replace, if it was set up again; or give one of the two another name: `name` in \
+                 its onbrick.toml",
             ),
             KeyError::Readable(path) => refused.hint(format!("chmod 600 {}", path.display())),
             _ => refused,

@@ -334,8 +334,7 @@ fn nodes(
 fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
     let Some(path) = &arguments.scenario else { return Ok(None) };
     let source = read_source(path, |_| None)?;
-    let (scenario, warnings) = Scenario::parse(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (scenario, warnings) = Scenario::parse(&source.name, source.text.as_bytes())?;
     warn(&warnings);
     Ok(Some(scenario))
 }
@@ -346,8 +345,7 @@ fn simulation(arguments: &Arguments, output: &mut Output) -> Result<Simulation, 
     if let Some(path) = chosen_robot(arguments.robot.as_deref(), output) {
         source = furnished(source, &load_robot(Some(&path), output)?.config);
     }
-    let (world, _) = World::parse(&source.name, source.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (world, _) = World::parse(&source.name, source.text.as_bytes())?;
     let physics = WorldPhysics::new(world, arguments.robots, arguments.seed).map_err(|error| {
         Failure::refused(error.to_string())
             .hint("fewer --robots, or a world with more start poses (onbrick new world)")

@@ -104,8 +104,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
-    let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())?;
     let mut limited = mission.clone();
     limited.set("time_limit_s", arguments.seconds).context(Exit::Usage, "--seconds")?;
     let flags = stop_flags()?;
@@ -192,8 +191,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
-    let (world, _) = World::parse(&world.name, world.text.as_bytes())
-        .map_err(|findings| Failure::refused(findings.to_string()))?;
+    let (world, _) = World::parse(&world.name, world.text.as_bytes())?;
     let run = &loaded.run;
     let points = run.points_now();
     let mut distances: Vec<f64> = points

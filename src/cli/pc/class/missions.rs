@@ -211,8 +211,7 @@ impl Trial {
         // A name is that of a built-in world, as for `run --sim`.
         let (world_source, start) = load_world(Path::new(world))?;
         let robot = load_robot(None, &mut Output::new(true))?;
-        let (mission, _) = load_mission(source, &robot.config.capabilities())
-            .map_err(|findings| Failure::refused(findings.to_string()))?;
+        let (mission, _) = load_mission(source, &robot.config.capabilities())?;
         // It is a trial: only the newest recording is kept.
         match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
