@@ -60,17 +60,23 @@ pub(super) struct Marker {
     pub(super) lifetime: Time,
     pub(super) frame_locked: bool,
     pub(super) points: Vec<Vector3>,
-    pub(super) colors: Vec<ColorRgba>,
-    pub(super) texture_resource: String,
-    pub(super) texture_header: Header,
-    pub(super) texture_format: String,
-    pub(super) texture_data: Vec<u8>,
-    pub(super) uv_coordinates: Vec<[f32; 2]>,
-    pub(super) text: String,
-    pub(super) mesh_resource: String,
-    pub(super) mesh_file_name: String,
-    pub(super) mesh_file_data: Vec<u8>,
-    pub(super) mesh_use_embedded_materials: bool,
+    pub(super) rest: Rest,
+}
+
+/// What of a marker lines do not use; in the encoding it stands as if its fields were the marker's.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Rest {
+    colors: Vec<ColorRgba>,
+    texture_resource: String,
+    texture_header: Header,
+    texture_format: String,
+    texture_data: Vec<u8>,
+    uv_coordinates: Vec<[f32; 2]>,
+    text: String,
+    mesh_resource: String,
+    mesh_file_name: String,
+    mesh_file_data: Vec<u8>,
+    mesh_use_embedded_materials: bool,
 }
 
 /// Walls as one marker, two points a wall.
@@ -88,16 +94,6 @@ fn message(walls: &[Wall], header: Header) -> Marker {
         lifetime: Time::default(),
         frame_locked: false,
         points: ends.map(|[x, y]| Vector3 { x, y, z: 0.0 }).collect(),
-        colors: Vec::new(),
-        texture_resource: String::new(),
-        texture_header: Header::default(),
-        texture_format: String::new(),
-        texture_data: Vec::new(),
-        uv_coordinates: Vec::new(),
-        text: String::new(),
-        mesh_resource: String::new(),
-        mesh_file_name: String::new(),
-        mesh_file_data: Vec::new(),
-        mesh_use_embedded_materials: false,
+        rest: Rest::default(),
     }
 }
