@@ -137,9 +137,16 @@ fn beside(path: &Path, ending: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// A text as TOML writes it: as JSON does, but for one character that JSON leaves as it is.
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007F")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::document::Document;
 
     #[test]
     fn a_file_that_is_there_is_never_overwritten_unasked() {
@@ -188,5 +195,17 @@ mod tests {
     fn a_folder_that_is_not_there_is_said() {
         let error = replace(Path::new("not/there/robot.toml"), "x").unwrap_err();
         assert!(error.to_string().contains("not/there/robot.toml"), "{error}");
+    }
+
+    #[test]
+    fn any_name_can_be_written_as_toml() {
+        for name in ["ev3", "say \"hi\"", "back\\slash", "tab\t", "\0\u{8}\u{1b}", "ü🧱", "\u{7f}"]
+        {
+            let text = format!("name = {}", quoted(name));
+            let document = Document::new("t", text.as_bytes()).unwrap();
+            let (read, _) =
+                document.read(|root| root.get("name")?.text().map(str::to_owned)).unwrap();
+            assert_eq!(read, name);
+        }
     }
 }

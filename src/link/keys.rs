@@ -310,23 +310,6 @@ fn write_private(path: &Path, text: &str, replace: Replace) -> Result<(), KeyErr
     })
 }
 
-/// A text as TOML writes it.
-fn quoted(text: &str) -> String {
-    let mut quoted = String::from("\"");
-    for sign in text.chars() {
-        match sign {
-            '"' => quoted.push_str("\\\""),
-            '\\' => quoted.push_str("\\\\"),
-            sign if sign.is_control() => {
-                let _ = write!(quoted, "\\u{:04X}", u32::from(sign));
-            }
-            sign => quoted.push(sign),
-        }
-    }
-    quoted.push('"');
-    quoted
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -376,16 +359,5 @@ mod tests {
         assert_eq!(key.to_string(), text);
         assert_eq!(key.fingerprint().len(), 19, "{}", key.fingerprint());
         assert_eq!(PublicKey::parse(&text[1..]), Err(NoKey));
-    }
-
-    #[test]
-    fn any_name_can_be_written_as_toml() {
-        for name in ["ev3", "say \"hi\"", "back\\slash", "tab\t", "ü🧱", "\u{7f}"] {
-            let text = format!("name = {}", quoted(name));
-            let document = Document::new("t", text.as_bytes()).unwrap();
-            let (read, _) =
-                document.read(|root| root.get("name")?.text().map(str::to_owned)).unwrap();
-            assert_eq!(read, name);
-        }
     }
 }

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::document::save::quoted;
 use crate::ev3dev::{Driver, PortAddress};
 use crate::robot::{ROBOTS, RobotConfig, ShippedRobot};
 use crate::senses::Role;
@@ -247,11 +248,6 @@ fn aligned(text: &str) -> String {
         None => format!("{line}\n"),
     };
     text.lines().map(line).collect()
-}
-
-/// A text as TOML writes it; control characters do not come here.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
 #[cfg(test)]

@@ -14,7 +14,8 @@ use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
-use super::{KeyError, PublicKey, Replace, make_folder, quoted, write_private};
+use super::{KeyError, PublicKey, Replace, make_folder, write_private};
+use crate::document::save::quoted;
 use crate::document::{Document, Item, Section};
 use crate::link::client::Address;
 use crate::printable::line;
