@@ -23,8 +23,6 @@ pub(super) const PAIRING: &str = "onbrick.pairing";
 /// The thread that is asked. Dropping it ends it.
 #[derive(Debug)]
 pub(super) struct Handler {
-    /// The thread has ended, by itself or by order.
-    gone: Arc<AtomicBool>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -40,22 +38,19 @@ impl Handler {
         socket.set_linger(0).map_err(ServerError::Socket)?;
         socket.set_rcvtimeo(i32::from(NAP_MS)).map_err(ServerError::Socket)?;
         socket.bind(ENDPOINT).map_err(ServerError::Socket)?;
-        let gone = Gone(Arc::new(AtomicBool::new(false)));
         let stop = Arc::new(AtomicBool::new(false));
-        let (told, stopped) = (Arc::clone(&gone.0), Arc::clone(&stop));
+        let stopped = Arc::clone(&stop);
         let serve = move || {
-            // However this thread ends, it is known.
-            let _gone = gone;
             let asked = Asked { socket, authorised, window };
             while !stopped.load(Ordering::Relaxed) && asked.answer_one() {}
         };
         let thread = spawn("zap", serve).map_err(ServerError::Thread)?;
-        Ok(Self { gone: told, stop, thread: Some(thread) })
+        Ok(Self { stop, thread: Some(thread) })
     }
 
-    /// True once the handler has ended.
+    /// True once the handler has ended, however it did.
     pub(super) fn is_gone(&self) -> bool {
-        self.gone.load(Ordering::Acquire)
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 }
 
@@ -66,14 +61,6 @@ impl Drop for Handler {
             // A thread that has panicked is gone as well.
             let _ = thread.join();
         }
-    }
-}
-
-struct Gone(Arc<AtomicBool>);
-
-impl Drop for Gone {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Release);
     }
 }
 
