@@ -75,9 +75,7 @@ fn introduce(arguments: &Arguments, host: &str, output: &mut Output) -> Result<(
     let mut known = KnownBricks::load(&folder)?;
     let flags = stop_flags()?;
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
-    let name = arguments.name.clone().unwrap_or_else(|| {
-        Name::nearest(&nix::unistd::gethostname().unwrap_or_default().to_string_lossy())
-    });
+    let name = arguments.name.clone().unwrap_or_else(Name::of_this_machine);
     let patience = arguments.how.patience(&flags.signal);
     // The brick that keeps its name and its key, because the person would rather.
     let mut kept = None;

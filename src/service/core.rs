@@ -13,7 +13,7 @@ use super::protocol::{
     Answer, Caller, Done, Kind, LocalOnly, Missions, Name, Operations, Pairing, Refusal, Request,
     RunInfo, Runs, Settings, SettingsChange, Status, VERSION,
 };
-use super::settings::{Kept, addresses, host_name};
+use super::settings::{Kept, addresses};
 use super::start::Stop;
 use super::store::Store;
 use super::token::Tokens;
@@ -115,7 +115,7 @@ impl Service {
             closing: false,
         };
         let inner = Arc::new(Inner {
-            name: config.name.clone().unwrap_or_else(host_name),
+            name: config.name.clone().unwrap_or_else(Name::of_this_machine),
             hardware: Hardware::new(place.clone()),
             config,
             place,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::protocol::{Kind, Name, Refusal, SettingsChange};
+use super::protocol::{Kind, Refusal, SettingsChange};
 use super::store::{read_small, replace_file};
 use crate::behavior::Mission;
 
@@ -92,12 +92,6 @@ pub(super) fn addresses() -> Vec<String> {
         .collect();
     addresses.dedup();
     addresses
-}
-
-/// The machine's name, or the nearest that is one.
-pub(super) fn host_name() -> Name {
-    let name = nix::unistd::gethostname().unwrap_or_default();
-    Name::nearest(&name.to_string_lossy())
 }
 
 #[cfg(test)]

@@ -47,6 +47,12 @@ impl Name {
         Self(if text.is_empty() { "nameless" } else { text }.to_owned())
     }
 
+    /// The one nearest to this machine's own.
+    #[must_use]
+    pub fn of_this_machine() -> Self {
+        Self::nearest(&nix::unistd::gethostname().unwrap_or_default().to_string_lossy())
+    }
+
     /// The text.
     #[must_use]
     pub fn as_str(&self) -> &str {

@@ -187,8 +187,7 @@ impl Pairing {
         answered: &Receiver<bool>,
     ) -> Result<KnownBrick, String> {
         let mut known = KnownBricks::load(folder).map_err(|error| with_causes(&error))?;
-        let here = nix::unistd::gethostname().unwrap_or_default();
-        let name = Name::nearest(&here.to_string_lossy());
+        let name = Name::of_this_machine();
         let patience = Patience::new(PATIENCE_S).if_absent(10.0).unless(Arc::clone(over));
         let mut is_same = |brick: &Introduced, code: &str| {
             let another = known.another(&brick.name, &brick.key);
