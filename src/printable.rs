@@ -79,6 +79,13 @@ pub fn line(text: &str) -> Cow<'_, str> {
     shown(text, Layout::Line, LONGEST_LINE)
 }
 
+/// The same between the tags of a page or a picture.
+#[cfg(feature = "sim")]
+pub(crate) fn escaped(text: &str) -> String {
+    let text = line(text);
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
 /// A text of others that may have lines of its own.
 #[must_use]
 pub fn lines(text: &str) -> Cow<'_, str> {

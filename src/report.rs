@@ -31,6 +31,7 @@ use crate::clock::seconds;
 use crate::mapping::{self, MapPoint, Misfit, Pose, Sight, Testimony, Wall};
 use crate::printable;
 use crate::recording::Run;
+use crate::sim::Paint;
 
 /// What there is to see of one or several runs, in one world frame.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -50,20 +51,7 @@ pub struct Scene {
     /// Where the floor ends: the corners of a closed shape each.
     pub edges: Vec<Vec<[f64; 2]>>,
     /// What is drawn on the floor, the lowest first.
-    pub marks: Vec<FloorMark>,
-}
-
-/// Something drawn on the floor.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FloorMark {
-    /// Its points, metres.
-    pub points: Vec<[f64; 2]>,
-    /// A line of this width, metres; none for a filled patch.
-    pub width_m: Option<f64>,
-    /// A line's ends are joined.
-    pub closed: bool,
-    /// Red, green, blue.
-    pub colour: [u8; 3],
+    pub marks: Vec<Paint>,
 }
 
 /// One run's path and points.
@@ -353,12 +341,6 @@ fn thinned(path: &[PathPoint], least_m: f64) -> Vec<PathPoint> {
         kept.push(*end);
     }
     kept
-}
-
-/// A text between the tags of a page.
-fn escaped(text: &str) -> String {
-    let text = printable::line(text);
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -47,6 +47,8 @@ pub use mount::{Found, Mount, MountError, MountOptions, Remedy, Unfit};
 pub use physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
 pub use ports::Port;
 pub use simulation::{MOST_BEHIND_NS, Options, Plugged, Simulation, Written};
+#[cfg(feature = "host")]
+pub(crate) use view::web_colour;
 pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};
 pub use world::{Colour, Errors, OwnEcho, RobotModel, StartPose, World, covered};
 pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

@@ -9,11 +9,12 @@ use plotters::style::RGBColor;
 use plotters::style::text_anchor::{HPos, VPos};
 use serde_json::json;
 
+use super::OKABE_ITO;
 use super::canvas::{self, Canvas, Drawing, INK, LEFT_MIDDLE, MESH, PlotError, SOFT, rgb};
 use super::ruler::Ruler;
 use super::timeline::{Mark, Signal, Timeline};
-use super::{OKABE_ITO, escaped};
 use crate::page::inside_script;
+use crate::printable::escaped;
 
 /// The picture's width in layout units, and what is around its panels.
 const WIDTH: f64 = 900.0;

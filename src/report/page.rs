@@ -12,9 +12,11 @@
 use serde_json::{Value, json};
 
 use super::plot::pale;
-use super::{FloorMark, PathPoint, Scene, Track, colours, escaped, is_single, thinned};
+use super::{PathPoint, Scene, Track, colours, is_single, thinned};
 use crate::clock::seconds;
 use crate::page::inside_script;
+use crate::printable::escaped;
+use crate::sim::{Paint, web_colour};
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -58,17 +60,13 @@ fn data(scene: &Scene) -> Value {
     })
 }
 
-fn floor_mark(mark: &FloorMark) -> Value {
+fn floor_mark(mark: &Paint) -> Value {
     json!({
         "points": outline(&mark.points),
         "width": mark.width_m,
         "closed": mark.closed,
-        "colour": hex(pale(mark.colour)),
+        "colour": web_colour(pale(mark.colour)),
     })
-}
-
-fn hex([red, green, blue]: [u8; 3]) -> String {
-    format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
 fn outlines(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
@@ -94,8 +92,8 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     };
     json!({
         "name": track.name,
-        "pathColour": hex(colours.path),
-        "pointColour": hex(colours.points),
+        "pathColour": web_colour(colours.path),
+        "pointColour": web_colour(colours.points),
         "path": thinned(&track.path, LEAST_STEP_M)
             .into_iter()
             .flat_map(of_path)

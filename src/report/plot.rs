@@ -9,7 +9,8 @@ use plotters::style::{RGBColor, WHITE};
 
 use super::canvas::{self, Canvas, Drawing, INK, LEFT_MIDDLE, MESH, PlotError, SOFT, rgb};
 use super::ruler::Ruler;
-use super::{Colours, FloorMark, Scene, Track, colours, is_single, page, thinned};
+use super::{Colours, Scene, Track, colours, is_single, page, thinned};
+use crate::sim::Paint;
 
 /// The picture's width in layout units.
 const WIDTH: f64 = 800.0;
@@ -200,7 +201,7 @@ impl Picture<'_> {
     fn floor_mark<DB: DrawingBackend>(
         &self,
         canvas: &Canvas<'_, DB>,
-        mark: &FloorMark,
+        mark: &Paint,
     ) -> Result<(), PlotError> {
         let points = mark.points.iter().copied();
         match mark.width_m {

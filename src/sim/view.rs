@@ -14,7 +14,7 @@ mod brick;
 mod still;
 mod trail;
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use self::brick::sighted_m;
 pub use self::still::still;
@@ -145,8 +145,18 @@ pub struct Paint {
     pub width_m: Option<f64>,
     /// A line's ends are joined.
     pub closed: bool,
-    /// As a web colour.
-    pub colour: String,
+    /// Red, green, blue.
+    #[serde(serialize_with = "as_web_colour")]
+    pub colour: [u8; 3],
+}
+
+/// A colour as pages and pictures have it.
+pub(crate) fn web_colour([red, green, blue]: [u8; 3]) -> String {
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
+fn as_web_colour<S: Serializer>(colour: &[u8; 3], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&web_colour(*colour))
 }
 
 /// Around what stands in a world, metres; a world with nothing in it is shown so far.
@@ -161,7 +171,7 @@ impl Room {
             |points: &[super::world::geometry::Point]| points.iter().map(|p| [p.x, p.y]).collect();
         let mut floor = Vec::new();
         if !world.floor.table.is_empty() {
-            let colour = web_colour(world.floor.ground.reflects_pct);
+            let colour = colour_of(world.floor.ground.reflects_pct);
             floor.push(Paint {
                 points: plain(&world.floor.table),
                 width_m: None,
@@ -173,7 +183,7 @@ impl Room {
             points: plain(&mark.points),
             width_m: mark.width_m,
             closed: mark.closed,
-            colour: web_colour(mark.ground.reflects_pct),
+            colour: colour_of(mark.ground.reflects_pct),
         }));
         let places =
             world.outlines().iter().flatten().chain(floor.iter().flat_map(|paint| &paint.points));
@@ -200,7 +210,7 @@ fn joined((low, high): Bounds, (other_low, other_high): Bounds) -> Bounds {
 }
 
 /// Reflected light as a colour on a screen, by the screen's own curve.
-fn web_colour(reflects_pct: [f64; 3]) -> String {
+fn colour_of(reflects_pct: [f64; 3]) -> [u8; 3] {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -209,8 +219,7 @@ fn web_colour(reflects_pct: [f64; 3]) -> String {
     let byte = |pct: f64| {
         (255.0 * libm::pow((pct / 85.0).clamp(0.0, 1.0), 0.4545)).clamp(0.0, 255.0) as u8
     };
-    let [red, green, blue] = reflects_pct.map(byte);
-    format!("#{red:02x}{green:02x}{blue:02x}")
+    reflects_pct.map(byte)
 }
 
 /// How many of the last things done a view tells.

@@ -7,7 +7,8 @@ use onbrick::clock::{Clock, MonotonicClock, SECOND_NS, seconds};
 use onbrick::mapping::MapPoint;
 use onbrick::recording::{Grid, Run};
 use onbrick::report::export::NamedRecording;
-use onbrick::report::{FloorMark, PathPoint, Scene, Track, export, plot};
+use onbrick::report::{PathPoint, Scene, Track, export, plot};
+use onbrick::sim::Paint;
 
 use crate::recording::decoder::python;
 use crate::recording::sample::{grid, sample, tick, walls};
@@ -139,7 +140,7 @@ fn on_a_table() -> Scene {
     let mut scene = one();
     scene.edges = vec![vec![[-1.0, -1.0], [1.5, -1.0], [1.5, 1.0], [-1.0, 1.0]]];
     let red = [0xff, 0x00, 0x00];
-    let mark = |points, width_m, closed| FloorMark { points, width_m, closed, colour: red };
+    let mark = |points, width_m, closed| Paint { points, width_m, closed, colour: red };
     scene.marks = vec![
         mark(vec![[0.0, 0.0], [0.2, 0.0], [0.2, 0.2]], None, true),
         mark(vec![[0.0, 0.5], [0.4, 0.5]], Some(0.02), false),

@@ -6,8 +6,8 @@ use crate::cli::common::{LoadedRun, write_file};
 use crate::cli::{Context, Exit, Failure};
 use crate::printable;
 use crate::recording::Run;
-use crate::report::{FloorMark, Scene, Track, export, plot};
-use crate::sim::{Paint, Room, World};
+use crate::report::{Scene, Track, export, plot};
+use crate::sim::{Room, World};
 use crate::units::degrees;
 
 /// All runs in one picture, with what is known of the worlds that they were in.
@@ -34,7 +34,7 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
         // The floor itself is drawn below all marks, where it has an edge.
         let marks = Room::of(&world).floor.into_iter().skip(usize::from(!edge.is_empty()));
         add_new(&mut scene.edges, Some(edge).filter(|edge| !edge.is_empty()));
-        add_new(&mut scene.marks, marks.map(floor_mark));
+        add_new(&mut scene.marks, marks);
     }
     scene
 }
@@ -86,12 +86,6 @@ fn add_new<T: PartialEq>(all: &mut Vec<T>, more: impl IntoIterator<Item = T>) {
             all.push(one);
         }
     }
-}
-
-fn floor_mark(paint: Paint) -> FloorMark {
-    let Paint { points, width_m, closed, colour } = paint;
-    let hex = |at: usize| colour.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok());
-    FloorMark { points, width_m, closed, colour: [1, 3, 5].map(|at| hex(at).unwrap_or(0)) }
 }
 
 /// Writes a picture, as map.svg and map.png, and what is drawn in it, as points.csv and path.csv,

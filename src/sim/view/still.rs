@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::{Mark, MarkKind, Paint, RobotView, Room, View};
-use crate::printable;
+use super::{Mark, MarkKind, Paint, RobotView, Room, View, web_colour};
+use crate::printable::escaped;
 use crate::sim::Simulation;
 use crate::units::radians;
 
@@ -99,6 +99,7 @@ impl Picture {
     fn draw_room(&mut self) {
         for Paint { points, width_m, closed, colour } in std::mem::take(&mut self.room.floor) {
             let path = self.path(points.iter().copied(), closed);
+            let colour = web_colour(colour);
             match width_m {
                 Some(width_m) => {
                     let width = width_m * self.scale;
@@ -248,9 +249,4 @@ fn colours(robot: usize) -> (&'static str, &'static str) {
 #[expect(clippy::cast_precision_loss, reason = "a few lines")]
 fn whole(count: usize) -> f64 {
     count as f64
-}
-
-fn escaped(text: &str) -> String {
-    let text = printable::line(text);
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
