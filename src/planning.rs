@@ -39,6 +39,13 @@
 //! No motion: what drives a plan is [`crate::behavior::navigation`]. No shape of the robot: it is a
 //! disc. No uncertainty of the pose.
 //!
+//! # What was tried and gave nothing
+//!
+//! - In the second try a wall counts only where it was heard from near, echoes from afar close
+//!   nothing: of three runs in `gap` that missed the passage two then found it, but looking at each
+//!   wall from near takes so long that of 40 runs of 300 s the mean coverage fell from 96 to 92 %.
+//! - A speed of 0.14 or 0.18 m/s: coverage as at 0.11 m/s, and three to five times the collisions.
+//!
 //! # What it costs
 //!
 //! Nothing is allocated after construction: 0.4 MB, for grids of up to [`Planner::MOST_COLUMNS`]

@@ -21,7 +21,11 @@
 //!   farther, or nothing: of real scans' points 76 % within 5 cm for 75, the tenth that is worst
 //!   from 9.0 cm for 9.5; 0.4 % more of an exploration's points (96 runs). But a lone wrong reading
 //!   is such a neighbour, too: with crosstalk of 10 % between two robots 87 % of the wall has a
-//!   point, too little for `figures::together`.
+//!   point, too little for `figures::together`. Counting a neighbour only when a second reading
+//!   agrees keeps the gain in the real scans, but 1 to 7 % less of an explored room's wall has a
+//!   point (4 rooms, 40 runs each).
+//! - Taking a lone reading that jumps for a whim, as a lone missing echo is, inside its
+//!   valley. Nothing for explorations, 0.6 % fewer of the real scans' points are within 5 cm.
 
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
