@@ -60,8 +60,11 @@ pub(super) fn own_program() -> Result<PathBuf, Failure> {
 /// Makes a folder, and those that it lies in, where they are not there.
 pub(super) fn make_folder(exit: Exit, folder: &Path) -> Result<(), Failure> {
     let made = std::fs::create_dir_all(folder);
-    made.context(exit, format_args!("cannot make {}", folder.display()))
+    made.context(exit, format_args!("cannot make {}", folder.display())).hint(WRITABLE)
 }
+
+/// The way out where a file or a folder cannot be made.
+const WRITABLE: &str = "a name in a folder that is there and can be written to";
 
 /// A robot's file as it was read, and what it says.
 #[derive(Debug)]
@@ -301,11 +304,31 @@ pub(super) fn must_be_new(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes a file that can be made again, whole or not at all.
+/// Writes a file that can be made again, whole or not at all: over one of the same kind, and over
+/// no other.
 #[cfg(feature = "sim")]
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    if path.is_file() && !begins_alike(path, bytes) {
+        return Err(Failure::refused(format!(
+            "{} is there already, and of another kind",
+            path.display()
+        ))
+        .hint("another name, or move that file away: only one of its kind is written over"));
+    }
     crate::document::save::write(path, bytes)
-        .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)))
+        .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))
+}
+
+/// Whether a file begins as these bytes do, or is empty. As many bytes are compared as PNG and MCAP
+/// have for telling what they are; a table begins with its columns' names.
+#[cfg(feature = "sim")]
+fn begins_alike(path: &Path, bytes: &[u8]) -> bool {
+    use std::io::Read as _;
+    const KIND_BYTES: usize = 8;
+    let mut there = Vec::new();
+    let read = std::fs::File::open(path)
+        .and_then(|file| file.take(KIND_BYTES as u64).read_to_end(&mut there));
+    read.is_ok() && (there.is_empty() || bytes.get(..KIND_BYTES) == Some(&there[..]))
 }
 
 /// Reads a world's file, or takes a built-in one; the pose is the first robot's start.

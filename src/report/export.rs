@@ -98,11 +98,14 @@ const OCCUPIED_THRESHOLD: f64 = 0.65;
 /// it must lie above.
 const FREE_THRESHOLD: f64 = 0.196;
 
+/// A comment that tells a map of ours from those of other programs, which have the same names.
+const MADE_BY: &str = "# onbrick\n";
+
 /// The grid as a picture (PGM, binary): black occupied, 254 free, 205 unknown; the highest y first,
 /// as Nav2 reads it.
 #[must_use]
 pub fn pgm(grid: &Grid) -> Vec<u8> {
-    let mut bytes = format!("P5\n{} {}\n255\n", grid.width, grid.height).into_bytes();
+    let mut bytes = format!("P5\n{MADE_BY}{} {}\n255\n", grid.width, grid.height).into_bytes();
     let width = usize::try_from(grid.width).unwrap_or(usize::MAX).max(1);
     for row in grid.cells.chunks(width).rev() {
         bytes.extend(row.iter().map(|cell| grey(*cell)));
@@ -117,7 +120,8 @@ pub fn nav2_yaml(grid: &Grid, image: &str) -> String {
     // A JSON string is a YAML string.
     let image = serde_json::Value::from(image);
     format!(
-        "image: {image}\nmode: trinary\nresolution: {:?}\norigin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
+        "{MADE_BY}image: {image}\nmode: trinary\nresolution: {:?}\n\
+         origin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
          occupied_thresh: {OCCUPIED_THRESHOLD}\nfree_thresh: {FREE_THRESHOLD}\n",
         grid.resolution_m
     )
@@ -180,6 +184,6 @@ mod tests {
         assert_eq!(points_csv(&[]), "time_s,x_m,y_m,robot\n");
         assert_eq!(path_csv(&[]), "time_s,x_m,y_m,heading_deg,robot\n");
         assert!(ply(&[]).ends_with("end_header\n"));
-        assert_eq!(pgm(&Grid::default()), b"P5\n0 0\n255\n");
+        assert_eq!(pgm(&Grid::default()), b"P5\n# onbrick\n0 0\n255\n");
     }
 }

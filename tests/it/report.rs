@@ -334,14 +334,17 @@ fn tables_have_a_row_for_each_point_and_each_tick() {
 fn a_grid_is_a_picture_with_the_highest_row_first() {
     let grid = grid();
     let pgm = export::pgm(&grid);
-    assert_eq!(pgm, [b"P5\n3 2\n255\n".as_slice(), &[205, 254, 205, 205, 254, 0]].concat());
+    assert_eq!(
+        pgm,
+        [b"P5\n# onbrick\n3 2\n255\n".as_slice(), &[205, 254, 205, 205, 254, 0]].concat()
+    );
     let yaml = export::nav2_yaml(&grid, "map.pgm");
-    let expected = "image: \"map.pgm\"\nmode: trinary\nresolution: 0.05\n\
+    let expected = "# onbrick\nimage: \"map.pgm\"\nmode: trinary\nresolution: 0.05\n\
                     origin: [-1.0, -0.5, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n\
                     free_thresh: 0.196\n";
     assert_eq!(yaml, expected);
     let empty = Grid { resolution_m: 0.05, ..Grid::default() };
-    assert_eq!(export::pgm(&empty), b"P5\n0 0\n255\n");
+    assert_eq!(export::pgm(&empty), b"P5\n# onbrick\n0 0\n255\n");
 }
 
 fn part<'a>(name: &'a str, bytes: &'a [u8], shift_ns: i64) -> NamedRecording<'a> {

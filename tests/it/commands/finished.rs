@@ -173,6 +173,46 @@ fn export_writes_every_format() {
 }
 
 #[test]
+fn a_file_of_another_kind_is_not_written_over_and_a_picture_is() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    for (name, text) in [("notes.svg", "<?xml version=\"1.0\"?>"), ("points.csv", "x,y\n1,2\n")] {
+        std::fs::write(at(name), text).unwrap();
+    }
+    std::fs::copy(at("left.mcap"), at("kept.svg")).unwrap();
+    std::fs::write(at("map.pgm"), "P5\n# CREATOR: map_saver\n1 1\n255\n0").unwrap();
+    let before = |name: &str| std::fs::read(at(name)).unwrap();
+    for (name, arguments) in [
+        ("notes.svg", &["plot", "left.mcap", "-o", "notes.svg"][..]),
+        ("kept.svg", &["plot", "left.mcap", "-o", "kept.svg"]),
+        ("points.csv", &["export", "left.mcap", "--format", "csv"]),
+        ("map.pgm", &["export", "left.mcap", "--format", "pgm"]),
+    ] {
+        let kept = before(name);
+        let said = run(folder.path(), arguments).expect(3).err;
+        assert!(said.contains(name) && said.contains("of another kind\n  try: "), "{said}");
+        assert_eq!(before(name), kept, "{name}");
+    }
+    for arguments in [
+        &["-o", "map.svg"][..],
+        &["-o", "map.png"],
+        &["-o", "map.pdf"],
+        &["-o", "map.svg", "--signals", "range_m"],
+        &["-o", "map.svg"],
+        &["-o", "map.png", "--title", "again"],
+        &["-o", "map.pdf", "--title", "again"],
+    ] {
+        run(folder.path(), &[&["plot", "right.mcap"], arguments].concat()).expect(0);
+    }
+    for format in ["csv", "pgm", "ply"] {
+        for recording in ["left.mcap", "right.mcap"] {
+            let arguments = ["export", recording, "--format", format, "--out", "again"];
+            run(folder.path(), &arguments).expect(0);
+        }
+    }
+}
+
+#[test]
 fn repair_makes_a_whole_file_of_a_cut_one_and_one_of_several() {
     let folder = folder();
     let indexed = |name: &str| {
@@ -232,9 +272,8 @@ fn the_exported_grid_has_all_that_the_robot_has_seen() {
         .expect(0);
     assert_eq!(said.err, "");
     let pgm = std::fs::read(folder.path().join("map/map.pgm")).unwrap();
-    let mut head = pgm.splitn(4, |byte| *byte == b'\n');
-    let (_, size, _, cells) =
-        (head.next(), head.next().unwrap(), head.next(), head.next().unwrap());
+    let mut head = pgm.splitn(5, |byte| *byte == b'\n');
+    let (size, _, cells) = (head.nth(2).unwrap(), head.next(), head.next().unwrap());
     let size = String::from_utf8(size.to_vec()).unwrap();
     let [width, height] =
         [0, 1].map(|part| size.split(' ').nth(part).unwrap().parse::<usize>().unwrap());
@@ -306,8 +345,10 @@ fn a_full_disk_leaves_no_empty_files_and_the_old_ones_whole() {
         super::done(&command.output().unwrap())
     };
     std::fs::create_dir(folder.path().join("out")).unwrap();
-    std::fs::write(folder.path().join("out/map.pgm"), "old").unwrap();
-    std::fs::write(folder.path().join("old.svg"), "old").unwrap();
+    let old = [("out/map.pgm", "P5\n# onbrick\nold"), ("old.svg", "<svg width=\"800\" old")];
+    for (name, text) in old {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
     let before = names(folder.path());
     for arguments in [
         "new robot fresh.toml",
@@ -321,12 +362,9 @@ fn a_full_disk_leaves_no_empty_files_and_the_old_ones_whole() {
         assert!(said.err.contains("cannot write"), "{arguments}: {}", said.err);
         assert_eq!(names(folder.path()), before, "{arguments}");
         assert_eq!(names(&folder.path().join("out")), ["map.pgm"], "{arguments}");
-        for old in ["out/map.pgm", "old.svg"] {
-            assert_eq!(
-                std::fs::read_to_string(folder.path().join(old)).unwrap(),
-                "old",
-                "{arguments}: {old}"
-            );
+        for (name, text) in old {
+            let there = std::fs::read_to_string(folder.path().join(name)).unwrap();
+            assert_eq!(there, text, "{arguments}: {name}");
         }
     }
     run(folder.path(), &["plot", "left.mcap", "-o", "/dev/null"]);
