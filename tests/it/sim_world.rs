@@ -313,6 +313,25 @@ fn mistakes_in_a_world_have_their_places() {
     assert!(World::parse("w", many.as_bytes()).unwrap_err().to_string().contains("at most 2000"));
 }
 
+#[test]
+fn a_robot_that_starts_outside_the_room_is_warned_of() {
+    const ROOM: &str = "name = \"t\"\n[[wall]]\nclosed = true\n\
+                        points = [[-1, -1], [1, -1], [1, 1], [-1, 1]]\n";
+    let warned = |more: &str| {
+        let text = format!("{ROOM}{more}");
+        World::parse("world.toml", text.as_bytes()).unwrap().1.to_string()
+    };
+    for inside in ["", "[[start]]\nat = [0.5, 0]\n"] {
+        assert_eq!(warned(inside), "");
+    }
+    let found = warned("[[start]]\nat = [0, 0]\n[[start]]\nat = [3, 0]\n");
+    assert!(
+        found.starts_with("warning: the robot at (3, 0) starts outside each closed wall")
+            && found.contains("world.toml:7:"),
+        "{found}"
+    );
+}
+
 fn drive_and_measure(
     world: &World,
     robots: usize,

@@ -6,12 +6,12 @@
 
 use std::f64::consts::PI;
 
-use super::geometry::{Disc, Point, rectangle};
+use super::geometry::{Disc, Point, contains, rectangle};
 use super::robot::number;
 use super::{
     Beacon, Colour, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World,
 };
-use crate::document::{Item, Kind, Section};
+use crate::document::{Item, Kind, Section, Severity};
 use crate::units::radians;
 
 /// Furthest from the origin that anything stands, metres.
@@ -41,10 +41,13 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
             .section("robot")
             .map_or_else(RobotModel::default, |section| RobotModel::read(&section)),
     };
+    let mut rooms = Vec::new();
     for wall in things(root, "wall") {
         wall.allow(&["points", CLOSED]);
         if let Some(points) = points(&wall, 2) {
-            world.add_polyline(&points, flag(&wall, CLOSED));
+            let closed = flag(&wall, CLOSED);
+            world.add_polyline(&points, closed);
+            rooms.extend(Some(points).filter(|_| closed));
         }
     }
     for block in things(root, "block") {
@@ -61,7 +64,7 @@ pub(super) fn world(root: &Section<'_>) -> Option<World> {
         }
     }
     world.surfaces.find_corners();
-    starts(root, &mut world);
+    starts(root, &mut world, &rooms);
     Some(world)
 }
 
@@ -185,11 +188,13 @@ fn beacon(section: &Section<'_>) -> Option<Beacon> {
 }
 
 /// Start poses; without any, one at the origin. None may stand in something.
-fn starts(root: &Section<'_>, world: &mut World) {
+///
+/// - `rooms`: the corners of each closed wall.
+fn starts(root: &Section<'_>, world: &mut World, rooms: &[Vec<Point>]) {
     let sections = things(root, "start");
     if root.get("start").is_none() {
         let origin = StartPose { x_m: 0.0, y_m: 0.0, heading_rad: 0.0 };
-        check_start(root, world, origin);
+        check_start(root, world, rooms, origin);
         world.starts.push(origin);
     }
     for section in sections {
@@ -197,13 +202,20 @@ fn starts(root: &Section<'_>, world: &mut World) {
         let heading_rad = number(&section, "heading_deg", -360.0, 360.0, 0.0) * (PI / 180.0);
         let Some(place) = place(&section) else { continue };
         let start = StartPose { x_m: place.x, y_m: place.y, heading_rad };
-        check_start(&section, world, start);
+        check_start(&section, world, rooms, start);
         world.starts.push(start);
     }
 }
 
-fn check_start(section: &Section<'_>, world: &World, start: StartPose) {
+fn check_start(section: &Section<'_>, world: &World, rooms: &[Vec<Point>], start: StartPose) {
     let place = Point::new(start.x_m, start.y_m);
+    if !rooms.is_empty() && !rooms.iter().any(|room| contains(room, place)) {
+        let at = format!("({}, {})", start.x_m, start.y_m);
+        let message = format!("the robot at {at} starts outside each closed wall");
+        section
+            .note(section.place(), Severity::Warning, message)
+            .hint("put `at` inside one; what robots drive round is a `[[block]]`");
+    }
     if !world.is_clear(start) {
         section
             .error(format!("the robot at ({}, {}) starts inside a wall", start.x_m, start.y_m))
