@@ -107,6 +107,12 @@ impl StopReason {
         )
     }
 
+    /// True where something happened to the robot: the mission's state and the place say more.
+    #[must_use]
+    pub const fn has_a_place(self) -> bool {
+        matches!(self, Self::Stalled | Self::Lost(_) | Self::Implausible(_) | Self::Fallen)
+    }
+
     /// The same, with what else is known of it.
     #[must_use]
     pub fn with(self, detail: impl Into<Option<String>>) -> Stop {

@@ -20,6 +20,7 @@ use crate::behavior::demands::{Led, SAY_BYTES};
 use crate::behavior::{Demands, MAX_MACHINES, Taken};
 use crate::clock::Clock;
 use crate::ev3dev::StopAction;
+use crate::mapping::{Estimate, Pose};
 use crate::robot::Robot;
 use crate::senses::{Channel, Senses};
 
@@ -153,6 +154,8 @@ pub struct Tally {
     pub points: u64,
     /// Metres driven.
     pub travelled_m: f64,
+    /// Where the robot believes that it is.
+    pub pose: Pose,
 }
 
 /// A run in motion.
@@ -358,8 +361,9 @@ impl Control<'_> {
             self.recorder.transition(senses.tick, time_ns, transition);
         }
         let points = self.tally.points + step.placed.len() as u64;
-        let travelled_m = estimate.travelled_m;
-        self.tally = Tally { ticks: senses.tick + 1, time_ns, points, travelled_m, ..self.tally };
+        let Estimate { travelled_m, pose, .. } = estimate;
+        let ticks = senses.tick + 1;
+        self.tally = Tally { ticks, time_ns, points, travelled_m, pose, ..self.tally };
         step
     }
 

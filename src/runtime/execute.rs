@@ -8,6 +8,7 @@ use crate::behavior::{Mission, SetError};
 use crate::clock::{SECOND_NS, seconds, wall_ns};
 use crate::document::Findings;
 use crate::ev3dev::{DeviceError, Platform, StopAction, Tree};
+use crate::mapping::Pose;
 use crate::printable::with_causes;
 use crate::robot::{Aspect, BindError, LeasedMotor, Robot, RobotConfig, equip};
 
@@ -200,7 +201,10 @@ pub fn execute(
         }
         _ => None,
     };
-    let stop = reason.with(detail);
+    let mut stop = reason.with(detail);
+    if reason.has_a_place() {
+        stop.add(&place(&mission, &pilot, &tally.pose));
+    }
     if stopped {
         write_owner(job, &Owner { stopped: true, ..owner(job, mission.name()) });
     }
@@ -228,6 +232,13 @@ pub fn execute(
         file: job.file.clone(),
         recording,
     })
+}
+
+/// What the mission did at the end, and where: `drive in ahead, at x 0.83 m, y -0.20 m`.
+fn place(mission: &Mission, pilot: &Pilot, pose: &Pose) -> String {
+    let states = mission.machines().iter().zip(pilot.program().states());
+    let states = states.map(|(machine, state)| format!("{} in {state}, ", machine.name()));
+    format!("{}at x {:.2} m, y {:.2} m", states.collect::<String>(), pose.x_m, pose.y_m)
 }
 
 fn period_ns(mission: &Mission) -> i64 {

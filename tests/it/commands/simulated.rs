@@ -341,7 +341,8 @@ fn a_robot_that_falls_ends_its_run_and_nothing_is_not_a_number() {
     let folder = tempfile::tempdir().unwrap();
     let said = run(folder.path(), &["demo", "--world", "table"]).expect(1);
     let all = format!("{}{}", said.out, said.err);
-    assert!(said.err.contains("fell over the edge of the floor"), "{all}");
+    let at = "fell over the edge of the floor: drive in ";
+    assert!(said.err.contains(at) && said.err.contains(", at x "), "{all}");
     assert!(!all.contains("NaN") && !all.contains("inf"), "{all}");
     let recorded = Run::open(&folder.path().join("onbrick-demo/run.mcap")).unwrap();
     let ending = recorded.ending.unwrap();
