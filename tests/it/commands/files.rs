@@ -66,6 +66,14 @@ fn check_for_a_robot_knows_what_it_lacks() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), &["new", "robot", "robot.toml"]).expect(0);
     run(folder.path(), &["check", "map", "--robot", "robot.toml"]).expect(0);
+    // Of no robot in particular, what none is as fast as.
+    let fast = "name = \"fast\"\n[machine.m.state.a]\ndo = { forward_mps = 5 }\n";
+    std::fs::write(folder.path().join("fast.toml"), fast).unwrap();
+    let said = run(folder.path(), &["check", "fast.toml"]).expect(0).out;
+    assert!(
+        said.contains("faster than the robot's wheels") && said.contains("fast.toml:3:"),
+        "{said}"
+    );
     let said = run(folder.path(), &["check", "remote", "--robot", "robot.toml"]).expect(3);
     assert!(said.out.contains("[remote] in the robot's file"), "{}", said.out);
 }
