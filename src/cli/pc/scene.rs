@@ -15,28 +15,48 @@ pub(super) fn scene_of(runs: &[LoadedRun], title: Option<&str>) -> Scene {
     let mut tracks: Vec<Track> =
         runs.iter().map(|loaded| Track::of_run(&loaded.run, &loaded.name)).collect();
     tell_apart(&mut tracks, runs);
-    let mission =
-        runs.first().and_then(|loaded| loaded.run.info.as_ref()).map(|info| info.mission.clone());
-    let names = tracks.iter().map(|track| track.name.as_str()).collect::<Vec<_>>().join(", ");
-    let title = title.map(str::to_owned).or(mission.map(|mission| format!("{names}: {mission}")));
-    let mut scene = Scene { title: title.unwrap_or(names), tracks, ..Scene::default() };
+    let title = title.map_or_else(|| title_of(&tracks, runs), str::to_owned);
+    let mut scene = Scene { title, tracks, ..Scene::default() };
     correct(&mut scene);
     for (loaded, track) in runs.iter().zip(&scene.tracks) {
         let (found, stand) = (loaded.run.points.len(), track.points.len());
         log::info!("{}: {stand} of {found} points are of what stands", track.name);
     }
     scene.find_walls();
-    for world in runs.iter().filter_map(|loaded| world_of(&loaded.run)) {
+    let worlds: Vec<World> = runs.iter().filter_map(|loaded| world_of(&loaded.run)).collect();
+    let mut names: Vec<&str> = Vec::new();
+    add_new(&mut names, worlds.iter().map(World::name));
+    if names.len() > 1 {
+        let names = names.join(", ");
+        log::warn!("the runs are of different worlds, which lie over each other here: {names}");
+    }
+    for world in &worlds {
         // Runs in the same world have the same walls.
         add_new(&mut scene.outlines, world.outlines().to_vec());
         add_new(&mut scene.blocks, world.blocks());
         let edge = world.edge();
         // The floor itself is drawn below all marks, where it has an edge.
-        let marks = Room::of(&world).floor.into_iter().skip(usize::from(!edge.is_empty()));
+        let marks = Room::of(world).floor.into_iter().skip(usize::from(!edge.is_empty()));
         add_new(&mut scene.edges, Some(edge).filter(|edge| !edge.is_empty()));
         add_new(&mut scene.marks, marks);
     }
     scene
+}
+
+/// The robots and their missions: one that all have is said once, at the end.
+fn title_of(tracks: &[Track], runs: &[LoadedRun]) -> String {
+    let missions: Vec<Option<&str>> = runs
+        .iter()
+        .map(|loaded| loaded.run.info.as_ref().map(|info| info.mission.as_str()))
+        .collect();
+    let (last, before) = missions.split_last().unwrap_or((&None, &[]));
+    let is_common = before.iter().all(|mission| mission == last);
+    let said = |(place, (track, mission)): (usize, (&Track, &Option<&str>))| {
+        let is_said = !is_common || place == before.len();
+        let mission = mission.filter(|_| is_said).map(|mission| format!(": {mission}"));
+        format!("{}{}", track.name, mission.unwrap_or_default())
+    };
+    tracks.iter().zip(&missions).enumerate().map(said).collect::<Vec<_>>().join(", ")
 }
 
 /// Corrects start poses against each other, and says of each run but the first what came of it.

@@ -173,6 +173,25 @@ fn export_writes_every_format() {
 }
 
 #[test]
+fn runs_of_several_missions_and_worlds_are_told_apart() {
+    let folder = folder();
+    let arguments = ["run", "square", "--sim", "open", "--set", "time_limit_s=1", "--out", "out"];
+    run(folder.path(), &arguments).expect(0);
+    let title = |recordings: &[&str]| {
+        let said =
+            run(folder.path(), &[&["plot", "-o", "map.html"], recordings].concat()).expect(0);
+        let page = std::fs::read_to_string(folder.path().join("map.html")).unwrap();
+        let title = page.split("<title>").nth(1).unwrap().split('<').next().unwrap().to_owned();
+        (title, said.err)
+    };
+    let same = title(&["left.mcap", "right.mcap"]);
+    assert_eq!(same, ("left, right: map".to_owned(), String::new()));
+    let (several, said) = title(&["left.mcap", "out/run.mcap"]);
+    assert_eq!(several, "left: map, out: square");
+    assert!(said.contains("different worlds") && said.contains(": arena, open"), "{said}");
+}
+
+#[test]
 fn a_file_of_another_kind_is_not_written_over_and_a_picture_is() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
