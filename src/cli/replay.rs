@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::common::{load_robot, must_be_new, open_run};
 use super::{Context, Exit, Failure, Output};
-use crate::runtime::{Replayed, replay, replay_with};
+use crate::runtime::{ReplayError, Replayed, replay, replay_with};
 
 /// Run estimator and machines again on what a run recorded, and compare; or see what another
 /// robot.toml makes of it.
@@ -69,8 +69,14 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// Replays a run and compares; `named` where it is one of several.
 fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
     let recorded = open_run(run)?.run;
-    let doing = format_args!("cannot replay {}", run.display());
-    let replayed = replay(&recorded).context(Exit::Refused, doing)?;
+    let replayed = replay(&recorded).map_err(|error| {
+        let doing = format!("cannot replay {}", run.display());
+        let failure = Failure::from_error(Exit::Refused, &doing, &error);
+        match error {
+            ReplayError::Beheaded(_) => failure.hint("onbrick plot, which draws what is left"),
+            _ => failure,
+        }
+    })?;
     if named {
         output.show(format!("{}: {replayed}", run.display()), &Named { run, replayed: &replayed });
     } else {

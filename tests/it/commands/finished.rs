@@ -336,6 +336,11 @@ fn several_recordings_are_replayed_one_after_the_other() {
         json.iter().map(|line| line["run"].as_str().unwrap()).collect::<Vec<_>>(),
         ["left.mcap", "right.mcap"]
     );
+    let bytes = std::fs::read(folder.path().join("left.mcap")).unwrap();
+    let cut = [&bytes[..8], &bytes[bytes.len() / 2..]].concat();
+    std::fs::write(folder.path().join("cut.mcap"), cut).unwrap();
+    let said = run(folder.path(), &["replay", "cut.mcap"]).expect(3).err;
+    assert!(said.contains("its beginning is damaged\n  try: onbrick plot"), "{said}");
     // One that is none does not keep the next one from being replayed.
     std::fs::write(folder.path().join("bad.mcap"), "no recording").unwrap();
     let said = run(folder.path(), &["replay", "bad.mcap", "right.mcap"]);
