@@ -26,7 +26,8 @@ pub mod engine;
 pub mod expression;
 pub mod graph;
 pub mod mission;
-pub mod missions;
+#[doc = include_str!("behavior/missions.md")]
+pub mod missions {}
 pub mod motion;
 pub mod navigation;
 pub mod shipped;

@@ -5,6 +5,7 @@ use super::{Failure, Output, commands};
 mod bricks;
 mod class;
 mod demo;
+mod explain;
 mod export;
 mod fetch;
 mod identify;
@@ -39,6 +40,7 @@ commands! {
         Export(export),
         Repair(repair),
         Push(push),
+        Explain(explain),
         Manual(manual),
     }
 }

@@ -171,10 +171,7 @@ fn one_state(numbers: &str, state: &str) -> Mission {
 
 #[test]
 fn every_example_of_the_reference_is_a_mission_in_order() {
-    let page = include_str!("../../src/behavior/missions.rs");
-    let lines = page.lines().map(|line| line.strip_prefix("//!").unwrap_or(line));
-    let text: String =
-        lines.map(|line| format!("{}\n", line.strip_prefix(' ').unwrap_or(line))).collect();
+    let text = include_str!("../../src/behavior/missions.md");
     let examples: Vec<&str> =
         text.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
     assert!(examples.len() >= 12, "{} examples", examples.len());

@@ -4,9 +4,9 @@ use std::process::Stdio;
 
 use super::{onbrick, run};
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "demo", "sim", "run", "check", "graph", "new", "devices", "halt", "plot", "export", "repair",
-    "replay",
+    "replay", "explain",
 ];
 
 #[test]
@@ -33,6 +33,17 @@ fn every_command_has_help_with_an_example() {
         );
         assert!(help.out.contains("--json"), "{}", help.out);
         assert_eq!(help.err, "");
+    }
+}
+
+#[test]
+fn the_pages_for_users_are_shown_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    for (page, whole) in [
+        ("missions", include_str!("../../../src/behavior/missions.md")),
+        ("using", include_str!("../../../src/USING.md")),
+    ] {
+        assert_eq!(run(folder.path(), &["explain", page]).expect(0).out, whole, "{page}");
     }
 }
 
