@@ -67,11 +67,12 @@ fn check_for_a_robot_knows_what_it_lacks() {
     run(folder.path(), &["new", "robot", "robot.toml"]).expect(0);
     run(folder.path(), &["check", "map", "--robot", "robot.toml"]).expect(0);
     // Of no robot in particular, what none is as fast as.
-    let fast = "name = \"fast\"\n[machine.m.state.a]\ndo = { forward_mps = 5 }\n";
+    let fast = "name = \"fast\"\n[machine.m.state.a]\ndo = { drive_m = 1, \
+                speed_mps = 5 }\n";
     std::fs::write(folder.path().join("fast.toml"), fast).unwrap();
     let said = run(folder.path(), &["check", "fast.toml"]).expect(0).out;
     assert!(
-        said.contains("faster than the robot's wheels") && said.contains("fast.toml:3:"),
+        said.contains("faster than the robot's wheels") && said.contains("it drives at 0.19 m/s\n"),
         "{said}"
     );
     let said = run(folder.path(), &["check", "remote", "--robot", "robot.toml"]).expect(3);

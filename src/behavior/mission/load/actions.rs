@@ -136,12 +136,12 @@ impl<'d> Reader<'_, 'd, '_> {
         let wheel_m_s = forward.abs() + radians(turn.abs()) * limits.half_track_m;
         if wheel_m_s > limits.max_m_s {
             let slower = limits.max_m_s / wheel_m_s;
+            let drives = (forward != 0.0).then(|| format!("drives at {:.2} m/s", forward * slower));
+            let turns =
+                (turn != 0.0).then(|| format!("turns at {:.0} degrees a second", turn * slower));
+            let done: Vec<String> = drives.into_iter().chain(turns).collect();
             item.warning("this is faster than the robot's wheels may turn (`max_dps`)".to_owned())
-                .hint(format!(
-                    "it drives at {:.2} m/s and turns at {:.0} degrees a second",
-                    forward * slower,
-                    turn * slower
-                ));
+                .hint(format!("it {}", done.join(" and ")));
         }
     }
 
@@ -164,8 +164,7 @@ impl<'d> Reader<'_, 'd, '_> {
         // Its numbers are taken once, so nothing in them can remember from tick to tick.
         let pids = self.vocabulary.pids.take();
         let goal = self.goal(table, item);
-        let speed_mps = self.optional(table, "speed_mps", SPEED_MPS);
-        let speed_dps = self.optional(table, "speed_dps", SPEED_DPS);
+        let [speed_mps, speed_dps] = self.speeds(table);
         self.vocabulary.pids = pids;
         Some(MotionPlan { goal: goal?, speed_mps: speed_mps?, speed_dps: speed_dps? })
     }
@@ -180,8 +179,7 @@ impl<'d> Reader<'_, 'd, '_> {
         let pids = self.vocabulary.pids.take();
         let goal = self.navigation_goal(table, item);
         let keep_m = self.optional(table, "keep_m", KEEP_M);
-        let speed_mps = self.optional(table, "speed_mps", SPEED_MPS);
-        let speed_dps = self.optional(table, "speed_dps", SPEED_DPS);
+        let [speed_mps, speed_dps] = self.speeds(table);
         self.vocabulary.pids = pids;
         // It looks where it drives, with the head where there is one.
         let keeps = table.get("keep_m").filter(|_| item.key() != "explore_m");
@@ -240,6 +238,21 @@ impl<'d> Reader<'_, 'd, '_> {
                 Some(GoalPlan::Place { x_m: x_m?, y_m: y_m?, face_deg: face_deg? })
             }
         }
+    }
+
+    /// How fast a motion is, ahead and round.
+    #[expect(clippy::option_option, reason = "absent and wrong are different")]
+    fn speeds(&mut self, table: &Section<'d>) -> [Option<Option<Expression>>; 2] {
+        let speed_mps = self.optional(table, "speed_mps", SPEED_MPS);
+        let speed_dps = self.optional(table, "speed_dps", SPEED_DPS);
+        let none = Expression::constant(0.0);
+        if let (Some(item), Some(Some(speed))) = (table.get("speed_mps"), &speed_mps) {
+            self.is_within_reach(&item, speed, &none);
+        }
+        if let (Some(item), Some(Some(speed))) = (table.get("speed_dps"), &speed_dps) {
+            self.is_within_reach(&item, &none, speed);
+        }
+        [speed_mps, speed_dps]
     }
 
     /// A number that may be left out; `None` where it is wrong.
