@@ -74,6 +74,14 @@ enum How {
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
+    // The name of a shipped robot is no file that numbers can be written into.
+    if !arguments.robot.is_file() {
+        let message = format!("there is no file {}", arguments.robot.display());
+        return Err(Failure::refused(message).hint(format!(
+            "onbrick setup {0}, or onbrick new robot {0}, which write one",
+            arguments.robot.display()
+        )));
+    }
     let robot = load_robot(Some(&arguments.robot), output)?;
     let flags = stop_flags()?;
     let _lock = HardwareLock::take(arguments.brick.root(), "onbrick calibrate")

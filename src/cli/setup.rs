@@ -38,6 +38,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     if file.exists() && !arguments.force {
         return Err(not_written(&SaveError::Exists(file.clone())));
     }
+    // Before any motor turns: the answers would be lost.
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if folder.is_some_and(|folder| !folder.is_dir()) {
+        return Err(Failure::refused(format!("there is no folder for {}", file.display()))
+            .hint("a name in a folder that is there"));
+    }
     let flags = stop_flags()?;
     let _lock = HardwareLock::take(&arguments.brick, "onbrick setup")
         .context(Exit::Refused, "the robot is taken")

@@ -66,6 +66,14 @@ fn an_input_that_ends_refuses_and_writes_nothing() {
     let ended = onbrick(folder.path(), &["setup", "--brick", "brick"]);
     assert_eq!(ended.status.code(), Some(3), "{}", says(&ended));
     assert!(says(&ended).contains("the input has ended"), "{}", says(&ended));
+    let nowhere = onbrick(folder.path(), &["setup", "none/robot.toml", "--brick", "brick"]);
+    assert_eq!(nowhere.status.code(), Some(3), "{}", says(&nowhere));
+    assert!(
+        says(&nowhere).contains("no folder for none/robot.toml\n  try:")
+            && !says(&nowhere).contains("Plugged in"),
+        "{}",
+        says(&nowhere)
+    );
     assert!(!folder.path().join("robot.toml").exists());
 }
 
@@ -84,6 +92,10 @@ fn calibrate_refuses_a_robot_that_is_not_ready_and_leaves_its_file() {
     );
     let missing = onbrick(folder.path(), &["calibrate", "other.toml", "--brick", "brick"]);
     assert_eq!(missing.status.code(), Some(3), "{}", says(&missing));
+    assert!(says(&missing).contains("try: onbrick setup other.toml"), "{}", says(&missing));
+    // The name of a shipped robot is no file that could be written into.
+    let shipped = onbrick(folder.path(), &["calibrate", "mapper", "--brick", "brick"]);
+    assert!(says(&shipped).contains("there is no file mapper"), "{}", says(&shipped));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing was written");
 }
 
