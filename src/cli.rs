@@ -16,7 +16,7 @@ use std::ffi::OsString;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 
 mod calibrate;
 mod check;
@@ -124,7 +124,8 @@ commands! {
 
 /// Parses the arguments, runs the one command they name, and gives its exit code.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let arguments = match Arguments::try_parse_from(arguments) {
+    let parsed = described().try_get_matches_from(arguments);
+    let arguments = match parsed.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => {
             // `--help` and `--version` come here too; their exit code is 0, that of a wrong usage
@@ -153,6 +154,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(()) => output.code(),
         Err(failure) => output.fail(&failure),
     }
+}
+
+/// The command line. What a command is for is one paragraph in a list: its lines in the source are
+/// not those of the terminal.
+fn described() -> clap::Command {
+    fn flowing(command: clap::Command) -> clap::Command {
+        let about = command.get_about().map(|about| about.to_string().replace('\n', " "));
+        command.about(about.unwrap_or_default()).mut_subcommands(flowing)
+    }
+    Arguments::command().mut_subcommands(flowing)
 }
 
 /// The longest record of the log, characters.

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Command, CommandFactory as _};
+use clap::Command;
 use clap_complete::Shell;
 
 use crate::cli::common::write_file;
@@ -30,7 +30,7 @@ const SHELLS: [(Shell, &str); 3] = [
 ];
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
-    let described = crate::cli::Arguments::command();
+    let described = crate::cli::described();
     let pages = arguments.folder.join("share/man/man1");
     make_folder(&pages)?;
     clap_mangen::generate_to(described.clone(), &pages).map_err(cannot_write(&pages))?;

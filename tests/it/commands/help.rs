@@ -24,6 +24,8 @@ fn every_command_has_help_with_an_example() {
     for command in COMMANDS {
         assert!(listed.contains(&command), "`{command}` is not in\n{overview}");
     }
+    let bricks = "those that announce\n\x20            themselves in this network.";
+    assert!(overview.contains(bricks), "lines break where the terminal has them: {overview}");
     for command in listed.into_iter().filter(|command| *command != "help") {
         let help = run(folder.path(), &[command, "--help"]).expect(0);
         assert!(
