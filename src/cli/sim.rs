@@ -227,6 +227,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     // Before anything is mounted, so that no signal can leave it behind.
     let flags = stop_flags()?;
     let simulation = simulation(arguments, output)?;
+    // A still that cannot be written is known now, and not when there was something to see.
+    arguments.show.as_ref().map_or(Ok(()), |file| draw(file, &simulation))?;
     let events =
         if arguments.event_bits == "32" { EventLayout::Bits32 } else { EventLayout::Bits64 };
     let (mount, found) = Mount::new(&simulation, mountpoint, MountOptions { events })

@@ -384,6 +384,24 @@ fn a_simulator_follows_a_scenario_shows_a_page_and_leaves_a_still() {
 }
 
 #[test]
+fn a_still_that_cannot_be_written_is_refused_before_anything_is_mounted() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("notes.svg"), "kept").unwrap();
+    for (still, code) in [("notes.svg", 3), ("none/end.svg", 1)] {
+        let output = Command::new(tested_program())
+            .args(["sim", "brick", "--show", still])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(still) && said.contains("\n  try: "), "{said}");
+    }
+    assert_eq!(names(folder.path()), ["notes.svg"]);
+    assert_eq!(fs::read_to_string(folder.path().join("notes.svg")).unwrap(), "kept");
+}
+
+#[test]
 fn another_board_is_mounted_and_its_files_are_served_to_a_program_of_the_seeds() {
     if no_fuse() {
         return;
