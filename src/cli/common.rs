@@ -11,6 +11,8 @@ use crate::document::{Document, Findings, nearest};
 use crate::ev3dev::LocalTree;
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
+#[cfg(feature = "host")]
+use crate::page::PageError;
 use crate::printable::with_causes;
 use crate::recording::{ReadError, Run};
 use crate::robot::{DEFAULT_ROBOT, ROBOTS, RobotConfig, ShippedRobot};
@@ -452,6 +454,14 @@ impl From<ProcessError> for Failure {
             ProcessError::Simulated => Self::new(Exit::Usage, message),
             _ => Self::new(Exit::Failed, message),
         }
+    }
+}
+
+#[cfg(feature = "host")]
+impl From<PageError> for Failure {
+    fn from(error: PageError) -> Self {
+        Self::from_error(Exit::Refused, "no page", &error)
+            .hint("another port for --page; 0 is any that is free")
     }
 }
 

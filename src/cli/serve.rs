@@ -159,7 +159,7 @@ pub(super) fn load_config(folder: &Path, named: bool) -> Result<Config, Failure>
     let path = folder.join(CONFIG_FILE);
     let refused = |error: &std::io::Error| {
         Failure::from_error(Exit::Refused, &format!("cannot read {}", path.display()), error)
-            .hint("onbrick new service, which shows a whole file with comments")
+            .hint("--config with the folder of a service, the one that `onbrick serve` has")
     };
     let folder = match folder.canonicalize() {
         Ok(folder) => folder,

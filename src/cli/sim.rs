@@ -298,7 +298,7 @@ fn page(
     let board = Board::default();
     let title = arguments.world.display().to_string();
     board.show(Sources { title, simulation: Some(simulation.clone()), ..Sources::default() });
-    let page = LivePage::serve(&board, port, &[], |_| ()).context(Exit::Refused, "no page")?;
+    let page = LivePage::serve(&board, port, &[], |_| ())?;
     output
         .show(format!("the room is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     Ok(Some(page))

@@ -75,8 +75,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     hall.listen().context(Exit::Failed, "no thread")?;
     let place = Place { port: arguments.page, token: Some(token), most_posted: MOST_POSTED };
     let answering = Arc::clone(&hall);
-    let page = LocalPage::serve(&place, move |asked| answers::answer(&answering, asked))
-        .context(Exit::Refused, "no page")?;
+    let page = LocalPage::serve(&place, move |asked| answers::answer(&answering, asked))?;
     output.show(
         format!(
             "the class is at {}\nthe address is a secret: with it one starts and stops bricks\n\

@@ -172,8 +172,7 @@ fn follow(
     let title = format!("{}: {run}", brick.name);
     let board = Board::default();
     board.show(Sources { title, recording, ..Sources::default() });
-    let page =
-        LivePage::serve(&board, arguments.page, &[], |_| ()).context(Exit::Refused, "no page")?;
+    let page = LivePage::serve(&board, arguments.page, &[], |_| ())?;
     output
         .show(format!("the map is at {}", page.url()), &serde_json::json!({ "page": page.url() }));
     let watch = Watch::of(run);

@@ -97,7 +97,8 @@ impl How {
     pub(super) fn team(&self, path: &Path) -> Result<(Team, Asking), Failure> {
         let folder = self.folder.path()?;
         let known = KnownBricks::load(&folder)?;
-        let bytes = read_bounded(path)?;
+        let new = || format!("onbrick new team {}, which writes one", path.display());
+        let bytes = read_bounded(path).map_err(|failure| failure.hint(new()))?;
         let parsed = Team::parse(&path.display().to_string(), &bytes, &known);
         let (team, warnings) = parsed.map_err(|findings| {
             Failure::refused(findings.to_string())

@@ -55,7 +55,10 @@ pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
         return Ok(Chosen::Name(mission.to_string_lossy().into_owned()));
     }
     let shown = mission.display();
-    let text = String::from_utf8(read_bounded(mission)?)
+    let bytes = read_bounded(mission).map_err(|failure| {
+        failure.hint("a file that is there, or the name of a mission that the brick has")
+    })?;
+    let text = String::from_utf8(bytes)
         .map_err(|_| Failure::refused(format!("{shown} is not text (not UTF-8)")))?;
     let source = Source { name: shown.to_string(), text }.with_submachines(mission.parent());
     if source.text.len() > MAX_MISSION_BYTES {

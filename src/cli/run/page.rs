@@ -41,7 +41,7 @@ pub(super) fn run(port: u16, arguments: &Arguments, output: &mut Output) -> Resu
     let page =
         LivePage::serve(&board, port, granted, move |wish| grant.grant(wish)).map_err(|error| {
             next.folder.take_back();
-            Failure::from_error(Exit::Refused, "no page", &error)
+            Failure::from(error)
         })?;
     let url = page.url();
     output.show(

@@ -13,7 +13,7 @@ use super::private::{PrivateError, PrivateView};
 use super::stand_in::StandIn;
 use crate::cli::common::own_program;
 use crate::cli::terminal::stop_flags;
-use crate::cli::{Context, Exit, Failure, Output};
+use crate::cli::{Context, Exit, Failure, Hint, Output};
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use crate::runtime::StopFlags;
 
@@ -44,7 +44,9 @@ pub(super) fn exec(brick: &Path, program: &[OsString], output: &mut Output) -> R
     };
     let started = Command::new(name).args(arguments).envs(PrivateView::environment()).spawn();
     let name = Path::new(name).display();
-    let child = started.context(Exit::Failed, format_args!("cannot start {name}"))?;
+    let child = started
+        .context(Exit::Failed, format_args!("cannot start {name}"))
+        .hint("a program of this machine, or a file that may be executed")?;
     let status = attend(child, &mut view, &flags)?;
     let code = status.code().or_else(|| status.signal().map(|signal| SIGNALLED + signal));
     output.ends_with(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX));

@@ -160,6 +160,6 @@ fn advice(error: &DeviceError) -> &'static str {
     if error.is_denied() {
         INPUT_GROUP
     } else {
-        "is this an EV3 under ev3dev, with its buttons as an input device?"
+        "is this an EV3 under ev3dev, with this as an input device?"
     }
 }

@@ -38,6 +38,25 @@ fn a_mission_that_does_not_load_has_the_way_out_that_fits_it() {
 }
 
 #[test]
+fn what_is_not_there_has_a_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let page = format!("--page={}", taken.local_addr().unwrap().port());
+    for (arguments, hint) in [
+        (&["team", "none.toml"][..], "onbrick new team none.toml"),
+        (&["menu", "--config", "none"], "--config with the folder of a service"),
+        (&["run", "square", "--sim", "open", &page], "another port for --page"),
+        (&["class", "--keys", "keys", &page], "another port for --page"),
+    ] {
+        let output = onbrick(folder.path(), arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
+        assert!(said.contains(&format!("  try: {hint}")), "{arguments:?}: {said}");
+    }
+    assert!(!folder.path().join("onbrick-runs").exists());
+}
+
+#[test]
 fn all_that_is_not_plugged_in_is_told_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let world = onbrick::sim::World::text("arena").unwrap();
