@@ -66,7 +66,7 @@ pub(super) fn make_folder(exit: Exit, folder: &Path) -> Result<(), Failure> {
 }
 
 /// The way out where a file or a folder cannot be made.
-const WRITABLE: &str = "a name in a folder that is there and can be written to";
+pub(super) const WRITABLE: &str = "a name in a folder that is there and can be written to";
 
 /// A robot's file as it was read, and what it says.
 #[derive(Debug)]

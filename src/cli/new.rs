@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::common::must_be_new;
+use super::common::{WRITABLE, must_be_new};
 use super::{Exit, Failure, Output};
 use crate::behavior::shipped::{self, Shipped};
 use crate::document::nearest;
@@ -72,10 +72,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         return Ok(());
     };
     must_be_new(path)?;
-    save::create(path, text).map_err(|error| {
-        Failure::new(Exit::Failed, with_causes(&error))
-            .hint("a name in a folder that is there and can be written to")
-    })?;
+    save::create(path, text)
+        .map_err(|error| Failure::new(Exit::Failed, with_causes(&error)).hint(WRITABLE))?;
     output.show(format!("wrote {}", path.display()), &serde_json::json!({ "wrote": path }));
     Ok(())
 }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::{load_robot, must_be_new, open_run};
-use super::{Context, Exit, Failure, Output};
+use super::common::{WRITABLE, load_robot, must_be_new, open_run};
+use super::{Exit, Failure, Output};
 use crate::runtime::{ReplayError, Replayed, replay, replay_with};
 
 /// Run estimator and machines again on what a run recorded, and compare; or see what another
@@ -69,14 +69,8 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// Replays a run and compares; `named` where it is one of several.
 fn again(run: &Path, named: bool, output: &mut Output) -> Result<(), Failure> {
     let recorded = open_run(run)?.run;
-    let replayed = replay(&recorded).map_err(|error| {
-        let doing = format!("cannot replay {}", run.display());
-        let failure = Failure::from_error(Exit::Refused, &doing, &error);
-        match error {
-            ReplayError::Beheaded(_) => failure.hint("onbrick plot, which draws what is left"),
-            _ => failure,
-        }
-    })?;
+    let replayed = replay(&recorded)
+        .map_err(|error| failure(&format!("cannot replay {}", run.display()), &error))?;
     if named {
         output.show(format!("{}: {replayed}", run.display()), &Named { run, replayed: &replayed });
     } else {
@@ -94,8 +88,17 @@ fn remake(run: &Path, robot: &Path, out: &Path, output: &mut Output) -> Result<(
     let recorded = open_run(run)?.run;
     must_be_new(out)?;
     let robot = load_robot(Some(robot), output)?;
-    let doing = format_args!("cannot make {}", out.display());
-    let made = replay_with(&recorded, &robot.source, out).context(Exit::Refused, doing)?;
+    let made = replay_with(&recorded, &robot.source, out)
+        .map_err(|error| failure(&format!("cannot make {}", out.display()), &error))?;
     output.show(format!("{made}\nrecorded in {}", out.display()), &made);
     Ok(())
+}
+
+fn failure(doing: &str, error: &ReplayError) -> Failure {
+    let failure = Failure::from_error(Exit::Refused, doing, error);
+    match error {
+        ReplayError::Beheaded(_) => failure.hint("onbrick plot, which draws what is left"),
+        ReplayError::Record(_) => failure.hint(WRITABLE),
+        _ => failure,
+    }
 }

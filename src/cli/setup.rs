@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::common::WRITABLE;
 use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::clock::MonotonicClock;
@@ -41,8 +42,9 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     // Before any motor turns: the answers would be lost.
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| !folder.is_dir()) {
-        return Err(Failure::refused(format!("there is no folder for {}", file.display()))
-            .hint("a name in a folder that is there"));
+        return Err(
+            Failure::refused(format!("there is no folder for {}", file.display())).hint(WRITABLE)
+        );
     }
     let flags = stop_flags()?;
     let _lock = HardwareLock::take(&arguments.brick, "onbrick setup")

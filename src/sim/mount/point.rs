@@ -50,8 +50,8 @@ pub enum MountError {
 #[non_exhaustive]
 pub enum Unfit {
     /// There is no folder, and no folder for it to be made in.
-    #[error("it cannot be made")]
-    NotThere,
+    #[error("it cannot be made: {0}")]
+    NotThere(io::ErrorKind),
     /// A file.
     #[error("it is not a folder")]
     NotAFolder,
@@ -117,7 +117,7 @@ pub(super) fn prepare(point: &Path) -> Result<(PathBuf, Found), MountError> {
     let mut found = Found { made: false, stale: clear(point)? };
     match fs::symlink_metadata(point) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            fs::create_dir(point).map_err(|_| unfit(Unfit::NotThere))?;
+            fs::create_dir(point).map_err(|error| unfit(Unfit::NotThere(error.kind())))?;
             found.made = true;
         }
         Err(_) => return Err(unfit(Unfit::Forbidden)),

@@ -349,6 +349,9 @@ fn several_recordings_are_replayed_one_after_the_other() {
         said.out.contains("right.mcap: ") && said.err.contains("1 of 2 recordings"),
         "{said:?}"
     );
+    let nowhere = ["replay", "left.mcap", "--robot", "mapper", "--out", "none/made.mcap"];
+    let said = run(folder.path(), &nowhere).expect(3).err;
+    assert!(said.contains("none/made.mcap") && said.contains("try: a name in a folder"), "{said}");
     let said = run(
         folder.path(),
         &["replay", "left.mcap", "right.mcap", "--robot", "r.toml", "--out", "o"],

@@ -195,7 +195,7 @@ fn a_place_that_is_no_mount_point_is_refused_before_anything_happens() {
     for (point, why) in [
         (path("full"), "it is not empty"),
         (path("full/file"), "it is not a folder"),
-        (path("no/such/folder"), "it cannot be made"),
+        (path("no/such/folder"), "it cannot be made: entity not found"),
         ("/proc".to_owned(), "`proc` is mounted there already"),
     ] {
         let (code, said) = refused(&[&point]);
