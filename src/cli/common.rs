@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 #[cfg(feature = "host")]
 use super::output::safe;
-use super::{Context, Exit, Failure, Output};
+use super::{Context, Exit, Failure, Hint, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
 use crate::document::{Document, Findings, nearest};

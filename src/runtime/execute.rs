@@ -237,7 +237,7 @@ pub fn execute(
 /// What the mission did at the end, and where: `drive in ahead, at x 0.83 m, y -0.20 m`.
 fn place(mission: &Mission, pilot: &Pilot, pose: &Pose) -> String {
     let states = mission.machines().iter().zip(pilot.program().states());
-    let states = states.map(|(machine, state)| format!("{} in {state}, ", machine.name()));
+    let states = states.map(|(machine, state)| format!("{} in {state}, ", machine.name));
     format!("{}at x {:.2} m, y {:.2} m", states.collect::<String>(), pose.x_m, pose.y_m)
 }
 

@@ -6,7 +6,7 @@ use super::remote::{Asking, Bricks, Out, Unnamed, conclude, failure};
 use super::watch::Watch;
 use crate::cli::common::make_folder;
 use crate::cli::output::safe;
-use crate::cli::{Context, Exit, Failure, Output};
+use crate::cli::{Exit, Failure, Output};
 use crate::link::client::{MOST_BYTES, file_so_far};
 use crate::link::{Client, ClientError, FetchProgress, KnownBrick};
 use crate::report::live::{Board, LivePage, Sources};
