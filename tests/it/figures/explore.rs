@@ -261,6 +261,7 @@ fn figures_of_explore() {
     // slanted in `slanted` is heard from few places.
     for (name, text, limit_s, most, least) in [
         ("arena", arena, 300.0, 20, 0.9),
+        ("arena to its end", arena, 600.0, 20, 0.95),
         ("rooms", rooms, 600.0, 20, 0.9),
         ("pillars", PILLARS, 300.0, 10, 0.85),
         ("gap", GAP, 300.0, 10, 0.75),
