@@ -24,7 +24,7 @@ use crate::units::{degrees, wrap_rad};
 /// Let a simulated robot explore a room of cinder blocks, come home, and draw the map it makes.
 ///
 /// Examples:
-///   onbrick demo --world rooms --seconds 600 --seed 7
+///   onbrick demo --world rooms --seed 7
 ///   onbrick demo --mission map --seconds 120 --method seed      as the seed's robot did it
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
@@ -42,9 +42,10 @@ pub(in crate::cli) struct Arguments {
     /// How poses are estimated and points placed: default, by odometry alone, or as the seed did.
     #[arg(long, default_value = "default")]
     method: Method,
-    /// How long the robot has at most, in seconds of its own time.
-    #[arg(long, default_value_t = 300.0, value_parser = seconds)]
-    seconds: f64,
+    /// How long the robot has at most, in seconds of its own time; without it, as long as the
+    /// mission says.
+    #[arg(long, value_parser = seconds)]
+    seconds: Option<f64>,
     /// The seed of all random numbers: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -93,7 +94,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             realtime: arguments.realtime,
         },
         start,
-        set: vec![("time_limit_s".to_owned(), arguments.seconds)],
+        set: arguments.seconds.map(|s| ("time_limit_s".to_owned(), s)).into_iter().collect(),
         file: folder.file(),
         sync_ns: SECOND_NS,
         stamps_ns: stamps_ns(output),
@@ -104,9 +105,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         when_abandoned: WhenAbandoned::Stop,
         lock: Lock::Take,
     };
-    let (mission, _) = load_mission(&job.mission, &robot.config.capabilities())?;
-    let mut limited = mission.clone();
-    limited.set("time_limit_s", arguments.seconds).context(Exit::Usage, "--seconds")?;
+    let (mut limited, _) = load_mission(&job.mission, &robot.config.capabilities())?;
+    for (name, value) in &job.set {
+        limited.set(name, *value).context(Exit::Usage, "--seconds")?;
+    }
     let flags = stop_flags()?;
     let progress = std::sync::Arc::new(Progress::new(&limited, output));
     let shown = std::sync::Arc::clone(&progress);
