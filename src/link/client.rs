@@ -157,7 +157,7 @@ pub enum Silence {
     NoSuchName,
     /// No connection was made: it is switched off, elsewhere, or does not serve.
     #[error("no connection")]
-    Nobody,
+    NoConnection,
     /// A connection was made, but no handshake followed.
     #[error("connected, but no handshake")]
     NoHandshake,

@@ -77,7 +77,7 @@ pub(super) enum Stage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Over {
     /// TCP did not get through.
-    Nobody,
+    NoConnection,
     /// It was closed while keys were being shown: another key, another program, or too many
     /// connections.
     BrokeOff,
@@ -230,7 +230,7 @@ fn after(stage: Stage, event: SocketEvent) -> Stage {
             | SocketEvent::HANDSHAKE_FAILED_PROTOCOL
             | SocketEvent::DISCONNECTED,
         ) => Stage::Over(Over::BrokeOff),
-        (Stage::Calling, SocketEvent::CLOSED) => Stage::Over(Over::Nobody),
+        (Stage::Calling, SocketEvent::CLOSED) => Stage::Over(Over::NoConnection),
         (Stage::Open, SocketEvent::DISCONNECTED) => Stage::Over(Over::Lost),
         _ => stage,
     }
@@ -241,7 +241,7 @@ fn in_time(before: Stage, stage: Stage, lasted_ns: i64) -> Stage {
     let is_longer_than = |most_ms: i32| lasted_ns > i64::from(most_ms) * MILLISECOND_NS;
     match (before, stage) {
         (Stage::Calling, Stage::Calling) if is_longer_than(CONNECT_MS + SILENCE_MS) => {
-            Stage::Over(Over::Nobody)
+            Stage::Over(Over::NoConnection)
         }
         (Stage::Greeting, Stage::Greeting) if is_longer_than(HANDSHAKE_MS + SILENCE_MS) => {
             Stage::Over(Over::Mute)
@@ -263,7 +263,7 @@ mod tests {
         for stage in [Stage::Calling, Stage::Greeting, Stage::Open] {
             assert_eq!(after_s(stage, 5), stage);
         }
-        assert_eq!(after_s(Stage::Calling, 7), Stage::Over(Over::Nobody));
+        assert_eq!(after_s(Stage::Calling, 7), Stage::Over(Over::NoConnection));
         assert_eq!(after_s(Stage::Greeting, 7), Stage::Over(Over::Mute));
         assert_eq!(after_s(Stage::Open, 7000), Stage::Open);
     }
@@ -305,7 +305,7 @@ mod tests {
             through(&[SocketEvent::CONNECTED, SocketEvent::HANDSHAKE_SUCCEEDED]),
             Stage::Open
         );
-        assert_eq!(through(&[SocketEvent::CLOSED]), Stage::Over(Over::Nobody));
+        assert_eq!(through(&[SocketEvent::CLOSED]), Stage::Over(Over::NoConnection));
         assert_eq!(
             through(&[
                 SocketEvent::CONNECTED,

@@ -105,7 +105,7 @@ impl Session {
             next_id: 1,
             backoff_ns: 0,
             break_offs: 0,
-            silence: Silence::Nobody,
+            silence: Silence::NoConnection,
             heard_ns: MonotonicClock.now_ns(),
             was_there: false,
             has_said: false,
@@ -282,7 +282,7 @@ impl Session {
                     self.silence = Silence::NoReply;
                     return Ok(true);
                 }
-                Stage::Calling => self.silence = Silence::Nobody,
+                Stage::Calling => self.silence = Silence::NoConnection,
                 Stage::Greeting => self.silence = Silence::NoHandshake,
                 Stage::Over(over) => {
                     self.turn = self.turn.wrapping_add(1);
@@ -336,7 +336,7 @@ impl Session {
                 return Err(self.not_understood(message));
             }
             Over::Mute => self.silence = Silence::NoHandshake,
-            Over::Nobody => self.silence = Silence::Nobody,
+            Over::NoConnection => self.silence = Silence::NoConnection,
             Over::Lost => self.silence = Silence::NoReply,
         }
         Ok(())

@@ -45,7 +45,7 @@ fn an_unknown_key_a_wrong_key_and_nobody_are_told_apart() {
             other => panic!("{other}"),
         }
     };
-    assert_eq!(silence(&free.to_string()), Silence::Nobody);
+    assert_eq!(silence(&free.to_string()), Silence::NoConnection);
     assert_eq!(silence("no.such.name.invalid"), Silence::NoSuchName);
     // A listener that accepts and says nothing.
     let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
