@@ -44,6 +44,7 @@ fn what_is_not_there_has_a_way_out() {
     let page = format!("--page={}", taken.local_addr().unwrap().port());
     for (arguments, hint) in [
         (&["team", "none.toml"][..], "onbrick new team none.toml"),
+        (&["start", "./none.toml", "red"], "a file that is there, or the name of a mission"),
         (&["menu", "--config", "none"], "--config with the folder of a service"),
         (&["run", "square", "--sim", "open", &page], "another port for --page"),
         (&["class", "--keys", "keys", &page], "another port for --page"),
