@@ -96,11 +96,6 @@ impl Brick {
         built_in.into_iter().flatten().chain([TRUTH, FAULTS, ORDERS])
     }
 
-    /// Whether a path is the screen's memory.
-    pub(crate) fn is_screen(&self, path: &str) -> bool {
-        self.board.platform.screen.as_ref().is_ok_and(|screen| screen.device == path)
-    }
-
     /// One entry, as `lstat` shows it.
     ///
     /// # Errors

@@ -6,7 +6,7 @@
 use nix::errno::Errno;
 
 use crate::ev3dev::Button;
-use crate::sim::files::{Device, StreamFile};
+use crate::sim::files::{Device, Kind, SimFile};
 
 /// Every ioctl of an input device has this as its second byte.
 const TYPE: u32 = b'E' as u32;
@@ -30,12 +30,12 @@ const SMALL_BYTES: usize = 8;
 ///
 /// # Errors
 ///
-/// ENOTTY for any other, ENOENT for an unknown name.
-pub(super) fn ioctl(file: &StreamFile, command: u32, room: usize) -> Result<(i32, Vec<u8>), Errno> {
-    if (command >> 8) & 0xff != TYPE {
-        return Err(Errno::ENOTTY);
-    }
-    let device = file.device();
+/// ENOTTY for any other, and for what is no input device; ENOENT for an unknown name.
+pub(super) fn ioctl(file: &SimFile, command: u32, room: usize) -> Result<(i32, Vec<u8>), Errno> {
+    let device = match file.kind() {
+        Kind::Events { device, .. } if (command >> 8) & 0xff == TYPE => *device,
+        _ => return Err(Errno::ENOTTY),
+    };
     let (is_length, mut bytes) = match command & 0xff {
         0x01 => (false, VERSION.to_ne_bytes().to_vec()),
         0x02 => (false, identity().to_vec()),
@@ -43,7 +43,7 @@ pub(super) fn ioctl(file: &StreamFile, command: u32, room: usize) -> Result<(i32
         0x07 if device == Device::Buttons => (true, text("gpio-keys/input0")),
         0x07 | 0x08 => return Err(Errno::ENOENT),
         0x09 | 0x19 | 0x1b => (true, set(&[], SMALL_BYTES)),
-        0x18 => (true, set(&pressed(file), KEY_BYTES)),
+        0x18 => (true, set(&pressed(file, device), KEY_BYTES)),
         0x1a => (true, set(&[], SMALL_BYTES)),
         // How many force feedback effects it plays: none.
         0x84 => (false, 0_i32.to_ne_bytes().to_vec()),
@@ -80,8 +80,8 @@ fn text(text: &str) -> Vec<u8> {
     text.bytes().chain([0]).collect()
 }
 
-fn pressed(file: &StreamFile) -> Vec<u16> {
-    if file.device() == Device::Buttons {
+fn pressed(file: &SimFile, device: Device) -> Vec<u16> {
+    if device == Device::Buttons {
         file.pressed().into_iter().map(Button::code).collect()
     } else {
         Vec::new()

@@ -15,6 +15,7 @@ use super::open::Open;
 use crate::clock::{WallTime, wall_time};
 use crate::ev3dev::Access;
 use crate::sim::driver::input::EventLayout;
+use crate::sim::files::Kind;
 use crate::sim::{Entry, EntryKind, SimBrick};
 
 /// The kernel need not ask again for folders that are always there.
@@ -154,28 +155,19 @@ impl Files {
             OpenAccMode::O_WRONLY => Access::Write,
             OpenAccMode::O_RDWR => Access::ReadWrite,
         };
-        if brick.is_screen(&place.path) {
-            // With the kernel's pages under it, so that it can be mapped, and with a last write
-            // when it is closed.
-            return Ok((Handle::Screen(Arc::clone(brick)), FopenFlags::empty()));
-        }
+        let file = brick.open_file(&place.path, access, self.layout)?;
         // Each read and write comes here as it is; a writer that waits holds up no other.
         let direct = FopenFlags::FOPEN_DIRECT_IO | FopenFlags::FOPEN_NOFLUSH;
-        if let Some(file) = brick.open_stream(&place.path, access, self.layout) {
-            let handle = Handle::Events {
-                file: file?,
-                bytes: Vec::new(),
-                readers: Vec::new(),
-                poller: None,
-            };
-            return Ok((handle, direct | FopenFlags::FOPEN_STREAM));
-        }
-        if let Some(file) = brick.open_told(&place.path, access) {
-            return Ok((Handle::Told { file: file?, text: Vec::new() }, direct));
-        }
-        let file = brick.open_attribute(&place.path, access)?;
-        let handle = Handle::Attribute { file, text: Vec::new(), poller: None };
-        Ok((handle, direct | FopenFlags::FOPEN_PARALLEL_DIRECT_WRITES))
+        let flags = match file.kind() {
+            // With the kernel's pages under it, so that it can be mapped, and with a last write
+            // when it is closed.
+            Kind::Screen => FopenFlags::empty(),
+            Kind::Events { .. } => direct | FopenFlags::FOPEN_STREAM,
+            Kind::Told(_) => direct,
+            Kind::Attribute { .. } => direct | FopenFlags::FOPEN_PARALLEL_DIRECT_WRITES,
+        };
+        let (bytes, readers) = (Vec::new(), Vec::new());
+        Ok((Handle::File { file, bytes, readers, poller: None }, flags))
     }
 
     /// What the kernel is told of an entry of a folder, and for how long.

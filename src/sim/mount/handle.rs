@@ -1,29 +1,21 @@
 //! One open file, and what its reads, writes and polls do.
 
 use std::fs;
-use std::sync::Arc;
 
 use fuser::{PollEvents, PollNotifier, ReplyData};
 use nix::errno::Errno;
 
+use super::events;
 use super::files::refusal;
-use super::{SimBrick, events};
-use crate::ev3dev::AttributeFile;
-use crate::sim::files::{SimFile, StreamFile, ToldFile, Write};
+use crate::sim::files::{Kind, SimFile, Write};
 
 /// An open file or folder.
 #[derive(Debug)]
 pub(super) enum Handle {
     /// A folder as it was when it was opened, so that a listing in several pieces is one listing.
     Folder(Vec<Listed>),
-    /// An attribute, with the text that was made when its beginning was last read.
-    Attribute { file: SimFile, text: Vec<u8>, poller: Option<PollNotifier> },
-    /// Input events, with those who wait for one.
-    Events { file: StreamFile, bytes: Vec<u8>, readers: Vec<Reader>, poller: Option<PollNotifier> },
-    /// The screen's memory.
-    Screen(Arc<SimBrick>),
-    /// What tells of the robot, with the text that was made when its beginning was last read.
-    Told { file: ToldFile, text: Vec<u8> },
+    /// A file, with what was read of it last, and those who wait for an event.
+    File { file: SimFile, bytes: Vec<u8>, readers: Vec<Reader>, poller: Option<PollNotifier> },
 }
 
 /// An entry of a listing.
@@ -56,29 +48,17 @@ pub(super) struct Read {
 impl Handle {
     /// Answers a read, or keeps the reader waiting; true if it waits.
     pub(super) fn read(&mut self, read: &Read, reply: ReplyData) -> bool {
-        let offset = usize::try_from(read.offset).unwrap_or(usize::MAX);
-        match self {
-            Self::Folder(_) => reply.error(refusal(Errno::EISDIR)),
-            Self::Attribute { file, text, .. } => match attribute(file, text, offset, read.room) {
-                Ok(bytes) => reply.data(bytes),
-                Err(errno) => reply.error(refusal(errno)),
-            },
-            Self::Events { file, bytes, readers, .. } => match file.read_into(read.room, bytes) {
-                Ok(()) => reply.data(bytes),
-                Err(Errno::EAGAIN) if read.blocks => {
-                    readers.push(Reader { reply, room: read.room, thread: read.thread });
-                    return true;
-                }
-                Err(errno) => reply.error(refusal(errno)),
-            },
-            Self::Screen(brick) => match brick.picture(offset, read.room) {
-                Ok(bytes) => reply.data(&bytes),
-                Err(errno) => reply.error(refusal(errno)),
-            },
-            Self::Told { file, text } => match told(file, text, offset, read.room) {
-                Ok(bytes) => reply.data(bytes),
-                Err(errno) => reply.error(refusal(errno)),
-            },
+        let Self::File { file, bytes, readers, .. } = self else {
+            reply.error(refusal(Errno::EISDIR));
+            return false;
+        };
+        match file.read_at(place(read.offset), read.room, bytes) {
+            Ok(part) => reply.data(part),
+            Err(Errno::EAGAIN) if read.blocks && matches!(file.kind(), Kind::Events { .. }) => {
+                readers.push(Reader { reply, room: read.room, thread: read.thread });
+                return true;
+            }
+            Err(errno) => reply.error(refusal(errno)),
         }
         false
     }
@@ -91,12 +71,7 @@ impl Handle {
     pub(super) fn write(&mut self, offset: u64, bytes: &[u8]) -> Result<Write, Errno> {
         match self {
             Self::Folder(_) => Err(Errno::EISDIR),
-            Self::Attribute { file, .. } => file.begin_write(offset, bytes),
-            Self::Events { file, .. } => file.write(bytes).map(Write::Done),
-            Self::Told { file, .. } => file.order(bytes).map(Write::Done),
-            Self::Screen(brick) => {
-                brick.draw(usize::try_from(offset).unwrap_or(usize::MAX), bytes).map(Write::Done)
-            }
+            Self::File { file, .. } => file.begin_write(place(offset), bytes),
         }
     }
 
@@ -104,18 +79,16 @@ impl Handle {
     pub(super) fn poll(&mut self, keep: Option<PollNotifier>) -> PollEvents {
         let readable = PollEvents::POLLIN | PollEvents::POLLRDNORM;
         let writeable = PollEvents::POLLOUT | PollEvents::POLLWRNORM;
-        match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Told { .. } => readable | writeable,
-            Self::Attribute { file, poller, .. } => {
-                *poller = keep.or(poller.take());
-                let changed = PollEvents::POLLPRI | PollEvents::POLLERR;
-                readable | writeable | if file.is_changed() { changed } else { PollEvents::empty() }
-            }
-            Self::Events { file, poller, .. } => {
-                *poller = keep.or(poller.take());
-                writeable | if file.is_pending() { readable } else { PollEvents::empty() }
-            }
+        let Self::File { file, poller, .. } = self else { return readable | writeable };
+        *poller = keep.or(poller.take());
+        let mut events = writeable;
+        if file.is_readable() {
+            events |= readable;
         }
+        if file.is_changed() {
+            events |= PollEvents::POLLPRI | PollEvents::POLLERR;
+        }
+        events
     }
 
     /// Answers an ioctl: its result, and the bytes for the caller.
@@ -125,39 +98,30 @@ impl Handle {
     /// ENOTTY for what is no input device.
     pub(super) fn ioctl(&self, command: u32, room: usize) -> Result<(i32, Vec<u8>), Errno> {
         match self {
-            Self::Events { file, .. } => events::ioctl(file, command, room),
-            _ => Err(Errno::ENOTTY),
+            Self::Folder(_) => Err(Errno::ENOTTY),
+            Self::File { file, .. } => events::ioctl(file, command, room),
         }
     }
 
     /// Wakes the waiter if there is something to be woken for, or, with `interrupts`, if it was
     /// interrupted; false if it waits no more.
     pub(super) fn wake(&mut self, interrupts: bool) -> bool {
-        match self {
-            Self::Folder(_) | Self::Screen(_) | Self::Told { .. } => false,
-            Self::Attribute { file, poller, .. } => {
-                if file.wakes() {
-                    notify(poller);
-                }
-                poller.is_some()
-            }
-            Self::Events { file, bytes, readers, poller } => {
-                if file.is_pending() {
-                    notify(poller);
-                }
-                let waiting = std::mem::take(readers);
-                *readers = waiting
-                    .into_iter()
-                    .filter_map(|reader| answer(reader, file, bytes, interrupts))
-                    .collect();
-                poller.is_some() || !readers.is_empty()
-            }
+        let Self::File { file, bytes, readers, poller } = self else { return false };
+        if let Some(poller) = poller.take_if(|_| file.wakes()) {
+            // It fails if the file was closed meanwhile, and then no thread waits.
+            let _ = poller.notify();
         }
+        let waiting = std::mem::take(readers);
+        *readers = waiting
+            .into_iter()
+            .filter_map(|reader| answer(reader, file, bytes, interrupts))
+            .collect();
+        poller.is_some() || !readers.is_empty()
     }
 
     /// Sends those who wait away: the simulation ends.
     pub(super) fn release_readers(&mut self) {
-        if let Self::Events { readers, .. } = self {
+        if let Self::File { readers, .. } = self {
             for reader in readers.drain(..) {
                 reader.reply.error(refusal(Errno::ENODEV));
             }
@@ -165,56 +129,14 @@ impl Handle {
     }
 }
 
-/// A part of an attribute: the text is made when its beginning is read, as sysfs does it; raw bytes
-/// with every read.
-fn attribute<'t>(
-    file: &SimFile,
-    text: &'t mut Vec<u8>,
-    offset: usize,
-    room: usize,
-) -> Result<&'t [u8], Errno> {
-    if offset == 0 || text.is_empty() || file.is_binary() {
-        file.read_into(text)?;
-    } else if file.is_gone() {
-        return Err(Errno::ENODEV);
-    }
-    Ok(part(text, offset, room))
-}
-
-/// A part of what is told, which is found out when its beginning is read.
-fn told<'t>(
-    file: &ToldFile,
-    text: &'t mut Vec<u8>,
-    offset: usize,
-    room: usize,
-) -> Result<&'t [u8], Errno> {
-    if offset == 0 || text.is_empty() {
-        file.read_into(text)?;
-    }
-    Ok(part(text, offset, room))
-}
-
-fn part(text: &[u8], offset: usize, room: usize) -> &[u8] {
-    let rest = text.get(offset..).unwrap_or_default();
-    rest.get(..room).unwrap_or(rest)
-}
-
-fn notify(poller: &mut Option<PollNotifier>) {
-    if let Some(poller) = poller.take() {
-        // It fails if the file was closed meanwhile, and then no thread waits.
-        let _ = poller.notify();
-    }
+fn place(offset: u64) -> usize {
+    usize::try_from(offset).unwrap_or(usize::MAX)
 }
 
 /// Answers a reader who waits, if there is an answer; else gives it back.
-fn answer(
-    reader: Reader,
-    file: &StreamFile,
-    bytes: &mut Vec<u8>,
-    interrupts: bool,
-) -> Option<Reader> {
-    match file.read_into(reader.room, bytes) {
-        Ok(()) => reader.reply.data(bytes),
+fn answer(reader: Reader, file: &SimFile, bytes: &mut Vec<u8>, interrupts: bool) -> Option<Reader> {
+    match file.read_at(0, reader.room, bytes) {
+        Ok(part) => reader.reply.data(part),
         Err(Errno::EAGAIN) if interrupts && is_interrupted(reader.thread) => {
             reader.reply.error(refusal(Errno::EINTR));
         }
