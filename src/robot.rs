@@ -47,9 +47,7 @@ use stop::StopSwitch;
 
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
-pub use config::{
-    HeadRole, MotorRole, NamedMotor, NamedSensor, RangeRole, RobotConfig, StopButton,
-};
+pub use config::{HeadRole, MotorRole, NamedMotor, NamedSensor, RobotConfig, StopButton};
 pub use halt::{HaltError, Halted, brake_all, halt, still, watch_still};
 pub use lease::{Aspect, LEASE_MS, LeasedMotor, RENEW_NS};
 pub use ports::{equip, equip_port};

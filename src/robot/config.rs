@@ -12,13 +12,12 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
-pub use range::RangeRole;
 pub use stop_button::StopButton;
 
 use super::battery::{BatteryConfig, battery};
 use crate::document::{Document, Findings, Item, Kind, Section};
 use crate::ev3dev::{Driver, PortAddress};
-use crate::mapping::Geometry;
+use crate::mapping::{Geometry, RangeMount};
 use crate::printable::is_printable;
 use crate::senses::{Channel, Role};
 use crate::units::radians;
@@ -57,7 +56,9 @@ pub struct RobotConfig {
     /// What missions call the named sensors; at most [`RobotConfig::MAX_SENSORS`].
     pub named_sensors: Vec<NamedSensor>,
     /// How the range sensor sits and measures, where it has one.
-    pub range: Option<RangeRole>,
+    pub range: Option<RangeMount>,
+    /// Metres for one percent of the infrared sensor's proximity.
+    pub infrared_m_per_pct: f64,
     /// How long the gyro must say no new degree before a run, nanoseconds: a drift that makes one
     /// in less is always noticed.
     pub gyro_watch_ns: i64,
@@ -206,6 +207,8 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         .value_or("stop_button", None, |item| stop_button::stop_button(&item.section()?).map(Some));
     let motors = named_motors(root);
     let drive = drive?;
+    let (head, (range, infrared)) = (head?, range?.unzip());
+    let on_head = head.is_some();
     let (named_sensors, plugs): (Vec<_>, Vec<_>) = named_sensors?.into_iter().unzip();
     let plugs = sensors?.into_iter().chain((0..).map(Role::Sensor).zip(plugs));
     let (sensors, drivers): (BTreeMap<_, _>, Vec<_>) = plugs
@@ -221,12 +224,13 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
         max_wheel_rad_s: drive.max_wheel_rad_s,
         speed_m_s: drive.speed_m_s,
         acceleration_m_s2: drive.acceleration_m_s2,
-        head: head?,
+        head,
         sensors,
         drivers: drivers.into_iter().flatten().collect(),
         stop_button: stop_button?,
         named_sensors,
-        range: range?,
+        range: range.map(|range| RangeMount { on_head, ..range }),
+        infrared_m_per_pct: infrared.unwrap_or(range::INFRARED_M_PER_PCT),
         gyro_watch_ns: crate::clock::nanoseconds(gyro_watch_s?),
         gyro_scale: gyro_scale?,
         battery: battery?.unwrap_or_default(),

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::RobotConfig;
 use crate::behavior::{Capabilities, Drive, MotionLimits};
-use crate::mapping::{Geometry, GeometryError, RangeMount};
+use crate::mapping::{Geometry, GeometryError};
 use crate::senses::Role;
 
 impl RobotConfig {
@@ -31,19 +31,9 @@ impl RobotConfig {
     ///
     /// A measure that makes no sense, though it passed when the file was read.
     pub fn geometry(&self) -> Result<Geometry, GeometryError> {
-        let range = self.range.as_ref().map(|range| RangeMount {
-            ahead_m: range.ahead_m,
-            max_m: range.max_m,
-            half_cone_rad: range.half_cone_rad,
-            bias_m: range.bias_m,
-            scale: range.scale,
-            own_echoes: range.own_echoes,
-            on_head: self.head.is_some(),
-            ..RangeMount::default()
-        });
         Geometry::new(self.wheel_circumference_m, self.track_width_m)?
             .with_gyro_scale(self.gyro_scale)?
-            .with_range(range.unwrap_or_default())
+            .with_range(self.range.unwrap_or_default())
     }
 
     /// What motions that end keep to.

@@ -92,10 +92,8 @@ impl RoleSensor {
         let mode = kind.mode(driver, needed).or_else(|| kind.mode(driver, &[])).unwrap_or_default();
         let sources = kind.quantities().filter_map(|quantity| {
             let mut source = *quantity.channel.source(driver, mode)?;
-            if let (Channel::Range, Driver::Infrared, Some(range)) =
-                (quantity.channel, driver, &config.range)
-            {
-                source.scale = range.infrared_m_per_pct;
+            if (quantity.channel, driver) == (Channel::Range, Driver::Infrared) {
+                source.scale = config.infrared_m_per_pct;
             }
             match named {
                 None => Some((quantity.channel, source)),
