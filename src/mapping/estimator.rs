@@ -96,7 +96,7 @@ impl Estimator {
     /// Continues from a state: the same inputs then give the same bits as without an interruption.
     /// Returns false, and changes nothing, if the state's parts do not fit each other.
     pub fn restore(&mut self, state: EstimatorState) -> bool {
-        let fits = state.survey.is_whole();
+        let fits = state.survey.landmarks.is_whole();
         if fits {
             self.state = state;
         }
@@ -207,7 +207,7 @@ impl Estimator {
         let (x_m, y_m) = (now.x_m - before.x_m, now.y_m - before.y_m);
         let [cos, sin] =
             if x_m != 0.0 || y_m != 0.0 { unit(before.heading_rad) } else { [1.0, 0.0] };
-        self.state.survey.step(&Step {
+        self.state.survey.landmarks.filter.step(&Step {
             forward_m: x_m * cos + y_m * sin,
             left_m: y_m * cos - x_m * sin,
             turn_rad: now.heading_rad - before.heading_rad,
@@ -243,7 +243,7 @@ impl Estimator {
         });
         *events |= step.events;
         if self.state.gyro.bias_rad_s().to_bits() != bias_rad_s.to_bits() {
-            self.state.survey.forget_bias();
+            self.state.survey.landmarks.filter.forget_bias();
         }
         self.state.odometry.heading_rad = match self.config.method {
             Method::Default | Method::Odometry => step.heading_rad,
@@ -286,7 +286,7 @@ impl Estimator {
     fn correct(&mut self, correction: &Correction) {
         let state = &mut self.state;
         state.history.correct(correction);
-        state.covariance = state.survey.covariance();
+        state.covariance = state.survey.landmarks.filter.of_pose();
         state.unsettled = state.unsettled.plus(&correction.back());
     }
 

@@ -339,7 +339,7 @@ impl Filter {
         self.landmarks.remove(landmark);
     }
 
-    /// Covariance of the pose: xx, xy, xh, yy, yh, hh.
+    /// Covariance of the pose when it was last brought up to date: xx, xy, xh, yy, yh, hh.
     pub(super) fn of_pose(&self) -> [f64; 6] {
         [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)]
             .map(|(row, column)| f64::from(self.covariance(row, column)))

@@ -48,8 +48,7 @@ use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
-use super::filter::{Filter, Jacobian, LANDMARKS, Step, Symmetric, inverse, single};
-use super::pose::Correction;
+use super::filter::{Filter, Jacobian, LANDMARKS, Symmetric, inverse, single};
 use super::sweep::Foot;
 use crate::units::wrap_rad;
 
@@ -130,7 +129,7 @@ struct Match {
 /// Pose, scales and landmarks.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Landmarks {
-    filter: Filter,
+    pub filter: Filter,
     known: ArrayVec<Landmark, LANDMARKS>,
 }
 
@@ -142,41 +141,6 @@ impl Landmarks {
     /// Whether its parts fit each other: what was read back need not have been written by us.
     pub(super) fn is_whole(&self) -> bool {
         self.filter.is_of(self.known.len())
-    }
-
-    pub(super) fn pose(&self) -> Pose {
-        self.filter.pose
-    }
-
-    /// Covariance of the pose when a foot was last taken: xx, xy, xh, yy, yh, hh.
-    pub(super) fn covariance(&self) -> [f64; 6] {
-        self.filter.of_pose()
-    }
-
-    /// See [`Filter::keep_pose`].
-    pub(super) fn keep_pose(&mut self, slot: usize) {
-        self.filter.keep_pose(slot);
-    }
-
-    /// See [`Filter::kept_pose`].
-    pub(super) fn kept_pose(&self, slot: usize) -> Pose {
-        self.filter.kept_pose(slot)
-    }
-
-    /// See [`Filter::rebias`].
-    pub(super) fn rebias(&mut self, by_rad_s: f64) -> Correction {
-        let from = self.filter.pose;
-        self.filter.rebias(by_rad_s);
-        Correction { from, to: self.filter.pose }
-    }
-
-    /// See [`Filter::forget_bias`].
-    pub(super) fn forget_bias(&mut self) {
-        self.filter.forget_bias();
-    }
-
-    pub(super) fn step(&mut self, step: &Step) {
-        self.filter.step(step);
     }
 
     /// Takes a foot; corrects the pose where it is of a known wall. `None` where it was left out.
@@ -387,6 +351,8 @@ impl Seen {
 mod tests {
     use super::*;
     use crate::clock::SECOND_NS;
+    use crate::mapping::filter::Step;
+    use crate::mapping::pose::Correction;
     use crate::units::radians;
     use std::f64::consts::FRAC_PI_2;
 
@@ -429,7 +395,7 @@ mod tests {
                 }
                 let [forward_m, left_m] = if way % 2 == 0 { [0.2, 0.1] } else { [-0.2, -0.1] };
                 let step = Step { forward_m, left_m, passed_s: 1.0, ..Step::default() };
-                landmarks.step(&step);
+                landmarks.filter.step(&step);
                 (pose.x_m, pose.y_m) = (pose.x_m + forward_m, pose.y_m + left_m);
             }
         }
@@ -443,8 +409,9 @@ mod tests {
         assert_eq!(kinds, [Kind::Wall, Kind::Wall, Kind::Point]);
         let [x_m, y_m, _] = landmarks.filter.landmark(2);
         assert!((x_m - 0.4).abs() < 0.02 && (y_m + 0.8).abs() < 0.02, "the post at {x_m}, {y_m}");
-        let off_m = libm::hypot(landmarks.pose().x_m - pose.x_m, landmarks.pose().y_m - pose.y_m);
-        assert!(off_m < 0.01, "{:?}, not {pose:?}", landmarks.pose());
+        let off_m =
+            libm::hypot(landmarks.filter.pose.x_m - pose.x_m, landmarks.filter.pose.y_m - pose.y_m);
+        assert!(off_m < 0.01, "{:?}, not {pose:?}", landmarks.filter.pose);
         // The feet of the first wall lay along the way between them: 0.4 m.
         let wall = landmarks.known[0];
         assert!((0.3..0.6).contains(&(wall.to_m - wall.from_m)), "{wall:?}");
@@ -453,27 +420,27 @@ mod tests {
     #[test]
     fn a_foot_of_a_wall_corrects_the_pose_and_one_of_a_post_does_not() {
         let (mut landmarks, pose) = has_driven(4);
-        landmarks.step(&Step { turn_rad: 6.0, passed_s: 60.0, ..Step::default() });
+        landmarks.filter.step(&Step { turn_rad: 6.0, passed_s: 60.0, ..Step::default() });
         let off_rad = radians(6.0);
         let [wall, _, post] = feet(&pose).map(|foot| turned(&foot, &pose, off_rad));
-        let before = landmarks.pose();
+        let before = landmarks.filter.pose;
         let sighting = landmarks.take(&post, 100 * SECOND_NS).expect("a known post");
         assert!(sighting.is_known && sighting.kind == Kind::Point, "{sighting:?}");
-        assert_eq!(landmarks.pose(), before);
+        assert_eq!(landmarks.filter.pose, before);
         let sighting = landmarks.take(&wall, 101 * SECOND_NS).expect("a known wall");
         assert!(sighting.is_known && sighting.kind == Kind::Wall, "{sighting:?}");
-        let turned_rad = landmarks.pose().heading_rad - before.heading_rad;
+        let turned_rad = landmarks.filter.pose.heading_rad - before.heading_rad;
         assert!((-1.1 * off_rad..-0.3 * off_rad).contains(&turned_rad), "turned by {turned_rad}");
     }
 
     #[test]
     fn a_foot_that_fits_badly_corrects_nothing_and_is_no_new_landmark() {
         let (mut landmarks, pose) = has_driven(4);
-        let before = landmarks.pose();
+        let before = landmarks.filter.pose;
         let [mut wall, ..] = feet(&pose);
         wall.distance_m += 0.2;
         assert!(landmarks.take(&wall, 100 * SECOND_NS).is_none());
-        assert_eq!((landmarks.pose(), landmarks.known.len()), (before, 3));
+        assert_eq!((landmarks.filter.pose, landmarks.known.len()), (before, 3));
     }
 
     #[test]

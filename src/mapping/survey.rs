@@ -30,7 +30,6 @@
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
-use super::filter::Step;
 use super::keyframes::{Keyframe, KeyframeList, Keyframes};
 use super::landmarks::{Kind, Landmarks, Sighting};
 use super::pose::Correction;
@@ -51,7 +50,7 @@ const OBLIQUE_RAD: f64 = 0.524;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Survey {
     sweep: Sweep,
-    landmarks: Landmarks,
+    pub landmarks: Landmarks,
     keyframes: Keyframes,
     waiting: ArrayVec<MapPoint, WAITING>,
 }
@@ -76,24 +75,14 @@ impl Survey {
         Self { landmarks: Landmarks::new(pose), ..Self::default() }
     }
 
-    /// See [`Landmarks::is_whole`].
-    pub(super) fn is_whole(&self) -> bool {
-        self.landmarks.is_whole()
-    }
-
     pub(super) fn pose(&self) -> Pose {
-        self.landmarks.pose()
-    }
-
-    /// Covariance of the pose when it was last corrected: xx, xy, xh, yy, yh, hh.
-    pub(super) fn covariance(&self) -> [f64; 6] {
-        self.landmarks.covariance()
+        self.landmarks.filter.pose
     }
 
     /// Keeps the pose of now, if it is time for it.
     pub(super) fn keep_pose(&mut self, time_ns: i64) {
         if let Some(slot) = self.keyframes.slot(time_ns, self.pose()) {
-            self.landmarks.keep_pose(slot);
+            self.landmarks.filter.keep_pose(slot);
         }
     }
 
@@ -102,26 +91,19 @@ impl Survey {
         let kept = self.keyframes.by_time().into_iter().map(|(slot, (time_ns, placed))| Keyframe {
             time_ns,
             placed,
-            now: self.landmarks.kept_pose(slot),
+            now: self.landmarks.filter.kept_pose(slot),
         });
         let now = Keyframe { time_ns: now_ns, placed: self.pose(), now: self.pose() };
         kept.chain([now]).collect()
     }
 
-    /// See [`Landmarks::rebias`].
+    /// See [`Filter::rebias`](super::filter::Filter::rebias).
     pub(super) fn rebias(&mut self, by_rad_s: f64) -> Correction {
-        let correction = self.landmarks.rebias(by_rad_s);
+        let from = self.pose();
+        self.landmarks.filter.rebias(by_rad_s);
+        let correction = Correction { from, to: self.pose() };
         self.sweep.correct(&correction);
         correction
-    }
-
-    /// See [`Landmarks::forget_bias`].
-    pub(super) fn forget_bias(&mut self) {
-        self.landmarks.forget_bias();
-    }
-
-    pub(super) fn step(&mut self, step: &Step) {
-        self.landmarks.step(step);
     }
 
     /// Takes a sounding; returns how far off the axis its echo is as far as can be told at once,
