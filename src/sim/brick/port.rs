@@ -6,7 +6,7 @@ use nix::errno::Errno;
 use crate::ev3dev::PISTORMS;
 use crate::sim::board::{Board, PortKind};
 use crate::sim::driver::sensor::{HANDSHAKE_NS, MODELS, model};
-use crate::sim::driver::tacho::{DRIVER_NAMES, Model};
+use crate::sim::driver::tacho::{self, Model};
 use crate::sim::driver::text::word;
 use crate::sim::driver::{
     Context, Driver, Spec, Took, lego_uevent, line, list, readable, readwriteable, writeable,
@@ -192,8 +192,7 @@ impl PortState {
                 Some(Model::of(kind).map_or(Wanted::Dc, Wanted::Tacho))
             }
             ("tacho-motor", _) => {
-                let usual = if detects { Model::large() } else { Model::nxt() };
-                Some(Wanted::Tacho(self.motor_driver.unwrap_or(usual)))
+                Some(Wanted::Tacho(self.motor_driver.unwrap_or(Model::usual(detects))))
             }
             ("dc-motor", _) => Some(Wanted::Dc),
             ("led", _) => Some(Wanted::Led),
@@ -290,7 +289,8 @@ impl Driver for PortState {
             }
             "set_device" if !self.board.platform.detects => self.name_sensor(bytes, context)?,
             "set_device" if self.mode_name() == "tacho-motor" => {
-                self.motor_driver = Model::named(word(bytes, DRIVER_NAMES)?);
+                let names = tacho::MODELS.iter().map(|model| model.driver_name);
+                self.motor_driver = tacho::MODELS.get(word(bytes, names)?);
                 self.register_again(context.now_ns);
             }
             "set_device" if self.mode_name() == "nxt-analog" => {

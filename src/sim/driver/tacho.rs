@@ -20,7 +20,7 @@ use nix::errno::Errno;
 
 use self::encoder::Encoder;
 use self::models::{COUNT_PER_M, COUNT_PER_ROT};
-pub(crate) use self::models::{DRIVER_NAMES, Model};
+pub(crate) use self::models::{MODELS, Model};
 use self::motor::{Motor, Ticked};
 use super::jiffies::{JIFFY_NS, due_ns, from_ms, jiffies};
 use super::text::{int, int_in, known, word};

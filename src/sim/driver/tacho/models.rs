@@ -7,7 +7,7 @@ use crate::sim::physics::MotorKind;
 /// A type of motor.
 #[derive(Debug)]
 pub(crate) struct Model {
-    pub(super) driver_name: &'static str,
+    pub(crate) driver_name: &'static str,
     pub(super) attributes: &'static [Spec],
     pub(super) max_speed: i32,
     hold_kp: i32,
@@ -52,71 +52,42 @@ macro_rules! attributes {
 const ROTARY: &[Spec] = attributes!(readable("count_per_rot"));
 const LINEAR: &[Spec] = attributes!(readable("count_per_m"), readable("full_travel_count"));
 
-static LARGE: Model = Model {
-    driver_name: "lego-ev3-l-motor",
-    attributes: ROTARY,
-    max_speed: 1050,
-    hold_kp: 80_000,
-    full_travel_count: 0,
-};
-static MEDIUM: Model = Model {
-    driver_name: "lego-ev3-m-motor",
-    attributes: ROTARY,
-    max_speed: 1560,
-    hold_kp: 160_000,
-    full_travel_count: 0,
-};
-static NXT: Model = Model {
-    driver_name: "lego-nxt-motor",
-    attributes: ROTARY,
-    max_speed: 1020,
-    hold_kp: 80_000,
-    full_travel_count: 0,
-};
-static LINEAR_50: Model = Model {
-    driver_name: "act-l12-ev3-50",
-    attributes: LINEAR,
-    max_speed: 24,
-    hold_kp: 40_000,
-    full_travel_count: 100,
-};
-static LINEAR_100: Model = Model {
-    driver_name: "act-l12-ev3-100",
-    attributes: LINEAR,
-    max_speed: 24,
-    hold_kp: 40_000,
-    full_travel_count: 200,
-};
+/// All of them, in the order of the driver's own table: what `set_device` of an output port takes.
+pub(crate) static MODELS: [Model; 5] = [
+    rotary("lego-nxt-motor", 1020, 80_000),
+    rotary("lego-ev3-l-motor", 1050, 80_000),
+    rotary("lego-ev3-m-motor", 1560, 160_000),
+    linear("act-l12-ev3-50", 100),
+    linear("act-l12-ev3-100", 200),
+];
 
-/// What `set_device` of an output port takes.
-pub(crate) const DRIVER_NAMES: [&str; 5] =
-    ["lego-nxt-motor", "lego-ev3-l-motor", "lego-ev3-m-motor", "act-l12-ev3-50", "act-l12-ev3-100"];
+const fn rotary(driver_name: &'static str, max_speed: i32, hold_kp: i32) -> Model {
+    Model { driver_name, attributes: ROTARY, max_speed, hold_kp, full_travel_count: 0 }
+}
+
+const fn linear(driver_name: &'static str, full_travel_count: i32) -> Model {
+    Model { driver_name, attributes: LINEAR, max_speed: 24, hold_kp: 40_000, full_travel_count }
+}
 
 impl Model {
     /// The model of a motor; none for one without an encoder.
     pub(crate) fn of(kind: MotorKind) -> Option<&'static Self> {
+        let [_, large, medium, linear_50, linear_100] = &MODELS;
         match kind {
-            MotorKind::Large => Some(&LARGE),
-            MotorKind::Medium => Some(&MEDIUM),
-            MotorKind::Linear50 => Some(&LINEAR_50),
-            MotorKind::Linear100 => Some(&LINEAR_100),
+            MotorKind::Large => Some(large),
+            MotorKind::Medium => Some(medium),
+            MotorKind::Linear50 => Some(linear_50),
+            MotorKind::Linear100 => Some(linear_100),
             MotorKind::Rcx => None,
         }
     }
 
     /// What a port in mode `tacho-motor` binds until `set_device` names something else.
-    pub(crate) fn large() -> &'static Self {
-        &LARGE
-    }
-
-    /// What a port binds that does not find out what is plugged in.
-    pub(crate) fn nxt() -> &'static Self {
-        &NXT
-    }
-
-    /// The model at a place in [`DRIVER_NAMES`].
-    pub(crate) fn named(index: usize) -> Option<&'static Self> {
-        [&NXT, &LARGE, &MEDIUM, &LINEAR_50, &LINEAR_100].get(index).copied()
+    ///
+    /// - `detects`: whether the port finds out what is plugged in.
+    pub(crate) fn usual(detects: bool) -> &'static Self {
+        let [nxt, large, ..] = &MODELS;
+        if detects { large } else { nxt }
     }
 
     /// The regulator of speed, the same for all.
