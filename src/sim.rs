@@ -50,5 +50,5 @@ pub use simulation::{MOST_BEHIND_NS, Options, Plugged, Simulation, Written};
 #[cfg(feature = "host")]
 pub(crate) use view::web_colour;
 pub use view::{Beam, DeviceView, Mark, MarkKind, Paint, RobotView, Room, View, still};
-pub use world::{Colour, Errors, OwnEcho, RobotModel, StartPose, World, covered};
+pub use world::{Errors, OwnEcho, RobotModel, StartPose, World, covered};
 pub use world_physics::{NoStartPose, Observer, Truth, WorldPhysics};

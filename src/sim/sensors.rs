@@ -15,7 +15,8 @@ use super::body::Body;
 use super::chance::Chance;
 use super::echo;
 use super::world::geometry::{Hit, Point, Segment, direction, nearer, perpendicular};
-use super::world::{Colour, RobotModel, World};
+use super::world::{RobotModel, World};
+use crate::ev3dev::Colour;
 use crate::units::{degrees, radians, wrap_rad};
 
 /// Furthest that the ultrasonic measures; also what it says without an echo.
@@ -100,7 +101,7 @@ impl Scene<'_> {
             "COL-REFLECT" => one(whole(red)),
             // A lit room from above; the sensor's own shadow leaves little of it.
             "COL-AMBIENT" => one(whole(red * 0.08)),
-            "COL-COLOR" => one(colour.code()),
+            "COL-COLOR" => one(colour.number().into()),
             // Darker is larger; the second value is the same with the light off.
             "REF-RAW" => [whole(620.0 - red * 4.5), 640, 0, 0, 0, 0, 0, 0],
             "RGB-RAW" => [whole(red * 4.5), whole(green * 4.5), whole(blue * 4.5), 8, 0, 0, 0, 0],

@@ -33,7 +33,6 @@ mod parse;
 pub(in crate::sim) mod robot;
 
 pub use coverage::covered;
-pub use floor::Colour;
 pub(in crate::sim) use floor::{Floor, Ground, Mark};
 pub use robot::{Errors, OwnEcho, RobotModel};
 

@@ -5,71 +5,21 @@
 //! What stands later in the file lies above what stands earlier, patches above lines.
 
 use super::geometry::{Point, contains, distance_to_polyline};
+use crate::ev3dev::Colour;
 
-/// A colour that the colour sensor names.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Colour {
-    /// Nothing to see: beyond the edge of the floor, or grey.
-    None,
-    /// Black.
-    Black,
-    /// Blue.
-    Blue,
-    /// Green.
-    Green,
-    /// Yellow.
-    Yellow,
-    /// Red.
-    Red,
-    /// White.
-    White,
-    /// Brown.
-    Brown,
-}
-
-impl Colour {
-    /// The words of a world's file.
-    pub(super) const WORDS: [(&'static str, Self); 8] = [
-        ("none", Self::None),
-        ("black", Self::Black),
-        ("blue", Self::Blue),
-        ("green", Self::Green),
-        ("yellow", Self::Yellow),
-        ("red", Self::Red),
-        ("white", Self::White),
-        ("brown", Self::Brown),
-    ];
-
-    /// The sensor's number for it (`COL-COLOR`, interfaces section 9).
-    #[must_use]
-    pub fn code(self) -> i32 {
-        match self {
-            Self::None => 0,
-            Self::Black => 1,
-            Self::Blue => 2,
-            Self::Green => 3,
-            Self::Yellow => 4,
-            Self::Red => 5,
-            Self::White => 6,
-            Self::Brown => 7,
-        }
-    }
-
-    /// What paper of the colour reflects of red, green and blue light, in percent. Red light makes
-    /// `COL-REFLECT`: black tape 5 to 10, white paper 60 to 90 (interfaces 15.3).
-    pub(super) fn reflects_pct(self) -> [f64; 3] {
-        match self {
-            Self::None => [35.0, 35.0, 35.0],
-            Self::Black => [7.0, 7.0, 7.0],
-            Self::Blue => [9.0, 18.0, 40.0],
-            Self::Green => [12.0, 32.0, 14.0],
-            Self::Yellow => [70.0, 55.0, 18.0],
-            Self::Red => [60.0, 10.0, 9.0],
-            Self::White => [75.0, 75.0, 75.0],
-            Self::Brown => [25.0, 15.0, 11.0],
-        }
-    }
-}
+/// Colours as a world's file calls them, with what paper of them reflects of red, green and blue
+/// light, in percent. `none` is grey. Red light makes `COL-REFLECT`: black tape 5 to 10, white
+/// paper 60 to 90 (interfaces 15.3).
+const COLOURS: [(&str, Colour, [f64; 3]); 8] = [
+    ("none", Colour::None, [35.0, 35.0, 35.0]),
+    ("black", Colour::Black, [7.0, 7.0, 7.0]),
+    ("blue", Colour::Blue, [9.0, 18.0, 40.0]),
+    ("green", Colour::Green, [12.0, 32.0, 14.0]),
+    ("yellow", Colour::Yellow, [70.0, 55.0, 18.0]),
+    ("red", Colour::Red, [60.0, 10.0, 9.0]),
+    ("white", Colour::White, [75.0, 75.0, 75.0]),
+    ("brown", Colour::Brown, [25.0, 15.0, 11.0]),
+];
 
 /// One place of the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,9 +33,15 @@ impl Ground {
     /// Beyond the edge: no floor, no light.
     const MISSING: Self = Self { colour: Colour::None, reflects_pct: [0.0; 3] };
 
+    /// The words for colours.
+    pub(super) fn words() -> [(&'static str, Colour); 8] {
+        COLOURS.map(|(word, colour, _)| (word, colour))
+    }
+
     /// A colour, or the same colour made lighter or darker so that its red is `reflect_pct`.
     pub(super) fn new(colour: Colour, reflect_pct: Option<f64>) -> Self {
-        let own = colour.reflects_pct();
+        let known = COLOURS.into_iter().find(|(_, known, _)| *known == colour);
+        let own = known.map_or([0.0; 3], |(_, _, reflects_pct)| reflects_pct);
         let factor = reflect_pct.map_or(1.0, |pct| pct / own[0]);
         Self { colour, reflects_pct: own.map(|pct| (pct * factor).min(100.0)) }
     }

@@ -8,10 +8,9 @@ use std::f64::consts::PI;
 
 use super::geometry::{Disc, Point, contains, rectangle};
 use super::robot::number;
-use super::{
-    Beacon, Colour, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World,
-};
+use super::{Beacon, Floor, Ground, Mark, RemotePress, RobotModel, StartPose, Surfaces, World};
 use crate::document::{Item, Kind, Section, Severity};
+use crate::ev3dev::Colour;
 use crate::units::radians;
 
 /// Furthest from the origin that anything stands, metres.
@@ -129,7 +128,7 @@ fn block(section: &Section<'_>) -> Option<[Point; 4]> {
 
 fn ground(section: &Section<'_>, default: Colour) -> Ground {
     let colour =
-        section.get("colour").and_then(|item| item.word(&Colour::WORDS)).unwrap_or(default);
+        section.get("colour").and_then(|item| item.word(&Ground::words())).unwrap_or(default);
     Ground::new(colour, section.get("reflect_pct").and_then(|item| item.number(0.0..=100.0)))
 }
 
