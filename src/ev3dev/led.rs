@@ -27,11 +27,9 @@ attributes! {
         pub readable "max_brightness" => read_max_brightness: i32;
         readwriteable "trigger" => triggers / write_trigger: Words;
         /// Time on, ms. The file is there only under the trigger `timer`.
-        pub readwriteable "delay_on" => delay_on / set_delay_on: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "delay_on" => delay_on / set_delay_on: i32, Legal::NOT_NEGATIVE;
         /// Time off, ms. The file is there only under the trigger `timer`.
-        pub readwriteable "delay_off" => delay_off / set_delay_off: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "delay_off" => delay_off / set_delay_off: i32, Legal::NOT_NEGATIVE;
     }
 }
 

@@ -90,7 +90,7 @@ attributes! {
         readable "units" => units: Word;
         readable "bin_data_format" => bin_data_format: BinFormat;
         /// Time between two polls of an I²C or NXT sensor, ms; other sensors have none.
-        pub readwriteable "poll_ms" => poll_ms / set_poll_ms: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "poll_ms" => poll_ms / set_poll_ms: i32, Legal::NOT_NEGATIVE;
         /// Version of the sensor's own program; empty for most.
         pub readable "fw_version" => fw_version: Word;
         /// The text of the few I²C sensors that give one.

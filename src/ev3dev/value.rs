@@ -39,6 +39,9 @@ pub enum Legal {
 }
 
 impl Legal {
+    /// Any 32-bit whole number from 0 on.
+    pub const NOT_NEGATIVE: Self = Self::Range(0, i32::MAX as i64);
+
     /// Whether a whole number is legal here; where no number is expected, none is refused.
     #[must_use]
     pub fn allows(&self, number: i64) -> bool {

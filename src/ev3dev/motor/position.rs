@@ -93,7 +93,7 @@ attributes! {
         /// Duty cycle for `run-direct`; acts at once while that command runs.
         pub readwriteable "duty_cycle_sp" => duty_cycle_sp / set_duty_cycle_sp: Duty;
         /// How long `run-timed` runs, ms from its command.
-        pub readwriteable "time_sp" => time_sp / set_time_sp: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "time_sp" => time_sp / set_time_sp: i32, Legal::NOT_NEGATIVE;
         /// Time from rest to `max_speed`, ms.
         pub readwriteable "ramp_up_sp" => ramp_up_sp / set_ramp_up_sp: i32,
             Legal::Range(0, MAX_RAMP_MS);
@@ -109,23 +109,17 @@ attributes! {
         /// What the motor is doing, not older than 2 ms.
         pub readable "state" => state: MotorState;
         /// Proportional gain of the speed regulator; acts at once.
-        pub readwriteable "speed_pid/Kp" => speed_kp / set_speed_kp: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "speed_pid/Kp" => speed_kp / set_speed_kp: i32, Legal::NOT_NEGATIVE;
         /// Integral gain of the speed regulator; acts at once.
-        pub readwriteable "speed_pid/Ki" => speed_ki / set_speed_ki: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "speed_pid/Ki" => speed_ki / set_speed_ki: i32, Legal::NOT_NEGATIVE;
         /// Derivative gain of the speed regulator; acts at once.
-        pub readwriteable "speed_pid/Kd" => speed_kd / set_speed_kd: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "speed_pid/Kd" => speed_kd / set_speed_kd: i32, Legal::NOT_NEGATIVE;
         /// Proportional gain of the hold regulator; acts at once.
-        pub readwriteable "hold_pid/Kp" => hold_kp / set_hold_kp: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "hold_pid/Kp" => hold_kp / set_hold_kp: i32, Legal::NOT_NEGATIVE;
         /// Integral gain of the hold regulator; acts at once.
-        pub readwriteable "hold_pid/Ki" => hold_ki / set_hold_ki: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "hold_pid/Ki" => hold_ki / set_hold_ki: i32, Legal::NOT_NEGATIVE;
         /// Derivative gain of the hold regulator; acts at once.
-        pub readwriteable "hold_pid/Kd" => hold_kd / set_hold_kd: i32,
-            Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "hold_pid/Kd" => hold_kd / set_hold_kd: i32, Legal::NOT_NEGATIVE;
     }
 }
 

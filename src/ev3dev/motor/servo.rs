@@ -46,7 +46,7 @@ attributes! {
         pub readwriteable "position_sp" => position_sp / set_position_sp: i32,
             Legal::Range(-100, 100);
         /// Time for the whole way, ms. Some controllers have none.
-        pub readwriteable "rate_sp" => rate_sp / set_rate_sp: i32, Legal::Range(0, i32::MAX as i64);
+        pub readwriteable "rate_sp" => rate_sp / set_rate_sp: i32, Legal::NOT_NEGATIVE;
         /// Running or nothing.
         pub readable "state" => state: MotorState;
     }
