@@ -1,9 +1,8 @@
 //! What can go wrong with a device, split by what the caller should do next.
 //!
-//! Making a [`DeviceError`] allocates nothing, so a sensor that is gone does not cost the control
-//! loop its promise.
+//! Making a [`DeviceError`] allocates nothing, only showing it does: so a sensor that is gone does
+//! not cost the control loop its promise.
 
-use std::fmt;
 use std::sync::Arc;
 
 use arrayvec::ArrayString;
@@ -18,7 +17,7 @@ pub type Excerpt = ArrayString<32>;
 
 /// One access to a device that failed: which device, which attribute, with which value, and why.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}: {attribute}{}: {cause}", Device(.port.as_ref(), .device), Quoted(.value.as_ref()))]
+#[error("{}: {attribute}{}: {cause}", full_name(.port.as_ref(), .device), quoted(.value.as_ref()))]
 pub struct DeviceError {
     /// The device's port, where it has one and it is known.
     pub port: Option<PortAddress>,
@@ -47,7 +46,7 @@ pub enum Cause {
     Absent(Errno),
     /// The value is not legal, by our own check (no error number) or by the driver's: change the
     /// value, do not try again.
-    #[error("refused{}, legal is {legal}", Number(.errno.as_ref()))]
+    #[error("refused{}, legal is {legal}", number(.errno.as_ref()))]
     Refused {
         /// The driver's answer; none if nothing was written because we knew it to be wrong.
         errno: Option<Errno>,
@@ -60,7 +59,7 @@ pub enum Cause {
     /// Permissions (EACCES; wait a second after plugging in, then look at the groups), a mode
     /// change that was not answered (ETIMEDOUT; try again), a battery that is not measured yet
     /// (ENODATA, EAGAIN; try again), and everything else.
-    #[error("{}", Hinted(*.0))]
+    #[error("{0}{hint}", hint = hint(*.0))]
     Other(Errno),
 }
 
@@ -99,7 +98,7 @@ impl DeviceError {
 #[non_exhaustive]
 pub enum FindError {
     /// Nothing fits: plug it in, or write another port.
-    #[error("no {wanted}; {}", There(.there))]
+    #[error("no {wanted}; {}", what_is(.there))]
     Nothing {
         /// What was looked for.
         wanted: String,
@@ -107,7 +106,7 @@ pub enum FindError {
         there: Vec<Identity>,
     },
     /// Something else is plugged in there.
-    #[error("no {wanted}, but {}; {}", .found.driver, There(.there))]
+    #[error("no {wanted}, but {}; {}", .found.driver, what_is(.there))]
     Other {
         /// What was looked for.
         wanted: String,
@@ -117,7 +116,7 @@ pub enum FindError {
         there: Vec<Identity>,
     },
     /// More than one fits: say which port.
-    #[error("more than one {wanted}, name a port; {}", There(.fitting))]
+    #[error("more than one {wanted}, name a port; {}", what_is(.fitting))]
     Several {
         /// What was looked for.
         wanted: String,
@@ -151,63 +150,34 @@ pub(crate) fn excerpt(bytes: &[u8]) -> Excerpt {
     text
 }
 
-struct Device<'a>(Option<&'a PortAddress>, &'a str);
+fn full_name(port: Option<&PortAddress>, folder: &str) -> String {
+    port.map_or_else(|| folder.to_owned(), |port| format!("{port} ({folder})"))
+}
 
-impl fmt::Display for Device<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Some(port) => write!(f, "{port} ({})", self.1),
-            None => f.write_str(self.1),
-        }
+fn quoted(value: Option<&Excerpt>) -> String {
+    value.map_or_else(String::new, |value| format!(" `{value}`"))
+}
+
+fn number(errno: Option<&Errno>) -> String {
+    errno.map_or_else(String::new, |errno| format!(" ({errno})"))
+}
+
+fn hint(errno: Errno) -> &'static str {
+    match errno {
+        Errno::EACCES => "; just plugged in, wait a second; else join the groups ev3dev and input",
+        Errno::ETIMEDOUT => "; the sensor did not answer, try again or replug it",
+        Errno::ENODATA | Errno::EAGAIN => "; not measured yet, try again",
+        _ => "",
     }
 }
 
-struct Quoted<'a>(Option<&'a Excerpt>);
-
-impl fmt::Display for Quoted<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.map_or(Ok(()), |value| write!(f, " `{value}`"))
+fn what_is(there: &[Identity]) -> String {
+    let each: Vec<String> =
+        there.iter().map(|one| format!("{} on {}", one.driver, one.address)).collect();
+    if each.is_empty() {
+        return "nothing of this kind is plugged in".to_owned();
     }
-}
-
-struct Number<'a>(Option<&'a Errno>);
-
-impl fmt::Display for Number<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.map_or(Ok(()), |errno| write!(f, " ({errno})"))
-    }
-}
-
-struct Hinted(Errno);
-
-impl fmt::Display for Hinted {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.0)?;
-        match self.0 {
-            Errno::EACCES => f.write_str(
-                "; just plugged in, wait a second; else join the groups ev3dev and input",
-            ),
-            Errno::ETIMEDOUT => f.write_str("; the sensor did not answer, try again or replug it"),
-            Errno::ENODATA | Errno::EAGAIN => f.write_str("; not measured yet, try again"),
-            _ => Ok(()),
-        }
-    }
-}
-
-struct There<'a>(&'a [Identity]);
-
-impl fmt::Display for There<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0.split_first() {
-            None => f.write_str("nothing of this kind is plugged in"),
-            Some((first, others)) => {
-                write!(f, "there is {} on {}", first.driver, first.address)?;
-                others
-                    .iter()
-                    .try_for_each(|other| write!(f, ", {} on {}", other.driver, other.address))
-            }
-        }
-    }
+    format!("there is {}", each.join(", "))
 }
 
 #[cfg(test)]
