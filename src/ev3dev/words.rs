@@ -77,8 +77,10 @@ pub(super) use words;
 
 words! {
     /// What a motor does when it stops.
+    #[derive(Default)]
     StopAction {
         /// Both bridge inputs low: the motor turns freely.
+        #[default]
         Coast = "coast",
         /// Windings shorted: the motor slows itself down.
         Brake = "brake",
@@ -131,6 +133,7 @@ impl TachoCommand {
 
 words! {
     /// What a motor without a position is told to do.
+    #[derive(Default)]
     DcCommand {
         /// At `duty_cycle_sp` until another command.
         RunForever = "run-forever",
@@ -139,6 +142,7 @@ words! {
         /// At `duty_cycle_sp`, which then acts at once.
         RunDirect = "run-direct",
         /// The stop action.
+        #[default]
         Stop = "stop",
     }
 }
@@ -194,8 +198,10 @@ words! {
 
 words! {
     /// What kind of cells the brick runs on.
+    #[derive(Default)]
     Technology {
         /// Not known: AA cells, alkaline unless the user says otherwise.
+        #[default]
         Unknown = "Unknown",
         /// LEGO's rechargeable pack, found by its switch.
         LiIon = "Li-ion",
@@ -204,17 +210,12 @@ words! {
     }
 }
 
-impl Default for Technology {
-    /// What is not known otherwise.
-    fn default() -> Self {
-        Self::Unknown
-    }
-}
-
 words! {
     /// How the bytes of `bin_data` are laid out, little-endian unless the word says `be`.
+    #[derive(Default)]
     BinFormat {
-        /// Unsigned bytes.
+        /// Unsigned bytes: what the class takes where a driver says nothing.
+        #[default]
         U8 = "u8",
         /// Signed bytes.
         S8 = "s8",
@@ -232,13 +233,6 @@ words! {
         S32BeManual = "s32_be",
         /// IEEE 754 single precision.
         Float = "float",
-    }
-}
-
-impl Default for BinFormat {
-    /// What the class takes where a driver says nothing.
-    fn default() -> Self {
-        Self::U8
     }
 }
 

@@ -45,7 +45,7 @@ struct SetPoints {
 }
 
 /// One motor.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct DcMotor {
     address: &'static str,
     set: SetPoints,
@@ -65,20 +65,7 @@ pub(crate) struct DcMotor {
 impl DcMotor {
     /// As after the port was put into its mode.
     pub(crate) fn new(address: &'static str) -> Self {
-        Self {
-            address,
-            set: SetPoints::default(),
-            active: SetPoints::default(),
-            command: Command::Stop,
-            duty: 0,
-            bridge: Bridge::Coast,
-            ramp_delta: 0,
-            ramp_time: 0,
-            ramp_end: 0,
-            last_step: 0,
-            ramp_due_ns: None,
-            timed_ns: None,
-        }
+        Self { address, ..Self::default() }
     }
 
     /// The driver's name.

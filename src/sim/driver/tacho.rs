@@ -36,7 +36,7 @@ const NOTIFY_NS: i64 = 50_000_000;
 const RAMP_PERIOD: i64 = 10;
 
 /// Set points, in the hardware's frame.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct SetPoints {
     inversed: bool,
     duty: i32,
@@ -46,21 +46,6 @@ struct SetPoints {
     ramp_up_ms: i32,
     ramp_down_ms: i32,
     stop_action: StopAction,
-}
-
-impl Default for SetPoints {
-    fn default() -> Self {
-        Self {
-            inversed: false,
-            duty: 0,
-            speed: 0,
-            position: 0,
-            time_ms: 0,
-            ramp_up_ms: 0,
-            ramp_down_ms: 0,
-            stop_action: StopAction::Coast,
-        }
-    }
 }
 
 /// The speed on its way to a set point. Times are in kernel ticks.
