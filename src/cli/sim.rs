@@ -166,8 +166,7 @@ enum SimCommand {
 }
 
 fn button(name: &str) -> Result<Button, String> {
-    let names = Button::ALL.map(Button::as_str);
-    Button::named(name).ok_or_else(|| format!("the buttons are {}", names.join(", ")))
+    name.parse().map_err(|_| format!("the buttons are {}", Button::WORDS.join(", ")))
 }
 
 /// A time that a button can be held, in seconds.

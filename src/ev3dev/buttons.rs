@@ -22,29 +22,27 @@ use super::stream::{
     EVENT_SIZE, Event, Stream, errno, failure, io_cause, not_built_in, stream_node,
 };
 use super::tree::{Access, Tree};
+use super::words::words;
 
-/// A button of the brick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Button {
-    /// Upper left, grey.
-    Back,
-    /// The centre.
-    Enter,
-    /// Up.
-    Up,
-    /// Left.
-    Left,
-    /// Right.
-    Right,
-    /// Down.
-    Down,
+words! {
+    /// A button of the brick, with its name in orders and on the page.
+    Button {
+        /// Upper left, grey.
+        Back = "back",
+        /// The centre.
+        Enter = "enter",
+        /// Up.
+        Up = "up",
+        /// Left.
+        Left = "left",
+        /// Right.
+        Right = "right",
+        /// Down.
+        Down = "down",
+    }
 }
 
 impl Button {
-    /// Every button.
-    pub const ALL: [Self; 6] =
-        [Self::Back, Self::Enter, Self::Up, Self::Left, Self::Right, Self::Down];
-
     /// The kernel's code for the key (`input-event-codes.h`).
     #[must_use]
     pub const fn code(self) -> u16 {
@@ -58,27 +56,8 @@ impl Button {
         }
     }
 
-    /// Its name in orders and on the page.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Back => "back",
-            Self::Enter => "enter",
-            Self::Up => "up",
-            Self::Left => "left",
-            Self::Right => "right",
-            Self::Down => "down",
-        }
-    }
-
-    /// The button with a name; `None` if there is none.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|button| button.as_str() == name)
-    }
-
     fn from_code(code: u16) -> Option<Self> {
-        Self::ALL.into_iter().find(|button| button.code() == code)
+        Self::ALL.iter().copied().find(|button| button.code() == code)
     }
 }
 
@@ -101,7 +80,7 @@ impl ButtonSet {
 
     /// The buttons.
     pub fn iter(self) -> impl Iterator<Item = Button> {
-        Button::ALL.into_iter().filter(move |button| self.contains(*button))
+        Button::ALL.iter().copied().filter(move |button| self.contains(*button))
     }
 
     fn set(&mut self, button: Button, is_in: bool) {
@@ -243,7 +222,7 @@ impl Buttons {
         device
             .update_key_state(keys)
             .map_err(|error| failure(&self.node, io_cause(errno(&error))))?;
-        for button in Button::ALL {
+        for &button in Button::ALL {
             note(&mut self.held, changes, button, keys.contains(KeyCode::new(button.code())));
         }
         Ok(())

@@ -233,10 +233,10 @@ pub(super) fn port(name: &str) -> Result<Port, OrderError> {
 
 /// A button by its name.
 pub(super) fn button(name: &str) -> Result<Button, OrderError> {
-    let names = Button::ALL.map(Button::as_str);
-    Button::named(name).ok_or_else(|| {
-        let near =
-            nearest(name, names).unwrap_or_else(|| format!("there are {}", names.join(", ")));
+    name.parse().map_err(|_| {
+        let names = Button::WORDS;
+        let near = nearest(name, names.iter().copied())
+            .unwrap_or_else(|| format!("there are {}", names.join(", ")));
         OrderError::new(format!("there is no button `{}`", shown(name))).hint(near)
     })
 }

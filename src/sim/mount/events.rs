@@ -96,7 +96,10 @@ fn known(device: Device, kind: u32) -> Vec<u8> {
     };
     match (device, u16::try_from(kind)) {
         (_, Ok(EV_SYN)) => set(&kinds, SMALL_BYTES),
-        (Device::Buttons, Ok(EV_KEY)) => set(&Button::ALL.map(Button::code), KEY_BYTES),
+        (Device::Buttons, Ok(EV_KEY)) => {
+            let keys: Vec<u16> = Button::ALL.iter().map(|button| button.code()).collect();
+            set(&keys, KEY_BYTES)
+        }
         (Device::Speaker, Ok(EV_SND)) => set(&SOUNDS, SMALL_BYTES),
         _ => set(&[], SMALL_BYTES),
     }

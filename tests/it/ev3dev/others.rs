@@ -272,7 +272,7 @@ fn buttons_are_held_until_they_are_let_go() {
     let (tree, mut writer) = stream(folder.path(), EV3.buttons.unwrap());
     let mut buttons = Buttons::open(&tree, &EV3).unwrap();
     assert!(buttons.changes().unwrap().pressed.is_empty());
-    for button in Button::ALL {
+    for &button in Button::ALL {
         writer.write_all(&[event(1, button.code(), 1), event(0, 0, 0)].concat()).unwrap();
         let changes = buttons.changes().unwrap();
         assert_eq!(changes.pressed.iter().collect::<Vec<_>>(), [button]);
