@@ -127,11 +127,13 @@ impl Robot {
         let cells = battery.as_ref().and_then(|battery| battery.technology().ok());
         known.battery = known.battery.on(cells.unwrap_or_default(), platform);
         let mut wrong = Vec::new();
-        let mut motor = |channel| binder.motor(channel).map_err(|error| wrong.push(error)).ok();
-        let (left, right) = (motor(Channel::Left), motor(Channel::Right));
-        let head = config.head.as_ref().and_then(|_| motor(Channel::Head));
-        let named = Channel::MOTORS.into_iter().take(config.motors.len());
-        let motors = named.filter_map(motor).collect();
+        // None for what the file does not have.
+        let mut motor = |channel| {
+            let wanted = binder.wanted(channel)?;
+            binder.motor(&wanted, None).map_err(|error| wrong.push(error)).ok().flatten()
+        };
+        let [left, right, head] = [Channel::Left, Channel::Right, Channel::Head].map(&mut motor);
+        let motors = Channel::MOTORS.into_iter().filter_map(motor).collect();
         // Until the board has read its sensors again.
         let mut settle_ns = if platform.detects { 0 } else { 2 * platform.poll_ns };
         let mut sensors: Vec<RoleSensor> = Vec::new();
@@ -260,11 +262,7 @@ impl Binder {
                 .map(|(sensor, settle_ns)| Some((Bound::Sensor(sensor), settle_ns)));
         }
         let Some(wanted) = self.wanted(channel) else { return Ok(None) };
-        let motor = find_motor(&self.tree, &wanted)?;
-        if known == Some(motor.identity().name.as_str()) {
-            return Ok(None);
-        }
-        Ok(Some((Bound::Motor(take_motor(motor, &wanted)?), 0)))
+        Ok(self.motor(&wanted, known)?.map(|motor| (Bound::Motor(motor), 0)))
     }
 
     /// Whether a run needs a sensor: the heading takes the gyro and the map the range, whatever the
@@ -284,19 +282,21 @@ impl Binder {
         Ok((sensor, settle_ns))
     }
 
-    fn motor(&self, channel: Channel) -> Result<LeasedMotor, BindError> {
-        // Only asked for what the file has.
-        let wanted = self.wanted(channel).unwrap_or_else(|| self.left());
-        take_motor(find_motor(&self.tree, &wanted)?, &wanted)
-    }
-
-    fn left(&self) -> WantedMotor<'_> {
-        let config = &self.config;
-        WantedMotor {
-            role: "drive.left".to_owned(),
-            motor: &config.left,
-            max_rad_s: config.max_wheel_rad_s,
+    /// Finds a motor and takes it over, unless it is the one that is known.
+    fn motor(
+        &self,
+        wanted: &WantedMotor<'_>,
+        known: Option<&str>,
+    ) -> Result<Option<LeasedMotor>, BindError> {
+        let role = || wanted.role.clone();
+        let motor = TachoMotor::find(&self.tree, wanted.motor.port.as_ref(), None)
+            .map_err(|source| BindError::Find { role: role(), source })?;
+        if known == Some(motor.identity().name.as_str()) {
+            return Ok(None);
         }
+        LeasedMotor::take(motor, wanted.motor.ratio, wanted.max_rad_s)
+            .map(Some)
+            .map_err(|source| BindError::Device { role: role(), source })
     }
 
     fn wanted(&self, channel: Channel) -> Option<WantedMotor<'_>> {
@@ -304,7 +304,7 @@ impl Binder {
         let wanted =
             |role: &str, motor, max_rad_s| WantedMotor { role: role.to_owned(), motor, max_rad_s };
         match channel {
-            Channel::Left => Some(self.left()),
+            Channel::Left => Some(wanted("drive.left", &config.left, config.max_wheel_rad_s)),
             Channel::Right => Some(wanted("drive.right", &config.right, config.max_wheel_rad_s)),
             Channel::Head => {
                 config.head.as_ref().map(|head| wanted("head", &head.motor, head.max_rad_s))
@@ -323,16 +323,6 @@ struct WantedMotor<'c> {
     role: String,
     motor: &'c MotorRole,
     max_rad_s: f64,
-}
-
-fn find_motor(tree: &Arc<dyn Tree>, wanted: &WantedMotor<'_>) -> Result<TachoMotor, BindError> {
-    TachoMotor::find(tree, wanted.motor.port.as_ref(), None)
-        .map_err(|source| BindError::Find { role: wanted.role.clone(), source })
-}
-
-fn take_motor(motor: TachoMotor, wanted: &WantedMotor<'_>) -> Result<LeasedMotor, BindError> {
-    LeasedMotor::take(motor, wanted.motor.ratio, wanted.max_rad_s)
-        .map_err(|source| BindError::Device { role: wanted.role.clone(), source })
 }
 
 fn shared(config: &RobotConfig, sensor: &RoleSensor, other: &RoleSensor) -> BindError {
