@@ -93,18 +93,15 @@ enum MotorUse {
     Nothing,
 }
 
-impl MotorUse {
-    const fn words(self) -> &'static str {
-        match self {
-            Self::Left => "the left wheel",
-            Self::Right => "the right wheel",
-            Self::Head => "the head that carries the range sensor",
-            Self::Other => "something else",
-            Self::Again => "I did not see it: once more",
-            Self::Nothing => "nothing that matters: leave this motor out",
-        }
-    }
-}
+/// All of them, as a person is asked.
+const USES: [(MotorUse, &str); 6] = [
+    (MotorUse::Left, "the left wheel"),
+    (MotorUse::Right, "the right wheel"),
+    (MotorUse::Head, "the head that carries the range sensor"),
+    (MotorUse::Other, "something else"),
+    (MotorUse::Again, "I did not see it: once more"),
+    (MotorUse::Nothing, "nothing that matters: leave this motor out"),
+];
 
 /// Asks until a robot is described, and gives the text of its `robot.toml`, which loads without
 /// findings.
@@ -290,22 +287,15 @@ impl Look<'_> {
     }
 
     fn part(&mut self, port: &str, guess: MotorUse, draft: &Draft) -> Result<MotorUse, NoAnswer> {
-        let mut parts = vec![
-            MotorUse::Left,
-            MotorUse::Right,
-            MotorUse::Head,
-            MotorUse::Other,
-            MotorUse::Again,
-            MotorUse::Nothing,
-        ];
-        parts.retain(|part| match part {
+        let is_left = |part: MotorUse| match part {
             MotorUse::Left => draft.left.is_none(),
             MotorUse::Right => draft.right.is_none(),
             MotorUse::Head => draft.head.is_none(),
             MotorUse::Other => draft.motors.len() < RobotConfig::MAX_MOTORS,
             MotorUse::Again | MotorUse::Nothing => true,
-        });
-        let words: Vec<&str> = parts.iter().map(|part| part.words()).collect();
+        };
+        let (parts, words): (Vec<_>, Vec<_>) =
+            USES.into_iter().filter(|(part, _)| is_left(*part)).unzip();
         // Where the guess is taken, the first that is left is the next best: left, then right.
         let default = parts.iter().position(|part| *part == guess).unwrap_or(0);
         let question = format!("What did the motor on {port} move?");
