@@ -191,27 +191,24 @@ impl Geometry {
     pub fn new(wheel_circumference_m: f64, track_width_m: f64) -> Result<Self, GeometryError> {
         within("wheel_circumference_m", wheel_circumference_m, Self::WHEEL_CIRCUMFERENCE_M)?;
         within("track_width_m", track_width_m, Self::TRACK_WIDTH_M)?;
-        Ok(Self {
+        Ok(Self::of(wheel_circumference_m, track_width_m))
+    }
+
+    fn of(wheel_circumference_m: f64, track_width_m: f64) -> Self {
+        Self {
             wheel_circumference_m,
             track_width_m,
             per_track_width_m: 1.0 / track_width_m,
             per_gyro_scale: 1.0,
             max_wheel_rad_s: MAX_WHEEL_RAD_S,
             range: RangeMount::default(),
-        })
+        }
     }
 
     /// The seed's robot.
     #[must_use]
     pub fn seed() -> Self {
-        Self {
-            wheel_circumference_m: SEED_WHEEL_CIRCUMFERENCE_M,
-            track_width_m: SEED_TRACK_WIDTH_M,
-            per_track_width_m: 1.0 / SEED_TRACK_WIDTH_M,
-            per_gyro_scale: 1.0,
-            max_wheel_rad_s: MAX_WHEEL_RAD_S,
-            range: RangeMount::default(),
-        }
+        Self::of(SEED_WHEEL_CIRCUMFERENCE_M, SEED_TRACK_WIDTH_M)
     }
 
     /// The same robot with its range sensor mounted so.
