@@ -10,6 +10,12 @@ use std::f64::consts::PI;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
+/// What any 64 bits are as a number from 0 up to, and without, 1; 53 bits count.
+#[expect(clippy::cast_precision_loss, reason = "53 bits fit a double")]
+pub(in crate::sim) fn even(bits: u64) -> f64 {
+    (bits >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
+}
+
 /// One stream of chance.
 #[derive(Debug, Clone)]
 pub(in crate::sim) struct Chance(ChaCha8Rng);
@@ -22,10 +28,9 @@ impl Chance {
         Self(generator)
     }
 
-    /// Evenly from 0 up to, and without, 1; 53 bits.
-    #[expect(clippy::cast_precision_loss, reason = "53 bits fit a double")]
+    /// Evenly from 0 up to, and without, 1.
     pub(in crate::sim) fn even(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
+        even(self.0.next_u64())
     }
 
     /// Normal with mean 0 and deviation 1, by Box and Muller.

@@ -48,6 +48,7 @@
 
 use std::f64::consts::PI;
 
+use super::chance::even;
 use super::sensors::Scene;
 use super::world::geometry::{Arm, Corner, Hit, Point, Segment, direction};
 use crate::units::{radians, wrap_rad};
@@ -296,11 +297,9 @@ impl<'s> Lobe<'s> {
     /// place counts too: what answers from there need not answer from here.
     fn draw(&self, number: u64, place: Point, part: i64) -> f64 {
         let cell = |metres: f64| whole(metres / PLACE_M).cast_unsigned();
-        [number, cell(place.x), cell(place.y), cell(self.origin.x), cell(self.origin.y)]
-            .into_iter()
-            .chain([part.cast_unsigned()])
-            .fold(self.scene.seed, mixed)
-            .even()
+        let [x, y, own_x, own_y] = [place.x, place.y, self.origin.x, self.origin.y].map(cell);
+        let mix = [number, x, y, own_x, own_y, part.cast_unsigned()];
+        even(mix.into_iter().fold(self.scene.seed, mixed))
     }
 }
 
@@ -316,17 +315,6 @@ fn mixed(seed: u64, number: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
-}
-
-trait Even {
-    fn even(self) -> f64;
-}
-
-impl Even for u64 {
-    #[expect(clippy::cast_precision_loss, reason = "53 bits fit a double")]
-    fn even(self) -> f64 {
-        (self >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
-    }
 }
 
 #[expect(

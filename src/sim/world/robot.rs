@@ -331,14 +331,9 @@ impl RobotModel {
 }
 
 fn head(section: &Section<'_>, default: Option<usize>) -> Option<usize> {
-    const HEADS: [(&str, Option<usize>); 5] = [
-        ("none", None),
-        ("outA", Some(0)),
-        ("outB", Some(1)),
-        ("outC", Some(2)),
-        ("outD", Some(3)),
-    ];
-    section.get("head").and_then(|item| item.word(&HEADS)).unwrap_or(default)
+    let outputs = OUTPUTS.map(|(name, out)| (name, Some(out)));
+    let heads = [&[("none", None)], outputs.as_slice()].concat();
+    section.get("head").and_then(|item| item.word(&heads)).unwrap_or(default)
 }
 
 fn own_echoes(section: &Section<'_>) -> Vec<OwnEcho> {
