@@ -51,7 +51,7 @@
 //! | [`document`] | files that people write: places, carets, nearest names |
 //! | [`printable`] | texts of others, made fit to be shown on a terminal, in a log, on a page |
 //! | [`clock`] | monotonic time: real, or virtual for simulation and tests |
-//! | [`units`] | quantities with a legal range, and angles |
+//! | [`units`] | quantities with a legal range, angles, whole numbers of floats |
 //!
 //! Absences are part of the design: only `ev3dev` touches device files; only `clock` reads a clock
 //! or sleeps; `behavior` and `mapping` do no I/O and take time as an argument; what runs on the

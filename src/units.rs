@@ -1,4 +1,4 @@
-//! Quantities: newtypes for numbers with a legal range, and angles.
+//! Quantities: newtypes for numbers with a legal range, angles, and whole numbers of floats.
 //!
 //! Inside the program a quantity is an `f64` in metres, seconds or radians, and its name says so
 //! (`range_m`, `heading_rad`). A newtype stands where a number has a legal range or where two kinds
@@ -78,6 +78,20 @@ pub fn wrap_rad(angle_rad: f64) -> f64 {
 #[must_use]
 pub fn within(number: f64, low: f64, high: f64) -> f64 {
     number.max(low).min(high)
+}
+
+/// The nearest whole number. What is too large for one stays at its end; what is not a number is 0.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]
+pub fn rounded(value: f64) -> i32 {
+    libm::round(value) as i32
+}
+
+/// The next whole number below, else as [`rounded`].
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]
+pub fn floored(value: f64) -> i32 {
+    libm::floor(value) as i32
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@
 //! same width.
 
 use super::{Pose, Sight, standing};
+use crate::units::floored;
 
 /// How far a start may be wrong, to each side and in turn: 24 cm and 12°.
 const STEPS: i32 = 8;
@@ -169,7 +170,7 @@ impl Laid {
             |axis: usize| sights.iter().map(|s| s.at_m[axis]).fold(f64::NEG_INFINITY, f64::max);
         let low_m = [0, 1].map(|axis| least(axis) - MARGIN_M);
         let cells = |axis: usize| {
-            usize::try_from(whole((most(axis) + MARGIN_M - low_m[axis]) / CELL_M) + 1)
+            usize::try_from(floored((most(axis) + MARGIN_M - low_m[axis]) / CELL_M) + 1)
         };
         let [columns, rows] = [0, 1].map(|axis| cells(axis).unwrap_or(0));
         let mut laid =
@@ -195,8 +196,8 @@ impl Laid {
     }
 
     fn cell(&self, [x_m, y_m]: [f64; 2]) -> Option<usize> {
-        let column = usize::try_from(whole((x_m - self.low_m[0]) / CELL_M)).ok()?;
-        let row = usize::try_from(whole((y_m - self.low_m[1]) / CELL_M)).ok()?;
+        let column = usize::try_from(floored((x_m - self.low_m[0]) / CELL_M)).ok()?;
+        let row = usize::try_from(floored((y_m - self.low_m[1]) / CELL_M)).ok()?;
         (column < self.columns).then_some(row * self.columns + column)
     }
 
@@ -213,7 +214,7 @@ impl Laid {
 }
 
 fn thinned(sights: &[Sight]) -> Vec<[f64; 2]> {
-    let square = |sight: &Sight| sight.at_m.map(|m| whole(m / APART_M));
+    let square = |sight: &Sight| sight.at_m.map(|m| floored(m / APART_M));
     let mut placed: Vec<([i32; 2], [f64; 2])> =
         sights.iter().map(|sight| (square(sight), sight.at_m)).collect();
     placed.sort_by_key(|(square, _)| *square);
@@ -264,12 +265,6 @@ fn count(things: usize) -> f64 {
     f64::from(u32::try_from(things).unwrap_or(u32::MAX))
 }
 
-/// The next whole number below; what is too large for one stays at its end.
-#[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
-fn whole(value: f64) -> i32 {
-    libm::floor(value) as i32
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -279,7 +274,7 @@ mod tests {
         let sides = corners.iter().zip(corners.iter().cycle().skip(1));
         sides
             .flat_map(|(a, b)| {
-                let count = whole(libm::hypot(b[0] - a[0], b[1] - a[1]) / 0.005);
+                let count = floored(libm::hypot(b[0] - a[0], b[1] - a[1]) / 0.005);
                 (0..count).map(move |step| {
                     let part = f64::from(step) / f64::from(count);
                     let at_m = [0, 1].map(|axis| a[axis] + part * (b[axis] - a[axis]));

@@ -47,6 +47,7 @@ use std::collections::BTreeMap;
 
 use super::Sight;
 use super::walls::walls_of;
+use crate::units::floored;
 
 /// A robot is no narrower than twice this, metres: with LEGO's large motors at its sides.
 const BODY_M: f64 = 0.08;
@@ -106,8 +107,7 @@ fn clear(sights: &[Sight]) -> Vec<bool> {
 }
 
 fn square(at_m: [f64; 2]) -> [i32; 2] {
-    #[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
-    at_m.map(|m| libm::floor(m / SQUARE_M) as i32)
+    at_m.map(|m| floored(m / SQUARE_M))
 }
 
 /// A sight as a vector, metres.

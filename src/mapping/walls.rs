@@ -33,6 +33,7 @@
 mod ballot;
 
 use super::{Sight, standing};
+use crate::units::floored;
 use ballot::Ballot;
 
 /// A straight stretch of wall.
@@ -187,7 +188,7 @@ struct Spot {
 
 fn spots(places: impl Iterator<Item = [f64; 2]>) -> Vec<Spot> {
     let is_near = |at_m: &[f64; 2]| at_m.iter().all(|m| m.abs() < 1e5);
-    let cell = |at_m: [f64; 2]| at_m.map(|m| whole(m / SPOT_M));
+    let cell = |at_m: [f64; 2]| at_m.map(|m| floored(m / SPOT_M));
     let mut placed: Vec<([i32; 2], [f64; 2])> =
         places.filter(is_near).map(|at_m| (cell(at_m), at_m)).collect();
     placed.sort_by_key(|(cell, _)| *cell);
@@ -330,12 +331,12 @@ impl Stretch {
     }
 
     fn pieces(&self) -> usize {
-        usize::try_from(whole(self.length_m() / PIECE_M) + 1).unwrap_or(1)
+        usize::try_from(floored(self.length_m() / PIECE_M) + 1).unwrap_or(1)
     }
 
     /// The piece of a place along the line; `None` beyond its ends.
     fn piece(&self, along_m: f64) -> Option<usize> {
-        let piece = whole((along_m - self.ends_m[0]) / PIECE_M);
+        let piece = floored((along_m - self.ends_m[0]) / PIECE_M);
         (along_m <= self.ends_m[1]).then(|| usize::try_from(piece).ok()).flatten()
     }
 
@@ -428,12 +429,6 @@ impl Stretch {
     }
 }
 
-/// The next whole number below; what is too large for one stays at its end.
-#[expect(clippy::cast_possible_truncation, reason = "a cast to an integer saturates")]
-fn whole(value: f64) -> i32 {
-    libm::floor(value) as i32
-}
-
 fn small(count: usize) -> u32 {
     u32::try_from(count).unwrap_or(u32::MAX)
 }
@@ -451,7 +446,7 @@ mod tests {
     fn line(from: [f64; 2], to: [f64; 2], from_m: [f64; 2]) -> Vec<Sight> {
         let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
         let length_m = libm::hypot(dx, dy);
-        let count = whole(length_m / 0.02);
+        let count = floored(length_m / 0.02);
         let place = |step: i32| {
             let along = f64::from(step) / f64::from(count);
             let beside_m = if step % 2 == 0 { 0.01 } else { -0.01 };

@@ -17,6 +17,7 @@ use super::text::{Face, write};
 use crate::mapping::Pose;
 use crate::recording::{Growing, Piece};
 use crate::service::protocol::RunId;
+use crate::units::rounded;
 
 /// Edge of a cell, metres.
 const CELL_M: f64 = 0.02;
@@ -194,23 +195,15 @@ impl Fit {
     }
 
     /// x to the right, y up, as in every picture of ours.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a cast from float saturates, and nothing is so far away"
-    )]
     fn place(&self, (x, y): Cell) -> Point {
         let right = (f64::from(x) - self.middle.0) * self.pixels_per_cell;
         let up = (f64::from(y) - self.middle.1) * self.pixels_per_cell;
-        Point::new(
-            WIDE / 2 + libm::round(right) as i32,
-            (HEAD + HIGH - BELOW) / 2 - libm::round(up) as i32,
-        )
+        Point::new(WIDE / 2 + rounded(right), (HEAD + HIGH - BELOW) / 2 - rounded(up))
     }
 
     /// The longest round length that takes at most half of the width.
-    #[expect(clippy::cast_possible_truncation, reason = "at most half of the screen")]
     fn bar(&self, canvas: &mut Canvas) {
-        let pixels = |length_m: &f64| libm::round(length_m / CELL_M * self.pixels_per_cell) as i32;
+        let pixels = |length_m: &f64| rounded(length_m / CELL_M * self.pixels_per_cell);
         let Some(length_m) = BARS_M.iter().rev().find(|length_m| pixels(length_m) <= WIDE / 2)
         else {
             return;
@@ -230,14 +223,11 @@ impl Fit {
 
 /// The robot: an arrow that points ahead, black with a white edge, so that it is seen on a path and
 /// on points.
-#[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
 fn arrow(canvas: &mut Canvas, at: Point, heading_rad: f64) {
     let corner = |length: f64, turn_rad: f64| {
         let angle_rad = heading_rad + turn_rad;
-        at + Point::new(
-            libm::round(length * libm::cos(angle_rad)) as i32,
-            -libm::round(length * libm::sin(angle_rad)) as i32,
-        )
+        let (sin, cos) = libm::sincos(angle_rad);
+        at + Point::new(rounded(length * cos), -rounded(length * sin))
     };
     let shape = |scale: f64| {
         Triangle::new(corner(8.0 * scale, 0.0), corner(6.0 * scale, 2.5), corner(6.0 * scale, -2.5))

@@ -22,6 +22,7 @@ use plotters::style::{
 use svg2pdf::usvg;
 
 use crate::printable;
+use crate::units::rounded;
 
 /// Layout units to SVG's.
 const SVG_SCALE: f64 = 10.0;
@@ -139,11 +140,6 @@ fn averaged(pixels: &[u8], width: usize, height: usize) -> Vec<u8> {
 )]
 fn whole(value: f64) -> u32 {
     libm::round(value) as u32
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]
-fn pixel(value: f64) -> i32 {
-    libm::round(value) as i32
 }
 
 /// What a drawing is drawn on, in layout units.
@@ -287,7 +283,7 @@ impl<DB: DrawingBackend> Canvas<'_, DB> {
     }
 
     fn at(&self, [x, y]: [f64; 2]) -> (i32, i32) {
-        (pixel(x * self.scale), pixel(y * self.scale))
+        (rounded(x * self.scale), rounded(y * self.scale))
     }
 }
 

@@ -16,6 +16,7 @@
 use std::f64::consts::PI;
 
 use crate::ev3dev::{DeviceError, Polarity, StopAction, TachoCommand, TachoMotor};
+use crate::units::rounded;
 
 /// How long a motion lasts unless it is renewed, milliseconds.
 pub const LEASE_MS: i32 = 300;
@@ -334,16 +335,9 @@ impl LeasedMotor {
     }
 
     /// The motor's speed for a speed of the axle, within both limits; 0 for what is not a number.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "limited to the motor's own top speed just before"
-    )]
     fn counts_s(&self, rad_s: f64) -> i32 {
-        if rad_s.is_nan() {
-            return 0;
-        }
         let top = f64::from(self.motor.max_speed());
         let counts_s = rad_s.clamp(-self.max_rad_s, self.max_rad_s) * self.counts_per_axle_rad;
-        libm::round(counts_s.clamp(-top, top)) as i32
+        rounded(counts_s.clamp(-top, top))
     }
 }

@@ -17,7 +17,7 @@ use super::echo;
 use super::world::geometry::{Hit, Point, Segment, direction, nearer, perpendicular};
 use super::world::{RobotModel, World};
 use crate::ev3dev::Colour;
-use crate::units::{degrees, radians, wrap_rad};
+use crate::units::{degrees, radians, rounded, wrap_rad};
 
 /// Furthest that the ultrasonic measures; also what it says without an echo.
 pub(super) const FAR_M: f64 = 2.55;
@@ -66,9 +66,9 @@ impl Scene<'_> {
         let seen = !dropped && range_m >= errors.too_near_m && range_m < FAR_M;
         let range_m = if seen { range_m } else { FAR_M };
         one(if mode.ends_with("IN") {
-            whole(range_m / 0.0254 * 10.0)
+            rounded(range_m / 0.0254 * 10.0)
         } else {
-            whole(range_m * 1000.0)
+            rounded(range_m * 1000.0)
         })
     }
 
@@ -98,13 +98,15 @@ impl Scene<'_> {
         let mut noisy = |pct: f64| (pct + sd * chance.normal()).clamp(0.0, 100.0);
         let [red, green, blue] = light.map(&mut noisy);
         match mode {
-            "COL-REFLECT" => one(whole(red)),
+            "COL-REFLECT" => one(rounded(red)),
             // A lit room from above; the sensor's own shadow leaves little of it.
-            "COL-AMBIENT" => one(whole(red * 0.08)),
+            "COL-AMBIENT" => one(rounded(red * 0.08)),
             "COL-COLOR" => one(colour.number().into()),
             // Darker is larger; the second value is the same with the light off.
-            "REF-RAW" => [whole(620.0 - red * 4.5), 640, 0, 0, 0, 0, 0, 0],
-            "RGB-RAW" => [whole(red * 4.5), whole(green * 4.5), whole(blue * 4.5), 8, 0, 0, 0, 0],
+            "REF-RAW" => [rounded(620.0 - red * 4.5), 640, 0, 0, 0, 0, 0, 0],
+            "RGB-RAW" => {
+                [rounded(red * 4.5), rounded(green * 4.5), rounded(blue * 4.5), 8, 0, 0, 0, 0]
+            }
             _ => [0; 8],
         }
     }
@@ -157,7 +159,7 @@ impl Scene<'_> {
         if range_m >= INFRARED_FAR_M {
             return 100;
         }
-        whole((100.0 * libm::pow(range_m / INFRARED_FAR_M, 0.8) + noise).clamp(0.0, 100.0))
+        rounded((100.0 * libm::pow(range_m / INFRARED_FAR_M, 0.8) + noise).clamp(0.0, 100.0))
     }
 
     fn seek(&self) -> [i32; 8] {
@@ -174,8 +176,10 @@ impl Scene<'_> {
             return values;
         }
         // Left is negative on the sensor.
-        let found =
-            [whole(-25.0 * bearing_rad / BEACON_HALF_RAD), whole(100.0 * range_m / BEACON_FAR_M)];
+        let found = [
+            rounded(-25.0 * bearing_rad / BEACON_HALF_RAD),
+            rounded(100.0 * range_m / BEACON_FAR_M),
+        ];
         if let Some(pair) = values.get_mut(2 * beacon.channel..2 * beacon.channel + 2) {
             pair.copy_from_slice(&found);
         }
@@ -245,28 +249,20 @@ impl Gyro {
     /// Values in a mode.
     pub(in crate::sim) fn values(&self, mode: &str) -> [i32; 8] {
         // The angle is 16 bits wide on the wire and wraps there.
-        let angle = (whole(self.angle_deg) + 32768).rem_euclid(65536) - 32768;
-        let rate = whole(self.rate_dps);
+        let angle = (rounded(self.angle_deg) + 32768).rem_euclid(65536) - 32768;
+        let rate = rounded(self.rate_dps);
         match mode {
             "GYRO-ANG" => one(angle),
             "GYRO-RATE" => one(rate),
-            "GYRO-FAS" => one(whole((self.rate_dps * (1500.0 / 2000.0)).clamp(-1464.0, 1535.0))),
+            "GYRO-FAS" => one(rounded((self.rate_dps * (1500.0 / 2000.0)).clamp(-1464.0, 1535.0))),
             "GYRO-G&A" => [angle, rate, 0, 0, 0, 0, 0, 0],
             _ => [0; 8],
         }
     }
 }
 
-fn one(value: i32) -> [i32; 8] {
+pub(super) fn one(value: i32) -> [i32; 8] {
     [value, 0, 0, 0, 0, 0, 0, 0]
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a cast from float saturates, and NaN becomes 0"
-)]
-fn whole(value: f64) -> i32 {
-    libm::round(value) as i32
 }
 
 /// Angles evenly across a beam, both edges and the middle among them.

@@ -24,7 +24,7 @@ use super::body::{Body, Outline, Solver, Wheel, metres_per_radian};
 use super::chance::Chance;
 use super::motor::{Motor, MotorConstants};
 use super::physics::{Bridge, Fault, MotorKind, Physics, Plug, STEP_NS, SensorKind};
-use super::sensors::{Gyro, Scene};
+use super::sensors::{Gyro, Scene, one};
 use super::world::geometry::{Point, Surfaces};
 use super::world::{RobotModel, StartPose, World};
 use crate::clock::seconds;
@@ -304,16 +304,9 @@ impl Physics for WorldPhysics {
             Some(SensorKind::Infrared) => scene.infrared(mode, &mut chance),
             Some(SensorKind::Colour) => scene.colour(input, mode, &mut chance),
             Some(SensorKind::Gyro) => gyro.values(mode),
-            Some(SensorKind::Touch) => [
-                i32::from(self.bodies.get(robot).is_some_and(|body| body.bumped)),
-                0,
-                0,
-                0,
-                0,
-                0,
-                0,
-                0,
-            ],
+            Some(SensorKind::Touch) => {
+                one(self.bodies.get(robot).is_some_and(|body| body.bumped).into())
+            }
             None => [0; 8],
         };
         if let Some(own) = self.rigs.get_mut(robot).and_then(|rig| rig.sensor_chance.get_mut(input))

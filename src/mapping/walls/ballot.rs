@@ -6,7 +6,8 @@
 
 use std::f64::consts::PI;
 
-use super::{FEWEST, Line, Spot, count, small, whole};
+use super::{FEWEST, Line, Spot, count, small};
+use crate::units::floored;
 
 /// Lines that are voted for: directions in half a turn, and metres between parallel ones.
 const DIRECTIONS: usize = 120;
@@ -30,7 +31,7 @@ impl Ballot {
         let far_m =
             |spot: &Spot| libm::hypot(spot.at_m[0] - middle_m[0], spot.at_m[1] - middle_m[1]);
         let reach_m = spots.iter().map(far_m).fold(0.0, f64::max).min(REACH_M);
-        let lines = usize::try_from(2 * whole(reach_m / LINE_M) + 6).unwrap_or(6);
+        let lines = usize::try_from(2 * floored(reach_m / LINE_M) + 6).unwrap_or(6);
         let direction = |place: usize| {
             let (sin, cos) =
                 libm::sincos(f64::from(small(place)) * PI / f64::from(small(DIRECTIONS)));
@@ -48,7 +49,7 @@ impl Ballot {
         let [x_m, y_m] = [0, 1].map(|axis| spot.at_m[axis] - self.middle_m[axis]);
         let half = i32::try_from(self.lines / 2).unwrap_or(0);
         for ([cos, sin], votes) in self.directions.iter().zip(self.votes.chunks_mut(self.lines)) {
-            let below = usize::try_from(whole((x_m * cos + y_m * sin) / LINE_M) + half);
+            let below = usize::try_from(floored((x_m * cos + y_m * sin) / LINE_M) + half);
             if let Some(pair) = below.ok().and_then(|below| votes.get_mut(below..below + 2)) {
                 pair.iter_mut().for_each(|vote| *vote = vote.saturating_add(by));
             }

@@ -20,6 +20,7 @@ use super::{Button, DeviceFault, Port};
 use crate::clock::{nanoseconds, seconds};
 use crate::document::nearest;
 use crate::printable::{self, Layout, is_printable};
+use crate::units::rounded;
 
 /// The longest time that an order can name, seconds: a day.
 pub(super) const LONGEST_S: f64 = 86_400.0;
@@ -182,15 +183,7 @@ fn act(words: &[&str]) -> Result<Act, OrderError> {
         ["battery", rest @ ..] => battery(rest),
         ["press", rest @ ..] => press(rest),
         ["release", name] => Ok(Act::Release(button(name)?)),
-        ["tone", hz] => {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "`number` has checked it"
-            )]
-            let hz = libm::round(number(hz, TONE_HZ)?) as u32;
-            Ok(Act::Tone(hz))
-        }
+        ["tone", hz] => Ok(Act::Tone(rounded(number(hz, TONE_HZ)?).unsigned_abs())),
         ["say", words @ ..] if !words.is_empty() => {
             let said = printable::shown(&words.join(" "), Layout::Line, MOST_SAID).into_owned();
             Ok(Act::Say(said))

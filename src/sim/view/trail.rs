@@ -8,6 +8,7 @@ use super::brick::sighted_m;
 use crate::clock::MILLISECOND_NS;
 use crate::sim::brick::Brick;
 use crate::sim::world_physics::WorldPhysics;
+use crate::units::rounded;
 
 /// Robots are looked at this often: an ultrasonic sensor has a new value each 100 ms.
 const LOOK_NS: i64 = 100 * MILLISECOND_NS;
@@ -43,8 +44,7 @@ pub struct Mark {
 impl Serialize for Mark {
     /// As a short list, because there are many: robot, 1 for an echo, x and y in whole millimetres.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]
-        let millimetres = |metres: f64| libm::round(metres * 1000.0) as i32;
+        let millimetres = |metres: f64| rounded(metres * 1000.0);
         let echo = u8::from(self.kind == MarkKind::Echo);
         (self.robot, echo, millimetres(self.x_m), millimetres(self.y_m)).serialize(serializer)
     }

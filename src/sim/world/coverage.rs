@@ -18,7 +18,7 @@ use std::collections::{BTreeSet, VecDeque};
 use super::World;
 use super::geometry::{Point, direction};
 use crate::sim::EchoModel;
-use crate::units::radians;
+use crate::units::{radians, rounded};
 
 /// Between two samples of a wall, and between two places of the floor, metres.
 const SAMPLE_M: f64 = 0.02;
@@ -156,9 +156,8 @@ impl<'w> Reachable<'w> {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "worlds are some metres large")]
 fn cell(place: Point) -> [i32; 2] {
-    [place.x, place.y].map(|m| libm::round(m / FLOOR_M) as i32)
+    [place.x, place.y].map(|m| rounded(m / FLOOR_M))
 }
 
 #[cfg(test)]
