@@ -201,11 +201,11 @@ fn robot(root: &Section<'_>) -> Option<RobotConfig> {
     let gyro_watch_s = gyro("watch_s", GYRO_WATCH_S, GYRO_WATCHES_S);
     let gyro_scale = gyro("scale", 1.0, Geometry::GYRO_SCALE);
     let sensors = sensors(root);
-    let named_sensors = named_sensors(root);
+    let named_sensors = named(root, "sensor", RobotConfig::MAX_SENSORS, named_sensor);
     let battery = root.value_or("battery", None, |item| battery(&item.section()?).map(Some));
     let stop_button = root
         .value_or("stop_button", None, |item| stop_button::stop_button(&item.section()?).map(Some));
-    let motors = named_motors(root);
+    let motors = named(root, "motor", RobotConfig::MAX_MOTORS, named_motor);
     let drive = drive?;
     let (head, (range, infrared)) = (head?, range?.unzip());
     let on_head = head.is_some();
@@ -388,18 +388,21 @@ fn sensors(root: &Section<'_>) -> Option<BTreeMap<Role, Plug>> {
     found.into_iter().collect()
 }
 
-fn named_motors(root: &Section<'_>) -> Option<Vec<NamedMotor>> {
-    let Some(motors) = root.get("motor") else { return Some(Vec::new()) };
-    let items = motors.section()?.items();
-    if items.len() > RobotConfig::MAX_MOTORS {
-        motors.error_at_key(format!(
-            "{} named motors; a robot can have {}",
-            items.len(),
-            RobotConfig::MAX_MOTORS
-        ));
+/// Motors or sensors with names of their own, no more than `most`; `None` where one is wrong.
+fn named<T>(
+    root: &Section<'_>,
+    what: &str,
+    most: usize,
+    read: fn(&Item<'_>) -> Option<T>,
+) -> Option<Vec<T>> {
+    let Some(all) = root.get(what) else { return Some(Vec::new()) };
+    let items = all.section()?.items();
+    if items.len() > most {
+        let message = format!("{} named {what}s; a robot can have {most}", items.len());
+        all.error_at_key(message);
         return None;
     }
-    items.iter().map(named_motor).collect()
+    items.iter().map(read).collect()
 }
 
 fn named_motor(item: &Item<'_>) -> Option<NamedMotor> {
@@ -424,21 +427,7 @@ fn own_name(item: &Item<'_>, what: &str) -> Option<String> {
     plain.then(|| name.to_owned())
 }
 
-/// The named sensors, each with its port.
-fn named_sensors(root: &Section<'_>) -> Option<Vec<(NamedSensor, Plug)>> {
-    let Some(sensors) = root.get("sensor") else { return Some(Vec::new()) };
-    let items = sensors.section()?.items();
-    if items.len() > RobotConfig::MAX_SENSORS {
-        sensors.error_at_key(format!(
-            "{} named sensors; a robot can have {}",
-            items.len(),
-            RobotConfig::MAX_SENSORS
-        ));
-        return None;
-    }
-    items.iter().map(named_sensor).collect()
-}
-
+/// A named sensor with its port.
 fn named_sensor(item: &Item<'_>) -> Option<(NamedSensor, Plug)> {
     let section = item.section()?;
     section.allow(&["port", "driver", "measures"]);
