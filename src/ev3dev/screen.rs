@@ -112,10 +112,8 @@ impl Screen {
             .map_err(failed)?;
         let (layout, memory) = match kernel::layout(file.as_fd()) {
             Ok(asked) => {
-                let layout = asked.map_err(|found| ScreenError::Layout {
-                    path: path.to_owned(),
-                    found: found.to_string(),
-                })?;
+                let layout =
+                    asked.map_err(|found| ScreenError::Layout { path: path.to_owned(), found })?;
                 (layout, Memory::Mapped(kernel::map(&file, layout.size()).map_err(failed)?))
             }
             // It knows nothing of a frame buffer's questions.

@@ -74,24 +74,9 @@ nix::ioctl_read_bad!(get_variable, 0x4600, Variable);
 nix::ioctl_read_bad!(get_fixed, 0x4602, Fixed);
 nix::ioctl_write_int_bad!(set_console_mode, 0x4B3A);
 
-/// A layout that this program cannot draw in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{width}x{height}, {bits} bits a pixel (red {red}, green {green}, blue {blue}), {line_length} \
-     bytes a row"
-)]
-pub(super) struct OtherLayout {
-    width: u32,
-    height: u32,
-    bits: u32,
-    red: u32,
-    green: u32,
-    blue: u32,
-    line_length: u32,
-}
-
-/// Asks a frame buffer for its layout; the outer error is the kernel's: mostly that this is none.
-pub(super) fn layout(fd: BorrowedFd<'_>) -> Result<Result<ScreenLayout, OtherLayout>, Errno> {
+/// Asks a frame buffer for its layout, or what it has instead of one that this program can draw in;
+/// the outer error is the kernel's: mostly that this is none.
+pub(super) fn layout(fd: BorrowedFd<'_>) -> Result<Result<ScreenLayout, String>, Errno> {
     let mut variable = Variable::default();
     let mut fixed = Fixed::default();
     // SAFETY: both structs are laid out as the kernel's (a test holds their sizes), live through
@@ -103,34 +88,25 @@ pub(super) fn layout(fd: BorrowedFd<'_>) -> Result<Result<ScreenLayout, OtherLay
     Ok(understood(&variable, &fixed))
 }
 
-fn understood(variable: &Variable, fixed: &Fixed) -> Result<ScreenLayout, OtherLayout> {
-    let other = OtherLayout {
-        width: variable.xres,
-        height: variable.yres,
-        bits: variable.bits_per_pixel,
-        red: variable.red.offset,
-        green: variable.green.offset,
-        blue: variable.blue.offset,
-        line_length: fixed.line_length,
-    };
+fn understood(variable: &Variable, fixed: &Fixed) -> Result<ScreenLayout, String> {
+    let &Variable { xres, yres, bits_per_pixel, .. } = variable;
+    let [red, green, blue] = [variable.red, variable.green, variable.blue].map(|it| it.offset);
     // Where the panel has red, a virtual frame buffer has blue: for greys both are the same.
-    let known =
-        other.bits == 32 && matches!((other.red, other.green, other.blue), (16, 8, 0) | (0, 8, 16));
+    let known = bits_per_pixel == 32 && matches!([red, green, blue], [16, 8, 0] | [0, 8, 16]);
     // What is mapped is what the kernel says that there is.
-    let bytes = u64::from(fixed.line_length) * u64::from(variable.yres);
-    let fits = u64::from(variable.xres) * 4 <= u64::from(fixed.line_length)
+    let bytes = u64::from(fixed.line_length) * u64::from(yres);
+    let fits = u64::from(xres) * 4 <= u64::from(fixed.line_length)
         && bytes > 0
         && bytes <= u64::from(fixed.smem_len);
-    let size = |number: u32| usize::try_from(number).map_err(|_| other);
+    let [width, height, line_length] =
+        [xres, yres, fixed.line_length].map(|number| usize::try_from(number).unwrap_or(usize::MAX));
     if known && fits {
-        Ok(ScreenLayout {
-            width: size(other.width)?,
-            height: size(other.height)?,
-            line_length: size(other.line_length)?,
-        })
-    } else {
-        Err(other)
+        return Ok(ScreenLayout { width, height, line_length });
     }
+    Err(format!(
+        "{width}x{height}, {bits_per_pixel} bits a pixel (red {red}, green {green}, blue {blue}), \
+         {line_length} bytes a row"
+    ))
 }
 
 /// Maps the first `length` bytes of a frame buffer.
@@ -168,7 +144,7 @@ mod tests {
         (red, blue): (u32, u32),
         line_length: u32,
         smem_len: u32,
-    ) -> Result<ScreenLayout, OtherLayout> {
+    ) -> Result<ScreenLayout, String> {
         let at = |offset| Bitfield { offset, length: 8, msb_right: 0 };
         let variable = Variable {
             xres: 178,
@@ -197,7 +173,7 @@ mod tests {
             (32, (16, 0), 700, 91_136),
             (32, (16, 0), 712, 91_135),
         ] {
-            let other = asked(bits, order, line, memory).unwrap_err().to_string();
+            let other = asked(bits, order, line, memory).unwrap_err();
             assert!(other.contains(&format!("{bits} bits a pixel (red {}", order.0)), "{other}");
         }
     }
