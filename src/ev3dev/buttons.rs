@@ -18,10 +18,8 @@ use nix::errno::Errno;
 use super::error::DeviceError;
 use super::node::Node;
 use super::platform::Platform;
-use super::stream::{
-    EVENT_SIZE, Event, Stream, errno, failure, io_cause, not_built_in, stream_node,
-};
-use super::tree::{Access, Tree};
+use super::stream::{EVENT_SIZE, Event, Stream, failure, io_cause, not_built_in, stream_node};
+use super::tree::{Access, Tree, errno};
 use super::words::words;
 
 words! {
@@ -203,13 +201,11 @@ impl Buttons {
             return Ok(None);
         }
         let Stream::Local(file) = Stream::open(tree, path, Access::Read)? else { return Ok(None) };
-        match RawDevice::from_fd(file.into()) {
+        match RawDevice::from_fd(file.into()).map_err(errno) {
             Ok(device) => {
                 Ok(Some(Source::Device { device: Box::new(device), keys: AttributeSet::new() }))
             }
-            Err(error) if errno(&error) == Errno::ENODEV => {
-                Err(failure(node, io_cause(Errno::ENODEV)))
-            }
+            Err(Errno::ENODEV) => Err(failure(node, io_cause(Errno::ENODEV))),
             // A plain file, a pipe, a mounted simulation: they know nothing of an input device's
             // questions.
             Err(_) => Ok(None),
@@ -221,7 +217,7 @@ impl Buttons {
         let Source::Device { device, keys } = &mut self.source else { return Ok(()) };
         device
             .update_key_state(keys)
-            .map_err(|error| failure(&self.node, io_cause(errno(&error))))?;
+            .map_err(|error| failure(&self.node, io_cause(errno(error))))?;
         for &button in Button::ALL {
             note(&mut self.held, changes, button, keys.contains(KeyCode::new(button.code())));
         }
@@ -235,10 +231,10 @@ fn read_device(
     held: &mut ButtonSet,
     changes: &mut ButtonChanges,
 ) -> Result<bool, Errno> {
-    let events = match device.fetch_events() {
+    let events = match device.fetch_events().map_err(errno) {
         Ok(events) => events,
-        Err(error) if matches!(errno(&error), Errno::EAGAIN | Errno::EINTR) => return Ok(false),
-        Err(error) => return Err(errno(&error)),
+        Err(Errno::EAGAIN | Errno::EINTR) => return Ok(false),
+        Err(errno) => return Err(errno),
     };
     let events = events.map(|event| Event {
         kind: event.event_type().0,

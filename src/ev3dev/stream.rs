@@ -12,7 +12,7 @@ use nix::errno::Errno;
 
 use super::error::{Cause, DeviceError};
 use super::node::Node;
-use super::tree::{Access, AttributeFile, Tree};
+use super::tree::{Access, AttributeFile, Tree, errno};
 
 /// Bytes of the time before an event's type.
 const TIME_SIZE: usize = 2 * size_of::<std::ffi::c_long>();
@@ -77,7 +77,7 @@ impl Stream {
                 .custom_flags(nix::libc::O_NONBLOCK | nix::libc::O_NOCTTY)
                 .open(local)
                 .map(Self::Local)
-                .map_err(|error| errno(&error)),
+                .map_err(errno),
             None => tree.open(path, access).map(Self::Other),
         };
         opened.map_err(|errno| {
@@ -90,7 +90,7 @@ impl Stream {
     /// What is pending, with one system call; nothing is 0 bytes.
     pub(crate) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Errno> {
         let read = match self {
-            Self::Local(file) => file.read(buffer).map_err(|error| errno(&error)),
+            Self::Local(file) => file.read(buffer).map_err(errno),
             Self::Other(file) => file.read(buffer),
         };
         match read {
@@ -101,7 +101,7 @@ impl Stream {
 
     pub(crate) fn write(&mut self, bytes: &[u8]) -> Result<usize, Errno> {
         match self {
-            Self::Local(file) => file.write(bytes).map_err(|error| errno(&error)),
+            Self::Local(file) => file.write(bytes).map_err(errno),
             Self::Other(file) => file.write(bytes),
         }
     }
@@ -122,8 +122,4 @@ pub(crate) fn failure(node: &Node, cause: Cause) -> DeviceError {
 
 pub(crate) fn io_cause(errno: Errno) -> Cause {
     if errno == Errno::ENODEV { Cause::Gone(errno) } else { Cause::Other(errno) }
-}
-
-pub(crate) fn errno(error: &std::io::Error) -> Errno {
-    error.raw_os_error().map_or(Errno::EIO, Errno::from_raw)
 }
