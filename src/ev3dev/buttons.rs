@@ -18,7 +18,7 @@ use nix::errno::Errno;
 use super::error::DeviceError;
 use super::node::Node;
 use super::platform::Platform;
-use super::stream::{EVENT_SIZE, Event, Stream, failure, io_cause, not_built_in, stream_node};
+use super::stream::{EVENT_SIZE, Event, Stream, failure, io_cause, not_built_in};
 use super::tree::{Access, Tree, errno};
 use super::words::words;
 
@@ -153,7 +153,7 @@ impl Buttons {
     ///
     /// As [`Buttons::open`].
     pub fn open_at(tree: &Arc<dyn Tree>, path: &str) -> Result<Self, DeviceError> {
-        let node = stream_node(tree, path);
+        let node = Node::new(tree, path, None);
         let source = match Self::open_device(tree, path, &node)? {
             Some(source) => source,
             None => Source::Stream {

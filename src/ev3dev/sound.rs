@@ -15,7 +15,7 @@ use nix::errno::Errno;
 use super::error::{Cause, DeviceError};
 use super::node::Node;
 use super::platform::Platform;
-use super::stream::{Event, Stream, failure, io_cause, not_built_in, stream_node};
+use super::stream::{Event, Stream, failure, io_cause, not_built_in};
 use super::tree::{Access, Tree};
 use super::value::Legal;
 
@@ -43,7 +43,7 @@ impl Sound {
     pub fn open(tree: &Arc<dyn Tree>, platform: &Platform) -> Result<Self, DeviceError> {
         let path = platform.speaker.ok_or_else(|| not_built_in(tree, "speaker"))?;
         let stream = Stream::open(tree, path, Access::Write)?;
-        Ok(Self { node: stream_node(tree, path), stream, sounding: false })
+        Ok(Self { node: Node::new(tree, path, None), stream, sounding: false })
     }
 
     /// Starts a tone, or changes the one that sounds.

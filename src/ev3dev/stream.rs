@@ -83,7 +83,7 @@ impl Stream {
         opened.map_err(|errno| {
             let cause =
                 if errno == Errno::ENOENT { Cause::Absent(errno) } else { Cause::Other(errno) };
-            failure(&stream_node(tree, path), cause)
+            failure(&Node::new(tree, path, None), cause)
         })
     }
 
@@ -105,10 +105,6 @@ impl Stream {
             Self::Other(file) => file.write(bytes),
         }
     }
-}
-
-pub(crate) fn stream_node(tree: &Arc<dyn Tree>, path: &str) -> Node {
-    Node::new(tree, path, None)
 }
 
 /// What a board does not have.
