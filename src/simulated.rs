@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use crate::clock::{Clock, MonotonicClock, VirtualClock};
 use crate::document::Document;
-use crate::ev3dev::PortAddress;
+use crate::ev3dev::{EV3, PortAddress};
 use crate::mapping::Pose;
 use crate::recording::{Pace, STALL_NS};
 use crate::robot::{MotorRole, RobotConfig, StopButton};
@@ -50,7 +50,7 @@ fn body(robot: &RobotConfig) -> String {
         right.ratio < 0.0,
     );
     let mut ports: BTreeMap<String, &str> =
-        OUTPUTS.into_iter().chain(INPUTS).map(|port| (port.to_owned(), "none")).collect();
+        EV3.outputs.into_iter().chain(EV3.inputs).map(|port| (port.to_owned(), "none")).collect();
     let mut plug = |port: Option<String>, others: &[&str], what: &'static str| -> Option<String> {
         let is_free = |port: &&&str| ports.get(**port) == Some(&"none");
         let port = port.or_else(|| others.iter().find(is_free).map(|port| (*port).to_owned()))?;
@@ -64,7 +64,7 @@ fn body(robot: &RobotConfig) -> String {
     }
     match &robot.head {
         Some(head) => {
-            if let Some(port) = plug(wheel(&head.motor), &OUTPUTS, "medium") {
+            if let Some(port) = plug(wheel(&head.motor), &EV3.outputs, "medium") {
                 let ratio = head.motor.ratio;
                 // Each number of teeth is at least 1.
                 let gear = if ratio.abs() < 1.0 {
@@ -81,7 +81,7 @@ fn body(robot: &RobotConfig) -> String {
         text.push_str(&format!("range_ahead_m = {:?}\n", range.ahead_m));
     }
     for named in &robot.motors {
-        plug(wheel(&named.motor), &OUTPUTS, "large");
+        plug(wheel(&named.motor), &EV3.outputs, "large");
     }
     for (role, port) in &robot.sensors {
         let measured = match role {
@@ -93,10 +93,10 @@ fn body(robot: &RobotConfig) -> String {
         let Some(measured) = measured else { continue };
         let port = port.as_ref().map(name);
         let infrared = robot.range.as_ref().is_some_and(|range| range.max_m < INFRARED_M);
-        plug(port, &INPUTS, kind(measured, infrared));
+        plug(port, &EV3.inputs, kind(measured, infrared));
     }
     if let Some(StopButton::Touch(port)) = &robot.stop_button {
-        plug(Some(name(port)), &INPUTS, "touch");
+        plug(Some(name(port)), &EV3.inputs, "touch");
     }
     text.push_str("[robot.ports]\n");
     for (port, what) in ports {
@@ -115,9 +115,6 @@ fn kind(measured: Channel, infrared: bool) -> &'static str {
     let is_second = infrared && measured == Channel::Range;
     if is_second { words.nth(1) } else { words.next() }.unwrap_or("none")
 }
-
-const OUTPUTS: [&str; 4] = ["outA", "outB", "outC", "outD"];
-const INPUTS: [&str; 4] = ["in1", "in2", "in3", "in4"];
 
 /// A simulated brick at the beginning of its time, and what sees how things truly are.
 ///

@@ -7,7 +7,7 @@
 
 use std::fmt;
 
-use crate::ev3dev::{PLATFORMS, Platform};
+use crate::ev3dev::{EV3, PLATFORMS, Platform};
 
 /// A port of the brick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -46,16 +46,7 @@ impl Port {
     /// The port's short name.
     #[must_use]
     pub fn as_str(self) -> &'static str {
-        match self {
-            Self::In1 => "in1",
-            Self::In2 => "in2",
-            Self::In3 => "in3",
-            Self::In4 => "in4",
-            Self::OutA => "outA",
-            Self::OutB => "outB",
-            Self::OutC => "outC",
-            Self::OutD => "outD",
-        }
+        EV3.ports().nth(self.index()).unwrap_or_default()
     }
 
     /// The port with a name, as any board has it, short or full (`outB`, `MB`, `spi0.1:MB`).

@@ -8,6 +8,7 @@
 //! `robot.toml`, which is what the program *believes*; a test may make the two differ.
 
 use crate::document::{Item, Section};
+use crate::ev3dev::EV3;
 use crate::sim::driver::sensor::MODELS;
 use crate::sim::echo::EchoModel;
 use crate::sim::physics::{MotorKind, Plug, SensorKind};
@@ -359,27 +360,24 @@ fn ratio(item: &Item<'_>) -> Option<f64> {
     Some(motor / head)
 }
 
-const INPUTS: [&str; 4] = ["in1", "in2", "in3", "in4"];
-
 fn colour_places(section: &Section<'_>, mut places: [[f64; 2]; 4]) -> [[f64; 2]; 4] {
-    section.allow(&INPUTS);
-    for (name, place) in INPUTS.iter().zip(&mut places) {
+    section.allow(&EV3.inputs);
+    for (name, place) in EV3.inputs.iter().zip(&mut places) {
         *place = section.get(name).and_then(|item| item.numbers(-1.0..=1.0)).unwrap_or(*place);
     }
     places
 }
 
 fn plug(section: &Section<'_>, mut plug: Plug) -> Plug {
-    let outputs = OUTPUTS.map(|(name, _)| name);
-    section.allow(&[outputs, INPUTS].concat());
-    for (name, slot) in outputs.iter().zip(&mut plug.motors) {
+    section.allow(&[EV3.outputs, EV3.inputs].concat());
+    for (name, slot) in EV3.outputs.iter().zip(&mut plug.motors) {
         if let Some(kind) = section.get(name).and_then(|item| item.word(&MOTORS)) {
             *slot = kind;
         }
     }
     let kinds = MODELS.iter().map(|model| (model.word, Some(model.kind)));
     let sensors: Vec<_> = std::iter::once(("none", None)).chain(kinds).collect();
-    for (name, slot) in INPUTS.iter().zip(&mut plug.sensors) {
+    for (name, slot) in EV3.inputs.iter().zip(&mut plug.sensors) {
         if let Some(kind) = section.get(name).and_then(|item| item.word(&sensors)) {
             *slot = kind;
         }
