@@ -3,7 +3,7 @@
 
 use nix::errno::Errno;
 
-use super::{Brick, Class, Device, Lcd, Plugged, Sensor, ServoMotor, next};
+use super::{Brick, Class, Device, Lcd, Plugged, ServoMotor, next};
 
 impl Brick {
     /// Puts something into a port, or takes it out; detection takes its time.
@@ -30,23 +30,22 @@ impl Brick {
 
     /// The pulse of a servo, in microseconds; none while it floats, or without such a servo.
     pub(crate) fn servo_pulse_us(&self, name: &str) -> Option<i32> {
-        self.nodes
-            .iter()
-            .find(|node| node.class == Class::ServoMotor && node.name == name)
-            .and_then(|node| match &node.device {
-                Device::Servo(servo) => servo.pulse_us(),
-                _ => None,
-            })
+        match self.device(Class::ServoMotor, name)? {
+            Device::Servo(servo) => servo.pulse_us(),
+            _ => None,
+        }
     }
 
     /// A light's brightness and trigger.
     pub(crate) fn led(&self, name: &str) -> Option<(u32, &'static str)> {
-        self.nodes.iter().find(|node| node.class == Class::Leds && node.name == name).and_then(
-            |node| match &node.device {
-                Device::Led(led) => Some((led.brightness(), led.trigger())),
-                _ => None,
-            },
-        )
+        match self.device(Class::Leds, name)? {
+            Device::Led(led) => Some((led.brightness(), led.trigger())),
+            _ => None,
+        }
+    }
+
+    fn device(&self, class: Class, name: &str) -> Option<&Device> {
+        Some(&self.node(self.find(class.as_str(), name)?)?.device)
     }
 
     fn lcd(&self) -> Option<&Lcd> {
@@ -90,15 +89,11 @@ impl Brick {
     ///
     /// ENODEV where no sensor is registered.
     pub(crate) fn feed(&mut self, input: usize, frame: Option<&[u8]>) -> Result<(), Errno> {
-        self.sensor(input)?.feed(frame);
-        Ok(())
-    }
-
-    fn sensor(&mut self, input: usize) -> Result<&mut Sensor, Errno> {
         let sensor = self.nodes.iter_mut().find_map(|node| match &mut node.device {
-            Device::Sensor(port, sensor) if *port == input => Some(&mut **sensor),
+            Device::Sensor(port, sensor) if *port == input => Some(sensor),
             _ => None,
         });
-        sensor.ok_or(Errno::ENODEV)
+        sensor.ok_or(Errno::ENODEV)?.feed(frame);
+        Ok(())
     }
 }

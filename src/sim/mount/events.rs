@@ -38,7 +38,8 @@ pub(super) fn ioctl(file: &SimFile, command: u32, room: usize) -> Result<(i32, V
     };
     let (is_length, mut bytes) = match command & 0xff {
         0x01 => (false, VERSION.to_ne_bytes().to_vec()),
-        0x02 => (false, identity().to_vec()),
+        // Bus, vendor, product and version: BUS_HOST, 1, 1, 0x100.
+        0x02 => (false, [0x19_u16, 1, 1, 0x100].into_iter().flat_map(u16::to_ne_bytes).collect()),
         0x06 => (true, text(name(device))),
         0x07 if device == Device::Buttons => (true, text("gpio-keys/input0")),
         0x07 | 0x08 => return Err(Errno::ENOENT),
@@ -56,17 +57,6 @@ pub(super) fn ioctl(file: &SimFile, command: u32, room: usize) -> Result<(i32, V
     bytes.truncate(room);
     let result = if is_length { i32::try_from(bytes.len()).unwrap_or(i32::MAX) } else { 0 };
     Ok((result, bytes))
-}
-
-/// Bus, vendor, product and version: BUS_HOST, 1, 1, 0x100.
-fn identity() -> [u8; 8] {
-    let mut bytes = [0; 8];
-    for (place, byte) in
-        bytes.iter_mut().zip([0x19_u16, 1, 1, 0x100].into_iter().flat_map(u16::to_ne_bytes))
-    {
-        *place = byte;
-    }
-    bytes
 }
 
 fn name(device: Device) -> &'static str {
