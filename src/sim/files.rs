@@ -11,7 +11,6 @@ mod told;
 mod truth;
 
 use std::path::Path;
-use std::sync::Arc;
 
 use nix::errno::Errno;
 
@@ -19,7 +18,7 @@ pub(crate) use self::open::{Device, Kind, SimFile, Write};
 use super::brick::Brick;
 use super::driver::Entry;
 use super::driver::input::EventLayout;
-use super::simulation::Shared;
+use super::simulation::Simulation;
 use crate::ev3dev::{Access, AttributeFile, Tree};
 
 /// The interval at which waiting readers look again: the period of the fastest worker that wakes
@@ -29,13 +28,13 @@ pub(crate) const LOOK_NS: i64 = 10_000_000;
 /// One robot's brick.
 #[derive(Debug)]
 pub struct SimBrick {
-    shared: Arc<Shared>,
+    simulation: Simulation,
     robot: usize,
 }
 
 impl SimBrick {
-    pub(crate) fn new(shared: Arc<Shared>, robot: usize) -> Self {
-        Self { shared, robot }
+    pub(crate) fn new(simulation: Simulation, robot: usize) -> Self {
+        Self { simulation, robot }
     }
 
     /// The entries of a folder as `lstat` shows them, sorted by name.
@@ -66,7 +65,7 @@ impl SimBrick {
     }
 
     fn look<R>(&self, look: impl FnOnce(&Brick) -> Result<R, Errno>) -> Result<R, Errno> {
-        let state = self.shared.now();
+        let state = self.simulation.state();
         look(state.bricks.get(self.robot).ok_or(Errno::ENOENT)?)
     }
 
@@ -77,7 +76,7 @@ impl SimBrick {
         access: Access,
         layout: EventLayout,
     ) -> Result<SimFile, Errno> {
-        SimFile::open(&self.shared, self.robot, path, access, layout)
+        SimFile::open(&self.simulation, self.robot, path, access, layout)
     }
 }
 

@@ -75,8 +75,8 @@ pub struct Simulation {
 }
 
 #[derive(Debug)]
-pub(crate) struct Shared {
-    pub(crate) clock: Arc<dyn Clock>,
+struct Shared {
+    clock: Arc<dyn Clock>,
     /// The simulation's zero on the clock. It moves on where time is given up for lost.
     start_ns: Mutex<i64>,
     state: Mutex<State>,
@@ -136,32 +136,27 @@ impl Simulation {
         Self { shared: Arc::new(Shared { clock, start_ns, state: Mutex::new(state) }) }
     }
 
-    /// A handle on the simulation behind an open file.
-    pub(crate) fn of(shared: &Arc<Shared>) -> Self {
-        Self { shared: Arc::clone(shared) }
-    }
-
     /// How many robots there are.
     #[must_use]
     pub fn robots(&self) -> usize {
-        self.shared.now().bricks.len()
+        self.state().bricks.len()
     }
 
     /// The files of a robot's brick. An unknown robot has none: every path answers ENOENT.
     #[must_use]
     pub fn brick(&self, robot: usize) -> Arc<SimBrick> {
-        Arc::new(SimBrick::new(Arc::clone(&self.shared), robot))
+        Arc::new(SimBrick::new(self.clone(), robot))
     }
 
     /// Lets the time pass that has gone by on the clock. Every access to a file does so too.
     pub fn catch_up(&self) {
-        drop(self.shared.now());
+        drop(self.state());
     }
 
     /// Time since the simulation began, in nanoseconds, after [`Simulation::catch_up`].
     #[must_use]
     pub fn now_ns(&self) -> i64 {
-        self.shared.now().now_ns
+        self.state().now_ns
     }
 
     /// Never lets more than this pass at once. A simulation that is further behind its clock gives
@@ -169,37 +164,33 @@ impl Simulation {
     /// was asleep. Without it, a machine on which a second takes longer than a second to simulate
     /// falls further behind with each access, and soon is done with none.
     pub fn give_up_behind_ns(&self, most_ns: i64) {
-        self.shared.now().most_behind_ns = Some(most_ns.max(STEP_NS));
+        self.state().most_behind_ns = Some(most_ns.max(STEP_NS));
     }
 
     /// The time that was given up for lost, nanoseconds: by so much the simulation is behind its
     /// clock for good.
     #[must_use]
     pub fn lost_ns(&self) -> i64 {
-        self.shared.now().lost_ns
+        self.state().lost_ns
     }
 
     /// The picture on a robot's screen, in the layout of its [`LcdGeometry`]; empty without such a
     /// robot.
     #[must_use]
     pub fn lcd(&self, robot: usize) -> Vec<u8> {
-        self.shared
-            .now()
-            .bricks
-            .get(robot)
-            .map_or_else(Vec::new, |brick| brick.lcd_bytes().to_vec())
+        self.state().bricks.get(robot).map_or_else(Vec::new, |brick| brick.lcd_bytes().to_vec())
     }
 
     /// A robot's screen: width, height, and each pixel's grey, row by row, 0 black to 255 white;
     /// `None` without such a robot.
     #[must_use]
     pub fn screen(&self, robot: usize) -> Option<(u32, u32, Vec<u8>)> {
-        self.shared.now().bricks.get(robot)?.screen_greys()
+        self.state().bricks.get(robot)?.screen_greys()
     }
 
     /// Looks into the world, or changes it, at the present time. `None` if the world is not a `W`.
     pub fn inspect<W: Physics, R>(&self, look: impl FnOnce(&mut W) -> R) -> Option<R> {
-        let mut state = self.shared.now();
+        let mut state = self.state();
         let world: &mut dyn Any = state.physics.as_mut();
         world.downcast_mut().map(look)
     }
@@ -211,8 +202,7 @@ impl Simulation {
     ///
     /// EINVAL for a motor in an input port and the reverse, ENOENT without such a robot.
     pub fn plug(&self, robot: usize, port: Port, device: Plugged) -> Result<(), Errno> {
-        self.shared
-            .with_brick(robot, |brick, now_ns| brick.plug(port.index(), Some(device), now_ns))
+        self.with_brick(robot, |brick, now_ns| brick.plug(port.index(), Some(device), now_ns))
     }
 
     /// Pulls what is in a port. The device disappears 0.1 s later.
@@ -221,7 +211,7 @@ impl Simulation {
     ///
     /// ENOENT without such a robot.
     pub fn unplug(&self, robot: usize, port: Port) -> Result<(), Errno> {
-        self.shared.with_brick(robot, |brick, now_ns| brick.plug(port.index(), None, now_ns))
+        self.with_brick(robot, |brick, now_ns| brick.plug(port.index(), None, now_ns))
     }
 
     /// Puts a frame of raw bytes into the sensor on a port, as if it went on sending it; with
@@ -231,7 +221,7 @@ impl Simulation {
     ///
     /// ENODEV where no sensor is registered, ENOENT without such a robot.
     pub fn feed(&self, robot: usize, port: Port, frame: Option<&[u8]>) -> Result<(), Errno> {
-        self.shared.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
+        self.with_brick(robot, |brick, _| brick.feed(port.index(), frame))
     }
 
     /// Makes something go wrong on a port, until it is cleared.
@@ -273,7 +263,7 @@ impl Simulation {
     ///
     /// [`FaultError`]; nothing has changed then.
     pub fn follow(&self, order: &Order) -> Result<(), FaultError> {
-        let state = &mut *self.shared.now();
+        let state = &mut *self.state();
         state.faults.perform(order, state.now_ns, &mut state.bricks, state.physics.as_mut())
     }
 
@@ -292,7 +282,7 @@ impl Simulation {
     /// Begins a scenario now, in place of what was left of one before. Its orders are followed to
     /// the step, also when a virtual clock leaps over them.
     pub fn play(&self, scenario: &Scenario) {
-        let state = &mut *self.shared.now();
+        let state = &mut *self.state();
         state.faults.plan(scenario, state.now_ns);
         state.faults.step(state.now_ns, &mut state.bricks, state.physics.as_mut());
     }
@@ -300,13 +290,13 @@ impl Simulation {
     /// What was done to the robots on purpose so far, in its order.
     #[must_use]
     pub fn faults_done(&self) -> Vec<FaultRecord> {
-        self.shared.now().faults.done().to_vec()
+        self.state().faults.done().to_vec()
     }
 
     /// What is wrong with a robot's ports now.
     #[must_use]
     pub fn faults_active(&self, robot: usize) -> Vec<(Port, DeviceFault)> {
-        self.shared.now().bricks.get(robot).map_or_else(Vec::new, |brick| {
+        self.state().bricks.get(robot).map_or_else(Vec::new, |brick| {
             brick.faults_active().map(|(port, fault)| (port, fault.clone())).collect()
         })
     }
@@ -317,28 +307,20 @@ impl Simulation {
     ///
     /// ENOENT without such a robot.
     pub fn add_servo(&self, robot: usize, address: &str, has_rate: bool) -> Result<String, Errno> {
-        self.shared
-            .with_brick(robot, |brick, now_ns| Ok(brick.add_servo(address, has_rate, now_ns)))
+        self.with_brick(robot, |brick, now_ns| Ok(brick.add_servo(address, has_rate, now_ns)))
     }
 
     /// The pulse that a servo gets, in microseconds; `None` while it floats.
     #[must_use]
     pub fn servo_pulse_us(&self, robot: usize, name: &str) -> Option<i32> {
-        self.shared.now().bricks.get(robot)?.servo_pulse_us(name)
+        self.state().bricks.get(robot)?.servo_pulse_us(name)
     }
 
     /// The state as of now.
     pub(crate) fn state(&self) -> MutexGuard<'_, State> {
-        self.shared.now()
-    }
-}
-
-impl Shared {
-    /// The state as of now.
-    pub(crate) fn now(&self) -> MutexGuard<'_, State> {
         // A panic under the lock cannot leave a step half done in a way that matters to a
         // simulation.
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.shared.state.lock().unwrap_or_else(PoisonError::into_inner);
         let most_ns = state.most_behind_ns.unwrap_or(i64::MAX);
         let behind_ns = self.time_ns() - state.now_ns;
         let until_ns = state.now_ns + behind_ns.min(most_ns);
@@ -350,7 +332,7 @@ impl Shared {
             // Whole steps, so that moments stay where they were within a step.
             let lost_ns = (self.time_ns() - state.now_ns).div_euclid(STEP_NS) * STEP_NS;
             state.lost_ns += lost_ns;
-            *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
+            *self.shared.start_ns.lock().unwrap_or_else(PoisonError::into_inner) += lost_ns;
         }
         state
     }
@@ -359,17 +341,17 @@ impl Shared {
     pub(crate) fn wait_until(&self, time_ns: i64) {
         // A signal may end a sleep early, or time may have been lost; a driver's wait continues.
         while self.time_ns() < time_ns {
-            self.clock.sleep_until_ns(self.start_ns() + time_ns);
+            self.shared.clock.sleep_until_ns(self.start_ns() + time_ns);
         }
     }
 
     /// The time on the simulation's clock, which may be within a step.
     pub(crate) fn time_ns(&self) -> i64 {
-        self.clock.now_ns() - self.start_ns()
+        self.shared.clock.now_ns() - self.start_ns()
     }
 
     fn start_ns(&self) -> i64 {
-        *self.start_ns.lock().unwrap_or_else(PoisonError::into_inner)
+        *self.shared.start_ns.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn with_brick<R>(
@@ -377,7 +359,7 @@ impl Shared {
         robot: usize,
         act: impl FnOnce(&mut Brick, i64) -> Result<R, Errno>,
     ) -> Result<R, Errno> {
-        let mut state = self.now();
+        let mut state = self.state();
         let now_ns = state.now_ns;
         act(state.bricks.get_mut(robot).ok_or(Errno::ENOENT)?, now_ns)
     }

@@ -2,7 +2,6 @@
 //! or what is told of the robot.
 
 use std::cell::Cell;
-use std::sync::Arc;
 use std::time::Duration;
 
 use nix::errno::Errno;
@@ -14,12 +13,12 @@ use crate::sim::brick::Brick;
 use crate::sim::driver::input::{EventLayout, Events};
 use crate::sim::driver::{Spec, TEXT_SIZE, Wait};
 use crate::sim::physics::STEP_NS;
-use crate::sim::simulation::Shared;
+use crate::sim::simulation::Simulation;
 
 /// An open file.
 #[derive(Debug)]
 pub(crate) struct SimFile {
-    shared: Arc<Shared>,
+    simulation: Simulation,
     robot: usize,
     access: Access,
     kind: Kind,
@@ -69,7 +68,7 @@ pub(crate) enum Write {
 /// A write that keeps its writer waiting.
 #[derive(Debug)]
 pub(crate) struct Waiting {
-    shared: Arc<Shared>,
+    simulation: Simulation,
     robot: usize,
     id: u32,
     taken: usize,
@@ -83,8 +82,8 @@ impl Waiting {
     ///
     /// The driver's; ENODEV if the device was pulled meanwhile.
     pub(crate) fn finish(self) -> Result<usize, Errno> {
-        self.shared.wait_until(self.wait.until_ns.div_euclid(STEP_NS) * STEP_NS + STEP_NS);
-        let state = self.shared.now();
+        self.simulation.wait_until(self.wait.until_ns.div_euclid(STEP_NS) * STEP_NS + STEP_NS);
+        let state = self.simulation.state();
         let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
         brick.registered_ns(self.id).ok_or(Errno::ENODEV)?;
         self.wait.then.map_or(Ok(self.taken), Err)
@@ -98,13 +97,13 @@ impl SimFile {
     ///
     /// ENOENT, EISDIR; EACCES for the wrong direction, and for writers while the device is new.
     pub(crate) fn open(
-        shared: &Arc<Shared>,
+        simulation: &Simulation,
         robot: usize,
         path: &str,
         access: Access,
         layout: EventLayout,
     ) -> Result<Self, Errno> {
-        let state = shared.now();
+        let state = simulation.state();
         let brick = state.bricks.get(robot).ok_or(Errno::ENOENT)?;
         let platform = brick.board.platform;
         let stream = |device| {
@@ -126,7 +125,7 @@ impl SimFile {
             attribute(brick, path, access, state.now_ns)?
         };
         drop(state);
-        Ok(Self { shared: Arc::clone(shared), robot, access, kind })
+        Ok(Self { simulation: simulation.clone(), robot, access, kind })
     }
 
     /// What it is.
@@ -136,7 +135,7 @@ impl SimFile {
 
     /// The buttons that are down.
     pub(crate) fn pressed(&self) -> Vec<Button> {
-        let state = self.shared.now();
+        let state = self.simulation.state();
         state.bricks.get(self.robot).map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
     }
 
@@ -171,7 +170,7 @@ impl SimFile {
 
     /// Appends all that can be read now; of a stream whole events, at most `room` bytes.
     fn make(&self, room: usize, bytes: &mut Vec<u8>) -> Result<(), Errno> {
-        let state = self.shared.now();
+        let state = self.simulation.state();
         let brick = state.bricks.get(self.robot).ok_or(Errno::ENODEV)?;
         match &self.kind {
             Kind::Attribute { id, spec, seen, .. } => {
@@ -198,7 +197,7 @@ impl SimFile {
         if self.access == Access::Read {
             return Err(Errno::EBADF);
         }
-        let mut state = self.shared.now();
+        let mut state = self.simulation.state();
         let now_ns = state.now_ns;
         let brick = state.bricks.get_mut(self.robot).ok_or(Errno::ENODEV)?;
         match &self.kind {
@@ -213,7 +212,7 @@ impl SimFile {
                 let stored = stored?;
                 Ok(stored.wait.map_or(Write::Done(stored.taken), |wait| {
                     Write::Waits(Waiting {
-                        shared: Arc::clone(&self.shared),
+                        simulation: self.simulation.clone(),
                         robot: self.robot,
                         id: *id,
                         taken: stored.taken,
@@ -235,7 +234,7 @@ impl SimFile {
             Kind::Screen => brick.draw(offset, value).map(Write::Done),
             Kind::Told(_) => {
                 drop(state);
-                told::order(&self.shared, self.robot, value).map(Write::Done)
+                told::order(&self.simulation, self.robot, value).map(Write::Done)
             }
         }
     }
@@ -254,7 +253,7 @@ impl SimFile {
     /// True if a poll that sleeps is to be woken. The removal of a device wakes no poll, and
     /// neither does a file that cannot wake one, once it was read.
     pub(crate) fn wakes(&self) -> bool {
-        let state = self.shared.now();
+        let state = self.simulation.state();
         let Some(brick) = state.bricks.get(self.robot) else { return false };
         match &self.kind {
             Kind::Attribute { id, spec, seen, .. } => {
@@ -279,7 +278,7 @@ impl SimFile {
     /// True if its device is gone.
     fn is_gone(&self) -> bool {
         let Kind::Attribute { id, .. } = self.kind else { return false };
-        let state = self.shared.now();
+        let state = self.simulation.state();
         state.bricks.get(self.robot).and_then(|brick| brick.registered_ns(id)).is_none()
     }
 }
@@ -316,12 +315,12 @@ fn events(brick: &Brick, device: Device) -> &Events {
 impl AttributeFile for SimFile {
     fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
         // The simulation's own buffer, so that reads do not allocate.
-        let mut bytes = std::mem::take(&mut self.shared.now().text);
+        let mut bytes = std::mem::take(&mut self.simulation.state().text);
         let read = self.read_at(0, buffer.len(), &mut bytes).map(|read| {
             buffer.iter_mut().zip(read).for_each(|(to, from)| *to = *from);
             read.len()
         });
-        self.shared.now().text = bytes;
+        self.simulation.state().text = bytes;
         read
     }
 
@@ -334,18 +333,18 @@ impl AttributeFile for SimFile {
 
     fn wait_changed(&self, timeout: Duration) -> Result<bool, Errno> {
         let timeout_ns = i64::try_from(timeout.as_nanos()).unwrap_or(i64::MAX);
-        let deadline_ns = self.shared.time_ns().saturating_add(timeout_ns);
+        let deadline_ns = self.simulation.time_ns().saturating_add(timeout_ns);
         if self.is_changed() {
             return Ok(true);
         }
         while !self.wakes() {
-            let now_ns = self.shared.time_ns();
+            let now_ns = self.simulation.time_ns();
             if now_ns >= deadline_ns {
                 // Who was not woken looks once more when the time is over.
                 return Ok(self.is_changed());
             }
             let next_look_ns = (now_ns.div_euclid(LOOK_NS) + 1) * LOOK_NS;
-            self.shared.wait_until(next_look_ns.min(deadline_ns));
+            self.simulation.wait_until(next_look_ns.min(deadline_ns));
         }
         Ok(true)
     }

@@ -7,7 +7,6 @@
 //! first of all what is wrong now, as orders that would bring it about. No brick has these files.
 
 use std::io::Write as _;
-use std::sync::Arc;
 
 use nix::errno::Errno;
 
@@ -15,7 +14,7 @@ use super::truth;
 use crate::clock::seconds;
 use crate::sim::Simulation;
 use crate::sim::brick::tree::{FAULTS, ORDERS, TRUTH};
-use crate::sim::simulation::{Shared, State};
+use crate::sim::simulation::State;
 
 /// What a read tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,8 +72,8 @@ pub(super) fn tell(
 /// # Errors
 ///
 /// EINVAL for a text that is not understood, and for an order that could not be followed.
-pub(super) fn order(shared: &Arc<Shared>, robot: usize, bytes: &[u8]) -> Result<usize, Errno> {
+pub(super) fn order(simulation: &Simulation, robot: usize, bytes: &[u8]) -> Result<usize, Errno> {
     let text = std::str::from_utf8(bytes).map_err(|_| Errno::EINVAL)?;
-    Simulation::of(shared).control(robot, text).map_err(|_| Errno::EINVAL)?;
+    simulation.control(robot, text).map_err(|_| Errno::EINVAL)?;
     Ok(bytes.len())
 }

@@ -25,7 +25,7 @@ impl Simulation {
     }
 
     fn set_button(&self, robot: usize, button: Button, down: bool) -> Result<(), Errno> {
-        self.shared.with_brick(robot, |brick, now_ns| {
+        self.with_brick(robot, |brick, now_ns| {
             brick.buttons.set(button, down, now_ns);
             Ok(())
         })
@@ -34,8 +34,7 @@ impl Simulation {
     /// The buttons that are down.
     #[must_use]
     pub fn pressed(&self, robot: usize) -> Vec<Button> {
-        self.shared
-            .now()
+        self.state()
             .bricks
             .get(robot)
             .map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
@@ -44,30 +43,30 @@ impl Simulation {
     /// The tone that sounds now, in hertz.
     #[must_use]
     pub fn tone_hz(&self, robot: usize) -> Option<u32> {
-        self.shared.now().bricks.get(robot)?.speaker.tone_hz()
+        self.state().bricks.get(robot)?.speaker.tone_hz()
     }
 
     /// The last tone that was played, in hertz, also if it has ended.
     #[must_use]
     pub fn last_tone_hz(&self, robot: usize) -> Option<u32> {
-        self.shared.now().bricks.get(robot)?.speaker.last_tone_hz()
+        self.state().bricks.get(robot)?.speaker.last_tone_hz()
     }
 
     /// Brightness and trigger of a status light by its name (`led0:red:brick-status`).
     #[must_use]
     pub fn led(&self, robot: usize, name: &str) -> Option<(u32, &'static str)> {
-        self.shared.now().bricks.get(robot)?.led(name)
+        self.state().bricks.get(robot)?.led(name)
     }
 
     /// Begins a new journal of all writes, or ends it.
     pub fn record_writes(&self, on: bool) {
-        self.shared.now().journal = on.then(Vec::new);
+        self.state().journal = on.then(Vec::new);
     }
 
     /// The writes since [`Simulation::record_writes`], or since this was last called; in their
     /// order.
     #[must_use]
     pub fn take_writes(&self) -> Vec<Written> {
-        self.shared.now().journal.as_mut().map(std::mem::take).unwrap_or_default()
+        self.state().journal.as_mut().map(std::mem::take).unwrap_or_default()
     }
 }
