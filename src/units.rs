@@ -94,6 +94,13 @@ pub fn floored(value: f64) -> i32 {
     libm::floor(value) as i32
 }
 
+/// How many there are, for reckoning with it.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "exact below 2^53")]
+pub fn count(things: usize) -> f64 {
+    things as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -21,7 +21,7 @@
 //! same width.
 
 use super::{Pose, Sight, standing};
-use crate::units::floored;
+use crate::units::{count, floored};
 
 /// How far a start may be wrong, to each side and in turn: 24 cm and 12°.
 const STEPS: i32 = 8;
@@ -259,10 +259,6 @@ pub fn testimonies(maps: &[Vec<Sight>]) -> Vec<Vec<Testimony>> {
         both.map(testimony).collect()
     };
     maps.iter().map(of).collect()
-}
-
-fn count(things: usize) -> f64 {
-    f64::from(u32::try_from(things).unwrap_or(u32::MAX))
 }
 
 #[cfg(test)]

@@ -1,13 +1,14 @@
 //! A few statistics of errors: for scoring maps, not for the tick.
 
+use crate::units::count;
+
 /// The value below which a share `q` (0 to 1) of the values lies, linear between neighbours
 /// (Hyndman and Fan's type 7, as in NumPy); sorts them. `None` if there are none.
 #[must_use]
 pub fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
-    #[expect(clippy::cast_precision_loss, reason = "a count of values")]
-    let place = q.clamp(0.0, 1.0) * last as f64;
+    let place = q.clamp(0.0, 1.0) * count(last);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -28,27 +29,21 @@ pub fn median(values: &mut [f64]) -> Option<f64> {
 /// The mean. `None` if there are none.
 #[must_use]
 pub fn mean(values: &[f64]) -> Option<f64> {
-    #[expect(clippy::cast_precision_loss, reason = "a count of values")]
-    let count = values.len() as f64;
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / count)
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / count(values.len()))
 }
 
 /// The root of the mean square. `None` if there are none.
 #[must_use]
 pub fn rms(values: &[f64]) -> Option<f64> {
-    #[expect(clippy::cast_precision_loss, reason = "a count of values")]
-    let count = values.len() as f64;
-    (!values.is_empty())
-        .then(|| libm::sqrt(values.iter().map(|value| value * value).sum::<f64>() / count))
+    let squares: Vec<f64> = values.iter().map(|value| value * value).collect();
+    mean(&squares).map(libm::sqrt)
 }
 
 /// The share, 0 to 1, of the values for which `holds`. `None` if there are none.
 #[must_use]
 pub fn share(values: &[f64], holds: impl Fn(f64) -> bool) -> Option<f64> {
-    #[expect(clippy::cast_precision_loss, reason = "counts of values")]
-    let (count, held) =
-        (values.len() as f64, values.iter().filter(|&&value| holds(value)).count() as f64);
-    (!values.is_empty()).then(|| held / count)
+    let held = values.iter().filter(|&&value| holds(value)).count();
+    (!values.is_empty()).then(|| count(held) / count(values.len()))
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ use super::Range;
 use super::bearing::{self, Slope};
 use super::pose::Correction;
 use super::range::Beam;
+use crate::units::count;
 
 /// Echoes of one valley at most: more than a sweep of a degree a reading has over any surface.
 const ECHOES: usize = 128;
@@ -261,8 +262,7 @@ fn foot(echoes: &[Echo], begin_seen: bool, end_seen: bool) -> Option<Foot> {
     let is_whole = (first > 0 || begin_seen) && (last + 1 < echoes.len() || end_seen);
     let region = echoes.get(first..=last)?;
     let (from, to) = (region.first()?, region.last()?);
-    #[expect(clippy::cast_precision_loss, reason = "a count of echoes")]
-    let steps = (region.len() - 1) as f64;
+    let steps = count(region.len() - 1);
     // Each reading stands for the step around it.
     let between_rad = (to.bearing_rad - from.bearing_rad).abs();
     let width_rad = between_rad + if steps > 0.0 { between_rad / steps } else { 0.0 };

@@ -33,7 +33,7 @@
 mod ballot;
 
 use super::{Sight, standing};
-use crate::units::floored;
+use crate::units::{count, floored};
 use ballot::Ballot;
 
 /// A straight stretch of wall.
@@ -193,7 +193,8 @@ fn spots(places: impl Iterator<Item = [f64; 2]>) -> Vec<Spot> {
         places.filter(is_near).map(|at_m| (cell(at_m), at_m)).collect();
     placed.sort_by_key(|(cell, _)| *cell);
     let spots = placed.chunk_by(|a, b| a.0 == b.0).map(|points| Spot {
-        at_m: [0, 1].map(|axis| points.iter().map(|(_, at)| at[axis]).sum::<f64>() / count(points)),
+        at_m: [0, 1]
+            .map(|axis| points.iter().map(|(_, at)| at[axis]).sum::<f64>() / count(points.len())),
         points: u32::try_from(points.len()).unwrap_or(u32::MAX),
     });
     spots.collect()
@@ -221,7 +222,7 @@ impl Line {
 
     /// Total least squares: through the mean, along the principal axis.
     fn through(spots: &[Spot]) -> Self {
-        let n = count(spots).max(1.0);
+        let n = count(spots.len()).max(1.0);
         let mean = [0, 1].map(|axis| spots.iter().map(|spot| spot.at_m[axis]).sum::<f64>() / n);
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
         for spot in spots {
@@ -274,7 +275,7 @@ fn fitted(mut spots: Vec<Spot>, left: &[Spot]) -> Option<Stretch> {
         let all = stretches(&old.line, left, band_m).into_iter();
         spots = all.filter(overlaps).max_by_key(Vec::len)?;
         let square = |spot: &Spot| old.line.frame(spot.at_m)[1] * old.line.frame(spot.at_m)[1];
-        let sd_m = libm::sqrt(spots.iter().map(square).sum::<f64>() / count(&spots));
+        let sd_m = libm::sqrt(spots.iter().map(square).sum::<f64>() / count(spots.len()));
         band_m = (2.5 * sd_m).clamp(NARROWEST_M, BAND_M);
     }
     Some(Stretch::of(spots))
@@ -291,7 +292,7 @@ impl Stretch {
         let line = Line::through(&spots);
         let square = |spot: &Spot| line.frame(spot.at_m)[1] * line.frame(spot.at_m)[1];
         let squares: f64 = spots.iter().map(square).sum();
-        let sd_m = libm::sqrt(squares / (count(&spots) - 2.0).max(1.0));
+        let sd_m = libm::sqrt(squares / (count(spots.len()) - 2.0).max(1.0));
         Self { line, ends_m: ends_m(&line, &spots), spots, sd_m }
     }
 
@@ -312,7 +313,7 @@ impl Stretch {
 
     /// How far its middle is beside the line between its ends: the quadratic part of a fit.
     fn bent_m(&self) -> f64 {
-        let n = count(&self.spots);
+        let n = count(self.spots.len());
         let half_m = self.length_m() / 2.0;
         let square = |along_m: f64| {
             let from_middle = (along_m - self.ends_m[0]) / half_m - 1.0;
@@ -349,7 +350,7 @@ impl Stretch {
             }
         }
         let has = filled.iter().filter(|piece| **piece).count();
-        f64::from(small(has)) >= FILLED * count(&filled)
+        count(has) >= FILLED * count(filled.len())
     }
 
     /// Whether there is little beside it.
@@ -392,7 +393,7 @@ impl Stretch {
             }
         }
         let through = pieces.iter().filter(|[own, behind]| *behind > THROUGH * own).count();
-        f64::from(small(through)) > SEEN_THROUGH * count(&pieces)
+        count(through) > SEEN_THROUGH * count(pieces.len())
     }
 
     fn has_taken(&self, spot: &Spot) -> bool {
@@ -427,14 +428,6 @@ impl Stretch {
             points: self.spots.iter().map(|spot| spot.points).sum(),
         }
     }
-}
-
-fn small(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(u32::MAX)
-}
-
-fn count<T>(all: &[T]) -> f64 {
-    f64::from(small(all.len()))
 }
 
 #[cfg(test)]

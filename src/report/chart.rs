@@ -15,6 +15,7 @@ use super::ruler::Ruler;
 use super::timeline::{Mark, Signal, Timeline};
 use crate::page::inside_script;
 use crate::printable::escaped;
+use crate::units::count;
 
 /// The picture's width in layout units, and what is around its panels.
 const WIDTH: f64 = 900.0;
@@ -189,11 +190,6 @@ impl<'t> Chart<'t> {
     fn bottom(&self) -> f64 {
         self.panels_top() + PANEL * count(self.panels.len())
     }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a few rows")]
-fn count(rows: usize) -> f64 {
-    rows as f64
 }
 
 /// Where texts stay the same; what is empty is no span.

@@ -11,6 +11,7 @@ use super::canvas::{self, Canvas, Drawing, INK, LEFT_MIDDLE, MESH, PlotError, SO
 use super::ruler::Ruler;
 use super::{Colours, Scene, Track, colours, is_single, page, thinned};
 use crate::sim::Paint;
+use crate::units::count;
 
 /// The picture's width in layout units.
 const WIDTH: f64 = 800.0;
@@ -112,9 +113,7 @@ impl Layout {
 
 /// Rows of robots' names in the legend.
 fn rows_of_names(scene: &Scene) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a handful")]
-    let rows = scene.tracks.len().div_ceil(NAMES_IN_A_ROW) as f64;
-    rows
+    count(scene.tracks.len().div_ceil(NAMES_IN_A_ROW))
 }
 
 const NAMES_IN_A_ROW: usize = 4;

@@ -19,7 +19,7 @@ use crate::recording::Run;
 use crate::robot::RobotConfig;
 use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, WhenAbandoned, execute};
 use crate::sim::{World, covered};
-use crate::units::{degrees, wrap_rad};
+use crate::units::{count, degrees, wrap_rad};
 
 /// Let a simulated robot explore a room of cinder blocks, come home, and draw the map it makes.
 ///
@@ -203,8 +203,7 @@ fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {
     // A world without walls has no nearest one.
     distances.retain(|distance_m| distance_m.is_finite());
     let near = distances.iter().filter(|distance_m| **distance_m < NEAR_M).count();
-    #[expect(clippy::cast_precision_loss, reason = "there are some thousands")]
-    let near_wall = (!distances.is_empty()).then(|| near as f64 / distances.len() as f64);
+    let near_wall = (!distances.is_empty()).then(|| count(near) / count(distances.len()));
     let start = run.info.as_ref().map(|info| info.start_pose).unwrap_or_default();
     let walls = world.echoing_walls(start.x_m, start.y_m, reach_m(run));
     let coverage = covered(&walls, points.iter().map(|point| [point.x_m, point.y_m]), NEAR_M);

@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::units;
+
 /// The most that the mean may be unsure by, as a share of it: what calibration is for is one or two
 /// percent.
 const MOST_ERROR: f64 = 0.01;
@@ -130,7 +132,7 @@ impl Measured {
         let after = mean(&all);
         let squares: f64 = all.iter().map(|value| (value - after) * (value - after)).sum();
         let standard_error = if count > 1 {
-            libm::sqrt(squares / as_f64(count - 1)) / libm::sqrt(as_f64(count))
+            libm::sqrt(squares / units::count(count - 1)) / libm::sqrt(units::count(count))
         } else {
             f64::INFINITY
         };
@@ -260,9 +262,9 @@ pub(super) fn line(points: &[[f64; 2]], noise: f64, fewest: usize) -> Option<(f6
 
 /// Intercept and slope by least squares.
 fn least_squares(points: &[[f64; 2]]) -> Option<(f64, f64)> {
-    let count = as_f64(points.len());
-    let middle_x = points.iter().map(|[x, _]| x).sum::<f64>() / count;
-    let middle_y = points.iter().map(|[_, y]| y).sum::<f64>() / count;
+    let number = units::count(points.len());
+    let middle_x = points.iter().map(|[x, _]| x).sum::<f64>() / number;
+    let middle_y = points.iter().map(|[_, y]| y).sum::<f64>() / number;
     let across: f64 = points.iter().map(|[x, y]| (x - middle_x) * (y - middle_y)).sum();
     let along: f64 = points.iter().map(|[x, _]| (x - middle_x) * (x - middle_x)).sum();
     let slope = across / along;
@@ -287,16 +289,11 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
 }
 
 fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / as_f64(values.len())
+    values.iter().sum::<f64>() / units::count(values.len())
 }
 
 fn finite(values: &[f64]) -> Vec<f64> {
     values.iter().copied().filter(|value| value.is_finite()).collect()
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a count of measurements")]
-fn as_f64(count: usize) -> f64 {
-    count as f64
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@
 
 use std::f64::consts::PI;
 
-use super::{FEWEST, Line, Spot, count, small};
-use crate::units::floored;
+use super::{FEWEST, Line, Spot};
+use crate::units::{count, floored};
 
 /// Lines that are voted for: directions in half a turn, and metres between parallel ones.
 const DIRECTIONS: usize = 120;
@@ -26,15 +26,14 @@ pub(super) struct Ballot {
 
 impl Ballot {
     pub(super) fn of(spots: &[Spot]) -> Self {
-        let n = count(spots).max(1.0);
+        let n = count(spots.len()).max(1.0);
         let middle_m = [0, 1].map(|axis| spots.iter().map(|s| s.at_m[axis]).sum::<f64>() / n);
         let far_m =
             |spot: &Spot| libm::hypot(spot.at_m[0] - middle_m[0], spot.at_m[1] - middle_m[1]);
         let reach_m = spots.iter().map(far_m).fold(0.0, f64::max).min(REACH_M);
         let lines = usize::try_from(2 * floored(reach_m / LINE_M) + 6).unwrap_or(6);
         let direction = |place: usize| {
-            let (sin, cos) =
-                libm::sincos(f64::from(small(place)) * PI / f64::from(small(DIRECTIONS)));
+            let (sin, cos) = libm::sincos(count(place) * PI / count(DIRECTIONS));
             [cos, sin]
         };
         let directions = (0..DIRECTIONS).map(direction).collect();
@@ -61,7 +60,7 @@ impl Ballot {
         let (place, votes) =
             self.votes.iter().enumerate().rev().max_by_key(|(_, votes)| **votes)?;
         let normal = *self.directions.get(place / self.lines)?;
-        let from_middle = f64::from(small(place % self.lines)) - f64::from(small(self.lines / 2));
+        let from_middle = count(place % self.lines) - count(self.lines / 2);
         let of_middle_m = self.middle_m[0] * normal[0] + self.middle_m[1] * normal[1];
         let line = Line { normal, distance_m: from_middle * LINE_M + of_middle_m };
         (usize::try_from(*votes).is_ok_and(|votes| votes >= FEWEST)).then_some((place, line))

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::{Mark, MarkKind, Paint, RobotView, Room, View, web_colour};
 use crate::printable::escaped;
 use crate::sim::Simulation;
-use crate::units::radians;
+use crate::units::{count, radians};
 
 /// Width of the picture, pixels; the height follows the room.
 const WIDTH: f64 = 800.0;
@@ -68,7 +68,7 @@ impl Picture {
     fn draw(mut self) -> String {
         let bottom = HEAD + (self.high[1] - self.low[1]) * self.scale;
         let lines: Vec<(String, &str)> = self.text();
-        let height = bottom + PAD + LINE * whole(lines.len()) + PAD;
+        let height = bottom + PAD + LINE * count(lines.len()) + PAD;
         let title = format!("{}, after {:.1} s", self.room.name, self.view.time_s);
         self.put(format_args!(
             "<svg width=\"{WIDTH}\" height=\"{height:.0}\" viewBox=\"0 0 {WIDTH} {height:.0}\" \
@@ -85,7 +85,7 @@ impl Picture {
             self.draw_robot(number, robot);
         }
         for (index, (line, colour)) in lines.iter().enumerate() {
-            let y = bottom + PAD + LINE * (whole(index) + 0.7);
+            let y = bottom + PAD + LINE * (count(index) + 0.7);
             self.put(format_args!(
                 "<text x=\"{PAD}\" y=\"{y:.0}\" font-size=\"14\" fill=\"{colour}\" \
                  xml:space=\"preserve\">{}</text>\n",
@@ -244,9 +244,4 @@ impl Picture {
 
 fn colours(robot: usize) -> (&'static str, &'static str) {
     COLOURS.get(robot % COLOURS.len()).copied().unwrap_or(("#1a934a", "#d62a2f"))
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a few lines")]
-fn whole(count: usize) -> f64 {
-    count as f64
 }

@@ -18,7 +18,7 @@ use std::collections::{BTreeSet, VecDeque};
 use super::World;
 use super::geometry::{Point, direction};
 use crate::sim::EchoModel;
-use crate::units::{radians, rounded};
+use crate::units::{count, radians, rounded};
 
 /// Between two samples of a wall, and between two places of the floor, metres.
 const SAMPLE_M: f64 = 0.02;
@@ -80,8 +80,7 @@ pub fn covered(
         points.clone().any(|[x_m, y_m]| libm::hypot(x_m - place[0], y_m - place[1]) <= within_m)
     };
     let near = places.iter().filter(is_near).count();
-    #[expect(clippy::cast_precision_loss, reason = "there are some thousands")]
-    Some(near as f64 / places.len() as f64)
+    Some(count(near) / count(places.len()))
 }
 
 /// Where the sensor of a robot can be on the floor that it can reach: places of a lattice.
