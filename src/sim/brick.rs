@@ -179,7 +179,7 @@ impl Brick {
                 Device::Dc(_, motor) => motor.tick(now_ns),
                 Device::Sensor(input, sensor) => {
                     let Some(faults) = self.faults.get_mut(*input) else { continue };
-                    let kind = sensor.kind();
+                    let kind = sensor.kind;
                     // A port that was told so has a driver for what is not plugged in.
                     let is_in = self.ports.get(*input).and_then(PortState::sensor) == Some(kind);
                     sensor.suffer(faults.line(), faults.stale_ns());
@@ -286,7 +286,7 @@ impl Brick {
         for node in &self.nodes {
             let (out, bridge) = match &node.device {
                 Device::Tacho(out, motor) => (*out, motor.bridge()),
-                Device::Dc(out, motor) => (*out, motor.bridge()),
+                Device::Dc(out, motor) => (*out, motor.bridge),
                 _ => continue,
             };
             let off = self.faults.get(FIRST_OUTPUT + out).is_some_and(PortFaults::is_off);
@@ -430,8 +430,8 @@ impl Brick {
     /// wake one.
     pub(crate) fn notices(&self, id: u32, attribute: &str) -> Option<u32> {
         match (&self.node(id)?.device, attribute) {
-            (Device::Tacho(_, motor), "state") => Some(motor.notices()),
-            (Device::Sensor(_, sensor), "value0") => Some(sensor.notices()),
+            (Device::Tacho(_, motor), "state") => Some(motor.notices),
+            (Device::Sensor(_, sensor), "value0") => Some(sensor.notices),
             _ => None,
         }
     }

@@ -290,7 +290,7 @@ impl Simulation {
     /// What was done to the robots on purpose so far, in its order.
     #[must_use]
     pub fn faults_done(&self) -> Vec<FaultRecord> {
-        self.state().faults.done().to_vec()
+        self.state().faults.done.clone()
     }
 
     /// What is wrong with a robot's ports now.

@@ -267,16 +267,16 @@ impl Simulation {
                 battery_v: super::physics::Physics::battery(world, robot).0,
                 devices,
                 lights: brick.lights(),
-                tone_hz: brick.speaker.tone_hz(),
+                tone_hz: brick.speaker.tone_hz,
                 screen: brick.screen_changes(),
-                pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
+                pressed: brick.buttons.pressed.iter().map(|button| button.as_str()).collect(),
                 faults: brick
                     .faults_active()
                     .map(|(port, fault)| format!("{port} {fault}"))
                     .collect(),
             })
         });
-        let done = state.faults.done();
+        let done = &state.faults.done;
         let told = done.iter().skip(done.len().saturating_sub(TOLD));
         let several = state.bricks.len() > 1;
         let done = told.map(|record| {

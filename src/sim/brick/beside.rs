@@ -39,7 +39,7 @@ impl Brick {
     /// A light's brightness and trigger.
     pub(crate) fn led(&self, name: &str) -> Option<(u32, &'static str)> {
         match self.device(Class::Leds, name)? {
-            Device::Led(led) => Some((led.brightness(), led.trigger())),
+            Device::Led(led) => Some((led.brightness, led.trigger())),
             _ => None,
         }
     }
@@ -57,12 +57,12 @@ impl Brick {
 
     /// The picture on the screen.
     pub(crate) fn lcd_bytes(&self) -> &[u8] {
-        self.lcd().map(Lcd::bytes).unwrap_or_default()
+        self.lcd().map_or(&[], |lcd| &lcd.bytes)
     }
 
     /// How often something was drawn on the screen.
     pub(crate) fn screen_changes(&self) -> u32 {
-        self.lcd().map_or(0, Lcd::changes)
+        self.lcd().map_or(0, |lcd| lcd.changes)
     }
 
     /// The screen's width, height and each pixel's grey.

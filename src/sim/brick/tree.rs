@@ -68,7 +68,7 @@ impl Brick {
                 return Err(Errno::ENOENT);
             }
             let bound = self.nodes.iter().filter(
-                |node| matches!(&node.device, Device::Bus(device) if device.driver() == driver),
+                |node| matches!(&node.device, Device::Bus(device) if device.driver == driver),
             );
             bound.map(|node| Entry::link(&node.name)).collect()
         } else if let Some(entries) =
@@ -125,7 +125,7 @@ impl Brick {
         let folder = self.folder(id).ok_or(Errno::ENOENT)?;
         let (class, _) = self.name(id).ok_or(Errno::ENOENT)?;
         let bus_driver = self.node(id).and_then(|node| match &node.device {
-            Device::Bus(device) => Some(device.driver()),
+            Device::Bus(device) => Some(device.driver),
             _ => None,
         });
         match (rest, bus_driver) {

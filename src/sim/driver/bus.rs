@@ -52,7 +52,8 @@ pub(crate) fn store_power(attribute: &str, bytes: &[u8]) -> Result<(), Errno> {
 /// A device of the bus.
 #[derive(Debug)]
 pub(crate) struct BusDevice {
-    driver: &'static str,
+    /// The driver that it is bound to.
+    pub(crate) driver: &'static str,
     driver_name: &'static str,
     address: &'static str,
 }
@@ -71,11 +72,6 @@ impl BusDevice {
         address: &'static str,
     ) -> Self {
         Self { driver, driver_name, address }
-    }
-
-    /// The driver that it is bound to.
-    pub(crate) fn driver(&self) -> &'static str {
-        self.driver
     }
 }
 

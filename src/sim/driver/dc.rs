@@ -16,7 +16,7 @@ use crate::sim::physics::Bridge;
 
 const STOP_ACTIONS: [&str; 2] = ["coast", "brake"];
 const RAMP_PERIOD: i64 = 10;
-const DRIVER_NAME: &str = "rcx-motor";
+pub(crate) const DRIVER_NAME: &str = "rcx-motor";
 
 const ATTRIBUTES: &[Spec] = &[
     readable("address"),
@@ -53,7 +53,8 @@ pub(crate) struct DcMotor {
     active: SetPoints,
     command: Command,
     duty: i32,
-    bridge: Bridge,
+    /// What the bridge does now.
+    pub(crate) bridge: Bridge,
     ramp_delta: i32,
     ramp_time: i64,
     ramp_end: i64,
@@ -66,16 +67,6 @@ impl DcMotor {
     /// As after the port was put into its mode.
     pub(crate) fn new(address: &'static str) -> Self {
         Self { address, ..Self::default() }
-    }
-
-    /// The driver's name.
-    pub(crate) fn driver_name() -> &'static str {
-        DRIVER_NAME
-    }
-
-    /// What the bridge does now.
-    pub(crate) fn bridge(&self) -> Bridge {
-        self.bridge
     }
 
     /// What happens in one step: its two timers.

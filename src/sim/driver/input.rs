@@ -74,16 +74,11 @@ impl Event {
 #[derive(Debug, Default)]
 pub(crate) struct Events {
     kept: VecDeque<Event>,
-    /// Events ever: the number of the next one.
-    total: usize,
+    /// Events ever: the number of the next one, where a reader that opens the file now begins.
+    pub(crate) total: usize,
 }
 
 impl Events {
-    /// The number of the next event: where a reader that opens the file now begins.
-    pub(crate) fn total(&self) -> usize {
-        self.total
-    }
-
     /// Appends whole events from number `from` on, at most `room` bytes; returns the number of the
     /// next one.
     ///
@@ -129,7 +124,8 @@ impl Events {
 #[derive(Debug, Default)]
 pub(crate) struct Buttons {
     pub(crate) events: Events,
-    pressed: Vec<Button>,
+    /// The buttons that are down.
+    pub(crate) pressed: Vec<Button>,
 }
 
 impl Buttons {
@@ -145,32 +141,19 @@ impl Buttons {
         }
         self.events.push(now_ns, EV_KEY, button.code(), i32::from(pressed));
     }
-
-    /// The buttons that are down.
-    pub(crate) fn pressed(&self) -> &[Button] {
-        &self.pressed
-    }
 }
 
 /// What the speaker plays. What is written to it, its readers read, as with any input device.
 #[derive(Debug, Default)]
 pub(crate) struct Speaker {
     pub(crate) events: Events,
-    tone_hz: Option<u32>,
-    last_tone_hz: Option<u32>,
+    /// The tone that sounds now, in hertz.
+    pub(crate) tone_hz: Option<u32>,
+    /// The last tone that was played, also if it has ended.
+    pub(crate) last_tone_hz: Option<u32>,
 }
 
 impl Speaker {
-    /// The tone that sounds now, in hertz.
-    pub(crate) fn tone_hz(&self) -> Option<u32> {
-        self.tone_hz
-    }
-
-    /// The last tone that was played, also if it has ended.
-    pub(crate) fn last_tone_hz(&self) -> Option<u32> {
-        self.last_tone_hz
-    }
-
     /// Takes whole events; returns how many bytes they were.
     ///
     /// # Errors

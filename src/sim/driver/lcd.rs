@@ -108,8 +108,10 @@ impl FromStr for LcdGeometry {
 #[derive(Debug)]
 pub(crate) struct Lcd {
     geometry: LcdGeometry,
-    bytes: Vec<u8>,
-    changes: u32,
+    /// The picture.
+    pub(crate) bytes: Vec<u8>,
+    /// How often it was drawn on.
+    pub(crate) changes: u32,
 }
 
 impl Lcd {
@@ -118,22 +120,12 @@ impl Lcd {
         Self { geometry, bytes: vec![0; geometry.size()], changes: 0 }
     }
 
-    /// How often it was drawn on.
-    pub(crate) fn changes(&self) -> u32 {
-        self.changes
-    }
-
     /// Width, height and each pixel's grey, row by row: 0 black to 255 white.
     pub(crate) fn greys(&self) -> (u32, u32, Vec<u8>) {
         let LcdGeometry { width, height, bits_per_pixel } = self.geometry;
         let rows = self.bytes.chunks_exact((self.geometry.line_length() as usize).max(1));
         let pixels = rows.flat_map(|row| (0..width as usize).map(|x| grey(row, x, bits_per_pixel)));
         (width, height, pixels.collect())
-    }
-
-    /// The picture.
-    pub(crate) fn bytes(&self) -> &[u8] {
-        &self.bytes
     }
 
     /// Puts bytes into the picture; returns how many there was room for.
@@ -240,10 +232,10 @@ mod tests {
             (32, vec![0, 0, 0, 0, 255, 255, 255, 0]),
         ] {
             let mut lcd = Lcd::new(LcdGeometry::new(3, 2, bits).unwrap());
-            assert_eq!(lcd.changes(), 0);
+            assert_eq!(lcd.changes, 0);
             lcd.write(0, &white).unwrap();
             let (width, height, greys) = lcd.greys();
-            assert_eq!((width, height, greys.len(), lcd.changes()), (3, 2, 6, 1));
+            assert_eq!((width, height, greys.len(), lcd.changes), (3, 2, 6, 1));
             assert_eq!(greys[..3], [0, 255, 0], "{bits} bits");
         }
     }
@@ -252,7 +244,7 @@ mod tests {
     fn a_picture_takes_what_fits() {
         let mut lcd = Lcd::new(LcdGeometry::new(8, 2, 32).unwrap());
         assert_eq!(lcd.write(60, &[1; 8]), Ok(4));
-        assert_eq!(lcd.bytes().iter().filter(|byte| **byte == 1).count(), 4);
+        assert_eq!(lcd.bytes.iter().filter(|byte| **byte == 1).count(), 4);
         assert_eq!(lcd.write(64, &[1]), Err(Errno::ENOSPC));
         assert_eq!(lcd.write(64, &[]), Ok(0));
     }

@@ -49,7 +49,8 @@ const BLINKING: &[Spec] = &[
 /// One light.
 #[derive(Debug)]
 pub(crate) struct Led {
-    brightness: u32,
+    /// How bright it is, while it is on.
+    pub(crate) brightness: u32,
     max_brightness: u32,
     trigger: usize,
     delay_on_ms: u32,
@@ -60,11 +61,6 @@ impl Led {
     /// A light without a trigger.
     pub(crate) fn new(brightness: u32, max_brightness: u32) -> Self {
         Self { brightness, max_brightness, trigger: NONE, delay_on_ms: 500, delay_off_ms: 500 }
-    }
-
-    /// How bright it is, while it is on.
-    pub(crate) fn brightness(&self) -> u32 {
-        self.brightness
     }
 
     /// What else makes it shine: `none`, `timer`, `heartbeat`, …

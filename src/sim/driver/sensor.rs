@@ -104,8 +104,10 @@ struct Switch {
 /// One sensor.
 #[derive(Debug)]
 pub(crate) struct Sensor {
-    kind: SensorKind,
-    model: &'static Model,
+    /// What it is.
+    pub(crate) kind: SensorKind,
+    /// What its driver is.
+    pub(crate) model: &'static Model,
     address: &'static str,
     make: GyroMake,
     /// How often the board's controller is asked for the sensor's values; none where the sensor
@@ -132,7 +134,8 @@ pub(crate) struct Sensor {
     zero_deg: i32,
     zero_due_ns: Option<i64>,
     pressed: bool,
-    notices: u32,
+    /// Changes whenever those who poll `value0` are woken.
+    pub(crate) notices: u32,
 }
 
 impl Sensor {
@@ -166,21 +169,6 @@ impl Sensor {
             pressed: false,
             notices: 0,
         }
-    }
-
-    /// What it is.
-    pub(crate) fn kind(&self) -> SensorKind {
-        self.kind
-    }
-
-    /// The driver's name for a kind of sensor.
-    pub(crate) fn driver_name(&self) -> &'static str {
-        self.model.driver_name
-    }
-
-    /// Changes whenever those who poll `value0` are woken.
-    pub(crate) fn notices(&self) -> u32 {
-        self.notices
     }
 
     /// What happens in one step. `measure` is asked for the numbers of a frame when one is due; it

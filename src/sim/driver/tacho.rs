@@ -64,7 +64,8 @@ struct Ramp {
 /// One motor.
 #[derive(Debug)]
 pub(crate) struct TachoMotor {
-    model: &'static Model,
+    /// What its driver is.
+    pub(crate) model: &'static Model,
     driver: &'static MotorDriver,
     address: &'static str,
     set: SetPoints,
@@ -77,7 +78,7 @@ pub(crate) struct TachoMotor {
     next_notice_ns: i64,
     noticed: [bool; 5],
     /// How often the worker has found the state changed: what wakes those who poll it.
-    notices: u32,
+    pub(crate) notices: u32,
 }
 
 impl TachoMotor {
@@ -114,19 +115,9 @@ impl TachoMotor {
         self.model.full_travel_count > 0
     }
 
-    /// The driver's name.
-    pub(crate) fn driver_name(&self) -> &'static str {
-        self.model.driver_name
-    }
-
     /// What the bridge does now.
     pub(crate) fn bridge(&self) -> Bridge {
-        self.motor.bridge()
-    }
-
-    /// Changes whenever those who poll `state` are woken.
-    pub(crate) fn notices(&self) -> u32 {
-        self.notices
+        self.motor.bridge
     }
 
     /// The timer of `run-timed`.
@@ -161,9 +152,9 @@ impl TachoMotor {
 
     fn state(&self) -> [bool; 5] {
         [
-            self.motor.is_running() || (self.driver.holding_runs && self.motor.is_holding()),
+            self.motor.running || (self.driver.holding_runs && self.motor.holding),
             self.ramp.flagged || self.motor.is_ramping_down(),
-            self.motor.is_holding(),
+            self.motor.holding,
             self.motor.is_overloaded(),
             self.driver.stalls && self.motor.is_stalled(),
         ]
@@ -238,7 +229,7 @@ impl TachoMotor {
     /// One leg: to 0 if the set point has the other sign, else to the set point.
     fn start_ramp(&mut self, now_ns: i64) {
         if !self.ramp.flagged {
-            self.ramp.last_speed = self.motor.speed();
+            self.ramp.last_speed = self.motor.speed;
         }
         let start = self.ramp.last_speed;
         let target = self.active.speed;
@@ -334,11 +325,11 @@ impl TachoMotor {
     fn number(&self, attribute: &str) -> Option<i32> {
         Some(match attribute {
             "position" => self.signed(self.motor.position()),
-            "speed" => self.signed(self.motor.speed()),
+            "speed" => self.signed(self.motor.speed),
             "duty_cycle" if self.driver.odd_duty => {
-                self.signed(self.motor.duty() * 255 / 100 * 255 / 100)
+                self.signed(self.motor.duty * 255 / 100 * 255 / 100)
             }
-            "duty_cycle" => self.signed(self.motor.duty()),
+            "duty_cycle" => self.signed(self.motor.duty),
             "duty_cycle_sp" => self.signed(self.set.duty),
             "speed_sp" => self.signed(self.set.speed),
             "position_sp" => self.signed(self.set.position),
@@ -408,7 +399,7 @@ impl Driver for TachoMotor {
                 if self.driver.zero_only && position != 0 {
                     return Err(Errno::EINVAL);
                 }
-                let driven = self.motor.is_running() || self.motor.is_holding();
+                let driven = self.motor.running || self.motor.holding;
                 if self.driver.still_for_position && driven {
                     return Err(Errno::EBUSY);
                 }

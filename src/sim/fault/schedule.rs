@@ -33,7 +33,8 @@ pub(crate) struct Faults {
     pending: VecDeque<(i64, Order)>,
     ramps: Vec<Ramp>,
     held: Vec<Held>,
-    done: Vec<FaultRecord>,
+    /// What was done so far.
+    pub(crate) done: Vec<FaultRecord>,
 }
 
 /// A button that is down until some time, nanoseconds.
@@ -61,11 +62,6 @@ impl Faults {
         let orders = scenario.orders().iter();
         self.pending =
             orders.map(|(at_ns, order)| (now_ns.saturating_add(*at_ns), order.clone())).collect();
-    }
-
-    /// What was done so far.
-    pub(crate) fn done(&self) -> &[FaultRecord] {
-        &self.done
     }
 
     /// Does what is due.

@@ -107,7 +107,7 @@ impl SimFile {
         let brick = state.bricks.get(robot).ok_or(Errno::ENOENT)?;
         let platform = brick.board.platform;
         let stream = |device| {
-            let next = Cell::new(events(brick, device).total());
+            let next = Cell::new(events(brick, device).total);
             Kind::Events { device, layout, next }
         };
         let kind = if platform.buttons == Some(path) {
@@ -136,7 +136,7 @@ impl SimFile {
     /// The buttons that are down.
     pub(crate) fn pressed(&self) -> Vec<Button> {
         let state = self.simulation.state();
-        state.bricks.get(self.robot).map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
+        state.bricks.get(self.robot).map_or_else(Vec::new, |brick| brick.buttons.pressed.clone())
     }
 
     /// What one read gets, at most `room` bytes from an offset. A text is made when its beginning
@@ -260,7 +260,7 @@ impl SimFile {
                 brick.registered_ns(*id).is_some()
                     && seen.get() != Some(brick.notices(*id, spec.name))
             }
-            Kind::Events { device, next, .. } => events(brick, *device).total() > next.get(),
+            Kind::Events { device, next, .. } => events(brick, *device).total > next.get(),
             Kind::Screen | Kind::Told(_) => false,
         }
     }

@@ -61,7 +61,7 @@ pub(super) fn tell(
         // Writing to a vector does not fail.
         let _ = writeln!(text, "{port} {fault}");
     }
-    for done in state.faults.done().iter().filter(|done| done.robot == robot) {
+    for done in state.faults.done.iter().filter(|done| done.robot == robot) {
         let _ = writeln!(text, "# {:.3} s: {}", seconds(done.time_ns), done.what);
     }
     Ok(())

@@ -61,9 +61,9 @@ pub(super) fn line(state: &State, robot: usize) -> Option<TruthLine> {
         echo_m: world.echo(robot),
         touching: truth.touching,
         fallen: truth.fallen,
-        pressed: brick.buttons.pressed().iter().map(|button| button.as_str()).collect(),
-        tone_hz: brick.speaker.tone_hz(),
-        last_tone_hz: brick.speaker.last_tone_hz(),
+        pressed: brick.buttons.pressed.iter().map(|button| button.as_str()).collect(),
+        tone_hz: brick.speaker.tone_hz,
+        last_tone_hz: brick.speaker.last_tone_hz,
         lights: brick.names(Class::Leds).filter_map(light).collect(),
     })
 }

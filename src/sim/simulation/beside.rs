@@ -34,22 +34,19 @@ impl Simulation {
     /// The buttons that are down.
     #[must_use]
     pub fn pressed(&self, robot: usize) -> Vec<Button> {
-        self.state()
-            .bricks
-            .get(robot)
-            .map_or_else(Vec::new, |brick| brick.buttons.pressed().to_vec())
+        self.state().bricks.get(robot).map_or_else(Vec::new, |brick| brick.buttons.pressed.clone())
     }
 
     /// The tone that sounds now, in hertz.
     #[must_use]
     pub fn tone_hz(&self, robot: usize) -> Option<u32> {
-        self.state().bricks.get(robot)?.speaker.tone_hz()
+        self.state().bricks.get(robot)?.speaker.tone_hz
     }
 
     /// The last tone that was played, in hertz, also if it has ended.
     #[must_use]
     pub fn last_tone_hz(&self, robot: usize) -> Option<u32> {
-        self.state().bricks.get(robot)?.speaker.last_tone_hz()
+        self.state().bricks.get(robot)?.speaker.last_tone_hz
     }
 
     /// Brightness and trigger of a status light by its name (`led0:red:brick-status`).

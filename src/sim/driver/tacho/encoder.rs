@@ -16,9 +16,11 @@ const IDLE_NS: i64 = 50_000_000;
 pub(crate) struct Encoder {
     ring: Box<[(i64, i64); LENGTH]>,
     newest: usize,
-    edges: i64,
+    /// Edges so far.
+    pub(crate) edges: i64,
     exact: f64,
-    speed: i64,
+    /// Edges a second, as the co-processor reckons.
+    pub(crate) speed: i64,
 }
 
 impl Encoder {
@@ -26,16 +28,6 @@ impl Encoder {
     pub(crate) fn new(edges: i64, exact: f64, now_ns: i64) -> Self {
         let ring = Box::new([(edges, now_ns - SPAN_NS * 64); LENGTH]);
         Self { ring, newest: 0, edges, exact, speed: 0 }
-    }
-
-    /// Edges so far.
-    pub(crate) fn edges(&self) -> i64 {
-        self.edges
-    }
-
-    /// Edges a second, as the co-processor reckons.
-    pub(crate) fn speed(&self) -> i64 {
-        self.speed
     }
 
     /// Takes the count at the end of a step of `step_ns`; `exact` says where between two edges the
@@ -125,7 +117,7 @@ mod tests {
         for speed in [37.0, 120.0, 800.0, 2100.0, -120.0, -2100.0] {
             let mut encoder = Encoder::new(0, 0.0, 0);
             turn(&mut encoder, 0.0, speed, 0, 1000);
-            let measured = encoder.speed();
+            let measured = encoder.speed;
             assert!(
                 (f64::from(i32::try_from(measured).unwrap()) - speed).abs() <= 1.0,
                 "{measured} of {speed}"
@@ -138,8 +130,8 @@ mod tests {
         let mut encoder = Encoder::new(0, 0.0, 0);
         let stopped_at = turn(&mut encoder, 0.0, 800.0, 0, 500);
         turn(&mut encoder, stopped_at, 0.0, 500 * STEP_NS, 20);
-        assert_eq!(encoder.speed(), 800, "40 ms after the stop");
+        assert_eq!(encoder.speed, 800, "40 ms after the stop");
         turn(&mut encoder, stopped_at, 0.0, 520 * STEP_NS, 90);
-        assert_eq!(encoder.speed(), 0, "220 ms after the stop");
+        assert_eq!(encoder.speed, 0, "220 ms after the stop");
     }
 }

@@ -17,18 +17,22 @@ pub(crate) struct Motor {
     encoder: Encoder,
     pub(crate) speed_pid: Pid,
     pub(crate) hold_pid: Pid,
-    bridge: Bridge,
-    /// What was last put to the bridge; 0 after a stop, whatever the bridge does.
-    duty: i32,
+    /// What the bridge does now.
+    pub(crate) bridge: Bridge,
+    /// What was last put to the bridge, in percent; 0 after a stop, whatever the bridge does.
+    pub(crate) duty: i32,
     raw_position: i32,
     offset: i32,
-    speed: i32,
+    /// Counts a second.
+    pub(crate) speed: i32,
     target: i32,
     to_position: Option<StopAction>,
     hold_at_target: bool,
     regulated: bool,
-    holding: bool,
-    running: bool,
+    /// The position is being held.
+    pub(crate) holding: bool,
+    /// A run command is in effect.
+    pub(crate) running: bool,
     ramping_down: bool,
     still_since_ns: Option<i64>,
     stalled: bool,
@@ -46,7 +50,7 @@ pub(crate) enum Ticked {
 impl Motor {
     /// As after plugging in: the position is whatever the co-processor has counted for the port.
     pub(crate) fn new(encoder: Encoder, speed_pid: Pid, hold_pid: Pid) -> Self {
-        let raw_position = wrap(encoder.edges()) / 2;
+        let raw_position = wrap(encoder.edges) / 2;
         Self {
             encoder,
             speed_pid,
@@ -68,34 +72,9 @@ impl Motor {
         }
     }
 
-    /// What the bridge does now.
-    pub(crate) fn bridge(&self) -> Bridge {
-        self.bridge
-    }
-
-    /// Duty cycle in percent; 0 when stopped.
-    pub(crate) fn duty(&self) -> i32 {
-        self.duty
-    }
-
-    /// Counts a second.
-    pub(crate) fn speed(&self) -> i32 {
-        self.speed
-    }
-
     /// Counts.
     pub(crate) fn position(&self) -> i32 {
         self.raw_position.wrapping_add(self.offset)
-    }
-
-    /// A run command is in effect.
-    pub(crate) fn is_running(&self) -> bool {
-        self.running
-    }
-
-    /// The position is being held.
-    pub(crate) fn is_holding(&self) -> bool {
-        self.holding
     }
 
     /// The active regulator's last output was beyond ±100 %.
@@ -195,7 +174,7 @@ impl Motor {
     ) -> Ticked {
         self.encoder.observe(edges, exact, now_ns, STEP_NS);
         self.raw_position = wrap(edges) / 2;
-        self.speed = wrap(self.encoder.speed()) / 2;
+        self.speed = wrap(self.encoder.speed) / 2;
         self.watch_stall(now_ns);
         let duty = self.regulate();
         self.set_duty(duty);
