@@ -12,6 +12,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Thread;
+use std::time::Duration;
 
 use arrayvec::{ArrayString, ArrayVec};
 use rtrb::Producer;
@@ -21,6 +22,9 @@ use crate::behavior::demands::SAY_BYTES;
 use crate::behavior::{MAX_VARIABLES, Taken};
 use crate::mapping::{Estimate, KeyframeList, Placed, Pose};
 use crate::senses::Senses;
+
+/// How long a full ring is waited for at once: as long as the disk takes for some tens of ticks.
+const FULL_RING: Duration = Duration::from_micros(100);
 
 /// The longest log line, in bytes; what is beyond is cut off at a character.
 pub const MAX_LOG_BYTES: usize = 240;
@@ -253,7 +257,7 @@ impl<S> TickSide<S> {
                 Some(recorder) if !self.ring.is_abandoned() => recorder.unpark(),
                 _ => return false,
             }
-            std::thread::yield_now();
+            std::thread::sleep(FULL_RING);
         }
         true
     }
