@@ -125,10 +125,19 @@ const OBSTACLE_PLANS: u8 = 20;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
     Idle,
-    Scan { row: usize },
-    Grow { row: usize },
+    Scan {
+        row: usize,
+    },
+    Grow {
+        row: usize,
+    },
     Spread,
-    Trace { at: u16, goal: Place },
+    Trace {
+        at: u16,
+        goal: Place,
+    },
+    /// After the plan is told: the wave is taken further until it comes home.
+    Home,
 }
 
 /// Plans over one grid.
@@ -152,6 +161,8 @@ pub struct Planner {
     /// The robot's cell in the tick before.
     stood: Option<Place>,
     home: Place,
+    /// What the way home cost in the last plan whose wave came there, and from where.
+    way_home: Option<(u16, Place)>,
     obstacles: ArrayVec<(Place, u8), OBSTACLES>,
     /// Where it could not turn.
     cramped: Option<Place>,
@@ -184,6 +195,7 @@ impl Planner {
             looks: 0,
             stood: None,
             home,
+            way_home: None,
             obstacles: ArrayVec::new(),
             cramped: None,
             plan,
@@ -245,11 +257,30 @@ impl Planner {
         self.obstacles.push((place, OBSTACLE_PLANS));
     }
 
-    /// One slice of the work on a request; the plan, when it is made.
-    pub fn step(&mut self, request: &Request, grid: &OccupancyGrid, pose: &Pose) -> Option<&Plan> {
-        if self.request.is_none_or(|known| known.serial != request.serial) {
+    /// How far home is, where the robot started, from a pose: the way over the map, metres, of
+    /// which a narrow piece counts four times, as it is driven slowly. `None` before the first
+    /// plan, and where no way was found.
+    #[must_use]
+    pub fn home_m(&self, pose: &Pose) -> Option<f64> {
+        let (cost_cm, from) = self.way_home?;
+        let [x_m, y_m] = self.plan.middle(from.bytes());
+        Some(f64::from(cost_cm) / 100.0 + libm::hypot(pose.x_m - x_m, pose.y_m - y_m))
+    }
+
+    /// One slice of the work on a request, or without one on the last one's way home; the plan,
+    /// when it is made.
+    pub fn step(
+        &mut self,
+        request: Option<&Request>,
+        grid: &OccupancyGrid,
+        pose: &Pose,
+    ) -> Option<&Plan> {
+        if let Some(request) = request
+            && self.request.is_none_or(|known| known.serial != request.serial)
+        {
             self.begin(*request, pose);
         }
+        let request = self.request?;
         match self.phase {
             Phase::Idle => None,
             Phase::Scan { row } => {
@@ -273,13 +304,25 @@ impl Planner {
             }
             Phase::Spread => {
                 for _ in 0..WAVE_CELLS {
-                    if !self.spread(request) {
-                        return self.choose(request);
+                    if !self.spread(&request) {
+                        return self.choose(&request);
                     }
                 }
                 None
             }
             Phase::Trace { at, goal } => self.trace(at, goal),
+            Phase::Home => {
+                let home = self.survey.index(self.home);
+                for _ in 0..WAVE_CELLS {
+                    if self.wave.is_final(home) || self.advance().is_none() {
+                        let way = self.wave.cost(home).map(|cost| (cost, self.start));
+                        self.way_home = way.or(self.way_home);
+                        self.phase = Phase::Idle;
+                        break;
+                    }
+                }
+                None
+            }
         }
     }
 
@@ -319,10 +362,9 @@ impl Planner {
         self.phase = Phase::Scan { row: 0 };
     }
 
-    /// Takes the wave on by a cell. False where it has come to its end.
+    /// Looks for a goal in one more cell. False where none further away can be a better one.
     fn spread(&mut self, request: &Request) -> bool {
-        let Some((index, cost)) = self.wave.pop() else { return false };
-        let kind = self.survey.kind(index);
+        let Some((index, cost)) = self.advance() else { return false };
         match self.target {
             Some(target) => {
                 // What can be reached nearest to the target, and of equals the first.
@@ -340,18 +382,25 @@ impl Planner {
                 if self.best.is_some_and(|(best, _)| cost_cm - MOST_WORTH_CM > best) {
                     return false;
                 }
-                if kind.is_of_interest() {
+                if self.survey.kind(index).is_of_interest() {
                     self.consider(request, self.survey.place_of(index), cost_cm);
                 }
             }
         }
+        true
+    }
+
+    /// Takes the wave on by a cell: which one it came to, and what that cost.
+    fn advance(&mut self) -> Option<(u16, u16)> {
+        let (index, cost) = self.wave.pop()?;
+        let kind = self.survey.kind(index);
         for (neighbour, length) in self.survey.neighbours(index) {
             let to = self.survey.kind(neighbour);
             if self.leads(kind, to) {
                 self.wave.offer(neighbour, cost, length * to.weight());
             }
         }
-        true
+        Some((index, cost))
     }
 
     /// Whether there is a step from a cell to one beside it.
@@ -408,7 +457,7 @@ impl Planner {
             self.last_goal = self.best.map(|(_, goal)| goal);
         }
         let Some((worth, goal)) = self.best else {
-            self.phase = Phase::Idle;
+            self.phase = Phase::Home;
             self.plan.outcome = Outcome::Nothing;
             return Some(&self.plan);
         };

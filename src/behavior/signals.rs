@@ -34,11 +34,14 @@ pub enum Signal {
     Y,
     /// Metres driven since the start of the run, forwards and backwards both counting.
     Travelled,
+    /// Metres to where the run started: of the way over the map where the mission plans ways, else
+    /// straight.
+    Home,
 }
 
 impl Signal {
     /// How many signals there are.
-    const COUNT: usize = Channel::COUNT + 5;
+    const COUNT: usize = Channel::COUNT + 6;
 
     /// Its place among the signals.
     const fn place(self) -> usize {
@@ -49,6 +52,7 @@ impl Signal {
             Self::X => Channel::COUNT + 2,
             Self::Y => Channel::COUNT + 3,
             Self::Travelled => Channel::COUNT + 4,
+            Self::Home => Channel::COUNT + 5,
         }
     }
 }
@@ -209,7 +213,7 @@ const POSITIVE: (f64, f64) = (0.0, f64::INFINITY);
 
 /// The names of what is worked out from readings, and of times.
 #[rustfmt::skip]
-const DERIVED: [Word; 9] = {
+const DERIVED: [Word; 10] = {
     const fn word(name: &'static str, input: Input, domain: (f64, f64)) -> Word {
         Word { name, input, is_truth: false, channel: None, domain }
     }
@@ -224,6 +228,7 @@ const DERIVED: [Word; 9] = {
         word("heading_deg",    I::Signal(Signal::Heading), (-180.0, 180.0)),
         word("x_m",            I::Signal(Signal::X),       ANY),
         word("y_m",            I::Signal(Signal::Y),       ANY),
+        word("home_m",         I::Signal(Signal::Home),    POSITIVE),
         word("time_s",         I::Time,                    POSITIVE),
         word("state_s",        I::StateTime,               POSITIVE),
         word("state_m",        I::StateDistance,           POSITIVE),
@@ -264,7 +269,9 @@ impl Word {
         match self.input {
             Input::Signal(Signal::Sensed(channel)) => channel.quantity().unit,
             Input::Signal(Signal::Heading) | Input::StateTurn => Unit::Radians,
-            Input::Signal(Signal::X | Signal::Y) | Input::StateDistance => Unit::Metres,
+            Input::Signal(Signal::X | Signal::Y | Signal::Home) | Input::StateDistance => {
+                Unit::Metres
+            }
             _ => Unit::Number,
         }
     }
@@ -352,7 +359,14 @@ mod tests {
         let places: BTreeSet<usize> = Channel::ALL
             .map(Signal::Sensed)
             .into_iter()
-            .chain([Signal::Echo, Signal::Heading, Signal::X, Signal::Y, Signal::Travelled])
+            .chain([
+                Signal::Echo,
+                Signal::Heading,
+                Signal::X,
+                Signal::Y,
+                Signal::Travelled,
+                Signal::Home,
+            ])
             .map(Signal::place)
             .collect();
         assert_eq!(places, (0..Signal::COUNT).collect());

@@ -124,7 +124,7 @@ impl Plan {
         Self { is_cramped: true, ..Self::default() }
     }
 
-    fn middle(&self, [column, row]: [u8; 2]) -> [f64; 2] {
+    pub(super) fn middle(&self, [column, row]: [u8; 2]) -> [f64; 2] {
         let [x_m, y_m, cell_m] = self.lattice;
         [x_m + (f64::from(column) + 0.5) * cell_m, y_m + (f64::from(row) + 0.5) * cell_m]
     }

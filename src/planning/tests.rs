@@ -38,7 +38,7 @@ impl Drawn {
     fn plan(&mut self, request: &Request) -> (Plan, usize) {
         self.planner.note(&self.start, None, 2.0);
         for ticks in 1..2000 {
-            if let Some(plan) = self.planner.step(request, &self.grid, &self.start) {
+            if let Some(plan) = self.planner.step(Some(request), &self.grid, &self.start) {
                 return (plan.clone(), ticks);
             }
         }
@@ -264,6 +264,28 @@ fn a_passage_that_echoes_have_narrowed_stays_open_for_a_robot_that_has_driven_th
         assert_eq!(drawn.plan(&to_place(1, [10, 0])).0.outcome, then, "driven: {driven}");
         let stopped = Request { obstacle: Some([0.0, 0.125]), ..to_place(2, [10, 0]) };
         assert_eq!(drawn.plan(&stopped).0.outcome, Outcome::Near, "what has stopped it counts");
+    }
+}
+
+#[test]
+fn the_way_home_is_that_over_the_map_and_grows_as_the_robot_drives_on() {
+    let mut walled = room();
+    for line in walled.iter_mut().skip(11) {
+        line.replace_range(25..27, "##");
+    }
+    let mut drawn = drawn(&walled, [12, 0]);
+    hear(&mut drawn, 2);
+    assert_eq!(drawn.planner.home_m(&drawn.start), None, "nothing is planned yet");
+    for request in [exploring(1), to_place(2, [15, 0])] {
+        drawn.plan(&request);
+        while drawn.planner.phase != Phase::Idle {
+            assert_eq!(drawn.planner.step(None, &drawn.grid, &drawn.start), None);
+        }
+        let home_m = drawn.planner.home_m(&drawn.start).expect("there is a way");
+        assert!((1.2..4.0).contains(&home_m), "round the wall, for 0.6 m through it: {home_m} m");
+        let further = Pose { x_m: drawn.start.x_m + 0.2, ..drawn.start };
+        let more_m = drawn.planner.home_m(&further).expect("there is a way") - home_m;
+        assert!((more_m - 0.2).abs() < 0.03, "{more_m} m");
     }
 }
 

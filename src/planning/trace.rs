@@ -47,7 +47,7 @@ impl Planner {
                 self.plan.waypoints.reverse();
                 self.plan.retraces = self.retraces();
                 self.plan.is_cramped = self.is_cramped();
-                self.phase = Phase::Idle;
+                self.phase = Phase::Home;
                 return Some(&self.plan);
             };
             at = before;

@@ -51,6 +51,11 @@ impl Wave {
         self.costs.get(usize::from(cell)).copied().filter(|cost| *cost != NONE)
     }
 
+    /// Whether no cheaper way to a cell can come.
+    pub(super) fn is_final(&self, cell: u16) -> bool {
+        self.cost(cell).is_some_and(|cost| cost < self.cost)
+    }
+
     /// A cell can be come to from one of a cost by a step, which costs less than there are buckets.
     pub(super) fn offer(&mut self, cell: u16, cost: u16, step: u16) {
         let Some(known) = self.costs.get(usize::from(cell)).copied() else { return };

@@ -257,7 +257,7 @@ impl<S> TickSide<S> {
                 Some(recorder) if !self.ring.is_abandoned() => recorder.unpark(),
                 _ => return false,
             }
-            std::thread::sleep(FULL_RING);
+            std::thread::park_timeout(FULL_RING);
         }
         true
     }

@@ -64,6 +64,8 @@ pub struct Pilot {
     planner: Option<Planner>,
     /// The bumper was pressed in the tick before.
     is_pressed: bool,
+    /// Where it started, world x and y, metres.
+    home_m: [f64; 2],
     program: Program,
     signals: Signals,
     stalls: StallWatch,
@@ -163,6 +165,7 @@ impl Pilot {
             map,
             planner,
             is_pressed: false,
+            home_m: [start.x_m, start.y_m],
             program: mission.start()?.with_limits(config.motion_limits()),
             signals: Signals::default(),
             stalls: StallWatch::default(),
@@ -377,9 +380,7 @@ impl Pilot {
             let (sin, cos) = libm::sincos(pose.heading_rad);
             planner.bump([pose.x_m + way_m * cos, pose.y_m + way_m * sin]);
         }
-        if let Some(request) = self.program.request()
-            && let Some(plan) = planner.step(request, self.map.grid(), &pose)
-        {
+        if let Some(plan) = planner.step(self.program.request(), self.map.grid(), &pose) {
             self.program.answer(plan);
         }
     }
@@ -395,6 +396,8 @@ impl Pilot {
             Range::TooNear => 0.0,
         });
         let pose = estimate.pose;
+        let straight_m = libm::hypot(pose.x_m - self.home_m[0], pose.y_m - self.home_m[1]);
+        let planned_m = self.planner.as_ref().and_then(|planner| planner.home_m(&pose));
         let estimated = [
             (Signal::Sensed(Channel::Range), range_m),
             (Signal::Echo, range_m.map(|range_m| f64::from(u8::from(range_m.is_finite())))),
@@ -402,6 +405,7 @@ impl Pilot {
             (Signal::X, Some(pose.x_m)),
             (Signal::Y, Some(pose.y_m)),
             (Signal::Travelled, Some(estimate.travelled_m)),
+            (Signal::Home, Some(planned_m.unwrap_or(0.0).max(straight_m))),
         ];
         self.signals.set_time_ns(senses.time_ns);
         for (signal, value) in estimated {

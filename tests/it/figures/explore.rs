@@ -79,6 +79,19 @@ size_m = [0.3, 0.2]
 turn_deg = 15
 "#;
 
+/// Two corridors beside each other with one end in common: what is half a metre away is a way of
+/// five metres.
+const CORRIDORS: &str = r#"
+name = "corridors"
+[[start]]
+at = [0.0, 0.45]
+[[wall]]
+points = [[-0.4, -0.9], [3.0, -0.9], [3.0, 0.9], [-0.4, 0.9]]
+closed = true
+[[wall]]
+points = [[-0.4, 0.0], [2.2, 0.0]]
+"#;
+
 /// No scale of the gyro and no size of the wheels other than the robot's file says.
 const AS_THE_FILE_SAYS: &str = "\n[robot.errors]\ngyro_scale_sd = 0.0\nwheel_sd = 0.0\n";
 
@@ -266,6 +279,7 @@ fn figures_of_explore() {
         ("pillars", PILLARS, 300.0, 10, 0.85),
         ("gap", GAP, 300.0, 10, 0.75),
         ("slanted", SLANTED, 300.0, 10, 0.75),
+        ("corridors", CORRIDORS, 300.0, 10, 0.85),
     ] {
         let seeds = if is_long { most } else { 2 };
         let drifting = summary(name, text, seeds, limit_s);

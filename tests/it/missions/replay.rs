@@ -100,8 +100,8 @@ fn exploring_replays_bit_for_bit_and_after_a_gap_as_far_as_it_can() {
 }
 
 /// A checksum vouches for what was written, not for who wrote it: whatever bytes a checkpoint has,
-/// no panic follows. At each byte of the states of missions that map, plan, drive and play begins
-/// a number that no state has, and the run is replayed from there.
+/// no panic follows. At each place where a number can begin, in the states of missions that map,
+/// plan, drive and play, stands one that no state has, and the run is replayed from there.
 #[test]
 fn promise_7_whatever_a_checkpoint_carries_a_replay_ends() {
     let others = [
@@ -125,8 +125,9 @@ fn promise_7_whatever_a_checkpoint_carries_a_replay_ends() {
         run.ending = None;
         assert_eq!(replay(&run).unwrap().ticks, 20, "{mission}: from the checkpoint");
         let mut failed = Vec::new();
-        for (place, other) in (0..at.state.len()).flat_map(|at| others.iter().map(move |o| (at, o)))
-        {
+        let places = (0..at.state.len()).flat_map(|at| others.iter().map(move |other| (at, other)));
+        // CDR's numbers of eight bytes begin at a multiple of four, whatever stands before them.
+        for (place, other) in places.filter(|(at, other)| at % other.len().min(4) == 0) {
             let state = &mut run.checkpoints[0].state;
             let Some(bytes) = state.get_mut(place..place + other.len()) else { continue };
             bytes.copy_from_slice(other);
