@@ -228,7 +228,7 @@ const DERIVED: [Word; 10] = {
         word("heading_deg",    I::Signal(Signal::Heading), (-180.0, 180.0)),
         word("x_m",            I::Signal(Signal::X),       ANY),
         word("y_m",            I::Signal(Signal::Y),       ANY),
-        word("home_m",         I::Signal(Signal::Home),    POSITIVE),
+        word("way_home_m",     I::Signal(Signal::Home),    POSITIVE),
         word("time_s",         I::Time,                    POSITIVE),
         word("state_s",        I::StateTime,               POSITIVE),
         word("state_m",        I::StateDistance,           POSITIVE),
