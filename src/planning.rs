@@ -5,6 +5,8 @@
 //! reached lie beside cells that are not known (Yamauchi, *A frontier-based approach for autonomous
 //! exploration*, 1997), or beside walls of which the map has no point yet. The way is the cheapest
 //! one over the cells (Dijkstra with buckets; Dial 1969), where cells near something cost more.
+//! After a plan the same search goes as far as the place where the robot started: how long the way
+//! home is.
 //!
 //! # What a cell is
 //!
