@@ -34,8 +34,9 @@ pub enum Signal {
     Y,
     /// Metres driven since the start of the run, forwards and backwards both counting.
     Travelled,
-    /// Metres to where the run started: of the way over the map where the mission plans ways, else
-    /// straight.
+    /// Metres to where the run started: straight, or where the mission plans ways, of the way over
+    /// the map, of which a narrow piece counts four times (see
+    /// [`Planner::home_m`](crate::planning::Planner::home_m)); never less than straight.
     Home,
 }
 
