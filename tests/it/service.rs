@@ -5,7 +5,7 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::MutexGuard;
+use std::sync::RwLockReadGuard;
 use std::time::Duration;
 
 use nix::sys::signal::{Signal, kill};
@@ -18,7 +18,7 @@ use onbrick::service::protocol::{
 };
 use serde::de::DeserializeOwned;
 
-use crate::support::real_time::alone;
+use crate::support::real_time::beside_others;
 use crate::support::tested_program;
 use crate::support::turning_brick::await_that;
 
@@ -55,8 +55,8 @@ pub struct Served {
     pub child: Child,
     pub client: Client,
     arguments: Vec<String>,
-    /// Runs of ours need their share of the machine in time.
-    alone: Option<MutexGuard<'static, ()>>,
+    /// Its runs need their share of the machine in time.
+    machine: Option<RwLockReadGuard<'static, ()>>,
 }
 
 impl Served {
@@ -67,10 +67,10 @@ impl Served {
 
     /// With these arguments besides.
     pub fn with(arguments: &[&str], config: &str) -> Self {
-        let alone = alone();
+        let machine = beside_others();
         let folder = folder(config);
         let mut served = Self::started(folder, arguments, |command| command);
-        served.alone = Some(alone);
+        served.machine = Some(machine);
         served
     }
 
@@ -84,7 +84,7 @@ impl Served {
             arguments.iter().map(|&argument| argument.to_owned()).collect();
         let child = serve(folder.path(), &arguments, wrap);
         let client = Client::at(folder.path().join("socket"));
-        Self { folder, child, client, arguments, alone: None }
+        Self { folder, child, client, arguments, machine: None }
     }
 
     /// Killed without a word, and restarted.
@@ -212,8 +212,8 @@ impl Drop for Served {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
-        // The next one may have the machine only now.
-        drop(self.alone.take());
+        // Others may have the machine only now.
+        drop(self.machine.take());
     }
 }
 

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::bench::{text, until};
 use crate::support::network::{BRICK, Network};
-use crate::support::real_time::{alone, patiently};
+use crate::support::real_time::{beside_others, patiently};
 use crate::support::tested_program;
 
 /// A brick, or several, on a machine, and a person at a PC on another.
@@ -146,7 +146,7 @@ impl Drop for Apart {
 
 #[test]
 fn the_readmes_chapter_works_from_one_machine_to_another_with_the_cable_pulled_out_meanwhile() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("the chapter on the link", the_readmes_chapter);
 }
 
@@ -228,7 +228,7 @@ heading_deg = 90
 
 #[test]
 fn the_readmes_chapter_on_teams_works_with_the_cable_pulled_out_meanwhile() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("the chapter on teams", the_readmes_chapter_on_teams);
 }
 

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::bench::{Bench, Service, onbrick, until};
 use crate::support::devtools::Tab;
-use crate::support::real_time::{alone, patiently};
+use crate::support::real_time::{beside_others, patiently};
 
 mod figures;
 
@@ -177,7 +177,7 @@ fn without_the_token_and_its_own_page_nothing_is_shown_and_nothing_done() {
 
 #[test]
 fn a_stop_is_told_at_once_while_another_order_to_the_same_brick_hangs() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("a stop overtakes", || {
         let folder = tempfile::tempdir().unwrap();
         let bench = Bench::new();
@@ -243,7 +243,7 @@ fn a_stop_is_told_at_once_while_another_order_to_the_same_brick_hangs() {
 
 #[test]
 fn a_class_is_written_a_mission_tried_started_and_stopped() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("a class", a_class);
 }
 
@@ -386,7 +386,7 @@ fn a_class() {
 
 #[test]
 fn a_brick_is_paired_with_its_code_compared_on_the_page() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("pairing on the page", || {
         let folder = tempfile::tempdir().unwrap();
         let service = Service::of("cleo", &["--sim", "arena"]);
@@ -424,7 +424,7 @@ fn a_brick_is_paired_with_its_code_compared_on_the_page() {
 
 #[test]
 fn a_team_starts_from_its_poses_and_its_map_grows_in_one_picture() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("a team on the page", a_team);
 }
 
@@ -538,7 +538,7 @@ ${one.textContent.slice(0, 30)} ${ratio.toFixed(2)}`);
 
 #[test]
 fn every_text_has_the_contrast_of_wcag_aa_in_light_and_dark_and_fits_a_phone() {
-    let _alone = alone();
+    let _machine = beside_others();
     let folder = tempfile::tempdir().unwrap();
     let keys = Class::keys(folder.path());
     let bench = Bench::new();

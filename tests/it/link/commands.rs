@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::bench::{LONG, Service, halves, onbrick, text, until};
 use crate::foreign::bench::{no_namespaces, unshare};
 use crate::support::pass_over;
-use crate::support::real_time::{alone, patiently};
+use crate::support::real_time::{beside_others, patiently};
 use crate::support::tested_program;
 
 /// A mission that is over in two seconds.
@@ -37,7 +37,7 @@ pub fn newest(service: &Service) -> String {
 
 #[test]
 fn a_person_pairs_starts_watches_stops_and_brings_the_map_home() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("a person's way from pairing to the map", from_pairing_to_the_map);
 }
 
@@ -156,7 +156,7 @@ fn a_mission_of_the_pcs_runs_and_its_text_is_kept_with_the_run() {
               run as it should"
 )]
 fn a_run_is_followed_on_a_page_that_grows() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("a run on a page that grows", a_page_that_grows);
 }
 

@@ -12,7 +12,7 @@ use super::class::{Class, PHONE};
 use crate::foreign::bench::unshare;
 use crate::support::devtools::Tab;
 use crate::support::pass_over;
-use crate::support::real_time::alone;
+use crate::support::real_time::beside_others;
 use crate::support::tested_program;
 
 /// As on ev3dev, without the system's bus, which is not there.
@@ -111,7 +111,7 @@ fn a_brick_that_makes_itself_known_stands_on_the_page_of_a_class_and_can_be_pair
     if no_avahi() {
         return;
     }
-    let _alone = alone();
+    let _machine = beside_others();
     let avahi = folder();
     let mut program = beside_a_brick(&avahi);
     program.arg(tested_program());

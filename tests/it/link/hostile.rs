@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::bench::{Bench, Service, halves, until};
 use super::commands::{SHORT, newest};
 use crate::support::chance::Chance;
-use crate::support::real_time::{alone, patiently};
+use crate::support::real_time::{beside_others, patiently};
 use crate::support::wall_clock::{replace, shim};
 
 /// A request and its reply over a DEALER.
@@ -391,7 +391,7 @@ fn a_message_of_frames_without_end_does_not_come_into_the_services_memory() {
 #[test]
 #[cfg_attr(target_arch = "arm", ignore = "a static program takes no LD_PRELOAD")]
 fn a_wall_clock_that_jumps_under_the_service_changes_nothing_of_the_link() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("a wall clock that jumps under the service", jumping_wall_clock);
 }
 

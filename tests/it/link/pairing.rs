@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::bench::{Service, halves, onbrick, text, until};
-use crate::support::real_time::{alone, patiently};
+use crate::support::real_time::{beside_others, patiently};
 
 /// The protocol's page, written down once more.
 fn hash(parts: &[&[u8]]) -> [u8; 32] {
@@ -504,7 +504,7 @@ fn a_pc_that_is_not_the_one_at_the_keyboard_is_not_let_in() {
 
 #[test]
 fn both_sides_show_the_code_alone_in_a_line_and_before_any_word_of_the_other() {
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("the code on both sides", || {
         let service = Service::of("ev3-blue", &["--sim", "arena"]);
         let person = at_the_brick(&service, "yes\n");

@@ -11,7 +11,7 @@ use onbrick::link::keys::Authorised;
 use super::bench::{Service, onbrick, text, until};
 use super::commands::{SHORT, newest};
 use crate::support::pass_over;
-use crate::support::real_time::{alone, patiently};
+use crate::support::real_time::{beside_others, patiently};
 
 /// True, and said, where Python or the library is missing.
 fn no_pyzmq() -> bool {
@@ -73,7 +73,7 @@ fn a_pc_pairs_by_what_the_protocols_page_says_and_nothing_else() {
     if no_pyzmq() {
         return;
     }
-    let _alone = alone();
+    let _machine = beside_others();
     patiently("a PC in Python pairs", || {
         let service = Service::new();
         let pc = KeyPair::generate().unwrap();

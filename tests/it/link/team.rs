@@ -15,7 +15,7 @@ use super::bench::{Service, onbrick, text, until};
 use super::commands::SHORT;
 use crate::recording::decoder::python;
 use crate::support::brick::shipped_brick;
-use crate::support::real_time::{Pace, alone, in_real_time};
+use crate::support::real_time::{Pace, beside_others, in_real_time};
 
 mod figures;
 
@@ -151,7 +151,7 @@ fn the_seeds_two_robots_map_two_arenas_in_one_picture() {
     // As long as in the seed: `ONBRICK_TEAM_S=120 cargo test --test it link::team::the_seeds --
     // --nocapture`.
     let seconds = figures::number("ONBRICK_TEAM_S").unwrap_or(10);
-    let _alone = alone();
+    let _machine = beside_others();
     in_real_time("the seed's two robots", |pace| {
         let team = Bricks::watched("two-arenas", &["blue", "red"], pace);
         team.write("map", &APART);
@@ -352,7 +352,7 @@ fn a_brick_that_does_not_take_the_start_stops_the_others() {
 
 #[test]
 fn a_brick_that_is_lost_in_the_middle_leaves_what_has_come_and_the_others_go_on() {
-    let _alone = alone();
+    let _machine = beside_others();
     in_real_time("a brick that is lost in the middle", |pace| {
         let mut team = Bricks::watched("two-arenas", &["blue", "red"], pace);
         for brick in &team.bricks {
@@ -402,7 +402,7 @@ fn a_brick_that_is_lost_in_the_middle_leaves_what_has_come_and_the_others_go_on(
 
 #[test]
 fn ctrl_c_stops_every_brick_and_brings_home_what_they_have() {
-    let _alone = alone();
+    let _machine = beside_others();
     in_real_time("Ctrl-C", |pace| {
         let team = Bricks::watched("two-arenas", &["blue", "red"], pace);
         team.write("map", &APART);

@@ -9,7 +9,7 @@ use super::{Served, folder, refused_as, start};
 use crate::commands::run;
 use crate::foreign::bench::unshare;
 use crate::support::turning_brick::await_that;
-use crate::support::{pass_over, real_time::alone};
+use crate::support::{pass_over, real_time::beside_others};
 
 /// A program behind a line of shell.
 fn behind(script: &str, command: &Command) -> Command {
@@ -21,7 +21,7 @@ fn behind(script: &str, command: &Command) -> Command {
 
 #[test]
 fn a_disk_that_fills_up_ends_the_run_as_a_fault_that_says_so() {
-    let _alone = alone();
+    let _machine = beside_others();
     // No file may have more than 100 kB, some seconds of a recording; the signal for it is ignored,
     // so that writing fails.
     let mut served = Served::started(folder(""), &["--sim", "arena"], |command| {

@@ -1,5 +1,5 @@
-//! Scenarios in real time: one test at a time, ahead of others at the processor, and judged only by
-//! a machine that kept time.
+//! Scenarios in real time: ahead of others at the processor, and judged only by a machine that kept
+//! time.
 //!
 //! A program that sleeps, polls and drives on the wall's clock is late if the machine gives the
 //! processor to others, and a robot keeps rolling meanwhile. So what depends on time is not
@@ -24,7 +24,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use thread_priority::{
@@ -58,10 +58,17 @@ const QEMU: bool = cfg!(target_arch = "arm");
 /// today.
 const STAT_TICK_NS: i64 = 10 * MILLISECOND_NS;
 
-/// Keeps those tests apart that take all the machine has, or that need their share of it in time.
-pub fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+static MACHINE: RwLock<()> = RwLock::new(());
+
+/// Keeps a test that takes all the machine has, or measures how fast it is, apart from the others
+/// in real time.
+pub fn alone() -> RwLockWriteGuard<'static, ()> {
+    MACHINE.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Of tests in real time that wait most of it: several at once, and none while one is [`alone`].
+pub fn beside_others() -> RwLockReadGuard<'static, ()> {
+    MACHINE.read().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Threads that are started from now on by this one come before what else this machine does, where
