@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::submachines;
+use crate::clock::SECOND_NS;
 use crate::document::read_bounded;
 use crate::ev3dev::LocalTree;
 use crate::mapping::{Method, Pose};
@@ -136,6 +137,30 @@ pub struct Job {
     pub when_abandoned: WhenAbandoned,
     /// Who holds the hardware's lock.
     pub lock: Lock,
+}
+
+impl Job {
+    /// A job in which nothing else is said: a run from the origin that nothing is set for, synced
+    /// once a second, which ends with its starter.
+    #[must_use]
+    pub fn new(mission: Source, robot: Source, brick: Brick, file: PathBuf) -> Self {
+        Self {
+            mission,
+            robot,
+            brick,
+            start: Pose::default(),
+            set: Vec::new(),
+            file,
+            sync_ns: SECOND_NS,
+            stamps_ns: 0,
+            run: None,
+            name: None,
+            no_button: false,
+            method: Method::default(),
+            when_abandoned: WhenAbandoned::default(),
+            lock: Lock::default(),
+        }
+    }
 }
 
 /// Who holds the hardware's lock for a run on a brick.

@@ -203,29 +203,15 @@ mod tests {
     use super::*;
     use crate::clock::{MILLISECOND_NS, SECOND_NS};
     use crate::robot::{DEFAULT_ROBOT, ROBOTS};
-    use crate::runtime::{Lock, WhenAbandoned};
 
     /// The time that a simulated brick has given up for lost, `pause_ns` after it was made.
     fn lost_ns(realtime: bool, pause_ns: i64) -> i64 {
         let source =
             |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
         let world = source("arena", World::text("arena").unwrap());
-        let job = Job {
-            mission: source("mission.toml", ""),
-            robot: source("robot.toml", ""),
-            brick: Brick::Simulated { world, seed: 1, realtime },
-            start: Pose::default(),
-            set: Vec::new(),
-            file: "run.mcap".into(),
-            sync_ns: SECOND_NS,
-            stamps_ns: 0,
-            run: None,
-            name: None,
-            no_button: false,
-            method: crate::mapping::Method::Default,
-            when_abandoned: WhenAbandoned::Stop,
-            lock: Lock::Take,
-        };
+        let brick = Brick::Simulated { world, seed: 1, realtime };
+        let (mission, robot) = (source("mission.toml", ""), source("robot.toml", ""));
+        let job = Job::new(mission, robot, brick, "run.mcap".into());
         let Simulated { environment, simulation, .. } = simulated(&job).unwrap();
         environment.clock.sleep_until_ns(environment.clock.now_ns() + pause_ns);
         simulation.catch_up();

@@ -14,11 +14,11 @@ use super::{Exit, Failure, Output};
 use crate::behavior::Mission;
 use crate::clock::nanoseconds;
 use crate::ev3dev::{Inventory, Tree};
-use crate::mapping::{Method, Pose};
+#[cfg(feature = "sim")]
+use crate::mapping::Method;
+use crate::mapping::Pose;
 use crate::robot::RobotConfig;
-use crate::runtime::{
-    Brick, Ended, Event, Job, Lock, RunError, RunProcess, StopBy, Stopper, WhenAbandoned,
-};
+use crate::runtime::{Brick, Ended, Event, Job, RunError, RunProcess, StopBy, Stopper};
 use crate::units::radians;
 
 #[cfg(feature = "host")]
@@ -152,33 +152,17 @@ fn prepare(
         heading_rad: radians(deg),
     });
     let folder = RunFolder::of_mission(out, mission.name())?;
-    let file = folder.file();
     let job = Job {
-        mission: source,
-        robot: robot.source,
-        brick,
         start,
         set: arguments.set.clone(),
-        file: file.clone(),
         sync_ns: nanoseconds(arguments.sync_s),
         stamps_ns: stamps_ns(output),
-        run: None,
-        name: None,
         no_button: arguments.no_button,
-        method: method(arguments),
-        when_abandoned: WhenAbandoned::Stop,
-        lock: Lock::Take,
+        #[cfg(feature = "sim")]
+        method: arguments.method,
+        ..Job::new(source, robot.source, brick, folder.file())
     };
     Ok(Prepared { job, mission, folder })
-}
-
-/// How poses are estimated: on a brick there is one way.
-fn method(arguments: &Arguments) -> Method {
-    #[cfg(feature = "sim")]
-    let method = arguments.method;
-    #[cfg(not(feature = "sim"))]
-    let (Arguments { .. }, method) = (arguments, Method::Default);
-    method
 }
 
 /// Says how a run ended.

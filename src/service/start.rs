@@ -19,12 +19,10 @@ use crate::behavior::Mission;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS};
 use crate::ev3dev::Tree as _;
 use crate::mapping::Pose;
-use crate::printable::line;
-use crate::printable::with_causes;
+use crate::printable::{line, with_causes};
 use crate::recording;
-use crate::runtime::StopReason;
 use crate::runtime::{
-    HardwareLock, Job, Lock, LockError, OrphansError, PATIENCE_NS, RunProcess, Source, StopBy,
+    HardwareLock, Job, LockError, OrphansError, PATIENCE_NS, RunProcess, StopBy, StopReason,
     Stopper, evict, stop_orphans,
 };
 use crate::threads::spawn;
@@ -89,16 +87,6 @@ fn force_later(root: PathBuf, control: i32) -> io::Result<()> {
     Ok(())
 }
 
-/// A start that was found in order: all that a run needs.
-struct Prepared {
-    mission: Mission,
-    source: Source,
-    robot: Source,
-    start: Pose,
-    set: Vec<(String, f64)>,
-    no_button: bool,
-}
-
 impl Service {
     /// Starts a run; a repeat does nothing.
     pub(super) fn start(
@@ -121,26 +109,20 @@ impl Service {
             })?;
         }
         self.may_start()?;
-        let prepared = self.prepared(start)?;
+        let (mission, mut job) = self.prepared(start)?;
         inner.hardware.let_go();
         self.is_free()?;
         let by = named(caller);
         let run = RunStatus {
             run: start.run.clone(),
-            mission: prepared.mission.name().to_owned(),
-            time_limit_s: prepared.mission.time_limit_s(),
+            mission: mission.name().to_owned(),
+            time_limit_s: mission.time_limit_s(),
             by: by.clone(),
             waits: None,
             progress: None,
         };
-        let file = inner.store.begin(Record::new(
-            start.run.clone(),
-            &run.mission,
-            run.time_limit_s,
-            &by,
-        ))?;
-        let missions_lights = prepared.mission.switches_lights();
-        let job = self.job(&start.run, prepared, file);
+        let record = Record::new(start.run.clone(), &run.mission, run.time_limit_s, &by);
+        job.file = inner.store.begin(record)?;
         log::info!("run {}: mission {}, started by {by}", run.run, run.mission);
         {
             let mut now = inner.now();
@@ -157,7 +139,7 @@ impl Service {
                 return Err(refusal);
             }
             now.stopped_by = None;
-            now.missions_lights = missions_lights;
+            now.missions_lights = mission.switches_lights();
         }
         inner.changed.notify_all();
         let begun = RunProcess::start(&inner.program, &job)
@@ -294,7 +276,8 @@ impl Service {
         }
     }
 
-    fn prepared(&self, start: &Start) -> Result<Prepared, Refusal> {
+    /// The mission of a start that is in order, and what its run is to do.
+    fn prepared(&self, start: &Start) -> Result<(Mission, Job), Refusal> {
         let inner = &self.inner;
         let robot = missions::robot(&inner.config.robot)
             .map_err(|why| Refusal::new(Kind::NotReady, why))?;
@@ -324,33 +307,19 @@ impl Service {
             Some([x_m, y_m, deg]) => Pose { x_m, y_m, heading_rad: radians(deg) },
             None => inner.place.start,
         };
-        Ok(Prepared {
-            mission,
-            source,
-            robot: robot.source,
+        // The store makes the file's place when the run begins.
+        let (brick, file) = (inner.place.brick.clone(), PathBuf::new());
+        let job = Job {
             start: pose,
             set,
+            sync_ns: inner.config.sync_ns,
+            run: Some(start.run.to_string()),
+            name: Some(inner.name.to_string()),
             no_button: start.no_button,
-        })
-    }
-
-    fn job(&self, run: &RunId, prepared: Prepared, file: PathBuf) -> Job {
-        Job {
-            mission: prepared.source,
-            robot: prepared.robot,
-            brick: self.inner.place.brick.clone(),
-            start: prepared.start,
-            set: prepared.set,
-            file,
-            sync_ns: self.inner.config.sync_ns,
-            stamps_ns: 0,
-            run: Some(run.to_string()),
-            name: Some(self.inner.name.to_string()),
-            no_button: prepared.no_button,
-            method: crate::mapping::Method::Default,
-            when_abandoned: self.inner.config.when_service_dies,
-            lock: Lock::default(),
-        }
+            when_abandoned: inner.config.when_service_dies,
+            ..Job::new(source, robot.source, brick, file)
+        };
+        Ok((mission, job))
     }
 
     /// The state, for those who follow it here.

@@ -11,10 +11,9 @@ mod ways;
 use std::path::PathBuf;
 
 use onbrick::behavior::shipped::{TEMPLATE, find};
-use onbrick::clock::SECOND_NS;
 use onbrick::mapping::Pose;
 use onbrick::recording::Run;
-use onbrick::runtime::{Brick, Ended, Job, Lock, Source, StopFlags, WhenAbandoned, execute};
+use onbrick::runtime::{Brick, Ended, Job, Source, StopFlags, execute};
 use onbrick::sim::{Truth, World};
 use onbrick::simulated::{Simulated, simulated};
 
@@ -75,31 +74,19 @@ pub fn job(mission: &str, robot: &str, world: (&str, &str), seed: u64, file: Pat
     let (name, text) = world;
     let parsed = World::parse(name, text.as_bytes()).expect("a world").0;
     let start = parsed.starts()[0];
+    let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+    let text_of_mission = match mission {
+        "template" => TEMPLATE.to_owned(),
+        _ => find(mission).expect("a shipped mission").whole(),
+    };
     Job {
-        mission: Source {
-            name: format!("{mission}.toml"),
-            text: match mission {
-                "template" => TEMPLATE.to_owned(),
-                _ => find(mission).expect("a shipped mission").whole(),
-            },
-        },
-        robot: Source { name: "robot.toml".to_owned(), text: robot.to_owned() },
-        brick: Brick::Simulated {
-            world: Source { name: name.to_owned(), text: text.to_owned() },
-            seed,
-            realtime: false,
-        },
         start: Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad },
-        set: Vec::new(),
-        file,
-        sync_ns: SECOND_NS,
-        stamps_ns: 0,
-        run: None,
-        name: None,
-        no_button: false,
-        method: onbrick::mapping::Method::Default,
-        when_abandoned: WhenAbandoned::Stop,
-        lock: Lock::Take,
+        ..Job::new(
+            source(&format!("{mission}.toml"), &text_of_mission),
+            source("robot.toml", robot),
+            Brick::Simulated { world: source(name, text), seed, realtime: false },
+            file,
+        )
     }
 }
 

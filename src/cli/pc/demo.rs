@@ -12,12 +12,11 @@ use crate::cli::common::{
 use crate::cli::folder::RunFolder;
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Context, Exit, Failure, Output};
-use crate::clock::SECOND_NS;
 use crate::document::nearest;
 use crate::mapping::{Method, Pose, stats};
 use crate::recording::Run;
 use crate::robot::RobotConfig;
-use crate::runtime::{Brick, Job, Lock, NoHeartbeat, Source, WhenAbandoned, execute};
+use crate::runtime::{Brick, Job, NoHeartbeat, Source, execute};
 use crate::sim::{World, covered};
 use crate::units::{count, degrees, wrap_rad};
 
@@ -82,28 +81,18 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     let (world, start) = load_world(&arguments.world)?;
     let robot = load_robot(None, output)?;
     let folder = RunFolder::of_demo(arguments.out.as_deref())?;
+    let mission = Source {
+        name: format!("{}.toml", arguments.mission),
+        text: find(&arguments.mission).map(Shipped::whole).unwrap_or_default(),
+    };
+    let Arguments { seed, realtime, .. } = *arguments;
+    let brick = Brick::Simulated { world: world.clone(), seed, realtime };
     let job = Job {
-        mission: Source {
-            name: format!("{}.toml", arguments.mission),
-            text: find(&arguments.mission).map(Shipped::whole).unwrap_or_default(),
-        },
-        robot: robot.source,
-        brick: Brick::Simulated {
-            world: world.clone(),
-            seed: arguments.seed,
-            realtime: arguments.realtime,
-        },
         start,
         set: arguments.seconds.map(|s| ("time_limit_s".to_owned(), s)).into_iter().collect(),
-        file: folder.file(),
-        sync_ns: SECOND_NS,
         stamps_ns: stamps_ns(output),
-        run: None,
-        name: None,
-        no_button: false,
         method: arguments.method,
-        when_abandoned: WhenAbandoned::Stop,
-        lock: Lock::Take,
+        ..Job::new(mission, robot.source, brick, folder.file())
     };
     let (mut limited, _) = load_mission(&job.mission, &robot.config.capabilities())?;
     for (name, value) in &job.set {

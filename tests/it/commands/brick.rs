@@ -8,11 +8,10 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::ev3dev::LocalTree;
-use onbrick::mapping::Pose;
 use onbrick::recording::Run;
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{
-    Brick, Environment, Heartbeat, Job, Lock, Source, StopFlags, StopReason, WhenAbandoned, execute,
+    Brick, Environment, Heartbeat, Job, Source, StopFlags, StopReason, execute,
 };
 use onbrick::sim::EventLayout;
 
@@ -583,22 +582,12 @@ fn promise_1_a_panic_inside_a_tick_stops_the_motors_and_finishes_the_recording()
     let brick = TurningBrick::new();
     let folder = tempfile::tempdir().unwrap();
     let source = |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
-    let job = Job {
-        mission: source("mission.toml", DRIVE),
-        robot: source("robot.toml", DEFAULT_ROBOT),
-        brick: Brick::Local(LocalTree::new(brick.root())),
-        start: Pose::default(),
-        set: Vec::new(),
-        file: folder.path().join("run.mcap"),
-        sync_ns: 1_000_000_000,
-        stamps_ns: 0,
-        run: None,
-        name: None,
-        no_button: false,
-        method: onbrick::mapping::Method::Default,
-        when_abandoned: WhenAbandoned::Stop,
-        lock: Lock::Take,
-    };
+    let job = Job::new(
+        source("mission.toml", DRIVE),
+        source("robot.toml", DEFAULT_ROBOT),
+        Brick::Local(LocalTree::new(brick.root())),
+        folder.path().join("run.mcap"),
+    );
     let ended = execute(
         &job,
         Environment::local(&LocalTree::new(brick.root())),

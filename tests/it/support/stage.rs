@@ -11,8 +11,8 @@ use onbrick::mapping::Pose;
 use onbrick::recording::{Pace, Run};
 use onbrick::robot::DEFAULT_ROBOT;
 use onbrick::runtime::{
-    Brick, Ended, Environment, Event, Heartbeat, Job, Lock, Refused, Source, StopFlags, StopReason,
-    WhenAbandoned, execute,
+    Brick, Ended, Environment, Event, Heartbeat, Job, Refused, Source, StopFlags, StopReason,
+    execute,
 };
 use onbrick::sim::{Observer, Pack, Scenario, Simulation, Truth, World, WorldPhysics, Written};
 
@@ -156,26 +156,19 @@ impl Play {
     fn job(&self, start: Pose) -> Job {
         let source =
             |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
+        let world = source(&self.world, &self.world_toml);
         Job {
-            mission: source("mission.toml", &self.mission_toml),
-            robot: source("robot.toml", &self.robot_toml),
-            brick: Brick::Simulated {
-                world: source(&self.world, &self.world_toml),
-                seed: self.seed,
-                realtime: false,
-            },
             start,
             set: self.settings.clone(),
-            // It goes to the disk in memory.
-            file: PathBuf::new(),
             sync_ns: self.sync_ns,
-            stamps_ns: 0,
-            run: None,
-            name: None,
             no_button: self.no_button,
-            method: onbrick::mapping::Method::Default,
-            when_abandoned: WhenAbandoned::Stop,
-            lock: Lock::Take,
+            ..Job::new(
+                source("mission.toml", &self.mission_toml),
+                source("robot.toml", &self.robot_toml),
+                Brick::Simulated { world, seed: self.seed, realtime: false },
+                // It goes to the disk in memory.
+                PathBuf::new(),
+            )
         }
     }
 }

@@ -20,12 +20,11 @@ use crate::behavior::{Capabilities, shipped};
 use crate::cli::common::{load_mission, load_robot, load_world, read_bounded};
 use crate::cli::run::page::watched;
 use crate::cli::{Failure, Output};
-use crate::clock::{MILLISECOND_NS, SECOND_NS, wall_ns};
+use crate::clock::{MILLISECOND_NS, wall_ns};
 use crate::document::save;
-use crate::mapping::Method;
 use crate::printable::with_causes;
 use crate::report::live::{Board, Sources, Wish};
-use crate::runtime::{Brick, Job, Lock, Source, StopBy, StopFlags, WhenAbandoned};
+use crate::runtime::{Brick, Job, Source, StopBy, StopFlags};
 use crate::service::protocol::{MAX_MISSION_BYTES, Name};
 
 /// What a new mission is called among the templates.
@@ -222,21 +221,11 @@ impl Trial {
             }
             _ => {}
         }
+        let brick = Brick::Simulated { world: world_source, seed: 1, realtime: false };
         let job = Job {
-            mission: source.clone(),
-            robot: robot.source,
-            brick: Brick::Simulated { world: world_source, seed: 1, realtime: false },
             start,
-            set: Vec::new(),
-            file: file.clone(),
-            sync_ns: SECOND_NS,
             stamps_ns: wall_ns(),
-            run: None,
-            name: None,
-            no_button: false,
-            method: Method::Default,
-            when_abandoned: WhenAbandoned::Stop,
-            lock: Lock::Take,
+            ..Job::new(source.clone(), robot.source, brick, file.clone())
         };
         let sources = Sources {
             title: format!("{} in {world}", mission.name()),

@@ -16,10 +16,9 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use onbrick::clock::{Clock, MILLISECOND_NS, MonotonicClock};
 use onbrick::ev3dev::LocalTree;
-use onbrick::mapping::Pose;
 use onbrick::recording;
 use onbrick::robot::DEFAULT_ROBOT;
-use onbrick::runtime::{Brick, HardwareLock, Job, Lock, Source, WhenAbandoned};
+use onbrick::runtime::{Brick, HardwareLock, Job, Source};
 use onbrick::service::client::Client;
 use onbrick::service::protocol::{Request, Stopped};
 use onbrick::sim::{DeviceFault, Port, World, WorldPhysics};
@@ -399,22 +398,12 @@ impl Run {
         if !guarded {
             let source =
                 |name: &str, text: &str| Source { name: name.to_owned(), text: text.to_owned() };
-            let job = Job {
-                mission: source("dance.toml", &dance),
-                robot: source("robot.toml", DEFAULT_ROBOT),
-                brick: Brick::Local(LocalTree::new(root)),
-                start: Pose::default(),
-                set: Vec::new(),
-                file: out.join("run.mcap"),
-                sync_ns: 1_000_000_000,
-                stamps_ns: 0,
-                run: None,
-                name: None,
-                no_button: false,
-                method: onbrick::mapping::Method::Default,
-                when_abandoned: WhenAbandoned::Stop,
-                lock: Lock::Take,
-            };
+            let job = Job::new(
+                source("dance.toml", &dance),
+                source("robot.toml", DEFAULT_ROBOT),
+                Brick::Local(LocalTree::new(root)),
+                out.join("run.mcap"),
+            );
             let line = serde_json::to_string(&job).unwrap() + "\n";
             child.stdin.as_mut().unwrap().write_all(line.as_bytes()).unwrap();
         }
