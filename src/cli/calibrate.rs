@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::{BrickFiles, load_robot};
+use super::brick::BrickFiles;
+use super::common::load_robot;
 use super::setup::not_written;
 use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};

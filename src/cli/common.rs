@@ -8,7 +8,6 @@ use super::{Context, Exit, Failure, Hint, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
 use crate::document::{Document, Findings, nearest};
-use crate::ev3dev::LocalTree;
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
@@ -17,42 +16,6 @@ use crate::printable::with_causes;
 use crate::recording::{ReadError, Run};
 use crate::robot::{DEFAULT_ROBOT, ROBOTS, RobotConfig, ShippedRobot};
 use crate::runtime::{Brick, Environment, Event, Job, ProcessError, Refused, Source};
-
-/// Where this machine has the brick's files: for commands that drive, or listen to the buttons.
-#[derive(Debug, clap::Args)]
-pub(super) struct BrickFiles {
-    /// The folder under which sys/class and dev are found.
-    #[arg(long, value_name = "ROOT", default_value = "/")]
-    brick: PathBuf,
-    /// The buttons' input device, if it is not the one below the brick's folder.
-    #[arg(long, value_name = "PATH")]
-    buttons: Option<PathBuf>,
-    /// The speaker's input device, if it is not the one below the brick's folder.
-    #[arg(long, value_name = "PATH")]
-    speaker: Option<PathBuf>,
-}
-
-impl BrickFiles {
-    /// What a simulated brick has no use for.
-    #[cfg(feature = "sim")]
-    pub(super) const OPTIONS: [&str; 3] = ["brick", "buttons", "speaker"];
-
-    /// The folder that holds everything else.
-    pub(super) fn root(&self) -> &Path {
-        &self.brick
-    }
-
-    /// Whether buttons or speaker are not below that folder.
-    pub(super) fn has_streams_elsewhere(&self) -> bool {
-        self.buttons.is_some() || self.speaker.is_some()
-    }
-
-    pub(super) fn tree(&self) -> LocalTree {
-        LocalTree::new(&self.brick)
-            .with_buttons(self.buttons.clone())
-            .with_speaker(self.speaker.clone())
-    }
-}
 
 /// This program's own file.
 pub(super) fn own_program() -> Result<PathBuf, Failure> {
@@ -350,16 +313,6 @@ pub(super) fn load_world(path: &Path) -> Result<(Source, Pose), Failure> {
     let start =
         start.map(|start| Pose { x_m: start.x_m, y_m: start.y_m, heading_rad: start.heading_rad });
     Ok((source, start.unwrap_or_default()))
-}
-
-/// Below this folder is no brick.
-pub(super) fn no_brick(root: &Path) -> Failure {
-    let root = root.display();
-    Failure::new(
-        Exit::Failed,
-        format!("there is no brick below {root}: no devices of ev3dev in its sys/class"),
-    )
-    .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick")
 }
 
 /// What a person sees of a run in progress.

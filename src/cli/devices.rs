@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::no_brick;
+use super::brick::no_brick;
 use super::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{Inventory, LocalTree, Platform, Tree};

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::{BrickFiles, chosen_robot, read_robot};
+use super::brick::BrickFiles;
+use super::common::{chosen_robot, read_robot};
 use super::terminal::stop_flags;
 use super::{Failure, Output};
 use crate::clock::{MonotonicClock, wall_ns};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nix::sys::signal::Signal;
 use serde::Serialize;
 
-use super::common::no_brick;
+use super::brick::no_brick;
 use super::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
 use crate::ev3dev::{LocalTree, Tree};

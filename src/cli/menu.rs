@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
-use super::common::BrickFiles;
+use super::brick::BrickFiles;
 use super::serve::load_config;
 use super::terminal::stop_flags;
 use super::{Context, Exit, Failure, Hint, Output};

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::brick::{MissionBrick, no_brick};
 use super::common::{
-    BrickFiles, broken_mission, chosen_robot, load_mission, load_robot, no_brick, own_program,
-    pose, read_mission, setting, stamps_ns, warn,
+    broken_mission, chosen_robot, load_mission, load_robot, own_program, pose, read_mission,
+    setting, stamps_ns, warn,
 };
 use super::folder::RunFolder;
 use super::happenings::Happenings;
@@ -46,15 +47,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     robot: Option<PathBuf>,
     #[command(flatten)]
-    brick: BrickFiles,
-    /// Run on a simulated brick in this world: a file, or the name of a built-in world.
-    #[cfg(feature = "sim")]
-    #[arg(long, value_name = "WORLD", conflicts_with_all = BrickFiles::OPTIONS)]
-    sim: Option<PathBuf>,
-    /// What all chance in the simulation comes from.
-    #[cfg(feature = "sim")]
-    #[arg(long, default_value_t = 1, requires = "sim")]
-    seed: u64,
+    brick: MissionBrick,
     /// How poses are estimated and points placed: default, by odometry alone, or as the seed did.
     #[cfg(feature = "sim")]
     #[arg(long, default_value = "default", requires = "sim")]
@@ -193,7 +186,7 @@ fn sync_period(text: &str) -> Result<f64, String> {
 ///   says nothing else.
 fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, Pose), Failure> {
     #[cfg(feature = "sim")]
-    if let Some(path) = &arguments.sim {
+    if let Some(path) = &arguments.brick.sim {
         let (world, start) = super::common::load_world(path)?;
         let world = match robot {
             Some(robot) => crate::simulated::furnished(world, robot),
@@ -202,18 +195,16 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
         if let Some(pose) = arguments.pose {
             on_a_start(&world, pose)?;
         }
-        return Ok((
-            Brick::Simulated { world, seed: arguments.seed, realtime: arguments.realtime },
-            start,
-        ));
+        let (seed, realtime) = (arguments.brick.seed, arguments.realtime);
+        return Ok((Brick::Simulated { world, seed, realtime }, start));
     }
     #[cfg(not(feature = "sim"))]
     let _ = robot;
-    let root = arguments.brick.root();
-    let tree = arguments.brick.tree();
+    let files = &arguments.brick.files;
+    let tree = files.tree();
     let inventory = Inventory::read(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
     if inventory.is_ok_and(|found| found.devices.is_empty() && found.battery.is_none()) {
-        let failure = Failure { exit: Exit::Refused, ..no_brick(root) };
+        let failure = Failure { exit: Exit::Refused, ..no_brick(files.root()) };
         #[cfg(feature = "sim")]
         let failure = failure.hint(
             "--sim arena, which drives a simulated one; --brick with the folder where one is \

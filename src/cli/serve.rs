@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::common::{BrickFiles, make_folder, no_brick, own_program};
+use super::brick::{MissionBrick, no_brick};
+use super::common::{make_folder, own_program};
 use super::terminal::signals;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::ev3dev::{Inventory, Tree};
@@ -29,15 +30,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     config: Option<PathBuf>,
     #[command(flatten)]
-    brick: BrickFiles,
-    /// Each run drives a simulated brick in this world: a file, or the name of a built-in world.
-    #[cfg(feature = "sim")]
-    #[arg(long, value_name = "WORLD", conflicts_with_all = BrickFiles::OPTIONS)]
-    sim: Option<PathBuf>,
-    /// What all chance in the simulation comes from.
-    #[cfg(feature = "sim")]
-    #[arg(long, default_value_t = 1, requires = "sim")]
-    seed: u64,
+    brick: MissionBrick,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
@@ -131,7 +124,7 @@ fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
     if let Some(folder) = &arguments.config {
         return make(folder.clone());
     }
-    if !is_simulated(arguments) && arguments.brick.tree().is_machine() {
+    if arguments.brick.is_machine() {
         return Ok(PathBuf::from(BRICK_FOLDER));
     }
     let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from);
@@ -141,16 +134,6 @@ fn config_folder(arguments: &Arguments) -> Result<PathBuf, Failure> {
             .hint("--config with a folder")
     })?;
     make(folder.join("onbrick"))
-}
-
-#[cfg(feature = "sim")]
-fn is_simulated(arguments: &Arguments) -> bool {
-    arguments.sim.is_some()
-}
-
-#[cfg(not(feature = "sim"))]
-fn is_simulated(_arguments: &Arguments) -> bool {
-    false
 }
 
 /// Reads the folder's `onbrick.toml`. A folder without one is set up as the file's absence says; a
@@ -183,21 +166,20 @@ pub(super) fn load_config(folder: &Path, named: bool) -> Result<Config, Failure>
 
 /// Where the robot is; a simulated one keeps step with the clock, because people watch.
 fn place(arguments: &Arguments) -> Result<RobotSite, Failure> {
+    let brick = &arguments.brick;
     #[cfg(feature = "sim")]
-    if let Some(path) = &arguments.sim {
+    if let Some(path) = &brick.sim {
         let (world, start) = super::common::load_world(path)?;
-        return Ok(RobotSite {
-            brick: Brick::Simulated { world, seed: arguments.seed, realtime: true },
-            start,
-        });
+        let brick = Brick::Simulated { world, seed: brick.seed, realtime: true };
+        return Ok(RobotSite { brick, start });
     }
-    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
+    let tree: Arc<dyn Tree> = Arc::new(brick.files.tree());
     let inventory = Inventory::read(&tree).context(Exit::Failed, "cannot look at the devices")?;
     if inventory.devices.is_empty() && inventory.battery.is_none() {
-        return Err(no_brick(arguments.brick.root()).hint(
+        return Err(no_brick(brick.files.root()).hint(
             "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run \
              this on the brick",
         ));
     }
-    Ok(RobotSite { brick: Brick::Local(arguments.brick.tree()), start: Pose::default() })
+    Ok(RobotSite { brick: Brick::Local(brick.files.tree()), start: Pose::default() })
 }

@@ -80,9 +80,9 @@ fn shown(
 ) -> Result<(), Failure> {
     let Prepared { job, mission, folder } = prepared;
     hand.begin();
-    let place = match &arguments.sim {
+    let place = match &arguments.brick.sim {
         Some(world) => format!("in {}", named(world)),
-        None => format!("on {}", arguments.brick.root().display()),
+        None => format!("on {}", arguments.brick.files.root().display()),
     };
     let sources = Sources {
         title: format!("{} {place}", mission.name()),

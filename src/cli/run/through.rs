@@ -44,9 +44,7 @@ pub(super) struct Living {
 pub(super) fn service(arguments: &Arguments) -> Result<Option<Living>, Failure> {
     let folder = match &arguments.config {
         Some(folder) => folder.as_path(),
-        None if !is_simulated(arguments) && arguments.brick.tree().is_machine() => {
-            Path::new(BRICK_FOLDER)
-        }
+        None if arguments.brick.is_machine() => Path::new(BRICK_FOLDER),
         None => return Ok(None),
     };
     let config = load_config(folder, arguments.config.is_some())?;
@@ -84,7 +82,7 @@ pub(super) fn run(
         return Err(Failure::new(Exit::Usage, message)
             .hint("onbrick fetch --follow on a PC, which shows the same page"));
     }
-    if arguments.brick.has_streams_elsewhere() {
+    if arguments.brick.files.has_streams_elsewhere() {
         let message = "--buttons and --speaker do not go with the service that lives on this brick";
         return Err(Failure::new(Exit::Usage, message)
             .hint("give them to onbrick serve, or stop the service (systemctl stop onbrick)"));
@@ -300,14 +298,4 @@ fn failure(doing: &str, error: &ClientError) -> Failure {
             Failure::from_error(Exit::Failed, doing, error).hint("the same onbrick on both sides")
         }
     }
-}
-
-#[cfg(feature = "sim")]
-fn is_simulated(arguments: &Arguments) -> bool {
-    arguments.sim.is_some()
-}
-
-#[cfg(not(feature = "sim"))]
-fn is_simulated(_arguments: &Arguments) -> bool {
-    false
 }

@@ -1,0 +1,78 @@
+//! Which brick a command is for.
+
+use std::path::{Path, PathBuf};
+
+use super::{Exit, Failure};
+use crate::ev3dev::LocalTree;
+
+/// Where this machine has the brick's files: for commands that drive, or listen to the buttons.
+#[derive(Debug, clap::Args)]
+pub(super) struct BrickFiles {
+    /// The folder under which sys/class and dev are found.
+    #[arg(long, value_name = "ROOT", default_value = "/")]
+    brick: PathBuf,
+    /// The buttons' input device, if it is not the one below the brick's folder.
+    #[arg(long, value_name = "PATH")]
+    buttons: Option<PathBuf>,
+    /// The speaker's input device, if it is not the one below the brick's folder.
+    #[arg(long, value_name = "PATH")]
+    speaker: Option<PathBuf>,
+}
+
+impl BrickFiles {
+    /// What a simulated brick has no use for.
+    #[cfg(feature = "sim")]
+    const OPTIONS: [&str; 3] = ["brick", "buttons", "speaker"];
+
+    /// The folder that holds everything else.
+    pub(super) fn root(&self) -> &Path {
+        &self.brick
+    }
+
+    /// Whether buttons or speaker are not below that folder.
+    pub(super) fn has_streams_elsewhere(&self) -> bool {
+        self.buttons.is_some() || self.speaker.is_some()
+    }
+
+    pub(super) fn tree(&self) -> LocalTree {
+        LocalTree::new(&self.brick)
+            .with_buttons(self.buttons.clone())
+            .with_speaker(self.speaker.clone())
+    }
+}
+
+/// The brick that missions run on: in this machine's files, or a simulated one.
+#[derive(Debug, clap::Args)]
+pub(super) struct MissionBrick {
+    #[command(flatten)]
+    pub(super) files: BrickFiles,
+    /// Run on a simulated brick in this world: a file, or the name of a built-in world.
+    #[cfg(feature = "sim")]
+    #[arg(long, value_name = "WORLD", conflicts_with_all = BrickFiles::OPTIONS)]
+    pub(super) sim: Option<PathBuf>,
+    /// What all chance in the simulation comes from.
+    #[cfg(feature = "sim")]
+    #[arg(long, default_value_t = 1, requires = "sim")]
+    pub(super) seed: u64,
+}
+
+impl MissionBrick {
+    /// Whether it is this machine itself.
+    pub(super) fn is_machine(&self) -> bool {
+        #[cfg(feature = "sim")]
+        if self.sim.is_some() {
+            return false;
+        }
+        self.files.tree().is_machine()
+    }
+}
+
+/// Below this folder is no brick.
+pub(super) fn no_brick(root: &Path) -> Failure {
+    let root = root.display();
+    Failure::new(
+        Exit::Failed,
+        format!("there is no brick below {root}: no devices of ev3dev in its sys/class"),
+    )
+    .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick")
+}
