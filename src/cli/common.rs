@@ -398,6 +398,14 @@ impl From<Findings> for Failure {
     }
 }
 
+/// A run did not start; nothing moved.
+#[cfg(feature = "sim")]
+impl From<Refused> for Failure {
+    fn from(refused: Refused) -> Self {
+        Self::of_refused(refused.stop().to_string(), refused.way_out())
+    }
+}
+
 impl From<ProcessError> for Failure {
     fn from(error: ProcessError) -> Self {
         let message = with_causes(&error);

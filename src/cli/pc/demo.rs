@@ -105,10 +105,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         execute(&job, environment, &flags, &mut NoHeartbeat, move |event| shown.show(event))
     });
     progress.finish();
-    let ended = ended.map_err(|refused| {
-        folder.take_back();
-        Failure::of_refused(refused.stop().to_string(), refused.way_out())
-    })?;
+    let ended = ended.inspect_err(|_| folder.take_back())?;
     output.line(ended.to_string());
     let loaded = open_run(&job.file)?;
     draw(&folder.path, &scene_of(std::slice::from_ref(&loaded), None))?;

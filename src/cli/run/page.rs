@@ -140,12 +140,9 @@ pub(in crate::cli) fn watched(
     flags: &StopFlags,
     tell: &mut (dyn FnMut(&Event) + Send),
 ) -> Result<Ended, Failure> {
-    let refused = |refused: crate::runtime::Refused| {
-        Failure::of_refused(refused.stop().to_string(), refused.way_out())
-    };
     let clock = Arc::new(PacedClock::new(board.pace().unwrap_or(Some(1.0))));
     let Simulated { environment, simulation, .. } =
-        simulated_at(job, Arc::<PacedClock>::clone(&clock)).map_err(refused)?;
+        simulated_at(job, Arc::<PacedClock>::clone(&clock))?;
     let screen = Screen { simulation: simulation.clone(), mission };
     board.show(Sources { simulation: Some(simulation), clock: Some(clock), ..sources });
     screen.show(&Event::Preparing { what: "getting ready".to_owned() });
@@ -165,8 +162,7 @@ pub(in crate::cli) fn watched(
             }
         });
         execute(job, environment, flags, &mut NoHeartbeat, report)
-    })
-    .map_err(refused)?;
+    })?;
     board.hear(&Event::Ended(ended.clone()));
     Ok(ended)
 }
