@@ -1,5 +1,6 @@
 //! What several commands do: find a file by path or by name, load a robot, a mission or a world.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 #[cfg(feature = "host")]
@@ -198,6 +199,20 @@ pub(super) fn pose(text: &str) -> Result<[f64; 3], String> {
         Ok(pose)
     } else {
         Err("a pose's numbers are small and finite".to_owned())
+    }
+}
+
+/// Reads an option's number, which must be within limits.
+pub(super) fn number_within(
+    limits: RangeInclusive<f64>,
+) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+        if limits.contains(&number) {
+            Ok(number)
+        } else {
+            Err(format!("it can be {} to {}", limits.start(), limits.end()))
+        }
     }
 }
 

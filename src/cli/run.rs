@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::brick::{MissionBrick, no_brick};
 use super::common::{
-    broken_mission, chosen_robot, load_mission, load_robot, own_program, pose, read_mission,
-    setting, stamps_ns, warn,
+    broken_mission, chosen_robot, load_mission, load_robot, number_within, own_program, pose,
+    read_mission, setting, stamps_ns, warn,
 };
 use super::folder::RunFolder;
 use super::happenings::Happenings;
@@ -91,7 +91,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     no_button: bool,
     /// Seconds between two syncs: a power cut loses at most this much of the recording.
-    #[arg(long, default_value_t = 1.0, value_parser = sync_period)]
+    #[arg(long, default_value_t = 1.0, value_parser = number_within(0.1..=60.0))]
     sync_s: f64,
 }
 
@@ -168,15 +168,6 @@ fn conclude(ended: &Ended, output: &mut Output) -> Result<(), Failure> {
     } else {
         Err(Failure::new(Exit::Failed, ended.stop.to_string())
             .hint(format!("onbrick replay {}", file.display())))
-    }
-}
-
-fn sync_period(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (0.1..=60.0).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err("it can be 0.1 to 60".to_owned())
     }
 }
 

@@ -1,7 +1,8 @@
 //! `onbrick bricks`: who is known, who is there, and who makes itself known.
 
-use super::remote::{Bricks, Unnamed};
+use super::remote::{Bricks, PATIENCES_S, Unnamed};
 use super::status::word;
+use crate::cli::common::number_within;
 use crate::cli::{Context, Exit, Failure, Output};
 use crate::link::KnownBricks;
 use crate::link::client::PORT;
@@ -26,7 +27,7 @@ pub(in crate::cli) struct Arguments {
     #[arg(
         long,
         default_value_t = 3.0,
-        value_parser = super::remote::patience,
+        value_parser = number_within(PATIENCES_S),
         value_name = "SECONDS",
         requires = "discover",
     )]

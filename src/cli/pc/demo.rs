@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::scene::{draw, scene_of};
 use crate::behavior::shipped::{MISSIONS, Shipped, find};
 use crate::cli::common::{
-    LoadedRun, Progress, environment, load_mission, load_robot, load_world, open_run, stamps_ns,
+    LoadedRun, Progress, environment, load_mission, load_robot, load_world, number_within,
+    open_run, stamps_ns,
 };
 use crate::cli::folder::RunFolder;
 use crate::cli::terminal::stop_flags;
@@ -43,7 +44,7 @@ pub(in crate::cli) struct Arguments {
     method: Method,
     /// How long the robot has at most, in seconds of its own time; without it, as long as the
     /// mission says.
-    #[arg(long, value_parser = seconds)]
+    #[arg(long, value_parser = number_within(1.0..=36_000.0))]
     seconds: Option<f64>,
     /// The seed of all random numbers: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
@@ -167,15 +168,6 @@ fn shipped(text: &str) -> Result<String, String> {
     }
     let hint = nearest(text, names());
     Err(hint.unwrap_or_else(|| format!("it can be {}", names().collect::<Vec<_>>().join(", "))))
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (1.0..=36_000.0).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err("it can be 1 to 36000".to_owned())
-    }
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {

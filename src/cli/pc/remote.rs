@@ -1,13 +1,14 @@
 //! What the commands for bricks have in common: which bricks are meant, asking them all at once,
 //! and how it ends.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use crate::cli::common::{read_bounded, warn};
+use crate::cli::common::{number_within, read_bounded, warn};
 use crate::cli::key::Folder;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
@@ -32,20 +33,14 @@ pub(super) struct Bricks {
 #[derive(Debug, Args)]
 pub(in crate::cli) struct How {
     /// Seconds to wait for an answer: 10 by default, 2 for a list of bricks or of their missions.
-    #[arg(long, value_parser = patience, value_name = "SECONDS")]
+    #[arg(long, value_parser = number_within(PATIENCES_S), value_name = "SECONDS")]
     timeout: Option<f64>,
     #[command(flatten)]
     pub(in crate::cli) folder: Folder,
 }
 
-pub(super) fn patience(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "it is a number of seconds")?;
-    if (0.1..=86_400.0).contains(&seconds) {
-        Ok(seconds)
-    } else {
-        Err("it is 0.1 to 86400 seconds".to_owned())
-    }
-}
+/// How long a person may have bricks waited for, seconds.
+pub(super) const PATIENCES_S: RangeInclusive<f64> = 0.1..=86_400.0;
 
 /// Which bricks are meant where none is named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,10 +8,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::remote::{Asking, How};
+use super::remote::{Asking, How, PATIENCES_S};
 use super::start;
 use crate::behavior::Capabilities;
-use crate::cli::common::{broken_mission, load_mission, make_folder, setting};
+use crate::cli::common::{broken_mission, load_mission, make_folder, number_within, setting};
 use crate::cli::{Exit, Failure, Hint, Output};
 use crate::link::Team;
 use crate::runtime::Source;
@@ -51,7 +51,7 @@ pub(in crate::cli) struct Arguments {
     #[arg(
         long,
         default_value_t = 60.0,
-        value_parser = super::remote::patience,
+        value_parser = number_within(PATIENCES_S),
         value_name = "SECONDS",
     )]
     lost: f64,
