@@ -26,6 +26,7 @@ mod ruler;
 pub mod timeline;
 
 pub use canvas::PlotError;
+pub(crate) use canvas::png_file;
 
 use crate::clock::seconds;
 use crate::mapping::{self, MapPoint, Misfit, Pose, Sight, Testimony, Wall};

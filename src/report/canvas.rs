@@ -86,11 +86,22 @@ pub(super) fn png(drawing: &impl Drawing) -> Result<Vec<u8>, PlotError> {
         Canvas { area: &area, scale: PNG_SCALE, bitmap: true }.present(drawing)?;
     }
     let smooth = averaged(&pixels, width as usize, height as usize);
+    Ok(png_file([width, height], png::ColorType::Rgb, &smooth)?)
+}
+
+/// Pixels, a byte for each part of a colour, as the bytes of a PNG file.
+pub(crate) fn png_file(
+    [width, height]: [u32; 2],
+    colours: png::ColorType,
+    pixels: &[u8],
+) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
-    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_color(colours);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.write_header()?.write_image_data(&smooth)?;
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
     Ok(bytes)
 }
 

@@ -31,6 +31,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use self::state::{Cursor, Phase, Session};
+use super::png_file;
 use crate::clock::PacedClock;
 pub use crate::page::PageError;
 use crate::page::{Asked, Kind, LocalPage, Place, Shown};
@@ -207,13 +208,6 @@ impl Board {
         let robot = query.split('&').find_map(|part| part.strip_prefix("robot="))?;
         let simulation = self.session().simulation()?.clone();
         let (width, height, greys) = simulation.screen(robot.parse().ok()?)?;
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, width, height);
-        encoder.set_color(png::ColorType::Grayscale);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header().ok()?;
-        writer.write_image_data(&greys).ok()?;
-        writer.finish().ok()?;
-        Some(bytes)
+        png_file([width, height], png::ColorType::Grayscale, &greys).ok()
     }
 }

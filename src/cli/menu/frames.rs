@@ -1,11 +1,11 @@
 //! The menu's pictures as PNG files, one for each that is new: for tests, and for people far from a
 //! screen.
 
-use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::menu::{Canvas, Display, HEIGHT, Menu, MenuError, WIDTH};
+use crate::report::png_file;
 
 /// A folder of pictures: `0001.png` on, and `page.txt`, the page on the screen as text.
 #[derive(Debug)]
@@ -26,20 +26,13 @@ impl Display for Frames {
     fn show(&mut self, menu: &Menu, picture: &Canvas) -> Result<(), MenuError> {
         self.count += 1;
         let path = self.folder.join(format!("{:04}.png", self.count));
-        write_png(&path, picture)?;
+        let greys = png::ColorType::Grayscale;
+        let png = png_file([WIDTH, HEIGHT], greys, picture.pixels()).map_err(io::Error::from)?;
+        std::fs::write(&path, png)?;
         // Written in one piece: another process may be reading it.
         let page = self.folder.join("page.txt");
         let fresh = self.folder.join("page.new");
         std::fs::write(&fresh, menu.text())?;
         Ok(std::fs::rename(fresh, page)?)
     }
-}
-
-fn write_png(path: &Path, picture: &Canvas) -> io::Result<()> {
-    let mut encoder = png::Encoder::new(BufWriter::new(File::create(path)?), WIDTH, HEIGHT);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(picture.pixels())?;
-    Ok(writer.finish()?)
 }
