@@ -22,17 +22,14 @@ use std::fmt::Write as _;
 use super::export::csv_text;
 use crate::behavior::Demands;
 use crate::behavior::demands::Led;
-use crate::clock::{SECOND_NS, seconds};
+use crate::clock::seconds;
 use crate::document::nearest;
 use crate::mapping::Range;
 use crate::printable;
 use crate::recording::Run;
 use crate::runtime::{Cast, ReplayError, Step};
 use crate::senses::{Channel, QUANTITIES, Senses};
-use crate::units::{degrees, wrap_rad};
-
-/// How old a battery's voltage may be, nanoseconds: it is read about once a second.
-const BATTERY_AGE_NS: i64 = 3 * SECOND_NS;
+use crate::units::{degrees, rounded_to, wrap_rad};
 
 /// A run over time.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -298,12 +295,8 @@ impl Names {
 
 /// A tick's numbers.
 fn numbers(cast: &Cast, senses: &Senses, known: Option<(&Step, &Demands)>) -> Vec<f64> {
-    let max_age_ns = |channel| match channel {
-        Channel::Battery => BATTERY_AGE_NS,
-        _ => cast.robot.max_age_ns,
-    };
     let sensed = |channel: Channel| {
-        let value = senses.fresh(channel, max_age_ns(channel));
+        let value = senses.fresh(channel, cast.robot.age_limit_ns(channel));
         value.map_or(f64::NAN, |value| channel.quantity().unit.in_conditions(value))
     };
     let estimate = known.map(|(step, _)| step.estimate);

@@ -15,6 +15,7 @@ use std::ops::RangeInclusive;
 pub use stop_button::StopButton;
 
 use super::battery::{BatteryConfig, battery};
+use crate::clock::SECOND_NS;
 use crate::document::{Document, Findings, Item, Kind, Section};
 use crate::ev3dev::{Driver, PortAddress};
 use crate::mapping::{Geometry, RangeMount};
@@ -27,7 +28,8 @@ use crate::units::radians;
 pub struct RobotConfig {
     /// The robot's name.
     pub name: String,
-    /// How old a reading may be before it counts as lost, nanoseconds.
+    /// How old a reading may be before it counts as lost, nanoseconds; that of the battery may be
+    /// older ([`RobotConfig::age_limit_ns`]).
     pub max_age_ns: i64,
     /// The left wheel's motor.
     pub left: MotorRole,
@@ -137,6 +139,16 @@ impl RobotConfig {
             Role::Head => self.head.is_some(),
             Role::Motor(place) => usize::from(place) < self.motors.len(),
             sensor => self.sensors.contains_key(&sensor),
+        }
+    }
+
+    /// How old a channel's reading may be before it counts as lost, nanoseconds.
+    #[must_use]
+    pub fn age_limit_ns(&self, channel: Channel) -> i64 {
+        match channel {
+            // It is read about once a second.
+            Channel::Battery => 3 * SECOND_NS,
+            _ => self.max_age_ns,
         }
     }
 

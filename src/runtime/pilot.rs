@@ -31,9 +31,6 @@ use super::battery::{BatteryWatch, Charge};
 use super::plausibility::{Plausibility, PlausibilityState};
 use super::stall::{Stall, StallWatch};
 
-/// How old the battery's voltage may be, nanoseconds: it is read about once a second.
-const BATTERY_AGE_NS: i64 = 3_000_000_000;
-
 /// What blocks the wheels is so far from the middle between them, metres.
 const BLOCKED_M: f64 = 0.13;
 
@@ -293,17 +290,13 @@ impl Pilot {
     /// no more a loss than one that fails later.
     fn lost(&self, senses: &Senses) -> Option<Channel> {
         let read_ns = |channel| senses.get(channel).map_or(0, |reading| reading.read_ns);
-        let too_old =
-            |&channel: &Channel| senses.time_ns - read_ns(channel) > self.max_age_ns(channel);
+        let age_ns = |channel| senses.time_ns - read_ns(channel);
+        let too_old = |&channel: &Channel| age_ns(channel) > self.config.age_limit_ns(channel);
         self.required.iter().copied().find(too_old)
     }
 
     fn fresh(&self, senses: &Senses, channel: Channel) -> Option<f64> {
-        senses.fresh(channel, self.max_age_ns(channel))
-    }
-
-    fn max_age_ns(&self, channel: Channel) -> i64 {
-        if channel == Channel::Battery { BATTERY_AGE_NS } else { self.config.max_age_ns }
+        senses.fresh(channel, self.config.age_limit_ns(channel))
     }
 
     /// What the estimator takes: angles that were read in this very tick, because an old one looks
