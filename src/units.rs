@@ -87,6 +87,12 @@ pub fn rounded(value: f64) -> i32 {
     libm::round(value) as i32
 }
 
+/// The nearest number of parts of one: with 1000 `parts`, three digits behind the point.
+#[must_use]
+pub fn rounded_to(value: f64, parts: f64) -> f64 {
+    libm::round(value * parts) / parts
+}
+
 /// The next whole number below, else as [`rounded`].
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "a cast from float saturates")]

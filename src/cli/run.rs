@@ -210,7 +210,7 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
 /// elsewhere.
 #[cfg(feature = "sim")]
 fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Result<(), Failure> {
-    use crate::units::{degrees, wrap_rad};
+    use crate::units::{degrees, rounded_to, wrap_rad};
     let (parsed, _) = crate::sim::World::parse(&world.name, world.text.as_bytes())
         .map_err(|findings| Failure::refused(findings.to_string()))?;
     let is_there = |start: &crate::sim::StartPose| {
@@ -221,7 +221,7 @@ fn on_a_start(world: &crate::runtime::Source, [x_m, y_m, deg]: [f64; 3]) -> Resu
         return Ok(());
     }
     let shown = |start: &crate::sim::StartPose| {
-        let heading_deg = libm::round(degrees(start.heading_rad) * 100.0) / 100.0;
+        let heading_deg = rounded_to(degrees(start.heading_rad), 100.0);
         format!("{},{},{heading_deg}", start.x_m, start.y_m)
     };
     let starts: Vec<String> = parsed.starts().iter().map(shown).collect();

@@ -15,7 +15,7 @@ use super::ruler::Ruler;
 use super::timeline::{Mark, Signal, Timeline};
 use crate::page::inside_script;
 use crate::printable::escaped;
-use crate::units::count;
+use crate::units::{count, rounded_to};
 
 /// The picture's width in layout units, and what is around its panels.
 const WIDTH: f64 = 900.0;
@@ -150,7 +150,7 @@ impl<'t> Chart<'t> {
     /// [`PlotError::Draw`].
     pub fn html(&self) -> Result<String, PlotError> {
         let every = self.timeline.times_s.len().div_ceil(MOST_TICKS).max(1);
-        let round = |value: &f64| value.is_finite().then(|| libm::round(value * 1e4) / 1e4);
+        let round = |value: &f64| value.is_finite().then(|| rounded_to(*value, 1e4));
         let signals = self.panels.iter().flat_map(|panel| &panel.signals).map(|signal| {
             let values: Vec<Option<f64>> = signal.values.iter().step_by(every).map(round).collect();
             json!({ "name": signal.name, "unit": signal.unit(), "values": values })

@@ -17,6 +17,7 @@ use crate::clock::seconds;
 use crate::page::inside_script;
 use crate::printable::escaped;
 use crate::sim::{Paint, web_colour};
+use crate::units::rounded_to;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -40,7 +41,7 @@ fn data(scene: &Scene) -> Value {
         "single": is_single(scene),
         "low": bounds.low,
         "high": bounds.high,
-        "duration": round(scene.duration_s(), 1e3),
+        "duration": rounded_to(scene.duration_s(), 1e3),
         "floor": scene.marks.iter().map(floor_mark).collect::<Vec<_>>(),
         "outlines": outlines(&scene.outlines),
         "blocks": outlines(&scene.blocks),
@@ -75,7 +76,7 @@ fn outlines(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
 
 fn outline(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let finite = line.iter().filter(|place| place.iter().all(|value| value.is_finite()));
-    finite.map(|place| place.map(|value| round(value, 1e4))).collect()
+    finite.map(|place| place.map(|value| rounded_to(value, 1e4))).collect()
 }
 
 /// Times in milliseconds' and places in tenths of a millimetre's digits, as flat lists: an hour's
@@ -84,10 +85,10 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
     let colours = colours(place, scene.tracks.len());
     let of_path = |p: PathPoint| {
         [
-            round(seconds(p.time_ns), 1e3),
-            round(p.x_m, 1e4),
-            round(p.y_m, 1e4),
-            round(p.heading_rad, 1e3),
+            rounded_to(seconds(p.time_ns), 1e3),
+            rounded_to(p.x_m, 1e4),
+            rounded_to(p.y_m, 1e4),
+            rounded_to(p.heading_rad, 1e3),
         ]
     };
     json!({
@@ -102,7 +103,10 @@ fn track(track: &Track, place: usize, scene: &Scene) -> Value {
         "points": track
             .points
             .iter()
-            .flat_map(|p| [round(seconds(p.time_ns), 1e3), round(p.x_m, 1e4), round(p.y_m, 1e4)])
+            .flat_map(|p| {
+                let time_s = rounded_to(seconds(p.time_ns), 1e3);
+                [time_s, rounded_to(p.x_m, 1e4), rounded_to(p.y_m, 1e4)]
+            })
             .collect::<Vec<_>>(),
     })
 }
@@ -112,9 +116,5 @@ fn true_path(places: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let untimed = |&[x_m, y_m]: &[f64; 2]| PathPoint { time_ns: 0, x_m, y_m, heading_rad: 0.0 };
     let path: Vec<PathPoint> = places.iter().map(untimed).collect();
     let thinned = thinned(&path, LEAST_STEP_M).into_iter();
-    thinned.map(|point| [round(point.x_m, 1e4), round(point.y_m, 1e4)]).collect()
-}
-
-fn round(value: f64, digits: f64) -> f64 {
-    libm::round(value * digits) / digits
+    thinned.map(|point| [rounded_to(point.x_m, 1e4), rounded_to(point.y_m, 1e4)]).collect()
 }

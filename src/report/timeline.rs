@@ -256,7 +256,7 @@ pub fn csv(timelines: &[Timeline]) -> String {
                     && value.is_finite()
                 {
                     // Minus zero plus zero is zero, without the sign.
-                    let _ = write!(text, "{}", libm::round(value * 1e6) / 1e6 + 0.0);
+                    let _ = write!(text, "{}", rounded_to(*value, 1e6) + 0.0);
                 }
                 if let Some(word) = texts.and_then(|texts| texts.values.get(tick)) {
                     text.push_str(&csv_text(word));

@@ -13,7 +13,7 @@ use crate::recording::{Followed, Grid, Run, Status, StopReason};
 use crate::runtime::Event;
 use crate::senses::{QUANTITIES, Senses};
 use crate::sim::{Room, Simulation, World};
-use crate::units::{degrees, wrap_rad};
+use crate::units::{degrees, rounded_to, wrap_rad};
 
 /// A path's places are so far apart, metres.
 const LEAST_STEP_M: f64 = 0.004;
@@ -273,7 +273,7 @@ impl Session {
         let recorded_ns = run.poses.last().map_or(i64::MIN, |pose| pose.time_ns);
         let is_ahead = |(time_ns, pose): &&(i64, Pose)| *time_ns > recorded_ns && pose.is_finite();
         let ahead = self.ahead.iter().filter(is_ahead);
-        ahead.flat_map(|(_, pose)| [pose.x_m, pose.y_m]).map(|m| round(m, 1e3)).collect()
+        ahead.flat_map(|(_, pose)| [pose.x_m, pose.y_m]).map(|m| rounded_to(m, 1e3)).collect()
     }
 
     /// What may be done at the page now.
@@ -308,7 +308,7 @@ impl Session {
             let run = followed.run();
             let since_start_s = |time_ns: i64| {
                 let start_ns = run.info.as_ref().map_or(0, |info| info.start_ns);
-                round(seconds(time_ns.saturating_sub(start_ns)), 1e3)
+                rounded_to(seconds(time_ns.saturating_sub(start_ns)), 1e3)
             };
             put("mission", json!(run.info.as_ref().map(|info| &info.mission)));
             put("brick", json!(run.info.as_ref().map(|info| &info.brick)));
@@ -362,7 +362,7 @@ fn sensed(senses: &Senses) -> Value {
     let known = QUANTITIES.iter().filter(|quantity| !quantity.name.is_empty());
     let read = known.filter_map(|quantity| {
         let value = quantity.unit.in_conditions(senses.get(quantity.channel)?.value);
-        value.is_finite().then(|| json!([quantity.what, quantity.name, round(value, 1e3)]))
+        value.is_finite().then(|| json!([quantity.what, quantity.name, rounded_to(value, 1e3)]))
     });
     read.collect()
 }
@@ -371,7 +371,7 @@ fn sensed(senses: &Senses) -> Value {
 fn points(run: &Run, has: &mut u64) -> Vec<f64> {
     let points = fresh(&run.points, has).iter();
     let finite = points.filter(|point| point.x_m.is_finite() && point.y_m.is_finite());
-    finite.flat_map(|point| [point.x_m, point.y_m]).map(|m| round(m, 1e3)).collect()
+    finite.flat_map(|point| [point.x_m, point.y_m]).map(|m| rounded_to(m, 1e3)).collect()
 }
 
 /// The places of the path that a page has not got, x and y in turn.
@@ -385,7 +385,7 @@ fn path(run: &Run, has: &mut u64) -> Vec<f64> {
             last.is_none_or(|[from_x, from_y]| libm::hypot(x - from_x, y - from_y) >= LEAST_STEP_M);
         if recorded.pose.is_finite() && (is_far || at + 1 == poses.len()) {
             last = Some([x, y]);
-            places.extend([x, y].map(|metres| round(metres, 1e3)));
+            places.extend([x, y].map(|metres| rounded_to(metres, 1e3)));
         }
     }
     places
@@ -397,16 +397,12 @@ fn occupied(map: &Grid) -> Value {
     let [x_m, y_m] = map.origin_m;
     let middle = |from_m: f64, cells: usize| {
         let cells = u32::try_from(cells).map_or(0.0, f64::from);
-        round(from_m + (cells + 0.5) * map.resolution_m, 1e3)
+        rounded_to(from_m + (cells + 0.5) * map.resolution_m, 1e3)
     };
     let full = (0..).zip(&map.cells).filter(|(_, cell)| **cell >= OCCUPIED_PCT);
     let places =
         full.flat_map(|(at, _): (usize, _)| [middle(x_m, at % width), middle(y_m, at / width)]);
     json!({ "cell_m": map.resolution_m, "places": places.collect::<Vec<f64>>() })
-}
-
-fn round(value: f64, digits: f64) -> f64 {
-    libm::round(value * digits) / digits
 }
 
 #[cfg(test)]
