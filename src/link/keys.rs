@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::curve::{self, NoCurve};
-use crate::document::{Document, Findings};
+use crate::document::{Document, Findings, Item};
 use crate::service::protocol::{Name, NoName};
 
 mod authorised;
@@ -39,6 +39,7 @@ mod known;
 mod z85;
 
 pub use authorised::{Authorised, AuthorisedKey};
+pub(super) use known::ON_THE_BRICK;
 pub use known::{KnownBrick, KnownBricks};
 
 /// The public half of a pair: by it a machine is known.
@@ -67,6 +68,15 @@ impl PublicKey {
     /// [`NoKey`].
     pub fn parse(text: &str) -> Result<Self, NoKey> {
         z85::decode(text).map(Self).ok_or(NoKey)
+    }
+
+    /// The key that a file holds; a text that is none becomes a finding with this hint.
+    pub(super) fn read(item: &Item<'_>, hint: &str) -> Option<Self> {
+        let key = Self::parse(item.text()?);
+        if let Err(error) = key {
+            item.error(error.to_string()).hint(hint);
+        }
+        key.ok()
     }
 
     /// The key as the network carries it.
@@ -206,13 +216,7 @@ impl KeyPair {
     /// it, [`KeyError::Broken`], [`KeyError::Io`].
     pub fn load(folder: &Path) -> Result<Self, KeyError> {
         let path = folder.join(OWN);
-        let mut file = match File::open(&path) {
-            Ok(file) => file,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                return Err(KeyError::Missing(path));
-            }
-            Err(error) => return Err(KeyError::io(&path)(error)),
-        };
+        let mut file = open(&path)?;
         let mode = file.metadata().map_err(KeyError::io(&path))?.permissions().mode();
         if mode & 0o077 != 0 {
             return Err(KeyError::Readable(path));
@@ -278,6 +282,14 @@ impl KeyPair {
 enum Replace {
     Yes,
     No,
+}
+
+/// Opens a file of keys.
+fn open(path: &Path) -> Result<File, KeyError> {
+    File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => KeyError::Missing(path.to_owned()),
+        _ => KeyError::io(path)(error),
+    })
 }
 
 /// A folder that only its owner enters.

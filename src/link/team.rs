@@ -17,6 +17,7 @@
 //!
 //! No file is opened, and no brick is asked: what a team does is `cli`'s.
 
+use super::keys::ON_THE_BRICK;
 use super::{KnownBrick, KnownBricks, PublicKey};
 use crate::document::{Document, Findings, Item, Section, Severity, nearest};
 
@@ -123,13 +124,7 @@ fn member(item: &Item<'_>, known: &KnownBricks) -> Option<Member> {
 fn brick(item: &Item<'_>, section: &Section<'_>, known: &KnownBricks) -> Option<KnownBrick> {
     let name = item.key();
     let address = section.get("address").map(|item| filled(&item));
-    let key = section.get("key").map(|item| {
-        let key = PublicKey::parse(item.text()?);
-        if let Err(error) = &key {
-            item.error(error.to_string()).hint("`onbrick key show` on the brick prints it");
-        }
-        key.ok()
-    });
+    let key = section.get("key").map(|item| PublicKey::read(&item, ON_THE_BRICK));
     let known_as = known.find(name);
     if known_as.is_none() && (address.is_none() || key.is_none()) {
         let names: Vec<&str> = known.iter().map(|brick| brick.name.as_str()).collect();

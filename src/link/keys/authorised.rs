@@ -13,7 +13,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{KeyError, PublicKey, Replace, make_folder, write_private};
+use super::{KeyError, PublicKey, Replace, make_folder, open, write_private};
 use crate::document::Document;
 use crate::service::protocol::Name;
 
@@ -116,27 +116,16 @@ impl Authorised {
 }
 
 fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
-    let file = match fs::File::open(path) {
-        Ok(file) => file,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            return Err(KeyError::Missing(path.to_owned()));
-        }
-        Err(error) => return Err(KeyError::io(path)(error)),
-    };
     let mut bytes = Vec::new();
-    io::Read::read_to_end(&mut io::Read::take(file, LONGEST_FILE), &mut bytes)
+    io::Read::read_to_end(&mut io::Read::take(open(path)?, LONGEST_FILE), &mut bytes)
         .map_err(KeyError::io(path))?;
     let document = Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
     let read = document.read(|root| {
         root.allow(&["name", "key"]);
         // A person may have written any text there.
         let name = Name::nearest(root.require("name")?.text()?).to_string();
-        let item = root.require("key")?;
-        let key = PublicKey::parse(item.text()?);
-        if let Err(error) = key {
-            item.error(error.to_string());
-        }
-        Some(AuthorisedKey { name, key: key.ok()? })
+        let key = PublicKey::read(&root.require("key")?, "")?;
+        Some(AuthorisedKey { name, key })
     });
     read.map(|(found, _)| found).map_err(KeyError::Broken)
 }

@@ -48,6 +48,9 @@ pub struct KnownBricks {
     bricks: Vec<(KnownBrick, usize)>,
 }
 
+/// Where a brick's key is found.
+pub(in crate::link) const ON_THE_BRICK: &str = "`onbrick key show` on the brick prints it";
+
 const HEADER: &str =
     "# Bricks that this PC knows. `onbrick pair HOST` adds one; to forget one, delete its lines.\n";
 
@@ -164,14 +167,10 @@ fn brick(item: &Item<'_>) -> Option<(KnownBrick, usize)> {
     let section: Section<'_> = item.section()?;
     section.allow(&["address", "key"]);
     let address = line(section.require("address")?.text()?).into_owned();
-    let item_of_key = section.require("key")?;
-    let key = PublicKey::parse(item_of_key.text()?);
-    if let Err(error) = key {
-        item_of_key.error(error.to_string()).hint("`onbrick key show` on the brick prints it");
-    }
+    let key = PublicKey::read(&section.require("key")?, ON_THE_BRICK);
     // A person may have written any text there.
     let name = line(item.key()).into_owned();
-    Some((KnownBrick { name, address, key: key.ok()? }, item.key_place().start))
+    Some((KnownBrick { name, address, key: key? }, item.key_place().start))
 }
 
 #[cfg(test)]
