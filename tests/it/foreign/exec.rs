@@ -66,7 +66,9 @@ fn a_program_sees_the_brick_in_place_of_the_machine_and_its_exit_code_is_kept() 
     );
     let absent = exec(&root, &["no-such-program"]);
     assert!(
-        absent.status.code() == Some(1) && said(&absent).contains("cannot start no-such-program"),
+        absent.status.code() == Some(1)
+            && said(&absent).contains("cannot start no-such-program")
+            && said(&absent).contains("try: a program of this machine"),
         "{}",
         said(&absent)
     );
@@ -119,7 +121,8 @@ fn where_no_brick_is_mounted_nothing_is_started() {
         let said = said(&refused);
         assert!(
             refused.status.code() == Some(3)
-                && said.contains("there is no simulated brick mounted"),
+                && said.contains("there is no simulated brick mounted")
+                && said.contains("try: onbrick sim FOLDER"),
             "{said}"
         );
     }

@@ -111,6 +111,12 @@ fn refusals_and_silence_have_exit_codes_and_a_way_out() {
     refused(service.pc(&["start", "broken.toml", "sim"]), 3, "unknown key");
     std::fs::write(service.path("out").join("long.toml"), "# ".repeat(40_000)).unwrap();
     refused(service.pc(&["start", "long.toml", "sim"]), 3, "over the network");
+    service.done(&["start", "map", "sim"]);
+    service.until_it_drives();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    refused(service.pc(&["fetch", "--follow", "--page", &port]), 3, "another port for --page");
+    service.done(&["stop"]);
     let key = KeyPair::load(&service.path("pc")).unwrap().public().to_string();
     let keys = service.path("keys").display().to_string();
     service.says(&["key", "list", "--keys", &keys], "anna");

@@ -3,6 +3,7 @@
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read};
+use std::net::TcpListener;
 use std::os::unix::fs::{FileExt, PermissionsExt};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -381,6 +382,21 @@ fn a_simulator_follows_a_scenario_shows_a_page_and_leaves_a_still() {
         picture.contains("class=\"robot\"")
             && picture.contains("done at 0.2 s: outB write speed_sp 77")
     );
+}
+
+#[test]
+fn a_page_whose_port_is_taken_is_refused_and_nothing_stays_mounted() {
+    if no_fuse() {
+        return;
+    }
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    let point = folder.path().join("brick");
+    let (code, said) = refused(&[point.to_str().unwrap(), &format!("--page={port}")]);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains(&port) && said.contains("try: another port for --page"), "{said}");
+    assert!(!is_mounted(&point));
 }
 
 #[test]

@@ -1,10 +1,13 @@
 //! `doctor`: a good brick is in order, and what is sabotaged is named.
 
 use std::os::unix::fs::PermissionsExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use nix::errno::Errno;
 
 use super::*;
 use onbrick::commissioning::{Diagnosis, Patient, Verdict, examine};
+use onbrick::ev3dev::{Access, AttributeFile};
 use onbrick::runtime::HardwareLock;
 use onbrick::sim::{Fault, Port};
 
@@ -45,6 +48,31 @@ fn look(bench: &Bench, change: impl FnOnce(&mut Around)) -> Diagnosis {
         missions: around.missions.as_deref(),
         wall_ns: around.wall_ns,
     })
+}
+
+/// A brick's files without the speaker's, which cannot be opened.
+#[derive(Debug)]
+struct Mute {
+    tree: Arc<dyn Tree>,
+    errno: Errno,
+}
+
+impl Tree for Mute {
+    fn list(&self, folder: &str) -> Result<Vec<String>, Errno> {
+        self.tree.list(folder)
+    }
+
+    fn open(&self, path: &str, access: Access) -> Result<Box<dyn AttributeFile>, Errno> {
+        if Some(path) == EV3.speaker { Err(self.errno) } else { self.tree.open(path, access) }
+    }
+
+    fn root(&self) -> &Path {
+        self.tree.root()
+    }
+
+    fn local_path(&self, path: &str) -> Option<PathBuf> {
+        self.tree.local_path(path)
+    }
 }
 
 /// The one line that says so, with what it says.
@@ -127,6 +155,25 @@ fn a_gyro_that_drifts_and_a_flat_battery_are_seen() {
 }
 
 #[test]
+fn a_speaker_that_cannot_be_opened_is_a_warning_with_the_way_out() {
+    for (errno, way_out) in [
+        (Errno::EACCES, "sudo usermod -aG input USER"),
+        (Errno::ENOENT, "is this an EV3 under ev3dev"),
+    ] {
+        let mut bench = Bench::new("", 1);
+        bench.tree = Arc::new(Mute { tree: bench.tree, errno });
+        let diagnosis = look(&bench, |_| ());
+        let mute = line(&diagnosis, "speaker", Verdict::Warning);
+        assert!(
+            mute.contains("a run starts without its beeps") && mute.contains(way_out),
+            "{errno}: {mute}"
+        );
+        // A run does without.
+        assert_eq!(diagnosis.count(Verdict::Failed), 0, "{}", text(&diagnosis));
+    }
+}
+
+#[test]
 fn a_taken_lock_says_who_has_it_and_no_mode_is_written_then() {
     let bench = Bench::new("", 1);
     let root = tempfile::tempdir().unwrap();
@@ -134,13 +181,12 @@ fn a_taken_lock_says_who_has_it_and_no_mode_is_written_then() {
     // The ultrasonic sensor is in another mode: doctor would have to change it.
     let file = bench.tree.list("sys/class/lego-sensor").unwrap().into_iter().find_map(|name| {
         let path = format!("sys/class/lego-sensor/{name}");
-        let driver =
-            bench.tree.open(&format!("{path}/driver_name"), onbrick::ev3dev::Access::Read).unwrap();
+        let driver = bench.tree.open(&format!("{path}/driver_name"), Access::Read).unwrap();
         let mut text = [0; 64];
         let count = driver.read(&mut text).unwrap();
         (&text[..count] == b"lego-ev3-us\n").then_some(format!("{path}/mode"))
     });
-    let mode = bench.tree.open(&file.unwrap(), onbrick::ev3dev::Access::ReadWrite).unwrap();
+    let mode = bench.tree.open(&file.unwrap(), Access::ReadWrite).unwrap();
     mode.write(b"US-LISTEN").unwrap();
     bench.pass(1.0);
     bench.simulation.record_writes(true);
