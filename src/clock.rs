@@ -62,6 +62,11 @@ pub trait Clock: Debug + Send + Sync {
 
     /// Returns when `now_ns` is at least `deadline_ns`, or earlier if a signal came in between.
     fn sleep_until_ns(&self, deadline_ns: i64);
+
+    /// Returns when this many nanoseconds have passed, or earlier if a signal came in between.
+    fn sleep_ns(&self, span_ns: i64) {
+        self.sleep_until_ns(self.now_ns() + span_ns);
+    }
 }
 
 /// The kernel's monotonic clock: one system call a reading on the brick, which has no vDSO.

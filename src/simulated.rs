@@ -213,7 +213,7 @@ mod tests {
         let (mission, robot) = (source("mission.toml", ""), source("robot.toml", ""));
         let job = Job::new(mission, robot, brick, "run.mcap".into());
         let Simulated { environment, simulation, .. } = simulated(&job).unwrap();
-        environment.clock.sleep_until_ns(environment.clock.now_ns() + pause_ns);
+        environment.clock.sleep_ns(pause_ns);
         simulation.catch_up();
         simulation.lost_ns()
     }

@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             return Ok(());
         }
         output.line("");
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + SECOND_NS);
+        MonotonicClock.sleep_ns(SECOND_NS);
     }
 }
 

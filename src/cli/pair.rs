@@ -188,7 +188,7 @@ fn here(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
                     ask(&LocalOnly::PairingWindow { seconds: 0 })?;
                     return Err(Failure::new(Exit::Failed, "interrupted"));
                 }
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+                MonotonicClock.sleep_ns(LOOK_NS);
                 shown = ask(&LocalOnly::PairingState)?;
             }
         }

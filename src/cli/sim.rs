@@ -238,7 +238,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
     #[cfg(feature = "host")]
     let nodes = nodes(arguments, &mount, output)?;
     while !flags.is_raised() && !mount.is_over() {
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+        MonotonicClock.sleep_ns(LOOK_NS);
     }
     let unmounted_by_others = mount.is_over();
     // What they have open would keep the brick mounted.

@@ -241,7 +241,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     equip(tree, config, clock)?;
     let mut robot = Robot::bind(tree, config, &[])?;
-    clock.sleep_until_ns(clock.now_ns() + robot.settle_ns());
+    clock.sleep_ns(robot.settle_ns());
     prepare(&mut robot, clock, flags, false, |why| dialogue.say(why))?;
     let mut stage = Stage::new(robot, tree, clock, flags);
     let mut calibration = Calibration::default();

@@ -142,7 +142,7 @@ fn still_once(
     let told = tell(tree, ports, |motor| motors.push(motor));
     let deadline_ns = clock.now_ns() + ROLL_NS;
     while clock.now_ns() < deadline_ns && !turning(&motors, clock).is_empty() {
-        clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
+        clock.sleep_ns(LOOK_NS);
     }
     let reset = each(turning(&motors, clock), TachoMotor::reset);
     told?;
@@ -202,7 +202,7 @@ fn is_held(motor: &TachoMotor) -> bool {
 /// Whether a motor moves between two looks; one whose position cannot be read counts as moving.
 fn moves(motor: &TachoMotor, clock: &dyn Clock) -> bool {
     let before = motor.position();
-    clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
+    clock.sleep_ns(LOOK_NS);
     before.is_err() || before != motor.position()
 }
 
@@ -219,14 +219,14 @@ pub fn watch_still(
 ) -> Result<Vec<String>, HaltError> {
     /// A braked motor may settle between two counts.
     const STILL_COUNTS: i32 = 1;
-    clock.sleep_until_ns(clock.now_ns() + ROLL_NS);
+    clock.sleep_ns(ROLL_NS);
     let mut before = Vec::new();
     for identity in devices(tree, Class::TachoMotor)? {
         let motor = TachoMotor::bind(tree, identity)?;
         let position = motor.position()?;
         before.push((motor, position));
     }
-    clock.sleep_until_ns(clock.now_ns() + watch_ns);
+    clock.sleep_ns(watch_ns);
     let mut moving = Vec::new();
     for (motor, position) in &before {
         let moved = motor.position()?.wrapping_sub(*position);
@@ -261,7 +261,7 @@ mod tests {
         }
 
         fn pass(&self, ns: i64) {
-            self.clock.sleep_until_ns(self.clock.now_ns() + ns);
+            self.clock.sleep_ns(ns);
         }
 
         /// A motor that another program left running for ever.

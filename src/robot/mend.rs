@@ -270,7 +270,7 @@ fn help(
         if wanted == 0 {
             std::thread::park();
         } else {
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+            MonotonicClock.sleep_ns(LOOK_NS);
         }
     }
 }

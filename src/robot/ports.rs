@@ -88,7 +88,7 @@ pub fn equip_port(
             let wanted = format!("{} on {port}", driver.what());
             return Err(FindError::Nothing { wanted, there: devices(tree, Class::LegoSensor)? });
         }
-        clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
+        clock.sleep_ns(LOOK_NS);
     }
 }
 

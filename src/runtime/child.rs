@@ -329,7 +329,7 @@ impl Stopper {
     }
 
     fn force_later(&self) {
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + PATIENCE_NS);
+        MonotonicClock.sleep_ns(PATIENCE_NS);
         let mut stopping = self.stopping();
         // While it has not obeyed, it has not been waited for, and its number is its own.
         if !stopping.obeyed && self.process.as_raw() > 0 {

@@ -132,6 +132,6 @@ fn wait_until(
         if clock.now_ns() >= deadline_ns {
             return Ok(false);
         }
-        clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
+        clock.sleep_ns(LOOK_NS);
     }
 }

@@ -88,7 +88,7 @@ impl Service {
                 if let Some(Ok(Some(status))) = progress.as_mut().map(recording::Progress::look) {
                     service.inner.happen(Happening::Progress(status));
                 }
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+                MonotonicClock.sleep_ns(LOOK_NS);
             }
             let end = service.note_found_end(&record, &file);
             service.inner.now().stop = None;

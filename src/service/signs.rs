@@ -106,7 +106,7 @@ pub(super) fn light(tree: &Arc<dyn Tree>, colour: LightColour) {
 pub(super) fn tone(tree: &Arc<dyn Tree>, tone_hz: i32) {
     let sounded = Sound::open(tree, Platform::of(tree)).and_then(|mut sound| {
         sound.tone(tone_hz)?;
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + TONE_NS);
+        MonotonicClock.sleep_ns(TONE_NS);
         sound.silence()
     });
     if let Err(error) = sounded {

@@ -158,7 +158,7 @@ impl Clients {
                     // Too many open files, as a rule: clients leave in time.
                     log::warn!("the local socket accepts no connection: {error}");
                     let clock = MonotonicClock;
-                    clock.sleep_until_ns(clock.now_ns() + 100 * MILLISECOND_NS);
+                    clock.sleep_ns(100 * MILLISECOND_NS);
                 }
             }
         }

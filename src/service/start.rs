@@ -233,7 +233,7 @@ impl Service {
         }
         let deadline_ns = MonotonicClock.now_ns() + 20 * SECOND_NS;
         while inner.now().machine.run().is_some() && MonotonicClock.now_ns() < deadline_ns {
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+            MonotonicClock.sleep_ns(20 * MILLISECOND_NS);
         }
         inner.store.save();
     }

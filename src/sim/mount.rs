@@ -165,7 +165,7 @@ impl Mount {
         }
         let deadline_ns = MonotonicClock.now_ns() + FAREWELL_NS;
         while !session.guard.is_finished() && MonotonicClock.now_ns() < deadline_ns {
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
+            MonotonicClock.sleep_ns(MILLISECOND_NS);
         }
         if !session.guard.is_finished() {
             log::info!(

@@ -312,7 +312,7 @@ fn press_and_look(pace: &Pace) {
     let mut program =
         Foreign::start(pace, "board", &mount.root(0), &["python3", &script("ev3dev2_board")]);
     assert_eq!(program.line(), "ready");
-    let pause = || MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 200 * MILLISECOND_NS);
+    let pause = || MonotonicClock.sleep_ns(200 * MILLISECOND_NS);
     for button in [Button::Enter, Button::Left] {
         pause();
         simulation.press(0, button).unwrap();

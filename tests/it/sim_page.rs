@@ -42,7 +42,7 @@ fn driven(world: &str, robots: usize, clock: Arc<dyn Clock>) -> Driven {
 impl Driven {
     fn pass_s(&self, seconds: i64) {
         for _ in 0..seconds * 10 {
-            self.clock.sleep_until_ns(self.clock.now_ns() + 100 * MILLISECOND_NS);
+            self.clock.sleep_ns(100 * MILLISECOND_NS);
             self.simulation.catch_up();
         }
     }
@@ -145,7 +145,7 @@ fn a_page_is_for_this_machine_and_changes_nothing_else() {
     let address = url.trim_start_matches("http://").trim_end_matches('/');
     // The server's own thread lets the port go a moment after it was told.
     let is_closed = || {
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 10 * MILLISECOND_NS);
+        MonotonicClock.sleep_ns(10 * MILLISECOND_NS);
         TcpStream::connect(address).is_err()
     };
     assert!((0..200).any(|_| is_closed()), "a dropped page is not served any more");

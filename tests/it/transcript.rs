@@ -418,7 +418,7 @@ impl Player<'_> {
         let start_ns = self.clock.now_ns();
         let passed_ms = || (self.clock.now_ns() - start_ns) / MILLISECOND_NS;
         while found != *expected && passed_ms() <= self.tolerances.moment_ms {
-            self.clock.sleep_until_ns(self.clock.now_ns() + STEP_NS);
+            self.clock.sleep_ns(STEP_NS);
             found = self.read(device, "state");
         }
         let passed_ms = passed_ms();

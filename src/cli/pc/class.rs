@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         &serde_json::json!({ "page": page.url() }),
     );
     while !flags.signal.load(Ordering::Relaxed) {
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+        MonotonicClock.sleep_ns(LOOK_NS);
     }
     hall.end();
     Ok(())

@@ -81,7 +81,7 @@ impl Watch {
             );
             let until_ns = MonotonicClock.now_ns() + PACE_NS;
             while !is_over() && MonotonicClock.now_ns() < until_ns {
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + PACE_NS / 10);
+                MonotonicClock.sleep_ns(PACE_NS / 10);
             }
         }
     }

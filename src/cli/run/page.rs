@@ -259,7 +259,7 @@ impl Hand {
     /// Waits until another run is wanted; false on Ctrl-C.
     fn wait(&self) -> bool {
         while !self.is_over() && !self.is_wanted() {
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+            MonotonicClock.sleep_ns(LOOK_NS);
         }
         !self.is_over()
     }

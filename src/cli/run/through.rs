@@ -210,7 +210,7 @@ fn follow(
                 return Err(failure("the run", &error));
             }
             Err(_) => {
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+                MonotonicClock.sleep_ns(LOOK_NS);
                 continue;
             }
         };
@@ -227,7 +227,7 @@ fn follow(
         if let Some(progress) = going_on.progress {
             show(&Event::Status(progress));
         }
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+        MonotonicClock.sleep_ns(LOOK_NS);
     }
 }
 
@@ -274,7 +274,7 @@ fn bring(client: &mut Client, info: &RunInfo, folder: &RunFolder) -> Result<Path
                 );
                 return Ok(path);
             }
-            None => MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS),
+            None => MonotonicClock.sleep_ns(LOOK_NS),
         }
     }
 }

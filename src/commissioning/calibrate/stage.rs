@@ -273,7 +273,7 @@ impl<'s> Stage<'s> {
     }
 
     fn wait(&self) {
-        self.clock.sleep_until_ns(self.clock.now_ns() + LOOK_NS);
+        self.clock.sleep_ns(LOOK_NS);
     }
 }
 

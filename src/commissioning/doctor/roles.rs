@@ -121,13 +121,13 @@ pub(super) fn sensors(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         }
     }
     let clock = examination.patient.clock;
-    clock.sleep_until_ns(clock.now_ns() + SETTLE_NS);
+    clock.sleep_ns(SETTLE_NS);
     let end_ns = clock.now_ns() + WATCH_NS;
     while clock.now_ns() < end_ns && !examination.patient.flags.is_raised() {
         for sensor in &mut watched {
             sensor.look();
         }
-        clock.sleep_until_ns(clock.now_ns() + LOOK_NS);
+        clock.sleep_ns(LOOK_NS);
     }
     for sensor in &watched {
         sensor.judge(diagnosis);

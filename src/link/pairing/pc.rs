@@ -100,7 +100,7 @@ pub fn pair(
             Said::Paired => return Ok(brick),
             Said::Failed { why } => return Err(failed(Kind::NotAuthorised, &why)),
             Said::Waits => {
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + ASKED_NS);
+                MonotonicClock.sleep_ns(ASKED_NS);
                 said = ask(&mut line, Step::How)?;
             }
             Said::Commit { .. } | Said::Reveal { .. } => return Err(out_of_turn()),

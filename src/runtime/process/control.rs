@@ -96,7 +96,7 @@ fn end_hung_guard(flags: &StopFlags, guard: Pid) {
             let _ = kill(guard, Signal::SIGKILL);
             return;
         }
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
+        MonotonicClock.sleep_ns(MILLISECOND_NS);
     }
 }
 
@@ -141,7 +141,7 @@ impl Pipe {
             if bytes.is_empty() || MonotonicClock.now_ns() >= deadline_ns {
                 return;
             }
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
+            MonotonicClock.sleep_ns(MILLISECOND_NS);
         }
     }
 }

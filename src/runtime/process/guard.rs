@@ -353,7 +353,7 @@ impl Guard {
                     log::warn!("cannot stop the motors at once: {error}");
                 }
             }
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + MILLISECOND_NS);
+            MonotonicClock.sleep_ns(MILLISECOND_NS);
         }
         None
     }

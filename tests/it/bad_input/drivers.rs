@@ -262,7 +262,7 @@ impl Tree for SlowTree {
 
 impl AttributeFile for SlowFile {
     fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
-        self.1.sleep_until_ns(self.1.now_ns() + 400 * MILLISECOND_NS);
+        self.1.sleep_ns(400 * MILLISECOND_NS);
         self.0.read(buffer)
     }
     fn write(&self, value: &[u8]) -> Result<usize, Errno> {

@@ -159,7 +159,7 @@ impl Foreign {
         let deadline_ns = MonotonicClock.now_ns() + LONGEST_NS;
         let mut status = None;
         while status.is_none() && MonotonicClock.now_ns() < deadline_ns {
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+            MonotonicClock.sleep_ns(20 * MILLISECOND_NS);
             status = self.process.try_wait().unwrap();
         }
         let Some(status) = status else {

@@ -68,7 +68,7 @@ fn until(mut is_so: impl FnMut() -> bool) -> bool {
         if MonotonicClock.now_ns() > deadline_ns {
             return false;
         }
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+        MonotonicClock.sleep_ns(20 * MILLISECOND_NS);
     }
     true
 }
@@ -157,7 +157,7 @@ fn buttons(pace: &Pace, simulator: &Simulator, mut program: Foreign) {
     simulator.order("press enter for 0.2");
     let bump = || {
         simulator.order("press enter for 0.2");
-        MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 600 * MILLISECOND_NS);
+        MonotonicClock.sleep_ns(600 * MILLISECOND_NS);
     };
     while bumps < 5 {
         bump();
@@ -165,7 +165,7 @@ fn buttons(pace: &Pace, simulator: &Simulator, mut program: Foreign) {
     }
     assert_eq!(program.line(), "bump True");
     simulator.order("press up for 0.3");
-    MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 600 * MILLISECOND_NS);
+    MonotonicClock.sleep_ns(600 * MILLISECOND_NS);
     simulator.order("press back for 0.3");
     let Some(said) = program.end(pace) else { return };
     for change in ["('up', True)", "('up', False)", "('backspace', True)"] {

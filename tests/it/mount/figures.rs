@@ -113,7 +113,7 @@ fn load(robots: usize, drives: bool, reads: bool, for_s: f64) -> Option<Load> {
         let offset_ns = started_ns - mounted.simulation.now_ns();
         let mut worst_lag_ns = 0;
         while seconds(MonotonicClock.now_ns() - started_ns) < for_s {
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 20 * MILLISECOND_NS);
+            MonotonicClock.sleep_ns(20 * MILLISECOND_NS);
             let simulated_ns = mounted.simulation.now_ns();
             worst_lag_ns = worst_lag_ns.max(MonotonicClock.now_ns() - offset_ns - simulated_ns);
         }

@@ -33,7 +33,7 @@ fn after_the_last_renewal(dps: f64) -> (i64, i64) {
         for wheel in &mut wheels {
             wheel.turn(radians(dps), clock.now_ns()).unwrap();
         }
-        clock.sleep_until_ns(clock.now_ns() + 20 * MILLISECOND_NS);
+        clock.sleep_ns(20 * MILLISECOND_NS);
     }
     // The last thing that is done before a death.
     for wheel in &mut wheels {

@@ -30,7 +30,7 @@ impl Dialogue for Owner {
         if !question.starts_with("What is plugged into") {
             let seen = self.onlooker.choose(question, choices, default);
             // A wheel that a driver can only hold swings back a little.
-            self.clock.sleep_until_ns(self.clock.now_ns() + SECOND_NS);
+            self.clock.sleep_ns(SECOND_NS);
             return seen;
         }
         let sensor = self.inputs.remove(0);

@@ -142,7 +142,7 @@ impl Tree for FaultyTree {
         match self.plan.next(Kind::Open) {
             Some(Trouble::Fail(errno)) => return Err(errno),
             Some(Trouble::Die(_)) => return Err(Errno::EIO),
-            Some(Trouble::Delay(clock, ns)) => clock.sleep_until_ns(clock.now_ns() + ns),
+            Some(Trouble::Delay(clock, ns)) => clock.sleep_ns(ns),
             Some(Trouble::Short(_)) | None => {}
         }
         Ok(Box::new(FaultyFile { file: self.tree.open(path, access)?, plan: self.plan.clone() }))
@@ -169,7 +169,7 @@ impl AttributeFile for FaultyFile {
             Some(Trouble::Fail(errno)) => return Err(errno),
             Some(Trouble::Die(_)) => return Err(Errno::EIO),
             Some(Trouble::Short(bytes)) => return Ok(self.file.read(buffer)?.min(bytes)),
-            Some(Trouble::Delay(clock, ns)) => clock.sleep_until_ns(clock.now_ns() + ns),
+            Some(Trouble::Delay(clock, ns)) => clock.sleep_ns(ns),
             None => {}
         }
         self.file.read(buffer)
@@ -182,7 +182,7 @@ impl AttributeFile for FaultyFile {
             // The kernel stores an attribute whole or not at all; what it takes of it is for the
             // caller to look at.
             Some(Trouble::Short(bytes)) => return Ok(bytes.min(value.len())),
-            Some(Trouble::Delay(clock, ns)) => clock.sleep_until_ns(clock.now_ns() + ns),
+            Some(Trouble::Delay(clock, ns)) => clock.sleep_ns(ns),
             None => {}
         }
         self.file.write(value)
@@ -212,7 +212,7 @@ impl<S: Sink> Sink for FaultySink<S> {
             Some(Trouble::Die(fit)) => {
                 return self.sink.write_all(bytes.get(..fit).unwrap_or(bytes));
             }
-            Some(Trouble::Delay(clock, ns)) => clock.sleep_until_ns(clock.now_ns() + ns),
+            Some(Trouble::Delay(clock, ns)) => clock.sleep_ns(ns),
             None => {}
         }
         self.sink.write_all(bytes)
@@ -222,7 +222,7 @@ impl<S: Sink> Sink for FaultySink<S> {
         match self.plan.next(Kind::Sync) {
             Some(Trouble::Fail(errno)) => return Err(errno.into()),
             Some(Trouble::Die(_)) => return Ok(()),
-            Some(Trouble::Delay(clock, ns)) => clock.sleep_until_ns(clock.now_ns() + ns),
+            Some(Trouble::Delay(clock, ns)) => clock.sleep_ns(ns),
             Some(Trouble::Short(_)) | None => {}
         }
         self.sink.sync()

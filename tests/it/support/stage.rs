@@ -137,7 +137,7 @@ impl Play {
             execute(&job, environment, &StopFlags::default(), &mut witness, report)?
         };
         let drove_ns = clock.now_ns() - began_ns.load(Ordering::Relaxed);
-        clock.sleep_until_ns(clock.now_ns() + SECOND_NS);
+        clock.sleep_ns(SECOND_NS);
         simulation.catch_up();
         let truth = simulation.inspect(|world: &mut WorldPhysics| world.truth(0)).unwrap().unwrap();
         Ok(Played {

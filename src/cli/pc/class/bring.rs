@@ -117,7 +117,7 @@ impl Bringing {
                 if self.brick.over.load(Ordering::Relaxed) {
                     return Err("the page has ended".to_owned());
                 }
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 100 * MILLISECOND_NS);
+                MonotonicClock.sleep_ns(100 * MILLISECOND_NS);
             }
         }
     }

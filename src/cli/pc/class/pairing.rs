@@ -94,7 +94,7 @@ impl Pairing {
             }
             let until_ns = MonotonicClock.now_ns().saturating_add(REST_NS);
             while !over.load(Ordering::Relaxed) && MonotonicClock.now_ns() < until_ns {
-                MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + 100 * MILLISECOND_NS);
+                MonotonicClock.sleep_ns(100 * MILLISECOND_NS);
             }
         }
     }

@@ -89,7 +89,7 @@ pub(super) fn all(plan: &Plan<'_>, output: &mut Output) -> Result<Vec<Came>, Fai
                 halt.hear();
             }
             shown.show(&shares, output);
-            MonotonicClock.sleep_until_ns(MonotonicClock.now_ns() + LOOK_NS);
+            MonotonicClock.sleep_ns(LOOK_NS);
         }
         shown.finish();
         let lost = |_| Failure::new(Exit::Failed, "the thread that followed a brick has died");
