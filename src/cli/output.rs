@@ -198,15 +198,15 @@ impl Output {
         ExitCode::from(exit)
     }
 
-    /// A reader that has gone away (`onbrick … | head`) is no failure.
     /// Prints bytes as they are: what another program would have.
+    ///
+    /// A reader that has gone away (`onbrick … | head`) is no failure.
     pub fn bytes(&mut self, bytes: &[u8]) {
         let mut out = io::stdout().lock();
         self.closed |= out.write_all(bytes).and_then(|()| out.flush()).is_err();
     }
 
     fn print(&mut self, text: &str) {
-        let mut out = io::stdout().lock();
-        self.closed |= writeln!(out, "{text}").and_then(|()| out.flush()).is_err();
+        self.bytes(format!("{text}\n").as_bytes());
     }
 }
