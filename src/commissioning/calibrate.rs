@@ -201,7 +201,7 @@ impl Calibration {
         let scale = self.gyro_scale.map(|scale| ("gyro.scale", edit::rounded(scale)));
         let values: Vec<(&str, String)> = numbers.chain(scale).chain(list).collect();
         let text = set_values(robot, &values)?;
-        RobotConfig::load(&robot.name, text.as_bytes()).map_err(ApplyError::Findings)?;
+        RobotConfig::load(&robot.name, text.as_bytes())?;
         Ok(text)
     }
 }
@@ -222,8 +222,8 @@ pub enum ApplyError {
     #[error(transparent)]
     Edit(#[from] EditError),
     /// The file would not be in order with them.
-    #[error("{0}")]
-    Findings(Findings),
+    #[error(transparent)]
+    Findings(#[from] Findings),
 }
 
 /// Drives and measures. The circumference comes first, because the track width goes by it.

@@ -78,8 +78,8 @@ pub enum SetupError {
     #[error("a motor does not do what it is told")]
     Device(#[from] DeviceError),
     /// The answers do not make a robot.
-    #[error("{0}")]
-    Findings(Findings),
+    #[error(transparent)]
+    Findings(#[from] Findings),
 }
 
 /// What a person says a motor turns.
@@ -145,7 +145,7 @@ pub fn setup(
     }
     measures(dialogue, &mut draft)?;
     let text = draft.to_toml();
-    RobotConfig::load("robot.toml", text.as_bytes()).map_err(SetupError::Findings)?;
+    RobotConfig::load("robot.toml", text.as_bytes())?;
     Ok(text)
 }
 

@@ -140,8 +140,8 @@ pub enum KeyError {
     #[error("others can read {}, so it is no secret", .0.display())]
     Readable(PathBuf),
     /// Mend the file.
-    #[error("{0}")]
-    Broken(Findings),
+    #[error(transparent)]
+    Broken(#[from] Findings),
     /// The disk or its permissions.
     #[error("cannot use {}", path.display())]
     Io {
@@ -223,8 +223,7 @@ impl KeyPair {
         }
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(KeyError::io(&path))?;
-        let document =
-            Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
+        let document = Document::new(&path.display().to_string(), &bytes)?;
         let halves = document.read(|root| {
             root.allow(&["public", "secret"]);
             let half = |name| {
@@ -237,7 +236,7 @@ impl KeyPair {
             };
             Some((half("public")?, half("secret")?))
         });
-        let ((public, secret), _) = halves.map_err(KeyError::Broken)?;
+        let ((public, secret), _) = halves?;
         Ok(Self { public: PublicKey(public), secret })
     }
 

@@ -30,8 +30,8 @@ const TOO_BUSY: &str =
 #[non_exhaustive]
 pub enum Refused {
     /// A file is not in order.
-    #[error("{0}")]
-    Findings(Findings),
+    #[error(transparent)]
+    Findings(#[from] Findings),
     /// A number that the mission does not have, or not so.
     #[error("--set")]
     Setting(#[from] SetError),
@@ -70,12 +70,6 @@ pub enum Refused {
     /// This program was built without the simulated brick.
     #[error("this onbrick was built without the simulated brick")]
     NoSimulation,
-}
-
-impl From<Findings> for Refused {
-    fn from(findings: Findings) -> Self {
-        Self::Findings(findings)
-    }
 }
 
 impl Refused {

@@ -10,8 +10,8 @@ use crate::runtime::Source;
 #[non_exhaustive]
 pub enum EditError {
     /// The file is no TOML any more.
-    #[error("{0}")]
-    Findings(Findings),
+    #[error(transparent)]
+    Findings(#[from] Findings),
     /// The file does not have this number: write it in by hand.
     #[error("{file} has no `{key}` to write to")]
     Missing {
@@ -30,11 +30,10 @@ pub enum EditError {
 ///
 /// [`EditError`]; no value is put in where one of them has no place.
 pub fn set_values(source: &Source, values: &[(&str, String)]) -> Result<String, EditError> {
-    let document =
-        Document::new(&source.name, source.text.as_bytes()).map_err(EditError::Findings)?;
+    let document = Document::new(&source.name, source.text.as_bytes())?;
     let places = document
         .read(|root| Some(values.iter().map(|(key, _)| place(root, key)).collect::<Vec<_>>()));
-    let (places, _) = places.map_err(EditError::Findings)?;
+    let (places, _) = places?;
     let mut edits = Vec::new();
     for ((key, value), place) in values.iter().zip(places) {
         let missing = || EditError::Missing { file: source.name.clone(), key: (*key).to_owned() };

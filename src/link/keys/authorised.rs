@@ -119,7 +119,7 @@ fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
     let mut bytes = Vec::new();
     io::Read::read_to_end(&mut io::Read::take(open(path)?, LONGEST_FILE), &mut bytes)
         .map_err(KeyError::io(path))?;
-    let document = Document::new(&path.display().to_string(), &bytes).map_err(KeyError::Broken)?;
+    let document = Document::new(&path.display().to_string(), &bytes)?;
     let read = document.read(|root| {
         root.allow(&["name", "key"]);
         // A person may have written any text there.
@@ -127,7 +127,7 @@ fn read(path: &Path) -> Result<AuthorisedKey, KeyError> {
         let key = PublicKey::read(&root.require("key")?, "")?;
         Some(AuthorisedKey { name, key })
     });
-    read.map(|(found, _)| found).map_err(KeyError::Broken)
+    Ok(read?.0)
 }
 
 #[cfg(test)]

@@ -72,10 +72,9 @@ impl KnownBricks {
     }
 
     fn parse(path: PathBuf, bytes: &[u8]) -> Result<Self, KeyError> {
-        let document =
-            Document::new(&path.display().to_string(), bytes).map_err(KeyError::Broken)?;
+        let document = Document::new(&path.display().to_string(), bytes)?;
         let read = document.read(|root| Some(root.items().iter().filter_map(brick).collect()));
-        let (bricks, _) = read.map_err(KeyError::Broken)?;
+        let (bricks, _) = read?;
         Ok(Self { path, text: document.text().to_owned(), bricks })
     }
 
