@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::{load_mission, load_robot, read_mission};
+use super::common::{load_robot, read_mission};
 use super::{Failure, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::document::Finding;
@@ -52,10 +52,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 continue;
             }
         };
-        let (mission, findings) = match load_mission(&source, &capabilities) {
-            Ok((mission, warnings)) => (Some(mission), warnings),
-            Err(findings) => (None, findings),
-        };
+        let (mission, findings) =
+            match Mission::parse(&source.name, source.text.as_bytes(), &capabilities) {
+                Ok((mission, warnings)) => (Some(mission), warnings),
+                Err(findings) => (None, findings),
+            };
         broken += usize::from(mission.is_none());
         let checked = Checked {
             mission: source.name.clone(),

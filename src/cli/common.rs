@@ -136,20 +136,17 @@ pub(super) fn shipped_mission(name: &str) -> Option<&'static str> {
 }
 
 /// Loads a mission for a robot.
-///
-/// # Errors
-///
-/// What was found; [`broken_mission`] makes a failure of it.
 pub(super) fn load_mission(
     source: &Source,
     capabilities: &Capabilities,
-) -> Result<(Mission, Findings), Findings> {
+) -> Result<(Mission, Findings), Failure> {
     Mission::parse(&source.name, source.text.as_bytes(), capabilities)
+        .map_err(|findings| broken_mission(source, &findings))
 }
 
 /// The failure of a mission that does not load, with the way out that fits: it may want more than
 /// the robot has.
-pub(super) fn broken_mission(source: &Source, findings: &Findings) -> Failure {
+fn broken_mission(source: &Source, findings: &Findings) -> Failure {
     let (name, text) = (source.name.as_str(), source.text.as_bytes());
     let fits = |capabilities: &Capabilities| Mission::parse(name, text, capabilities).is_ok();
     let hint = if fits(&Capabilities::all()) {

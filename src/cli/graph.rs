@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::common::{broken_mission, load_mission, read_mission};
+use super::common::{load_mission, read_mission};
 use super::{Failure, Output};
 use crate::behavior::{Capabilities, mermaid};
 
@@ -18,8 +18,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let source = read_mission(&arguments.mission)?;
-    let (mission, _) = load_mission(&source, &Capabilities::all())
-        .map_err(|findings| broken_mission(&source, &findings))?;
+    let (mission, _) = load_mission(&source, &Capabilities::all())?;
     let drawn = mermaid(&mission);
     output.text(&drawn, &serde_json::json!({ "mission": mission.name(), "mermaid": drawn }));
     Ok(())

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::brick::{MissionBrick, no_brick};
 use super::common::{
-    broken_mission, chosen_robot, load_mission, load_robot, number_within, own_program, pose,
-    read_mission, setting, stamps_ns, warn,
+    chosen_robot, load_mission, load_robot, number_within, own_program, pose, read_mission,
+    setting, stamps_ns, warn,
 };
 use super::folder::RunFolder;
 use super::happenings::Happenings;
@@ -130,8 +130,7 @@ fn prepare(
     let chosen = chosen_robot(arguments.robot.as_deref(), output);
     let robot = load_robot(chosen.as_deref(), output)?;
     let source = read_mission(&arguments.mission)?;
-    let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())
-        .map_err(|findings| broken_mission(&source, &findings))?;
+    let (mut mission, warnings) = load_mission(&source, &robot.config.capabilities())?;
     warn(&warnings);
     for (name, value) in &arguments.set {
         mission.set(name, *value).map_err(|error| {

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use serde::Serialize;
 
 use crate::behavior::Capabilities;
-use crate::cli::common::{broken_mission, load_mission, read_source, warn};
+use crate::cli::common::{load_mission, read_source, warn};
 use crate::cli::{Context, Exit, Failure, Hint, Output};
 use crate::link::{KnownBrick, KnownBricks, key_folder};
 
@@ -91,8 +91,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// when the mission is started.
 fn parcel(path: &std::path::Path) -> Result<Parcel, Failure> {
     let source = read_source(path, |_| None)?.with_submachines(path.parent());
-    let (_, warnings) = load_mission(&source, &Capabilities::all())
-        .map_err(|findings| broken_mission(&source, &findings))?;
+    let (_, warnings) = load_mission(&source, &Capabilities::all())?;
     warn(&warnings);
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let plain = |sign: char| sign.is_ascii_alphanumeric() || matches!(sign, '-' | '_' | '.');

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::remote::{Asking, How, PATIENCES_S};
 use super::start;
 use crate::behavior::Capabilities;
-use crate::cli::common::{broken_mission, load_mission, make_folder, number_within, setting};
+use crate::cli::common::{load_mission, make_folder, number_within, setting};
 use crate::cli::{Exit, Failure, Hint, Output};
 use crate::link::Team;
 use crate::runtime::Source;
@@ -131,8 +131,7 @@ fn wanted(mission: &Path) -> Result<Wanted, Failure> {
         Chosen::Name(name) => name.clone(),
         Chosen::Text(text) => {
             let source = Source { name: mission.display().to_string(), text: text.clone() };
-            let loaded = load_mission(&source, &Capabilities::all());
-            loaded.map_err(|findings| broken_mission(&source, &findings))?.0.name().to_owned()
+            load_mission(&source, &Capabilities::all())?.0.name().to_owned()
         }
     };
     Ok(Wanted { chosen, name })

@@ -16,8 +16,8 @@ use std::sync::atomic::Ordering;
 
 use serde_json::{Value, json};
 
-use crate::behavior::{Capabilities, shipped};
-use crate::cli::common::{load_mission, load_robot, load_world, read_bounded};
+use crate::behavior::{Capabilities, Mission, shipped};
+use crate::cli::common::{load_robot, load_world, read_bounded};
 use crate::cli::run::page::watched;
 use crate::cli::{Failure, Output};
 use crate::clock::{MILLISECOND_NS, wall_ns};
@@ -125,10 +125,11 @@ impl Missions {
     /// lacks, the brick says when it is started.
     pub(super) fn check(&self, name: &str, text: &str) -> Value {
         let source = self.source(name, text);
-        let (findings, mission) = match load_mission(&source, &Capabilities::all()) {
-            Ok((mission, warnings)) => (warnings, Some(mission)),
-            Err(findings) => (findings, None),
-        };
+        let (findings, mission) =
+            match Mission::parse(&source.name, source.text.as_bytes(), &Capabilities::all()) {
+                Ok((mission, warnings)) => (warnings, Some(mission)),
+                Err(findings) => (findings, None),
+            };
         json!({
             "findings": findings.iter().collect::<Vec<_>>(),
             "good": mission.is_some(),
@@ -210,7 +211,8 @@ impl Trial {
         // A name is that of a built-in world, as for `run --sim`.
         let (world_source, start) = load_world(Path::new(world))?;
         let robot = load_robot(None, &mut Output::new(true))?;
-        let (mission, _) = load_mission(source, &robot.config.capabilities())?;
+        let (mission, _) =
+            Mission::parse(&source.name, source.text.as_bytes(), &robot.config.capabilities())?;
         // It is a trial: only the newest recording is kept.
         match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
