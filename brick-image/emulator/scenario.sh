@@ -92,6 +92,8 @@ linked() { grep -q ':1626 00000000:0000 0A' /proc/net/tcp; }
 # drive_through MISSION: a run by the service, in the background; its events are in /tmp/events.
 # Returns when it drives.
 drive_through() {
+  # What the run before said is not taken for this one's.
+  rm -f /tmp/events
   (onbrick --json run "$1" --brick /tmp/brick --config /tmp/config 2>&1 && echo '{"exit":0}') \
     >/tmp/events &
   driving=$!
