@@ -60,7 +60,8 @@ build_pc() {
   install_rust
   # Optimized as `cargo install` does it, and not as a whole, which takes minutes.
   (cd "$work" && CARGO_TARGET_DIR=$built cross_cargo install --locked --no-track \
-    --config profile.release.lto=false --config profile.release.codegen-units=16 \
+    --config profile.release.opt-level=3 --config profile.release.lto=false \
+    --config profile.release.codegen-units=16 \
     --path "onbrick-$version" --root "$work/installed-$1") ||
     fail "the program for $1 could not be built"
   program=$work/$name/bin/onbrick
