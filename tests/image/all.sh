@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Everything that is tested on an emulated brick and in Debian roots, as many at a time as there are
-# processors, each with the seconds that it took; what one says is shown at its end. After
-# `brick-image/build.sh` and `brick-image/release.sh x86_64`, and as root. all.sh [NAME…]: only
-# these.
+# Everything that is tested on an emulated brick and in Debian roots, one more at a time than there
+# are processors, as boot.sh waits for half of its time; each with the seconds that it took; what
+# one says is shown at its end. After `brick-image/build.sh` and `brick-image/release.sh x86_64`,
+# and as root. all.sh [NAME…]: only these.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=../../brick-image/emulator/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/../../brick-image/emulator/common.sh"
@@ -53,7 +53,7 @@ run() {
 }
 
 for name; do
-  while [ "$(jobs -rp | wc -l)" -ge "$(nproc)" ]; do wait -n; done
+  while [ "$(jobs -rp | wc -l)" -gt "$(nproc)" ]; do wait -n; done
   run "$name" &
 done
 wait
