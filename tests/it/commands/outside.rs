@@ -108,8 +108,6 @@ fn drives(name: &str, world: &str, arguments: &[&str], check: impl Fn(&Pace, &Tr
 }
 
 /// A crate that depends on this one by path, with these features, and what it prints when it runs.
-/// Not with the link: `release.sh` builds that of the packaged crate, where as little of this
-/// repository's configuration is found, and CI has the tests of the link take that program.
 fn outside(folder: &Path, name: &str, features: &str, main: &str) -> String {
     let repository = env!("CARGO_MANIFEST_DIR");
     let place = folder.join(name);
@@ -168,4 +166,13 @@ fn crates_outside_the_repository_compile_and_run() {
     let tick = ", default-features = false, features = [\"tick\"]";
     let printed = outside(folder.path(), "tick", tick, bare);
     assert_eq!(printed, "0.000000\n0.003008\n", "a tenth of a radian of a wheel of 0.189 m");
+    let linking = "fn main() {\n    let names: Vec<&str> = \
+        onbrick::sim::World::names().collect();\n    println!(\"{}\", names.join(\" \"));\n\
+        \x20   // Without libzmq's CURVE there is no key.\n\
+        \x20   println!(\"key {}\", onbrick::link::KeyPair::generate().unwrap().public());\n}\n";
+    // All features are built by `release.sh`, of the crate as it is packaged: a static program, for
+    // which the linker is told another order of libraries.
+    let linked = ", default-features = false, features = [\"link\", \"sim\"]";
+    let printed = outside(folder.path(), "linked", linked, linking);
+    assert!(printed.contains("arena") && printed.contains("\nkey "), "{printed}");
 }
