@@ -3,10 +3,11 @@
 //! A [`Planner`] looks at an [`OccupancyGrid`] and answers a [`Request`] with a [`Plan`]: the next
 //! places of a way, or that there is none. To explore is to drive where free cells that can be
 //! reached lie beside cells that are not known (Yamauchi, *A frontier-based approach for autonomous
-//! exploration*, 1997), or beside walls of which the map has no point yet. The way is the cheapest
-//! one over the cells (Dijkstra with buckets; Dial 1969), where cells near something cost more.
-//! After a plan the same search goes as far as the place where the robot started: how long the way
-//! home is.
+//! exploration*, 1997), or beside walls of which the map has no point yet. Of all these it takes
+//! the one whose way costs least, less how far it is from home, where the robot started: what is
+//! further out comes first, as the robot has to come back and can look at the rest then. The way is
+//! the cheapest one over the cells (Dijkstra with buckets; Dial 1969), where cells near something
+//! cost more. After a plan the same search goes as far as home: how long the way home is.
 //!
 //! # What a cell is
 //!
@@ -113,13 +114,12 @@ const GOAL_NEAR: i32 = 4;
 /// A way ends so far before what is of interest, cells: from there a sweep sees it best.
 const VIEW: i32 = 5;
 /// This number of cells of interest within five by five is worth a way.
-const WORTHWHILE: i32 = 3;
+const WORTHWHILE: i32 = 5;
 /// How much longer a way may be for each further cell of interest, and for how many, centimetres.
 const GAIN_CM: i32 = 5;
 const GAIN_MOST: i32 = 10;
 /// How much longer a way may be to stay with the last goal, and how near it is still that one.
 const STAY_CM: i32 = 25;
-const MOST_WORTH_CM: i32 = GAIN_CM * GAIN_MOST + STAY_CM;
 const STAY_NEAR: i32 = 6;
 /// Obstacles kept, and for how many plans: by then the grid has them, or they were ghosts.
 const OBSTACLES: usize = 16;
@@ -366,7 +366,7 @@ impl Planner {
         self.phase = Phase::Scan { row: 0 };
     }
 
-    /// Looks for a goal in one more cell. False where none further away can be a better one.
+    /// Looks for a goal in one more cell. False where none that is left can be a better one.
     fn spread(&mut self, request: &Request) -> bool {
         let Some((index, cost)) = self.advance() else { return false };
         match self.target {
@@ -382,12 +382,8 @@ impl Planner {
                 }
             }
             None => {
-                let cost_cm = i32::from(cost);
-                if self.best.is_some_and(|(best, _)| cost_cm - MOST_WORTH_CM > best) {
-                    return false;
-                }
                 if self.survey.kind(index).is_of_interest() {
-                    self.consider(request, self.survey.place_of(index), cost_cm);
+                    self.consider(request, self.survey.place_of(index), i32::from(cost));
                 }
             }
         }
@@ -422,8 +418,9 @@ impl Planner {
     /// Whether a cell that the wave has come to is the best goal so far.
     fn consider(&mut self, request: &Request, place: Place, cost_cm: i32) {
         let Goal::Frontier { within_m } = request.goal else { return };
-        let within = within_m / self.plan.lattice[2];
-        if f64::from(place.distance2(self.home)) > within * within {
+        let cell_m = self.plan.lattice[2];
+        let from_home_m = cell_m * libm::sqrt(f64::from(place.distance2(self.home)));
+        if from_home_m > within_m {
             return;
         }
         let is_near = place.distance2(self.start) <= LOOKED_NEAR * LOOKED_NEAR;
@@ -439,7 +436,10 @@ impl Planner {
         }
         let is_near_last = |last: Place| place.distance2(last) <= STAY_NEAR * STAY_NEAR;
         let stays = self.last_goal.is_some_and(is_near_last);
-        let score = cost_cm - GAIN_CM * gain.min(GAIN_MOST) - if stays { STAY_CM } else { 0 };
+        #[expect(clippy::cast_possible_truncation, reason = "it is within the grid")]
+        let from_home_cm = (100.0 * from_home_m) as i32;
+        let worth_cm = GAIN_CM * gain.min(GAIN_MOST) + if stays { STAY_CM } else { 0 };
+        let score = cost_cm - worth_cm - from_home_cm;
         if self.best.is_none_or(|(best, _)| score < best) {
             self.best = Some((score, place));
         }

@@ -132,6 +132,20 @@ fn the_gap_in_the_wall_is_where_to_go() {
 }
 
 #[test]
+fn what_is_further_from_home_comes_first_where_the_way_there_is_not_much_longer() {
+    // Home is in the middle; what is unknown on the left is nearer to the robot than that on the
+    // right.
+    let mut room = room();
+    for line in &mut room[8..14] {
+        line.replace_range(..13, &" ".repeat(13));
+    }
+    let mut drawn = drawn(&room, [1, 0]);
+    hear(&mut drawn, 2);
+    let [x_m, y_m] = drawn.plan(&exploring(1)).0.goal();
+    assert!(x_m > 0.9 && y_m.abs() < 0.25, "({x_m}, {y_m})");
+}
+
+#[test]
 fn what_was_looked_at_is_asked_for_no_more_and_then_nothing_is_left() {
     let mut drawn = drawn(&room(), [15, 0]);
     hear(&mut drawn, 2);
