@@ -16,8 +16,8 @@
 //!
 //! # What we count on
 //!
-//! - A reading that fails leaves the last one with its age; [`Robot::trouble`] tells the last
-//!   error.
+//! - A reading that fails leaves the last one with its age; [`Robot::trouble_with`] tells
+//!   why.
 //! - Dropping a robot stops its motors, on every way out that unwinds.
 
 use std::io;
@@ -40,10 +40,12 @@ mod ports;
 mod sensor;
 mod shipped;
 mod stop;
+mod trouble;
 
 use bind::Bound;
 use mend::{Mended, Mender};
 use stop::StopSwitch;
+use trouble::Troubles;
 
 pub use battery::{BatteryConfig, BatteryLimits};
 pub use bind::{BindError, PLUG_AGAIN, PLUG_IN};
@@ -90,8 +92,9 @@ pub struct Robot {
     /// What the gyro's reading is counted from; not known between plugging it in again and its
     /// first reading.
     gyro_zero_rad: Option<f64>,
-    trouble: Option<(Channel, DeviceError)>,
-    refused: Option<DeviceError>,
+    /// Readings that failed, and commands.
+    troubles: Troubles,
+    refusals: Troubles,
     settle_ns: i64,
     mender: Mender,
     /// What of which motor is looked at, and which of these looks is next.
@@ -254,9 +257,7 @@ impl Robot {
     /// Notes how reading a device went, by its first channel.
     fn note(&mut self, channel: Channel, read: Result<(), DeviceError>, now_ns: i64) {
         self.mender.note(channel, read.as_ref().err().map(DeviceError::is_gone), now_ns);
-        if let Err(error) = read {
-            self.trouble = Some((channel, error));
-        }
+        self.troubles.note(channel, read);
     }
 
     /// Reads a sensor. The gyro does not know the turn that it made while unplugged: it continues
@@ -341,19 +342,22 @@ impl Robot {
             _ => None,
         };
         let speeds = self.config.wheel_speeds(demands.drive);
-        for (wheel, speed) in [&mut self.left, &mut self.right].into_iter().zip(speeds) {
+        let wheels = [(Channel::Left, &mut self.left), (Channel::Right, &mut self.right)];
+        for ((channel, wheel), speed) in wheels.into_iter().zip(speeds) {
             let done = match action {
                 Some(action) => wheel.stop(action),
                 None => wheel.turn(speed, now_ns),
             };
-            note_refusal(&mut self.refused, done);
+            self.refusals.note(channel, done);
         }
         let head_rad_s = self.head_speed(demands);
         if let Some(head) = &mut self.head {
-            note_refusal(&mut self.refused, head.turn(head_rad_s, now_ns));
+            self.refusals.note(Channel::Head, head.turn(head_rad_s, now_ns));
         }
-        for (motor, speed) in self.motors.iter_mut().zip(demands.motors) {
-            note_refusal(&mut self.refused, motor.turn(speed.unwrap_or(0.0), now_ns));
+        let motors = Channel::MOTORS.into_iter().zip(&mut self.motors);
+        for ((channel, motor), speed) in motors.zip(demands.motors) {
+            let done = motor.turn(speed.unwrap_or(0.0), now_ns);
+            self.refusals.note(channel, done);
         }
         self.show(demands);
     }
@@ -361,14 +365,13 @@ impl Robot {
     /// Stops every motor now; true if each of them took the command.
     pub fn stop(&mut self, action: StopAction) -> bool {
         let mut stopped = true;
-        for motor in [&mut self.left, &mut self.right]
-            .into_iter()
-            .chain(&mut self.head)
-            .chain(&mut self.motors)
-        {
-            if let Err(error) = motor.stop(action) {
-                stopped = false;
-                self.refused = Some(error);
+        for channel in MOTORS {
+            let Some(done) = self.motor_mut(channel).map(|motor| motor.stop(action)) else {
+                continue;
+            };
+            stopped &= done.is_ok();
+            if done.is_err() {
+                self.refusals.note(channel, done);
             }
         }
         if let Some(sound) = &mut self.sound {
@@ -379,17 +382,14 @@ impl Robot {
         stopped
     }
 
-    /// The last reading that failed, and the last command.
-    #[must_use]
-    pub fn trouble(&self) -> Option<String> {
-        let reading = self.trouble.as_ref().map(|(channel, error)| format!("{channel}: {error}"));
-        reading.or_else(|| self.refused.as_ref().map(ToString::to_string))
-    }
-
-    /// Why a channel could not be read the last time that anything could not be.
+    /// Why the device behind a channel could not be read the last time, or else why a motor there
+    /// refused the last command. None of them where both went well: it is another device's trouble
+    /// then, or its driver is silent.
     #[must_use]
     pub fn trouble_with(&self, channel: Channel) -> Option<&DeviceError> {
-        self.trouble.as_ref().filter(|(troubled, _)| *troubled == channel).map(|(_, error)| error)
+        let sensor = self.sensors.iter().find(|sensor| sensor.channels().any(|of| of == channel));
+        let lead = sensor.map_or(channel, RoleSensor::lead);
+        self.troubles.of(lead).or_else(|| self.refusals.of(lead))
     }
 
     /// Tells people near that the robot is about to move: an orange light, and a beep each second.
@@ -469,13 +469,6 @@ impl Robot {
                 None => sound.silence(),
             };
         }
-    }
-}
-
-/// Keeps the last command that was refused.
-fn note_refusal(refused: &mut Option<DeviceError>, done: Result<(), DeviceError>) {
-    if let Err(error) = done {
-        *refused = Some(error);
     }
 }
 

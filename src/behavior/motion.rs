@@ -13,7 +13,7 @@
 //! No obstacles: a state's conditions look for them. A wheel that is blocked is the runtime's. No
 //! ways over the map: [`super::navigation`].
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +30,8 @@ pub struct MotionLimits {
     pub speed_m_s: f64,
     /// The fastest that a wheel may be, metres per second.
     pub max_m_s: f64,
+    /// The fastest that a wheel may turn, radians per second.
+    pub max_wheel_rad_s: f64,
     /// How fast a wheel's speed may grow and shrink, metres per second each second.
     pub acceleration_m_s2: f64,
     /// Half of the way between the wheels, metres.
@@ -48,6 +50,7 @@ impl Default for MotionLimits {
         Self {
             speed_m_s: 0.09,
             max_m_s: 0.19,
+            max_wheel_rad_s: TAU,
             acceleration_m_s2: 0.3,
             half_track_m: 0.057,
             head_rad: FRAC_PI_2,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Exit, Failure};
-use crate::ev3dev::LocalTree;
+use crate::ev3dev::{Inventory, LocalTree, Tree};
 
 /// Where this machine has the brick's files: for commands that drive, or listen to the buttons.
 #[derive(Debug, clap::Args)]
@@ -67,6 +67,17 @@ impl MissionBrick {
     }
 }
 
+/// Refuses where there is nothing to set up or to measure.
+pub(super) fn brick_is_there(tree: &std::sync::Arc<dyn Tree>) -> Result<(), Failure> {
+    // What cannot be read is said where it is used.
+    match Inventory::read(tree) {
+        Ok(found) if found.is_empty() => {
+            Err(Failure { exit: Exit::Refused, ..no_brick(tree.root()) })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Below this folder is no brick.
 pub(super) fn no_brick(root: &Path) -> Failure {
     let root = root.display();
@@ -74,5 +85,10 @@ pub(super) fn no_brick(root: &Path) -> Failure {
         Exit::Failed,
         format!("there is no brick below {root}: no devices of ev3dev in its sys/class"),
     )
-    .hint("--brick with the folder where a simulated brick is mounted, or run this on the brick")
+    .hint(if cfg!(feature = "sim") {
+        "run this on the brick; or onbrick sim FOLDER, which mounts a simulated one, and then \
+         --brick FOLDER here"
+    } else {
+        "run this on the brick, or give --brick the folder where one is mounted"
+    })
 }

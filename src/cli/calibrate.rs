@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::brick::BrickFiles;
+use super::brick::{BrickFiles, brick_is_there};
 use super::common::load_robot;
 use super::setup::not_written;
 use super::terminal::{Terminal, stop_flags};
@@ -34,7 +34,8 @@ pub(super) struct Arguments {
     /// The robot's file; the new numbers are written into it, and what was there is kept beside it.
     #[arg(default_value = "robot.toml")]
     robot: PathBuf,
-    /// Measure only one of the two, or the range sensor.
+    /// Measure only this: wheels' circumference or track, the range sensor's errors, or where it
+    /// hears the robot itself.
     #[arg(long)]
     only: Option<Only>,
     /// How to measure the circumference, instead of asking.
@@ -84,11 +85,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         )));
     }
     let robot = load_robot(Some(&arguments.robot), output)?;
+    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
+    brick_is_there(&tree)?;
     let flags = stop_flags()?;
     let _lock = HardwareLock::take(arguments.brick.root(), "onbrick calibrate")
         .context(Exit::Refused, "the robot is taken")
         .hint("onbrick halt")?;
-    let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let calibration = crate::commissioning::calibrate(
         &tree,

@@ -88,7 +88,10 @@ fn summary(mission: &Mission) -> String {
     let machines: Vec<String> = mission
         .machines()
         .iter()
-        .map(|machine| format!("{} ({} states)", machine.name, machine.states.len()))
+        .map(|machine| match machine.states.len() {
+            1 => format!("{} (1 state)", machine.name),
+            states => format!("{} ({states} states)", machine.name),
+        })
         .collect();
     format!(
         "in order: {}, {} Hz, {} s at most",

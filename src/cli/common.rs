@@ -154,11 +154,13 @@ fn broken_mission(source: &Source, findings: &Findings) -> Failure {
             RobotConfig::load(robot.name, robot.text.as_bytes())
                 .is_ok_and(|(config, _)| fits(&config.capabilities()))
         });
-        let other = shipped.map(|robot| format!("; or --robot {}, which has it", robot.name));
+        let other = shipped.map_or_else(
+            || "FILE, a robot that has it (onbrick new robot FILE writes one)".to_owned(),
+            |robot| format!("{}, which has it", robot.name),
+        );
         format!(
             "the mission is in order and wants another robot: plug in what is missing and let \
-             onbrick setup write a robot.toml{}",
-            other.unwrap_or_default()
+             onbrick setup write a robot.toml; or --robot {other}"
         )
     } else {
         "onbrick new mission, which shows a whole file with comments".to_owned()

@@ -34,7 +34,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         if arguments.plugged {
             inventory.devices.retain(|entry| entry.class != "lego-port");
         }
-        if inventory.devices.is_empty() && inventory.battery.is_none() {
+        if inventory.is_empty() {
             return Err(no_brick(&arguments.brick));
         }
         output.show(table(&inventory), &inventory);

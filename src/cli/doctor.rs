@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         Some(path) => read_robot(&path).map_err(|failure| failure.message),
         None => {
             output.line("with the shipped robot, the mapper: there is no robot.toml here");
-            Ok(Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() })
+            Ok(Source { name: "mapper.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() })
         }
     };
     let patient = Patient {

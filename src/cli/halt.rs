@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::brick::no_brick;
 use super::{Context, Exit, Failure, Output};
 use crate::clock::{Clock, MonotonicClock, SECOND_NS};
-use crate::ev3dev::{LocalTree, Tree};
+use crate::ev3dev::{Inventory, LocalTree, Tree};
 use crate::robot::{Halted, halt, watch_still};
 use crate::runtime::{
     HardwareLock, LockError, OrphansError, Owner, PATIENCE_NS, evict, signal, stop_orphans,
@@ -71,7 +71,13 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
         output.line(format!("{}: {} stopped", motor.address, motor.driver_name));
     }
     if motors.is_empty() {
-        output.line(format!("there are no motors below {}", arguments.brick.display()));
+        let is_brick = Inventory::read(&tree).map_or(true, |found| !found.is_empty());
+        let elsewhere = if is_brick {
+            ""
+        } else {
+            ", and no brick: onbrick stop stops those that are known in the network"
+        };
+        output.line(format!("there are no motors below {}{elsewhere}", arguments.brick.display()));
     }
     output.value(&Report {
         stopped_run: stopped_run.clone().filter(|_| ended),

@@ -128,7 +128,7 @@ pub(super) fn run(arguments: &Arguments, _output: &mut Output) -> Result<(), Fai
     let tree: Arc<dyn Tree> = Arc::new(arguments.brick.tree());
     let platform = Platform::of(&tree);
     let built_in = platform.screen.as_ref().map_err(|why| {
-        let message = format!("the menu is not shown on a {}: {why}", platform.what);
+        let message = format!("the menu is not shown on {}: {why}", platform.one());
         Failure::new(Exit::Refused, message)
             .hint("onbrick start and onbrick status from a PC, or onbrick run here")
     })?;

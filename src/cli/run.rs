@@ -193,7 +193,7 @@ fn brick(arguments: &Arguments, robot: Option<&RobotConfig>) -> Result<(Brick, P
     let files = &arguments.brick.files;
     let tree = files.tree();
     let inventory = Inventory::read(&(Arc::new(tree.clone()) as Arc<dyn Tree>));
-    if inventory.is_ok_and(|found| found.devices.is_empty() && found.battery.is_none()) {
+    if inventory.is_ok_and(|found| found.is_empty()) {
         let failure = Failure { exit: Exit::Refused, ..no_brick(files.root()) };
         #[cfg(feature = "sim")]
         let failure = failure.hint(

@@ -175,7 +175,7 @@ fn place(arguments: &Arguments) -> Result<RobotSite, Failure> {
     }
     let tree: Arc<dyn Tree> = Arc::new(brick.files.tree());
     let inventory = Inventory::read(&tree).context(Exit::Failed, "cannot look at the devices")?;
-    if inventory.devices.is_empty() && inventory.battery.is_none() {
+    if inventory.is_empty() {
         return Err(no_brick(brick.files.root()).hint(
             "--sim arena serves a simulated robot, --brick one that is mounted in a folder; or run \
              this on the brick",

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::brick::brick_is_there;
 use super::common::WRITABLE;
 use super::terminal::{Terminal, stop_flags};
 use super::{Context, Exit, Failure, Hint, Output};
@@ -46,11 +47,12 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
             Failure::refused(format!("there is no folder for {}", file.display())).hint(WRITABLE)
         );
     }
+    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
+    brick_is_there(&tree)?;
     let flags = stop_flags()?;
     let _lock = HardwareLock::take(&arguments.brick, "onbrick setup")
         .context(Exit::Refused, "the robot is taken")
         .hint("onbrick halt")?;
-    let tree: Arc<dyn Tree> = Arc::new(LocalTree::new(&arguments.brick));
     let mut terminal = Terminal::open(arguments.answers.as_deref(), &flags)?;
     let text = crate::commissioning::setup(&tree, &MonotonicClock, &flags, &mut terminal)
         .map_err(|error| refused(&error))?;

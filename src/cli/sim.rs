@@ -186,7 +186,12 @@ fn span(text: &str) -> Result<f64, String> {
 
 /// Writes orders to a mounted brick's `sim/orders`.
 fn order(brick: &Path, order: &str, output: &mut Output) -> Result<(), Failure> {
-    Order::parse(0, order).context(Exit::Usage, "no such order")?;
+    Order::parse(0, order).map_err(|error| {
+        let failure = Failure::new(Exit::Usage, format!("`{order}`: {}", error.message));
+        failure.hint(error.hint.unwrap_or_else(|| {
+            "in1 stuck, outB block for 2, in4 unplug, battery 6.2, clear".to_owned()
+        }))
+    })?;
     let file = brick.join("sim/orders");
     if !file.exists() {
         return Err(Failure::refused(format!(
@@ -334,8 +339,10 @@ fn nodes(
 /// The scenario, read before anything is mounted.
 fn scenario(arguments: &Arguments) -> Result<Option<Scenario>, Failure> {
     let Some(path) = &arguments.scenario else { return Ok(None) };
-    let source = read_source(path, |_| None)?;
-    let (scenario, warnings) = Scenario::parse(&source.name, source.text.as_bytes())?;
+    const SHOWN: &str = "onbrick explain using, which shows one";
+    let source = read_source(path, |_| None).hint(SHOWN)?;
+    let parsed = Scenario::parse(&source.name, source.text.as_bytes());
+    let (scenario, warnings) = parsed.map_err(Failure::from).hint(SHOWN)?;
     warn(&warnings);
     Ok(Some(scenario))
 }

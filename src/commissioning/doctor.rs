@@ -144,6 +144,8 @@ struct Examination<'p> {
     patient: &'p Patient<'p>,
     platform: &'static Platform,
     config: Option<RobotConfig>,
+    /// There is a brick to look at.
+    has_brick: bool,
     /// No other program drives: sensors may be put into their modes.
     is_free: bool,
     _lock: Option<HardwareLock>,
@@ -151,23 +153,32 @@ struct Examination<'p> {
 
 type Check = fn(&mut Examination<'_>, &mut Diagnosis);
 
+/// What a check looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Of {
+    /// The brick: there is nothing to look at where there is none.
+    Brick,
+    /// Files and this machine.
+    Machine,
+}
+
 /// The order is that in which a person puts things right: the file, the brick, the devices, then
 /// what a run needs besides.
-const CHECKS: &[Check] = &[
-    roles::file,
-    brick::tree,
-    brick::lock,
-    machine::groups,
-    roles::motors,
-    roles::sensors,
-    brick::battery,
-    brick::buttons,
-    brick::lights,
-    brick::speaker,
-    machine::disk,
-    machine::clock,
-    machine::priority,
-    machine::missions,
+const CHECKS: &[(Of, Check)] = &[
+    (Of::Machine, roles::file),
+    (Of::Machine, brick::tree),
+    (Of::Brick, brick::lock),
+    (Of::Brick, machine::groups),
+    (Of::Brick, roles::motors),
+    (Of::Brick, roles::sensors),
+    (Of::Brick, brick::battery),
+    (Of::Brick, brick::buttons),
+    (Of::Brick, brick::lights),
+    (Of::Brick, brick::speaker),
+    (Of::Machine, machine::disk),
+    (Of::Machine, machine::clock),
+    (Of::Machine, machine::priority),
+    (Of::Machine, machine::missions),
 ];
 
 /// Looks at everything, in about two seconds. Nothing moves.
@@ -177,11 +188,15 @@ pub fn examine(patient: &Patient<'_>) -> Diagnosis {
         patient,
         platform: Platform::of(patient.tree),
         config: None,
+        has_brick: true,
         is_free: false,
         _lock: None,
     };
     let mut diagnosis = Diagnosis::default();
-    for check in CHECKS {
+    for (of, check) in CHECKS {
+        if *of == Of::Brick && !examination.has_brick {
+            continue;
+        }
         if patient.flags.is_raised() {
             diagnosis.fail("doctor", "stopped before the end", "start it again for the rest");
             break;

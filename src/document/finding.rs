@@ -179,7 +179,15 @@ impl std::error::Error for Findings {}
 pub fn nearest<'c>(word: &str, candidates: impl IntoIterator<Item = &'c str>) -> Option<String> {
     /// Below this similarity (0 to 1) the two words have little to do with each other.
     const NEAR: f64 = 0.75;
-    let scored = candidates.into_iter().map(|name| (strsim::jaro_winkler(word, name), name));
+    /// What begins alike passes that, however it continues: at least this part of the letters must
+    /// be the same, but for the beginning of a longer name.
+    const SAME: f64 = 0.4;
+    let is_slip = |name: &&str| {
+        (word.len() > 1 && name.starts_with(word))
+            || strsim::normalized_damerau_levenshtein(word, name) >= SAME
+    };
+    let candidates = candidates.into_iter().filter(is_slip);
+    let scored = candidates.map(|name| (strsim::jaro_winkler(word, name), name));
     let best = scored.max_by(|a, b| a.0.total_cmp(&b.0))?;
     (best.0 >= NEAR).then(|| format!("did you mean `{}`?", best.1))
 }

@@ -55,6 +55,12 @@ pub struct LiveValue {
 }
 
 impl Inventory {
+    /// Whether there is nothing of a brick at all. A brick with nothing plugged in has its ports.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.devices.is_empty() && self.battery.is_none()
+    }
+
     /// Looks at everything.
     ///
     /// # Errors

@@ -143,6 +143,13 @@ impl Default for &Platform {
 }
 
 impl Platform {
+    /// What people call one of them: "an EV3", "a BrickPi3".
+    #[must_use]
+    pub fn one(&self) -> String {
+        let article = if self.what.starts_with('E') { "an" } else { "a" };
+        format!("{article} {}", self.what)
+    }
+
     /// The board below a root: the EV3 where no board says what it is, as in a simulation.
     #[must_use]
     pub fn of(tree: &Arc<dyn Tree>) -> &'static Self {

@@ -191,7 +191,15 @@ impl Server {
             let why = match serve(&ours, &config, operations) {
                 Ok(()) => "it was told to".to_owned(),
                 Err(error) => {
-                    log::error!("the link: {error}");
+                    let way_out = match error {
+                        ServerError::Bind { .. } => {
+                            "; no PC reaches this service until it is started again, when the \
+                             other program has ended, or with another `port` or `address` below \
+                             [link] in onbrick.toml"
+                        }
+                        _ => "",
+                    };
+                    log::error!("the link: {error}{way_out}");
                     error.to_string()
                 }
             };

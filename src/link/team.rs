@@ -131,7 +131,7 @@ fn brick(item: &Item<'_>, section: &Section<'_>, known: &KnownBricks) -> Option<
         let hint = nearest(name, names.iter().copied());
         let pair = || format!("onbrick pair {name}, or its `address` and `key` here");
         item.error_at_key(format!("no brick `{name}` is known on this PC"))
-            .hint(hint.unwrap_or_else(pair));
+            .hint(hint.map_or_else(pair, |hint| format!("{hint} If not: {}", pair())));
         return None;
     }
     let address = address.unwrap_or_else(|| known_as.map(|known| known.address.clone()));

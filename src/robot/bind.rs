@@ -10,6 +10,7 @@ use crate::senses::{Channel, Role};
 
 use super::mend::Mender;
 use super::stop::StopSwitch;
+use super::trouble::Troubles;
 use super::{Aspect, LeasedMotor, MOTORS, MotorRole, Robot, RobotConfig, RoleSensor, button};
 
 /// What to do about a device that is not where the file says.
@@ -194,8 +195,8 @@ impl Robot {
             tone_hz: None,
             head_rad: None,
             gyro_zero_rad: Some(0.0),
-            trouble: None,
-            refused: None,
+            troubles: Troubles::none(),
+            refusals: Troubles::none(),
             settle_ns,
             mender: Mender::new(binder),
             looks: Vec::new(),

@@ -44,6 +44,7 @@ impl RobotConfig {
             // Half of what the wheels may do leaves them room for steering.
             speed_m_s: self.speed_m_s.unwrap_or(max_m_s / 2.0),
             max_m_s,
+            max_wheel_rad_s: self.max_wheel_rad_s,
             acceleration_m_s2: self.acceleration_m_s2,
             half_track_m: self.track_width_m / 2.0,
             head_rad: self.head.as_ref().map_or(0.0, |head| head.limit_rad),

@@ -185,7 +185,7 @@ pub fn execute(
     let stopped = robot.stop(StopAction::Brake);
     let reason = driven.unwrap_or(StopReason::Panicked);
     let detail = match reason {
-        StopReason::Lost(_) => robot.trouble().map(|trouble| trouble.to_string()),
+        StopReason::Lost(channel) => robot.trouble_with(channel).map(ToString::to_string),
         StopReason::Button => robot.stop_trouble().map(ToString::to_string),
         StopReason::Outside(channel) => {
             robot.motor(channel).map(|motor| hand_on(motor, &environment.tree))
@@ -256,7 +256,10 @@ fn stoppable(job: &Job, robot: &Robot) -> Result<(), Refused> {
             Err(Refused::Buttons(error.clone()))
         }
         (Brick::Local(tree), Err(error)) => {
-            log::warn!("no stop button below {}: {error}", tree.root().display());
+            // The file itself: `--buttons` may have named another one.
+            let file = robot.platform().buttons.and_then(|file| tree.local_path(file));
+            let file = file.unwrap_or_else(|| tree.root().to_owned());
+            log::warn!("no stop button at {}: {}", file.display(), error.cause);
             Ok(())
         }
         (Brick::Simulated { .. }, Err(_)) => Ok(()),

@@ -36,7 +36,7 @@ mod told;
 
 pub use answers::{
     Disk, Done, Fetched, LastStop, Live, LiveDevice, MissionInfo, Missions, Pairing, RunInfo,
-    RunStatus, Runs, Settings, SettingsChange, Started, State, Status, Stopped,
+    RunStatus, Runs, Settings, SettingsChange, Started, State, Status, Stopped, whose,
 };
 pub use name::{Name, NoName};
 pub use parse::{NotUnderstood, parse, parse_local};

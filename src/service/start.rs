@@ -11,7 +11,7 @@ use super::core::{Service, named};
 use super::hardware::taken;
 use super::machine::Happening;
 use super::protocol::{
-    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped,
+    Caller, Done, Kind, LastStop, Refusal, RunId, RunStatus, Start, Started, State, Stopped, whose,
 };
 use super::store::Record;
 use super::{missions, signs};
@@ -123,7 +123,7 @@ impl Service {
         };
         let record = Record::new(start.run.clone(), &run.mission, run.time_limit_s, &by);
         job.file = inner.store.begin(record)?;
-        log::info!("run {}: mission {}, started by {by}", run.run, run.mission);
+        log::info!("run {}: mission {}, started {}", run.run, run.mission, whose(&by));
         {
             let mut now = inner.now();
             let begun = if now.stop_ns.is_some_and(|stop_ns| stop_ns >= asked_ns) {
@@ -190,7 +190,7 @@ impl Service {
             };
         };
         if now.stopped_by.is_none() {
-            log::info!("run {running}: asked to stop by {asker}");
+            log::info!("run {running}: asked to stop {}", whose(asker));
             now.stopped_by = Some((by, asker.to_owned()));
         }
         now.machine.happen(MonotonicClock.now_ns(), Happening::StopAsked);

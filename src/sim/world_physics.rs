@@ -40,7 +40,10 @@ const SLIP_S: f64 = 0.5;
 
 /// A world has no place for that many robots: give it more start poses, or start fewer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("world `{world}` has {starts} start poses, not {robots}")]
+#[error(
+    "world `{world}` has {starts} start pose{}, not {robots}",
+    if *.starts == 1 { "" } else { "s" }
+)]
 pub struct NoStartPose {
     /// The world's name.
     pub world: String,

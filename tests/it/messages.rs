@@ -244,6 +244,12 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
     std::fs::create_dir(folder.path().join("there")).unwrap();
     write("there/run.mcap", b"");
     write("there.toml", b"");
+    write("mapper.toml", DEFAULT_ROBOT.as_bytes());
+    let alone = |name: &str, what: &str| {
+        format!("name = \"{name}\"\n[machine.m.state.a]\ndo = {{ {what} }}\n").into_bytes()
+    };
+    write("arm.toml", &alone("arm", "motor.arm = 30"));
+    write("reach.toml", &alone("reach", "left_dps = 720, right_dps = 360, head_deg = 100"));
     std::fs::create_dir_all(folder.path().join("bare/sys/class")).unwrap();
     let mut out = String::new();
     for line in [
@@ -272,8 +278,23 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
         "new robot there.toml",
         "new mission no/where.toml",
         "new mission --from mapp",
+        "check reach.toml",
         "devices --brick nowhere",
+        "setup --brick nowhere",
+        "setup --brick bare",
+        "calibrate there.toml --brick bare",
+        "calibrate mapper.toml --brick bare",
         "halt --brick nowhere",
+        "halt --brick bare",
+        "explain",
+        "push nowhere nothing.toml",
+        "sim bricks --robots 2",
+        "sim brick --scenario nothing.toml",
+        "sim brick --scenario text.mcap",
+        "sim fault nowhere in9 stuck",
+        "sim fault nowhere in1 stukc",
+        "sim fault nowhere in1 stuck for",
+        "run arm.toml --sim open",
         "plot nothing.mcap -o map.svg",
         "plot empty.mcap -o map.svg",
         "plot text.mcap -o map.svg",
@@ -290,7 +311,8 @@ fn every_message_of_a_command_is_as_a_person_read_it_last() {
         let arguments: Vec<&str> = line.split(' ').collect();
         let said = run(folder.path(), &arguments);
         let code = said.code.unwrap();
-        assert!((1..=3).contains(&code), "{line}: {said:?}");
+        let may_be_done = ["explain", "halt --brick bare", "check reach.toml"].contains(&line);
+        assert!(code <= 3 && (code > 0 || may_be_done), "{line}: {said:?}");
         let place = folder.path().to_str().unwrap();
         let printed = if said.out.is_empty() {
             String::new()

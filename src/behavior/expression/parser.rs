@@ -371,8 +371,11 @@ impl<'p> Parser<'p, '_> {
             let hint = Some(format!("write `{}`", function.usage()));
             return self.unusable(place, Mistake::NoArguments(function.name()), hint);
         }
-        let hint = self.vocabulary.name_hint(name);
-        self.unusable(place, Mistake::UnknownName(shortened(name)), hint)
+        let hint = self.vocabulary.name_hint(name).unwrap_or_else(|| {
+            "a name is what is sensed, a value such as `red`, or one of [numbers] and [variables]"
+                .to_owned()
+        });
+        self.unusable(place, Mistake::UnknownName(shortened(name)), Some(hint))
     }
 
     fn sensed(

@@ -90,7 +90,11 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
 /// Reads and checks one mission. What devices the brick has, only the brick knows; it checks again
 /// when the mission is started.
 fn parcel(path: &std::path::Path) -> Result<Parcel, Failure> {
-    let source = read_source(path, |_| None)?.with_submachines(path.parent());
+    let source = read_source(path, |_| None).map_err(|failure| match path.is_file() {
+        true => failure,
+        false => failure.hint("a mission's file; onbrick new mission FILE writes one"),
+    })?;
+    let source = source.with_submachines(path.parent());
     let (_, warnings) = load_mission(&source, &Capabilities::all())?;
     warn(&warnings);
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();

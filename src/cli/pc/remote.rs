@@ -206,7 +206,7 @@ pub(super) fn conclude<T>(
             Ok(answer) => show(output, &brick, answer),
             Err(failure) if asked == 1 => return Err(failure),
             Err(failure) => {
-                let (error, exit) = (&failure.message, failure.exit as u8);
+                let (error, exit) = (unnamed(&brick, &failure), failure.exit as u8);
                 output.show(
                     format!("{}: {error}", brick.name),
                     &serde_json::json!({ "brick": brick.name, "error": error, "exit": exit }),
@@ -217,9 +217,18 @@ pub(super) fn conclude<T>(
     }
     let Some(first) = failures.first() else { return Ok(()) };
     let message = format!("{} of {asked} bricks did not do it", failures.len());
+    let hint = first.hint.clone();
     let all_alike =
         failures.len() == asked && failures.iter().all(|failure| failure.exit == first.exit);
-    Err(Failure::new(if all_alike { first.exit } else { Exit::SomeFailed }, message))
+    let exit = if all_alike { first.exit } else { Exit::SomeFailed };
+    Err(Failure { hint, ..Failure::new(exit, message) })
+}
+
+/// What a brick's failure says, without the brick's name: for lines that begin with it.
+pub(super) fn unnamed<'f>(brick: &KnownBrick, failure: &'f Failure) -> &'f str {
+    let message = failure.message.as_str();
+    let named = message.strip_prefix(brick.name.as_str());
+    named.and_then(|rest| rest.strip_prefix(": ")).unwrap_or(message)
 }
 
 /// A brick that did not do what it was asked.
@@ -239,9 +248,10 @@ pub(super) fn failure(brick: &KnownBrick, error: &ClientError) -> Failure {
             let failure = Failure::refused(format!("{name}: {message}"));
             match (&refusal.hint, refusal.kind) {
                 (Some(hint), _) => failure.hint(hint.clone()),
-                (None, Kind::BrokenMission) => {
-                    failure.hint("onbrick check, which says the same of a file here")
-                }
+                (None, Kind::BrokenMission) => failure.hint(
+                    "onbrick check, which says the same of a file here; with --robot, the \
+                         brick's robot.toml, also what the robot lacks",
+                ),
                 (None, _) => failure,
             }
         }
@@ -262,4 +272,26 @@ pub(super) struct Out {
     /// The folder for recordings.
     #[arg(short, long, value_name = "DIR", default_value = ".")]
     pub(super) out: PathBuf,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::KeyPair;
+
+    #[test]
+    fn a_line_of_a_brick_says_its_name_once() {
+        let key = KeyPair::generate().unwrap().public();
+        let brick = KnownBrick { name: "vm".to_owned(), address: "10.0.0.7".to_owned(), key };
+        let fail = || failure(&brick, &ClientError::AnotherKey { address: "10.0.0.7".to_owned() });
+        let failed = fail();
+        assert!(failed.message.starts_with("vm: what answers"), "{failed:?}");
+        let mut output = Output::new(false);
+        let answers = vec![(brick.clone(), Err::<(), _>(fail())), (brick.clone(), Ok(()))];
+        let all = conclude(answers, &mut output, |_, _, ()| {}).unwrap_err();
+        assert_eq!(all.message, "1 of 2 bricks did not do it");
+        // The way out is not lost.
+        assert_eq!(all.hint, failed.hint);
+        assert!(unnamed(&brick, &failed).starts_with("what answers"), "{failed:?}");
+    }
 }

@@ -31,7 +31,7 @@ fn line(run: &RunInfo) -> String {
     let metres = run.travelled_m.map(|metres| format!("  {metres:.1} m")).unwrap_or_default();
     let points = run.points.map(|points| format!("  {points} points")).unwrap_or_default();
     let end = match &run.end {
-        Some(end) => end.stop.reason.word(),
+        Some(end) => end.stop.reason.to_string(),
         None if run.going_on => "going on".to_owned(),
         None => "cut".to_owned(),
     };

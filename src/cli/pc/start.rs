@@ -33,14 +33,24 @@ pub(in crate::cli) struct Arguments {
 pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Failure> {
     let mission = chosen(&arguments.mission)?;
     let asking = arguments.bricks.asking(Unnamed::TheOnly)?;
-    let answers =
+    let mut answers =
         asking.ask(|client, _| client.start(mission.clone(), arguments.pose, &arguments.set));
+    if let Chosen::Text(_) = mission {
+        let failures = answers.iter_mut().filter_map(|(_, answer)| answer.as_mut().err());
+        failures.for_each(|failure| name_the_file(failure, &arguments.mission));
+    }
     conclude(answers, output, |output, brick, started| {
         output.show(
             format!("{}: started {}", brick.name, started.run),
             &serde_json::json!({ "brick": brick.name, "run": started.run }),
         );
     })
+}
+
+/// A brick gets a file's text alone, and calls it `mission.toml`.
+fn name_the_file(failure: &mut Failure, file: &Path) {
+    let place = format!("--> {}:", file.display());
+    failure.message = failure.message.replace("--> mission.toml:", &place);
 }
 
 /// Whether it is written as a file's path.
@@ -69,4 +79,17 @@ pub(super) fn chosen(mission: &Path) -> Result<Chosen, Failure> {
         return Err(Failure::refused(message).hint("copy it into the brick's folder of missions"));
     }
     Ok(Chosen::Text(source.text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_finding_of_the_brick_names_the_file_that_was_sent() {
+        let said = "blue: error: unknown key\n  --> mission.toml:3:8\n";
+        let mut failure = Failure::refused(said);
+        name_the_file(&mut failure, Path::new("./turn.toml"));
+        assert_eq!(failure.message, "blue: error: unknown key\n  --> ./turn.toml:3:8\n");
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::remote::{Bricks, Unnamed, conclude};
 use crate::cli::{Failure, Output};
-use crate::service::protocol::{RunStatus, State, Status};
+use crate::service::protocol::{RunStatus, State, Status, whose};
 
 /// Show the bricks' state: battery, what they do, or how their last run ended.
 ///
@@ -100,5 +100,5 @@ pub(super) fn going(run: &RunStatus) -> String {
         (None, Some(waits)) => format!("waits: {waits}"),
         (None, None) => "about to start".to_owned(),
     };
-    format!("{} ({}), started by {}: {how}", run.mission, run.run, run.by)
+    format!("{} ({}), started {}: {how}", run.mission, run.run, whose(&run.by))
 }

@@ -243,7 +243,10 @@ impl<'s> Stage<'s> {
     fn fresh(&self, channel: Channel) -> Result<f64, CalibrateError> {
         self.senses.fresh(channel, self.config().max_age_ns).ok_or_else(|| CalibrateError::Lost {
             channel,
-            trouble: self.robot.trouble().unwrap_or_else(|| "no reading".to_owned()),
+            trouble: self
+                .robot
+                .trouble_with(channel)
+                .map_or_else(|| "no reading".to_owned(), ToString::to_string),
         })
     }
 

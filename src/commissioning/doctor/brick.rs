@@ -13,12 +13,14 @@ pub(super) fn tree(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis)
     let root = examination.patient.tree.root().display();
     match Inventory::read(examination.patient.tree) {
         Err(error) => diagnosis.fail("brick", with_causes(&error), "onbrick devices shows more"),
-        Ok(inventory) if inventory.devices.is_empty() && inventory.battery.is_none() => diagnosis
-            .fail(
+        Ok(inventory) if inventory.is_empty() => {
+            examination.has_brick = false;
+            diagnosis.fail(
                 "brick",
                 format!("there is none below {root}: no device classes of ev3dev"),
                 "run this on the brick, or give --brick the folder where one is mounted",
-            ),
+            );
+        }
         Ok(inventory) => {
             let devices = inventory.devices.iter().filter(|entry| entry.class != "lego-port");
             let what = examination.platform.what;
@@ -101,7 +103,7 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
         };
     }
     if platform.buttons.is_none() {
-        let found = format!("a {} has none, and a run is refused without", platform.what);
+        let found = format!("{} has none, and a run is refused without", platform.one());
         let to_do = "a touch sensor as [stop_button] in robot.toml, or --no-button each time";
         return diagnosis.fail(CHECK, found, to_do);
     }
@@ -127,7 +129,7 @@ pub(super) fn buttons(examination: &mut Examination<'_>, diagnosis: &mut Diagnos
 
 pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     if examination.platform.lights.iter().all(|lamps| lamps.is_empty()) {
-        return diagnosis.ok("lights", format!("a {} has none", examination.platform.what));
+        return diagnosis.ok("lights", format!("{} has none", examination.platform.one()));
     }
     match StatusLights::open(examination.patient.tree, examination.platform)
         .and_then(|lights| lights.check_writable())
@@ -143,8 +145,7 @@ pub(super) fn lights(examination: &mut Examination<'_>, diagnosis: &mut Diagnosi
 
 pub(super) fn speaker(examination: &mut Examination<'_>, diagnosis: &mut Diagnosis) {
     if examination.platform.speaker.is_none() {
-        return diagnosis
-            .ok("speaker", format!("none is known on a {}", examination.platform.what));
+        return diagnosis.ok("speaker", format!("none is known on {}", examination.platform.one()));
     }
     match Sound::open(examination.patient.tree, examination.platform) {
         Ok(_) => diagnosis.ok("speaker", "it can be heard"),

@@ -88,6 +88,17 @@ pub struct Disk {
     pub free: u64,
 }
 
+/// Who asked for something, after a verb: "by anna", "on the brick" for what came from its own
+/// shell or menu.
+#[must_use]
+pub fn whose(by: &str) -> String {
+    match by {
+        "here" => "on the brick".to_owned(),
+        "menu" => "in the brick's menu".to_owned(),
+        by => format!("by {by}"),
+    }
+}
+
 /// A run that is going on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunStatus {
@@ -97,7 +108,7 @@ pub struct RunStatus {
     pub mission: String,
     /// The mission's time limit, seconds.
     pub time_limit_s: f64,
-    /// Who started it: a key's name, `menu`, `here`.
+    /// Who started it: a key's name, `menu`, `here`; [`whose`] says it.
     pub by: String,
     /// What it waits for, while it prepares.
     pub waits: Option<String>,

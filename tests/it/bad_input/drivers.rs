@@ -212,11 +212,37 @@ fn what_turns_bad_while_driving_is_never_taken_for_a_reading() {
                 "{folder}/{name}: the last good reading, with its age"
             );
             assert_eq!(senses.fresh(channel, 300 * MILLISECOND_NS), None);
-            assert!(robot.trouble().unwrap().contains(name), "{:?}", robot.trouble());
+            let trouble = robot.trouble_with(channel).unwrap().to_string();
+            assert!(trouble.contains(name), "{trouble}");
             assert!(robot.stop(StopAction::Brake), "the motors are told all the same");
             assert_eq!(fake.written(MOTORS[1], "command").last().unwrap().trim(), "stop");
         }
     }
+}
+
+#[test]
+fn a_devices_trouble_is_its_own_and_is_over_with_the_next_reading() {
+    let fake = shipped_brick();
+    let mut robot = ready(&fake.tree(), &shipped()).unwrap();
+    let troubled = |robot: &Robot| {
+        let all = [Channel::Left, Channel::Right, Channel::Head, Channel::Range, Channel::Gyro];
+        all.into_iter().filter(|&of| robot.trouble_with(of).is_some()).collect::<Vec<_>>()
+    };
+    let mut senses = Senses { time_ns: 1_000_000_000, ..Senses::default() };
+    robot.sense(&mut senses);
+    assert_eq!(troubled(&robot), []);
+    // Two at once: each has its own, whichever was read last.
+    fake.fail(SENSORS[0], "value0", Some(Errno::EIO), None);
+    fake.fail(MOTORS[1], "position", Some(Errno::ENODEV), None);
+    robot.sense(&mut senses);
+    assert_eq!(troubled(&robot), [Channel::Left, Channel::Range]);
+    for (channel, folder) in [(Channel::Left, MOTORS[1]), (Channel::Range, SENSORS[0])] {
+        let said = robot.trouble_with(channel).unwrap().to_string();
+        assert!(said.contains(folder), "{channel}: {said}");
+    }
+    fake.fail(SENSORS[0], "value0", None, None);
+    robot.sense(&mut senses);
+    assert_eq!(troubled(&robot), [Channel::Left]);
 }
 
 #[test]
@@ -231,7 +257,8 @@ fn a_motor_that_refuses_to_stop_is_told_again_and_reported() {
     fake.fail(MOTORS[1], "command", None, Some(Errno::EIO));
     assert!(!robot.stop(StopAction::Brake), "one of them did not take it");
     assert_eq!(fake.written(MOTORS[2], "command").last().unwrap().trim(), "stop", "the other did");
-    assert!(robot.trouble().unwrap().contains("command"), "{:?}", robot.trouble());
+    let trouble = robot.trouble_with(Channel::Left).unwrap().to_string();
+    assert!(trouble.contains("command"), "{trouble}");
     fake.fail(MOTORS[1], "command", None, None);
     drop(robot);
     assert_eq!(

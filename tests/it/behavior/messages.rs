@@ -363,6 +363,8 @@ fn robot_cases() -> Vec<(&'static str, String)> {
                 .replace("next =", "do = { head_deg = 5 }\nnext ="),
         ),
         ("faster than the wheels", state("do = { forward_mps = 10 }")),
+        ("wheels faster than they may", state("do = { left_dps = 540, right_dps = -720 }")),
+        ("one wheel faster", state("do = { left_dps = \"90 * range_m\", right_dps = 720 }")),
         (
             "motors that the robot lacks",
             when("motor.griper > 0").replace("next =", "do = { motor.leg = 5 }\nnext ="),

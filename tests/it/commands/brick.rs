@@ -687,6 +687,7 @@ fn a_device_that_goes_away_ends_the_run_with_its_name() {
         let (brick, said, recorded) = running.finish();
         assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
         assert!(said.err.contains("lost: gyro") && said.err.contains("in4"), "{}", said.err);
+        assert_eq!(said.err.matches("gyro").count(), 1, "{}", said.err);
         assert_eq!(brick.commands(), ["stop"; 3]);
         assert!(recorded.ending.unwrap().stop.to_string().starts_with("lost: gyro"));
     });

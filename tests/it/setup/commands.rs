@@ -60,6 +60,31 @@ fn setup_writes_a_file_from_answers_and_never_over_one_that_is_there() {
 }
 
 #[test]
+fn without_a_brick_no_command_blames_its_plugs() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("mapper.toml"), DEFAULT_ROBOT).unwrap();
+    for line in [&["setup", "--brick", "."][..], &["calibrate", "mapper.toml", "--brick", "."]] {
+        let said = onbrick(folder.path(), line);
+        assert_eq!(said.status.code(), Some(3), "{line:?}: {}", says(&said));
+        assert!(
+            says(&said).contains("there is no brick below") && !says(&said).contains("lug"),
+            "{line:?}: {}",
+            says(&said)
+        );
+    }
+    let said = onbrick(folder.path(), &["doctor", "--brick", "."]);
+    assert_eq!(said.status.code(), Some(3), "{}", says(&said));
+    assert!(
+        says(&said).contains("failed   brick")
+            && says(&said).contains("mapper.toml describes")
+            && says(&said).contains("1 check failed")
+            && !says(&said).contains("plug"),
+        "{}",
+        says(&said)
+    );
+}
+
+#[test]
 fn an_input_that_ends_refuses_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     shipped_brick().write(&folder.path().join("brick"));

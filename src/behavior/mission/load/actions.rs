@@ -38,6 +38,9 @@ pub(super) const ACTIONS: [&str; 23] = [
     "say",
 ];
 
+/// A speed that the robot's file does not allow.
+const TOO_FAST: &str = "this is faster than the robot's wheels may turn (`max_dps`)";
+
 /// Keys that move the wheels; those of one row go together.
 const DRIVES: [(&str, usize); 10] = [
     ("left_dps", 0),
@@ -85,7 +88,9 @@ impl<'d> Reader<'_, 'd, '_> {
         let drive = self.drive(table, moves);
         let head_deg = table.get("head_deg").and_then(|item| {
             self.moves(Role::Head, &item, moves);
-            self.number(&item, HEAD_DEG)
+            let head_deg = self.number(&item, HEAD_DEG)?;
+            self.head_is_within_reach(&item, &head_deg);
+            Some(head_deg)
         });
         let motors = table.section("motor").map(|motors| motors.items()).unwrap_or_default();
         let motors_dps = motors.iter().filter_map(|item| self.motor(item, moves)).collect();
@@ -140,8 +145,43 @@ impl<'d> Reader<'_, 'd, '_> {
             let turns =
                 (turn != 0.0).then(|| format!("turns at {:.0} degrees a second", turn * slower));
             let done: Vec<String> = drives.into_iter().chain(turns).collect();
-            item.warning("this is faster than the robot's wheels may turn (`max_dps`)".to_owned())
-                .hint(format!("it {}", done.join(" and ")));
+            item.warning(TOO_FAST.to_owned()).hint(format!("it {}", done.join(" and ")));
+        }
+    }
+
+    /// The same for speeds of the wheels themselves.
+    fn wheels_are_within_reach(&self, wheels: [(&Item<'d>, &Expression); 2]) {
+        let Some(limits) = self.vocabulary.capabilities().limits else { return };
+        let max_dps = limits.max_wheel_rad_s.to_degrees();
+        let known = wheels.map(|(_, speed)| speed.always());
+        let fastest = wheels.iter().zip(known).filter_map(|((item, _), dps)| Some((item, dps?)));
+        let Some((item, dps)) = fastest.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else {
+            return;
+        };
+        // What a file says in degrees comes back from radians.
+        if dps.abs() <= max_dps * (1.0 + 1e-9) {
+            return;
+        }
+        let turns = match known {
+            [Some(left), Some(right)] => {
+                let [left, right] = [left, right].map(|wheel| wheel * max_dps / dps.abs());
+                format!("they turn at {left:.0} and {right:.0} degrees a second")
+            }
+            _ => format!("none turns faster than {max_dps:.0} degrees a second"),
+        };
+        item.warning(TOO_FAST.to_owned()).hint(turns);
+    }
+
+    /// Warns of a place that the head does not turn to: it stops before it.
+    fn head_is_within_reach(&self, item: &Item<'d>, head_deg: &Expression) {
+        let Some(limits) = self.vocabulary.capabilities().limits else { return };
+        let most_deg = limits.head_rad.to_degrees();
+        // A robot without a head has a finding of its own.
+        let has_head = self.vocabulary.capabilities().has(Role::Head);
+        let beyond = |deg: f64| deg.abs() > most_deg * (1.0 + 1e-9);
+        if has_head && head_deg.always().is_some_and(beyond) {
+            item.warning("the robot's head does not turn that far (`limit_deg`)".to_owned())
+                .hint(format!("it turns {most_deg:.0} degrees to each side"));
         }
     }
 
@@ -276,7 +316,9 @@ impl<'d> Reader<'_, 'd, '_> {
             return None;
         };
         let (left_dps, right_dps) = (self.number(&left, DPS), self.number(&right, DPS));
-        Some(DrivePlan::Wheels { left_dps: left_dps?, right_dps: right_dps? })
+        let (left_dps, right_dps) = (left_dps?, right_dps?);
+        self.wheels_are_within_reach([(&left, &left_dps), (&right, &right_dps)]);
+        Some(DrivePlan::Wheels { left_dps, right_dps })
     }
 
     fn motor(&mut self, item: &Item<'d>, moves: &mut Moves) -> Option<(u8, Expression)> {

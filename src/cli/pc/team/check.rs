@@ -10,7 +10,7 @@ use super::Wanted;
 use crate::cli::{Exit, Failure, Output};
 use crate::document::nearest;
 use crate::link::{ClientError, KnownBrick};
-use crate::service::protocol::{Chosen, LastStop, MissionInfo, Missions, State, Status};
+use crate::service::protocol::{Chosen, LastStop, MissionInfo, Missions, State, Status, whose};
 
 /// What was found about one brick.
 #[derive(Debug)]
@@ -107,7 +107,7 @@ fn unready(status: &Status) -> Option<String> {
         }
         State::Fault => Some(format!("fault: {last}; press Enter on the brick once it is fixed")),
         State::Preparing | State::Running | State::Stopping => Some(match &status.run {
-            Some(run) => format!("busy: {} ({}), started by {}", run.mission, run.run, run.by),
+            Some(run) => format!("busy: {} ({}), started {}", run.mission, run.run, whose(&run.by)),
             None => word(status.state).to_owned(),
         }),
     }
@@ -211,7 +211,12 @@ pub(super) fn verdict(checked: &[Checked]) -> Result<(), Failure> {
     let names = unready.iter().map(|one| one.brick.name.as_str()).collect::<Vec<_>>().join(", ");
     let (few, all) = (unready.len(), checked.len());
     let exit = if unready.iter().all(|one| one.silent) { Exit::NoAnswer } else { Exit::Refused };
-    Err(Failure::new(exit, format!("{few} of {all} bricks are not ready, so none starts: {names}")))
+    let bricks = if all == 1 { "brick" } else { "bricks" };
+    let are = if few == 1 { "is" } else { "are" };
+    Err(Failure::new(
+        exit,
+        format!("{few} of {all} {bricks} {are} not ready, so none starts: {names}"),
+    ))
 }
 
 #[cfg(test)]
@@ -304,6 +309,10 @@ grey         ?  ?        ?             no answer from grey";
             (Exit::Refused, true),
             "{failure:?}"
         );
+        let words = |team: &[Checked]| verdict(team).unwrap_err().message;
+        assert_eq!(words(&team[3..]), "1 of 1 brick is not ready, so none starts: grey");
+        assert_eq!(words(&team[2..]), "1 of 2 bricks is not ready, so none starts: grey");
+        assert!(words(&team).starts_with("2 of 4 bricks are not ready"));
         assert_eq!(verdict(&team[3..]).unwrap_err().exit, Exit::NoAnswer);
         assert!(verdict(&team[..1]).is_ok());
     }

@@ -63,8 +63,12 @@ pub(super) fn verdict(came: &[Came]) -> Result<(), Failure> {
         true => Exit::Failed,
         false => Exit::SomeFailed,
     };
-    let message =
-        format!("{} of {} bricks did not come to a good end: {names}", bad.len(), came.len());
+    let message = format!(
+        "{} of {} {} did not come to a good end: {names}",
+        bad.len(),
+        came.len(),
+        if came.len() == 1 { "brick" } else { "bricks" }
+    );
     let lost = bad
         .iter()
         .find(|one| one.failure.as_ref().is_some_and(|failure| failure.exit == Exit::NoAnswer));
@@ -93,8 +97,10 @@ pub(super) fn merge(plan: &Plan<'_>, came: &[Came], output: &mut Output) -> Resu
     let (count, out) = (runs.len(), plan.out.display());
     output.show(
         format!(
-            "{points} points of {count} bricks: map.svg, map.png, points.csv, path.csv and \
-                 team.mcap in {out}"
+            "{points} {} of {count} {}: map.svg, map.png, points.csv, path.csv and team.mcap in \
+             {out}",
+            if points == 1 { "point" } else { "points" },
+            if count == 1 { "brick" } else { "bricks" }
         ),
         &json!({
             "points": points,
