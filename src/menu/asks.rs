@@ -109,9 +109,10 @@ impl Asks {
         self.flying[lane as usize].take()
     }
 
-    /// Whether an order of this kind waits or is on its way.
-    pub(super) fn is_ordering(&self, is_it: impl Fn(&LocalRequest) -> bool) -> bool {
-        self.orders.iter().chain(&self.flying[Lane::Order as usize]).any(is_it)
+    /// Whether an order to start waits or is on its way.
+    pub(super) fn is_starting(&self) -> bool {
+        let mut orders = self.orders.iter().chain(&self.flying[Lane::Order as usize]);
+        orders.any(|order| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_))))
     }
 
     /// Looks again at once; what has been due for longer still comes first.

@@ -22,6 +22,9 @@ const JOG_NS: i64 = 100 * MILLISECOND_NS;
 /// How fast a motor is jogged: fast enough to see which it is, slow enough to be held by hand.
 const JOG_PERCENT: i32 = 30;
 
+/// For how long the pairing window is opened: long enough to walk to the PC and back.
+const PAIRING_S: u32 = 120;
+
 /// What a press changes the time limit by, seconds, and how long it may be.
 const LIMIT_STEP_S: f64 = 10.0;
 const LIMIT_MOST_S: f64 = 3600.0;
@@ -67,7 +70,7 @@ impl Menu {
     fn jogged_port(&self) -> Option<String> {
         match &self.page {
             Some(Page::Port(port))
-                if self.shows_page(|_| true)
+                if self.showing() == Showing::Page
                     && self.device(port).is_some_and(|device| device.motor) =>
             {
                 Some(port.clone())
@@ -131,7 +134,7 @@ impl Menu {
     /// Which row Enter takes; none while it is out of sight: the page scrolls there instead.
     fn taken(&mut self) -> Option<usize> {
         let sheet = self.sheet();
-        if sheet.items() == 0 {
+        if sheet.choices() == 0 {
             return None;
         }
         let view = sheet.fit(self.view());
@@ -331,10 +334,7 @@ impl Menu {
 
     /// Starts a mission; a second press while the first is on its way does nothing.
     fn start(&mut self, mission: String) {
-        if self
-            .asks
-            .is_ordering(|order| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_))))
-        {
+        if self.asks.is_starting() {
             return;
         }
         self.started += 1;
@@ -354,7 +354,7 @@ impl Menu {
     fn act_pairing(&mut self, chosen: usize) {
         let order = match self.seen.pairing {
             Some(Pairing::Closed | Pairing::Failed { .. }) => {
-                LocalOnly::PairingWindow { seconds: Self::PAIRING_S }
+                LocalOnly::PairingWindow { seconds: PAIRING_S }
             }
             Some(Pairing::Open { .. }) => LocalOnly::PairingWindow { seconds: 0 },
             Some(Pairing::Compare { .. }) => LocalOnly::PairingAnswer { same: chosen == 1 },
