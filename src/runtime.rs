@@ -22,9 +22,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::behavior::submachines;
+use crate::behavior::{Capabilities, Mission, submachines};
 use crate::clock::SECOND_NS;
-use crate::document::read_bounded;
+use crate::document::{Findings, read_bounded};
 use crate::ev3dev::LocalTree;
 use crate::mapping::{Method, Pose};
 use crate::recording;
@@ -96,6 +96,14 @@ impl Source {
             }
         };
         Self { text: submachines::joined(&self.text, find), ..self }
+    }
+
+    /// Reads it as a mission, with what is worth a warning.
+    pub(crate) fn mission(
+        &self,
+        capabilities: &Capabilities,
+    ) -> Result<(Mission, Findings), Findings> {
+        Mission::parse(&self.name, self.text.as_bytes(), capabilities)
     }
 }
 

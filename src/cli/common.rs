@@ -140,15 +140,13 @@ pub(super) fn load_mission(
     source: &Source,
     capabilities: &Capabilities,
 ) -> Result<(Mission, Findings), Failure> {
-    Mission::parse(&source.name, source.text.as_bytes(), capabilities)
-        .map_err(|findings| broken_mission(source, &findings))
+    source.mission(capabilities).map_err(|findings| broken_mission(source, &findings))
 }
 
 /// The failure of a mission that does not load, with the way out that fits: it may want more than
 /// the robot has.
 fn broken_mission(source: &Source, findings: &Findings) -> Failure {
-    let (name, text) = (source.name.as_str(), source.text.as_bytes());
-    let fits = |capabilities: &Capabilities| Mission::parse(name, text, capabilities).is_ok();
+    let fits = |capabilities: &Capabilities| source.mission(capabilities).is_ok();
     let hint = if fits(&Capabilities::all()) {
         let shipped = ROBOTS.iter().find(|robot| {
             RobotConfig::load(robot.name, robot.text.as_bytes())

@@ -92,7 +92,8 @@ pub(super) fn choose(folder: &Path, chosen: &Chosen) -> Result<Source, Refusal> 
 ///
 /// [`Kind::BrokenMission`] with what was found.
 pub(super) fn load(source: &Source, capabilities: &Capabilities) -> Result<Mission, Refusal> {
-    Mission::parse(&source.name, source.text.as_bytes(), capabilities)
+    source
+        .mission(capabilities)
         .map(|(mission, _)| mission)
         .map_err(|findings| Refusal::new(Kind::BrokenMission, findings.to_string()))
 }

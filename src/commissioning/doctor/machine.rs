@@ -7,7 +7,7 @@ use nix::sys::resource::{Resource, getrlimit};
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{Gid, geteuid, getgroups};
 
-use crate::behavior::{Capabilities, Mission};
+use crate::behavior::Capabilities;
 use crate::clock::{wrong_year, year};
 use crate::document::{Document, read_bounded};
 
@@ -181,9 +181,7 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
         let source = Source { name: name.clone(), text: document.text().to_owned() };
         source.with_submachines(file.parent())
     });
-    let read = source
-        .and_then(|source| Mission::parse(&source.name, source.text.as_bytes(), capabilities));
-    match read {
+    match source.and_then(|source| source.mission(capabilities)) {
         Ok((mission, _)) => {
             diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name()))
         }
