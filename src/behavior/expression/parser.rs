@@ -9,7 +9,7 @@ use super::vocabulary::{SEARCHED, values};
 use super::{Comparison, Expression, Infix, Kind, Misreading, Mistake, Op, Vocabulary};
 use crate::behavior::blackboard::MAX_PIDS;
 use crate::behavior::signals::{Input, Signal, words};
-use crate::document::nearest;
+use crate::document::{nearest, nearest_or_all};
 use crate::senses::{Channel, Unit};
 
 /// How strongly `not` and a leading `-` hold their operand; operators are in [`power`].
@@ -216,8 +216,7 @@ impl<'p> Parser<'p, '_> {
         self.at += 1;
         let whole = place.start..end.end;
         let Some(function) = function else {
-            let hint = nearest(name, FUNCTIONS.iter().map(|row| row.0.name()))
-                .unwrap_or_else(|| format!("known are {}", known_functions()));
+            let hint = nearest_or_all(name, "known are", FUNCTIONS.iter().map(|row| row.0.name()));
             return Some(self.unusable(place, Mistake::NoFunction(shortened(name)), Some(hint)));
         };
         let takes = function.takes();
@@ -265,10 +264,7 @@ impl<'p> Parser<'p, '_> {
         let machines = || self.vocabulary.machines.iter().map(|(name, _)| name.as_str());
         let Some(index) = machines().position(|known| known == machine) else {
             // What a variable begins with is read before the machines.
-            let hint = nearest(machine, machines()).or_else(|| {
-                machines().next()?;
-                Some(format!("it has {}", machines().collect::<Vec<_>>().join(", ")))
-            });
+            let hint = machines().next().map(|_| nearest_or_all(machine, "it has", machines()));
             self.note(place, Mistake::NoMachine(shortened(machine)), hint);
             return None;
         };
@@ -467,10 +463,6 @@ impl<'p> Parser<'p, '_> {
 pub(in crate::behavior) fn is_plain(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-}
-
-fn known_functions() -> String {
-    FUNCTIONS.map(|row| row.0.name()).join(", ")
 }
 
 /// The way out where something else than `expected` stands.

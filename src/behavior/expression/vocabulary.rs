@@ -7,7 +7,7 @@ use super::function::FUNCTIONS;
 use super::mistake::Mistake;
 use crate::behavior::signals::{Capabilities, words};
 use crate::behavior::{MAX_MOTORS, MAX_SENSORS};
-use crate::document::nearest;
+use crate::document::{nearest, nearest_or_all};
 use crate::senses::{Channel, QUANTITIES, Quantity};
 
 /// With more names than this the nearest one is not looked for: it would take longer than reading
@@ -65,13 +65,11 @@ impl<'c> Vocabulary<'c> {
     pub fn variable(&self, name: &str) -> Option<u8> {
         let mut scope = self.scope.as_str();
         loop {
-            let inside = |known: &str| {
-                let known = known.strip_prefix(scope)?.strip_prefix('.')?;
-                Some(known == name)
-            };
             let is_it = |known: &str| match scope {
                 "" => known == name,
-                _ => inside(known) == Some(true),
+                _ => {
+                    known.strip_prefix(scope).and_then(|rest| rest.strip_prefix('.')) == Some(name)
+                }
             };
             if let Some(place) = self.variables.iter().position(|(known, _)| is_it(known)) {
                 return u8::try_from(place).ok();
@@ -159,11 +157,10 @@ impl Named {
 
     /// The way out where the robot has none of this name.
     pub(in crate::behavior) fn hint(&self, name: &str) -> String {
-        let known = || self.names.iter().map(String::as_str);
-        nearest(name, known()).unwrap_or_else(|| match self.names.as_slice() {
+        match self.names.as_slice() {
             [] => format!("[{}.NAME] in the robot's file would be one", self.what),
-            _ => format!("it has {}", known().collect::<Vec<_>>().join(", ")),
-        })
+            names => nearest_or_all(name, "it has", names.iter().map(String::as_str)),
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::behavior::expression::{
 };
 use crate::behavior::signals::Capabilities;
 use crate::behavior::tune::Tune;
-use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity, nearest};
+use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity};
 use crate::printable::is_printable;
 use crate::senses::Channel;
 
