@@ -277,7 +277,7 @@ impl Menu {
     fn announce(&mut self) {
         self.is_known = self.options.started_by != StartedBy::Brickman;
         if !self.is_known {
-            self.asks.order(LocalRequest::Own(LocalOnly::MenuHere));
+            self.asks.order(LocalOnly::MenuHere);
         }
     }
 

@@ -231,7 +231,7 @@ impl Menu {
     pub(super) fn let_go(&mut self) {
         let jogged = self.held.take().and_then(|held| held.jogs);
         if let Some(port) = jogged {
-            self.asks.order(LocalRequest::Own(LocalOnly::Jog { port, percent: 0 }));
+            self.asks.order(LocalOnly::Jog { port, percent: 0 });
         }
     }
 }

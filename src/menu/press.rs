@@ -6,9 +6,7 @@ use super::talk::TalkKind;
 use super::{Effect, Menu, Notice, Page, STOP_PATIENCE_NS, Showing, StartedBy, Tab};
 use crate::clock::MILLISECOND_NS;
 use crate::ev3dev::Button;
-use crate::service::protocol::{
-    Chosen, LocalOnly, LocalRequest, Pairing, RunId, SettingsChange, Start, State,
-};
+use crate::service::protocol::{Chosen, LocalOnly, Pairing, RunId, SettingsChange, Start, State};
 
 /// How long Up or Down is held before it repeats.
 const REPEAT_AFTER_NS: i64 = 500 * MILLISECOND_NS;
@@ -87,7 +85,7 @@ impl Menu {
         if let Some(port) = held.jogs.clone() {
             held.next_ns = now_ns + JOG_NS;
             let percent = if button == Button::Up { JOG_PERCENT } else { -JOG_PERCENT };
-            self.asks.order(LocalRequest::Own(LocalOnly::Jog { port, percent }));
+            self.asks.order(LocalOnly::Jog { port, percent });
         } else {
             held.next_ns = now_ns + REPEAT_NS;
             self.changed = true;
@@ -178,7 +176,7 @@ impl Menu {
         if let Some(Notice::Delete(run)) = self.notice.take()
             && taken == 1
         {
-            self.asks.order(LocalRequest::Own(LocalOnly::Delete { run }));
+            self.asks.order(LocalOnly::Delete { run });
             self.page = None;
         }
     }
@@ -196,7 +194,7 @@ impl Menu {
         let Some(ended) = self.ended.take() else { return };
         self.dismissed = Some(ended.stop);
         if is_fault {
-            self.asks.order(LocalRequest::Own(LocalOnly::Acknowledge));
+            self.asks.order(LocalOnly::Acknowledge);
         } else if let (Some(0), Some(run)) = (taken, ended.run) {
             self.tab = Tab::Runs;
             self.asks.refresh(Look::Runs, self.now_ns);
@@ -288,7 +286,7 @@ impl Menu {
                 return self.open(Page::Pairing);
             }
         };
-        self.asks.order(LocalRequest::Own(LocalOnly::SetSettings(change)));
+        self.asks.order(LocalOnly::SetSettings(change));
     }
 
     fn act_page(&mut self, button: Button) {
@@ -321,9 +319,9 @@ impl Menu {
             Button::Up => limit_s + LIMIT_STEP_S,
             Button::Down => limit_s - LIMIT_STEP_S,
             Button::Enter => {
-                let change =
-                    SettingsChange { time_limit_s: Some(limit_s), ..SettingsChange::default() };
-                self.asks.order(LocalRequest::Own(LocalOnly::SetSettings(change)));
+                let time_limit_s = Some(limit_s);
+                let change = SettingsChange { time_limit_s, ..SettingsChange::default() };
+                self.asks.order(LocalOnly::SetSettings(change));
                 self.page = None;
                 return;
             }
@@ -348,7 +346,7 @@ impl Menu {
             set: Vec::new(),
             no_button: false,
         };
-        self.asks.order(LocalRequest::Own(LocalOnly::StartHere(start)));
+        self.asks.order(LocalOnly::StartHere(start));
     }
 
     fn act_pairing(&mut self, chosen: usize) {
@@ -364,7 +362,7 @@ impl Menu {
             }
             Some(Pairing::NoLink { .. }) | None => return,
         };
-        self.asks.order(LocalRequest::Own(order));
+        self.asks.order(order);
     }
 
     fn act_talking(&mut self, button: Button) {
