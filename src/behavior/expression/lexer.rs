@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::{Comparison, Infix, Misreading, Mistake};
+use crate::printable;
 
 /// The smallest parts of an expression.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,7 +117,7 @@ fn number(rest: &str) -> Result<(Token<'_>, usize), Bad> {
                 "write it as `0.25` or `2.5e-1`"
             };
             let hint = Some(way_out.to_owned());
-            Err((Mistake::Number(shortened(text)), length, hint))
+            Err((Mistake::Number(printable::name(text).into_owned()), length, hint))
         }
     }
 }
@@ -144,13 +145,4 @@ fn name(rest: &str) -> (Token<'_>, usize) {
         name => Token::Name(name),
     };
     (token, length)
-}
-
-/// A text as a message shows it.
-pub(super) fn shortened(text: &str) -> String {
-    const SHOWN: usize = 40;
-    match text.char_indices().nth(SHOWN) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
 }

@@ -14,6 +14,9 @@ use crate::senses::{Channel, QUANTITIES, Quantity};
 /// the file.
 pub(in crate::behavior) const SEARCHED: usize = 200;
 
+/// The language's own words.
+const LANGUAGE: [&str; 5] = ["and", "or", "not", "true", "false"];
+
 /// The names that an expression may use: the signals of a robot, and a mission's own names.
 #[derive(Debug)]
 pub struct Vocabulary<'c> {
@@ -87,13 +90,11 @@ impl<'c> Vocabulary<'c> {
         sensors.get(usize::from(place)).map(|(_, measures)| *measures)
     }
 
-    /// The nearest name to one that is not known, of `names` and, where they are few, of all that
-    /// an expression can have.
+    /// The nearest name to one that is not known; of the mission's own the first are looked at.
     pub(in crate::behavior) fn name_hint(&self, name: &str) -> Option<String> {
         let own = self.numbers.keys().chain(self.variables.iter().map(|(name, _)| name));
         let own = own.take(SEARCHED).map(String::as_str);
-        let language = ["and", "or", "not", "true", "false"];
-        let known = words().map(|word| word.name).chain(language).chain(values().map(|row| row.0));
+        let known = words().map(|word| word.name).chain(LANGUAGE).chain(values().map(|row| row.0));
         let functions = FUNCTIONS.iter().map(|row| row.0.name());
         nearest(name, known.chain(functions).chain(own))
     }
@@ -101,7 +102,7 @@ impl<'c> Vocabulary<'c> {
     /// Whether a name has a meaning in every mission.
     pub(in crate::behavior) fn is_taken(name: &str) -> bool {
         words().any(|word| word.name == name)
-            || ["and", "or", "not", "true", "false", "motor", "sensor"].contains(&name)
+            || LANGUAGE.into_iter().chain(["motor", "sensor"]).any(|word| word == name)
             || FUNCTIONS.iter().any(|row| row.0.name() == name)
     }
 

@@ -14,7 +14,7 @@ use crate::behavior::expression::{
 use crate::behavior::signals::Capabilities;
 use crate::behavior::tune::Tune;
 use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity};
-use crate::printable::is_printable;
+use crate::printable::{self, is_printable};
 use crate::senses::Channel;
 
 mod actions;
@@ -259,18 +259,8 @@ fn is_name(name: &str, item: &Item<'_>) -> bool {
     if !good {
         item.error_at_key(format!(
             "a name has 1 to {NAME_CHARACTERS} characters on one line, not `{}`",
-            shown(name)
+            printable::name(name)
         ));
     }
     good
-}
-
-/// A text as a message shows it.
-fn shown(text: &str) -> String {
-    let mut shown: String =
-        text.chars().take(NAME_CHARACTERS).flat_map(char::escape_debug).collect();
-    if text.chars().nth(NAME_CHARACTERS).is_some() {
-        shown.push('…');
-    }
-    shown
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::signs::SIGNS;
-use super::{Outputs, Reader, shown};
+use super::{Outputs, Reader};
 use crate::behavior::expression::{Expression, Mistake};
 use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
 use crate::document::{Item, Section};
@@ -255,13 +255,7 @@ impl<'d> Reader<'_, 'd, '_> {
             }
             Err(mistake) => {
                 let hint = self.vocabulary.motors.hint(item.key());
-                let message = match mistake {
-                    Mistake::NoNamed { what, name } => {
-                        Mistake::NoNamed { what, name: shown(&name) }
-                    }
-                    other => other,
-                };
-                item.error_at_key(message.to_string()).hint(hint);
+                item.error_at_key(mistake.to_string()).hint(hint);
                 None
             }
         }
@@ -275,12 +269,8 @@ impl<'d> Reader<'_, 'd, '_> {
             QUANTITIES.iter().filter(|quantity| quantity.role == role && role != Role::Wheels);
         self.uses.extend(sensed.map(|quantity| (quantity.channel, item.key_place())));
         if !self.vocabulary.capabilities().has(role) && self.absent.insert(role.what()) {
-            item.error_at_key(format!(
-                "`{}` takes {}, which the robot does not have",
-                item.key(),
-                role.what()
-            ))
-            .hint(format!("[{}] in the robot's file would be that part", role.section()));
+            let (mistake, hint) = Mistake::no_part(item.key(), role);
+            item.error_at_key(mistake.to_string()).hint(hint);
         }
     }
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
 
 use super::done::is_to_end;
-use super::{Reader, is_name, shown};
+use super::{Reader, is_name};
 use crate::behavior::engine::LEVELS;
 use crate::behavior::expression::{Kind, SEARCHED};
 use crate::behavior::mission::{
@@ -16,6 +16,7 @@ use crate::behavior::mission::{
 use crate::behavior::shipped::SUBMACHINES;
 use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
 use crate::document::{Item, Section, Severity, nearest, nearest_or_all};
+use crate::printable;
 use crate::senses::Role;
 
 /// The keys of a machine, and of a sub-machine.
@@ -126,7 +127,7 @@ impl<'d> Reader<'_, 'd, '_> {
     ) -> Option<Layout<'d>> {
         let items = section.require("state")?.section()?.items();
         if items.is_empty() {
-            section.error(format!("machine `{}` has no state", shown(item.key())));
+            section.error(format!("machine `{}` has no state", printable::name(item.key())));
         }
         let mut states = Vec::with_capacity(items.len());
         for item in items {
@@ -170,18 +171,18 @@ impl<'d> Reader<'_, 'd, '_> {
                 "it comes with onbrick: submachines::joined puts it into the text".to_owned()
             } else {
                 nearest(name, own.chain(shipped)).unwrap_or_else(|| {
-                    let name = shown(name);
+                    let name = printable::name(name);
                     format!(
                         "[submachine.{name}] would be one, here or in {name}.toml beside this file"
                     )
                 })
             };
-            using.error(format!("there is no sub-machine `{}`", shown(name))).hint(hint);
+            using.error(format!("there is no sub-machine `{}`", printable::name(name))).hint(hint);
             return None;
         };
         let (key, section) = (item.key(), item.section()?);
         if walk.used.contains(&key) {
-            let way: Vec<String> = walk.used.iter().copied().chain([key]).map(shown).collect();
+            let way: Vec<_> = walk.used.iter().copied().chain([key]).map(printable::name).collect();
             using
                 .error(format!("the sub-machine uses itself: {}", way.join(" uses ")))
                 .hint("one of them must do without the other");
@@ -226,9 +227,10 @@ impl<'d> Reader<'_, 'd, '_> {
             if !self.used.contains(item.key()) {
                 let message =
                     format!("no state uses the sub-machine `{}`; it was not checked", item.key());
-                self.root
-                    .note(item.key_place(), Severity::Warning, message)
-                    .hint(format!("`use = \"{}\"` in a state, or leave it out", shown(item.key())));
+                self.root.note(item.key_place(), Severity::Warning, message).hint(format!(
+                    "`use = \"{}\"` in a state, or leave it out",
+                    printable::name(item.key())
+                ));
             }
         }
     }
@@ -375,8 +377,8 @@ impl<'d> Reader<'_, 'd, '_> {
                 let using = state.get("use").and_then(|using| using.text());
                 let message = format!(
                     "the sub-machine `{}` has no variable `{}`",
-                    shown(using.unwrap_or_default()),
-                    shown(item.key())
+                    printable::name(using.unwrap_or_default()),
+                    printable::name(item.key())
                 );
                 let hint = match known().next() {
                     Some(_) => nearest_or_all(item.key(), "it has", known()),
@@ -436,10 +438,11 @@ impl<'d> Reader<'_, 'd, '_> {
             let hint = match self.vocabulary.numbers.contains_key(name) {
                 true => "one of [numbers] does not change; it can be one of [variables]".to_owned(),
                 false => nearest(name, names()).unwrap_or_else(|| {
-                    format!("`{} = 0` in [variables] makes it one", shown(name))
+                    format!("`{} = 0` in [variables] makes it one", printable::name(name))
                 }),
             };
-            item.error_at_key(format!("there is no variable `{}`", shown(name))).hint(hint);
+            item.error_at_key(format!("there is no variable `{}`", printable::name(name)))
+                .hint(hint);
         }
         let value = self.number(item, Mission::NUMBERS);
         Some(Assignment { variable: variable?, value: value? })
@@ -451,8 +454,12 @@ impl Names<'_> {
         let name = item.text()?;
         let found = self.places.get(name).copied();
         if found.is_none() {
-            item.error(format!("machine `{}` has no state `{}`", shown(self.machine), shown(name)))
-                .hint(self.hint(name));
+            item.error(format!(
+                "machine `{}` has no state `{}`",
+                printable::name(self.machine),
+                printable::name(name)
+            ))
+            .hint(self.hint(name));
         }
         found
     }
@@ -462,7 +469,7 @@ impl Names<'_> {
         let known = || self.places.keys().copied();
         match self.places.len() {
             0..=8 => nearest(name, known()).unwrap_or_else(|| {
-                format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))
+                format!("it has {}", known().map(printable::name).collect::<Vec<_>>().join(", "))
             }),
             9..=SEARCHED => nearest(name, known()).unwrap_or_default(),
             _ => String::new(),
