@@ -8,7 +8,7 @@ use super::output::safe;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
-use crate::document::{Document, Findings, nearest};
+use crate::document::{Findings, nearest};
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
@@ -53,9 +53,7 @@ pub(super) fn read_source(
         }
         return Ok(Source { name: format!("{name}.toml"), text: text.to_owned() });
     }
-    let bytes = read_bounded(path)?;
-    let document = Document::new(&name, &bytes)?;
-    Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
+    Ok(Source::of(&name, &read_bounded(path)?)?)
 }
 
 /// Reads a mission's file, or takes a shipped one, with the sub-machines that it uses.

@@ -9,7 +9,7 @@ use nix::unistd::{Gid, geteuid, getgroups};
 
 use crate::behavior::Capabilities;
 use crate::clock::{wrong_year, year};
-use crate::document::{Document, read_bounded};
+use crate::document::read_bounded;
 
 use super::{Diagnosis, Examination, Verdict, with_causes};
 use crate::runtime::{Source, groups};
@@ -177,10 +177,7 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
             );
         }
     };
-    let source = Document::new(&name, &bytes).map(|document| {
-        let source = Source { name: name.clone(), text: document.text().to_owned() };
-        source.with_submachines(file.parent())
-    });
+    let source = Source::of(&name, &bytes).map(|source| source.with_submachines(file.parent()));
     match source.and_then(|source| source.mission(capabilities)) {
         Ok((mission, _)) => {
             diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name()))
