@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Comparison, Infix, Misreading, Mistake};
+use super::{Infix, Misreading, Mistake, OPERATORS};
 use crate::printable;
 
 /// The smallest parts of an expression.
@@ -22,27 +22,6 @@ pub(super) enum Token<'t> {
 
 /// A token and the bytes where it stands.
 pub(super) type Placed<'t> = (Token<'t>, Range<usize>);
-
-/// Operators by their text; longer ones first, so that `<=` is not read as `<`.
-const SIGNS: [(&str, Token<'static>); 13] = [
-    ("<=", compare(Comparison::LessOrEqual)),
-    (">=", compare(Comparison::GreaterOrEqual)),
-    ("==", compare(Comparison::Equal)),
-    ("!=", compare(Comparison::NotEqual)),
-    ("<", compare(Comparison::Less)),
-    (">", compare(Comparison::Greater)),
-    ("+", Token::Infix(Infix::Add)),
-    ("-", Token::Infix(Infix::Subtract)),
-    ("*", Token::Infix(Infix::Multiply)),
-    ("/", Token::Infix(Infix::Divide)),
-    ("(", Token::Open),
-    (")", Token::Close),
-    (",", Token::Comma),
-];
-
-const fn compare(comparison: Comparison) -> Token<'static> {
-    Token::Infix(Infix::Compare(comparison))
-}
 
 /// What other languages write, and what is meant.
 const FOREIGN: [(&str, &str); 8] = [
@@ -88,8 +67,14 @@ fn token(rest: &str, first: char) -> Result<(Token<'_>, usize), Bad> {
     if first.is_alphabetic() || first == '_' {
         return Ok(name(rest));
     }
-    if let Some((sign, token)) = SIGNS.iter().find(|(sign, _)| rest.starts_with(sign)) {
-        return Ok((*token, sign.len()));
+    match first {
+        '(' => return Ok((Token::Open, 1)),
+        ')' => return Ok((Token::Close, 1)),
+        ',' => return Ok((Token::Comma, 1)),
+        _ => {}
+    }
+    if let Some((sign, infix)) = OPERATORS.iter().find(|(sign, _)| rest.starts_with(sign)) {
+        return Ok((Token::Infix(*infix), sign.len()));
     }
     let foreign = FOREIGN.iter().find(|(sign, _)| rest.starts_with(sign));
     let (sign, hint) = match foreign {
@@ -137,12 +122,13 @@ fn name(rest: &str) -> (Token<'_>, usize) {
     let length =
         rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '.'))).unwrap_or(rest.len());
     let token = match &rest[..length] {
-        "and" => Token::Infix(Infix::And),
-        "or" => Token::Infix(Infix::Or),
         "not" => Token::Not,
         "true" => Token::Truth(true),
         "false" => Token::Truth(false),
-        name => Token::Name(name),
+        name => match OPERATORS.iter().find(|(text, _)| *text == name) {
+            Some((_, infix)) => Token::Infix(*infix),
+            None => Token::Name(name),
+        },
     };
     (token, length)
 }
