@@ -221,7 +221,7 @@ impl Menu {
             State::Stopping => "Stopping",
             _ => "Running",
         };
-        let sheet = Sheet { title, turns: true, ..Sheet::default() };
+        let sheet = Sheet::new(title).turning();
         let sheet = match &self.notice {
             Some(Notice::Refused { message, .. }) => sheet.strong(message),
             _ => sheet,

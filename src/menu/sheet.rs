@@ -336,7 +336,7 @@ fn arrow(canvas: &mut Canvas, left: i32, way: i32) {
 }
 
 /// The big button at the bottom.
-pub(super) fn draw_foot(canvas: &mut Canvas, text: &str) {
+fn draw_foot(canvas: &mut Canvas, text: &str) {
     let Ok(()) =
         canvas.fill_solid(&Rectangle::new(Point::new(0, HIGH - FOOT), size(WIDE, FOOT)), INK);
     let left = (WIDE - width(text, Face::Big)) / 2;
