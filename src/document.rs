@@ -216,6 +216,11 @@ impl<'d> Section<'d> {
         self.get(key)?.section()
     }
 
+    /// All keys of the table under a key, as [`Section::items`]; none where it is not there.
+    pub(crate) fn items_of(&self, key: &str) -> Vec<Item<'d>> {
+        self.section(key).map(|section| section.items()).unwrap_or_default()
+    }
+
     /// Adds an error at the table's own place.
     pub fn error(&self, message: String) -> Noted<'d> {
         note(self.source, self.place.clone(), Severity::Error, message)

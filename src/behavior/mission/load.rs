@@ -112,7 +112,7 @@ impl<'d> Reader<'_, 'd, '_> {
         self.variables();
         let mut drafts = self.machines()?;
         // What would be said of the whole is not certain without a machine that could not be read.
-        if drafts.len() < root.section("machine").map_or(0, |machines| machines.items().len()) {
+        if drafts.len() < root.items_of("machine").len() {
             return None;
         }
         let on_stall = checks::on_stall(root, &mut drafts);
@@ -139,7 +139,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// The mission's own numbers.
     fn numbers(&mut self) {
-        for item in self.root.section("numbers").iter().flat_map(Section::items) {
+        for item in self.root.items_of("numbers") {
             let (low, high) = Mission::NUMBERS;
             let own = self.own_name(&item).zip(item.number(low..=high));
             self.vocabulary.numbers.extend(own);
@@ -148,8 +148,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// The mission's variables, with what they are at the start.
     fn variables(&mut self) {
-        let items = self.root.section("variables").map(|section| section.items());
-        let items = items.unwrap_or_default();
+        let items = self.root.items_of("variables");
         if let Some(one_more) = items.get(MAX_VARIABLES) {
             let count = items.len();
             one_more.error_at_key(format!(

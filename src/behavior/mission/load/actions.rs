@@ -68,8 +68,8 @@ impl<'d> Reader<'_, 'd, '_> {
             self.moves(Role::Head, &item, moves);
             self.number(&item, HEAD_DEG)
         });
-        let motors = table.section("motor").map(|motors| motors.items()).unwrap_or_default();
-        let motors_dps = motors.iter().filter_map(|item| self.motor(item, moves)).collect();
+        let motors_dps =
+            table.items_of("motor").iter().filter_map(|item| self.motor(item, moves)).collect();
         Outputs { drive, head_deg, motors_dps, ..self.telling(table, None) }
     }
 
@@ -136,9 +136,10 @@ impl<'d> Reader<'_, 'd, '_> {
             if !motions.iter().any(|motion| table.get(motion).is_some()) {
                 let motions = motions.iter().map(|motion| format!("`{motion}`"));
                 let motions = motions.collect::<Vec<_>>().join(" or ");
-                item.error_at_key(format!("`{key}` goes together with {motions}")).hint(
-                    "`forward_mps` and `turn_dps` are speeds of a robot that drives on and on",
-                );
+                let speeds =
+                    "`forward_mps` and `turn_dps` are speeds of a robot that drives on and on";
+                let hint = if key.starts_with("speed_") { speeds } else { "" };
+                item.error_at_key(format!("`{key}` goes together with {motions}")).hint(hint);
             }
         }
     }

@@ -197,7 +197,7 @@ impl<'d> Reader<'_, 'd, '_> {
         is_name(key, &item);
         self.used.insert(key);
         let mut variables = Vec::new();
-        for own in section.section("variables").iter().flat_map(Section::items) {
+        for own in section.items_of("variables") {
             let (low, high) = Mission::NUMBERS;
             // An expression is worked out when the state is entered.
             let first = if own.is_text() { Some(0.0) } else { own.number(low..=high) };
@@ -223,7 +223,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// Sub-machines that no state uses: nothing in them has been looked at.
     fn unused(&self) {
-        for item in self.root.section("submachine").iter().flat_map(Section::items) {
+        for item in self.root.items_of("submachine") {
             if !self.used.contains(item.key()) {
                 let message =
                     format!("no state uses the sub-machine `{}`; it was not checked", item.key());
@@ -426,8 +426,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// The table `set` of a section: variables and what they become.
     fn assignments(&mut self, section: &Section<'d>) -> Vec<Assignment> {
-        let items = section.section("set").map(|set| set.items()).unwrap_or_default();
-        items.iter().filter_map(|item| self.assignment(item)).collect()
+        section.items_of("set").iter().filter_map(|item| self.assignment(item)).collect()
     }
 
     fn assignment(&mut self, item: &Item<'d>) -> Option<Assignment> {
