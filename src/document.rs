@@ -32,6 +32,7 @@ mod parts;
 pub mod save;
 mod syntax;
 
+pub(crate) use finding::nearest_or_all;
 pub use finding::{Finding, Findings, Severity, nearest};
 pub use kind::Kind;
 pub use load::read_bounded;
@@ -162,12 +163,15 @@ impl<'d> Section<'d> {
     pub fn allow(&self, keys: &[&str]) {
         for item in self.items() {
             if !keys.contains(&item.key()) {
-                item.error_at_key(format!("unknown key `{}`{}", item.key(), self.within())).hint(
-                    nearest(item.key(), keys.iter().copied())
-                        .unwrap_or_else(|| format!("known here: {}", keys.join(", "))),
-                );
+                self.unknown(&item, keys);
             }
         }
+    }
+
+    /// Adds an error at a key that is not among those that there may be.
+    pub(crate) fn unknown(&self, item: &Item<'d>, keys: &[&str]) {
+        item.error_at_key(format!("unknown key `{}`{}", item.key(), self.within()))
+            .hint(nearest_or_all(item.key(), "known here:", keys.iter().copied()));
     }
 
     /// All keys with their values, in the order of the file.
@@ -210,6 +214,11 @@ impl<'d> Section<'d> {
     /// The table under a key, if it is there.
     pub fn section(&self, key: &str) -> Option<Section<'d>> {
         self.get(key)?.section()
+    }
+
+    /// All keys of the table under a key, as [`Section::items`]; none where it is not there.
+    pub(crate) fn items_of(&self, key: &str) -> Vec<Item<'d>> {
+        self.section(key).map(|section| section.items()).unwrap_or_default()
     }
 
     /// Adds an error at the table's own place.
@@ -350,18 +359,19 @@ impl<'d> Item<'d> {
             DeValue::Integer(_) => self.whole().map(|whole| whole as f64),
             _ => None,
         };
-        let number: f64 = self.typed(number, "a number")?;
-        if range.contains(&number) {
-            return Some(number);
-        }
-        let (low, high) = (range.start(), range.end());
-        self.error(format!("`{}` is {number}; it can be {low} to {high}", self.path));
-        None
+        self.within(self.typed(number, "a number")?, range)
     }
 
     /// The value as a whole number within `range`.
     pub fn integer(&self, range: RangeInclusive<i64>) -> Option<i64> {
-        let number = self.typed(self.whole(), "a whole number")?;
+        self.within(self.typed(self.whole(), "a whole number")?, range)
+    }
+
+    fn within<N: PartialOrd + fmt::Display>(
+        &self,
+        number: N,
+        range: RangeInclusive<N>,
+    ) -> Option<N> {
         if range.contains(&number) {
             return Some(number);
         }

@@ -65,8 +65,8 @@ use std::collections::VecDeque;
 
 use crate::clock::{MILLISECOND_NS, SECOND_NS};
 use crate::service::protocol::{
-    LastStop, Live, LocalOnly, LocalRequest, Missions, Pairing, Request, RunId, Runs, Settings,
-    State, Status,
+    LastStop, Live, LocalOnly, LocalRequest, Missions, Pairing, Request, RunId, RunStatus, Runs,
+    Settings, State, Status,
 };
 
 pub use asks::Lane;
@@ -175,6 +175,10 @@ impl Seen {
         self.status.as_ref().map(|status| status.state)
     }
 
+    fn run(&self) -> Option<&RunStatus> {
+        self.status.as_ref()?.run.as_ref()
+    }
+
     fn is_running(&self) -> bool {
         matches!(self.state(), Some(State::Preparing | State::Running | State::Stopping))
     }
@@ -223,7 +227,6 @@ pub struct Menu {
     changed: bool,
     /// What the head's right corner said last.
     corner: String,
-    canvas: Canvas,
     /// What the screen shows; nothing at first.
     shown: Option<Canvas>,
 }
@@ -263,7 +266,6 @@ impl Menu {
             is_known: false,
             changed: true,
             corner: String::new(),
-            canvas: Canvas::default(),
             shown: None,
         };
         menu.announce();
@@ -275,7 +277,7 @@ impl Menu {
     fn announce(&mut self) {
         self.is_known = self.options.started_by != StartedBy::Brickman;
         if !self.is_known {
-            self.asks.order(LocalRequest::Own(LocalOnly::MenuHere));
+            self.asks.order(LocalOnly::MenuHere);
         }
     }
 
@@ -321,13 +323,12 @@ impl Menu {
             return None;
         }
         self.changed = false;
-        let mut canvas = std::mem::take(&mut self.canvas);
+        let mut canvas = Canvas::default();
         self.draw(&mut canvas);
-        self.canvas = canvas;
-        if self.shown.as_ref() == Some(&self.canvas) {
+        if self.shown.as_ref() == Some(&canvas) {
             return None;
         }
-        Some(self.shown.insert(self.canvas.clone()))
+        Some(self.shown.insert(canvas))
     }
 
     /// Gives the picture once more, although it is the one that was given last.
@@ -394,12 +395,7 @@ impl Menu {
     /// The run whose map is on the screen.
     fn mapped_run(&self) -> Option<RunId> {
         match (self.showing(), &self.page) {
-            (Showing::Running, _) => self
-                .seen
-                .status
-                .as_ref()
-                .and_then(|status| status.run.as_ref())
-                .map(|run| run.run.clone()),
+            (Showing::Running, _) => self.seen.run().map(|run| run.run.clone()),
             (_, Some(Page::Map(run))) => Some(run.clone()),
             _ => None,
         }
@@ -412,7 +408,7 @@ impl Menu {
         if age_ns > OLD_NS {
             return format!("{} s old", age_ns / SECOND_NS);
         }
-        let progress = status.run.as_ref().and_then(|run| run.progress.as_ref());
+        let progress = self.seen.run().and_then(|run| run.progress.as_ref());
         match progress.and_then(|progress| progress.battery_v).or(status.battery_v) {
             Some(volts) if volts < LOW_V => format!("low {volts:.1} V"),
             Some(volts) => format!("{volts:.1} V"),

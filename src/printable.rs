@@ -79,7 +79,12 @@ pub fn line(text: &str) -> Cow<'_, str> {
     shown(text, Layout::Line, LONGEST_LINE)
 }
 
-/// The same between the tags of a page or a picture.
+/// What a person wrote as a name, for a message: the first 40 characters.
+pub(crate) fn name(text: &str) -> Cow<'_, str> {
+    shown(text, Layout::Line, 40)
+}
+
+/// A text that stands in a line, between the tags of a page or a picture.
 #[cfg(feature = "sim")]
 pub(crate) fn escaped(text: &str) -> String {
     let text = line(text);

@@ -22,9 +22,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::behavior::submachines;
+use crate::behavior::{Capabilities, Mission, submachines};
 use crate::clock::SECOND_NS;
-use crate::document::read_bounded;
+use crate::document::{Document, Findings, read_bounded};
 use crate::ev3dev::LocalTree;
 use crate::mapping::{Method, Pose};
 use crate::recording;
@@ -74,6 +74,12 @@ pub struct Source {
 }
 
 impl Source {
+    /// A file's text; what is wrong with it if it has none, or too much.
+    pub(crate) fn of(name: &str, bytes: &[u8]) -> Result<Self, Findings> {
+        let document = Document::new(name, bytes)?;
+        Ok(Self { name: name.to_owned(), text: document.text().to_owned() })
+    }
+
     /// A mission with the sub-machines that it uses: those of files beside it, each called like its
     /// sub-machine, else those that come with the program.
     ///
@@ -96,6 +102,14 @@ impl Source {
             }
         };
         Self { text: submachines::joined(&self.text, find), ..self }
+    }
+
+    /// Reads it as a mission, with what is worth a warning.
+    pub(crate) fn mission(
+        &self,
+        capabilities: &Capabilities,
+    ) -> Result<(Mission, Findings), Findings> {
+        Mission::parse(&self.name, self.text.as_bytes(), capabilities)
     }
 }
 

@@ -60,6 +60,11 @@ pub enum Drive {
     Stop(StopAction),
 }
 
+impl Drive {
+    /// The wheels stop, and resist being turned.
+    pub(crate) const STILL: Self = Self::Stop(StopAction::Brake);
+}
+
 /// Colours of the brick's lights: each has a red and a green diode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Led {

@@ -174,6 +174,23 @@ enum Comparison {
     NotEqual,
 }
 
+/// What stands between two operands, by its text; longer ones first, so that `<=` is not read as
+/// `<`.
+const OPERATORS: [(&str, Infix); 12] = [
+    ("or", Infix::Or),
+    ("and", Infix::And),
+    ("<=", Infix::Compare(Comparison::LessOrEqual)),
+    (">=", Infix::Compare(Comparison::GreaterOrEqual)),
+    ("==", Infix::Compare(Comparison::Equal)),
+    ("!=", Infix::Compare(Comparison::NotEqual)),
+    ("<", Infix::Compare(Comparison::Less)),
+    (">", Infix::Compare(Comparison::Greater)),
+    ("+", Infix::Add),
+    ("-", Infix::Subtract),
+    ("*", Infix::Multiply),
+    ("/", Infix::Divide),
+];
+
 impl Expression {
     /// The longest expression that is read, in bytes.
     pub const MAX_BYTES: usize = 4096;
@@ -337,30 +354,11 @@ fn literal(number: f64) -> String {
 
 impl Infix {
     fn as_str(self) -> &'static str {
-        match self {
-            Self::Or => "or",
-            Self::And => "and",
-            Self::Compare(comparison) => comparison.as_str(),
-            Self::Add => "+",
-            Self::Subtract => "-",
-            Self::Multiply => "*",
-            Self::Divide => "/",
-        }
+        OPERATORS.iter().find(|(_, infix)| *infix == self).map_or("?", |(text, _)| text)
     }
 }
 
 impl Comparison {
-    fn as_str(self) -> &'static str {
-        match self {
-            Self::Less => "<",
-            Self::LessOrEqual => "<=",
-            Self::Greater => ">",
-            Self::GreaterOrEqual => ">=",
-            Self::Equal => "==",
-            Self::NotEqual => "!=",
-        }
-    }
-
     #[expect(clippy::float_cmp, reason = "the language's own equality, documented as IEEE 754's")]
     fn of(self, left: f64, right: f64) -> bool {
         match self {

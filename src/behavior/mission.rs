@@ -134,7 +134,7 @@ use super::Taken;
 use super::engine::{EngineError, Finish};
 use super::signals::Capabilities;
 use super::tune::Tune;
-use crate::document::{Document, Findings, nearest};
+use crate::document::{Document, Findings, nearest_or_all};
 use crate::senses::Channel;
 
 mod checks;
@@ -143,9 +143,7 @@ mod outputs;
 mod plan;
 mod program;
 
-use plan::{
-    Assignment, DrivePlan, GoalPlan, MotionPlan, NavigationGoal, NavigationPlan, Outputs, SoundPlan,
-};
+use plan::{Assignment, DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
 pub use plan::{MachinePlan, RegionPlan, StatePlan, TransitionPlan};
 pub use program::{Program, ProgramState};
 
@@ -211,11 +209,11 @@ impl fmt::Display for NamedTransition<'_> {
 #[non_exhaustive]
 pub enum SetError {
     /// The mission has no number of this name.
-    #[error("the mission has no number `{name}`{hint}")]
+    #[error("the mission has no number `{name}`; {hint}")]
     Unknown {
         /// The name.
         name: String,
-        /// A nearest name, or those that there are, with the words before it.
+        /// The nearest name, or those that there are.
         hint: String,
     },
     /// It is no number: it changes during the run.
@@ -254,27 +252,17 @@ impl Mission {
 
     /// Reads a mission for a robot, with what is worth a warning.
     ///
+    /// - `file`: what findings call it.
+    ///
     /// # Errors
     ///
     /// Everything that is wrong with it; a mission with an error does not run.
-    pub fn load(
-        document: &Document,
-        capabilities: &Capabilities,
-    ) -> Result<(Self, Findings), Findings> {
-        load::load(document, capabilities)
-    }
-
-    /// Reads a mission from text; `file` is what findings call it.
-    ///
-    /// # Errors
-    ///
-    /// As [`Mission::load`].
     pub fn parse(
         file: &str,
         text: &[u8],
         capabilities: &Capabilities,
     ) -> Result<(Self, Findings), Findings> {
-        Self::load(&Document::new(file, text)?, capabilities)
+        load::load(&Document::new(file, text)?, capabilities)
     }
 
     /// Makes the mission ready to run from its start states.
@@ -299,7 +287,8 @@ impl Mission {
             return Err(SetError::Variable(name.to_owned()));
         }
         let Some(number) = self.numbers.get_mut(name) else {
-            return Err(SetError::Unknown { name: name.to_owned(), hint: self.number_hint(name) });
+            let hint = nearest_or_all(name, "it has", self.numbers.keys().map(String::as_str));
+            return Err(SetError::Unknown { name: name.to_owned(), hint });
         };
         if !(low..=high).contains(&value) {
             return Err(SetError::OutOfRange { name: name.to_owned(), value, low, high });
@@ -314,14 +303,6 @@ impl Mission {
             expression.set(name, value);
         }
         Ok(())
-    }
-
-    fn number_hint(&self, name: &str) -> String {
-        let names = || self.numbers.keys().map(String::as_str);
-        nearest(name, names()).map_or_else(
-            || format!("; it has {}", names().collect::<Vec<_>>().join(", ")),
-            |hint| format!("; {hint}"),
-        )
     }
 
     /// The mission's name.
@@ -387,7 +368,7 @@ impl Mission {
     #[must_use]
     pub fn navigates(&self) -> bool {
         let mut states = self.machines.iter().flat_map(|machine| &machine.states);
-        states.any(|state| matches!(state.doing.drive, Some(DrivePlan::Navigation(_))))
+        states.any(|state| matches!(state.doing.drive, Some(DrivePlan::Navigation { .. })))
     }
 
     /// The machines, in the order of the file; [`super::Taken`] counts them so.

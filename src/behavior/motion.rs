@@ -20,7 +20,6 @@ use serde::{Deserialize, Serialize};
 use super::demands::Drive;
 use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, SECOND_NS, seconds};
-use crate::ev3dev::StopAction;
 use crate::units::{within, wrap_rad};
 
 /// What a robot's motions keep to.
@@ -205,10 +204,9 @@ impl MotionState {
         signals: &Signals,
         limits: &MotionLimits,
     ) -> Drive {
-        const STILL: Drive = Drive::Stop(StopAction::Brake);
-        let Some(at) = At::of(signals) else { return STILL };
+        let Some(at) = At::of(signals) else { return Drive::STILL };
         self.order = self.order.or_else(order);
-        let Some(order) = self.order else { return STILL };
+        let Some(order) = self.order else { return Drive::STILL };
         let now_ns = signals.time_ns();
         let step_ns = now_ns.saturating_sub(self.last_ns);
         if !(0..GAP_NS).contains(&step_ns) {
@@ -217,7 +215,7 @@ impl MotionState {
         if self.leg.is_none() && !self.done {
             self.begin(first(order.goal, at));
         }
-        let Some(leg) = self.leg else { return STILL };
+        let Some(leg) = self.leg else { return Drive::STILL };
         let profile = Profile {
             fastest_m_s: order.fastest_m_s(leg, limits),
             acceleration_m_s2: limits.acceleration_m_s2,
@@ -229,12 +227,12 @@ impl MotionState {
         let Some(speed_m_s) = profile.speed_m_s(self.speed_m_s, missing_m, near_m) else {
             self.speed_m_s = 0.0;
             self.arrive(order.goal, leg, at, now_ns);
-            return STILL;
+            return Drive::STILL;
         };
         self.speed_m_s = speed_m_s;
         if self.arrived_ns.is_some_and(|arrived_ns| now_ns.saturating_sub(arrived_ns) > TRY_NS) {
             self.finish(order.goal, leg, at);
-            return STILL;
+            return Drive::STILL;
         }
         leg.twist(speed_m_s, at, limits)
     }

@@ -29,7 +29,6 @@ use super::demands::Drive;
 use super::motion::{self, At, MotionLimits, MotionState};
 use super::signals::{Signal, Signals};
 use crate::clock::{MILLISECOND_NS, seconds};
-use crate::ev3dev::StopAction;
 use crate::planning::{self, Outcome, Plan, Request, View};
 use crate::units::within;
 use looking::{HEAD_NEAR_RAD, HeadAim};
@@ -172,8 +171,6 @@ const SAME_PLACE_M: f64 = 0.10;
 const STOPS: u8 = 3;
 const BACK_OFF_M: f64 = 0.08;
 
-const STILL: Drive = Drive::Stop(StopAction::Brake);
-
 impl NavigationState {
     /// Whether the goal is reached, or nothing is left to explore.
     #[must_use]
@@ -213,9 +210,9 @@ impl NavigationState {
         signals: &Signals,
         limits: &MotionLimits,
     ) -> (Drive, Option<HeadAim>) {
-        let Some(at) = At::of(signals) else { return (STILL, None) };
+        let Some(at) = At::of(signals) else { return (Drive::STILL, None) };
         self.order = self.order.or_else(order);
-        let Some(order) = self.order else { return (STILL, None) };
+        let Some(order) = self.order else { return (Drive::STILL, None) };
         let step_ns = signals.time_ns().saturating_sub(self.last_ns);
         self.last_ns = signals.time_ns();
         let step_s = if (0..GAP_NS).contains(&step_ns) { seconds(step_ns) } else { 0.0 };
@@ -223,7 +220,7 @@ impl NavigationState {
             self.rest();
         }
         let first_rad = *self.first_rad.get_or_insert(at.heading_rad);
-        let keep_m = if self.is_tight { TIGHT * order.keep_m } else { order.keep_m };
+        let keep_m = self.keep_m(&order);
         let tick = Tick { first_rad, keep_m, order, at, signals, limits, step_s };
         let was_pressed = std::mem::replace(&mut self.is_pressed, tick.is_pressed());
         if self.is_pressed && !was_pressed && matches!(self.phase, Phase::Drive | Phase::Arrive) {
@@ -235,13 +232,13 @@ impl NavigationState {
                     Goal::Explore { .. } => self.look_round(&tick, motion),
                     Goal::Place { .. } => self.ask(&tick, None, None),
                 }
-                STILL
+                Drive::STILL
             }
             Phase::Wait => {
                 if self.is_new {
                     self.adopt(&tick, motion);
                 }
-                STILL
+                Drive::STILL
             }
             Phase::Drive => self.drive(&tick, motion),
             Phase::Look { from_rad, to_rad, back } => {
@@ -254,12 +251,12 @@ impl NavigationState {
                         self.phase = Phase::Look { from_rad, to_rad, back: true };
                     }
                 }
-                STILL
+                Drive::STILL
             }
             Phase::Face | Phase::TurnRound | Phase::BackOff | Phase::Arrive | Phase::FaceEnd => {
                 self.moving(&tick, motion)
             }
-            Phase::Done => STILL,
+            Phase::Done => Drive::STILL,
         };
         (drive, self.head(&tick))
     }
@@ -268,7 +265,7 @@ impl NavigationState {
     fn moving(&mut self, tick: &Tick<'_>, motion: &mut MotionState) -> Drive {
         if self.phase == Phase::Arrive && tick.is_ahead().is_some() {
             self.stop(tick, motion);
-            return STILL;
+            return Drive::STILL;
         }
         let drive = motion.step(|| None, tick.signals, tick.limits);
         if motion.is_done() {
@@ -282,7 +279,7 @@ impl NavigationState {
                 }
                 _ => self.try_harder(tick, motion),
             }
-            return STILL;
+            return Drive::STILL;
         }
         drive
     }
@@ -298,7 +295,7 @@ impl NavigationState {
         };
         self.serial = self.serial.wrapping_add(1);
         let serial = self.serial;
-        let keep_m = self.keep_m(tick);
+        let keep_m = self.keep_m(&tick.order);
         let turn_m = tick.order.keep_m;
         let again = false;
         self.request = Some(Request { serial, goal, keep_m, turn_m, looked, again, obstacle });
@@ -309,8 +306,8 @@ impl NavigationState {
     }
 
     /// How far it stays away from things now.
-    fn keep_m(&self, tick: &Tick<'_>) -> f64 {
-        if self.is_tight { TIGHT * tick.order.keep_m } else { tick.order.keep_m }
+    fn keep_m(&self, order: &Order) -> f64 {
+        if self.is_tight { TIGHT * order.keep_m } else { order.keep_m }
     }
 
     /// A plan has come.
@@ -336,7 +333,7 @@ impl NavigationState {
         if self.is_new {
             self.adopt(tick, motion);
             if self.phase != Phase::Drive {
-                return STILL;
+                return Drive::STILL;
             }
         } else if self.request().is_none()
             && tick.signals.time_ns().saturating_sub(self.planned_ns) > REPLAN_NS
@@ -346,7 +343,7 @@ impl NavigationState {
         let Some((target, left_m)) = self.target(tick.at) else {
             self.rest();
             self.reached(tick, motion);
-            return STILL;
+            return Drive::STILL;
         };
         let (_, bearing_rad) = tick.at.to(target[0], target[1]);
         if let Some(drive) = self.get_out(tick, bearing_rad) {
@@ -363,7 +360,7 @@ impl NavigationState {
         let beside_rad = pivot_rad.unwrap_or(bearing_rad);
         if pivot_rad.is_none() && tick.is_ahead().is_some() {
             self.stop(tick, motion);
-            return STILL;
+            return Drive::STILL;
         }
         let limits = tick.limits;
         let fastest_m_s = tick.order.speed_m_s.unwrap_or(limits.speed_m_s).min(limits.max_m_s);

@@ -23,18 +23,11 @@ pub(super) struct Telling(pub(super) Vec<Piece>);
 
 /// A part of a text.
 #[derive(Debug, Clone)]
-pub(super) enum Piece {
+pub(super) enum Piece<V = Expression> {
     /// As it is written.
     Text(String),
-    /// The value of an expression, with a number of digits behind the point.
-    Value { value: Expression, digits: Option<usize> },
-}
-
-/// A part of a text as it is written: words, or what stands between braces, with its place.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Part {
-    Text(String),
-    Value { text: String, place: Range<usize>, digits: Option<usize> },
+    /// A value, with a number of digits behind the point.
+    Value { value: V, digits: Option<usize> },
 }
 
 /// What is wrong with a text, and where.
@@ -43,8 +36,8 @@ pub(super) type Wrong = (&'static str, Range<usize>);
 /// The most digits behind the point.
 const MOST_DIGITS: usize = 6;
 
-/// Takes a text apart.
-pub(super) fn parts(text: &str) -> Result<Vec<Part>, Wrong> {
+/// Takes a text apart; values are the bytes of the expressions.
+pub(super) fn parts(text: &str) -> Result<Vec<Piece<Range<usize>>>, Wrong> {
     let mut parts = Vec::new();
     let mut words = String::new();
     let mut rest = text;
@@ -72,15 +65,14 @@ pub(super) fn parts(text: &str) -> Result<Vec<Part>, Wrong> {
             }
         };
         if !words.is_empty() {
-            parts.push(Part::Text(std::mem::take(&mut words)));
+            parts.push(Piece::Text(std::mem::take(&mut words)));
         }
-        let place = start + 1..start + 1 + value.len();
-        parts.push(Part::Value { text: value.to_owned(), place, digits });
+        parts.push(Piece::Value { value: start + 1..start + 1 + value.len(), digits });
         rest = &brace[end + 1..];
     }
     words.push_str(rest);
     if !words.is_empty() {
-        parts.push(Part::Text(words));
+        parts.push(Piece::Text(words));
     }
     Ok(parts)
 }
@@ -177,9 +169,9 @@ mod tests {
         let capabilities = Capabilities::all();
         let mut vocabulary = Vocabulary::new(&capabilities);
         let pieces = parts(text).unwrap().into_iter().map(|part| match part {
-            Part::Text(words) => Piece::Text(words),
-            Part::Value { text, digits, .. } => Piece::Value {
-                value: Expression::parse_any(&text, &mut vocabulary).unwrap(),
+            Piece::Text(words) => Piece::Text(words),
+            Piece::Value { value, digits } => Piece::Value {
+                value: Expression::parse_any(&text[value], &mut vocabulary).unwrap(),
                 digits,
             },
         });

@@ -52,11 +52,10 @@ pub(super) fn run(arguments: &Arguments, output: &mut Output) -> Result<(), Fail
                 continue;
             }
         };
-        let (mission, findings) =
-            match Mission::parse(&source.name, source.text.as_bytes(), &capabilities) {
-                Ok((mission, warnings)) => (Some(mission), warnings),
-                Err(findings) => (None, findings),
-            };
+        let (mission, findings) = match source.mission(&capabilities) {
+            Ok((mission, warnings)) => (Some(mission), warnings),
+            Err(findings) => (None, findings),
+        };
         broken += usize::from(mission.is_none());
         let checked = Checked {
             mission: source.name.clone(),

@@ -8,7 +8,7 @@ use super::output::safe;
 use super::{Context, Exit, Failure, Hint, Output};
 use crate::behavior::{Capabilities, Mission};
 use crate::clock::wall_ns;
-use crate::document::{Document, Findings, nearest};
+use crate::document::{Findings, nearest};
 #[cfg(feature = "sim")]
 use crate::mapping::Pose;
 #[cfg(feature = "host")]
@@ -53,9 +53,7 @@ pub(super) fn read_source(
         }
         return Ok(Source { name: format!("{name}.toml"), text: text.to_owned() });
     }
-    let bytes = read_bounded(path)?;
-    let document = Document::new(&name, &bytes)?;
-    Ok(Source { name: name.into_owned(), text: document.text().to_owned() })
+    Ok(Source::of(&name, &read_bounded(path)?)?)
 }
 
 /// Reads a mission's file, or takes a shipped one, with the sub-machines that it uses.
@@ -140,15 +138,13 @@ pub(super) fn load_mission(
     source: &Source,
     capabilities: &Capabilities,
 ) -> Result<(Mission, Findings), Failure> {
-    Mission::parse(&source.name, source.text.as_bytes(), capabilities)
-        .map_err(|findings| broken_mission(source, &findings))
+    source.mission(capabilities).map_err(|findings| broken_mission(source, &findings))
 }
 
 /// The failure of a mission that does not load, with the way out that fits: it may want more than
 /// the robot has.
 fn broken_mission(source: &Source, findings: &Findings) -> Failure {
-    let (name, text) = (source.name.as_str(), source.text.as_bytes());
-    let fits = |capabilities: &Capabilities| Mission::parse(name, text, capabilities).is_ok();
+    let fits = |capabilities: &Capabilities| source.mission(capabilities).is_ok();
     let hint = if fits(&Capabilities::all()) {
         let shipped = ROBOTS.iter().find(|robot| {
             RobotConfig::load(robot.name, robot.text.as_bytes())

@@ -192,6 +192,16 @@ pub fn nearest<'c>(word: &str, candidates: impl IntoIterator<Item = &'c str>) ->
     (best.0 >= NEAR).then(|| format!("did you mean `{}`?", best.1))
 }
 
+/// As [`nearest`]; where none is near enough all of them, behind `words`.
+pub(crate) fn nearest_or_all<'c>(
+    word: &str,
+    words: &str,
+    candidates: impl Iterator<Item = &'c str> + Clone,
+) -> String {
+    nearest(word, candidates.clone())
+        .unwrap_or_else(|| format!("{words} {}", candidates.collect::<Vec<_>>().join(", ")))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

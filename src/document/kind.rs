@@ -37,12 +37,13 @@ impl Section<'_> {
     /// Whether a whole file is of another kind than is wanted: then that is the one finding.
     pub fn is_of_another_kind(&self, wanted: Kind) -> bool {
         let has = |keys: &[&str]| keys.iter().any(|key| self.get(key).is_some());
-        let named = |kind: Kind| KINDS.iter().find(|row| row.0 == kind);
-        if named(wanted).is_none_or(|row| has(row.2)) {
+        let Some((_, what, own, _)) = KINDS.iter().find(|row| row.0 == wanted) else {
+            return false;
+        };
+        if has(own) {
             return false;
         }
         let Some((_, is, _, how)) = KINDS.iter().find(|row| has(row.2)) else { return false };
-        let what = named(wanted).map_or("", |row| row.1);
         self.note(0..0, Severity::Error, format!("this file is {is}, not {what}"))
             .hint(format!("{how} takes it"));
         true

@@ -59,8 +59,7 @@ pub fn create(path: &Path, text: &str) -> Result<(), SaveError> {
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), SaveError> {
     // What is no file, such as a terminal or a pipe, is no name that could change hands.
     if std::fs::metadata(path).is_ok_and(|known| !known.is_file()) {
-        return std::fs::write(path, bytes)
-            .map_err(|source| SaveError::Io { path: path.to_owned(), source });
+        return std::fs::write(path, bytes).map_err(failed(path));
     }
     // The name of a link stays a link: what it leads to is written.
     let led_to = path.canonicalize().unwrap_or_else(|_| path.to_owned());
@@ -86,8 +85,13 @@ fn write_beside(
     written.and_then(|()| take_name(&fresh)).map_err(|source| {
         // An incomplete file is useless.
         let _ = std::fs::remove_file(&fresh);
-        SaveError::Io { path: path.to_owned(), source }
+        failed(path)(source)
     })
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> SaveError {
+    let path = path.to_owned();
+    |source| SaveError::Io { path, source }
 }
 
 /// Replaces a file and keeps the old one beside it, as `robot.toml.1` and so on; returns where. A
@@ -97,10 +101,6 @@ fn write_beside(
 ///
 /// [`SaveError`]; the file is then as it was.
 pub fn replace(path: &Path, text: &str) -> Result<Option<PathBuf>, SaveError> {
-    let failed = |path: &Path| {
-        let path = path.to_owned();
-        move |source| SaveError::Io { path, source }
-    };
     let backup = match std::fs::read(path) {
         Ok(before) => Some(keep(path, &before)?),
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
@@ -118,14 +118,12 @@ fn keep(path: &Path, before: &[u8]) -> Result<PathBuf, SaveError> {
         match OpenOptions::new().write(true).create_new(true).open(&backup) {
             Ok(mut file) => {
                 let kept = file.write_all(before).and_then(|()| file.sync_all());
-                return kept
-                    .map(|()| backup.clone())
-                    .map_err(|source| SaveError::Io { path: backup.clone(), source });
+                return kept.map_err(failed(&backup)).map(|()| backup);
             }
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                 number = number.saturating_add(1)
             }
-            Err(source) => return Err(SaveError::Io { path: backup, source }),
+            Err(error) => return Err(failed(&backup)(error)),
         }
     }
 }

@@ -61,13 +61,13 @@ pub(super) struct Asks {
 impl Asks {
     /// Puts an order behind those that wait. A jog takes the place of one that waits for the same
     /// motor: only the newest counts.
-    pub(super) fn order(&mut self, order: LocalRequest) {
-        if let LocalRequest::Own(LocalOnly::Jog { port: new, .. }) = &order {
+    pub(super) fn order(&mut self, order: LocalOnly) {
+        if let LocalOnly::Jog { port: new, .. } = &order {
             self.orders.retain(
                 |waiting| !matches!(waiting, LocalRequest::Own(LocalOnly::Jog { port, .. }) if port == new),
             );
         }
-        self.orders.push_back(order);
+        self.orders.push_back(LocalRequest::Own(order));
     }
 
     /// A stop goes before all that waits; one that waits already is enough.
@@ -109,9 +109,10 @@ impl Asks {
         self.flying[lane as usize].take()
     }
 
-    /// Whether an order of this kind waits or is on its way.
-    pub(super) fn is_ordering(&self, is_it: impl Fn(&LocalRequest) -> bool) -> bool {
-        self.orders.iter().chain(&self.flying[Lane::Order as usize]).any(is_it)
+    /// Whether an order to start waits or is on its way.
+    pub(super) fn is_starting(&self) -> bool {
+        let mut orders = self.orders.iter().chain(&self.flying[Lane::Order as usize]);
+        orders.any(|order| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_))))
     }
 
     /// Looks again at once; what has been due for longer still comes first.

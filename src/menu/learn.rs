@@ -4,7 +4,7 @@ use serde::de::DeserializeOwned;
 
 use super::asks::{Lane, Look};
 use super::track::Track;
-use super::{Menu, Notice, Page, Showing};
+use super::{Menu, Notice, Showing};
 use crate::clock::SECOND_NS;
 use crate::runtime::StopReason;
 use crate::service::protocol::{
@@ -227,20 +227,12 @@ impl Menu {
         Some(())
     }
 
-    /// For how long the pairing window is opened: long enough to walk to the PC and back.
-    pub(super) const PAIRING_S: u32 = 120;
-
     /// Nothing is pending of what was on the screen: motors that were jogged stop.
     pub(super) fn let_go(&mut self) {
         let jogged = self.held.take().and_then(|held| held.jogs);
         if let Some(port) = jogged {
-            self.asks.order(LocalRequest::Own(LocalOnly::Jog { port, percent: 0 }));
+            self.asks.order(LocalOnly::Jog { port, percent: 0 });
         }
-    }
-
-    /// Whether a page is on the screen.
-    pub(super) fn shows_page(&self, is_it: impl Fn(&Page) -> bool) -> bool {
-        self.showing() == Showing::Page && self.page.as_ref().is_some_and(is_it)
     }
 }
 

@@ -8,24 +8,19 @@ use super::{Menu, Notice, Page, Showing, StartedBy, Tab};
 use crate::clock::seconds;
 use crate::mapping::Range;
 use crate::service::protocol::{
-    LastStop, LiveDevice, LocalOnly, LocalRequest, MissionInfo, Pairing, RunId, RunInfo, RunStatus,
-    State,
+    LastStop, LiveDevice, MissionInfo, Pairing, RunId, RunInfo, RunStatus, State,
 };
 
 impl Menu {
     /// Draws what is on the screen.
     pub(super) fn draw(&self, canvas: &mut Canvas) {
         if let Some(track) = self.map_on_screen() {
-            let running = self.seen.status.as_ref().and_then(|status| status.run.as_ref());
-            let pose = running
-                .filter(|run| run.run == track.run)
-                .and_then(|run| run.progress.as_ref())
-                .map(|progress| progress.pose);
+            let running = self.seen.run().filter(|run| run.run == track.run);
+            let pose = running.and_then(|run| run.progress.as_ref()).map(|progress| progress.pose);
             track.draw(canvas, &self.map_title(), &self.corner, pose);
             return;
         }
-        let sheet = self.sheet();
-        sheet.draw(canvas, self.view(), &self.corner);
+        self.sheet().draw(canvas, self.view(), &self.corner);
     }
 
     fn map_on_screen(&self) -> Option<&super::Track> {
@@ -80,7 +75,7 @@ impl Menu {
 
     /// What stands where a list would, until it is there.
     fn waiting(&self, title: &'static str) -> Sheet {
-        Sheet::new(title).line(self.seen.refused.clone().unwrap_or_else(|| "looking...".to_owned()))
+        Sheet::new(title).line(self.seen.refused.as_deref().unwrap_or("looking..."))
     }
 
     /// Where a person is on the page on the screen.
@@ -96,7 +91,7 @@ impl Menu {
         let sheet = Sheet::new("onbrick");
         match &self.seen.gone {
             None => sheet.line("Waiting for the service..."),
-            Some(why) => sheet.big("No service").line(why.clone()).line(
+            Some(why) => sheet.big("No service").line(why).line(
                 "Trying again. What was running stops by itself, or continues, as the brick is \
                  configured.",
             ),
@@ -111,10 +106,10 @@ impl Menu {
                 "Copy a mission file into the folder missions of the brick's configuration.",
             );
         }
-        missions.missions.iter().fold(sheet, |sheet, mission| {
+        sheet.items(missions.missions.iter().map(|mission| {
             let broken = if mission.findings.is_some() { " (broken)" } else { "" };
-            sheet.item(format!("{}{broken}", mission.name))
-        })
+            format!("{}{broken}", mission.name)
+        }))
     }
 
     fn mission(&self, name: &str) -> Sheet {
@@ -123,27 +118,22 @@ impl Menu {
             return sheet.line("It is not there any more.");
         };
         if let Some(findings) = &info.findings {
-            return sheet.strong("It cannot be started:").line(findings.clone());
+            return sheet.strong("It cannot be started:").line(findings);
         }
         let settings_s = self.seen.settings.as_ref().and_then(|settings| settings.time_limit_s);
         let limit_s = match (info.time_limit_s, settings_s) {
             (Some(own_s), Some(set_s)) => Some(own_s.min(set_s)),
             (own_s, set_s) => own_s.or(set_s),
         };
-        let sheet = match limit_s {
-            Some(limit_s) => sheet.line(format!("ends after {} at the latest", duration(limit_s))),
-            None => sheet,
-        };
+        let ends = limit_s.map(|s| format!("ends after {} at the latest", duration(s)));
         let stops = match self.options.started_by {
             StartedBy::Brickman => {
                 "Enter or Back stops it. Back also closes this menu, and the run with it."
             }
             StartedBy::Boot | StartedBy::Terminal => "Enter or Back stops it.",
         };
-        let is_start =
-            |order: &LocalRequest| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_)));
-        let start = if self.asks.is_ordering(is_start) { "starting..." } else { "Start" };
-        sheet.item(start).line(stops)
+        let start = if self.asks.is_starting() { "starting..." } else { "Start" };
+        sheet.lines(ends).item(start).line(stops)
     }
 
     pub(super) fn mission_info(&self, name: &str) -> Option<&MissionInfo> {
@@ -156,7 +146,7 @@ impl Menu {
         if runs.runs.is_empty() {
             return sheet.strong("There are no runs yet.");
         }
-        runs.runs.iter().fold(sheet, |sheet, run| sheet.item(run_line(run)))
+        sheet.items(runs.runs.iter().map(run_line))
     }
 
     fn ports(&self) -> Sheet {
@@ -167,9 +157,11 @@ impl Menu {
                 .strong("Nothing is plugged in.")
                 .line("A sensor needs up to three seconds.");
         }
-        live.devices.iter().fold(sheet, |sheet, device| {
-            sheet.item(format!("{} {}: {}", device.port, short(&device.driver), device.reading))
-        })
+        sheet.items(
+            live.devices.iter().map(|device| {
+                format!("{} {}: {}", device.port, short(&device.driver), device.reading)
+            }),
+        )
     }
 
     pub(super) fn device(&self, port: &str) -> Option<&LiveDevice> {
@@ -182,23 +174,17 @@ impl Menu {
             return sheet.line("Nothing is plugged in here any more.");
         };
         let role = device.role.as_ref().map_or_else(String::new, |role| format!(", {role}"));
-        let sheet =
-            sheet.line(format!("{}{role}", short(&device.driver))).big(device.reading.clone());
-        if device.motor {
-            sheet.line("Hold Up or Down: it turns, as long as you hold.")
-        } else {
-            sheet
-        }
+        let holds = device.motor.then_some("Hold Up or Down: it turns, as long as you hold.");
+        sheet.line(format!("{}{role}", short(&device.driver))).big(&device.reading).lines(holds)
     }
 
     fn set_up(&self) -> Sheet {
         let sheet = Sheet::new("Set up");
         if let Some(why) = &self.options.no_talks {
-            return sheet.line(why.clone());
+            return sheet.line(why);
         }
-        let finding = self.seen.status.as_ref().and_then(|status| status.robot.clone());
-        let sheet = super::TalkKind::ALL.iter().fold(sheet, |sheet, kind| sheet.item(kind.words()));
-        match finding {
+        let sheet = sheet.items(super::TalkKind::ALL.map(super::TalkKind::words));
+        match self.seen.status.as_ref().and_then(|status| status.robot.as_ref()) {
             Some(finding) => sheet.strong("The robot's file is not in order:").line(finding),
             None => sheet,
         }
@@ -209,21 +195,18 @@ impl Menu {
         let sheet = Sheet::new("Settings");
         let on = |is_on: bool| if is_on { "on" } else { "off" };
         let limit = settings.time_limit_s.map_or_else(|| "none".to_owned(), duration);
-        let sheet = sheet
+        let status = self.seen.status.as_ref();
+        let link = status.map(|status| format!("link: {}", status.link));
+        let clock = status.and_then(|status| status.clock.clone());
+        let key = settings.fingerprint.as_ref().map(|key| format!("key: {key}"));
+        sheet
             .item(format!("Lights: {}", on(settings.lights)))
             .item(format!("Sounds: {}", on(settings.sounds)))
             .item(format!("Time limit of the next run: {limit}"))
             .item("Pair a PC")
-            .strong(settings.brick.clone());
-        let sheet =
-            settings.addresses.iter().fold(sheet, |sheet, address| sheet.line(address.clone()));
-        let link = self.seen.status.as_ref().map(|status| format!("link: {}", status.link));
-        let clock = self.seen.status.as_ref().and_then(|status| status.clock.clone());
-        let key = settings.fingerprint.as_ref().map(|key| format!("key: {key}"));
-        [link, clock, key]
-            .into_iter()
-            .flatten()
-            .fold(sheet, Sheet::line)
+            .strong(&settings.brick)
+            .lines(&settings.addresses)
+            .lines([link, clock, key].into_iter().flatten())
             .line(format!("onbrick {}", settings.version))
     }
 
@@ -238,13 +221,13 @@ impl Menu {
             State::Stopping => "Stopping",
             _ => "Running",
         };
-        let sheet = Sheet { title, turns: true, ..Sheet::default() };
+        let sheet = Sheet::new(title).turning();
         let sheet = match &self.notice {
-            Some(Notice::Refused { message, .. }) => sheet.strong(message.clone()),
+            Some(Notice::Refused { message, .. }) => sheet.strong(message),
             _ => sheet,
         };
         let sheet =
-            progress(sheet.strong(run.mission.clone()), run).line(format!("link: {}", status.link));
+            progress(sheet.strong(&run.mission), run).line(format!("link: {}", status.link));
         let is_stopping = status.state == State::Stopping || self.stop_due_ns.is_some();
         sheet.foot(if is_stopping { "stopping..." } else { "STOP: Enter, Back" })
     }
@@ -252,16 +235,10 @@ impl Menu {
     fn notice_sheet(&self, notice: &Notice) -> Sheet {
         match notice {
             Notice::Refused { message, hint } => {
-                let sheet = Sheet::new("Not done").strong(message.clone());
-                hint.iter().fold(sheet, |sheet, hint| sheet.line(hint.clone())).item("OK")
+                Sheet::new("Not done").strong(message).lines(hint).item("OK")
             }
             Notice::Delete(run) => {
-                let known = self
-                    .seen
-                    .runs
-                    .as_ref()
-                    .and_then(|runs| runs.runs.iter().find(|known| known.run == *run));
-                let name = known.map_or_else(|| run.to_string(), run_line);
+                let name = self.run_info(run).map_or_else(|| run.to_string(), run_line);
                 Sheet::new("Delete")
                     .strong("Delete this run and its map?")
                     .line(name)
@@ -275,35 +252,27 @@ impl Menu {
 /// How a run is going.
 pub(super) fn progress(sheet: Sheet, run: &RunStatus) -> Sheet {
     let Some(progress) = &run.progress else {
-        return match &run.waits {
-            Some(waits) => sheet.line(waits.clone()),
-            None => sheet.line("getting ready"),
-        };
+        return sheet.line(run.waits.as_deref().unwrap_or("getting ready"));
     };
     // What the mission has to say is what people look for first.
-    let sheet = progress.said.iter().fold(sheet, |sheet, line| sheet.strong(line.clone()));
+    let sheet = progress.said.iter().fold(sheet, |sheet, line| sheet.strong(line));
     let sheet = sheet.line(format!(
         "{} of {}",
         duration(libm::floor(seconds(progress.elapsed_ns))),
         duration(run.time_limit_s)
     ));
-    let sheet = progress
-        .states
-        .iter()
-        .fold(sheet, |sheet, (machine, state)| sheet.line(format!("{machine}: {state}")));
+    let states = progress.states.iter().map(|(machine, state)| format!("{machine}: {state}"));
     let range = match progress.range {
         Some(Range::Echo(range_m)) => format!("range {range_m:.2} m, "),
         Some(Range::NoEcho) => "no echo, ".to_owned(),
         Some(Range::TooNear) => "too near, ".to_owned(),
         None => String::new(),
     };
-    let sheet = sheet
+    sheet
+        .lines(states)
         .line(format!("{range}{:.0}°", within_turn(progress.pose.heading_rad.to_degrees())))
-        .line(format!("{:.1} m, {} points", progress.travelled_m, progress.points));
-    match &progress.warning {
-        Some(warning) => sheet.line(warning.clone()),
-        None => sheet,
-    }
+        .line(format!("{:.1} m, {} points", progress.travelled_m, progress.points))
+        .lines(&progress.warning)
 }
 
 /// −180 to 180 degrees, without a zero that has a sign.
@@ -314,12 +283,11 @@ fn within_turn(degrees: f64) -> f64 {
 
 pub(super) fn ended(last: &LastStop) -> Sheet {
     if last.is_wanted() {
-        let sheet = Sheet::new("Done").big(last.mission.clone()).line(last.to_string());
-        let sheet = if last.run.is_some() { sheet.item("Show the map") } else { sheet };
-        return sheet.item("OK");
+        let sheet = Sheet::new("Done").big(&last.mission).line(last.to_string());
+        return sheet.items(last.run.as_ref().map(|_| "Show the map")).item("OK");
     }
     let sheet = Sheet::new("Fault");
-    let sheet = if last.mission.is_empty() { sheet } else { sheet.big(last.mission.clone()) };
+    let sheet = if last.mission.is_empty() { sheet } else { sheet.big(&last.mission) };
     sheet.row(Row::Strong(last.to_string())).item("Acknowledge")
 }
 
@@ -344,18 +312,16 @@ fn pairing(pairing: Option<&Pairing>) -> Sheet {
             .item("Close"),
         Some(Pairing::Compare { code, name }) => sheet
             // The code first: no name stands above it.
-            .big(code.clone())
+            .big(code)
             .line("Does the PC show this?")
             .line(format!("It says: {name}"))
             .item("No, it is another")
             .item("Yes, the same"),
-        Some(Pairing::Paired { name }) => sheet.big("Paired").line(name.clone()).item("OK"),
-        Some(Pairing::Failed { why }) => {
-            sheet.big("Not paired").line(why.clone()).item("Open again")
-        }
+        Some(Pairing::Paired { name }) => sheet.big("Paired").line(name).item("OK"),
+        Some(Pairing::Failed { why }) => sheet.big("Not paired").line(why).item("Open again"),
         Some(Pairing::NoLink { why }) => sheet
             .strong("There is no link now.")
-            .line(why.clone())
+            .line(why)
             .line("Everything else works without it."),
     }
 }

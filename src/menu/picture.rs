@@ -12,7 +12,7 @@ use crate::service::protocol::{LastStop, RunStatus};
 /// A run in progress, as the menu shows one.
 #[must_use]
 pub fn running_picture(run: &RunStatus) -> Canvas {
-    let sheet = progress(Sheet::new("Running").strong(run.mission.clone()), run);
+    let sheet = progress(Sheet::new("Running").strong(&run.mission), run);
     let volts = run.progress.as_ref().and_then(|progress| progress.battery_v);
     let corner = volts.map(|volts| format!("{volts:.1} V")).unwrap_or_default();
     drawn(&sheet.foot("STOP: Enter, Back"), &corner)

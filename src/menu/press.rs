@@ -6,9 +6,7 @@ use super::talk::TalkKind;
 use super::{Effect, Menu, Notice, Page, STOP_PATIENCE_NS, Showing, StartedBy, Tab};
 use crate::clock::MILLISECOND_NS;
 use crate::ev3dev::Button;
-use crate::service::protocol::{
-    Chosen, LocalOnly, LocalRequest, Pairing, RunId, SettingsChange, Start, State,
-};
+use crate::service::protocol::{Chosen, LocalOnly, Pairing, RunId, SettingsChange, Start, State};
 
 /// How long Up or Down is held before it repeats.
 const REPEAT_AFTER_NS: i64 = 500 * MILLISECOND_NS;
@@ -21,6 +19,9 @@ const JOG_NS: i64 = 100 * MILLISECOND_NS;
 
 /// How fast a motor is jogged: fast enough to see which it is, slow enough to be held by hand.
 const JOG_PERCENT: i32 = 30;
+
+/// For how long the pairing window is opened: long enough to walk to the PC and back.
+const PAIRING_S: u32 = 120;
 
 /// What a press changes the time limit by, seconds, and how long it may be.
 const LIMIT_STEP_S: f64 = 10.0;
@@ -67,7 +68,7 @@ impl Menu {
     fn jogged_port(&self) -> Option<String> {
         match &self.page {
             Some(Page::Port(port))
-                if self.shows_page(|_| true)
+                if self.showing() == Showing::Page
                     && self.device(port).is_some_and(|device| device.motor) =>
             {
                 Some(port.clone())
@@ -84,7 +85,7 @@ impl Menu {
         if let Some(port) = held.jogs.clone() {
             held.next_ns = now_ns + JOG_NS;
             let percent = if button == Button::Up { JOG_PERCENT } else { -JOG_PERCENT };
-            self.asks.order(LocalRequest::Own(LocalOnly::Jog { port, percent }));
+            self.asks.order(LocalOnly::Jog { port, percent });
         } else {
             held.next_ns = now_ns + REPEAT_NS;
             self.changed = true;
@@ -131,7 +132,7 @@ impl Menu {
     /// Which row Enter takes; none while it is out of sight: the page scrolls there instead.
     fn taken(&mut self) -> Option<usize> {
         let sheet = self.sheet();
-        if sheet.items() == 0 {
+        if sheet.choices() == 0 {
             return None;
         }
         let view = sheet.fit(self.view());
@@ -175,7 +176,7 @@ impl Menu {
         if let Some(Notice::Delete(run)) = self.notice.take()
             && taken == 1
         {
-            self.asks.order(LocalRequest::Own(LocalOnly::Delete { run }));
+            self.asks.order(LocalOnly::Delete { run });
             self.page = None;
         }
     }
@@ -193,7 +194,7 @@ impl Menu {
         let Some(ended) = self.ended.take() else { return };
         self.dismissed = Some(ended.stop);
         if is_fault {
-            self.asks.order(LocalRequest::Own(LocalOnly::Acknowledge));
+            self.asks.order(LocalOnly::Acknowledge);
         } else if let (Some(0), Some(run)) = (taken, ended.run) {
             self.tab = Tab::Runs;
             self.asks.refresh(Look::Runs, self.now_ns);
@@ -285,7 +286,7 @@ impl Menu {
                 return self.open(Page::Pairing);
             }
         };
-        self.asks.order(LocalRequest::Own(LocalOnly::SetSettings(change)));
+        self.asks.order(LocalOnly::SetSettings(change));
     }
 
     fn act_page(&mut self, button: Button) {
@@ -318,9 +319,9 @@ impl Menu {
             Button::Up => limit_s + LIMIT_STEP_S,
             Button::Down => limit_s - LIMIT_STEP_S,
             Button::Enter => {
-                let change =
-                    SettingsChange { time_limit_s: Some(limit_s), ..SettingsChange::default() };
-                self.asks.order(LocalRequest::Own(LocalOnly::SetSettings(change)));
+                let time_limit_s = Some(limit_s);
+                let change = SettingsChange { time_limit_s, ..SettingsChange::default() };
+                self.asks.order(LocalOnly::SetSettings(change));
                 self.page = None;
                 return;
             }
@@ -331,10 +332,7 @@ impl Menu {
 
     /// Starts a mission; a second press while the first is on its way does nothing.
     fn start(&mut self, mission: String) {
-        if self
-            .asks
-            .is_ordering(|order| matches!(order, LocalRequest::Own(LocalOnly::StartHere(_))))
-        {
+        if self.asks.is_starting() {
             return;
         }
         self.started += 1;
@@ -348,13 +346,13 @@ impl Menu {
             set: Vec::new(),
             no_button: false,
         };
-        self.asks.order(LocalRequest::Own(LocalOnly::StartHere(start)));
+        self.asks.order(LocalOnly::StartHere(start));
     }
 
     fn act_pairing(&mut self, chosen: usize) {
         let order = match self.seen.pairing {
             Some(Pairing::Closed | Pairing::Failed { .. }) => {
-                LocalOnly::PairingWindow { seconds: Self::PAIRING_S }
+                LocalOnly::PairingWindow { seconds: PAIRING_S }
             }
             Some(Pairing::Open { .. }) => LocalOnly::PairingWindow { seconds: 0 },
             Some(Pairing::Compare { .. }) => LocalOnly::PairingAnswer { same: chosen == 1 },
@@ -364,7 +362,7 @@ impl Menu {
             }
             Some(Pairing::NoLink { .. }) | None => return,
         };
-        self.asks.order(LocalRequest::Own(order));
+        self.asks.order(order);
     }
 
     fn act_talking(&mut self, button: Button) {

@@ -36,8 +36,8 @@ const BAR_X: i32 = 176;
 const STEP: i32 = 39;
 
 /// The screen's sizes as the drawing counts.
-const WIDE: i32 = WIDTH.cast_signed();
-const HIGH: i32 = HEIGHT.cast_signed();
+pub(super) const WIDE: i32 = WIDTH.cast_signed();
+pub(super) const HIGH: i32 = HEIGHT.cast_signed();
 
 /// One row of a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -68,8 +68,7 @@ impl Row {
     }
 
     fn lines(&self) -> Vec<String> {
-        let room = if self.face() == Face::Big { 19 } else { 25 };
-        wrap(self.text(), room)
+        wrap(self.text(), usize::try_from(WIDE / self.face().letter()).unwrap_or(1))
     }
 
     fn height(&self) -> i32 {
@@ -126,6 +125,10 @@ impl Sheet {
         self.row(Row::Line(text.into()))
     }
 
+    pub(super) fn lines(self, texts: impl IntoIterator<Item: Into<String>>) -> Self {
+        texts.into_iter().fold(self, Self::line)
+    }
+
     pub(super) fn strong(self, text: impl Into<String>) -> Self {
         self.row(Row::Strong(text.into()))
     }
@@ -136,6 +139,10 @@ impl Sheet {
 
     pub(super) fn item(self, text: impl Into<String>) -> Self {
         self.row(Row::Item(text.into()))
+    }
+
+    pub(super) fn items(self, texts: impl IntoIterator<Item: Into<String>>) -> Self {
+        texts.into_iter().fold(self, Self::item)
     }
 
     pub(super) fn foot(mut self, text: &'static str) -> Self {
@@ -149,7 +156,7 @@ impl Sheet {
     }
 
     /// How many rows can be chosen.
-    pub(super) fn items(&self) -> usize {
+    pub(super) fn choices(&self) -> usize {
         self.rows.iter().filter(|row| row.is_item()).count()
     }
 
@@ -192,7 +199,7 @@ impl Sheet {
     /// The view as far as this page has it: a list may have become shorter.
     pub(super) fn fit(&self, view: View) -> View {
         View {
-            chosen: view.chosen.min(self.items().saturating_sub(1)),
+            chosen: view.chosen.min(self.choices().saturating_sub(1)),
             offset: view.offset.clamp(0, self.furthest()),
         }
     }
@@ -329,7 +336,7 @@ fn arrow(canvas: &mut Canvas, left: i32, way: i32) {
 }
 
 /// The big button at the bottom.
-pub(super) fn draw_foot(canvas: &mut Canvas, text: &str) {
+fn draw_foot(canvas: &mut Canvas, text: &str) {
     let Ok(()) =
         canvas.fill_solid(&Rectangle::new(Point::new(0, HIGH - FOOT), size(WIDE, FOOT)), INK);
     let left = (WIDE - width(text, Face::Big)) / 2;

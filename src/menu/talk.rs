@@ -310,20 +310,16 @@ impl Talk {
             TalkKind::SetUp => "Set up",
             TalkKind::Calibrate | TalkKind::Range | TalkKind::OwnEchoes => "Calibrate",
         };
-        let mut sheet =
-            self.said.iter().fold(Sheet::new(title), |sheet, text| sheet.line(text.clone()));
+        let sheet = Sheet::new(title).lines(&self.said);
         match (&self.over, &self.question) {
-            (Some(Ok(done)), _) => sheet.strong(done.clone()).item("OK"),
-            (Some(Err(why)), _) => {
-                sheet.strong("Nothing was written.").line(why.clone()).item("OK")
-            }
+            (Some(Ok(done)), _) => sheet.strong(done).item("OK"),
+            (Some(Err(why)), _) => sheet.strong("Nothing was written.").line(why).item("OK"),
             (None, Some(Question::Choose { question, choices })) => {
-                sheet = sheet.strong(question.clone());
-                choices.iter().fold(sheet, |sheet, choice| sheet.item(choice.clone()))
+                sheet.strong(question).items(choices)
             }
             // What is written stands last: Up and Down no longer scroll once it is in view.
             (None, Some(Question::Write { question, letters, place, .. })) => sheet
-                .strong(question.clone())
+                .strong(question)
                 .line("Up, Down: letter; Right: next; Enter: done.")
                 .row(Row::Item(with_cursor(letters, *place))),
             (None, None) => sheet.line("..."),

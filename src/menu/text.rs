@@ -38,18 +38,12 @@ impl Face {
 
     /// From one line to the next, pixels.
     pub(super) fn line(self) -> i32 {
-        match self {
-            Self::Plain | Self::Strong => 13,
-            Self::Big => 18,
-        }
+        self.font().character_size.height.cast_signed()
     }
 
     /// How wide a letter is, pixels.
     pub(super) fn letter(self) -> i32 {
-        match self {
-            Self::Plain | Self::Strong => 7,
-            Self::Big => 9,
-        }
+        self.font().character_size.width.cast_signed()
     }
 }
 

@@ -11,8 +11,8 @@ use embedded_graphics::pixelcolor::Gray2;
 use embedded_graphics::prelude::{DrawTarget, Point, Primitive};
 use embedded_graphics::primitives::{Line, PrimitiveStyle, Rectangle, Triangle};
 
-use super::canvas::{Canvas, HEIGHT, INK, PAPER, WIDTH};
-use super::sheet::{HEAD, head, size};
+use super::canvas::{Canvas, INK, PAPER};
+use super::sheet::{HEAD, HIGH, WIDE, head, size};
 use super::text::{Face, write};
 use crate::mapping::Pose;
 use crate::recording::{Growing, Piece};
@@ -155,9 +155,6 @@ impl Track {
         }
     }
 }
-
-const WIDE: i32 = WIDTH.cast_signed();
-const HIGH: i32 = HEIGHT.cast_signed();
 
 /// Rows at the bottom that the scale bar has.
 const BELOW: i32 = 16;

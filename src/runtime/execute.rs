@@ -126,8 +126,7 @@ pub fn execute(
 ) -> Result<Ended, Refused> {
     let report: Arc<Report> = Arc::new(report);
     let (config, _) = RobotConfig::load(&job.robot.name, job.robot.text.as_bytes())?;
-    let (mut mission, _) =
-        Mission::parse(&job.mission.name, job.mission.text.as_bytes(), &config.capabilities())?;
+    let (mut mission, _) = job.mission.mission(&config.capabilities())?;
     for (name, value) in &job.set {
         mission.set(name, *value)?;
     }

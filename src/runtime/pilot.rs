@@ -17,7 +17,6 @@ use crate::behavior::{
     Progress, Signal, Signals, Taken,
 };
 use crate::clock::nanoseconds;
-use crate::ev3dev::StopAction;
 use crate::mapping::{
     Estimate, Estimator, EstimatorConfig, EstimatorState, GeometryError, GyroReading, Inputs,
     KeyframeList, Map, MapPoint, Method, OccupancyGrid, Placed, Pose, Range, RangeReading,
@@ -419,7 +418,7 @@ fn note(signals: &mut Signals, signal: Signal, value: Option<f64>) {
 }
 
 /// What is wanted of the actuators when nothing is to move.
-const STANDSTILL: Demands = Demands { drive: Some(Drive::Stop(StopAction::Brake)), ..NOTHING };
+const STANDSTILL: Demands = Demands { drive: Some(Drive::STILL), ..NOTHING };
 
 /// Nothing is wanted.
 const NOTHING: Demands = Demands {

@@ -10,7 +10,7 @@ use std::path::Path;
 use super::digest::sha256_hex;
 use super::protocol::{Chosen, Kind, MAX_MISSION_BYTES, MissionInfo, Refusal};
 use crate::behavior::{Capabilities, Mission, shipped};
-use crate::document::{Document, nearest, read_bounded};
+use crate::document::{nearest_or_all, read_bounded};
 use crate::printable::line;
 use crate::robot::{DEFAULT_ROBOT, RobotConfig};
 use crate::runtime::Source;
@@ -33,7 +33,7 @@ pub(super) struct Robot {
 pub(super) fn robot(path: &Path) -> Result<Robot, String> {
     let name = path.display().to_string();
     let source = match read(path) {
-        Ok(bytes) => Source { text: document_text(&name, &bytes)?, name },
+        Ok(bytes) => Source::of(&name, &bytes).map_err(|findings| findings.to_string())?,
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             Source { name: "robot.toml".to_owned(), text: DEFAULT_ROBOT.to_owned() }
         }
@@ -92,7 +92,8 @@ pub(super) fn choose(folder: &Path, chosen: &Chosen) -> Result<Source, Refusal> 
 ///
 /// [`Kind::BrokenMission`] with what was found.
 pub(super) fn load(source: &Source, capabilities: &Capabilities) -> Result<Mission, Refusal> {
-    Mission::parse(&source.name, source.text.as_bytes(), capabilities)
+    source
+        .mission(capabilities)
         .map(|(mission, _)| mission)
         .map_err(|findings| Refusal::new(Kind::BrokenMission, findings.to_string()))
 }
@@ -124,11 +125,12 @@ fn by_name(folder: &Path, name: &str) -> Result<Source, Refusal> {
                 Kind::UnknownMission,
                 format!("there is no mission `{}` here", line(&name)),
             );
-            let near = nearest(&name, known.iter().map(String::as_str));
-            Err(match near {
-                Some(hint) => refusal.hint(hint),
-                None if known.is_empty() => refusal.hint("the folder of missions is empty"),
-                None => refusal.hint(format!("there are {}", known.join(", "))),
+            Err(match known.as_slice() {
+                [] => refusal.hint("the folder of missions is empty"),
+                known => {
+                    let known = known.iter().map(String::as_str);
+                    refusal.hint(nearest_or_all(&name, "there are", known))
+                }
             })
         }
     }
@@ -160,7 +162,7 @@ fn source_in(folder: &Path, name: &str) -> Result<Source, String> {
     let file = format!("{name}.toml");
     let bytes =
         read(&folder.join(&file)).map_err(|error| format!("cannot read {file}: {error}"))?;
-    let source = Source { text: document_text(&file, &bytes)?, name: file };
+    let source = Source::of(&file, &bytes).map_err(|findings| findings.to_string())?;
     Ok(source.with_submachines(Some(folder)))
 }
 
@@ -195,11 +197,6 @@ pub(super) fn read(path: &Path) -> io::Result<Vec<u8>> {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no file"));
     }
     read_bounded(path)
-}
-
-fn document_text(name: &str, bytes: &[u8]) -> Result<String, String> {
-    let document = Document::new(name, bytes).map_err(|findings| findings.to_string())?;
-    Ok(document.text().to_owned())
 }
 
 #[cfg(test)]

@@ -74,17 +74,9 @@ pub(super) fn apply(infix: Infix, left: Option<f64>, right: Option<f64>) -> Opti
         Infix::And => left.and(right).map(|_| 1.0),
         Infix::Or => left.and(right).map(|_| 0.0),
         Infix::Compare(comparison) => Some(f64::from(comparison.of(left?, right?))),
-        Infix::Add | Infix::Subtract | Infix::Multiply | Infix::Divide => {
-            Some(calculate(infix, left?, right?))
-        }
-    }
-}
-
-fn calculate(infix: Infix, left: f64, right: f64) -> f64 {
-    match infix {
-        Infix::Add => left + right,
-        Infix::Subtract => left - right,
-        Infix::Multiply => left * right,
-        _ => left / right,
+        Infix::Add => Some(left? + right?),
+        Infix::Subtract => Some(left? - right?),
+        Infix::Multiply => Some(left? * right?),
+        Infix::Divide => Some(left? / right?),
     }
 }

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::{Comparison, Infix, Misreading, Mistake};
+use super::{Infix, Misreading, Mistake, OPERATORS};
+use crate::printable;
 
 /// The smallest parts of an expression.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,27 +22,6 @@ pub(super) enum Token<'t> {
 
 /// A token and the bytes where it stands.
 pub(super) type Placed<'t> = (Token<'t>, Range<usize>);
-
-/// Operators by their text; longer ones first, so that `<=` is not read as `<`.
-const SIGNS: [(&str, Token<'static>); 13] = [
-    ("<=", compare(Comparison::LessOrEqual)),
-    (">=", compare(Comparison::GreaterOrEqual)),
-    ("==", compare(Comparison::Equal)),
-    ("!=", compare(Comparison::NotEqual)),
-    ("<", compare(Comparison::Less)),
-    (">", compare(Comparison::Greater)),
-    ("+", Token::Infix(Infix::Add)),
-    ("-", Token::Infix(Infix::Subtract)),
-    ("*", Token::Infix(Infix::Multiply)),
-    ("/", Token::Infix(Infix::Divide)),
-    ("(", Token::Open),
-    (")", Token::Close),
-    (",", Token::Comma),
-];
-
-const fn compare(comparison: Comparison) -> Token<'static> {
-    Token::Infix(Infix::Compare(comparison))
-}
 
 /// What other languages write, and what is meant.
 const FOREIGN: [(&str, &str); 8] = [
@@ -87,8 +67,14 @@ fn token(rest: &str, first: char) -> Result<(Token<'_>, usize), Bad> {
     if first.is_alphabetic() || first == '_' {
         return Ok(name(rest));
     }
-    if let Some((sign, token)) = SIGNS.iter().find(|(sign, _)| rest.starts_with(sign)) {
-        return Ok((*token, sign.len()));
+    match first {
+        '(' => return Ok((Token::Open, 1)),
+        ')' => return Ok((Token::Close, 1)),
+        ',' => return Ok((Token::Comma, 1)),
+        _ => {}
+    }
+    if let Some((sign, infix)) = OPERATORS.iter().find(|(sign, _)| rest.starts_with(sign)) {
+        return Ok((Token::Infix(*infix), sign.len()));
     }
     let foreign = FOREIGN.iter().find(|(sign, _)| rest.starts_with(sign));
     let (sign, hint) = match foreign {
@@ -116,7 +102,7 @@ fn number(rest: &str) -> Result<(Token<'_>, usize), Bad> {
                 "write it as `0.25` or `2.5e-1`"
             };
             let hint = Some(way_out.to_owned());
-            Err((Mistake::Number(shortened(text)), length, hint))
+            Err((Mistake::Number(printable::name(text).into_owned()), length, hint))
         }
     }
 }
@@ -136,21 +122,13 @@ fn name(rest: &str) -> (Token<'_>, usize) {
     let length =
         rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | '.'))).unwrap_or(rest.len());
     let token = match &rest[..length] {
-        "and" => Token::Infix(Infix::And),
-        "or" => Token::Infix(Infix::Or),
         "not" => Token::Not,
         "true" => Token::Truth(true),
         "false" => Token::Truth(false),
-        name => Token::Name(name),
+        name => match OPERATORS.iter().find(|(text, _)| *text == name) {
+            Some((_, infix)) => Token::Infix(*infix),
+            None => Token::Name(name),
+        },
     };
     (token, length)
-}
-
-/// A text as a message shows it.
-pub(super) fn shortened(text: &str) -> String {
-    const SHOWN: usize = 40;
-    match text.char_indices().nth(SHOWN) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::{Expression, Kind};
 use crate::behavior::blackboard::MAX_PIDS;
+use crate::senses::Role;
 
 /// One thing that is wrong with an expression.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -138,4 +139,12 @@ pub enum Mistake {
         /// How many it can have.
         most: usize,
     },
+}
+
+impl Mistake {
+    /// What asks for a part that the robot does not have, and the way out.
+    pub(in crate::behavior) fn no_part(name: &str, role: Role) -> (Self, String) {
+        let mistake = Self::NoPart { name: name.to_owned(), part: role.what() };
+        (mistake, format!("[{}] in the robot's file would be that part", role.section()))
+    }
 }

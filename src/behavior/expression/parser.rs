@@ -4,12 +4,13 @@ use std::ops::Range;
 
 use super::evaluation::{STACK, depth};
 use super::function::{FUNCTIONS, Function};
-use super::lexer::{Placed, Token, shortened, tokens};
+use super::lexer::{Placed, Token, tokens};
 use super::vocabulary::{SEARCHED, values};
 use super::{Comparison, Expression, Infix, Kind, Misreading, Mistake, Op, Vocabulary};
 use crate::behavior::blackboard::MAX_PIDS;
 use crate::behavior::signals::{Input, Signal, words};
-use crate::document::nearest;
+use crate::document::{nearest, nearest_or_all};
+use crate::printable;
 use crate::senses::{Channel, Unit};
 
 /// How strongly `not` and a leading `-` hold their operand; operators are in [`power`].
@@ -112,8 +113,7 @@ impl<'p> Parser<'p, '_> {
         if let Some((found, expected)) = found.zip(expected)
             && found != expected
         {
-            let hint = (expected == Kind::Truth)
-                .then(|| "compare it with something, as in `… > 0`".to_owned());
+            let hint = (expected == Kind::Truth).then(|| way_out(expected).to_owned());
             self.note(place, Mistake::Whole { expected, found }, hint);
         }
         // What a sensor of an unknown robot measures is what is wanted of it.
@@ -216,9 +216,12 @@ impl<'p> Parser<'p, '_> {
         self.at += 1;
         let whole = place.start..end.end;
         let Some(function) = function else {
-            let hint = nearest(name, FUNCTIONS.iter().map(|row| row.0.name()))
-                .unwrap_or_else(|| format!("known are {}", known_functions()));
-            return Some(self.unusable(place, Mistake::NoFunction(shortened(name)), Some(hint)));
+            let hint = nearest_or_all(name, "known are", FUNCTIONS.iter().map(|row| row.0.name()));
+            return Some(self.unusable(
+                place,
+                Mistake::NoFunction(printable::name(name).into_owned()),
+                Some(hint),
+            ));
         };
         let takes = function.takes();
         let fits = given == takes || function.is_open() && given > takes;
@@ -265,11 +268,8 @@ impl<'p> Parser<'p, '_> {
         let machines = || self.vocabulary.machines.iter().map(|(name, _)| name.as_str());
         let Some(index) = machines().position(|known| known == machine) else {
             // What a variable begins with is read before the machines.
-            let hint = nearest(machine, machines()).or_else(|| {
-                machines().next()?;
-                Some(format!("it has {}", machines().collect::<Vec<_>>().join(", ")))
-            });
-            self.note(place, Mistake::NoMachine(shortened(machine)), hint);
+            let hint = machines().next().map(|_| nearest_or_all(machine, "it has", machines()));
+            self.note(place, Mistake::NoMachine(printable::name(machine).into_owned()), hint);
             return None;
         };
         let example = self.vocabulary.machines[index].1.keys().next().map_or("turn", |key| key);
@@ -293,7 +293,7 @@ impl<'p> Parser<'p, '_> {
         let states = &self.vocabulary.machines[index].1;
         let Some(at) = states.get(state).cloned() else {
             let hint = nearest(state, states.keys().take(SEARCHED).map(String::as_str));
-            let (machine, state) = (machine.to_owned(), shortened(state));
+            let (machine, state) = (machine.to_owned(), printable::name(state).into_owned());
             return Some(self.unusable(end, Mistake::NoState { machine, state }, hint));
         };
         let name = self.remember(&format!("{name} == {state}"));
@@ -326,8 +326,7 @@ impl<'p> Parser<'p, '_> {
         if let Some(word) = words().find(|word| word.name == name) {
             let role = word.channel.map(|channel| channel.quantity().role);
             if let Some(role) = role.filter(|role| !self.vocabulary.capabilities().has(*role)) {
-                let hint = format!("[{}] in the robot's file would be that part", role.section());
-                let mistake = Mistake::NoPart { name: name.to_owned(), part: role.what() };
+                let (mistake, hint) = Mistake::no_part(name, role);
                 self.note(place.clone(), mistake, Some(hint));
             }
             let kind = if word.is_truth { Kind::Truth } else { Kind::Number };
@@ -375,7 +374,8 @@ impl<'p> Parser<'p, '_> {
             "a name is what is sensed, a value such as `red`, or one of [numbers] and [variables]"
                 .to_owned()
         });
-        self.unusable(place, Mistake::UnknownName(shortened(name)), Some(hint))
+        let unknown = Mistake::UnknownName(printable::name(name).into_owned());
+        self.unusable(place, unknown, Some(hint))
     }
 
     fn sensed(
@@ -472,10 +472,6 @@ pub(in crate::behavior) fn is_plain(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-fn known_functions() -> String {
-    FUNCTIONS.map(|row| row.0.name()).join(", ")
-}
-
 /// The way out where something else than `expected` stands.
 fn way_out(expected: Kind) -> &'static str {
     match expected {
@@ -487,7 +483,7 @@ fn way_out(expected: Kind) -> &'static str {
 fn described(token: Token<'_>) -> String {
     match token {
         Token::Number(_) => "a number".to_owned(),
-        Token::Name(name) => format!("`{}`", shortened(name)),
+        Token::Name(name) => format!("`{}`", printable::name(name)),
         Token::Truth(truth) => format!("`{truth}`"),
         Token::Not => "`not`".to_owned(),
         Token::Infix(infix) => format!("`{}`", infix.as_str()),

@@ -7,12 +7,15 @@ use super::function::FUNCTIONS;
 use super::mistake::Mistake;
 use crate::behavior::signals::{Capabilities, words};
 use crate::behavior::{MAX_MOTORS, MAX_SENSORS};
-use crate::document::nearest;
+use crate::document::{nearest, nearest_or_all};
 use crate::senses::{Channel, QUANTITIES, Quantity};
 
 /// With more names than this the nearest one is not looked for: it would take longer than reading
 /// the file.
 pub(in crate::behavior) const SEARCHED: usize = 200;
+
+/// The language's own words.
+const LANGUAGE: [&str; 5] = ["and", "or", "not", "true", "false"];
 
 /// The names that an expression may use: the signals of a robot, and a mission's own names.
 #[derive(Debug)]
@@ -65,13 +68,11 @@ impl<'c> Vocabulary<'c> {
     pub fn variable(&self, name: &str) -> Option<u8> {
         let mut scope = self.scope.as_str();
         loop {
-            let inside = |known: &str| {
-                let known = known.strip_prefix(scope)?.strip_prefix('.')?;
-                Some(known == name)
-            };
             let is_it = |known: &str| match scope {
                 "" => known == name,
-                _ => inside(known) == Some(true),
+                _ => {
+                    known.strip_prefix(scope).and_then(|rest| rest.strip_prefix('.')) == Some(name)
+                }
             };
             if let Some(place) = self.variables.iter().position(|(known, _)| is_it(known)) {
                 return u8::try_from(place).ok();
@@ -89,13 +90,11 @@ impl<'c> Vocabulary<'c> {
         sensors.get(usize::from(place)).map(|(_, measures)| *measures)
     }
 
-    /// The nearest name to one that is not known, of `names` and, where they are few, of all that
-    /// an expression can have.
+    /// The nearest name to one that is not known; of the mission's own the first are looked at.
     pub(in crate::behavior) fn name_hint(&self, name: &str) -> Option<String> {
         let own = self.numbers.keys().chain(self.variables.iter().map(|(name, _)| name));
         let own = own.take(SEARCHED).map(String::as_str);
-        let language = ["and", "or", "not", "true", "false"];
-        let known = words().map(|word| word.name).chain(language).chain(values().map(|row| row.0));
+        let known = words().map(|word| word.name).chain(LANGUAGE).chain(values().map(|row| row.0));
         let functions = FUNCTIONS.iter().map(|row| row.0.name());
         nearest(name, known.chain(functions).chain(own))
     }
@@ -103,7 +102,7 @@ impl<'c> Vocabulary<'c> {
     /// Whether a name has a meaning in every mission.
     pub(in crate::behavior) fn is_taken(name: &str) -> bool {
         words().any(|word| word.name == name)
-            || ["and", "or", "not", "true", "false", "motor", "sensor"].contains(&name)
+            || LANGUAGE.into_iter().chain(["motor", "sensor"]).any(|word| word == name)
             || FUNCTIONS.iter().any(|row| row.0.name() == name)
     }
 
@@ -159,11 +158,10 @@ impl Named {
 
     /// The way out where the robot has none of this name.
     pub(in crate::behavior) fn hint(&self, name: &str) -> String {
-        let known = || self.names.iter().map(String::as_str);
-        nearest(name, known()).unwrap_or_else(|| match self.names.as_slice() {
+        match self.names.as_slice() {
             [] => format!("[{}.NAME] in the robot's file would be one", self.what),
-            _ => format!("it has {}", known().collect::<Vec<_>>().join(", ")),
-        })
+            names => nearest_or_all(name, "it has", names.iter().map(String::as_str)),
+        }
     }
 }
 

@@ -43,7 +43,7 @@ pub(super) fn whole(reader: &Reader<'_, '_, '_>, drafts: &[Draft], ways_are_know
     one_machine_each(reader, drafts);
     one_mode_each(reader);
     for draft in drafts {
-        let impossible = conditions(root, draft);
+        let impossible = conditions(root, &draft.plan);
         if draft.complete && ways_are_known {
             paths(root, draft, &impossible);
         }
@@ -110,25 +110,21 @@ struct Impossible {
 ///
 /// Those of a state and of the state that it is inside are not compared: `state_s` is another time
 /// in each.
-fn conditions(root: &Section<'_>, draft: &Draft) -> Impossible {
-    let plan = &draft.plan;
+fn conditions(root: &Section<'_>, plan: &MachinePlan) -> Impossible {
     let inner =
         (0..).zip(&plan.states).filter_map(|(at, state)| Some((Some(at), state.inner.as_ref()?)));
     let regions = inner.chain([(None, &plan.region)]);
     let always: BTreeMap<Option<u16>, Vec<Claimed<'_>>> =
         regions.map(|(parent, region)| (parent, claims(&region.always))).collect();
-    let states = (0..).zip(&plan.states).zip(&draft.conditions).map(|((at, state), places)| {
+    let states = (0..).zip(&plan.states).map(|(at, state)| {
         let end = plan.around(state).and_then(|region| region.end);
         // Those for all states come first, but for the final state and the one they lead to.
         let here = always.get(&state.parent).into_iter().flatten();
         let here = here.filter(|(next, _)| next.go != at && end != Some(at));
-        late(root, here.collect(), &claims(&state.next), places)
+        late(root, here.collect(), &claims(&state.next))
     });
     let states = states.collect();
-    let always = always.iter().map(|(parent, claims)| {
-        let places = draft.always.get(parent).map(Vec::as_slice).unwrap_or_default();
-        (*parent, late(root, Vec::new(), claims, places))
-    });
+    let always = always.iter().map(|(parent, claims)| (*parent, late(root, Vec::new(), claims)));
     Impossible { always: always.collect(), states }
 }
 
@@ -144,26 +140,26 @@ fn late<'c>(
     root: &Section<'_>,
     mut before: Vec<&'c Claimed<'c>>,
     transitions: &'c [Claimed<'c>],
-    places: &[Range<usize>],
 ) -> Vec<bool> {
     let mut impossible = Vec::with_capacity(transitions.len());
-    for (transition, place) in transitions.iter().zip(places) {
+    for transition in transitions {
         let (next, claim) = transition;
+        let place = next.place.clone();
         let earlier = before.iter().find(|(_, earlier)| claim.implies(earlier));
         let (error, warning) = (Severity::Error, Severity::Warning);
         let never = claim.is_never();
         let beyond = next.when.beyond().map(|beyond| beyond.why());
         let why = |else_hint: &str| beyond.clone().unwrap_or_else(|| else_hint.to_owned());
         if never {
-            root.note(place.clone(), error, "this condition can never hold".to_owned())
+            root.note(place, error, "this condition can never hold".to_owned())
                 .hint(why("look at its numbers, or take it out"));
         } else if let Some((earlier, _)) = earlier {
             let other = earlier.when.text();
             let message =
                 format!("this can never fire: `{other}` before it holds whenever this does");
-            root.note(place.clone(), error, message).hint("put the narrower condition first");
+            root.note(place, error, message).hint("put the narrower condition first");
         } else if claim.is_always() && next.when.text() != "true" {
-            root.note(place.clone(), warning, "this condition always holds".to_owned())
+            root.note(place, warning, "this condition always holds".to_owned())
                 .hint(why("write `true` if that is meant"));
         }
         impossible.push(never || earlier.is_some());
@@ -188,7 +184,7 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
     for state in &plan.states {
         *beside.entry(state.parent).or_default() += 1;
     }
-    for ((at, state), place) in (0_u16..).zip(&plan.states).zip(&draft.states) {
+    for (at, state) in (0_u16..).zip(&plan.states) {
         let Some(region) = plan.around(state) else { continue };
         let index = usize::from(at);
         let named = &state.name;
@@ -222,7 +218,7 @@ fn paths(root: &Section<'_>, draft: &Draft, impossible: &Impossible) {
         } else {
             continue;
         };
-        root.note(place.clone(), severity, message).hint(way_out);
+        root.note(state.place.clone(), severity, message).hint(way_out);
     }
 }
 

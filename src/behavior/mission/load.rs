@@ -13,8 +13,8 @@ use crate::behavior::expression::{
 };
 use crate::behavior::signals::Capabilities;
 use crate::behavior::tune::Tune;
-use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity, nearest};
-use crate::printable::is_printable;
+use crate::document::{Document, Findings, Item, Kind as FileKind, Section, Severity};
+use crate::printable::{self, is_printable};
 use crate::senses::Channel;
 
 mod actions;
@@ -112,7 +112,7 @@ impl<'d> Reader<'_, 'd, '_> {
         self.variables();
         let mut drafts = self.machines()?;
         // What would be said of the whole is not certain without a machine that could not be read.
-        if drafts.len() < root.section("machine").map_or(0, |machines| machines.items().len()) {
+        if drafts.len() < root.items_of("machine").len() {
             return None;
         }
         let on_stall = checks::on_stall(root, &mut drafts);
@@ -139,7 +139,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// The mission's own numbers.
     fn numbers(&mut self) {
-        for item in self.root.section("numbers").iter().flat_map(Section::items) {
+        for item in self.root.items_of("numbers") {
             let (low, high) = Mission::NUMBERS;
             let own = self.own_name(&item).zip(item.number(low..=high));
             self.vocabulary.numbers.extend(own);
@@ -148,8 +148,7 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// The mission's variables, with what they are at the start.
     fn variables(&mut self) {
-        let items = self.root.section("variables").map(|section| section.items());
-        let items = items.unwrap_or_default();
+        let items = self.root.items_of("variables");
         if let Some(one_more) = items.get(MAX_VARIABLES) {
             let count = items.len();
             one_more.error_at_key(format!(
@@ -259,18 +258,8 @@ fn is_name(name: &str, item: &Item<'_>) -> bool {
     if !good {
         item.error_at_key(format!(
             "a name has 1 to {NAME_CHARACTERS} characters on one line, not `{}`",
-            shown(name)
+            printable::name(name)
         ));
     }
     good
-}
-
-/// A text as a message shows it.
-fn shown(text: &str) -> String {
-    let mut shown: String =
-        text.chars().take(NAME_CHARACTERS).flat_map(char::escape_debug).collect();
-    if text.chars().nth(NAME_CHARACTERS).is_some() {
-        shown.push('…');
-    }
-    shown
 }

@@ -3,7 +3,7 @@
 use arrayvec::ArrayVec;
 
 use super::program::Ongoing;
-use super::{DrivePlan, GoalPlan, MotionPlan, NavigationGoal, NavigationPlan, Outputs, SoundPlan};
+use super::{DrivePlan, GoalPlan, MotionPlan, Outputs, SoundPlan};
 use crate::behavior::blackboard::Scope;
 use crate::behavior::demands::{Demands, Drive};
 use crate::behavior::expression::Expression;
@@ -12,7 +12,6 @@ use crate::behavior::navigation;
 use crate::behavior::signals::Signal;
 use crate::behavior::telling::Telling;
 use crate::behavior::tune::Sound;
-use crate::ev3dev::StopAction;
 use crate::senses::{Channel, Role};
 use crate::units::radians;
 
@@ -37,17 +36,18 @@ impl Outputs {
                 demands.drive = Some(motion.step(|| plan.order(finite), signals, limits));
                 has_ended &= motion.is_done();
             }
-            Some(DrivePlan::Navigation(plan)) => {
+            Some(DrivePlan::Navigation { plan, moves_head }) => {
                 let Ongoing { motion, navigation, limits, .. } = ongoing;
-                let (drive, head) = navigation.step(|| plan.order(finite), motion, signals, limits);
+                let (drive, head) =
+                    navigation.step(|| plan.navigation(finite), motion, signals, limits);
                 demands.drive = Some(drive);
-                if let Some(head) = head.filter(|_| plan.moves_head) {
+                if let Some(head) = head.filter(|_| *moves_head) {
                     (demands.head_rad, demands.head_rad_s) = (Some(head.to_rad), head.max_rad_s);
                 }
                 has_ended &= navigation.is_done();
             }
             Some(plan) => {
-                demands.drive = Some(plan.drive(finite).unwrap_or(Drive::Stop(StopAction::Brake)));
+                demands.drive = Some(plan.drive(finite).unwrap_or(Drive::STILL));
             }
             None => {}
         }
@@ -93,7 +93,7 @@ impl Outputs {
 
     /// Whether it has something that comes to an end, so that `done` can be asked for.
     pub(super) fn ends(&self) -> bool {
-        matches!(self.drive, Some(DrivePlan::Motion(_) | DrivePlan::Navigation(_)))
+        matches!(self.drive, Some(DrivePlan::Motion(_) | DrivePlan::Navigation { .. }))
             || self.head_deg.is_some()
             || matches!(self.sound, Some(SoundPlan::Tone { .. } | SoundPlan::Tune(_)))
     }
@@ -101,9 +101,8 @@ impl Outputs {
     /// The parts of the robot that are moved.
     pub(super) fn roles(&self) -> impl Iterator<Item = Role> {
         let wheels = self.drive.as_ref().map(|_| Role::Wheels);
-        let turns =
-            |drive: &DrivePlan| matches!(drive, DrivePlan::Navigation(plan) if plan.moves_head);
-        let moves_head = self.head_deg.is_some() || self.drive.as_ref().is_some_and(turns);
+        let moves_head = self.head_deg.is_some()
+            || matches!(self.drive, Some(DrivePlan::Navigation { moves_head: true, .. }));
         let head = moves_head.then_some(Role::Head);
         let motors = self.motors_dps.iter().map(|(place, _)| Role::Motor(*place));
         wheels.into_iter().chain(head).chain(motors)
@@ -136,7 +135,7 @@ impl DrivePlan {
             }),
             Self::Stop(action) => Some(Drive::Stop(*action)),
             // It is decided by what is under way.
-            Self::Motion(_) | Self::Navigation(_) => None,
+            Self::Motion(_) | Self::Navigation { .. } => None,
         }
     }
 
@@ -146,20 +145,13 @@ impl DrivePlan {
             Self::Wheels { left_dps: a, right_dps: b }
             | Self::Twist { forward_mps: a, turn_dps: b } => found.extend([a, b]),
             Self::Stop(_) => {}
-            Self::Navigation(plan) => {
+            Self::Motion(plan) | Self::Navigation { plan, .. } => {
                 found.extend(plan.speed_mps.iter_mut().chain(&mut plan.speed_dps));
                 found.extend(&mut plan.keep_m);
                 match &mut plan.goal {
-                    NavigationGoal::Explore { within_m } => found.push(within_m),
-                    NavigationGoal::Place { x_m, y_m, face_deg } => {
-                        found.extend([x_m, y_m].into_iter().chain(face_deg));
-                    }
-                }
-            }
-            Self::Motion(plan) => {
-                found.extend(plan.speed_mps.iter_mut().chain(&mut plan.speed_dps));
-                match &mut plan.goal {
-                    GoalPlan::Ahead { way_m: a } | GoalPlan::Turn { turn_deg: a } => found.push(a),
+                    GoalPlan::Ahead { way_m: a }
+                    | GoalPlan::Turn { turn_deg: a }
+                    | GoalPlan::Explore { within_m: a } => found.push(a),
                     GoalPlan::Arc { radius_m: a, turn_deg: b } => found.extend([a, b]),
                     GoalPlan::Place { x_m, y_m, face_deg } => {
                         found.extend([x_m, y_m].into_iter().chain(face_deg));
@@ -174,7 +166,6 @@ impl DrivePlan {
 impl MotionPlan {
     /// The motion, with its numbers as they are now; `None` where one is not known or not finite.
     fn order(&self, finite: impl Fn(&Expression) -> Option<f64>) -> Option<Order> {
-        let optional = |number: &Option<Expression>| optional(number, &finite);
         let goal = match &self.goal {
             GoalPlan::Ahead { way_m } => Goal::Ahead { way_m: finite(way_m)? },
             GoalPlan::Turn { turn_deg } => Goal::Turn { turn_rad: radians(finite(turn_deg)?) },
@@ -184,34 +175,33 @@ impl MotionPlan {
             GoalPlan::Place { x_m, y_m, face_deg } => Goal::Place {
                 x_m: finite(x_m)?,
                 y_m: finite(y_m)?,
-                face_rad: optional(face_deg)?.map(radians),
+                face_rad: optional(face_deg, &finite)?.map(radians),
             },
+            GoalPlan::Explore { .. } => return None,
         };
-        let speed_m_s = optional(&self.speed_mps)?;
-        let turn_rad_s = optional(&self.speed_dps)?.map(radians);
+        let speed_m_s = optional(&self.speed_mps, &finite)?;
+        let turn_rad_s = optional(&self.speed_dps, &finite)?.map(radians);
         Some(Order { goal, speed_m_s, turn_rad_s })
     }
-}
 
-impl NavigationPlan {
-    /// The order, with its numbers as they are now; `None` where one is not known or not finite.
-    fn order(&self, finite: impl Fn(&Expression) -> Option<f64>) -> Option<navigation::Order> {
-        let optional = |number: &Option<Expression>| optional(number, &finite);
+    /// The same for a motion over the map.
+    fn navigation(&self, finite: impl Fn(&Expression) -> Option<f64>) -> Option<navigation::Order> {
         let goal = match &self.goal {
-            NavigationGoal::Explore { within_m } => {
+            GoalPlan::Explore { within_m } => {
                 navigation::Goal::Explore { within_m: finite(within_m)? }
             }
-            NavigationGoal::Place { x_m, y_m, face_deg } => navigation::Goal::Place {
+            GoalPlan::Place { x_m, y_m, face_deg } => navigation::Goal::Place {
                 x_m: finite(x_m)?,
                 y_m: finite(y_m)?,
-                face_rad: optional(face_deg)?.map(radians),
+                face_rad: optional(face_deg, &finite)?.map(radians),
             },
+            _ => return None,
         };
         Some(navigation::Order {
             goal,
-            keep_m: optional(&self.keep_m)?.unwrap_or(navigation::KEEP_M),
-            speed_m_s: optional(&self.speed_mps)?,
-            turn_rad_s: optional(&self.speed_dps)?.map(radians),
+            keep_m: optional(&self.keep_m, &finite)?.unwrap_or(navigation::KEEP_M),
+            speed_m_s: optional(&self.speed_mps, &finite)?,
+            turn_rad_s: optional(&self.speed_dps, &finite)?.map(radians),
         })
     }
 }

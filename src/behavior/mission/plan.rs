@@ -1,5 +1,7 @@
 //! What a mission's file says of its machines, read and checked.
 
+use std::ops::Range;
+
 use arrayvec::ArrayVec;
 
 use crate::behavior::demands::Led;
@@ -39,6 +41,8 @@ pub struct RegionPlan {
 pub struct StatePlan {
     /// Its name; of a state of a sub-machine, behind that of the state that uses it: `look.left`.
     pub name: String,
+    /// Where its name stands in the file.
+    pub(super) place: Range<usize>,
     /// The state that it is inside.
     pub(super) parent: Option<u16>,
     /// The last state inside it, or itself.
@@ -58,6 +62,8 @@ pub struct StatePlan {
 pub struct TransitionPlan {
     /// The condition.
     pub when: Expression,
+    /// Where it stands in the file.
+    pub(super) place: Range<usize>,
     pub(super) set: Vec<Assignment>,
     /// Index of the destination.
     pub go: u16,
@@ -93,34 +99,29 @@ pub(super) enum SoundPlan {
 
 #[derive(Debug, Clone)]
 pub(super) enum DrivePlan {
-    Wheels { left_dps: Expression, right_dps: Expression },
-    Twist { forward_mps: Expression, turn_dps: Expression },
+    Wheels {
+        left_dps: Expression,
+        right_dps: Expression,
+    },
+    Twist {
+        forward_mps: Expression,
+        turn_dps: Expression,
+    },
     Stop(StopAction),
     Motion(Box<MotionPlan>),
-    Navigation(Box<NavigationPlan>),
-}
-
-/// A motion that finds its way over the map.
-#[derive(Debug, Clone)]
-pub(super) struct NavigationPlan {
-    pub(super) goal: NavigationGoal,
-    pub(super) keep_m: Option<Expression>,
-    pub(super) speed_mps: Option<Expression>,
-    pub(super) speed_dps: Option<Expression>,
-    /// The robot has a head, which it moves.
-    pub(super) moves_head: bool,
-}
-
-#[derive(Debug, Clone)]
-pub(super) enum NavigationGoal {
-    Explore { within_m: Expression },
-    Place { x_m: Expression, y_m: Expression, face_deg: Option<Expression> },
+    /// A motion that finds its way over the map.
+    Navigation {
+        plan: Box<MotionPlan>,
+        /// The robot has a head, which the motion moves.
+        moves_head: bool,
+    },
 }
 
 /// A motion that ends.
 #[derive(Debug, Clone)]
 pub(super) struct MotionPlan {
     pub(super) goal: GoalPlan,
+    pub(super) keep_m: Option<Expression>,
     pub(super) speed_mps: Option<Expression>,
     pub(super) speed_dps: Option<Expression>,
 }
@@ -131,6 +132,7 @@ pub(super) enum GoalPlan {
     Turn { turn_deg: Expression },
     Arc { radius_m: Expression, turn_deg: Expression },
     Place { x_m: Expression, y_m: Expression, face_deg: Option<Expression> },
+    Explore { within_m: Expression },
 }
 
 impl MachinePlan {

@@ -17,7 +17,6 @@ use crate::behavior::signals::Signals;
 use crate::behavior::tune::{Playing, Sound, Tune};
 use crate::behavior::{MAX_MACHINES, Taken};
 use crate::clock::seconds;
-use crate::ev3dev::StopAction;
 use crate::planning::{Plan, Request};
 use crate::senses::Role;
 
@@ -103,12 +102,12 @@ pub struct ProgramState {
 
 impl Program {
     pub(super) fn new(mission: &Mission) -> Result<Self, EngineError> {
-        let machines =
-            mission.machines.iter().enumerate().map(|(index, plan)| machine(index, plan));
+        let plans = || mission.machines.iter().enumerate();
+        let machines = plans()
+            .map(|(machine, plan)| region(Place { machine, level: 0 }, plan, &plan.region, None));
         let engine = Engine::new(mission.finish, machines)?;
-        let driving = mission.machines.iter().position(|plan| plan.moves(Role::Wheels));
-        let on_stall =
-            driving.and_then(|index| Some((index, mission.machines.get(index)?.stalls())));
+        let driving = plans().find(|(_, plan)| plan.moves(Role::Wheels));
+        let on_stall = driving.map(|(machine, plan)| (machine, plan.stalls()));
         let states = mission.machines.iter().map(|plan| plan.states.len()).collect();
         let mut turn = Turn::default();
         for (machine, plan) in turn.board.machines.iter_mut().zip(&mission.machines) {
@@ -161,7 +160,7 @@ impl Program {
         if progress == Progress::Finished {
             // Whatever another machine wants: nothing moves while the last sounds are heard.
             let Demands { led, tone_hz, say, .. } = *demands;
-            let drive = Some(Drive::Stop(StopAction::Brake));
+            let drive = Some(Drive::STILL);
             *demands = Demands { drive, led, tone_hz, say, ..Demands::default() };
         }
         match self.turn.ongoing.tone_hz(now_ns) {
@@ -233,33 +232,27 @@ impl Program {
     /// does not fit the mission.
     pub fn restore(&mut self, state: &ProgramState) -> bool {
         let lengths = [state.machines.len(), state.pids.len(), state.playing.len()];
-        let fits = lengths == [self.states.len(); 3]
-            && state.variables.len() == self.variables
-            && state
-                .machines
-                .iter()
-                .zip(&self.states)
-                .all(|(at, states)| usize::from(at.state) < *states);
-        if fits {
-            self.turn.ongoing.motion = state.motion;
-            self.turn.ongoing.navigation.clone_from(&state.navigation);
-            for (playing, was) in self.turn.ongoing.playing.iter_mut().zip(&state.playing) {
-                *playing = *was;
-            }
-            let board = &mut self.turn.board;
-            for (index, (at, pids)) in state.machines.iter().zip(&state.pids).enumerate() {
-                let entered_ns: ArrayVec<i64, LEVELS> =
-                    at.since.iter().map(|since| since.entered_ns).collect();
-                self.engine.restore(index, at.state, &entered_ns);
-                board.machines[index].clone_from(at);
-                board.pids[index] = pids.map(Cell::new);
-            }
-            for (variable, value) in board.variables.iter_mut().zip(&state.variables) {
-                *variable = *value;
-            }
-            self.begun = true;
+        let has_state = |(at, states): (&MachineState, &usize)| usize::from(at.state) < *states;
+        if lengths != [self.states.len(); 3]
+            || state.variables.len() != self.variables
+            || !state.machines.iter().zip(&self.states).all(has_state)
+        {
+            return false;
         }
-        fits
+        let Turn { board, ongoing, .. } = &mut self.turn;
+        ongoing.motion = state.motion;
+        ongoing.navigation.clone_from(&state.navigation);
+        ongoing.playing[..state.playing.len()].copy_from_slice(&state.playing);
+        for (index, (at, pids)) in state.machines.iter().zip(&state.pids).enumerate() {
+            let entered_ns: ArrayVec<i64, LEVELS> =
+                at.since.iter().map(|since| since.entered_ns).collect();
+            self.engine.restore(index, at.state, &entered_ns);
+            board.machines[index].clone_from(at);
+            board.pids[index] = pids.map(Cell::new);
+        }
+        board.variables[..state.variables.len()].copy_from_slice(&state.variables);
+        self.begun = true;
+        true
     }
 }
 
@@ -306,12 +299,7 @@ impl Place {
     }
 }
 
-/// A machine of a mission, as the engine takes it.
-fn machine(index: usize, plan: &MachinePlan) -> Machine<Turn> {
-    region(Place { machine: index, level: 0 }, plan, &plan.region, None)
-}
-
-/// A machine, or the sub-machine inside a state.
+/// A machine of a mission, or the sub-machine inside a state, as the engine takes it.
 fn region(
     place: Place,
     plan: &MachinePlan,

@@ -13,7 +13,7 @@ use crate::cli::common::{
 use crate::cli::folder::RunFolder;
 use crate::cli::terminal::stop_flags;
 use crate::cli::{Context, Exit, Failure, Output};
-use crate::document::nearest;
+use crate::document::nearest_or_all;
 use crate::mapping::{Method, Pose, stats};
 use crate::recording::Run;
 use crate::robot::RobotConfig;
@@ -162,12 +162,10 @@ fn covered_walls(quality: &Quality) -> String {
 }
 
 fn shipped(text: &str) -> Result<String, String> {
-    let names = || MISSIONS.iter().map(|mission| mission.name);
     if find(text).is_some() {
         return Ok(text.to_owned());
     }
-    let hint = nearest(text, names());
-    Err(hint.unwrap_or_else(|| format!("it can be {}", names().collect::<Vec<_>>().join(", "))))
+    Err(nearest_or_all(text, "it can be", MISSIONS.iter().map(|mission| mission.name)))
 }
 
 fn quality(loaded: &LoadedRun, world: &Source) -> Result<Quality, Failure> {

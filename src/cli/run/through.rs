@@ -13,7 +13,7 @@ use super::super::serve::load_config;
 use super::super::terminal::signals;
 use super::super::{Context, Exit, Failure, Output};
 use super::{Arguments, Happenings, RunFolder};
-use crate::behavior::{Capabilities, Mission};
+use crate::behavior::Capabilities;
 use crate::clock::{Clock, MILLISECOND_NS, MonotonicClock, SECOND_NS, wall_ns};
 use crate::runtime::Event;
 use crate::service::Config;
@@ -98,7 +98,7 @@ pub(super) fn run(
     let mut signals = signals()?;
     // Findings are the service's matter; here the mission gives the run its name, and the bar its
     // length.
-    let mission = Mission::parse(&source.name, source.text.as_bytes(), &Capabilities::all()).ok();
+    let mission = source.mission(&Capabilities::all()).ok();
     let name = mission.as_ref().map_or("mission", |(mission, _)| mission.name());
     let run = new_id(name)?;
     let folder = arguments.out.as_deref();

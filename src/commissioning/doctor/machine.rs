@@ -7,9 +7,9 @@ use nix::sys::resource::{Resource, getrlimit};
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{Gid, geteuid, getgroups};
 
-use crate::behavior::{Capabilities, Mission};
+use crate::behavior::Capabilities;
 use crate::clock::{wrong_year, year};
-use crate::document::{Document, read_bounded};
+use crate::document::read_bounded;
 
 use super::{Diagnosis, Examination, Verdict, with_causes};
 use crate::runtime::{Source, groups};
@@ -177,13 +177,8 @@ fn mission(file: &Path, capabilities: &Capabilities, diagnosis: &mut Diagnosis) 
             );
         }
     };
-    let source = Document::new(&name, &bytes).map(|document| {
-        let source = Source { name: name.clone(), text: document.text().to_owned() };
-        source.with_submachines(file.parent())
-    });
-    let read = source
-        .and_then(|source| Mission::parse(&source.name, source.text.as_bytes(), capabilities));
-    match read {
+    let source = Source::of(&name, &bytes).map(|source| source.with_submachines(file.parent()));
+    match source.and_then(|source| source.mission(capabilities)) {
         Ok((mission, _)) => {
             diagnosis.ok(CHECK, format!("{name}: \"{}\" is in order", mission.name()))
         }

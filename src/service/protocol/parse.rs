@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::{
     Asked, Id, Kind, LocalOnly, LocalRequest, MAX_REQUEST_BYTES, Refusal, Request, VERSION,
 };
-use crate::printable::{Layout, shown};
+use crate::printable::{self, Layout, shown};
 
 /// A request that was not understood, with its client's name for it where that could be read.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,7 +101,7 @@ fn envelope(bytes: &[u8], known: &[&[&str]]) -> Result<Envelope, NotUnderstood> 
         return Err(NotUnderstood { id: Some(envelope.id), refusal });
     }
     if !known.iter().any(|names| names.contains(&envelope.op.as_str())) {
-        let op = shown(&envelope.op, Layout::Line, 40);
+        let op = printable::name(&envelope.op);
         let names = known.concat().join(", ");
         let message = format!("there is no operation `{op}`; there are {names}");
         return Err(refuse(Some(envelope.id), Kind::UnknownOperation, message));

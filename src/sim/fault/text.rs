@@ -18,7 +18,7 @@ use std::ops::RangeInclusive;
 
 use super::{Button, DeviceFault, Port};
 use crate::clock::{nanoseconds, seconds};
-use crate::document::nearest;
+use crate::document::nearest_or_all;
 use crate::printable::{self, Layout, is_printable};
 use crate::units::rounded;
 
@@ -227,9 +227,7 @@ pub(super) fn port(name: &str) -> Result<Port, OrderError> {
 /// A button by its name.
 pub(super) fn button(name: &str) -> Result<Button, OrderError> {
     name.parse().map_err(|_| {
-        let names = Button::WORDS;
-        let near = nearest(name, names.iter().copied())
-            .unwrap_or_else(|| format!("there are {}", names.join(", ")));
+        let near = nearest_or_all(name, "there are", Button::WORDS.iter().copied());
         OrderError::new(format!("there is no button `{}`", shown(name))).hint(near)
     })
 }
@@ -348,10 +346,9 @@ impl DeviceFault {
             "stale" => Self::Stale { for_ns: numbers.milliseconds(2000.0, 60_000.0)? },
             "reset" => Self::Write { attribute: "command".to_owned(), value: "reset".to_owned() },
             _ => {
-                let near = nearest(word, Self::WORDS);
-                return Err(OrderError::new(format!("there is no fault `{}`", shown(word))).hint(
-                    near.unwrap_or_else(|| format!("there are {}", Self::WORDS.join(", "))),
-                ));
+                let near = nearest_or_all(word, "there are", Self::WORDS.into_iter());
+                let message = format!("there is no fault `{}`", shown(word));
+                return Err(OrderError::new(message).hint(near));
             }
         })
     }

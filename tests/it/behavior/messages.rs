@@ -40,11 +40,12 @@ fn cases() -> Vec<(&'static str, String)> {
             state("do = { left_dps = 1, right_dps = 1, head_deg = 0, motor.arm = 5 }")
         )
     };
-    let nine: String = (0..9)
-        .map(|at| {
+    let machines = |count: u8| {
+        let machine = |at| {
             format!("[machine.m{at}]\nstart = \"a\"\nfinal = \"a\"\n[machine.m{at}.state.a]\n")
-        })
-        .collect();
+        };
+        format!("name = \"m\"\n{}", (0..count).map(machine).collect::<String>())
+    };
     let many = vec!["{ when = \"touch\", go = \"b\" }"; 33].join(",\n");
     vec![
         ("nothing in it", String::new()),
@@ -184,7 +185,8 @@ fn cases() -> Vec<(&'static str, String)> {
             ),
         ),
         ("no machine", "name = \"m\"\n[machine]\n".to_owned()),
-        ("nine machines", format!("name = \"m\"\n{nine}")),
+        ("nine machines", machines(9)),
+        ("eleven machines", machines(11)),
         ("a machine without states", "name = \"m\"\n[machine.drive]\n".to_owned()),
         ("too many transitions", next(&many)),
         (
@@ -212,6 +214,8 @@ fn cases() -> Vec<(&'static str, String)> {
                  do = { forward = 1 }",
             ),
         ),
+        ("no action, and no other key, on entry", state("on_entry = { xyz = 1 }")),
+        ("a way over the map for what stops", state("do = { stop = \"brake\", keep_m = 0.2 }")),
         (
             "too long a line for the screen",
             state(&format!("do = {{ say = \"{}\" }}", "far too long ".repeat(11))),

@@ -3,40 +3,21 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::{Outputs, Reader, shown};
+use super::signs::SIGNS;
+use super::{Outputs, Reader};
 use crate::behavior::expression::{Expression, Mistake};
-use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan, NavigationGoal, NavigationPlan};
+use crate::behavior::mission::{DrivePlan, GoalPlan, MotionPlan};
 use crate::document::{Item, Section};
 use crate::ev3dev::StopAction;
 use crate::senses::{QUANTITIES, Role};
 use crate::units::radians;
 
 /// What can be asked in `do`.
-pub(super) const ACTIONS: [&str; 23] = [
-    "left_dps",
-    "right_dps",
-    "forward_mps",
-    "turn_dps",
-    "stop",
-    "drive_m",
-    "turn_deg",
-    "arc",
-    "goto",
-    "explore_m",
-    "face_deg",
-    "keep_m",
-    "speed_mps",
-    "speed_dps",
-    "head_deg",
-    "motor",
-    "led",
-    "tone_hz",
-    "tone_s",
-    "tune",
-    "tempo_bpm",
-    "beep",
-    "say",
-];
+pub(super) fn actions() -> Vec<&'static str> {
+    let drives = DRIVES.iter().map(|(key, _)| *key);
+    let of_motions = OF_MOTIONS.iter().map(|(key, _)| *key);
+    drives.chain(of_motions).chain(["head_deg", "motor"]).chain(SIGNS).collect()
+}
 
 /// A speed that the robot's file does not allow.
 const TOO_FAST: &str = "this is faster than the robot's wheels may turn (`max_dps`)";
@@ -57,10 +38,10 @@ const DRIVES: [(&str, usize); 10] = [
 
 /// Keys that go with some motions that end, and with which.
 const OF_MOTIONS: [(&str, &[&str]); 4] = [
-    ("speed_mps", &["drive_m", "arc", "goto", "explore_m"]),
-    ("speed_dps", &["turn_deg", "goto", "explore_m"]),
     ("face_deg", &["goto"]),
     ("keep_m", &["goto", "explore_m"]),
+    ("speed_mps", &["drive_m", "arc", "goto", "explore_m"]),
+    ("speed_dps", &["turn_deg", "goto", "explore_m"]),
 ];
 
 /// No actuator is asked for more by a slip of the finger: degrees per second, metres per second.
@@ -84,7 +65,7 @@ type Moves = BTreeMap<Role, Range<usize>>;
 impl<'d> Reader<'_, 'd, '_> {
     /// The table `do`; notes in `moves` what is moved, and where.
     pub(super) fn actions(&mut self, table: &Section<'d>, moves: &mut Moves) -> Outputs {
-        table.allow(&ACTIONS);
+        table.allow(&actions());
         let drive = self.drive(table, moves);
         let head_deg = table.get("head_deg").and_then(|item| {
             self.moves(Role::Head, &item, moves);
@@ -92,8 +73,8 @@ impl<'d> Reader<'_, 'd, '_> {
             self.head_is_within_reach(&item, &head_deg);
             Some(head_deg)
         });
-        let motors = table.section("motor").map(|motors| motors.items()).unwrap_or_default();
-        let motors_dps = motors.iter().filter_map(|item| self.motor(item, moves)).collect();
+        let motors_dps =
+            table.items_of("motor").iter().filter_map(|item| self.motor(item, moves)).collect();
         Outputs { drive, head_deg, motors_dps, ..self.telling(table, None) }
     }
 
@@ -110,9 +91,9 @@ impl<'d> Reader<'_, 'd, '_> {
                 .hint("leave one out");
             return None;
         }
-        match row {
-            0 => self.wheels(table, first),
-            1 => {
+        match first.key() {
+            "left_dps" | "right_dps" => self.wheels(table, first),
+            "forward_mps" | "turn_dps" => {
                 let none = || Expression::constant(0.0);
                 let forward_mps = self.optional(table, "forward_mps", MPS);
                 let turn_dps = self.optional(table, "turn_dps", DPS);
@@ -121,16 +102,19 @@ impl<'d> Reader<'_, 'd, '_> {
                 self.is_within_reach(first, &forward_mps, &turn_dps);
                 Some(DrivePlan::Twist { forward_mps, turn_dps })
             }
-            _ if *row == 7 || table.get("keep_m").is_some() => {
-                let plan = self.navigation(table, first, moves);
-                plan.map(|plan| DrivePlan::Navigation(Box::new(plan)))
+            "stop" => {
+                let stops = StopAction::ALL.iter().map(|stop| (stop.as_str(), *stop));
+                first.word(&stops.collect::<Vec<_>>()).map(DrivePlan::Stop)
             }
-            3.. => self.motion(table, first).map(|plan| DrivePlan::Motion(Box::new(plan))),
-            _ => first
-                .word(
-                    &StopAction::ALL.iter().map(|stop| (stop.as_str(), *stop)).collect::<Vec<_>>(),
-                )
-                .map(DrivePlan::Stop),
+            key => {
+                let plan = self.motion(table, first).map(Box::new);
+                let explores = (key == "explore_m").then(|| first.clone());
+                let Some(over_map) = explores.or_else(|| table.get("keep_m")) else {
+                    return Some(DrivePlan::Motion(plan?));
+                };
+                let moves_head = self.looks(table, first, &over_map, moves);
+                Some(DrivePlan::Navigation { plan: plan?, moves_head })
+            }
         }
     }
 
@@ -192,9 +176,10 @@ impl<'d> Reader<'_, 'd, '_> {
             if !motions.iter().any(|motion| table.get(motion).is_some()) {
                 let motions = motions.iter().map(|motion| format!("`{motion}`"));
                 let motions = motions.collect::<Vec<_>>().join(" or ");
-                item.error_at_key(format!("`{key}` goes together with {motions}")).hint(
-                    "`forward_mps` and `turn_dps` are speeds of a robot that drives on and on",
-                );
+                let speeds =
+                    "`forward_mps` and `turn_dps` are speeds of a robot that drives on and on";
+                let hint = if key.starts_with("speed_") { speeds } else { "" };
+                item.error_at_key(format!("`{key}` goes together with {motions}")).hint(hint);
             }
         }
     }
@@ -204,26 +189,28 @@ impl<'d> Reader<'_, 'd, '_> {
         // Its numbers are taken once, so nothing in them can remember from tick to tick.
         let pids = self.vocabulary.pids.take();
         let goal = self.goal(table, item);
-        let [speed_mps, speed_dps] = self.speeds(table);
-        self.vocabulary.pids = pids;
-        Some(MotionPlan { goal: goal?, speed_mps: speed_mps?, speed_dps: speed_dps? })
-    }
-
-    /// A motion that finds its way over the map.
-    fn navigation(
-        &mut self,
-        table: &Section<'d>,
-        item: &Item<'d>,
-        moves: &mut Moves,
-    ) -> Option<NavigationPlan> {
-        let pids = self.vocabulary.pids.take();
-        let goal = self.navigation_goal(table, item);
         let keep_m = self.optional(table, "keep_m", KEEP_M);
         let [speed_mps, speed_dps] = self.speeds(table);
         self.vocabulary.pids = pids;
-        // It looks where it drives, with the head where there is one.
-        let keeps = table.get("keep_m").filter(|_| item.key() != "explore_m");
-        self.moves(Role::Range, keeps.as_ref().unwrap_or(item), &mut Moves::new());
+        Some(MotionPlan {
+            goal: goal?,
+            keep_m: keep_m?,
+            speed_mps: speed_mps?,
+            speed_dps: speed_dps?,
+        })
+    }
+
+    /// A motion over the map looks where it drives, with the head where there is one: true then.
+    ///
+    /// - `over_map`: the key that takes the map.
+    fn looks(
+        &mut self,
+        table: &Section<'d>,
+        item: &Item<'d>,
+        over_map: &Item<'d>,
+        moves: &mut Moves,
+    ) -> bool {
+        self.moves(Role::Range, over_map, &mut Moves::new());
         let moves_head = self.vocabulary.capabilities().has(Role::Head);
         if moves_head {
             self.moves(Role::Head, item, moves);
@@ -232,32 +219,14 @@ impl<'d> Reader<'_, 'd, '_> {
                     .hint("leave `head_deg` out");
             }
         }
-        Some(NavigationPlan {
-            goal: goal?,
-            keep_m: keep_m?,
-            speed_mps: speed_mps?,
-            speed_dps: speed_dps?,
-            moves_head,
-        })
-    }
-
-    fn navigation_goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<NavigationGoal> {
-        if item.key() == "explore_m" {
-            return Some(NavigationGoal::Explore { within_m: self.number(item, EXPLORE_M)? });
-        }
-        match self.goal(table, item)? {
-            GoalPlan::Place { x_m, y_m, face_deg } => {
-                Some(NavigationGoal::Place { x_m, y_m, face_deg })
-            }
-            // `keep_m` beside any other motion is a finding of its own.
-            _ => None,
-        }
+        moves_head
     }
 
     fn goal(&mut self, table: &Section<'d>, item: &Item<'d>) -> Option<GoalPlan> {
         match item.key() {
             "drive_m" => Some(GoalPlan::Ahead { way_m: self.number(item, WAY_M)? }),
             "turn_deg" => Some(GoalPlan::Turn { turn_deg: self.number(item, TURN_DEG)? }),
+            "explore_m" => Some(GoalPlan::Explore { within_m: self.number(item, EXPLORE_M)? }),
             "arc" => {
                 let arc = item.section()?;
                 arc.allow(&["radius_m", "turn_deg"]);
@@ -329,13 +298,7 @@ impl<'d> Reader<'_, 'd, '_> {
             }
             Err(mistake) => {
                 let hint = self.vocabulary.motors.hint(item.key());
-                let message = match mistake {
-                    Mistake::NoNamed { what, name } => {
-                        Mistake::NoNamed { what, name: shown(&name) }
-                    }
-                    other => other,
-                };
-                item.error_at_key(message.to_string()).hint(hint);
+                item.error_at_key(mistake.to_string()).hint(hint);
                 None
             }
         }
@@ -349,12 +312,8 @@ impl<'d> Reader<'_, 'd, '_> {
             QUANTITIES.iter().filter(|quantity| quantity.role == role && role != Role::Wheels);
         self.uses.extend(sensed.map(|quantity| (quantity.channel, item.key_place())));
         if !self.vocabulary.capabilities().has(role) && self.absent.insert(role.what()) {
-            item.error_at_key(format!(
-                "`{}` takes {}, which the robot does not have",
-                item.key(),
-                role.what()
-            ))
-            .hint(format!("[{}] in the robot's file would be that part", role.section()));
+            let (mistake, hint) = Mistake::no_part(item.key(), role);
+            item.error_at_key(mistake.to_string()).hint(hint);
         }
     }
 }

@@ -1,7 +1,5 @@
 //! Whether `done` can hold where it is asked for.
 
-use std::ops::Range;
-
 use super::Reader;
 use crate::behavior::mission::TransitionPlan;
 use crate::document::{Item, Severity};
@@ -19,12 +17,12 @@ pub(super) fn is_to_end(state: &Item<'_>) -> bool {
 
 impl Reader<'_, '_, '_> {
     /// Says so where `done` is asked for and nothing ends.
-    pub(super) fn can_be_done(&self, next: &[TransitionPlan], places: &[Range<usize>], ends: bool) {
-        for (next, place) in next.iter().zip(places) {
+    pub(super) fn can_be_done(&self, next: &[TransitionPlan], ends: bool) {
+        for next in next {
             if next.when.asks_whether_done() && !ends {
                 let keys = ENDING_KEYS.map(|key| format!("`{key}`")).join(", ");
                 self.root
-                    .note(place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
+                    .note(next.place.clone(), Severity::Error, NOTHING_ENDS.to_owned())
                     .hint(format!("{keys} end, and so does a sub-machine with a final state"));
             }
         }

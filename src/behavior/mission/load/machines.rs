@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
 
 use super::done::is_to_end;
-use super::{Reader, is_name, shown};
+use super::{Reader, is_name};
 use crate::behavior::engine::LEVELS;
 use crate::behavior::expression::{Kind, SEARCHED};
 use crate::behavior::mission::{
@@ -15,7 +15,8 @@ use crate::behavior::mission::{
 };
 use crate::behavior::shipped::SUBMACHINES;
 use crate::behavior::{MAX_MACHINES, MAX_VARIABLES};
-use crate::document::{Item, Section, Severity, nearest};
+use crate::document::{Item, Section, Severity, nearest, nearest_or_all};
+use crate::printable;
 use crate::senses::Role;
 
 /// The keys of a machine, and of a sub-machine.
@@ -26,23 +27,14 @@ const SUBMACHINE: [&str; 6] = ["variables", "start", "final", "on_stall", "alway
 const STATE: [&str; 4] = ["do", "on_entry", "on_exit", "next"];
 const USING: [&str; 5] = ["use", "with", "on_entry", "on_exit", "next"];
 
-/// A machine with the places of its parts.
+/// A machine that is being read.
 pub(in crate::behavior::mission) struct Draft {
     pub(in crate::behavior::mission) plan: MachinePlan,
-    /// Where each state's name stands.
-    pub(in crate::behavior::mission) states: Vec<Range<usize>>,
-    /// Where the conditions for all states stand, by the state that they are inside.
-    pub(in crate::behavior::mission) always: BTreeMap<Option<u16>, Vec<Range<usize>>>,
-    /// Where each state's conditions stand.
-    pub(in crate::behavior::mission) conditions: Vec<Vec<Range<usize>>>,
     /// What it moves, and where that is said first.
     pub(in crate::behavior::mission) moves: BTreeMap<Role, Range<usize>>,
     /// False where a part could not be read: checks of the whole would then mislead.
     pub(in crate::behavior::mission) complete: bool,
 }
-
-/// A transition, and where its condition stands.
-type Placed = (TransitionPlan, Range<usize>);
 
 /// The states of a machine or of a sub-machine, whose names are known and nothing else.
 struct Layout<'d> {
@@ -99,7 +91,7 @@ impl<'d> Reader<'_, 'd, '_> {
         if let Some(item) = items.get(MAX_MACHINES) {
             item.error_at_key(format!(
                 "this is machine {}; at most {MAX_MACHINES} run side by side",
-                items.len()
+                MAX_MACHINES + 1
             ));
             return None;
         }
@@ -135,7 +127,7 @@ impl<'d> Reader<'_, 'd, '_> {
     ) -> Option<Layout<'d>> {
         let items = section.require("state")?.section()?.items();
         if items.is_empty() {
-            section.error(format!("machine `{}` has no state", shown(item.key())));
+            section.error(format!("machine `{}` has no state", printable::name(item.key())));
         }
         let mut states = Vec::with_capacity(items.len());
         for item in items {
@@ -179,18 +171,18 @@ impl<'d> Reader<'_, 'd, '_> {
                 "it comes with onbrick: submachines::joined puts it into the text".to_owned()
             } else {
                 nearest(name, own.chain(shipped)).unwrap_or_else(|| {
-                    let name = shown(name);
+                    let name = printable::name(name);
                     format!(
                         "[submachine.{name}] would be one, here or in {name}.toml beside this file"
                     )
                 })
             };
-            using.error(format!("there is no sub-machine `{}`", shown(name))).hint(hint);
+            using.error(format!("there is no sub-machine `{}`", printable::name(name))).hint(hint);
             return None;
         };
         let (key, section) = (item.key(), item.section()?);
         if walk.used.contains(&key) {
-            let way: Vec<String> = walk.used.iter().copied().chain([key]).map(shown).collect();
+            let way: Vec<_> = walk.used.iter().copied().chain([key]).map(printable::name).collect();
             using
                 .error(format!("the sub-machine uses itself: {}", way.join(" uses ")))
                 .hint("one of them must do without the other");
@@ -205,7 +197,7 @@ impl<'d> Reader<'_, 'd, '_> {
         is_name(key, &item);
         self.used.insert(key);
         let mut variables = Vec::new();
-        for own in section.section("variables").iter().flat_map(Section::items) {
+        for own in section.items_of("variables") {
             let (low, high) = Mission::NUMBERS;
             // An expression is worked out when the state is entered.
             let first = if own.is_text() { Some(0.0) } else { own.number(low..=high) };
@@ -231,13 +223,14 @@ impl<'d> Reader<'_, 'd, '_> {
 
     /// Sub-machines that no state uses: nothing in them has been looked at.
     fn unused(&self) {
-        for item in self.root.section("submachine").iter().flat_map(Section::items) {
+        for item in self.root.items_of("submachine") {
             if !self.used.contains(item.key()) {
                 let message =
                     format!("no state uses the sub-machine `{}`; it was not checked", item.key());
-                self.root
-                    .note(item.key_place(), Severity::Warning, message)
-                    .hint(format!("`use = \"{}\"` in a state, or leave it out", shown(item.key())));
+                self.root.note(item.key_place(), Severity::Warning, message).hint(format!(
+                    "`use = \"{}\"` in a state, or leave it out",
+                    printable::name(item.key())
+                ));
             }
         }
     }
@@ -249,9 +242,6 @@ impl<'d> Reader<'_, 'd, '_> {
                 region: RegionPlan::default(),
                 states: Vec::new(),
             },
-            states: Vec::new(),
-            always: BTreeMap::new(),
-            conditions: Vec::new(),
             moves: BTreeMap::new(),
             complete: true,
         };
@@ -282,8 +272,7 @@ impl<'d> Reader<'_, 'd, '_> {
         draft.complete &= start.is_some()
             && ![end, on_stall].contains(&Some(None))
             && always.iter().all(Option::is_some);
-        let (always, conditions): (Vec<TransitionPlan>, Vec<_>) =
-            always.into_iter().flatten().unzip();
+        let always: Vec<TransitionPlan> = always.into_iter().flatten().collect();
         for state in states {
             if state.inner.is_some() && end == Some(Some(state.place())) {
                 let message = "the final state cannot use a sub-machine: it is the end";
@@ -295,8 +284,7 @@ impl<'d> Reader<'_, 'd, '_> {
             let plan = draft.plan.state(state.place());
             plan.is_some_and(StatePlan::ends) || is_to_end(&state.item)
         });
-        self.can_be_done(&always, &conditions, ends);
-        draft.always.insert(parent, conditions);
+        self.can_be_done(&always, ends);
         let (end, on_stall) = (end.flatten(), on_stall.flatten());
         RegionPlan { start: start.unwrap_or_default(), end, on_stall, always }
     }
@@ -341,33 +329,38 @@ impl<'d> Reader<'_, 'd, '_> {
             None => Vec::new(),
         };
         draft.complete &= next.iter().all(Option::is_some);
-        let (next, conditions): (Vec<TransitionPlan>, Vec<_>) = next.into_iter().flatten().unzip();
-        draft.states.push(item.key_place());
-        draft.conditions.push(conditions.clone());
         let outer = parent.and_then(|parent| draft.plan.state(parent));
         let name = match outer {
             Some(outer) => format!("{}.{}", outer.name, item.key()),
             None => item.key().to_owned(),
         };
         let at = draft.plan.states.len();
-        let (place, last) = (*places.start(), *places.end());
-        let plan =
-            StatePlan { name, parent, last, inner: None, doing, on_entry, set, on_exit, next };
-        draft.plan.states.push(plan);
+        draft.plan.states.push(StatePlan {
+            name,
+            place: item.key_place(),
+            parent,
+            last: *places.end(),
+            inner: None,
+            doing,
+            on_entry,
+            set,
+            on_exit,
+            next: next.into_iter().flatten().collect(),
+        });
         if let Some(Inner { layout, .. }) = inner {
             let outside = self.vocabulary.scope.len();
             self.vocabulary.scope.push('.');
             self.vocabulary.scope.push_str(item.key());
             layout.section.allow(&SUBMACHINE);
             let used = format!("{}.{}", names.machine, item.key());
-            let region = self.region(&used, layout, Some(place), draft);
+            let region = self.region(&used, layout, Some(*places.start()), draft);
             self.vocabulary.scope.truncate(outside);
             if let Some(plan) = draft.plan.states.get_mut(at) {
                 plan.inner = Some(region);
             }
         }
         if let Some(plan) = draft.plan.states.get(at) {
-            self.can_be_done(&plan.next, &conditions, plan.ends() || is_to_end(item));
+            self.can_be_done(&plan.next, plan.ends() || is_to_end(item));
         }
     }
 
@@ -384,17 +377,13 @@ impl<'d> Reader<'_, 'd, '_> {
                 let using = state.get("use").and_then(|using| using.text());
                 let message = format!(
                     "the sub-machine `{}` has no variable `{}`",
-                    shown(using.unwrap_or_default()),
-                    shown(item.key())
+                    printable::name(using.unwrap_or_default()),
+                    printable::name(item.key())
                 );
-                let hint = nearest(item.key(), known()).unwrap_or_else(|| {
-                    let known: Vec<&str> = known().collect();
-                    if known.is_empty() {
-                        "it has none".to_owned()
-                    } else {
-                        format!("it has {}", known.join(", "))
-                    }
-                });
+                let hint = match known().next() {
+                    Some(_) => nearest_or_all(item.key(), "it has", known()),
+                    None => "it has none".to_owned(),
+                };
                 item.error_at_key(message).hint(hint);
             }
         }
@@ -413,7 +402,7 @@ impl<'d> Reader<'_, 'd, '_> {
         section: &Section<'d>,
         key: &str,
         names: Names<'_>,
-    ) -> Vec<Option<Placed>> {
+    ) -> Vec<Option<TransitionPlan>> {
         let Some(item) = section.get(key) else { return Vec::new() };
         let Some(list) = item.list() else { return vec![None] };
         if let Some(one_more) = list.get(Mission::MAX_TRANSITIONS) {
@@ -424,8 +413,7 @@ impl<'d> Reader<'_, 'd, '_> {
         list.iter().map(|item| self.transition(item, names)).collect()
     }
 
-    /// A transition, and where its condition stands.
-    fn transition(&mut self, item: &Item<'d>, names: Names<'_>) -> Option<Placed> {
+    fn transition(&mut self, item: &Item<'d>, names: Names<'_>) -> Option<TransitionPlan> {
         let section = item.section()?;
         section.allow(&["when", "set", "go"]);
         let (when, go) = (section.require("when"), section.require("go"));
@@ -433,13 +421,12 @@ impl<'d> Reader<'_, 'd, '_> {
         let set = self.assignments(&section);
         let when = when?;
         let condition = self.expression(&when, Kind::Truth);
-        Some((TransitionPlan { when: condition?, set, go: go? }, when.place()))
+        Some(TransitionPlan { when: condition?, place: when.place(), set, go: go? })
     }
 
     /// The table `set` of a section: variables and what they become.
     fn assignments(&mut self, section: &Section<'d>) -> Vec<Assignment> {
-        let items = section.section("set").map(|set| set.items()).unwrap_or_default();
-        items.iter().filter_map(|item| self.assignment(item)).collect()
+        section.items_of("set").iter().filter_map(|item| self.assignment(item)).collect()
     }
 
     fn assignment(&mut self, item: &Item<'d>) -> Option<Assignment> {
@@ -450,10 +437,11 @@ impl<'d> Reader<'_, 'd, '_> {
             let hint = match self.vocabulary.numbers.contains_key(name) {
                 true => "one of [numbers] does not change; it can be one of [variables]".to_owned(),
                 false => nearest(name, names()).unwrap_or_else(|| {
-                    format!("`{} = 0` in [variables] makes it one", shown(name))
+                    format!("`{} = 0` in [variables] makes it one", printable::name(name))
                 }),
             };
-            item.error_at_key(format!("there is no variable `{}`", shown(name))).hint(hint);
+            item.error_at_key(format!("there is no variable `{}`", printable::name(name)))
+                .hint(hint);
         }
         let value = self.number(item, Mission::NUMBERS);
         Some(Assignment { variable: variable?, value: value? })
@@ -465,8 +453,12 @@ impl Names<'_> {
         let name = item.text()?;
         let found = self.places.get(name).copied();
         if found.is_none() {
-            item.error(format!("machine `{}` has no state `{}`", shown(self.machine), shown(name)))
-                .hint(self.hint(name));
+            item.error(format!(
+                "machine `{}` has no state `{}`",
+                printable::name(self.machine),
+                printable::name(name)
+            ))
+            .hint(self.hint(name));
         }
         found
     }
@@ -476,7 +468,7 @@ impl Names<'_> {
         let known = || self.places.keys().copied();
         match self.places.len() {
             0..=8 => nearest(name, known()).unwrap_or_else(|| {
-                format!("it has {}", known().map(shown).collect::<Vec<_>>().join(", "))
+                format!("it has {}", known().map(printable::name).collect::<Vec<_>>().join(", "))
             }),
             9..=SEARCHED => nearest(name, known()).unwrap_or_default(),
             _ => String::new(),

@@ -1,18 +1,19 @@
 //! What a state tells people: lights, sounds, words. In `on_entry` and `on_exit` there is nothing
 //! else.
 
-use super::actions::ACTIONS;
-use super::{Outputs, Reader, Section, nearest};
+use super::actions::actions;
+use super::{Outputs, Reader, Section};
 use crate::behavior::demands::{Led, SAY_BYTES, SAY_LINES};
 use crate::behavior::expression::Expression;
 use crate::behavior::mission::SoundPlan;
-use crate::behavior::telling::{Part, Piece, Telling, parts};
+use crate::behavior::telling::{Piece, Telling, parts};
 use crate::behavior::tune::{BEEPS, MAX_NOTES, TEMPO_BPM, Tune};
-use crate::document::Item;
+use crate::document::{Item, Severity};
 use crate::printable::is_printable;
 
 /// What can be asked on entry and on exit.
-const SIGNS: [&str; 7] = ["led", "tone_hz", "tone_s", "tune", "tempo_bpm", "beep", "say"];
+pub(super) const SIGNS: [&str; 7] =
+    ["led", "tone_hz", "tone_s", "tune", "tempo_bpm", "beep", "say"];
 
 /// The keys that say what the speaker plays, and the key that goes with each.
 const SOUNDS: [(&str, Option<&str>); 3] =
@@ -29,17 +30,15 @@ impl<'d> Reader<'_, 'd, '_> {
     ///
     /// - `more`: keys that are read elsewhere.
     pub(super) fn signs(&mut self, table: &Section<'d>, more: &[&str]) -> Outputs {
+        let known = [SIGNS.as_slice(), more].concat();
         for item in table.items() {
             let key = item.key();
-            if more.contains(&key) || SIGNS.contains(&key) {
+            if known.contains(&key) {
                 continue;
-            }
-            if ACTIONS.contains(&key) {
+            } else if actions().contains(&key) {
                 item.error_at_key(format!("`{key}` is what a state does, so it belongs in `do`"));
             } else {
-                let hint = nearest(key, SIGNS.into_iter().chain(more.iter().copied()))
-                    .unwrap_or_else(|| format!("known here: {}", SIGNS.join(", ")));
-                item.error_at_key(format!("unknown key `{key}` in [{}]", table.path())).hint(hint);
+                table.unknown(&item, &known);
             }
         }
         self.telling(table, Some(TONE_S))
@@ -99,7 +98,7 @@ impl<'d> Reader<'_, 'd, '_> {
             Err(wrong) => {
                 let place = item.place_within(wrong.place.clone());
                 self.root
-                    .note(place, crate::document::Severity::Error, wrong.to_string())
+                    .note(place, Severity::Error, wrong.to_string())
                     .hint("notes are written like C4/4, F#5/8, Bb3/2. or R/4");
                 return None;
             }
@@ -131,14 +130,14 @@ impl<'d> Reader<'_, 'd, '_> {
             Ok(parts) => parts,
             Err((message, place)) => {
                 let place = item.place_within(place);
-                self.root.note(place, crate::document::Severity::Error, message.to_owned());
+                self.root.note(place, Severity::Error, message.to_owned());
                 return None;
             }
         };
         let pieces = parts.into_iter().map(|part| match part {
-            Part::Text(words) => Some(Piece::Text(words)),
-            Part::Value { text, place, digits } => {
-                let read = Expression::parse_any(&text, &mut self.vocabulary);
+            Piece::Text(words) => Some(Piece::Text(words)),
+            Piece::Value { value: place, digits } => {
+                let read = Expression::parse_any(&text[place.clone()], &mut self.vocabulary);
                 let value = self.understood(item, place.start, read)?;
                 Some(Piece::Value { value, digits })
             }

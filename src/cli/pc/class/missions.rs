@@ -16,7 +16,7 @@ use std::sync::atomic::Ordering;
 
 use serde_json::{Value, json};
 
-use crate::behavior::{Capabilities, Mission, shipped};
+use crate::behavior::{Capabilities, shipped};
 use crate::cli::common::{load_robot, load_world, read_bounded};
 use crate::cli::run::page::watched;
 use crate::cli::{Failure, Output};
@@ -124,12 +124,10 @@ impl Missions {
     /// What `check` says of a text, for a robot that has every device: what a brick's own robot
     /// lacks, the brick says when it is started.
     pub(super) fn check(&self, name: &str, text: &str) -> Value {
-        let source = self.source(name, text);
-        let (findings, mission) =
-            match Mission::parse(&source.name, source.text.as_bytes(), &Capabilities::all()) {
-                Ok((mission, warnings)) => (warnings, Some(mission)),
-                Err(findings) => (findings, None),
-            };
+        let (findings, mission) = match self.source(name, text).mission(&Capabilities::all()) {
+            Ok((mission, warnings)) => (warnings, Some(mission)),
+            Err(findings) => (findings, None),
+        };
         json!({
             "findings": findings.iter().collect::<Vec<_>>(),
             "good": mission.is_some(),
@@ -211,8 +209,7 @@ impl Trial {
         // A name is that of a built-in world, as for `run --sim`.
         let (world_source, start) = load_world(Path::new(world))?;
         let robot = load_robot(None, &mut Output::new(true))?;
-        let (mission, _) =
-            Mission::parse(&source.name, source.text.as_bytes(), &robot.config.capabilities())?;
+        let (mission, _) = source.mission(&robot.config.capabilities())?;
         // It is a trial: only the newest recording is kept.
         match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
